@@ -1,0 +1,1 @@
+"""Exact labels from the world state and the meshes."""

@@ -1,0 +1,46 @@
+"""Surface materials: what a triangle is made of. Shaders and lidar look their properties up in materials.yaml."""
+
+from enum import IntEnum
+
+
+class Material(IntEnum):
+    """Material of a triangle. ``uv`` is in metres along the surface unless said otherwise."""
+
+    PLAIN = 0
+    ASPHALT = 1
+    MARKING = 2
+    PAVING = 3  # sidewalk slabs; uv = map x, y
+    CONCRETE = 4  # curbs, poles' feet, parapets
+    GRASS = 5
+    SOIL = 6
+    BRICK = 7
+    PLASTER = 8
+    FACADE = 9  # plaster or brick wall with windows: u along the wall, v above the ground
+    OFFICE_GLASS = 10  # curtain wall: u along the wall, v above the ground
+    SHOPFRONT = 11  # ground floor with doors and display windows: u along the wall, v above the ground
+    ROOF = 12
+    WOOD = 13
+    METAL = 14
+    GLASS = 15
+    CAR_PAINT = 16  # its albedo is the actor's colour
+    RUBBER = 17
+    CHROME = 18
+    PLASTIC = 19
+    FOLIAGE = 20
+    BARK = 21
+    CLOTH = 22
+    CLOTH_TINTED = 23  # its albedo is the actor's colour
+    SKIN = 24
+    HAIR = 25
+    WATER = 26
+    PLATE = 27
+    LAMP_LOW_BEAM = 28
+    LAMP_TAIL = 29  # lit weakly with the low beam, strongly when braking
+    LAMP_TURN_LEFT = 30
+    LAMP_TURN_RIGHT = 31
+    LAMP_REVERSE = 32
+    LAMP_EMERGENCY = 33
+    SIGNAL_RED = 34  # uv[0] = row of the signal in the signals table, for the three signal lamps
+    SIGNAL_YELLOW = 35
+    SIGNAL_GREEN = 36
+    STREET_LAMP = 37  # uv[0] = index of the street light

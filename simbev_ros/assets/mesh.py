@@ -1,0 +1,150 @@
+"""The one mesh type. Cameras, lidar and labels all read these arrays, so they agree by construction."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """Triangles with per-vertex attributes; the three corners of a triangle share material, tag, colour and part.
+
+    Attributes:
+        vertices: (V, 3) float32, metres, in the mesh's own frame (z up).
+        normals: (V, 3) float32, unit length, outward.
+        uv: (V, 2) float32, surface coordinates; the meaning is the material's (see ``Material``).
+        color: (V, 3) uint8, sRGB albedo.
+        material: (V,) uint8, a ``Material``.
+        tag: (V,) uint8, a semantic ``Tag``.
+        part: (V,) uint8, index of the rigid part that moves the vertex; 0 is the body.
+        triangles: (T, 3) int32, counter-clockwise seen from outside.
+    """
+
+    vertices: Float32Array
+    normals: Float32Array
+    uv: Float32Array
+    color: UInt8Array
+    material: UInt8Array
+    tag: UInt8Array
+    part: UInt8Array
+    triangles: Int32Array
+
+    @classmethod
+    def flat(
+        cls,
+        corners: Float64Array,
+        *,
+        material: Material,
+        tag: Tag,
+        color: tuple[int, int, int],
+        uv: Float64Array | None = None,
+        part: int = 0,
+    ) -> Self:
+        """Flat-shaded mesh from loose triangles.
+
+        Args:
+            corners: (T, 3, 3) triangle corners, metres, counter-clockwise seen from outside.
+            material: Material of all triangles.
+            tag: Semantic tag of all triangles.
+            color: sRGB albedo 0..255.
+            uv: (T, 3, 2) surface coordinates; x, y of the corners when omitted.
+            part: Rigid part of all vertices.
+        """
+        corners = np.asarray(corners, np.float64).reshape(-1, 3, 3)
+        face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        face_normals /= np.maximum(np.linalg.norm(face_normals, axis=1, keepdims=True), 1e-20)
+        return cls.indexed(
+            corners.reshape(-1, 3),
+            np.arange(corners.shape[0] * 3, dtype=np.int32).reshape(-1, 3),
+            normals=np.repeat(face_normals, 3, axis=0),
+            material=material,
+            tag=tag,
+            color=color,
+            uv=None if uv is None else np.asarray(uv).reshape(-1, 2),
+            part=part,
+        )
+
+    @classmethod
+    def indexed(
+        cls,
+        vertices: Float64Array,
+        triangles: Int32Array,
+        *,
+        normals: Float64Array,
+        material: Material,
+        tag: Tag,
+        color: tuple[int, int, int],
+        uv: Float64Array | None = None,
+        part: int = 0,
+    ) -> Self:
+        """Mesh of one material from shared vertices: (V, 3) positions, (T, 3) indices, (V, 3) unit normals."""
+        count = len(vertices)
+        return cls(
+            vertices=np.ascontiguousarray(vertices, np.float32),
+            normals=np.ascontiguousarray(normals, np.float32),
+            uv=np.ascontiguousarray(vertices[:, :2] if uv is None else uv, np.float32),
+            color=np.tile(np.asarray(color, np.uint8), (count, 1)),
+            material=np.full(count, material, np.uint8),
+            tag=np.full(count, tag, np.uint8),
+            part=np.full(count, part, np.uint8),
+            triangles=np.ascontiguousarray(triangles, np.int32).reshape(-1, 3),
+        )
+
+    @classmethod
+    def empty(cls) -> Self:
+        """A mesh without triangles."""
+        return cls.flat(np.zeros((0, 3, 3)), material=Material.PLAIN, tag=Tag.UNLABELED, color=(0, 0, 0))
+
+    @classmethod
+    def merged(cls, meshes: Sequence["Mesh"]) -> Self:
+        """One mesh with the triangles of all, in order."""
+        if not meshes:
+            return cls.empty()
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+        return cls(
+            vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+            normals=np.concatenate([mesh.normals for mesh in meshes]),
+            uv=np.concatenate([mesh.uv for mesh in meshes]),
+            color=np.concatenate([mesh.color for mesh in meshes]),
+            material=np.concatenate([mesh.material for mesh in meshes]),
+            tag=np.concatenate([mesh.tag for mesh in meshes]),
+            part=np.concatenate([mesh.part for mesh in meshes]),
+            triangles=np.concatenate(
+                [mesh.triangles + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
+            ),
+        )
+
+    def transformed(self, target_from_mesh: Float64Array) -> "Mesh":
+        """The mesh moved by a (4, 4) rigid or scaling transform (normals are renormalised; uv stays)."""
+        linear = target_from_mesh[:3, :3]
+        normals = self.normals.astype(np.float64) @ np.linalg.inv(linear)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
+        triangles = self.triangles if np.linalg.det(linear) > 0 else self.triangles[:, ::-1]
+        return replace(
+            self,
+            vertices=(self.vertices.astype(np.float64) @ linear.T + target_from_mesh[:3, 3]).astype(np.float32),
+            normals=normals.astype(np.float32),
+            triangles=np.ascontiguousarray(triangles),
+        )
+
+    def with_part(self, part: int) -> "Mesh":
+        """The same mesh, all of it moved by rigid part ``part``."""
+        return replace(self, part=np.full(len(self.vertices), part, np.uint8))
+
+    @property
+    def triangle_tag(self) -> UInt8Array:
+        """(T,) semantic tag per triangle."""
+        return self.tag[self.triangles[:, 0]]
+
+    @property
+    def bounds_m(self) -> Float64Array:
+        """(2, 3) smallest and largest corner, metres; zeros when empty."""
+        if len(self.vertices) == 0:
+            return np.zeros((2, 3))
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]).astype(np.float64)

@@ -1,0 +1,29 @@
+"""The exception tree. The command line maps each branch to an exit code and prints the message without a traceback."""
+
+
+class SimbevError(Exception):
+    """Something failed although the input was good. Exit code 1."""
+
+    exit_code = 1
+
+
+class InputError(SimbevError):
+    """The user's input is wrong; the message names file, field, value and what is allowed. Exit code 2."""
+
+    exit_code = 2
+
+
+class GraphError(SimbevError):
+    """A node died, fell silent or could not start; the message names it. Exit code 1."""
+
+
+class SimulationError(SimbevError):
+    """The traffic simulation could not start or go on. Exit code 1."""
+
+
+class RenderError(SimbevError):
+    """No usable OpenGL context, or a GL resource could not be made. Exit code 1."""
+
+
+class BagError(InputError):
+    """A bag is missing, damaged, or not one of ours. Exit code 2."""

@@ -1,0 +1,1 @@
+"""Pure maths: transforms, camera model, grids, geodesy."""

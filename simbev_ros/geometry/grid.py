@@ -1,0 +1,29 @@
+"""The bird's-eye-view grid around the ego: row 0 furthest ahead, column 0 furthest left."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.types import Float64Array
+
+
+@dataclass(frozen=True, slots=True)
+class BevGrid:
+    """``rows`` × ``columns`` square cells centred on the ego, axes along the ego's x and y."""
+
+    rows: int
+    columns: int
+    cell_m: float
+
+    def cells_from_ego(self, points_ego: Float64Array) -> Float64Array:
+        """(N, 2) continuous (row, column), a cell's centre at integers, of (N, ≥2) points in metres, ego frame."""
+        row = (self.rows - 1) / 2.0 - points_ego[:, 0] / self.cell_m
+        column = (self.columns - 1) / 2.0 - points_ego[:, 1] / self.cell_m
+        return np.stack([row, column], axis=1)
+
+    @property
+    def centers_ego(self) -> Float64Array:
+        """(rows, columns, 2) x and y of the cell centres, metres, ego frame."""
+        x = ((self.rows - 1) / 2.0 - np.arange(self.rows)) * self.cell_m
+        y = ((self.columns - 1) / 2.0 - np.arange(self.columns)) * self.cell_m
+        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)

@@ -1,0 +1,80 @@
+"""Rigid transforms as (4, 4) float64 matrices, named target_from_source.
+
+Angles follow REP-103: right-handed, roll pitch yaw about the fixed axes x y z.
+"""
+
+import numpy as np
+
+from simbev_ros.types import Float64Array
+
+
+def rotations_from_rpy(rpy_rad: Float64Array) -> Float64Array:
+    """(…, 3, 3) rotation matrices Rz(yaw) Ry(pitch) Rx(roll) of (…, 3) roll, pitch, yaw in radians."""
+    rpy_rad = np.asarray(rpy_rad, np.float64)
+    (cr, cp, cy), (sr, sp, sy) = np.moveaxis(np.cos(rpy_rad), -1, 0), np.moveaxis(np.sin(rpy_rad), -1, 0)
+    return np.stack(
+        [
+            np.stack([cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr], axis=-1),
+            np.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], axis=-1),
+            np.stack([-sp, cp * sr, cp * cr], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def matrices_from_xyz_rpy(xyz_m: Float64Array, rpy_rad: Float64Array) -> Float64Array:
+    """(…, 4, 4) transforms, parent from child, of (…, 3) positions in metres and (…, 3) roll, pitch, yaw in radians."""
+    xyz_m = np.asarray(xyz_m, np.float64)
+    matrices = np.zeros((*xyz_m.shape[:-1], 4, 4))
+    matrices[..., :3, :3] = rotations_from_rpy(rpy_rad)
+    matrices[..., :3, 3] = xyz_m
+    matrices[..., 3, 3] = 1.0
+    return matrices
+
+
+def inverse(target_from_source: Float64Array) -> Float64Array:
+    """(…, 4, 4) source from target, of rigid (…, 4, 4) transforms."""
+    rotation_t = np.swapaxes(target_from_source[..., :3, :3], -1, -2)
+    result = np.zeros_like(target_from_source)
+    result[..., :3, :3] = rotation_t
+    result[..., :3, 3] = -(rotation_t @ target_from_source[..., :3, 3:])[..., 0]
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def apply(target_from_source: Float64Array, points_source: Float64Array) -> Float64Array:
+    """(N, 3) points in the target frame of (N, 3) points in the source frame."""
+    return points_source @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+
+
+def quaternion_from_rpy(rpy_rad: Float64Array) -> Float64Array:
+    """(…, 4) unit quaternions x y z w of (…, 3) roll, pitch, yaw in radians (Rz Ry Rx)."""
+    half = np.asarray(rpy_rad, np.float64) / 2.0
+    (cr, cp, cy), (sr, sp, sy) = np.moveaxis(np.cos(half), -1, 0), np.moveaxis(np.sin(half), -1, 0)
+    return np.stack(
+        [
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        ],
+        axis=-1,
+    )
+
+
+def rpy_from_rotation(rotation: Float64Array) -> Float64Array:
+    """(…, 3) roll, pitch, yaw in radians of (…, 3, 3) rotations; pitch in [-π/2, π/2]."""
+    return np.stack(
+        [
+            np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
+            -np.arcsin(np.clip(rotation[..., 2, 0], -1.0, 1.0)),
+            np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]),
+        ],
+        axis=-1,
+    )
+
+
+SENSOR_FROM_OPTICAL = np.array(
+    [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+"""Camera body (x forward, y left, z up) from optical frame (x right, y down, z forward), REP-103."""

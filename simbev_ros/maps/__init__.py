@@ -1,0 +1,1 @@
+"""Road networks: the model, and what builds it."""

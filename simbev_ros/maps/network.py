@@ -1,0 +1,160 @@
+"""The road network: lanes as 3D centre lines, junctions, crossings, signals. Built once per map from a SUMO net."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.types import Float64Array
+
+
+class LaneKind(StrEnum):
+    """What a lane is for."""
+
+    DRIVING = "driving"
+    BICYCLE = "bicycle"
+    SIDEWALK = "sidewalk"
+    CROSSING = "crossing"
+    WALKING_AREA = "walking_area"
+    SHOULDER = "shoulder"
+    PARKING = "parking"
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One lane.
+
+    Attributes:
+        id: SUMO's lane id.
+        edge: SUMO's edge id; lanes of one edge run side by side in one direction.
+        index: Place in its edge, 0 rightmost.
+        kind: What it is for.
+        centerline_m: (N, 3) float64, map frame, in driving direction.
+        width_m: Constant width.
+        speed_mps: Speed limit.
+        junction: Id of the junction it is inside of (internal lanes, crossings, walking areas), else "".
+        successors: Ids of the lanes that follow it (across a junction: the internal lane).
+        outline_m: (M, 2) float64 outline of walking areas, whose centre line does not describe them; else None.
+    """
+
+    id: str
+    edge: str
+    index: int
+    kind: LaneKind
+    centerline_m: Float64Array
+    width_m: float
+    speed_mps: float
+    junction: str
+    successors: tuple[str, ...]
+    outline_m: Float64Array | None = None
+
+    @property
+    def length_m(self) -> float:
+        """Length of the centre line in the ground plane (SUMO's measure of s)."""
+        return float(np.linalg.norm(np.diff(self.centerline_m[:, :2], axis=0), axis=1).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Junction:
+    """A junction: where lanes meet.
+
+    Attributes:
+        id: SUMO's junction id.
+        center_m: (3,) map frame.
+        outline_m: (N, 2) float64 outline as SUMO draws it (approximate; the road surface comes from the lanes).
+        signalised: Has traffic lights.
+    """
+
+    id: str
+    center_m: Float64Array
+    outline_m: Float64Array
+    signalised: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One traffic-light head.
+
+    Attributes:
+        position_m: (3,) map frame, centre of the head.
+        yaw_rad: Direction in which its lamps shine (towards the traffic that it stops).
+        pole_m: (3,) map frame, foot of the pole that carries it.
+        programme: SUMO's traffic-light id.
+        link: Index into the programme's state string.
+        lane: Id of the lane that it stops.
+    """
+
+    position_m: Float64Array
+    yaw_rad: float
+    pole_m: Float64Array
+    programme: str
+    link: int
+    lane: str
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoints:
+    """Places on driving lanes.
+
+    Attributes:
+        position_m: (N, 3) map frame.
+        yaw_rad: (N,) driving direction.
+        lane: N lane ids.
+        s_m: (N,) distance from the lane's start.
+    """
+
+    position_m: Float64Array
+    yaw_rad: Float64Array
+    lane: tuple[str, ...]
+    s_m: Float64Array
+
+
+@dataclass(frozen=True)
+class RoadNetwork:
+    """A map's roads.
+
+    Attributes:
+        name: The map's name.
+        lanes: By id.
+        junctions: By id.
+        signals: In the row order of /world/signals.
+        datum: Where the map lies on Earth.
+        net_path: The SUMO net that it was built from.
+        opendrive: The same roads as OpenDRIVE text.
+    """
+
+    name: str
+    lanes: Mapping[str, Lane]
+    junctions: Mapping[str, Junction]
+    signals: tuple[Signal, ...]
+    datum: MapDatum
+    net_path: Path
+    opendrive: str
+
+    def waypoints(self, spacing_m: float) -> Waypoints:
+        """Waypoints on driving lanes outside junctions: the first at half a spacing, then one every ``spacing_m``."""
+        positions, yaws, lanes, distances = [], [], [], []
+        for lane in self.lanes.values():
+            if lane.kind is not LaneKind.DRIVING or lane.junction:
+                continue
+            for s_m in np.arange(spacing_m / 2.0, lane.length_m, spacing_m):
+                position, yaw = self.pose_on_lane(lane.id, float(s_m))
+                positions.append(position)
+                yaws.append(yaw)
+                lanes.append(lane.id)
+                distances.append(float(s_m))
+        return Waypoints(np.array(positions).reshape(-1, 3), np.array(yaws), tuple(lanes), np.array(distances))
+
+    def pose_on_lane(self, lane_id: str, s_m: float) -> tuple[Float64Array, float]:
+        """(3,) position in the map frame and yaw in radians at distance ``s_m`` along a lane (clipped to its ends)."""
+        line = self.lanes[lane_id].centerline_m
+        steps = np.diff(line, axis=0)
+        lengths = np.linalg.norm(steps[:, :2], axis=1)
+        stations = np.concatenate([[0.0], np.cumsum(lengths)])
+        s_m = min(max(s_m, 0.0), float(stations[-1]))
+        index = int(np.clip(np.searchsorted(stations, s_m, side="right") - 1, 0, len(steps) - 1))
+        fraction = (s_m - stations[index]) / lengths[index] if lengths[index] > 0 else 0.0
+        return line[index] + fraction * steps[index], float(np.arctan2(steps[index, 1], steps[index, 0]))

@@ -1,0 +1,1 @@
+"""Topic names, QoS, and arrays to and from messages."""

@@ -1,0 +1,1 @@
+"""Thin ROS nodes: receive, call one pure function, convert, publish."""

@@ -1,0 +1,1 @@
+"""Embree: the only package that imports Open3D."""

@@ -1,0 +1,1 @@
+"""OpenGL: the only package that imports moderngl."""

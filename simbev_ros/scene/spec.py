@@ -1,0 +1,98 @@
+"""A fully drawn scene. Given the same SceneSpec the world repeats itself to the byte; it needs no configuration."""
+
+from pydantic import Field
+
+from simbev_ros.config.base import Model
+from simbev_ros.config.rig import Rig
+from simbev_ros.scene.weather import Weather
+
+NS_PER_S = 1_000_000_000
+
+
+class MapSpec(Model):
+    """Which map, and the seed of its surroundings."""
+
+    name: str
+    seed: int = 0
+
+
+class WaypointSpec(Model):
+    """A place on a lane."""
+
+    lane: str
+    s_m: float = Field(ge=0, description="distance from the lane's start along its centre line")
+
+
+class VehicleSpec(Model):
+    """One vehicle. The first of a scene is the ego."""
+
+    blueprint: str
+    color: int = Field(ge=0, le=0xFFFFFF, description="0xRRGGBB, sRGB")
+    start: WaypointSpec
+    speed_factor: float = Field(gt=0, description="wanted speed over the speed limit")
+    min_gap_m: float = Field(ge=0, description="gap to the front vehicle when stopped")
+    reckless: bool = False
+
+
+class PedestrianSpec(Model):
+    """One pedestrian: starts on a walkable lane and walks to random destinations."""
+
+    blueprint: str
+    color: int = Field(ge=0, le=0xFFFFFF, description="0xRRGGBB of the clothes, sRGB")
+    start: WaypointSpec
+    max_speed_mps: float = Field(gt=0)
+
+
+class BevSpec(Model):
+    """The bird's-eye-view grid."""
+
+    rows: int = Field(360, ge=1, le=4096)
+    columns: int = Field(360, ge=1, le=4096)
+    cell_m: float = Field(0.4, gt=0, le=10)
+
+
+class AnnotationSpec(Model):
+    """What is annotated."""
+
+    box_radius_m: float = Field(120.0, gt=0, le=1000)
+    bev: BevSpec = BevSpec()
+
+
+class SceneSpec(Model):
+    """All that was drawn for one scene."""
+
+    number: int = Field(ge=0, le=500_000)
+    split: str
+    seed: int = Field(ge=0)
+    map: MapSpec
+    tick_ns: int = Field(gt=0)
+    warm_up_ticks: int = Field(ge=1)
+    ticks: int = Field(ge=1, description="recorded ticks")
+    weather: Weather
+    rig: Rig
+    annotation: AnnotationSpec
+    vehicles: tuple[VehicleSpec, ...] = Field(min_length=1)
+    pedestrians: tuple[PedestrianSpec, ...]
+    green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light programme, used in turn")
+
+    @property
+    def name(self) -> str:
+        """``<map>-<number>``, as its folder is called."""
+        return f"{self.map.name}-{self.number:04d}"
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of tick 0. An hour of its own for each scene: time never runs backwards from scene to scene."""
+        return self.number * 3600 * NS_PER_S + self.warm_up_ticks * self.tick_ns
+
+    def stamp_ns(self, tick: int) -> int:
+        """Stamp of a tick; warm-up ticks are negative."""
+        return self.start_ns + tick * self.tick_ns
+
+    def tick_of(self, stamp_ns: int) -> int:
+        """The tick of a stamp."""
+        return (stamp_ns - self.start_ns) // self.tick_ns
+
+    def period_ticks(self, rate_hz: float | None) -> int:
+        """Every how many ticks something with this rate is due."""
+        return 1 if rate_hz is None else max(1, round(NS_PER_S / (rate_hz * self.tick_ns)))

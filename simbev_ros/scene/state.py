@@ -1,0 +1,123 @@
+"""What the world is at one tick: the tables that the simulation writes and every sensor and annotator reads."""
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+
+import numpy as np
+
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.scene.weather import Weather
+from simbev_ros.types import Float64Array, Table
+
+ACTOR_DTYPE = np.dtype(
+    [
+        ("x", "<f8"),  # m, map frame: centre of the ground plane of the actor's 3D box
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("roll", "<f4"),  # rad, fixed axes x y z (REP-103): R = Rz(yaw) Ry(pitch) Rx(roll)
+        ("pitch", "<f4"),
+        ("yaw", "<f4"),
+        ("vx", "<f4"),  # m/s, map frame
+        ("vy", "<f4"),
+        ("vz", "<f4"),
+        ("ax", "<f4"),  # m/s², map frame
+        ("ay", "<f4"),
+        ("az", "<f4"),
+        ("wx", "<f4"),  # rad/s, map frame
+        ("wy", "<f4"),
+        ("wz", "<f4"),
+        ("length", "<f4"),  # m, along x y z of the actor
+        ("width", "<f4"),
+        ("height", "<f4"),
+        ("steer", "<f4"),  # rad, front wheel angle, left positive
+        ("wheel", "<f4"),  # rad, rotation of the wheels since the scene's start, forward positive
+        ("gait", "<f4"),  # rad, phase of the step of a walker or the pedals of a cyclist
+        ("id", "<u4"),  # unique in a scene, never 0
+        ("parent", "<u4"),  # id of the vehicle that a rider sits on, else 0
+        ("color", "<u4"),  # 0xRRGGBB, sRGB
+        ("blueprint", "<u2"),  # index into the catalogue
+        ("lights", "<u2"),  # Light bits
+        ("behavior", "<u2"),  # Behavior bits
+        ("tag", "u1"),  # semantic Tag
+        ("doors", "u1"),  # bit k: door k is open
+    ],
+)
+"""One row per actor. Field names and order are those of /world/actors."""
+
+SIGNAL_DTYPE = np.dtype(
+    [
+        ("x", "<f8"),  # m, map frame: centre of the signal head
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("yaw", "<f4"),  # rad, direction in which the lamps shine
+        ("time_in_state", "<f4"),  # s
+        ("green_time", "<f4"),  # s, as drawn for its programme
+        ("id", "<u4"),  # equals its row + 1
+        ("state", "u1"),  # SignalState
+    ],
+)
+"""One row per traffic-light head. Field names and order are those of /world/signals."""
+
+
+class Light(IntFlag):
+    """Bits of an actor's lights."""
+
+    LOW_BEAM = 1
+    BRAKE = 2
+    TURN_LEFT = 4  # set only while the blinker is in its bright half
+    TURN_RIGHT = 8
+    REVERSE = 16
+    EMERGENCY = 32  # set only while the beacon is in its bright half
+    HIGH_BEAM = 64
+
+
+class Behavior(IntFlag):
+    """Bits of how an actor behaves."""
+
+    RECKLESS = 1
+    DISTRACTED = 2
+    JAYWALKING = 4
+
+
+class SignalState(IntEnum):
+    """What a traffic light shows."""
+
+    OFF = 0
+    RED = 1
+    YELLOW = 2
+    GREEN = 3
+    RED_YELLOW = 4
+
+
+@dataclass(frozen=True, slots=True)
+class WorldState:
+    """The world at one tick.
+
+    Attributes:
+        stamp_ns: Simulated time.
+        tick: 0 for the first recorded tick; negative during the warm-up.
+        ego_id: Id of the ego's row.
+        actors: (N,) ``ACTOR_DTYPE``, ascending id, the ego included.
+        signals: (S,) ``SIGNAL_DTYPE``; rows never change place within a scene.
+        weather: Weather and light now.
+    """
+
+    stamp_ns: int
+    tick: int
+    ego_id: int
+    actors: Table
+    signals: Table
+    weather: Weather
+
+    @property
+    def ego(self) -> Table:
+        """The ego's row, shape ()."""
+        row: Table = self.actors[np.searchsorted(self.actors["id"], self.ego_id)]
+        return row
+
+
+def map_from_actors(actors: Table) -> Float64Array:
+    """(N, 4, 4) transforms, map from actor, of (N,) ``ACTOR_DTYPE`` rows."""
+    xyz = np.stack([actors["x"], actors["y"], actors["z"]], axis=-1)
+    rpy = np.stack([actors["roll"], actors["pitch"], actors["yaw"]], axis=-1).astype(np.float64)
+    return matrices_from_xyz_rpy(xyz, rpy)

@@ -1,0 +1,1 @@
+"""Pure sensor models: world state in, samples out."""

@@ -1,0 +1,1 @@
+"""The simulation: scene specification in, one world state per tick out."""

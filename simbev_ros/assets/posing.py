@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel, part_poses
-from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt32Array
 from simbev_ros.scene.state import map_from_actors
+from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt32Array
 
 
 @dataclass(frozen=True, slots=True)

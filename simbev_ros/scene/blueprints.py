@@ -1,0 +1,52 @@
+"""The blueprints: every kind of actor that can be in a scene, read from blueprints.yaml. Their meshes are in assets."""
+
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any, Literal
+
+import yaml
+from pydantic import field_validator
+
+from simbev_ros.config.base import Model
+from simbev_ros.semantics import Tag
+
+
+class Blueprint(Model):
+    """One kind of actor; the fields are explained in blueprints.yaml."""
+
+    name: str
+    kind: Literal["vehicle", "rider", "pedestrian"]
+    tag: Tag
+    box_class: str
+    size_m: tuple[float, float, float]
+    colors: tuple[int, ...]
+    frequency: float = 0.0
+    sumo_class: str = ""
+    emergency: bool = False
+    rider: str = ""
+    accel: float = 0.0
+    decel: float = 0.0
+    max_speed_mps: float = 0.0
+
+    @field_validator("tag", mode="before")
+    @classmethod
+    def _tag_by_name(cls, value: Any) -> Any:
+        return Tag[value] if isinstance(value, str) else value
+
+
+@lru_cache(maxsize=1)
+def load_blueprints() -> tuple[Blueprint, ...]:
+    """All blueprints; the index in the tuple is the ``blueprint`` column of the actors table."""
+    data = yaml.safe_load(files("simbev_ros.scene").joinpath("blueprints.yaml").read_text())
+    blueprints = []
+    for entry in data["blueprints"]:
+        palette = entry.pop("palette")
+        entry["colors"] = palette if isinstance(palette, list) else data["palettes"][palette]
+        blueprints.append(Blueprint(**entry))
+    return tuple(blueprints)
+
+
+@lru_cache(maxsize=1)
+def blueprint_index() -> dict[str, int]:
+    """Blueprint name → index."""
+    return {blueprint.name: index for index, blueprint in enumerate(load_blueprints())}

@@ -49,9 +49,15 @@ setup(
         "zstandard>=0.23",
     ],
     extras_require={
+        "run": [],
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "test": ["mypy>=1.15", "pytest>=8.3", "ruff>=0.9", "types-PyYAML"],
     },
-    entry_points={"console_scripts": ["simbev = simbev_ros.cli.main:main"]},
+    entry_points={
+        "console_scripts": [
+            "simbev = simbev_ros.cli.main:main",
+            "simbev_node = simbev_ros.nodes.main:main",
+        ]
+    },
     zip_safe=False,
 )

@@ -1,6 +1,14 @@
 """Surface materials: what a triangle is made of. Shaders and lidar look their properties up in materials.yaml."""
 
+from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+import yaml
+
+from simbev_ros.types import Float32Array
 
 
 class Material(IntEnum):
@@ -44,3 +52,24 @@ class Material(IntEnum):
     SIGNAL_YELLOW = 35
     SIGNAL_GREEN = 36
     STREET_LAMP = 37  # uv[0] = index of the street light
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialTable:
+    """Properties per material, each (len(Material),) float32 and indexed by ``Material``; explained in materials.yaml."""
+
+    roughness: Float32Array
+    metallic: Float32Array
+    specular: Float32Array
+    lidar_reflectance: Float32Array
+
+
+@lru_cache(maxsize=1)
+def load_materials() -> MaterialTable:
+    """The table of materials.yaml."""
+    entries = yaml.safe_load(files("simbev_ros.assets").joinpath("materials.yaml").read_text(encoding="utf-8"))
+
+    def column(name: str) -> Float32Array:
+        return np.array([entries[material.name][name] for material in Material], np.float32)
+
+    return MaterialTable(column("roughness"), column("metallic"), column("specular"), column("lidar_reflectance"))

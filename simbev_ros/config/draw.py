@@ -4,18 +4,19 @@ import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from simbev_ros.config.base import Model
 
 _Pair = tuple[float, float]
+_KINDS = ("uniform", "integer", "beta", "normal", "lognormal", "choice")
 
 
 class Distribution(Model):
     """One distribution, then ``value * scale + offset``, then clipping to [min, max].
 
     Exactly one of uniform [low, high], integer [low, high] (both included), beta [a, b], normal [mean, sigma],
-    lognormal [mu, sigma of the logarithm] and choice [values] is given.
+    lognormal [mean, sigma of the logarithm] and choice [values] is given.
     """
 
     uniform: _Pair | None = None
@@ -26,8 +27,8 @@ class Distribution(Model):
     choice: Annotated[list[float], Field(min_length=1)] | None = None
     scale: float = 1.0
     offset: float = 0.0
-    min: float = -math.inf
-    max: float = math.inf
+    min: float | None = None
+    max: float | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -35,7 +36,8 @@ class Distribution(Model):
         if isinstance(data, dict):
             kinds = [kind for kind in _KINDS if data.get(kind) is not None]
             if len(kinds) != 1:
-                raise ValueError(f"give exactly one of {', '.join(_KINDS)}; found {len(kinds)}: {', '.join(kinds)}")
+                found = " and ".join(kinds) if kinds else "none"
+                raise ValueError(f"a distribution needs exactly one of {', '.join(_KINDS)}; found {found}")
         return data
 
     @model_validator(mode="after")
@@ -50,9 +52,28 @@ class Distribution(Model):
             parameters = getattr(self, name)
             if parameters is not None and parameters[1] < 0:
                 raise ValueError(f"{name}: sigma must not be negative, but is {parameters[1]}")
-        if self.min > self.max:
+        if self.min is not None and self.max is not None and self.min > self.max:
             raise ValueError(f"min {self.min} is above max {self.max}")
         return self
+
+    @property
+    def support(self) -> _Pair:
+        """Smallest and largest value that can be drawn; infinite where nothing bounds it."""
+        low, high = self._raw_support
+        ends = sorted((end * self.scale if self.scale else 0.0) + self.offset for end in (low, high))
+        return self._clipped(ends[0]), self._clipped(ends[1])
+
+    @property
+    def _raw_support(self) -> _Pair:
+        if self.uniform is not None:
+            return self.uniform
+        if self.integer is not None:
+            return float(self.integer[0]), float(self.integer[1])
+        if self.beta is not None:
+            return 0.0, 1.0
+        if self.choice is not None:
+            return min(self.choice), max(self.choice)
+        return (0.0 if self.lognormal is not None else -math.inf), math.inf
 
     def sample(self, rng: np.random.Generator) -> float:
         """One draw."""
@@ -69,18 +90,48 @@ class Distribution(Model):
         else:
             assert self.choice is not None
             value = self.choice[int(rng.integers(len(self.choice)))]
-        return float(min(max(value * self.scale + self.offset, self.min), self.max))
+        return self._clipped(float(value * self.scale + self.offset))
+
+    def _clipped(self, value: float) -> float:
+        value = value if self.min is None else max(value, self.min)
+        return value if self.max is None else min(value, self.max)
 
 
-_KINDS = ("uniform", "integer", "beta", "normal", "lognormal", "choice")
+def _branch(value: Any) -> str:
+    if isinstance(value, (dict, Distribution)):
+        return "distribution"
+    return "paper" if value == "paper" else "number"
 
-Drawn = float | Distribution
+
+Drawn = Annotated[
+    Annotated[float, Tag("number")] | Annotated[Distribution, Tag("distribution")],
+    Discriminator(lambda value: "distribution" if isinstance(value, (dict, Distribution)) else "number"),
+]
 """A number, or a distribution that one is drawn from for each scene (or each actor)."""
 
-PaperOrDrawn = Literal["paper"] | Drawn
-"""``paper``: the paper's rule for this parameter, which may depend on others."""
+PaperOrDrawn = Annotated[
+    Annotated[float, Tag("number")]
+    | Annotated[Distribution, Tag("distribution")]
+    | Annotated[Literal["paper"], Tag("paper")],
+    Discriminator(_branch),
+]
+"""``paper`` stands for the paper's rule for this parameter, which may depend on others."""
 
 
-def sample(value: Drawn, rng: np.random.Generator) -> float:
+def within(low: float, high: float = math.inf) -> AfterValidator:
+    """A check that a ``Drawn`` or ``PaperOrDrawn`` can only give values in [low, high]."""
+
+    def check(value: float | Distribution | str) -> float | Distribution | str:
+        ends = value.support if isinstance(value, Distribution) else (value, value)
+        if not isinstance(value, str) and (ends[0] < low or ends[1] > high):  # type: ignore[operator]
+            found = f"draws from {ends[0]:g} to {ends[1]:g}" if isinstance(value, Distribution) else f"is {value:g}"
+            hint = "; bound it with min and max" if isinstance(value, Distribution) else ""
+            raise ValueError(f"{found}, but {low:g} to {high:g} is allowed{hint}")
+        return value
+
+    return AfterValidator(check)
+
+
+def sample(value: float | Distribution, rng: np.random.Generator) -> float:
     """A number from a fixed value or a distribution."""
     return value.sample(rng) if isinstance(value, Distribution) else float(value)

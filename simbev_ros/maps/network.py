@@ -23,6 +23,10 @@ class LaneKind(StrEnum):
     PARKING = "parking"
 
 
+WALKABLE_KINDS = (LaneKind.SIDEWALK, LaneKind.CROSSING, LaneKind.WALKING_AREA)
+"""Where pedestrians walk."""
+
+
 @dataclass(frozen=True, slots=True)
 class Lane:
     """One lane.
@@ -38,6 +42,8 @@ class Lane:
         junction: Id of the junction it is inside of (internal lanes, crossings, walking areas), else "".
         successors: Ids of the lanes that follow it (across a junction: the internal lane).
         outline_m: (M, 2) float64 outline of walking areas, whose centre line does not describe them; else None.
+        sumo_s_per_m: SUMO's position on the lane per metre along the centre line. Not 1 in curves, because SUMO gives
+            all lanes of an edge one length.
     """
 
     id: str
@@ -50,10 +56,11 @@ class Lane:
     junction: str
     successors: tuple[str, ...]
     outline_m: Float64Array | None = None
+    sumo_s_per_m: float = 1.0
 
     @property
     def length_m(self) -> float:
-        """Length of the centre line in the ground plane (SUMO's measure of s)."""
+        """Length of the centre line in the ground plane."""
         return float(np.linalg.norm(np.diff(self.centerline_m[:, :2], axis=0), axis=1).sum())
 
 
@@ -133,6 +140,10 @@ class RoadNetwork:
     datum: MapDatum
     net_path: Path
     opendrive: str
+
+    def lanes_of(self, *kinds: LaneKind) -> tuple[Lane, ...]:
+        """The lanes of these kinds, those inside junctions included, in the network's order."""
+        return tuple(lane for lane in self.lanes.values() if lane.kind in kinds)
 
     def waypoints(self, spacing_m: float) -> Waypoints:
         """Waypoints on driving lanes outside junctions: the first at half a spacing, then one every ``spacing_m``."""

@@ -27,6 +27,10 @@ class Blueprint(Model):
     accel: float = 0.0
     decel: float = 0.0
     max_speed_mps: float = 0.0
+    wheelbase_m: float = 0.0
+    wheel_radius_m: float = 0.0
+    rider_seat_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    stride_m: float = 0.0
 
     @field_validator("tag", mode="before")
     @classmethod

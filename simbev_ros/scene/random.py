@@ -1,17 +1,5 @@
-"""Random streams: each has its own generator, keyed by seed and name, so that none disturbs another."""
+"""Random streams, as scenes use them; they are defined below maps and scenes because maps are drawn too."""
 
-import hashlib
+from simbev_ros.random import stream
 
-import numpy as np
-
-
-def stream(seed: int, name: str, tick: int = 0) -> np.random.Generator:
-    """The generator of a named stream.
-
-    Args:
-        seed: The scene's seed.
-        name: What is drawn from it, e.g. ``lidar.noise``.
-        tick: For noise: the tick, so that a replay that starts later repeats it.
-    """
-    key = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, key, tick & 0xFFFFFFFF])))
+__all__ = ["stream"]

@@ -4,16 +4,11 @@ from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Annotation
+from simbev_ros.maps.spec import MapSpec as MapSpec
 from simbev_ros.scene.weather import Weather
 
 NS_PER_S = 1_000_000_000
-
-
-class MapSpec(Model):
-    """Which map, and the seed of its surroundings."""
-
-    name: str
-    seed: int = 0
 
 
 class WaypointSpec(Model):
@@ -43,21 +38,6 @@ class PedestrianSpec(Model):
     max_speed_mps: float = Field(gt=0)
 
 
-class BevSpec(Model):
-    """The bird's-eye-view grid."""
-
-    rows: int = Field(360, ge=1, le=4096)
-    columns: int = Field(360, ge=1, le=4096)
-    cell_m: float = Field(0.4, gt=0, le=10)
-
-
-class AnnotationSpec(Model):
-    """What is annotated."""
-
-    box_radius_m: float = Field(120.0, gt=0, le=1000)
-    bev: BevSpec = BevSpec()
-
-
 class SceneSpec(Model):
     """All that was drawn for one scene."""
 
@@ -70,7 +50,7 @@ class SceneSpec(Model):
     ticks: int = Field(ge=1, description="recorded ticks")
     weather: Weather
     rig: Rig
-    annotation: AnnotationSpec
+    annotation: Annotation
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1)
     pedestrians: tuple[PedestrianSpec, ...]
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light programme, used in turn")
@@ -82,8 +62,11 @@ class SceneSpec(Model):
 
     @property
     def start_ns(self) -> int:
-        """Stamp of tick 0. An hour of its own for each scene: time never runs backwards from scene to scene."""
-        return self.number * 3600 * NS_PER_S + self.warm_up_ticks * self.tick_ns
+        """Stamp of tick 0. An hour of its own for each scene: time never runs backwards from scene to scene.
+
+        Scene 0 has the second hour, because a stamp of 0 means "no time" in ROS.
+        """
+        return (self.number + 1) * 3600 * NS_PER_S + self.warm_up_ticks * self.tick_ns
 
     def stamp_ns(self, tick: int) -> int:
         """Stamp of a tick; warm-up ticks are negative."""
@@ -96,3 +79,14 @@ class SceneSpec(Model):
     def period_ticks(self, rate_hz: float | None) -> int:
         """Every how many ticks something with this rate is due."""
         return 1 if rate_hz is None else max(1, round(NS_PER_S / (rate_hz * self.tick_ns)))
+
+    @property
+    def lead_in_ticks(self) -> int:
+        """Warm-up ticks that are published, so that every sensor knows what came before its first sample."""
+        periods = [self.period_ticks(sensor.rate_hz) for sensor in self.rig.sensors]
+        return min(max(periods, default=1), self.warm_up_ticks)
+
+    @property
+    def loaded_tick(self) -> int:
+        """The tick before the first published one; finishing it means to have loaded the scene."""
+        return -self.lead_in_ticks - 1

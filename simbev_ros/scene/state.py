@@ -9,6 +9,9 @@ from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array, Table
 
+EGO_ID = 1
+"""Id of the ego in every scene."""
+
 ACTOR_DTYPE = np.dtype(
     [
         ("x", "<f8"),  # m, map frame: centre of the ground plane of the actor's 3D box
@@ -114,6 +117,12 @@ class WorldState:
         """The ego's row, shape ()."""
         row: Table = self.actors[np.searchsorted(self.actors["id"], self.ego_id)]
         return row
+
+    @property
+    def ego_ids(self) -> frozenset[int]:
+        """Ids of the ego and of its rider, if it has one."""
+        riders = self.actors["id"][self.actors["parent"] == self.ego_id]
+        return frozenset([self.ego_id, *riders.tolist()])
 
 
 def map_from_actors(actors: Table) -> Float64Array:

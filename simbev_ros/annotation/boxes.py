@@ -1,0 +1,79 @@
+"""3D boxes of the actors around the ego."""
+
+import numpy as np
+
+from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.types import Table
+
+BOX_DTYPE = np.dtype(
+    [
+        ("x", "<f8"),  # m, map frame: centre of the box
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("roll", "<f4"),  # rad, fixed axes x y z (REP-103): R = Rz(yaw) Ry(pitch) Rx(roll)
+        ("pitch", "<f4"),
+        ("yaw", "<f4"),
+        ("length", "<f4"),  # m, along x y z of the box
+        ("width", "<f4"),
+        ("height", "<f4"),
+        ("vx", "<f4"),  # m/s, map frame
+        ("vy", "<f4"),
+        ("vz", "<f4"),
+        ("ax", "<f4"),  # m/s², map frame
+        ("ay", "<f4"),
+        ("az", "<f4"),
+        ("wx", "<f4"),  # rad/s, map frame
+        ("wy", "<f4"),
+        ("wz", "<f4"),
+        ("distance", "<f4"),  # m, from the centre of the ego's box to that of this one
+        ("angle", "<f4"),  # rad, direction to the centre in the ego frame, 0 ahead, left positive
+        ("id", "<u4"),
+        ("parent", "<u4"),  # id of the actor that it belongs to, else 0
+        ("color", "<u4"),  # 0xRRGGBB, sRGB
+        ("blueprint", "<u2"),  # index into the catalogue
+        ("lights", "<u2"),  # Light bits
+        ("behavior", "<u2"),  # Behavior bits
+        ("class", "u1"),  # index into BOX_CLASSES
+        ("tag", "u1"),  # semantic Tag
+        ("doors", "u1"),  # bit k: door k is open
+    ]
+)
+"""One row per box. Field names and order are those of /ego/boxes."""
+
+_NO_CLASS = 255
+
+
+def boxes(state: WorldState, radius_m: float) -> Table:
+    """Boxes of all actors of a detection class within a radius of the ego, the ego itself left out.
+
+    Args:
+        state: The world now.
+        radius_m: Largest distance between the centres of the ego's box and the other.
+
+    Returns:
+        (N,) ``BOX_DTYPE``, ascending id.
+    """
+    actors = state.actors
+    classes = np.array(
+        [
+            BOX_CLASSES.index(blueprint.box_class) if blueprint.box_class else _NO_CLASS
+            for blueprint in load_blueprints()
+        ],
+        np.uint8,
+    )[actors["blueprint"]]
+    pose = map_from_actors(actors)
+    center_m = pose[:, :3, 3] + pose[:, :3, 2] * (actors["height"] / 2.0)[:, None]
+    ego = int(np.searchsorted(actors["id"], state.ego_id))
+    to_center_ego = (center_m - center_m[ego]) @ pose[ego, :3, :3]
+    distance_m = np.linalg.norm(to_center_ego, axis=1)
+    chosen = (distance_m <= radius_m) & (classes != _NO_CLASS) & (actors["id"] != state.ego_id)
+    result = np.empty(int(chosen.sum()), BOX_DTYPE)
+    for name in set(BOX_DTYPE.names or ()) & set(actors.dtype.names or ()):
+        result[name] = actors[name][chosen]
+    result["x"], result["y"], result["z"] = center_m[chosen].T
+    result["distance"] = distance_m[chosen]
+    result["angle"] = np.arctan2(to_center_ego[:, 1], to_center_ego[:, 0])[chosen]
+    result["class"] = classes[chosen]
+    return result

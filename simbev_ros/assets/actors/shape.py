@@ -1,0 +1,130 @@
+"""Shapes: what an actor looks like, as data (shapes/<blueprint>.yaml), and its model built from that."""
+
+from dataclasses import replace
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+
+from simbev_ros.assets.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.shell import Shell, build_shell
+from simbev_ros.assets.actors.solids import AnySolid, Vector, build_solid
+from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.config.base import Model
+from simbev_ros.scene.blueprints import Blueprint
+from simbev_ros.types import Float64Array
+
+_MAX_STRETCH = 0.03
+
+
+class ShapePart(Model):
+    """A rigid part, as in ``Part``; degrees, and its parent by name."""
+
+    name: str
+    parent: str = "body"
+    pivot: Vector
+    spins: bool = False
+    steers: bool = False
+    cranks: bool = False
+    swing_deg: float = 0.0
+    phase_deg: float = 0.0
+    offset_deg: float = 0.0
+
+
+class Shape(Model):
+    """An actor's shape.
+
+    Attributes:
+        shells: Smooth bodies.
+        wheels: Wheels with tyres, of vehicles with two sides.
+        parts: Rigid parts besides the body and the wheels; a parent comes first.
+        solids: Everything else.
+    """
+
+    shells: tuple[Shell, ...] = ()
+    wheels: Wheels | None = None
+    parts: tuple[ShapePart, ...] = ()
+    solids: tuple[AnySolid, ...] = ()
+
+
+def load_shape(blueprint: str) -> Shape:
+    """The shape of a blueprint, from its file.
+
+    A file may extend another one: then it adds its solids, and the k-th list of its ``patches`` to the k-th shell.
+    """
+    return Shape.model_validate(_read(blueprint))
+
+
+def _read(blueprint: str) -> dict[str, Any]:
+    """A shape's file, and those that it extends, as one."""
+    text = files("simbev_ros.assets.actors").joinpath("shapes", f"{blueprint}.yaml").read_text()
+    data: dict[str, Any] = yaml.safe_load(text)
+    if "extends" not in data:
+        return data
+    base = _read(data.pop("extends"))
+    for shell, patches in zip(base["shells"], data.pop("patches", ()), strict=False):
+        shell["patches"] += patches
+    return base | data | {"solids": base["solids"] + data.get("solids", [])}
+
+
+def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
+    """The model of a blueprint: its shape, brought to exactly the blueprint's size.
+
+    Raises:
+        ValueError: The shape is more than 3 % larger or smaller than the blueprint along an axis.
+    """
+    parts = [Part("body"), *(wheel_parts(shape.wheels) if shape.wheels else [])]
+    for entry in shape.parts:
+        parts.append(_part(entry, [part.name for part in parts]))
+    index = {part.name: place for place, part in enumerate(parts)}
+    meshes = [build_shell(shell, blueprint.tag) for shell in shape.shells]
+    if shape.wheels:
+        meshes += build_wheels(shape.wheels, blueprint.tag, first_part=1)
+    for solid in shape.solids:
+        meshes += build_solid(solid, blueprint.tag, index)
+    mesh = Mesh.merged(meshes)
+    fitted = _fit(blueprint, mesh.bounds_m)
+    return ActorModel(
+        blueprint=blueprint.name,
+        tag=blueprint.tag,
+        box_class=blueprint.box_class,
+        mesh=mesh.transformed(fitted),
+        size_m=blueprint.size_m,
+        parts=tuple(replace(part, pivot_m=_moved(fitted, part.pivot_m)) for part in parts),
+        wheel_radius_m=blueprint.wheel_radius_m,
+    )
+
+
+def _part(entry: ShapePart, names: list[str]) -> Part:
+    """The part that an entry describes."""
+    return Part(
+        name=entry.name,
+        parent=names.index(entry.parent),
+        pivot_m=entry.pivot,
+        spins=entry.spins,
+        steers=entry.steers,
+        cranks=entry.cranks,
+        swing_rad=float(np.radians(entry.swing_deg)),
+        swing_phase_rad=float(np.radians(entry.phase_deg)),
+        swing_offset_rad=float(np.radians(entry.offset_deg)),
+    )
+
+
+def _fit(blueprint: Blueprint, bounds_m: Float64Array) -> Float64Array:
+    """(4, 4) scaling that makes a mesh with these bounds fill the blueprint's box and stand on its ground plane."""
+    extent = bounds_m[1] - bounds_m[0]
+    scale = np.array(blueprint.size_m) / extent
+    if np.abs(scale - 1.0).max() > _MAX_STRETCH:
+        raise ValueError(f"the shape of {blueprint.name} is {extent.round(3)} m, its blueprint says {blueprint.size_m}")
+    foot = np.array([*bounds_m.mean(axis=0)[:2], bounds_m[0, 2]])
+    fit = np.diag([*scale, 1.0])
+    fit[:3, 3] = -scale * foot
+    return fit
+
+
+def _moved(transform: Float64Array, point_m: Vector) -> Vector:
+    """A point under a transform."""
+    x, y, z = (transform[:3, :3] @ np.array(point_m) + transform[:3, 3]).tolist()
+    return x, y, z

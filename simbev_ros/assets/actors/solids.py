@@ -1,0 +1,150 @@
+"""Solids: the things of simple form that complete a shape (mirrors, tubes, limbs), as data and as meshes."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+import shapely
+from pydantic import Field
+
+from simbev_ros.assets.actors.finishes import finish_named, mirrored_name
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.primitives import Finish, box, ellipsoid, extrusion, lathe, loft, tube
+from simbev_ros.config.base import Model
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array
+
+Vector = tuple[float, float, float]
+
+
+class Solid(Model):
+    """What all solids have; metres and degrees, actor frame.
+
+    Attributes:
+        finish: See finishes.yaml.
+        part: Name of the rigid part that moves it.
+        at: Its origin.
+        turn: Roll, pitch, yaw about its origin.
+        mirrored: There is a second one on the other side; "left" in names of finishes and parts becomes "right".
+    """
+
+    finish: str
+    part: str = "body"
+    at: Vector = (0.0, 0.0, 0.0)
+    turn: Vector = (0.0, 0.0, 0.0)
+    mirrored: bool = False
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """The solid about its own origin."""
+        raise NotImplementedError
+
+
+class Box(Solid):
+    """A cuboid about its centre."""
+
+    shape: Literal["box"]
+    size: Vector
+    bevel: float = 0.0
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """See ``Solid``."""
+        return box(finish, self.size, bevel_m=self.bevel)
+
+
+class Ellipsoid(Solid):
+    """An ellipsoid about its centre; ``size`` is its three diameters."""
+
+    shape: Literal["ellipsoid"]
+    size: Vector
+    segments: int = 10
+    rings: int = 6
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """See ``Solid``."""
+        x, y, z = self.size
+        return ellipsoid(finish, (x / 2, y / 2, z / 2), segments=self.segments, rings=self.rings)
+
+
+class Tube(Solid):
+    """A round bar along points [x, y, z], or [x, y, z, radius] where it tapers."""
+
+    shape: Literal["tube"]
+    path: tuple[tuple[float, ...], ...]
+    radius: float = 0.01
+    segments: int = 7
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """See ``Solid``."""
+        radii = np.array([point[3] if len(point) > 3 else self.radius for point in self.path])
+        return tube(finish, np.array([point[:3] for point in self.path]), radii, segments=self.segments)
+
+
+class Rings(Solid):
+    """A body through level, oval rings [x, y, z, half x, half y], bottom to top; ``squareness`` 2 is an ellipse."""
+
+    shape: Literal["rings"]
+    rings: tuple[tuple[float, float, float, float, float], ...]
+    squareness: float = 2.3
+    segments: int = 10
+    crease_deg: float = 60.0
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """See ``Solid``."""
+        angles = (np.arange(self.segments) + 0.5) * (2.0 * np.pi / self.segments)
+        cosine, sine = np.cos(angles), np.sin(angles)
+        exponent = 2.0 / self.squareness
+        unit = np.stack(
+            [np.sign(cosine) * np.abs(cosine) ** exponent, np.sign(sine) * np.abs(sine) ** exponent], axis=1
+        )
+        unit /= np.abs(unit).max(axis=0)
+        rings = np.array(self.rings)
+        sections = np.repeat(rings[:, None, :3], self.segments, axis=1)
+        sections[..., :2] += unit * rings[:, None, 3:]
+        return loft(finish, sections, crease_deg=self.crease_deg)
+
+
+class Lathe(Solid):
+    """A body of revolution about y: [radius, y], from y minus to plus."""
+
+    shape: Literal["lathe"]
+    profile: tuple[tuple[float, float], ...]
+    segments: int = 12
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """See ``Solid``."""
+        upright = lathe(finish, np.array(self.profile), segments=self.segments)
+        return upright.transformed(_turned((-90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+
+
+class Profile(Solid):
+    """A side view, polygon [x, z], drawn out to ``width`` along y."""
+
+    shape: Literal["profile"]
+    polygon: tuple[tuple[float, float], ...]
+    width: float
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """See ``Solid``."""
+        flat = extrusion(finish, shapely.Polygon(self.polygon), -self.width / 2.0, self.width / 2.0)
+        return flat.transformed(_turned((90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+
+
+AnySolid = Annotated[Box | Ellipsoid | Tube | Rings | Lathe | Profile, Field(discriminator="shape")]
+
+_MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
+
+
+def build_solid(solid: Solid, tag: Tag, part_index: dict[str, int]) -> list[Mesh]:
+    """The solid in its place, and its mirror image if it has one."""
+    place = _turned(solid.turn, solid.at)
+    finish = finish_named(solid.finish, tag, part_index[solid.part])
+    meshes = [solid.mesh(finish).transformed(place)]
+    if solid.mirrored:
+        other = finish_named(mirrored_name(solid.finish), tag, part_index[mirrored_name(solid.part)])
+        meshes.append(solid.mesh(other).transformed(_MIRROR @ place))
+    return meshes
+
+
+def _turned(turn_deg: Vector, at_m: Vector) -> Float64Array:
+    """(4, 4) transform that turns by roll, pitch, yaw and then moves."""
+    return matrices_from_xyz_rpy(np.array(at_m), np.radians(turn_deg))

@@ -1,0 +1,111 @@
+"""Wheels of cars, trucks and buses: where they are, as data, and their meshes."""
+
+from typing import Literal
+
+import numpy as np
+
+from simbev_ros.assets.actor_model import Part
+from simbev_ros.assets.actors.finishes import finish_named
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.primitives import Finish, box, lathe
+from simbev_ros.config.base import Model
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.semantics import Tag
+
+
+class Wheels(Model):
+    """The wheels of a vehicle with two sides; the first axle steers.
+
+    Attributes:
+        radius: Of the tyre, metres.
+        width: Of the tyre.
+        axles: x of the axles, front to rear.
+        half_track: y of the outer face of the tyres.
+        rim: Radius of the rim over that of the tyre.
+        spokes: Number of spokes; none for a plain steel disc.
+        finish: Of the spokes or disc.
+        twin: The tyres of the rear axle are two side by side.
+    """
+
+    radius: float
+    width: float
+    axles: tuple[float, ...]
+    half_track: float
+    rim: float = 0.72
+    spokes: int = 5
+    finish: Literal["alloy", "steel", "dark_metal", "chrome"] = "alloy"
+    twin: bool = False
+
+
+_SEGMENTS = 14
+
+
+def wheel_parts(wheels: Wheels) -> list[Part]:
+    """A part per wheel: axle by axle, left then right."""
+    return [
+        Part(
+            name=f"wheel {axle} {'left' if side > 0 else 'right'}",
+            parent=0,
+            pivot_m=(x, side * (wheels.half_track - wheels.width / 2.0), wheels.radius),
+            spins=True,
+            steers=axle == 0,
+        )
+        for axle, x in enumerate(wheels.axles)
+        for side in (1, -1)
+    ]
+
+
+def build_wheels(wheels: Wheels, tag: Tag, first_part: int) -> list[Mesh]:
+    """Meshes of all wheels; those of wheel k move with part ``first_part + k``."""
+    meshes = []
+    for index, part in enumerate(wheel_parts(wheels)):
+        x, y, z = part.pivot_m
+        side = 1.0 if y > 0 else -1.0
+        place = matrices_from_xyz_rpy(np.array([x, y, z]), np.radians([-90.0 * side, 0.0, 0.0]))
+        wheel = _wheel(wheels, tag, first_part + index)
+        if wheels.twin and index >= 2:
+            inner = np.eye(4)
+            inner[2, 3] = -1.15 * wheels.width
+            wheel = Mesh.merged([wheel, _tyre(wheels, tag, first_part + index).transformed(inner)])
+        meshes.append(wheel.transformed(place))
+    return meshes
+
+
+def _wheel(wheels: Wheels, tag: Tag, part: int) -> Mesh:
+    """A wheel about its centre, its axle along z, its outer face up."""
+    face = wheels.width / 2.0
+    rim = wheels.radius * wheels.rim
+    metal = finish_named(wheels.finish, tag, part)
+    meshes = [_tyre(wheels, tag, part)]
+    if not wheels.spokes:
+        disc = [(rim, 0.6 * face), (rim, 0.8 * face), (0.75 * rim, 0.5 * face), (0.45 * rim, 0.9 * face)]
+        meshes.append(lathe(metal, np.array([*disc, (0.0, 0.95 * face)]), segments=_SEGMENTS))
+        return Mesh.merged(meshes)
+    dark = finish_named("black", tag, part)
+    meshes.append(lathe(dark, np.array([(rim, 0.3 * face), (0.0, 0.35 * face)]), segments=_SEGMENTS))
+    meshes.append(_ring([(rim, 0.5 * face), (1.01 * rim, 0.93 * face), (0.9 * rim, 0.8 * face)], metal))
+    meshes.append(lathe(metal, np.array([(0.2 * rim, 0.3 * face), (0.15 * rim, 0.85 * face)]), segments=6))
+    for angle in np.arange(wheels.spokes) * (2.0 * np.pi / wheels.spokes):
+        spoke = box(metal, (0.86 * rim, 0.22 * rim, 0.3 * face), (0.52 * rim, 0.0, 0.62 * face))
+        meshes.append(spoke.transformed(matrices_from_xyz_rpy(np.zeros(3), np.array([0.0, 0.0, angle]))))
+    return Mesh.merged(meshes)
+
+
+def _tyre(wheels: Wheels, tag: Tag, part: int) -> Mesh:
+    """A tyre about its centre."""
+    face = wheels.width / 2.0
+    rim, radius = wheels.radius * wheels.rim, wheels.radius
+    rubber = finish_named("rubber", tag, part)
+    profile = [
+        (rim, -0.85 * face),
+        (radius, -0.8 * face),
+        (radius, 0.7 * face),
+        (0.94 * radius, face),
+        (rim, 0.9 * face),
+    ]
+    return _ring(profile, rubber)
+
+
+def _ring(profile: list[tuple[float, float]], finish: Finish) -> Mesh:
+    """A closed ring: the profile (radius, z) runs round its cross-section."""
+    return lathe(finish, np.array([*profile, profile[0]]), segments=_SEGMENTS, caps=False)

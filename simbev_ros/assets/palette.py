@@ -1,0 +1,38 @@
+"""Colours of the surroundings, read from palettes.yaml."""
+
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+
+Color = tuple[int, int, int]
+
+
+def pick_color(rng: np.random.Generator, name: str, variation: float = 0.05) -> Color:
+    """A random colour of a palette, made lighter or darker by up to a share of ``variation``.
+
+    Args:
+        rng: Drawn from.
+        name: Key of palettes.yaml; a dot goes a level down.
+        variation: Largest relative change of lightness.
+    """
+    entry: Any = _palettes()
+    for key in name.split("."):
+        entry = entry[key]
+    code = int(entry[int(rng.integers(len(entry)))])
+    return shaded((code >> 16, code >> 8 & 255, code & 255), 1.0 + rng.uniform(-variation, variation))
+
+
+def shaded(color: Color, factor: float) -> Color:
+    """A colour made lighter (factor above 1) or darker."""
+    red, green, blue = (min(255, max(0, round(channel * factor))) for channel in color)
+    return red, green, blue
+
+
+@lru_cache(maxsize=1)
+def _palettes() -> dict[str, Any]:
+    text = files("simbev_ros.assets").joinpath("palettes.yaml").read_text(encoding="utf-8")
+    palettes: dict[str, Any] = yaml.safe_load(text)
+    return palettes

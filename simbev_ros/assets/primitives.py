@@ -1,0 +1,264 @@
+"""Solids of simple form, the building blocks of all models: each function returns a closed, outward-facing ``Mesh``."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mapbox_earcut
+import numpy as np
+import shapely
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array, Int32Array, Int64Array
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """What a solid is made of: material, semantic tag, sRGB albedo 0..255, and the rigid part that moves it."""
+
+    material: Material
+    tag: Tag
+    color: tuple[int, int, int]
+    part: int = 0
+
+
+def solid(
+    finish: Finish,
+    vertices: Float64Array,
+    triangles: Int32Array,
+    *,
+    crease_deg: float = 35.0,
+    uv: Float64Array | None = None,
+) -> Mesh:
+    """Mesh with normals that are smooth where faces meet at less than the crease angle, and sharp elsewhere.
+
+    Args:
+        finish: Of all triangles.
+        vertices: (V, 3) metres; coincident ones are joined.
+        triangles: (T, 3) counter-clockwise seen from outside; those without area are dropped.
+        crease_deg: Edges sharper than this stay sharp; 0 makes every face flat.
+        uv: (T, 3, 2) surface coordinates per corner. When omitted: x, y on level faces; on others metres along the
+            surface's horizontal, and z.
+    """
+    return patchwork([finish], np.zeros(len(triangles), np.int64), vertices, triangles, crease_deg=crease_deg, uv=uv)
+
+
+def patchwork(
+    finishes: Sequence[Finish],
+    finish_of_triangle: Int64Array,
+    vertices: Float64Array,
+    triangles: Int32Array,
+    *,
+    crease_deg: float = 35.0,
+    uv: Float64Array | None = None,
+) -> Mesh:
+    """Like ``solid``, with (T,) a finish for every triangle; normals are smooth across borders of finishes."""
+    _, first, joined = np.unique(np.round(vertices, 6), axis=0, return_index=True, return_inverse=True)
+    triangles = joined.reshape(-1).astype(np.int32)[np.asarray(triangles).reshape(-1, 3)]
+    positions = np.asarray(vertices, np.float64)[first]
+    corners = positions[triangles]
+    area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    kept = np.linalg.norm(area_normals, axis=1) > 1e-12
+    triangles, area_normals = triangles[kept], area_normals[kept]
+    normals = _corner_normals(triangles.reshape(-1), area_normals, np.cos(np.radians(crease_deg)))
+    points = positions[triangles.reshape(-1)]
+    corner_uv = _surface_coordinates(points, normals) if uv is None else np.asarray(uv)[kept].reshape(-1, 2)
+    corner_finish = np.repeat(finish_of_triangle[kept], 3)
+    key = np.round(np.column_stack([triangles.reshape(-1), corner_finish, normals, corner_uv]), 4)
+    _, first, indices = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    finish = corner_finish[first]
+    return Mesh(
+        vertices=points[first].astype(np.float32),
+        normals=normals[first].astype(np.float32),
+        uv=corner_uv[first].astype(np.float32),
+        color=np.array([entry.color for entry in finishes], np.uint8)[finish],
+        material=np.array([entry.material for entry in finishes], np.uint8)[finish],
+        tag=np.array([entry.tag for entry in finishes], np.uint8)[finish],
+        part=np.array([entry.part for entry in finishes], np.uint8)[finish],
+        triangles=indices.reshape(-1, 3).astype(np.int32),
+    )
+
+
+def box(finish: Finish, size_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), bevel_m: float = 0.0) -> Mesh:
+    """A cuboid of the given size along x, y, z; ``bevel_m`` cuts its edges off."""
+    hx, hy, hz = (side / 2.0 for side in size_m)
+    b = bevel_m
+    inner = np.array([[hx - b, hy - b], [b - hx, hy - b], [b - hx, b - hy], [hx - b, b - hy]]).repeat(2, axis=0)
+    outer = inner + b * np.array([[1, 0], [0, 1], [0, 1], [-1, 0], [-1, 0], [0, -1], [0, -1], [1, 0]])
+    levels = [(inner, -hz), (outer, b - hz), (outer, hz - b), (inner, hz)] if b else [(inner, -hz), (inner, hz)]
+    sections = np.stack([np.column_stack([ring, np.full(8, z)]) for ring, z in levels])
+    return loft(finish, sections + np.asarray(center_m))
+
+
+def cylinder(
+    finish: Finish,
+    start_m: Vector,
+    end_m: Vector,
+    radius_m: float,
+    *,
+    end_radius_m: float | None = None,
+    segments: int = 12,
+) -> Mesh:
+    """A cylinder between two points, or a (truncated) cone if the radius at the end differs."""
+    end_radius_m = radius_m if end_radius_m is None else end_radius_m
+    return tube(finish, np.array([start_m, end_m]), np.array([radius_m, end_radius_m]), segments=segments)
+
+
+def tube(
+    finish: Finish,
+    path_m: Float64Array,
+    radius_m: float | Float64Array,
+    *,
+    segments: int = 8,
+    crease_deg: float = 50.0,
+) -> Mesh:
+    """A round bar along a path.
+
+    Args:
+        finish: Of all triangles.
+        path_m: (N, 3) centre line.
+        radius_m: One radius, or (N,) radii.
+        segments: Sides of its cross-section.
+        crease_deg: As in ``solid``.
+    """
+    path_m = np.asarray(path_m, np.float64)
+    directions = np.diff(path_m, axis=0)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    along = np.concatenate([directions[:1], directions[:-1] + directions[1:], directions[-1:]])
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    side = np.cross(along[0], np.eye(3)[np.argmin(np.abs(along[0]))])
+    radii = np.broadcast_to(np.asarray(radius_m, np.float64), len(path_m))
+    angles = np.arange(segments) * (2.0 * np.pi / segments)
+    sections = []
+    for point, direction, radius in zip(path_m, along, radii, strict=True):
+        side = side - direction * (side @ direction)
+        side /= np.linalg.norm(side)
+        up = np.cross(direction, side)
+        sections.append(point + radius * (np.outer(np.cos(angles), side) + np.outer(np.sin(angles), up)))
+    return loft(finish, np.stack(sections), crease_deg=crease_deg)
+
+
+def lathe(
+    finish: Finish, profile_m: Float64Array, *, segments: int = 12, crease_deg: float = 40.0, caps: bool = True
+) -> Mesh:
+    """A solid of revolution about z.
+
+    Args:
+        finish: Of all triangles.
+        profile_m: (N, 2) radius and z, from the bottom up the outside; radius 0 closes an end in a point.
+        segments: Sides.
+        crease_deg: As in ``solid``.
+        caps: Close both ends; not wanted if the profile is itself closed, as a ring's is.
+    """
+    angles = np.arange(segments) * (2.0 * np.pi / segments)
+    profile_m = np.asarray(profile_m, np.float64)
+    sections = np.empty((len(profile_m), segments, 3))
+    sections[..., 0] = np.outer(profile_m[:, 0], np.cos(angles))
+    sections[..., 1] = np.outer(profile_m[:, 0], np.sin(angles))
+    sections[..., 2] = profile_m[:, 1:]
+    return loft(finish, sections, crease_deg=crease_deg, caps=caps)
+
+
+def ellipsoid(
+    finish: Finish, radii_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), *, segments: int = 12, rings: int = 6
+) -> Mesh:
+    """An ellipsoid with its axes along x, y, z; poles on z."""
+    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, rings + 1)
+    profile = np.stack([np.cos(latitudes), np.sin(latitudes)], axis=1)
+    target_from_unit = np.diag([*radii_m, 1.0])
+    target_from_unit[:3, 3] = center_m
+    return lathe(finish, profile, segments=segments, crease_deg=180.0).transformed(target_from_unit)
+
+
+def loft(finish: Finish, sections_m: Float64Array, *, crease_deg: float = 35.0, caps: bool = True) -> Mesh:
+    """A solid through successive cross-sections.
+
+    Args:
+        finish: Of all triangles.
+        sections_m: (N, M, 3) rings of M points each, counter-clockwise when they come towards the viewer.
+        crease_deg: As in ``solid``.
+        caps: Close the first and the last ring, which must then be convex.
+    """
+    count, around = sections_m.shape[:2]
+    here = np.arange(around)
+    following = (here + 1) % around
+    quads = np.stack([here, following, following + around, here, following + around, here + around], axis=1)
+    sides = (quads[None] + np.arange(count - 1)[:, None, None] * around).reshape(-1, 3)
+    fan = np.stack([np.zeros(around - 2, np.int64), here[1:-1], here[2:]], axis=1)
+    last = fan + (count - 1) * around
+    triangles = np.concatenate([sides, fan[:, ::-1], last]) if caps else sides
+    return solid(finish, sections_m.reshape(-1, 3), triangles.astype(np.int32), crease_deg=crease_deg)
+
+
+def extrusion(
+    finish: Finish, polygon: shapely.Polygon, bottom_m: float, top_m: float, *, crease_deg: float = 35.0
+) -> Mesh:
+    """A polygon (holes allowed) in x and y, drawn out from one height to another."""
+    flat, faces = triangulate(polygon)
+    count = len(flat)
+    ends = np.cumsum([len(ring.coords) - 1 for ring in (polygon.exterior, *polygon.interiors)])
+    here = np.arange(count)
+    following = here + 1
+    following[ends - 1] = np.concatenate([[0], ends[:-1]])
+    walls = np.stack([here, following, following + count, here, following + count, here + count], axis=1)
+    vertices = np.concatenate(
+        [np.column_stack([flat, np.full(count, bottom_m)]), np.column_stack([flat, np.full(count, top_m)])]
+    )
+    triangles = np.concatenate([faces[:, ::-1], faces + count, walls.reshape(-1, 3)])
+    return solid(finish, vertices, triangles.astype(np.int32), crease_deg=crease_deg)
+
+
+def plate(finish: Finish, polygon: shapely.Polygon, z_m: float) -> Mesh:
+    """A level, one-sided polygon that faces up; ``uv`` = x, y."""
+    flat, faces = triangulate(polygon)
+    return Mesh.indexed(
+        np.column_stack([flat, np.full(len(flat), z_m)]),
+        faces,
+        normals=np.tile([0.0, 0.0, 1.0], (len(flat), 1)),
+        material=finish.material,
+        tag=finish.tag,
+        color=finish.color,
+        part=finish.part,
+    )
+
+
+def triangulate(polygon: shapely.Polygon) -> tuple[Float64Array, Int32Array]:
+    """(V, 2) vertices (exterior counter-clockwise, then holes clockwise) and (T, 3) counter-clockwise triangles."""
+    polygon = shapely.orient_polygons(polygon)
+    rings = [np.asarray(ring.coords, np.float64)[:-1, :2] for ring in (polygon.exterior, *polygon.interiors)]
+    vertices = np.concatenate(rings)
+    ends = np.cumsum([len(ring) for ring in rings], dtype=np.uint32)
+    faces = mapbox_earcut.triangulate_float64(vertices, ends).astype(np.int32).reshape(-1, 3)
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    faces[area < 0] = faces[area < 0][:, ::-1]
+    return vertices, faces[area != 0]
+
+
+def _corner_normals(corner_vertex: Int32Array, area_normals: Float64Array, crease_cosine: float) -> Float64Array:
+    """(3T, 3) per corner: area-weighted mean of the faces at its vertex that lie within the crease angle of its own."""
+    unit = area_normals / np.linalg.norm(area_normals, axis=1, keepdims=True)
+    order = np.argsort(corner_vertex, kind="stable")
+    counts = np.bincount(corner_vertex)
+    starts = np.cumsum(counts) - counts
+    repeats = counts[corner_vertex]
+    corner = np.repeat(np.arange(len(corner_vertex)), repeats)
+    within = np.arange(len(corner)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+    face, other = corner // 3, order[starts[corner_vertex[corner]] + within] // 3
+    smooth = (np.einsum("ij,ij->i", unit[face], unit[other]) >= crease_cosine - 1e-9) | (face == other)
+    normals = np.stack(
+        [np.bincount(corner[smooth], area_normals[other[smooth], k], len(corner_vertex)) for k in range(3)], axis=1
+    )
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), np.repeat(unit, 3, axis=0))
+
+
+def _surface_coordinates(points: Float64Array, normals: Float64Array) -> Float64Array:
+    """(N, 2) x, y where the surface is nearly level; elsewhere metres along its horizontal, and z."""
+    across = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    upright = np.stack([np.einsum("ij,ij->i", across, points[:, :2]), points[:, 2]], axis=1)
+    return np.where(np.abs(normals[:, 2:]) > 0.7, points[:, :2], upright)

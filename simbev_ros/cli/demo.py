@@ -1,0 +1,59 @@
+"""``simbev demo``: one short scene from nothing to a bag, a picture and a video."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import InputError
+
+
+def demo(
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to make; default: out/demo, or the next free out/demo-2, …")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Another scene.", min=0, max=2**31, show_default=False)] = None,
+) -> None:
+    """Simulate, sense, label and record one short scene, and draw a preview of it.
+
+    [bold]Examples[/]
+
+    simbev demo
+
+    simbev demo --seed 12 --out /tmp/demo12
+    """
+    from simbev_ros.cli.preview import write_preview
+    from simbev_ros.cli.scenes import play_scenes
+
+    console = Console()
+    scenario = load_scenario("demo")
+    if seed is not None:
+        scenario = scenario.model_copy(update={"seed": seed})
+    folder = out or _free_folder(Path("out/demo"))
+    if folder.exists():
+        raise InputError(f"--out {folder}: exists already; nothing was overwritten")
+    (bag,) = play_scenes(scenario, console, dataset=folder)
+    preview = write_preview(bag, folder, console=console)
+    console.print()
+    console.print(f"bag      {bag}", soft_wrap=True)
+    for path in preview:
+        console.print(f"preview  {path}", soft_wrap=True)
+    console.print(
+        f"""
+[bold]What next[/]
+  simbev info {bag}        what is in it
+  ros2 bag play {bag}      or open the .mcap file in Foxglove, Lichtblick or Rerun
+  simbev run live --live   stream to your own nodes""",
+        soft_wrap=True,
+    )
+
+
+def _free_folder(wanted: Path) -> Path:
+    """The path, or the first of ``path-2``, ``path-3``, … that is not there."""
+    number, path = 1, wanted
+    while path.exists():
+        number += 1
+        path = wanted.with_name(f"{wanted.name}-{number}")
+    return path

@@ -1,0 +1,104 @@
+"""``simbev doctor``: what this machine has and lacks."""
+
+import os
+import platform
+import shutil
+from collections.abc import Callable, Iterator
+from importlib import metadata, util
+from typing import NamedTuple
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from simbev_ros.errors import SimbevError
+
+
+class Finding(NamedTuple):
+    """One line of the report; ``fine`` None: only for information."""
+
+    subject: str
+    found: str
+    fine: bool | None = None
+
+
+def doctor() -> None:
+    """Check Python, ROS, renderer, ray caster, traffic simulator and memory of this machine.
+
+    Exit code 1 if something that is needed is missing.
+    """
+    table = Table("", "part", "found", box=None)
+    findings = list(_findings())
+    for finding in findings:
+        mark = {True: "[green]✓[/]", False: "[red]✗[/]", None: "·"}[finding.fine]
+        table.add_row(mark, finding.subject, finding.found)
+    Console().print(table)
+    if any(finding.fine is False for finding in findings):
+        raise typer.Exit(1)
+
+
+def _findings() -> Iterator[Finding]:
+    yield Finding("Python", platform.python_version(), True)
+    memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    yield Finding("machine", f"{os.cpu_count()} cores, {memory_gib:.0f} GiB of memory")
+    yield _checked("ROS 2", _ros)
+    for package, use in (("tf2_msgs", "/tf live"), ("vision_msgs", "Detection3DArray")):
+        there = util.find_spec(package) is not None
+        yield Finding(package, f"installed: {use}" if there else f"not installed: no {use} (bags are not affected)")
+    yield _checked("renderer", _renderer)
+    yield _checked("ray caster", _ray_caster)
+    yield _checked("traffic", _traffic)
+    yield _shared_memory()
+    free_gib = shutil.disk_usage(".").free / 2**30
+    yield Finding("disk", f"{free_gib:.1f} GiB free here", free_gib > 2)
+
+
+def _checked(subject: str, check: Callable[[], str]) -> Finding:
+    try:
+        return Finding(subject, check(), True)
+    except (ImportError, OSError, SimbevError) as error:
+        return Finding(subject, f"{error}", False)
+
+
+def _ros() -> str:
+    import rclpy
+    from rclpy.utilities import get_rmw_implementation_identifier
+
+    origin = "wheels" if _installed("ros-rclpy") else f"{os.environ.get('ROS_DISTRO', 'unknown')} of this machine"
+    return f"rclpy from {origin}, {get_rmw_implementation_identifier()} ({os.path.dirname(rclpy.__file__)})"  # noqa: PTH120
+
+
+def _renderer() -> str:
+    from simbev_ros.render.context import describe_renderer
+
+    return describe_renderer()
+
+
+def _ray_caster() -> str:
+    name = next((name for name in ("open3d-cpu", "open3d") if _installed(name)), None)
+    if name is None or util.find_spec("open3d") is None:
+        raise ImportError("neither open3d-cpu nor open3d is installed")
+    return f"Embree of {name} {metadata.version(name)}"
+
+
+def _traffic() -> str:
+    return f"SUMO {metadata.version('libsumo')}"
+
+
+def _shared_memory() -> Finding:
+    try:
+        size_mib = shutil.disk_usage("/dev/shm").total / 2**20
+    except OSError as error:
+        return Finding("/dev/shm", str(error), False)
+    enough = size_mib >= 1024
+    return Finding(
+        "/dev/shm", f"{size_mib:.0f} MiB" + ("" if enough else "; the graph wants 1024 (--shm-size)"), enough
+    )
+
+
+def _installed(distribution: str) -> bool:
+    try:
+        metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return False
+    return True

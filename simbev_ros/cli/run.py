@@ -1,0 +1,39 @@
+"""``simbev run``: start the graph and stream the scenes of a configuration."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.paths import shipped_config_dir
+
+
+def run(
+    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper.", show_default=False)],
+    live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
+    record: Annotated[Path | None, typer.Option(help="Record each scene as a bag in this dataset folder.")] = None,
+    domain: Annotated[
+        int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
+    ] = None,
+) -> None:
+    """Start the graph and stream, until Ctrl-C or until the scenes end.
+
+    [bold]Examples[/]
+
+    simbev run live --live                       stream in real time
+
+    simbev run my.yaml --record datasets/first   as fast as it goes, every message recorded
+    """
+    from simbev_ros.cli.scenes import play_scenes
+
+    scenario = load_scenario(config)
+    console = Console()
+    if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
+        domain = 0
+    profile = shipped_config_dir() / "fastdds.xml"
+    console.print(f"subscribers: export FASTRTPS_DEFAULT_PROFILES_FILE={profile}", style="dim", soft_wrap=True)
+    for bag in play_scenes(scenario, console, live=live, dataset=record, domain=domain):
+        console.print(f"recorded {bag}", soft_wrap=True)

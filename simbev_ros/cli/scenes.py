@@ -1,0 +1,98 @@
+"""Playing the scenes of a configuration on a graph, with a progress bar: what ``run``, ``demo`` and ``bench`` share."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.errors import InputError
+from simbev_ros.graph.interrupts import raising_interrupts
+from simbev_ros.graph.session import GraphSession
+from simbev_ros.maps.build import load_network
+from simbev_ros.recording.layout import partial_of, scene_folder
+from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.spec import SceneSpec
+
+
+def play_scenes(
+    scenario: Scenario, console: Console, *, live: bool = False, dataset: Path | None = None, domain: int | None = None
+) -> list[Path]:
+    """Play every scene of a configuration; give the folders of the bags.
+
+    Everything that can be wrong with the input is found out before the graph starts.
+
+    Raises:
+        InputError: a scene cannot be drawn, or its bag cannot be written.
+        GraphError: a node died or fell silent.
+    """
+    specs = drawn_scenes(scenario)
+    if dataset is not None:
+        check_writable(dataset, specs)
+    with raising_interrupts(), GraphSession(scenario, live=live, dataset=dataset, domain=domain) as session:
+        console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
+        for spec in specs:
+            with scene_progress(spec, console) as progress:
+                session.play(spec, progress)
+    return [scene_folder(dataset, spec.split, spec.name) for spec in specs] if dataset is not None else []
+
+
+def drawn_scenes(scenario: Scenario) -> list[SceneSpec]:
+    """All scenes that a configuration asks for."""
+    planned = list(planned_scenes(scenario))
+    networks = {scene.map: load_network(scene.map) for scene in planned}
+    return [draw_scene(scenario, scene, networks[scene.map]) for scene in planned]
+
+
+def check_writable(dataset: Path, specs: Sequence[SceneSpec]) -> None:
+    """Make the dataset's folder; refuse scenes that are already there.
+
+    Raises:
+        InputError: the folder cannot be made or written to, or a scene's bag exists.
+    """
+    for spec in specs:
+        folder = scene_folder(dataset, spec.split, spec.name)
+        for taken in (folder, partial_of(folder)):
+            if taken.exists():
+                raise InputError(
+                    f"{taken}: exists already; nothing was overwritten. Choose another folder or move it away"
+                )
+    try:
+        (dataset / "scenes").mkdir(parents=True, exist_ok=True)
+        probe = dataset / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None
+
+
+@contextmanager
+def scene_progress(spec: SceneSpec, console: Console) -> Iterator[Callable[[int | None], None]]:
+    """A progress bar of one scene; gives the function that is told the last finished tick."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        MofNCompleteColumn(),
+        TextColumn("ticks"),
+        _TickRate(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, expand=True) as bars:
+        task = bars.add_task(f"{spec.name}: loading", total=spec.ticks)
+
+        def progress(tick: int | None) -> None:
+            if tick is not None:
+                bars.update(task, description=spec.name, completed=max(tick + 1, 0))
+
+        yield progress
+
+
+class _TickRate(ProgressColumn):
+    """Ticks per second, of late."""
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.1f} ticks/s", style="progress.data.speed")

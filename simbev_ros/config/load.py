@@ -1,0 +1,156 @@
+"""From a path to a checked ``Scenario``; every error names file, line, field, value and what is allowed."""
+
+import difflib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from simbev_ros.config.paths import shipped_config_dir
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.yaml_file import YamlFile
+from simbev_ros.errors import InputError
+
+
+def load_scenario(path_or_name: str | Path) -> Scenario:
+    """The configuration at a path, or the shipped one of that name (``demo``, ``live``, ``paper``).
+
+    Raises:
+        InputError: no such file, or something in it is wrong.
+    """
+    file = YamlFile(find_config(path_or_name))
+    data = file.data
+    if not isinstance(data, dict):
+        raise InputError(f"{file.path}: must be a mapping of sections, not {_shown(data)}")
+    rig = data.get("rig")
+    if isinstance(rig, str):
+        rig_file = YamlFile(_find_rig(rig, file.path))
+        data = {**data, "rig": expanded_rig(rig_file.data, rig_file.path)}
+        return _validated(data, file, rig_file)
+    if rig is not None:
+        data = {**data, "rig": expanded_rig(rig, file.path)}
+    return _validated(data, file, None)
+
+
+def find_config(path_or_name: str | Path) -> Path:
+    """The path itself if it is there, else the shipped configuration of that name."""
+    path = Path(path_or_name)
+    shipped = {file.stem: file for file in sorted(shipped_config_dir().glob("*.yaml"))}
+    if path.is_file():
+        return path
+    if path.exists():
+        raise InputError(f"{path}: is not a file")
+    if str(path_or_name) in shipped:
+        return shipped[str(path_or_name)]
+    raise InputError(f"{path}: no such file; shipped configurations are {', '.join(shipped)}")
+
+
+def expanded_rig(data: Any, path: Path) -> Any:
+    """A rig's data with its ``defaults`` (by sensor type) written into each sensor."""
+    if not isinstance(data, dict) or "defaults" not in data:
+        return data
+    data = dict(data)
+    defaults = data.pop("defaults")
+    if not isinstance(defaults, dict) or not all(isinstance(entry, dict) for entry in defaults.values()):
+        raise InputError(f"{path}: defaults: must map sensor types to properties")
+    sensors = data.get("sensors")
+    if isinstance(sensors, list):
+        types = {sensor.get("type") for sensor in sensors if isinstance(sensor, dict)}
+        unused = [kind for kind in defaults if kind not in types]
+        if unused:
+            raise InputError(f"{path}: defaults: no sensor of type {', '.join(map(str, unused))} is in the rig")
+        data["sensors"] = [
+            {**defaults.get(sensor.get("type"), {}), **sensor} if isinstance(sensor, dict) else sensor
+            for sensor in sensors
+        ]
+    return data
+
+
+def _find_rig(name: str, config_path: Path) -> Path:
+    candidates = [config_path.parent / name, shipped_config_dir() / name]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    raise InputError(f"{config_path}: rig: no such file: {candidates[0]}")
+
+
+def _validated(data: dict[str, Any], file: YamlFile, rig_file: YamlFile | None) -> Scenario:
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        lines = [_explain(entry, data, file, rig_file) for entry in error.errors()]
+        raise InputError("\n".join(dict.fromkeys(lines))) from None
+
+
+def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -> str:
+    """One line for one of pydantic's errors."""
+    keys = _keys_in_data(entry["loc"], data)
+    source, source_keys = (rig_file, keys[1:]) if rig_file and keys[:1] == ["rig"] else (file, keys)
+    line = source.line_of(source_keys)
+    field = _dotted(source_keys)
+    message = entry["msg"].removeprefix("Value error, ")
+    if entry["type"] == "extra_forbidden":
+        message = f"unknown key{_suggestion(str(keys[-1]), entry['loc'], data)}"
+    elif entry["type"] == "missing":
+        message = "is missing"
+    elif entry["type"] != "value_error":
+        message = f"{message}, not {_shown(entry['input'])}"
+    return f"{source.path}:{line}: {field + ': ' if field else ''}{message}"
+
+
+def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
+    """Pydantic's location without the names of union branches, which are not in the file."""
+    keys: list[str | int] = []
+    for index, key in enumerate(location):
+        last = index == len(location) - 1
+        if isinstance(data, dict) and (key in data or (last and isinstance(key, str) and key not in _BRANCHES)):
+            data = data.get(key)
+        elif isinstance(data, (list, tuple)) and isinstance(key, int) and key < len(data):
+            data = data[key]
+        else:
+            continue
+        keys.append(key)
+    return keys
+
+
+_BRANCHES = {"number", "distribution", "paper", "camera", "lidar", "gnss", "imu"}
+
+
+def _suggestion(key: str, location: Sequence[str | int], data: Any) -> str:
+    allowed = _allowed_keys(Scenario, location[:-1])
+    close = difflib.get_close_matches(key, allowed, n=1, cutoff=0.5)
+    meant = f"; did you mean {close[0]}?" if close else ""
+    return f"{meant or ';'} allowed: {', '.join(allowed)}" if allowed else meant
+
+
+def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:
+    """Field names of the model at a location of pydantic's."""
+    schema = model.model_json_schema()
+    node: Any = schema
+    for key in location:
+        node = _resolve(node, schema)
+        if isinstance(key, int):
+            node = node.get("items", {})
+        elif key in node.get("properties", {}):
+            node = node["properties"][key]
+        elif "discriminator" in node and key in node["discriminator"].get("mapping", {}):
+            node = {"$ref": node["discriminator"]["mapping"][key]}
+        else:
+            node = next((branch for branch in node.get("anyOf", node.get("oneOf", [])) if "$ref" in branch), {})
+    return list(_resolve(node, schema).get("properties", {}))
+
+
+def _resolve(node: Any, schema: Any) -> Any:
+    while "$ref" in node:
+        node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
+    return node
+
+
+def _dotted(keys: Sequence[str | int]) -> str:
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).lstrip(".")
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}…"

@@ -1,0 +1,154 @@
+"""The configuration file: one model for each section, defaults as in the paper."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from simbev_ros.config.base import Model
+from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
+from simbev_ros.config.rig import Rig
+from simbev_ros.geometry.grid import BevGrid
+
+Split = Literal["train", "val", "test"]
+SPLITS: tuple[Split, ...] = ("train", "val", "test")
+
+_Percent = Annotated[PaperOrDrawn, within(0, 100)]
+_Count = Annotated[PaperOrDrawn, within(0, 10_000)]
+_Probability = Annotated[float, Field(ge=0, le=1)]
+
+
+class MapScenes(Model):
+    """How many scenes of one map are wanted in each split."""
+
+    map: str
+    train: int = Field(0, ge=0, le=100_000)
+    val: int = Field(0, ge=0, le=100_000)
+    test: int = Field(0, ge=0, le=100_000)
+
+
+class Timing(Model):
+    """Lengths of time."""
+
+    tick_s: float = Field(0.05, ge=0.001, le=1)
+    warm_up_s: float = Field(4.0, gt=0, le=600, description="simulated at first, not recorded")
+    duration_s: float = Field(16.0, gt=0, le=3000)
+
+    @model_validator(mode="after")
+    def _whole_ticks(self) -> Self:
+        for name in ("warm_up_s", "duration_s"):
+            ticks = getattr(self, name) / self.tick_s
+            if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
+                raise ValueError(f"{name} {getattr(self, name):g} is not a whole number of ticks of {self.tick_s:g} s")
+        return self
+
+    @property
+    def tick_ns(self) -> int:
+        """Length of a tick."""
+        return round(self.tick_s * 1e9)
+
+
+class WeatherConfig(Model):
+    """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on others."""
+
+    cloudiness: _Percent = "paper"
+    precipitation: _Percent = "paper"
+    precipitation_deposits: _Percent = "paper"
+    wetness: _Percent = "paper"
+    wind_intensity: _Percent = "paper"
+    sun_azimuth_deg: Annotated[PaperOrDrawn, within(0, 360)] = "paper"
+    sun_altitude_deg: Annotated[PaperOrDrawn, within(-90, 90)] = "paper"
+    fog_density: _Percent = "paper"
+    fog_distance_m: Annotated[PaperOrDrawn, within(0)] = "paper"
+    fog_falloff: Annotated[PaperOrDrawn, within(0)] = "paper"
+
+
+class Ego(Model):
+    """The ego vehicle."""
+
+    blueprint: str = "vehicle.sedan"
+    reckless_probability: _Probability = 0.01
+
+
+class Traffic(Model):
+    """Vehicles and pedestrians around the ego."""
+
+    vehicles: _Count = "paper"
+    pedestrians: _Count = "paper"
+    spawn_radius_m: float = Field(400.0, gt=0, le=10_000)
+    waypoint_spacing_m: float = Field(24.0, ge=12, le=500, description="between places where vehicles can start")
+    speed_factor: Annotated[Drawn, within(0.1, 4)] = Distribution(uniform=(0.8, 1.4))
+    min_gap_m: Annotated[Drawn, within(0.2, 20)] = Distribution(normal=(3.2, 1.0), min=0.5, max=10)
+    reckless_probability: _Probability = 0.01
+    pedestrian_max_speed_mps: Annotated[Drawn, within(0.8, 12)] = Distribution(lognormal=(0.16, 0.64), min=0.8, max=8)
+    green_time_s: Annotated[Drawn, within(2, 300)] = Distribution(uniform=(4, 28))
+
+
+class Bev(Model):
+    """The bird's-eye-view grid."""
+
+    rows: int = Field(360, ge=1, le=4096)
+    columns: int = Field(360, ge=1, le=4096)
+    cell_m: float = Field(0.4, gt=0, le=10)
+
+    @property
+    def grid(self) -> BevGrid:
+        """Its geometry."""
+        return BevGrid(self.rows, self.columns, self.cell_m)
+
+
+class Annotation(Model):
+    """What is annotated."""
+
+    box_radius_m: float = Field(120.0, gt=0, le=1000)
+    bev: Bev = Bev()
+
+
+class Recording(Model):
+    """How scenes are recorded."""
+
+    images: Literal["compressed", "raw"] = Field("compressed", description="compressed: JPEG and PNG forms")
+    chunk_kib: int = Field(4096, ge=64, le=65_536)
+
+
+class GraphConfig(Model):
+    """Processes and lockstep."""
+
+    window_ticks: int = Field(3, ge=1, le=8, description="ticks that the world may be ahead of the slowest node")
+    camera_processes: int = Field(1, ge=1, le=16)
+    participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready to wait for")
+    silence_timeout_s: float = Field(60.0, ge=1, le=3600, description="a node silent for longer ends the scene")
+
+
+class Scenario(Model):
+    """The whole configuration file."""
+
+    seed: int = Field(0, ge=0, le=2**31, description="a scene's seed is its number plus this")
+    scenes: tuple[MapScenes, ...] = Field(min_length=1)
+    time: Timing = Timing()
+    rig: Rig
+    ego: Ego = Ego()
+    weather: WeatherConfig = WeatherConfig()
+    traffic: Traffic = Traffic()
+    annotation: Annotation = Annotation()
+    recording: Recording = Recording()
+    graph: GraphConfig = GraphConfig()
+
+    @model_validator(mode="after")
+    def _rates_divide_tick_rate(self) -> Self:
+        for sensor in self.rig.sensors:
+            if sensor.rate_hz is None:
+                continue
+            ticks = 1 / (sensor.rate_hz * self.time.tick_s)
+            if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
+                tick_rate_hz = 1 / self.time.tick_s
+                raise ValueError(
+                    f"rig: sensor {sensor.name}: rate_hz {sensor.rate_hz:g} does not divide the tick rate "
+                    f"{tick_rate_hz:g} Hz; allowed are {tick_rate_hz:g}, {tick_rate_hz / 2:g}, {tick_rate_hz / 3:g}, …"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _some_scene(self) -> Self:
+        if not any(entry.train + entry.val + entry.test for entry in self.scenes):
+            raise ValueError("scenes: all counts are 0; ask for at least one scene")
+        return self

@@ -1,0 +1,91 @@
+"""The graph as seen from outside: requests scenes, follows what every node has finished and how it is doing."""
+
+import time
+from collections.abc import Iterable
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Header, String
+
+from simbev_ros.msgs import topics
+from simbev_ros.msgs.qos import LATCHED, rclpy_qos
+from simbev_ros.msgs.stamps import stamp_of
+from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.scene.spec import SceneSpec
+
+
+class GraphMonitor:
+    """A ROS node of the supervising process.
+
+    Args:
+        domain: ROS domain of the graph.
+        nodes: Names of our nodes, which also send diagnostics.
+        participants: All who report finished ticks behind the world: most of the nodes, and outside ones.
+    """
+
+    def __init__(self, domain: int, nodes: Iterable[str], participants: Iterable[str]) -> None:
+        self._nodes = tuple(nodes)
+        self.behind_world = Lockstep(participants, window_ticks=1)
+        self.world = Lockstep(["world"], window_ticks=1)
+        self._busy: dict[str, tuple[float, float]] = {}
+        self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("supervisor", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        ready_qos = rclpy_qos(LATCHED)
+        ready_qos.depth = 64
+        self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
+        self._node.create_subscription(Header, topics.READY, self._on_ready, ready_qos)
+        self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 64)
+
+    def request(self, spec: SceneSpec) -> None:
+        """Ask the world node to play a scene."""
+        self.behind_world.start_scene(spec)
+        self.world.start_scene(spec)
+        self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
+        self._request.publish(String(data=spec.model_dump_json()))
+
+    def spin(self, duration_s: float) -> None:
+        """Take messages for a while."""
+        end_s = time.monotonic() + duration_s
+        while (left_s := end_s - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left_s)
+
+    def silent(self, timeout_s: float) -> list[str]:
+        """Our nodes that have not been heard for longer than this."""
+        now_s = time.monotonic()
+        return [name for name, heard_s in self._heard_s.items() if now_s - heard_s > timeout_s]
+
+    def busy_ms(self, names: Iterable[str]) -> float:
+        """Time per tick that nodes were busy, together, since the graph started."""
+        return sum(self._busy[name][1] / max(self._busy[name][0], 1.0) for name in names if name in self._busy)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.shutdown()
+
+    def _on_ready(self, message: Header) -> None:
+        stamp_ns = stamp_of(message.stamp)
+        self.behind_world.finished(message.frame_id, stamp_ns)
+        self.world.finished(message.frame_id, stamp_ns)
+        self._hear(message.frame_id.partition(":")[0])
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._hear(status.hardware_id)
+            load = {entry.key: entry.value for entry in status.values}
+            if {"ticks", "busy_ms"} <= load.keys():
+                ticks, busy_ms = self._busy.get(status.hardware_id, (0.0, 0.0))
+                new_ticks = float(load["ticks"])
+                self._busy[status.hardware_id] = ticks + new_ticks, busy_ms + new_ticks * float(load["busy_ms"])
+
+    def _hear(self, name: str) -> None:
+        if name in self._heard_s:
+            self._heard_s[name] = time.monotonic()

@@ -1,0 +1,73 @@
+"""Which processes a graph has, with which nodes and parameters: from the configuration alone."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from simbev_ros.config.rig import Camera, Gnss, Imu, Lidar
+from simbev_ros.config.scenario import Scenario
+
+_Parameters = Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class NodePlan:
+    """One node: its kind, its name, its parameters."""
+
+    kind: str
+    name: str
+    parameters: _Parameters
+
+
+ProcessPlan = tuple[NodePlan, ...]
+"""The nodes that share one process."""
+
+
+def planned_processes(scenario: Scenario, *, live: bool, dataset: Path | None) -> list[ProcessPlan]:
+    """Every process of the graph, the world first.
+
+    Args:
+        scenario: The configuration.
+        live: Paced by the wall clock.
+        dataset: Where scenes are recorded; None: they are not.
+    """
+    behind = list(_processes_behind_world(scenario, live=live, dataset=dataset))
+    names = [node.name for process in behind for node in process]
+    state_readers = len([name for name in names if name != "recorder"]) + (dataset is not None)
+    parameters = {
+        "live": live,
+        "participants": [*names, *scenario.graph.participants],
+        "state_readers": state_readers,
+        "window_ticks": scenario.graph.window_ticks,
+    }
+    return [(NodePlan("world", "world", parameters),), *behind]
+
+
+def _processes_behind_world(scenario: Scenario, *, live: bool, dataset: Path | None) -> Iterator[ProcessPlan]:
+    compressed = scenario.recording.images == "compressed"
+    common = {"live": live, "recorded": dataset is not None}
+    cameras = [camera.name for camera in scenario.rig.of_type(Camera)]
+    shares = min(scenario.graph.camera_processes, len(cameras))
+    for index in range(shares):
+        name = "camera" if shares == 1 else f"camera_{index}"
+        sensors = {"sensors": cameras[index::shares], "compressed": compressed}
+        yield (NodePlan("camera", name, {**common, **sensors}),)
+    if scenario.rig.of_type(Lidar):
+        yield (NodePlan("lidar", "lidar", common),)
+    light = [
+        NodePlan(kind, kind, common) for kind, model in (("gnss", Gnss), ("imu", Imu)) if scenario.rig.of_type(model)
+    ]
+    if light:
+        yield tuple(light)
+    yield (NodePlan("annotator", "annotator", common),)
+    if dataset is not None:
+        parameters = {
+            "live": live,
+            "dataset": str(dataset.resolve()),
+            "config": yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False),
+            "compressed": compressed,
+            "chunk_kib": scenario.recording.chunk_kib,
+        }
+        yield (NodePlan("recorder", "recorder", parameters),)

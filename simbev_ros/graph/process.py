@@ -1,0 +1,97 @@
+"""One process of the graph: started in its own session, stopped politely and then by force, its output in a log."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import yaml
+
+NodeParameters = Mapping[str, Mapping[str, object]]
+"""Node name → its parameters."""
+
+
+class NodeProcess:
+    """A process with one or several nodes.
+
+    Args:
+        kinds: Kind of node → nodes of that kind are called like their keys in ``parameters``.
+        parameters: Parameters of each node, by name.
+        folder: Where its parameter file and its log go.
+        environment: Variables on top of the present ones.
+    """
+
+    def __init__(
+        self, kinds: Sequence[str], parameters: NodeParameters, folder: Path, environment: Mapping[str, str]
+    ) -> None:
+        self.names = tuple(parameters)
+        self.label = "+".join(self.names)
+        self.log = folder / f"{self.label}.log"
+        file = folder / f"{self.label}.yaml"
+        file.write_text(yaml.safe_dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}))
+        nodes = [f"{kind}:{name}" for kind, name in zip(kinds, self.names, strict=True)]
+        command = [sys.executable, "-m", "simbev_ros.nodes.main", *nodes, "--ros-args", "--params-file", str(file)]
+        with self.log.open("wb") as log:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **environment},
+                start_new_session=True,
+            )
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs; negative: killed by that signal."""
+        return self._process.poll()
+
+    @property
+    def cpu_s(self) -> float:
+        """User and system time so far; 0 when it has ended."""
+        try:
+            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    @property
+    def memory_mib(self) -> float:
+        """Resident memory; 0 when it has ended."""
+        try:
+            pages = int(Path(f"/proc/{self.pid}/statm").read_text().split()[1])
+        except OSError:
+            return 0.0
+        return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+    def describe_end(self) -> str:
+        """Why it ended, with the last words of its log."""
+        code = self.exit_code
+        reason = f"exit code {code}"
+        if code is not None and code < 0:
+            reason = f"killed by {signal.Signals(-code).name}"
+        words = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        return f"{reason}: {words[-1]}" if words else reason
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        if self.exit_code is None:
+            self._process.send_signal(signal.SIGTERM)
+            self._process.send_signal(signal.SIGCONT)  # a stopped process would never see the request
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for its end; kill it when the time is up. True if it went by itself."""
+        try:
+            self._process.wait(timeout_s)
+            return True
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            return False

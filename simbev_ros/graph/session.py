@@ -1,0 +1,142 @@
+"""A running graph: starts its processes, plays scenes on it, watches it, and ends it without leftovers."""
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Self
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.errors import GraphError
+from simbev_ros.graph.domain import DomainLock
+from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.monitor import GraphMonitor
+from simbev_ros.graph.plan import planned_processes
+from simbev_ros.graph.process import NodeProcess
+from simbev_ros.graph.shared_memory import held_files, remove_orphans
+from simbev_ros.scene.spec import SceneSpec
+
+_POLL_S = 0.1
+_STOP_TIMEOUT_S = 8.0
+
+Progress = Callable[[int | None], None]
+"""Called with the last tick that every participant has finished; None while they load the scene."""
+
+
+class GraphSession:
+    """The processes of one graph, reused from scene to scene.
+
+    As a context manager it stops them, whatever happens, and removes what they leave in shared memory.
+
+    Args:
+        scenario: The configuration.
+        live: Paced by the wall clock, sensors best effort.
+        dataset: Where scenes are recorded; None: they are not.
+        domain: ROS domain; None: that of the environment, else a free one.
+    """
+
+    def __init__(
+        self, scenario: Scenario, *, live: bool = False, dataset: Path | None = None, domain: int | None = None
+    ) -> None:
+        self._scenario = scenario
+        self._live = live
+        self._dataset = dataset
+        self._lock = DomainLock(domain)
+        self.domain = self._lock.domain
+        self._folder = Path(tempfile.mkdtemp(prefix="simbev_ros-"))
+        self._processes: list[NodeProcess] = []
+        self._monitor: GraphMonitor | None = None
+        self._shared_memory: set[Path] = set()
+        self._failed = False
+
+    def __enter__(self) -> Self:
+        try:
+            self._start()
+        except BaseException:
+            self._stop()
+            raise
+        return self
+
+    def _start(self) -> None:
+        environment = graph_environment(self.domain)
+        os.environ.update(environment)  # for the monitor: the middleware reads it when the first node is made
+        plans = planned_processes(self._scenario, live=self._live, dataset=self._dataset)
+        for nodes in plans:
+            parameters = {node.name: node.parameters for node in nodes}
+            kinds = [node.kind for node in nodes]
+            self._processes.append(NodeProcess(kinds, parameters, self._folder, environment))
+        names = [node.name for nodes in plans for node in nodes]
+        self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.graph.participants])
+
+    def play(self, spec: SceneSpec, progress: Progress) -> None:
+        """Play a scene to its end.
+
+        Args:
+            spec: The scene.
+            progress: Called often.
+
+        Raises:
+            GraphError: a node died, or was silent for too long; the message names it.
+        """
+        self.monitor.request(spec)
+        while (tick := self._finished_tick()) is None or tick < spec.ticks - 1:
+            progress(tick)
+            self.monitor.spin(_POLL_S)
+            self._check(tick)
+        progress(tick)
+
+    @property
+    def monitor(self) -> GraphMonitor:
+        """The view of the running graph."""
+        assert self._monitor is not None, "the session has not been entered"
+        return self._monitor
+
+    def cpu_s(self) -> dict[str, float]:
+        """Processor time of every process so far."""
+        return {process.label: process.cpu_s for process in self._processes}
+
+    def memory_mib(self) -> dict[str, float]:
+        """Resident memory of every process."""
+        return {process.label: process.memory_mib for process in self._processes}
+
+    def _finished_tick(self) -> int | None:
+        """In live mode nodes may leave out ticks, the last one too: then the world decides, and the recorder."""
+        if not self._live:
+            return self.monitor.behind_world.finished_by_all()
+        return self.monitor.world.finished_by_all()
+
+    def _check(self, tick: int | None) -> None:
+        for process in self._processes:
+            self._shared_memory |= held_files(process.pid)
+        where = "while the scene was loading" if tick is None else f"after tick {tick}"
+        for process in self._processes:
+            if process.exit_code is not None:
+                self._fail(f"node {process.label} died {where}: {process.describe_end()}")
+        timeout_s = self._scenario.graph.silence_timeout_s
+        silent = self.monitor.silent(timeout_s)
+        if silent:
+            self._fail(f"node {', '.join(silent)} has been silent for {timeout_s:g} s, {where}")
+
+    def _fail(self, message: str) -> None:
+        self._failed = True
+        raise GraphError(f"{message}\nlogs: {self._folder}")
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+
+    def _stop(self) -> None:
+        """Stop all processes, the recorder too in its own time, and remove every trace but the logs of a failure."""
+        for process in self._processes:
+            self._shared_memory |= held_files(process.pid)
+            process.terminate()
+        end_s = time.monotonic() + _STOP_TIMEOUT_S
+        for process in self._processes:
+            process.join(max(end_s - time.monotonic(), 0.1))
+        if self._monitor is not None:
+            self._monitor.close()
+        remove_orphans(self._shared_memory)
+        if not self._failed:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        self._lock.__exit__()

@@ -1,0 +1,101 @@
+"""Places traffic-light heads and their poles: the net says what is controlled, we say where it hangs.
+
+An approach of one lane has a post at the near side, right of the stop line. A wider approach has a mast, whose arm
+carries one head above each lane: at the far side, right of the street that leads straight on, or at the near side where
+none does.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
+
+import numpy as np
+
+from simbev_ros.maps.network import Lane, LaneKind, Signal
+from simbev_ros.maps.sumo_net import ControlledLink
+from simbev_ros.types import Float64Array
+
+_CURB_TO_POLE_M = 0.6
+_HEAD_BEFORE_POLE_M = 0.25
+_POST_HEAD_HEIGHT_M = 3.0
+_ARM_HEAD_HEIGHT_M = 5.6
+_FAR_SIDE_SETBACK_M = 0.5
+_MOST_BENT_RAD = np.radians(30.0)
+_STRAIGHTNESS = "sRLrlt"  # SUMO's codes of direction, straightest first
+
+
+def place_signals(lanes: Mapping[str, Lane], links: Sequence[ControlledLink]) -> tuple[Signal, ...]:
+    """One head for each controlled driving lane, showing the link of its straightest movement.
+
+    Args:
+        lanes: The net's lanes by id.
+        links: Its controlled links.
+
+    Returns:
+        Heads in ascending order of programme and link.
+    """
+    main = _main_links(links)
+    approaches: dict[str, list[Lane]] = defaultdict(list)
+    for lane_id in main:
+        approaches[lanes[lane_id].edge].append(lanes[lane_id])
+    signals = [
+        Signal(position_m, yaw_rad, pole_m, main[lane.id].programme, main[lane.id].link, lane.id)
+        for approach in approaches.values()
+        for lane, position_m, yaw_rad, pole_m in _placed(sorted(approach, key=lambda lane: lane.index), lanes)
+    ]
+    return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
+
+
+def _main_links(links: Sequence[ControlledLink]) -> dict[str, ControlledLink]:
+    """Lane id → the link of its straightest movement."""
+    main: dict[str, ControlledLink] = {}
+    for link in sorted(links, key=lambda link: (_STRAIGHTNESS.index(link.direction), link.link)):
+        main.setdefault(link.lane, link)
+    return main
+
+
+def _placed(
+    approach: Sequence[Lane], lanes: Mapping[str, Lane]
+) -> Iterator[tuple[Lane, Float64Array, float, Float64Array]]:
+    """Each lane of an approach (from right to left) with its head's position, the yaw of its lamps and its pole."""
+    curb_m, heading = _curb(approach[0], -1)
+    exit_lane = _straight_exit(approach, lanes) if len(approach) > 1 else None
+    if exit_lane is not None:
+        curb_m, heading = _curb(exit_lane, 0)
+        curb_m = curb_m + _FAR_SIDE_SETBACK_M * heading
+    left = np.array([-heading[1], heading[0], 0.0])
+    pole_m = curb_m - _CURB_TO_POLE_M * left
+    yaw_rad = float(np.arctan2(-heading[1], -heading[0]))
+    left_borders_m = accumulate(lane.width_m for lane in approach)
+    for lane, left_border_m in zip(approach, left_borders_m, strict=True):
+        foot_m = pole_m if len(approach) == 1 else curb_m + (left_border_m - lane.width_m / 2.0) * left
+        height_m = _POST_HEAD_HEIGHT_M if len(approach) == 1 else _ARM_HEAD_HEIGHT_M
+        yield lane, foot_m - _HEAD_BEFORE_POLE_M * heading + [0.0, 0.0, height_m], yaw_rad, pole_m
+
+
+def _curb(lane: Lane, end: int) -> tuple[Float64Array, Float64Array]:
+    """(3,) right border of a lane and (3,) level unit vector in driving direction, at its start (0) or end (-1)."""
+    step_m = np.diff(lane.centerline_m, axis=0)[end] * [1.0, 1.0, 0.0]
+    heading = step_m / np.linalg.norm(step_m)
+    return lane.centerline_m[end] + lane.width_m / 2.0 * np.array([heading[1], -heading[0], 0.0]), heading
+
+
+def _straight_exit(approach: Sequence[Lane], lanes: Mapping[str, Lane]) -> Lane | None:
+    """The rightmost driving lane of the street that leads on most nearly straight, or None if all turn off."""
+    _, heading_in = _curb(approach[0], -1)
+    exits = {lane.edge: lane for start in approach for lane in _beyond_junction(start, lanes)}
+    bends_rad = {edge: float(np.arccos(np.clip(_curb(lane, 0)[1] @ heading_in, -1, 1))) for edge, lane in exits.items()}
+    straightest = min(bends_rad, key=lambda edge: bends_rad[edge], default=None)
+    if straightest is None or bends_rad[straightest] > _MOST_BENT_RAD:
+        return None
+    side_by_side = [lane for lane in lanes.values() if lane.edge == straightest and lane.kind is LaneKind.DRIVING]
+    return min(side_by_side, key=lambda lane: lane.index)
+
+
+def _beyond_junction(lane: Lane, lanes: Mapping[str, Lane]) -> Iterator[Lane]:
+    """Lanes outside junctions that a lane leads to."""
+    for successor in lane.successors:
+        if lanes[successor].junction:
+            yield from _beyond_junction(lanes[successor], lanes)
+        else:
+            yield lanes[successor]

@@ -1,0 +1,62 @@
+"""Arrays → Image, CompressedImage and CameraInfo."""
+
+from array import array
+
+import numpy as np
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.msgs.stamps import header
+from simbev_ros.types import AnyArray
+
+_ENCODING = {
+    ("uint8", 1): "mono8",
+    ("uint8", 3): "rgb8",
+    ("uint16", 1): "mono16",
+    ("float32", 1): "32FC1",
+    ("float32", 2): "32FC2",
+}
+
+
+def encoding_of(image: AnyArray) -> str:
+    """ROS encoding of an (H, W) or (H, W, C) array.
+
+    Raises:
+        KeyError: none fits its dtype and channels.
+    """
+    return _ENCODING[image.dtype.name, image.shape[2] if image.ndim == 3 else 1]
+
+
+def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
+    """Image of an (H, W) or (H, W, C) array."""
+    height, width = image.shape[:2]
+    image = np.ascontiguousarray(image)
+    return Image(
+        header=header(stamp_ns, frame),
+        height=height,
+        width=width,
+        encoding=encoding_of(image),
+        is_bigendian=0,
+        step=image.nbytes // height,
+        data=array("B", image.tobytes()),
+    )
+
+
+def compressed_image_message(data: bytes, image_format: str, stamp_ns: int, frame: str) -> CompressedImage:
+    """CompressedImage of encoded bytes."""
+    return CompressedImage(header=header(stamp_ns, frame), format=image_format, data=array("B", data))
+
+
+def camera_info_message(camera: PinholeCamera, stamp_ns: int, frame: str) -> CameraInfo:
+    """CameraInfo of an ideal camera: no distortion, rectification the identity."""
+    matrix = camera.matrix
+    return CameraInfo(
+        header=header(stamp_ns, frame),
+        height=camera.height_px,
+        width=camera.width_px,
+        distortion_model="plumb_bob",
+        d=[0.0] * 5,
+        k=matrix.ravel().tolist(),
+        r=np.eye(3).ravel().tolist(),
+        p=np.hstack([matrix, np.zeros((3, 1))]).ravel().tolist(),
+    )

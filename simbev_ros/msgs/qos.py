@@ -1,0 +1,33 @@
+"""Quality of service of every kind of topic."""
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from simbev_ros.msgs.topics import Topic
+from simbev_ros.recording.qos import QosProfile
+
+_DEPTH = 16
+"""Deeper than the lockstep window can fill: at most 8 ticks are under way."""
+
+LATCHED = QosProfile(reliability="reliable", durability="transient_local", depth=1)
+STATE = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
+SENSOR_LOCKSTEP = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
+SENSOR_LIVE = QosProfile(reliability="best_effort", durability="volatile", depth=5)
+
+
+def qos_of(topic: Topic, *, live: bool) -> QosProfile:
+    """QoS that a topic is published with."""
+    if topic.period_ticks == 0:
+        return LATCHED
+    if topic.sensor:
+        return SENSOR_LIVE if live else SENSOR_LOCKSTEP
+    return STATE
+
+
+def rclpy_qos(profile: QosProfile) -> QoSProfile:
+    """The same for rclpy."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=profile.depth,
+        reliability=ReliabilityPolicy[profile.reliability.upper()],
+        durability=DurabilityPolicy[profile.durability.upper()],
+    )

@@ -1,0 +1,45 @@
+"""Integer nanoseconds ↔ builtin_interfaces/Time, and reading the stamp of a serialised message."""
+
+import json
+import struct
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+NS_PER_S = 1_000_000_000
+
+
+def time_message(stamp_ns: int) -> Time:
+    """Time of integer nanoseconds."""
+    return Time(sec=stamp_ns // NS_PER_S, nanosec=stamp_ns % NS_PER_S)
+
+
+def header(stamp_ns: int, frame: str) -> Header:
+    """Header of integer nanoseconds and a frame."""
+    return Header(stamp=time_message(stamp_ns), frame_id=frame)
+
+
+def stamp_of(time: Time) -> int:
+    """Integer nanoseconds of a Time."""
+    return int(time.sec) * NS_PER_S + int(time.nanosec)
+
+
+def stamp_of_serialised(payload: bytes, type_name: str) -> int | None:
+    """Stamp of a message in little-endian CDR, without deserialising it.
+
+    Messages that begin with a Header or a Time carry it after the 4 bytes of encapsulation, arrays of such messages
+    after their length, and our JSON strings in ``stamp_ns``.
+
+    Returns:
+        Nanoseconds, or None where the message has no stamp (a JSON string without ``stamp_ns``, an empty array).
+    """
+    if type_name == "std_msgs/msg/String":
+        stamp = json.loads(payload[8:].rstrip(b"\0")).get("stamp_ns")
+        return None if stamp is None else int(stamp)
+    offset = 4
+    if type_name in ("visualization_msgs/msg/MarkerArray", "tf2_msgs/msg/TFMessage"):
+        if struct.unpack_from("<I", payload, 4)[0] == 0:
+            return None
+        offset = 8
+    seconds, nanoseconds = struct.unpack_from("<iI", payload, offset)
+    return int(seconds) * NS_PER_S + int(nanoseconds)

@@ -1,0 +1,59 @@
+"""Structured arrays ↔ sensor_msgs/PointCloud2: one point a row, one field a column."""
+
+from array import array
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2, PointField
+
+from simbev_ros.msgs.stamps import header
+from simbev_ros.types import Table
+
+_DATATYPE = {
+    "i1": PointField.INT8,
+    "u1": PointField.UINT8,
+    "i2": PointField.INT16,
+    "u2": PointField.UINT16,
+    "i4": PointField.INT32,
+    "u4": PointField.UINT32,
+    "f4": PointField.FLOAT32,
+    "f8": PointField.FLOAT64,
+}
+_CODE = {datatype: code for code, datatype in _DATATYPE.items()}
+
+
+def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: bool = True) -> PointCloud2:
+    """PointCloud2 of (N,) rows; offsets and point_step are those of the array's dtype.
+
+    Raises:
+        KeyError: a column has a type that PointCloud2 does not know (64-bit integers, for one).
+    """
+    dtype = table.dtype
+    assert dtype.fields is not None and dtype.names is not None
+    fields = [
+        PointField(name=name, offset=int(dtype.fields[name][1]), datatype=_DATATYPE[dtype[name].str[1:]], count=1)
+        for name in dtype.names
+    ]
+    return PointCloud2(
+        header=header(stamp_ns, frame),
+        height=1,
+        width=len(table),
+        fields=fields,
+        is_bigendian=False,
+        point_step=dtype.itemsize,
+        row_step=dtype.itemsize * len(table),
+        data=array("B", np.ascontiguousarray(table).tobytes()),
+        is_dense=is_dense,
+    )
+
+
+def table_from_message(message: PointCloud2) -> Table:
+    """(N,) structured array that shares the message's data."""
+    dtype = np.dtype(
+        {
+            "names": [field.name for field in message.fields],
+            "formats": ["<" + _CODE[field.datatype] for field in message.fields],
+            "offsets": [field.offset for field in message.fields],
+            "itemsize": message.point_step,
+        }
+    )
+    return np.frombuffer(message.data, dtype, count=message.width * message.height)

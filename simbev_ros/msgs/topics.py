@@ -1,0 +1,129 @@
+"""The topics of a scene: names, types and how often each is published. Pure: imports no ROS."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from simbev_ros.config.rig import Camera, Gnss, Imu, Lidar, Modality
+from simbev_ros.scene.spec import SceneSpec
+
+CLOCK = "/clock"
+SCENE = "/world/scene"
+MAP = "/world/map"
+REQUEST = "/world/request"
+ACTORS = "/world/actors"
+SIGNALS = "/world/signals"
+WEATHER = "/world/weather"
+WORLD_MARKERS = "/world/markers"
+READY = "/sync/ready"
+DIAGNOSTICS = "/diagnostics"
+TF = "/tf"
+TF_STATIC = "/tf_static"
+
+_COMPRESSED: dict[Modality, str] = {
+    "rgb": "compressed",
+    "semantic": "compressed",
+    "instance": "compressed",
+    "depth": "compressedDepth",
+    "flow": "compressed",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic of a scene.
+
+    Attributes:
+        name: With leading slash.
+        type: ROS type, e.g. ``sensor_msgs/msg/Image``.
+        period_ticks: One message every so many ticks from tick 0 on; 0: latched, one message a scene.
+        sensor: Sensor data, which live graphs send as best effort.
+    """
+
+    name: str
+    type: str
+    period_ticks: int = 1
+    sensor: bool = False
+
+
+def image_topic(agent: str, camera: str, modality: str) -> str:
+    """Raw image topic of a camera's modality."""
+    return f"/{agent}/{camera}/{modality}/image_raw"
+
+
+def compressed_topic(agent: str, camera: str, modality: Modality) -> str:
+    """Compressed form of ``image_topic``, named as image_transport does."""
+    return f"{image_topic(agent, camera, modality)}/{_COMPRESSED[modality]}"
+
+
+def camera_info_topic(agent: str, camera: str, modality: str) -> str:
+    """CameraInfo next to ``image_topic``."""
+    return f"/{agent}/{camera}/{modality}/camera_info"
+
+
+def agent_topic(agent: str, name: str) -> str:
+    """A topic in an agent's namespace."""
+    return f"/{agent}/{name}"
+
+
+def world_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """What the world node publishes and every scene has."""
+    yield Topic(SCENE, "std_msgs/msg/String", 0)
+    yield Topic(MAP, "std_msgs/msg/String", 0)
+    yield Topic(CLOCK, "rosgraph_msgs/msg/Clock")
+    yield Topic(ACTORS, "sensor_msgs/msg/PointCloud2")
+    yield Topic(SIGNALS, "sensor_msgs/msg/PointCloud2")
+    yield Topic(WEATHER, "std_msgs/msg/String")
+    yield Topic(agent_topic(spec.rig.agent, "odom"), "nav_msgs/msg/Odometry")
+
+
+def annotation_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """What the annotator publishes."""
+    agent = spec.rig.agent
+    yield Topic(agent_topic(agent, "bev/labels"), "sensor_msgs/msg/Image")
+    yield Topic(agent_topic(agent, "bev/color"), "sensor_msgs/msg/Image")
+    yield Topic(agent_topic(agent, "boxes"), "sensor_msgs/msg/PointCloud2")
+    yield Topic(agent_topic(agent, "boxes/markers"), "visualization_msgs/msg/MarkerArray")
+
+
+def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:
+    """What the rig's sensors publish; of images the compressed or the raw form."""
+    agent = spec.rig.agent
+    for sensor in spec.rig.sensors:
+        period = spec.period_ticks(sensor.rate_hz)
+        base = f"/{agent}/{sensor.name}"
+        match sensor:
+            case Camera():
+                for modality in sensor.modalities:
+                    if compressed_images:
+                        name, kind = compressed_topic(agent, sensor.name, modality), "CompressedImage"
+                    else:
+                        name, kind = image_topic(agent, sensor.name, modality), "Image"
+                    yield Topic(name, f"sensor_msgs/msg/{kind}", period, sensor=True)
+                    info = camera_info_topic(agent, sensor.name, modality)
+                    yield Topic(info, "sensor_msgs/msg/CameraInfo", period, sensor=True)
+            case Lidar():
+                if sensor.points:
+                    yield Topic(f"{base}/points", "sensor_msgs/msg/PointCloud2", period, sensor=True)
+                if sensor.semantic_points:
+                    yield Topic(f"{base}/semantic_points", "sensor_msgs/msg/PointCloud2", period, sensor=True)
+            case Gnss():
+                yield Topic(f"{base}/fix", "sensor_msgs/msg/NavSatFix", period, sensor=True)
+            case Imu():
+                yield Topic(f"{base}/data_raw", "sensor_msgs/msg/Imu", period, sensor=True)
+                yield Topic(f"{base}/data", "sensor_msgs/msg/Imu", period, sensor=True)
+
+
+def transform_topics() -> Iterator[Topic]:
+    """Transforms; in a bag they are always there, also where the graph cannot publish them."""
+    yield Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", 0)
+    yield Topic(TF, "tf2_msgs/msg/TFMessage")
+
+
+def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
+    """Every topic of a scene's bag, in the order in which a tick is written."""
+    return (
+        *world_topics(spec),
+        *transform_topics(),
+        *sensor_topics(spec, compressed_images=compressed_images),
+        *annotation_topics(spec),
+    )

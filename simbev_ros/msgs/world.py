@@ -1,0 +1,76 @@
+"""World state ↔ messages."""
+
+import json
+
+import numpy as np
+from geometry_msgs.msg import Point, Quaternion, Vector3
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
+from simbev_ros.msgs.stamps import header, stamp_of
+from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
+from simbev_ros.scene.weather import Weather
+from simbev_ros.types import Float64Array, Table
+
+MAP_FRAME = "map"
+
+
+def actors_message(state: WorldState) -> PointCloud2:
+    """The actors table."""
+    return message_from_table(state.actors, state.stamp_ns, MAP_FRAME)
+
+
+def signals_message(state: WorldState) -> PointCloud2:
+    """The traffic-lights table."""
+    return message_from_table(state.signals, state.stamp_ns, MAP_FRAME)
+
+
+def weather_message(state: WorldState) -> String:
+    """The weather as JSON, with the stamp that a String lacks."""
+    return String(data=json.dumps({"stamp_ns": state.stamp_ns, **state.weather.model_dump()}))
+
+
+def stamp_of_weather(message: String) -> int:
+    """Stamp inside a weather message."""
+    return int(json.loads(message.data)["stamp_ns"])
+
+
+def world_state(actors: PointCloud2, signals: PointCloud2, weather: String, tick: int) -> WorldState:
+    """The world at one tick from its three messages, which carry one stamp."""
+    fields = json.loads(weather.data)
+    del fields["stamp_ns"]
+    return WorldState(
+        stamp_ns=stamp_of(actors.header.stamp),
+        tick=tick,
+        ego_id=EGO_ID,
+        actors=table_from_message(actors).astype(ACTOR_DTYPE, copy=False),
+        signals=table_from_message(signals).astype(SIGNAL_DTYPE, copy=False),
+        weather=Weather(**fields),
+    )
+
+
+def odometry_message(actor: Table, stamp_ns: int, child_frame: str) -> Odometry:
+    """True pose in the map frame and twist in the child frame of one ``ACTOR_DTYPE`` row; covariances zero."""
+    rpy = np.array([actor["roll"], actor["pitch"], actor["yaw"]], np.float64)
+    child_from_map = rotations_from_rpy(rpy).T
+    message = Odometry(header=header(stamp_ns, MAP_FRAME), child_frame_id=child_frame)
+    message.pose.pose.position = Point(x=float(actor["x"]), y=float(actor["y"]), z=float(actor["z"]))
+    message.pose.pose.orientation = quaternion_message(quaternion_from_rpy(rpy))
+    velocity = child_from_map @ np.array([actor["vx"], actor["vy"], actor["vz"]], np.float64)
+    rates = child_from_map @ np.array([actor["wx"], actor["wy"], actor["wz"]], np.float64)
+    message.twist.twist.linear = vector_message(velocity)
+    message.twist.twist.angular = vector_message(rates)
+    return message
+
+
+def quaternion_message(xyzw: Float64Array) -> Quaternion:
+    """Quaternion of (4,) x y z w."""
+    return Quaternion(x=float(xyzw[0]), y=float(xyzw[1]), z=float(xyzw[2]), w=float(xyzw[3]))
+
+
+def vector_message(xyz: Float64Array) -> Vector3:
+    """Vector3 of (3,)."""
+    return Vector3(x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))

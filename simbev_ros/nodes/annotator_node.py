@@ -1,0 +1,77 @@
+"""The annotator node: bird's-eye-view grids and boxes of every tick."""
+
+from nav_msgs.msg import OccupancyGrid
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from simbev_ros.annotation.bev import BevAnnotator
+from simbev_ros.annotation.boxes import boxes
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.config.scenario import Bev
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.msgs import topics
+from simbev_ros.msgs.images import image_message
+from simbev_ros.msgs.markers import box_markers
+from simbev_ros.msgs.occupancy import occupancy_grid_message
+from simbev_ros.msgs.tables import message_from_table
+from simbev_ros.msgs.world import MAP_FRAME
+from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.surroundings import surroundings
+from simbev_ros.palette import bev_color
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import WorldState
+from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.types import UInt16Array
+
+_MESSAGE_TYPES = {"PointCloud2": PointCloud2, "Image": Image, "MarkerArray": MarkerArray}
+
+
+class AnnotatorNode(Participant):
+    """Publishes /ego/bev/* and /ego/boxes*."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._map: MapSpec | None = None
+        self._bev: BevAnnotator | None = None
+
+    def start_scene(self, spec: SceneSpec) -> list[str]:
+        """Load the map's meshes (kept while scenes stay on it) and advertise the topics."""
+        if self._bev is None or self._map != spec.map:
+            self._bev = BevAnnotator(surroundings(spec.map), load_models())
+            self._map = spec.map
+        recorded = list(topics.annotation_topics(spec))
+        for topic in recorded:
+            self.advertise(topic, _MESSAGE_TYPES[topic.type.rsplit("/", 1)[1]])
+        for name in BEV_CLASSES:
+            topic = topics.Topic(_grid_topic(spec.rig.agent, name), "nav_msgs/msg/OccupancyGrid")
+            self.advertise(topic, OccupancyGrid)
+        return [topic.name for topic in recorded]
+
+    def process(self, spec: SceneSpec, state: WorldState) -> None:
+        """Annotate and publish a tick."""
+        if state.tick < 0:
+            return
+        assert self._bev is not None
+        agent, annotation = spec.rig.agent, spec.annotation
+        frame = f"{agent}/base_link"
+        labels = self._bev.labels(state, annotation.bev.grid)
+        self.publish(f"/{agent}/bev/labels", image_message(labels, state.stamp_ns, frame))
+        if self.readers(f"/{agent}/bev/color"):
+            self.publish(f"/{agent}/bev/color", image_message(bev_color(labels), state.stamp_ns, frame))
+        self._publish_grids(labels, annotation.bev, state.stamp_ns, frame)
+        table = boxes(state, annotation.box_radius_m)
+        self.publish(f"/{agent}/boxes", message_from_table(table, state.stamp_ns, MAP_FRAME))
+        if self.readers(f"/{agent}/boxes/markers"):
+            self.publish(f"/{agent}/boxes/markers", box_markers(table, state.stamp_ns))
+
+    def _publish_grids(self, labels: UInt16Array, bev: Bev, stamp_ns: int, frame: str) -> None:
+        agent = frame.partition("/")[0]
+        for index, name in enumerate(BEV_CLASSES):
+            topic = _grid_topic(agent, name)
+            if self.readers(topic):
+                covered = (labels >> index & 1).astype(bool)
+                self.publish(topic, occupancy_grid_message(covered, bev.grid, stamp_ns, frame))
+
+
+def _grid_topic(agent: str, class_name: str) -> str:
+    return f"/{agent}/bev/{class_name}/grid"

@@ -1,0 +1,45 @@
+"""How busy a node is: rate, time per tick, drops. It reads the wall clock; no data depends on it."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class LoadMeter:
+    """Counts ticks and the time they take, between two readings."""
+
+    def __init__(self) -> None:
+        self._last_tick: int | None = None
+        self._dropped_total = 0
+        self._reset()
+
+    @contextmanager
+    def busy(self, tick: int) -> Iterator[None]:
+        """Time the work of a tick; ticks left out since the one before count as dropped."""
+        if self._last_tick is not None and tick > self._last_tick + 1:
+            self._dropped += tick - self._last_tick - 1
+        self._last_tick = tick
+        start_s = time.perf_counter()
+        yield
+        self._busy_s += time.perf_counter() - start_s
+        self._ticks += 1
+
+    def read(self) -> dict[str, float]:
+        """Rate and load since the last reading; drops also in total."""
+        elapsed_s = max(time.perf_counter() - self._since_s, 1e-9)
+        self._dropped_total += self._dropped
+        load = {
+            "rate_hz": self._ticks / elapsed_s,
+            "ticks": float(self._ticks),
+            "busy_ms": 1000 * self._busy_s / max(self._ticks, 1),
+            "dropped": float(self._dropped),
+            "dropped_total": float(self._dropped_total),
+        }
+        self._reset()
+        return load
+
+    def _reset(self) -> None:
+        self._since_s = time.perf_counter()
+        self._busy_s = 0.0
+        self._ticks = 0
+        self._dropped = 0

@@ -1,0 +1,98 @@
+"""A node behind the world node: gets each scene, then every tick of it in order, and reports those it has finished."""
+
+from typing import Any
+
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from simbev_ros.msgs import topics
+from simbev_ros.msgs.qos import LATCHED, STATE, rclpy_qos
+from simbev_ros.msgs.stamps import stamp_of
+from simbev_ros.msgs.world import stamp_of_weather, world_state
+from simbev_ros.nodes.graph_node import GraphNode
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import WorldState
+
+
+class Participant(GraphNode):
+    """Base of the sensor and annotation nodes.
+
+    A subclass advertises its topics in ``start_scene`` and publishes in ``process``.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.recorded: bool = self.declared(
+            "recorded", False, "A recorder reads all topics: wait until it is connected"
+        )
+        self._spec: SceneSpec | None = None
+        self._recorded_topics: list[str] = []
+        self._loaded_reported = False
+        self._actors: dict[int, PointCloud2] = {}
+        self._signals: dict[int, PointCloud2] = {}
+        self._weather: dict[int, String] = {}
+        state_qos = rclpy_qos(STATE)
+        if self.live:
+            state_qos.depth = 1
+        self.create_subscription(String, topics.SCENE, self._on_scene, rclpy_qos(LATCHED))
+        self._state_subscriptions = [
+            self.create_subscription(PointCloud2, topics.ACTORS, self._on_actors, state_qos),
+            self.create_subscription(PointCloud2, topics.SIGNALS, self._on_signals, state_qos),
+            self.create_subscription(String, topics.WEATHER, self._on_weather, state_qos),
+        ]
+        self.create_wall_timer(0.05, self._report_loaded)
+
+    def start_scene(self, spec: SceneSpec) -> list[str]:
+        """Load what a scene needs and advertise its topics; give the names of those that are recorded."""
+        raise NotImplementedError
+
+    def process(self, spec: SceneSpec, state: WorldState) -> None:
+        """Do the work of one tick, lead-in ticks (negative, nothing is published) included."""
+        raise NotImplementedError
+
+    def _on_scene(self, message: String) -> None:
+        self._spec = None
+        for waiting in (self._actors, self._signals, self._weather):
+            waiting.clear()
+        spec = SceneSpec.model_validate_json(message.data)
+        self._recorded_topics = self.start_scene(spec)
+        self._spec = spec
+        self._loaded_reported = False
+        self._report_loaded()
+
+    def _report_loaded(self) -> None:
+        """Report the scene as loaded once all readers and writers are connected; a timer tries until they are."""
+        if self._spec is None or self._loaded_reported:
+            return
+        if any(subscription.get_publisher_count() == 0 for subscription in self._state_subscriptions):
+            return
+        if self.recorded and any(self.readers(name) == 0 for name in self._recorded_topics):
+            return
+        self._loaded_reported = True
+        self.report_finished(self._spec, self._spec.loaded_tick)
+
+    def _on_actors(self, message: PointCloud2) -> None:
+        self._take(self._actors, stamp_of(message.header.stamp), message)
+
+    def _on_signals(self, message: PointCloud2) -> None:
+        self._take(self._signals, stamp_of(message.header.stamp), message)
+
+    def _on_weather(self, message: String) -> None:
+        self._take(self._weather, stamp_of_weather(message), message)
+
+    def _take(self, waiting: dict[int, Any], stamp_ns: int, message: Any) -> None:
+        """Keep a message; when it completes a tick, process it (live: only the newest complete one)."""
+        waiting[stamp_ns] = message
+        while self._spec is not None:
+            complete = self._actors.keys() & self._signals.keys() & self._weather.keys()
+            if not complete:
+                return
+            stamp_ns = max(complete) if self.live else min(complete)
+            tick = self._spec.tick_of(stamp_ns)
+            state = world_state(self._actors[stamp_ns], self._signals[stamp_ns], self._weather[stamp_ns], tick)
+            for table in (self._actors, self._signals, self._weather):
+                for old in [key for key in table if key <= stamp_ns]:
+                    del table[old]
+            with self.meter.busy(tick):
+                self.process(self._spec, state)
+            self.report_finished(self._spec, tick)

@@ -1,0 +1,57 @@
+"""Colours to look at labels with, read from palette.yaml."""
+
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+
+from simbev_ros.semantics import BEV_CLASSES, Tag
+from simbev_ros.types import UInt8Array, UInt16Array
+
+
+def semantic_color(tags: UInt8Array) -> UInt8Array:
+    """(…, 3) sRGB of (…) semantic tags, in CARLA's colours."""
+    return _semantic_table()[tags]
+
+
+def bev_color(labels: UInt16Array) -> UInt8Array:
+    """(…, 3) sRGB of (…) bird's-eye-view labels; of several classes in a cell the uppermost is seen."""
+    return _bev_table()[labels]
+
+
+def class_color(name: str) -> tuple[int, int, int]:
+    """sRGB of a box class: as in the bird's-eye view, or, for classes that are not in it, as the semantic tag."""
+    palette = _palette()
+    red, green, blue = _rgb(palette["bev"].get(name) or palette["semantic"][name.upper()]).tolist()
+    return red, green, blue
+
+
+@lru_cache(maxsize=1)
+def _semantic_table() -> UInt8Array:
+    """(256, 3) colour per tag; black where there is no such tag."""
+    table = np.zeros((256, 3), np.uint8)
+    for tag in Tag:
+        table[tag] = _rgb(_palette()["semantic"][tag.name])
+    return table
+
+
+@lru_cache(maxsize=1)
+def _bev_table() -> UInt8Array:
+    """(2^classes, 3) colour per combination of classes."""
+    labels = np.arange(1 << len(BEV_CLASSES))
+    table = np.tile(_rgb(_palette()["bev_background"]), (len(labels), 1))
+    for name, code in _palette()["bev"].items():
+        table[labels >> BEV_CLASSES.index(name) & 1 == 1] = _rgb(code)
+    return table
+
+
+def _rgb(code: int) -> UInt8Array:
+    return np.array([code >> 16, code >> 8 & 255, code & 255], np.uint8)
+
+
+@lru_cache(maxsize=1)
+def _palette() -> dict[str, Any]:
+    palette: dict[str, Any] = yaml.safe_load(files("simbev_ros").joinpath("palette.yaml").read_text(encoding="utf-8"))
+    return palette

@@ -1,0 +1,45 @@
+"""The border to Embree, through Open3D: triangles go in once, rays go in as often as wanted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import open3d
+
+from simbev_ros.types import AnyArray, Float32Array, Int32Array
+
+
+@dataclass(frozen=True, slots=True)
+class TriangleHits:
+    """First hits of (N,) rays.
+
+    Attributes:
+        range_m: (N,) float32, inf where nothing was hit.
+        triangle: (N,) int32 index of the triangle, -1 where nothing was hit.
+        normal: (N, 3) float32 unit normal by the triangle's winding, zeros where nothing was hit.
+    """
+
+    range_m: Float32Array
+    triangle: Int32Array
+    normal: Float32Array
+
+
+class TriangleSet:
+    """An immutable bounding volume hierarchy of (T, 3) triangles over (V, 3) float32 vertices in metres."""
+
+    def __init__(self, vertices_m: Float32Array, triangles: Int32Array) -> None:
+        self._scene = open3d.t.geometry.RaycastingScene()
+        if len(triangles):
+            self._scene.add_triangles(_tensor(vertices_m), _tensor(triangles.astype(np.uint32)))
+
+    def cast(self, rays: Float32Array) -> TriangleHits:
+        """First hits of (N, 6) float32 rays: origin in metres, unit direction."""
+        found = self._scene.cast_rays(_tensor(rays))
+        return TriangleHits(
+            found["t_hit"].numpy(),
+            found["primitive_ids"].numpy().view(np.int32),  # Embree's invalid id is all ones
+            found["primitive_normals"].numpy(),
+        )
+
+
+def _tensor(array: AnyArray) -> open3d.core.Tensor:
+    return open3d.core.Tensor.from_numpy(np.ascontiguousarray(array))

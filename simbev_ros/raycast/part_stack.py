@@ -1,0 +1,68 @@
+"""The rigid parts of all actor models in one immutable Embree scene."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.raycast.embree import TriangleSet
+from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array
+
+_SKIN_M = 0.01
+"""Bounding spheres are this much larger than what they hold, so that a ray can start outside of the surface."""
+
+
+class PartStack:
+    """Every part of every model once, in its rest pose, stacked along z so that no bounding sphere meets another part.
+
+    Arrays are per part, (P,), unless said otherwise; the parts of a model follow each other.
+
+    Attributes:
+        first: (M + 1,) first part of each model.
+        part: Index of the part in its model.
+        center_m: (P, 3) centre of its bounding sphere, actor frame.
+        radius_m: Radius of the sphere.
+        height_m: Where along z the centre lies in the stack.
+        triangles: All of them, each part shifted to its place.
+        triangle_part: (T,) the part that a triangle belongs to.
+        triangle_material: (T,) its material.
+    """
+
+    def __init__(self, models: Sequence[ActorModel]) -> None:
+        first, part, center_m, radius_m, vertices, triangles, material = [0], [], [], [], [], [], []
+        for model in models:
+            mesh = model.mesh
+            owner = mesh.part[mesh.triangles[:, 0]]
+            for index in np.unique(owner):
+                used, own = np.unique(mesh.triangles[owner == index], return_inverse=True)
+                points = mesh.vertices[used].astype(np.float64)
+                center = (points.min(axis=0) + points.max(axis=0)) / 2.0
+                part.append(int(index))
+                center_m.append(center)
+                radius_m.append(float(np.linalg.norm(points - center, axis=1).max()) + _SKIN_M)
+                vertices.append(points - center)
+                triangles.append(own.reshape(-1, 3))
+                material.append(mesh.material[used][own.reshape(-1, 3)[:, 0]])
+            first.append(len(part))
+        self.first = np.array(first)
+        self.part = np.array(part, np.int64)
+        self.center_m = np.array(center_m).reshape(-1, 3)
+        self.radius_m = np.array(radius_m)
+        self.height_m = 2.0 * np.cumsum(self.radius_m) - self.radius_m
+        self.height_m -= self.height_m.mean() if len(part) else 0.0
+        self.triangle_part = np.repeat(np.arange(len(part)), [len(each) for each in triangles])
+        self.triangle_material = np.concatenate([*material, np.zeros(0, np.uint8)])
+        self.triangles = TriangleSet(*_stacked(vertices, triangles, self.height_m))
+
+
+def _stacked(
+    vertices: Sequence[Float64Array], triangles: Sequence[Int64Array], height_m: Float64Array
+) -> tuple[Float32Array, Int32Array]:
+    """(V, 3) vertices and (T, 3) triangles of all parts, each raised to its place in the stack."""
+    starts = np.cumsum([0, *(len(each) for each in vertices)])[: len(triangles)]
+    points = [each + np.array([0.0, 0.0, height]) for each, height in zip(vertices, height_m, strict=True)]
+    corners = [each + start for each, start in zip(triangles, starts, strict=True)]
+    return (
+        np.concatenate([*points, np.zeros((0, 3))]).astype(np.float32),
+        np.concatenate([*corners, np.zeros((0, 3), np.int64)]).astype(np.int32),
+    )

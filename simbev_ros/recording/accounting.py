@@ -1,0 +1,161 @@
+"""Which messages a scene must consist of, and which have come: the recorder's books.
+
+The schedule of every topic is known before the scene starts. A tick is finished when all messages due at it, and at all
+ticks before it, have come; at the end recorded must equal expected for every topic.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+
+
+class Verdict(Enum):
+    """What the books say to one message: only an expected one belongs into the bag, and warm-up is not even counted."""
+
+    EXPECTED = "expected"
+    DUPLICATE = "duplicate"
+    UNEXPECTED = "unexpected"
+    WARM_UP = "warm-up"
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """When a topic has a message: every ``period_ticks`` from ``first_tick`` on; with period 0, once, at any stamp."""
+
+    first_tick: int = 0
+    period_ticks: int = 1
+
+    def due(self, ticks: int) -> range:
+        """The ticks, of a scene of so many, at which a message is due."""
+        if self.period_ticks == 0:
+            return range(self.first_tick, min(self.first_tick + 1, ticks))
+        return range(self.first_tick, ticks, self.period_ticks)
+
+
+@dataclass(frozen=True, slots=True)
+class TopicAccount:
+    """One topic at the end of a scene."""
+
+    expected: int
+    recorded: int
+    missing_ticks: tuple[int, ...]
+    duplicates: int
+    unexpected: int
+
+    @property
+    def balanced(self) -> bool:
+        """Whether exactly what was due has come, and nothing else."""
+        return not (self.missing_ticks or self.duplicates or self.unexpected)
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The books at the end of a scene; topics that were not scheduled have ``expected`` 0."""
+
+    ticks: int
+    topics: Mapping[str, TopicAccount]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every topic has all that was due. Surplus was kept out of the bag, so it spoils nothing."""
+        return not any(account.missing_ticks for account in self.topics.values())
+
+    def problems(self) -> list[str]:
+        """One sentence for each topic that is not as it should be."""
+        return [f"{topic}: {_describe(account)}" for topic, account in self.topics.items() if not account.balanced]
+
+    def custom_data(self, scene: str) -> dict[str, str]:
+        """The report as it is kept in the bag's description."""
+        return {
+            "scene": scene,
+            "ticks": str(self.ticks),
+            "complete": str(self.complete).lower(),
+            "expected": json.dumps({topic: account.expected for topic, account in self.topics.items()}),
+            "recorded": json.dumps({topic: account.recorded for topic, account in self.topics.items()}),
+            "problems": json.dumps(self.problems()),
+        }
+
+
+class Accounting:
+    """The books of one scene.
+
+    Attributes:
+        finished_tick: The last tick of which, and of all before it, everything has come; -1 at first.
+    """
+
+    def __init__(self, manifest: Mapping[str, Schedule], *, start_ns: int, tick_ns: int, ticks: int) -> None:
+        self.finished_tick = -1
+        self._start_ns, self._tick_ns, self._ticks = start_ns, tick_ns, ticks
+        self._first_ticks = {topic: entry.first_tick for topic, entry in manifest.items() if not entry.period_ticks}
+        self._due = {topic: entry.due(ticks) for topic, entry in manifest.items()}
+        self._missing = {topic: set(due) for topic, due in self._due.items()}
+        self._awaited = [0] * ticks
+        for due in self._due.values():
+            for tick in due:
+                self._awaited[tick] += 1
+        self._duplicates: Counter[str] = Counter()
+        self._unexpected: Counter[str] = Counter()
+        self._advance()
+
+    def add(self, topic: str, stamp_ns: int) -> Verdict:
+        """Enter one message."""
+        if stamp_ns < self._start_ns and topic not in self._first_ticks:
+            return Verdict.WARM_UP
+        tick = self._tick_of(topic, stamp_ns)
+        if tick not in self._due.get(topic, ()):
+            self._unexpected[topic] += 1
+            return Verdict.UNEXPECTED
+        if tick not in self._missing[topic]:
+            self._duplicates[topic] += 1
+            return Verdict.DUPLICATE
+        self._missing[topic].remove(tick)
+        self._awaited[tick] -= 1
+        self._advance()
+        return Verdict.EXPECTED
+
+    def awaited(self, tick: int) -> list[str]:
+        """The topics whose message of this tick has not come."""
+        return [topic for topic, missing in self._missing.items() if tick in missing]
+
+    def report(self) -> Report:
+        """The books as they are now."""
+        strangers = sorted(self._unexpected.keys() - self._due.keys())
+        return Report(self._ticks, {topic: self._account(topic) for topic in [*self._due, *strangers]})
+
+    def _account(self, topic: str) -> TopicAccount:
+        expected = len(self._due.get(topic, range(0)))
+        missing = tuple(sorted(self._missing.get(topic, ())))
+        recorded = expected - len(missing)
+        return TopicAccount(expected, recorded, missing, self._duplicates[topic], self._unexpected[topic])
+
+    def _tick_of(self, topic: str, stamp_ns: int) -> int | None:
+        """The tick of a stamp, None between ticks; a topic that comes once has one tick."""
+        if topic in self._first_ticks:
+            return self._first_ticks[topic]
+        tick, rest = divmod(stamp_ns - self._start_ns, self._tick_ns)
+        return None if rest else tick
+
+    def _advance(self) -> None:
+        while self.finished_tick + 1 < self._ticks and not self._awaited[self.finished_tick + 1]:
+            self.finished_tick += 1
+
+
+def _describe(account: TopicAccount) -> str:
+    parts = [f"{account.recorded} of {account.expected} messages"]
+    if account.missing_ticks:
+        parts.append(f"missing at ticks {_ranges(account.missing_ticks)}")
+    if account.duplicates:
+        parts.append(f"{account.duplicates} more came twice")
+    if account.unexpected:
+        parts.append(f"{account.unexpected} more came with a stamp that is not due")
+    return ", ".join(parts)
+
+
+def _ranges(ticks: Sequence[int]) -> str:
+    """Ascending ticks in short: ``0-3, 7``."""
+    breaks = [i for i, (a, b) in enumerate(pairwise(ticks), start=1) if b != a + 1]
+    runs = [ticks[a:b] for a, b in pairwise([0, *breaks, len(ticks)])]
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)

@@ -1,0 +1,69 @@
+"""Decoded messages to numpy: images, compressed images, point clouds (and tables in the form of point clouds)."""
+
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.errors import BagError
+from simbev_ros.recording.image_codecs import decode
+from simbev_ros.types import AnyArray, Table
+
+_IMAGE_LAYOUTS: dict[str, tuple[str, int]] = {
+    "rgb8": ("u1", 3),
+    "bgr8": ("u1", 3),
+    "mono8": ("u1", 1),
+    "mono16": ("u2", 1),
+    "32FC1": ("f4", 1),
+    "32FC2": ("f4", 2),
+}
+_POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+
+
+def image_array(message: Any) -> AnyArray:
+    """(H, W) or (H, W, C) array of a ``sensor_msgs/msg/Image`` or ``CompressedImage``, in native byte order.
+
+    Raises:
+        BagError: The encoding is not one of ours, or the data do not have the size that the head says.
+    """
+    if hasattr(message, "format"):
+        return decode(message.format, message.data.tobytes())
+    if message.encoding not in _IMAGE_LAYOUTS:
+        raise BagError(f"image of unknown encoding {message.encoding!r}")
+    kind, channels = _IMAGE_LAYOUTS[message.encoding]
+    dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    row_bytes = message.width * channels * dtype.itemsize
+    if message.step < row_bytes or message.data.size != message.step * message.height:
+        size = f"{message.width}x{message.height} {message.encoding}"
+        raise BagError(f"image of {size}: step {message.step}, {message.data.size} bytes")
+    rows = np.ascontiguousarray(message.data.reshape(message.height, message.step)[:, :row_bytes])
+    shape = (message.height, message.width, channels)[: 3 if channels > 1 else 2]
+    return rows.view(dtype).reshape(shape).astype(dtype.newbyteorder("="), copy=False)
+
+
+def point_array(message: Any) -> Table:
+    """(N,) structured array of a ``sensor_msgs/msg/PointCloud2``, one row per point, fields by name where they lie.
+
+    Raises:
+        BagError: A field lies outside its point, or the data do not have the size that the head says.
+    """
+    order = ">" if message.is_bigendian else "<"
+    formats = [(order + _POINT_FIELD_TYPES[f.datatype], (f.count,) if f.count > 1 else ()) for f in message.fields]
+    try:
+        dtype = np.dtype(
+            {
+                "names": [f.name for f in message.fields],
+                "formats": formats,
+                "offsets": [f.offset for f in message.fields],
+                "itemsize": message.point_step,
+            }
+        )
+    except ValueError as error:
+        raise BagError(f"point cloud: {error}") from None
+    row_bytes = message.width * message.point_step
+    if message.row_step < row_bytes or message.data.size != message.row_step * message.height:
+        raise BagError(
+            f"point cloud of {message.width}x{message.height}: row step {message.row_step}, {message.data.size} bytes"
+        )
+    rows = message.data.reshape(message.height, message.row_step)[:, :row_bytes]
+    table: Table = np.ascontiguousarray(rows).reshape(-1).view(dtype)
+    return table

@@ -1,0 +1,186 @@
+"""Reading a scene's bag: its topics, its messages in the order of their stamps, and what was put in with them."""
+
+import heapq
+import json
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import yaml
+from mcap.records import Message
+from pydantic import ValidationError
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+
+from simbev_ros.errors import BagError
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, locate_mcap
+from simbev_ros.recording.mcap_index import DAMAGE, read_chunk, read_index
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.types import Int64Array
+
+_TYPES = get_typestore(Stores.ROS2_JAZZY)
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic of a bag.
+
+    Attributes:
+        stamps_ns: (N,) log time of each message, ns, in the order in which they were recorded.
+    """
+
+    name: str
+    type_name: str
+    type_hash: str
+    stamps_ns: Int64Array
+
+
+class RawMessage(NamedTuple):
+    """One serialised message."""
+
+    topic: str
+    stamp_ns: int
+    type_name: str
+    data: bytes
+
+
+class SceneBag:
+    """One bag, finished, unfinished or cut off; of the latter all chunks that are whole.
+
+    Attributes:
+        name: The scene's name.
+        closed: The file was closed by its writer, so it is known to be whole.
+        finished: It is closed, and not in an unfinished folder.
+        topics: By name, in order of name.
+        attachments: Content by file name.
+        custom_data: Facts that the recorder left.
+
+    Raises:
+        BagError: There is no bag at this path, or it is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        file = locate_mcap(path)
+        self.name = file.stem.removesuffix("_0")
+        self._stream = file.open("rb")
+        try:
+            self._index = read_index(self._stream, str(file))
+        except BagError:
+            self._stream.close()
+            raise
+        self.closed = self._index.closed
+        self.finished = self.closed and not file.resolve().parent.name.endswith(PARTIAL_SUFFIX)
+        self.attachments: Mapping[str, bytes] = self._index.attachments
+        self.custom_data = _custom_data(self._index.metadata)
+        self.topics = {topic.name: topic for topic in sorted(self._topics(), key=lambda topic: topic.name)}
+
+    @property
+    def payload_bytes(self) -> Mapping[str, int]:
+        """Bytes of payload per topic, if the recorder left them, else empty."""
+        sizes: dict[str, int] = json.loads(self.custom_data.get("payload_bytes", "{}"))
+        return sizes
+
+    @property
+    def spec(self) -> SceneSpec | None:
+        """The drawn scene, if it was put in.
+
+        Raises:
+            BagError: What was put in is no scene of this version.
+        """
+        text = self.attachments.get(SCENE_ATTACHMENT)
+        if text is None:
+            return None
+        try:
+            return SceneSpec.model_validate_json(text)
+        except ValidationError as error:
+            place = ".".join(str(part) for part in error.errors()[0]["loc"])
+            raise BagError(f"{self.path}: {SCENE_ATTACHMENT}: {place}: {error.errors()[0]['msg']}") from None
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Stamp of the first and of the last message; (0, 0) in an empty bag."""
+        chunks = self._index.chunks
+        return (min(c.start_ns for c in chunks), max(c.end_ns for c in chunks)) if chunks else (0, 0)
+
+    def messages(
+        self, topics: Collection[str] | None = None, *, from_ns: int | None = None, to_ns: int | None = None
+    ) -> Iterator[RawMessage]:
+        """Messages in the order of their stamps; those of one stamp in the order of the file.
+
+        Args:
+            topics: Only these; None for all.
+            from_ns: Only stamps from here on.
+            to_ns: Only stamps up to here, itself included.
+
+        Raises:
+            BagError: A chunk is damaged; all before it has been given.
+        """
+        low = -1 if from_ns is None else from_ns
+        high = 1 << 64 if to_ns is None else to_ns
+        names = {i: c.topic for i, c in self._index.channels.items() if topics is None or c.topic in topics}
+        chunks = [
+            c for c in self._index.chunks if c.channel_ids & names.keys() and c.end_ns >= low and c.start_ns <= high
+        ]
+        chunks.sort(key=lambda chunk: (chunk.start_ns, chunk.offset))
+        waiting: list[tuple[int, int, int, Message]] = []
+        for chunk in chunks:
+            while waiting and waiting[0][0] < chunk.start_ns:
+                yield self._raw(heapq.heappop(waiting)[-1])
+            for place, record in enumerate(self._records(chunk.offset)):
+                if isinstance(record, Message) and record.channel_id in names and low <= record.log_time <= high:
+                    heapq.heappush(waiting, (record.log_time, chunk.offset, place, record))
+        while waiting:
+            yield self._raw(heapq.heappop(waiting)[-1])
+
+    def decode(self, message: RawMessage) -> Any:
+        """The message as an object with the fields of its ROS type; arrays are numpy arrays.
+
+        Raises:
+            BagError: Its bytes are not a message of its type, or it is of a type that ROS 2 Jazzy does not come with.
+        """
+        try:
+            return _TYPES.deserialize_cdr(message.data, message.type_name)
+        except (SerdeError, KeyError) as error:
+            raise BagError(f"{self.path}: {message.topic} at {message.stamp_ns} ns: {error}") from None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _topics(self) -> Iterator[Topic]:
+        for channel_id, channel in self._index.channels.items():
+            schema = self._index.schemas.get(channel.schema_id)
+            stamps_ns = np.array(self._index.stamps_ns.get(channel_id, []), np.int64)
+            type_hash = channel.metadata.get("topic_type_hash", "")
+            yield Topic(channel.topic, schema.name if schema else "", type_hash, stamps_ns)
+
+    def _records(self, offset: int) -> list[Any]:
+        try:
+            return list(read_chunk(self._stream, offset))
+        except DAMAGE as error:
+            raise BagError(f"{self.path}: damaged chunk at byte {offset}: {error}") from None
+
+    def _raw(self, message: Message) -> RawMessage:
+        channel = self._index.channels[message.channel_id]
+        return RawMessage(channel.topic, message.log_time, self._index.schemas[channel.schema_id].name, message.data)
+
+
+def _custom_data(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    text = metadata.get("rosbag2", {}).get("serialized_metadata", "")
+    try:
+        information = yaml.safe_load(text) or {}
+    except yaml.YAMLError as error:
+        raise BagError(f"the bag's description is not YAML: {error}") from None
+    return dict(information.get("custom_data") or {})

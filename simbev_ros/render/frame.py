@@ -1,0 +1,60 @@
+"""What the renderer is asked for and what it returns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from simbev_ros.config.rig import Modality
+from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.scene.state import WorldState
+from simbev_ros.types import Float32Array, Float64Array, UInt8Array, UInt16Array
+
+
+@dataclass(frozen=True, slots=True)
+class CameraView:
+    """One camera of the ego.
+
+    Attributes:
+        camera: Its intrinsics.
+        ego_from_sensor: (4, 4) pose of the camera's body frame (x forward, y left, z up).
+        modalities: The wanted images.
+    """
+
+    camera: PinholeCamera
+    ego_from_sensor: Float64Array
+    modalities: Sequence[Modality]
+
+
+@dataclass(frozen=True, slots=True)
+class RenderFrame:
+    """The moment to draw.
+
+    Attributes:
+        world: The world now.
+        previous: The world one frame before, for the flow; None: there is none, and the flow is zero.
+        show_ego: Draw the ego and its rider. By default they only cast their shadow, because the cameras sit inside.
+    """
+
+    world: WorldState
+    previous: WorldState | None = None
+    show_ego: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CameraImages:
+    """Images of one camera, row 0 on top, C-contiguous; None where the modality was not asked for.
+
+    Attributes:
+        rgb: (H, W, 3) uint8, sRGB.
+        semantic: (H, W) uint8, a semantic ``Tag``.
+        instance: (H, W) uint16, actor id, 0 = none.
+        depth: (H, W) float32, metres along the optical axis, +inf for the sky (REP-118).
+        flow: (H, W, 2) float32, pixels, x right and y down: position now minus position in the previous frame of the
+            surface point seen now. NaN where that point was behind the previous camera. The sky counts as infinitely
+            far. An actor that was not there before counts as at rest.
+    """
+
+    rgb: UInt8Array | None = None
+    semantic: UInt8Array | None = None
+    instance: UInt16Array | None = None
+    depth: Float32Array | None = None
+    flow: Float32Array | None = None

@@ -1,0 +1,94 @@
+"""GLSL programs from shaders/*.glsl, with texture units and uniform blocks wired by name, once, for all of them."""
+
+import re
+from importlib.resources import files
+
+import moderngl
+
+from simbev_ros.errors import RenderError
+
+TEXTURE_UNITS = {
+    name: unit
+    for unit, name in enumerate(
+        (
+            "g_surface",
+            "g_depth",
+            "g_color",
+            "rigid_poses",
+            "rigid_actors",
+            "signal_states",
+            "shadow_near",
+            "shadow_far",
+            "noise",
+            "street_field",
+            "head_field",
+            "occlusion",
+            "shaded",
+        )
+    )
+}
+"""Sampler name → texture unit. A texture is bound to its unit for as long as it is valid."""
+
+BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}
+"""Uniform block name → binding point."""
+
+_INCLUDE = re.compile(r'^#include "(\w+)"$', re.MULTILINE)
+
+
+class ProgramLibrary:
+    """Compiles programs. A file includes another of shaders/include by ``#include "name"``."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._folder = files("simbev_ros.render").joinpath("shaders")
+
+    def load(self, vertex: str, fragment: str | None = None) -> moderngl.Program:
+        """The program of a vertex and a fragment shader, named without ``.glsl``.
+
+        Raises:
+            RenderError: The driver does not compile it; the message is the driver's.
+        """
+        try:
+            program = self._context.program(
+                vertex_shader=self._source(vertex), fragment_shader=self._source(fragment) if fragment else None
+            )
+        except moderngl.Error as error:
+            raise RenderError(f"shaders {vertex}, {fragment}: {error}") from error
+        for name in program:
+            member = program[name]
+            if isinstance(member, moderngl.UniformBlock):
+                member.binding = BLOCK_BINDINGS[name]
+            elif name in TEXTURE_UNITS and isinstance(member, moderngl.Uniform):
+                member.value = TEXTURE_UNITS[name]
+        return program
+
+    def screen_pass(self, fragment: str) -> moderngl.VertexArray:
+        """A fragment shader to be run on every pixel: draw it with ``draw_screen``."""
+        return self._context.vertex_array(self.load("screen", fragment), [])
+
+    def _source(self, name: str) -> str:
+        """The file with its includes put in, each once."""
+        included: set[str] = set()
+
+        def expanded(match: re.Match[str]) -> str:
+            name = match[1]
+            if name in included:
+                return ""
+            included.add(name)
+            return _INCLUDE.sub(expanded, self._read(f"include/{name}"))
+
+        return _INCLUDE.sub(expanded, self._read(name))
+
+    def _read(self, name: str) -> str:
+        return self._folder.joinpath(f"{name}.glsl").read_text(encoding="utf-8")
+
+
+def draw_screen(screen_pass: moderngl.VertexArray, layer: float = 1.0) -> None:
+    """Draw one triangle that covers the screen.
+
+    Args:
+        screen_pass: From ``ProgramLibrary.screen_pass``.
+        layer: Its depth, 0 near … 1 far, for passes that choose their pixels by depth test.
+    """
+    screen_pass.program["layer"] = layer
+    screen_pass.render(moderngl.TRIANGLES, vertices=3)

@@ -1,0 +1,120 @@
+"""The table of rigid parts: where every part of every actor is now and was before, for shaders to look up.
+
+Row 0 stands for all that does not move. The parts of one actor are neighbours, in the order of its model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.errors import RenderError
+from simbev_ros.geometry.transforms import inverse
+from simbev_ros.render.programs import TEXTURE_UNITS
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.types import AnyArray, Float32Array, Float64Array, Int64Array, Table, UInt32Array
+
+_ROWS_PER_LINE = 128
+_TEXELS_PER_ROW = 6
+_MAX_ROWS = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class RigidTable:
+    """Rows of all actors of a world.
+
+    Attributes:
+        poses: (R, 6, 4) float32: three rows of world-from-rest, three of world-before-from-world-now.
+        actors: (R, 4) uint32: actor id, light bits, colour red | green << 8 | blue << 16, 0.
+        first_row: (N,) row of each actor's part 0, in the order of the actors table.
+    """
+
+    poses: Float32Array
+    actors: UInt32Array
+    first_row: Int64Array
+
+    @classmethod
+    def of(
+        cls, models: Sequence[ActorModel], world: WorldState, previous: WorldState | None, origin_m: Float64Array
+    ) -> "RigidTable":
+        """The table of a world whose origin is (3,) ``origin_m`` in the map frame.
+
+        Raises:
+            RenderError: The world has more parts than 65,535, or an id that an instance image cannot hold.
+        """
+        actors = world.actors
+        part_count = np.array([len(model.parts) for model in models], np.int64)[actors["blueprint"]]
+        ends = 1 + np.cumsum(part_count)
+        rows = int(ends[-1]) if len(ends) else 1
+        if rows > _MAX_ROWS or (len(actors) and actors["id"].max() >= _MAX_ROWS):
+            raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
+        table = cls(
+            np.tile(np.eye(4, dtype=np.float32)[[0, 1, 2, 0, 1, 2]], (rows, 1, 1)),
+            np.zeros((rows, 4), np.uint32),
+            ends - part_count,
+        )
+        before = actors if previous is None else _rows_before(actors, previous.actors)
+        for blueprint in np.unique(actors["blueprint"]):
+            table._fill(models[blueprint], actors["blueprint"] == blueprint, actors, before, origin_m)
+        return table
+
+    def _fill(self, model: ActorModel, chosen: AnyArray, actors: Table, before: Table, origin_m: Float64Array) -> None:
+        """Write the rows of the chosen actors, which share a model."""
+        rows = self.first_row[chosen, None] + np.arange(len(model.parts))
+        now = _world_from_rest(model, actors[chosen], origin_m)
+        then = _world_from_rest(model, before[chosen], origin_m)
+        self.poses[rows, :3] = now[..., :3, :]
+        self.poses[rows, 3:] = (then @ inverse(now))[..., :3, :]
+        color = actors["color"][chosen]
+        self.actors[rows, 0] = actors["id"][chosen, None]
+        self.actors[rows, 1] = actors["lights"][chosen, None]
+        self.actors[rows, 2] = (color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16)[:, None]
+
+
+class RigidTextures:
+    """The table on the GPU, bound to its texture units."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._poses: moderngl.Texture | None = None
+        self._actors: moderngl.Texture | None = None
+
+    def upload(self, table: RigidTable) -> None:
+        """Replace the content; the textures grow when needed."""
+        lines = -(-len(table.poses) // _ROWS_PER_LINE)
+        if self._poses is None or self._actors is None or self._poses.height < lines:
+            self._poses, self._actors = self._allocate(lines)
+        padding = lines * _ROWS_PER_LINE - len(table.poses)
+        width = _ROWS_PER_LINE * _TEXELS_PER_ROW
+        self._poses.write(np.pad(table.poses, ((0, padding), (0, 0), (0, 0))).tobytes(), (0, 0, width, lines))
+        self._actors.write(np.pad(table.actors, ((0, padding), (0, 0))).tobytes(), (0, 0, _ROWS_PER_LINE, lines))
+        self._poses.use(TEXTURE_UNITS["rigid_poses"])
+        self._actors.use(TEXTURE_UNITS["rigid_actors"])
+
+    def _allocate(self, lines: int) -> tuple[moderngl.Texture, moderngl.Texture]:
+        for texture in (self._poses, self._actors):
+            if texture is not None:
+                texture.release()
+        poses = self._context.texture((_ROWS_PER_LINE * _TEXELS_PER_ROW, lines), 4, dtype="f4")
+        actors = self._context.texture((_ROWS_PER_LINE, lines), 4, dtype="u4")
+        poses.filter = actors.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return poses, actors
+
+
+def _rows_before(actors: Table, previous: Table) -> Table:
+    """The actors as they were; those that are new, as they are."""
+    before = actors.copy()
+    if len(previous):
+        found = np.minimum(np.searchsorted(previous["id"], actors["id"]), len(previous) - 1)
+        known = previous["id"][found] == actors["id"]
+        before[known] = previous[found[known]]
+    return before
+
+
+def _world_from_rest(model: ActorModel, actors: Table, origin_m: Float64Array) -> Float64Array:
+    """(N, P, 4, 4) poses of all parts."""
+    world_from_actor = map_from_actors(actors)
+    world_from_actor[:, :3, 3] -= origin_m
+    return world_from_actor[:, None] @ part_poses(model, actors)

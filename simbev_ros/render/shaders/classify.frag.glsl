@@ -1,0 +1,12 @@
+#version 330
+// Writes each pixel's shading class as depth, so that the depth test gives every shader its own pixels only.
+uniform sampler2D g_color;
+uniform float layer_step;
+
+out vec4 unused;
+
+void main() {
+    float shading_class = round(texelFetch(g_color, ivec2(gl_FragCoord.xy), 0).a * 255.0);
+    gl_FragDepth = (shading_class + 0.5) * layer_step;
+    unused = vec4(0.0);
+}

@@ -1,0 +1,17 @@
+#version 330
+// The G-buffer: everything that labels and light need to know of the nearest surface.
+#include "pack"
+in vec3 v_normal;
+in vec2 v_uv;
+flat in uvec2 v_surface;
+
+layout(location = 0) out uvec4 g_surface;  // rigid row | tag << 16 | material << 24; normal; u; v
+layout(location = 1) out float g_depth;    // metres along the optical axis
+layout(location = 2) out vec4 g_color;     // sRGB albedo, shading class
+
+void main() {
+    vec3 normal = gl_FrontFacing ? v_normal : -v_normal;
+    g_surface = uvec4(v_surface.x, pack_normal(normal), floatBitsToUint(v_uv));
+    g_depth = 1.0 / gl_FragCoord.w;
+    g_color = vec4((uvec4(v_surface.y) >> uvec4(0u, 8u, 16u, 24u)) & 0xFFu) / 255.0;
+}

@@ -1,0 +1,108 @@
+// Light on a surface: sun or moon with shadow, sky and ground, mirrored surroundings, lamps, fog; then the camera.
+#include "pixel"
+#include "sky"
+uniform sampler2DShadow shadow_near;
+uniform sampler2DShadow shadow_far;
+uniform sampler2D street_field;
+uniform sampler2D head_field;
+
+out vec4 shaded;  // sRGB, luma
+
+const vec3 STREET_COLOR = vec3(0.42, 0.30, 0.17);
+const vec3 HEAD_COLOR = vec3(0.34, 0.35, 0.38);
+const vec3 LUMA = vec3(0.299, 0.587, 0.114);
+
+struct Surface {
+    vec3 albedo;
+    vec3 normal;
+    float roughness;
+    float metallic;
+    float specular;      // reflectance at normal incidence
+    vec3 emission;       // as shown: 1 is white, whatever the exposure
+    float translucency;  // share of light that comes through, for leaves
+};
+
+Surface surface_of(Pixel p) {
+    vec4 material = materials[p.material];
+    return Surface(p.albedo, p.normal, material.x, material.y, material.z, vec3(0.0), 0.0);
+}
+
+float shadow_taps(sampler2DShadow map, vec3 place) {
+    float texel = 0.75 / 2048.0;
+    return 0.25 * (texture(map, place + vec3(-texel, -texel, 0.0)) + texture(map, place + vec3(texel, -texel, 0.0)) +
+                   texture(map, place + vec3(-texel, texel, 0.0)) + texture(map, place + vec3(texel, texel, 0.0)));
+}
+
+// Share of the key light that arrives. The place is moved out of the surface by about a texel against acne.
+float sunlit(vec3 position, vec3 normal, float facing) {
+    float slope = sqrt(max(1.0 - facing * facing, 0.0));
+    vec3 near = (near_shadow_from_world * vec4(position + normal * (0.02 + 0.05 * slope), 1.0)).xyz;
+    vec3 far = (far_shadow_from_world * vec4(position + normal * (0.06 + 0.2 * slope), 1.0)).xyz;
+    vec2 from_edge = 0.5 - abs(near.xy - 0.5);
+    float near_weight = clamp(min(from_edge.x, from_edge.y) * 16.0, 0.0, 1.0);
+    vec2 inside = step(abs(far.xy - 0.5), vec2(0.498));
+    float far_light = mix(1.0, shadow_taps(shadow_far, far - vec3(0.0, 0.0, 1e-4)), inside.x * inside.y);
+    return mix(far_light, shadow_taps(shadow_near, near - vec3(0.0, 0.0, 4e-5)), near_weight);
+}
+
+// Irradiance / pi of lamps, from their map (render/lamp_field.py).
+vec3 lamp_light(sampler2D map, vec3 color, float lift, vec3 position, vec3 normal) {
+    vec4 field = texture(map, (lamp_field_from_world * vec4(position, 1.0)).xy);
+    float strength = max(field.z, 1e-4);
+    vec2 direction = field.xy / strength;
+    float below = field.w / strength - position.z;
+    vec3 to_lamp = vec3(direction, max(sqrt(max(1.0 - dot(direction, direction), 0.0)), lift));
+    float reach = smoothstep(-1.6, 0.3, below);
+    return color * field.z * reach * max(dot(normal, to_lamp) * 0.85 + 0.15, 0.0);
+}
+
+vec3 sun_highlight(Surface s, vec3 to_camera, float facing) {
+    vec3 halfway = normalize(to_camera + key_direction.xyz);
+    float alpha = max(s.roughness * s.roughness, 0.003);
+    float along = max(dot(s.normal, halfway), 0.0);
+    float spread = along * along * (alpha * alpha - 1.0) + 1.0;
+    float distribution = alpha * alpha / (spread * spread);
+    float masking = 0.25 / mix(max(dot(to_camera, halfway), 0.1), 1.0, alpha);
+    return vec3(min(distribution * masking * facing, 60.0));
+}
+
+// Linear radiance of a surface. ambient_share: of the sky and ground that it can see, by occlusion nearby.
+vec3 lit(Pixel p, Surface s, float ambient_share) {
+    float facing = dot(s.normal, key_direction.xyz);
+    float sun = facing > -0.2 ? sunlit(p.position, p.normal, max(facing, 0.0)) : 0.0;
+    float through = s.translucency * max(-facing, 0.0);
+    vec3 ambient = mix(ground_ambient.rgb, sky_ambient.rgb, 0.5 + 0.5 * s.normal.z) * ambient_share;
+    vec3 lamps = vec3(0.0);
+    if (lamps_lit() > 0.0)
+        lamps = lamp_light(street_field, STREET_COLOR, 0.0, p.position, s.normal) +
+                lamp_light(head_field, HEAD_COLOR, 0.3, p.position, s.normal);
+    vec3 diffuse = s.albedo * (1.0 - s.metallic) * (key_light.rgb * sun * (max(facing, 0.0) + through) + ambient + lamps);
+
+    vec3 base = mix(vec3(s.specular), s.albedo, s.metallic);
+    float grazing = 1.0 - max(dot(s.normal, p.to_camera), 0.0);
+    float grazing2 = grazing * grazing;
+    vec3 fresnel = base + (max(vec3(1.0 - s.roughness), base) - base) * grazing2 * grazing2 * grazing;
+    vec3 mirrored = surroundings(reflect(-p.to_camera, s.normal), s.roughness) * ambient_share + lamps * 0.3;
+    vec3 specular = fresnel * (mirrored * (1.0 - 0.7 * s.roughness) + key_light.rgb * sun * sun_highlight(s, p.to_camera, max(facing, 0.0)));
+    return diffuse + specular + s.emission / exposure();
+}
+
+// Fog and the haze of clear air between a place and the camera.
+vec3 through_air(vec3 radiance, vec3 to_camera, vec3 position, float distance) {
+    float thickness = max(distance - fog.y, 0.0) * fog.x * exp2(-max(position.z, 0.0) * fog.z) + distance / 6000.0;
+    vec3 direction = vec3(-to_camera.xy, max(-to_camera.z, 0.0) * 0.3 + 0.02);
+    return mix(sky_radiance(normalize(direction)), radiance, exp2(-thickness));
+}
+
+// Filmic tone mapping (Narkowicz 2015) and sRGB.
+vec4 developed(vec3 radiance) {
+    vec3 x = radiance * exposure();
+    vec3 filmic = clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0);
+    vec3 color = pow(filmic, vec3(1.0 / 2.2));
+    return vec4(color, dot(color, LUMA));
+}
+
+void shade(Pixel p, Surface s) {
+    vec3 radiance = lit(p, s, 1.0);
+    shaded = developed(through_air(radiance, p.to_camera, p.position, p.depth));
+}

@@ -1,0 +1,75 @@
+"""Meshes packed for the GPU, 32 bytes a vertex. shaders/include/vertex.glsl unpacks what this module packs."""
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.types import Float32Array, Table, UInt8Array, UInt32Array
+
+_VERTEX_DTYPE = np.dtype([("in_position", "<f4", 3), ("in_uv", "<f4", 2), ("in_packed", "<u4", 3)])
+_FORMATS = {"in_position": ("3f4", "12x"), "in_uv": ("2f4", "8x"), "in_packed": ("3u4", "12x")}
+
+_MATERIALS = np.arange(256)
+_TINTED = np.isin(_MATERIALS, [Material.CAR_PAINT, Material.CLOTH_TINTED]).astype(np.uint32)
+_LIFTED = (_MATERIALS == Material.MARKING).astype(np.uint32)
+
+
+def pack_vertices(mesh: Mesh, shading_class: UInt8Array) -> Table:
+    """(V,) vertices as the geometry shaders read them.
+
+    Args:
+        mesh: The mesh.
+        shading_class: (256,) uint8, the shading class of each material.
+    """
+    vertices = np.empty(len(mesh.vertices), _VERTEX_DTYPE)
+    vertices["in_position"] = mesh.vertices
+    vertices["in_uv"] = mesh.uv
+    material, tag, part = (column.astype(np.uint32) for column in (mesh.material, mesh.tag, mesh.part))
+    red, green, blue = mesh.color.astype(np.uint32).T
+    flags = _TINTED[mesh.material] | _LIFTED[mesh.material] << 1
+    vertices["in_packed"][:, 0] = _octahedral(mesh.normals)
+    vertices["in_packed"][:, 1] = red | green << 8 | blue << 16 | material << 24
+    vertices["in_packed"][:, 2] = tag | part << 8 | shading_class[mesh.material].astype(np.uint32) << 16 | flags << 24
+    return vertices
+
+
+def upload_mesh(
+    context: moderngl.Context,
+    mesh: Mesh,
+    programs: Mapping[str, moderngl.Program],
+    shading_class: UInt8Array,
+    instances: moderngl.Buffer | None = None,
+) -> dict[str, moderngl.VertexArray]:
+    """The mesh on the GPU: one vertex array per program, on shared buffers.
+
+    Args:
+        context: Current context.
+        mesh: A mesh with at least one triangle.
+        programs: Programs that read some of the vertex attributes, by name.
+        shading_class: See ``pack_vertices``.
+        instances: One uint32 ``in_row`` per instance.
+    """
+    vertex_buffer = context.buffer(pack_vertices(mesh, shading_class).tobytes())
+    index_buffer = context.buffer(mesh.triangles.astype(np.uint32).tobytes())
+    arrays = {}
+    for name, program in programs.items():
+        used = [attribute for attribute in _FORMATS if attribute in program]
+        layout = " ".join(kept if attribute in used else skipped for attribute, (kept, skipped) in _FORMATS.items())
+        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [(vertex_buffer, layout, *used)]
+        if instances is not None:
+            content.append((instances, "1u4/i", "in_row"))
+        arrays[name] = context.vertex_array(program, content, index_buffer)
+    return arrays
+
+
+def _octahedral(normals: Float32Array) -> UInt32Array:
+    """(V,) pairs of snorm16: (V, 3) unit normals folded onto a square (Cigolle et al. 2014)."""
+    n = normals.astype(np.float64)
+    n /= np.maximum(np.abs(n).sum(axis=1, keepdims=True), 1e-20)
+    folded = (1.0 - np.abs(n[:, 1::-1])) * np.where(n[:, :2] >= 0.0, 1.0, -1.0)
+    square = np.where(n[:, 2:] >= 0.0, n[:, :2], folded)
+    fixed = np.round(square * 32767.0).astype(np.int64) & 0xFFFF
+    return (fixed[:, 0] | fixed[:, 1] << 16).astype(np.uint32)

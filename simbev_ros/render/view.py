@@ -1,0 +1,98 @@
+"""One camera at one moment, as the shaders see it: matrices relative to the frame's origin, and what it can see.
+
+"World" is the map frame moved to the frame's origin (the ego), so that float32 is exact on the GPU on large maps.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
+from simbev_ros.render.frame import CameraView
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.types import BoolArray, Float64Array
+
+NEAR_M = 0.1
+FAR_M = 2000.0
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A posed camera.
+
+    Attributes:
+        camera: Its intrinsics.
+        world_from_optical: (4, 4) pose of the optical frame.
+        previous_optical_from_world: (4, 4) the camera in the previous frame, or None.
+    """
+
+    camera: PinholeCamera
+    world_from_optical: Float64Array
+    previous_optical_from_world: Float64Array | None
+
+    @classmethod
+    def of(cls, view: CameraView, world: WorldState, previous: WorldState | None, origin_m: Float64Array) -> "View":
+        """The view of the ego's camera in a world whose origin is (3,) ``origin_m`` in the map frame."""
+        ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
+        before = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
+        return cls(view.camera, _world_from_ego(world, origin_m) @ ego_from_optical, before)
+
+    @property
+    def clip_from_world(self) -> Float64Array:
+        """(4, 4) projection of world points to OpenGL's clip space."""
+        return _clip_from_optical(self.camera) @ inverse(self.world_from_optical)
+
+    @property
+    def position_m(self) -> Float64Array:
+        """(3,) optical centre in the world."""
+        return self.world_from_optical[:3, 3]
+
+    def sees_spheres(self, centers_m: Float64Array, radii_m: Float64Array) -> BoolArray:
+        """(N,) whether spheres around (N, 3) world points reach into the view."""
+        planes = self._planes()
+        return np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
+
+    def sees_boxes(self, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
+        """(N,) whether axis-parallel boxes, given by two (N, 3) world corners, reach into the view."""
+        planes = self._planes()
+        center, half = (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
+        reach = half @ np.abs(planes[:, :3]).T
+        return np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
+
+    def block(self) -> bytes:
+        """The uniform block ``View`` of shaders/include/view.glsl, std140."""
+        camera = self.camera
+        before = np.eye(4) if self.previous_optical_from_world is None else self.previous_optical_from_world
+        has_previous = float(self.previous_optical_from_world is not None)
+        matrices = [self.clip_from_world.T, self.world_from_optical.T, before.T]
+        vectors = [
+            [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
+            [camera.width_px, camera.height_px, has_previous, 0.0],
+        ]
+        return np.concatenate([*matrices, np.array(vectors)]).astype(np.float32).tobytes()
+
+    def _planes(self) -> Float64Array:
+        """(6, 4) planes of the view, normals inward and of unit length."""
+        clip = self.clip_from_world
+        planes: Float64Array = np.concatenate([clip[3] + clip[:3], clip[3] - clip[:3]])
+        return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+
+
+def _clip_from_optical(camera: PinholeCamera) -> Float64Array:
+    """(4, 4) projection by K. Clip y grows downward, so that memory row 0 is the image's top row."""
+    width, height = camera.width_px, camera.height_px
+    return np.array(
+        [
+            [2.0 * camera.fx_px / width, 0.0, (2.0 * camera.cx_px + 1.0) / width - 1.0, 0.0],
+            [0.0, 2.0 * camera.fy_px / height, (2.0 * camera.cy_px + 1.0) / height - 1.0, 0.0],
+            [0.0, 0.0, (FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+
+
+def _world_from_ego(world: WorldState, origin_m: Float64Array) -> Float64Array:
+    pose: Float64Array = map_from_actors(world.ego.reshape(1))[0]
+    pose[:3, 3] -= origin_m
+    return pose

@@ -1,0 +1,39 @@
+"""Drawing the weather: the paper's table, or what the user fixed or drew differently."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from simbev_ros.config.draw import sample
+from simbev_ros.config.scenario import WeatherConfig
+from simbev_ros.scene.random import stream
+from simbev_ros.scene.weather import Weather
+
+
+def draw_weather(config: WeatherConfig, seed: int, *, hilly: bool) -> Weather:
+    """Draw every parameter, each from its own stream, so that fixing one does not change the others' numbers.
+
+    Args:
+        config: What the user wants of each parameter.
+        seed: The scene's seed.
+        hilly: The map has non-zero elevation: fog then fills all heights.
+    """
+    drawn: dict[str, float] = {}
+
+    def value(name: str, paper: Callable[[np.random.Generator], float]) -> float:
+        wanted = getattr(config, name)
+        rng = stream(seed, f"weather.{name}")
+        drawn[name] = paper(rng) if wanted == "paper" else sample(wanted, rng)
+        return drawn[name]
+
+    clouds = value("cloudiness", lambda rng: 100 * rng.beta(0.8, 1.0))
+    rain = value("precipitation", lambda rng: rng.beta(0.8, 0.2) * clouds if clouds > 40 else 0.0)
+    value("precipitation_deposits", lambda rng: rain + rng.beta(1.2, 1.6) * (100 - rain))
+    value("wetness", lambda rng: float(np.clip(rng.normal(rain, 10), 0, 100)))
+    value("wind_intensity", lambda rng: rng.uniform(0, 100))
+    value("sun_azimuth_deg", lambda rng: rng.uniform(0, 360))
+    altitude = value("sun_altitude_deg", lambda rng: 180 * rng.beta(3.6, 2.0) - 90)
+    fog = value("fog_density", lambda rng: 100 * rng.beta(1.6, 2.0) if clouds > 40 or altitude < 10 else 0.0)
+    value("fog_distance_m", lambda rng: rng.lognormal(3.2, 0.8) if fog > 10 else 0.0)
+    value("fog_falloff", lambda rng: (0.01 if hilly else 5 * rng.beta(1.2, 2.4)) if fog > 10 else 1.0)
+    return Weather(**drawn)

@@ -1,0 +1,24 @@
+"""Where a sensor is: its pose and motion in the map frame, from those of the vehicle that carries it."""
+
+import numpy as np
+
+from simbev_ros.config.rig import Pose
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.types import Float64Array, Table
+
+
+def map_from_sensor(pose: Pose, state: WorldState) -> Float64Array:
+    """(4, 4) transform of a sensor on the ego, whose body frame is x forward, y left, z up."""
+    matrix: Float64Array = map_from_actors(state.ego) @ pose.ego_from_sensor
+    return matrix
+
+
+def carried_ids(state: WorldState) -> frozenset[int]:
+    """The ego and who rides on it: the bodies that its own sensors see through, as in CARLA."""
+    actors = state.actors
+    return frozenset([state.ego_id, *actors["id"][actors["parent"] == state.ego_id].tolist()])
+
+
+def vector(row: Table, names: str) -> Float64Array:
+    """(3,) float64 vector of three columns of one row, such as ``vector(ego, "vx vy vz")``."""
+    return np.array([row[name] for name in names.split()], np.float64)

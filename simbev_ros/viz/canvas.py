@@ -1,0 +1,89 @@
+"""Drawing on RGB images: text, rounded pictures, labels. All coordinates in pixels."""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from simbev_ros.types import Float32Array, UInt8Array
+from simbev_ros.viz.layout import Box
+
+Color = tuple[int, int, int]
+
+BACKGROUND: Color = (11, 13, 17)
+SURFACE: Color = (22, 25, 31)
+LINE: Color = (52, 58, 68)
+TEXT: Color = (236, 239, 244)
+DIM: Color = (146, 154, 168)
+ACCENT: Color = (45, 212, 191)
+
+REGULAR, MEDIUM, BOLD = 400, 500, 650
+
+
+@lru_cache(maxsize=1)
+def _font() -> cv2.FontFace:
+    return cv2.FontFace("sans")
+
+
+def draw_text(
+    image: UInt8Array,
+    text: str,
+    x: float,
+    baseline: float,
+    *,
+    size: float,
+    color: Color = TEXT,
+    weight: int = REGULAR,
+    right: bool = False,
+) -> float:
+    """Draw one line of text and return the x where it ends, or where it starts if ``x`` is its right end."""
+    width = text_width(text, size, weight)
+    left = x - width if right else x
+    cv2.putText(image, text, (round(left), round(baseline)), color, _font(), round(size), weight)
+    return left if right else left + width
+
+
+def text_width(text: str, size: float, weight: int = REGULAR) -> int:
+    """Width of a line of text."""
+    _, _, width, _ = cv2.getTextSize((0, 0), text, (0, 0), _font(), round(size), weight)
+    return int(width)
+
+
+def draw_picture(image: UInt8Array, picture: UInt8Array, box: Box, radius: float) -> None:
+    """Draw an RGB picture, scaled to fill a box, with rounded corners."""
+    height, width = picture.shape[:2]
+    if (width, height) != (box.width, box.height):
+        shrinks = width > box.width
+        way = cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
+        picture = cv2.resize(picture, (box.width, box.height), interpolation=way)
+    _blend(image, picture, box, _rounded(box.width, box.height, round(radius, 1)))
+
+
+def draw_label(image: UInt8Array, box: Box, title: str, note: str, scale: float) -> None:
+    """Write a title, and a note in a lighter hand, on a dark plate in the upper left corner of a box."""
+    size, inset, padding = 15 * scale, 9 * scale, 8 * scale
+    height = round(25 * scale)
+    width = text_width(title, size, BOLD) + (text_width(note, size) + padding if note else 0) + 2 * padding
+    plate = Box(round(box.left + inset), round(box.top + inset), round(width), height)
+    mask = _rounded(plate.width, plate.height, round(5 * scale, 1)) * np.float32(0.66)
+    _blend(image, np.full((plate.height, plate.width, 3), BACKGROUND, np.uint8), plate, mask)
+    baseline = plate.top + 0.71 * height
+    end = draw_text(image, title, plate.left + padding, baseline, size=size, weight=BOLD)
+    if note:
+        draw_text(image, note, end + padding, baseline, size=size, color=DIM)
+
+
+def _blend(image: UInt8Array, picture: UInt8Array, box: Box, mask: Float32Array) -> None:
+    """Draw a picture of the size of a box over the image, by a mask in 0..1."""
+    part = image[box.top : box.top + box.height, box.left : box.left + box.width]
+    mixed = cv2.blendLinear(picture, np.ascontiguousarray(part), mask, 1 - mask)
+    part[...] = mixed
+
+
+@lru_cache(maxsize=64)
+def _rounded(width: int, height: int, radius: float) -> Float32Array:
+    """(height, width) coverage in 0..1 of a rectangle with rounded corners."""
+    x = np.abs(np.arange(width) + 0.5 - width / 2) - (width / 2 - radius)
+    y = np.abs(np.arange(height) + 0.5 - height / 2) - (height / 2 - radius)
+    distance = np.hypot(np.maximum(x, 0)[None, :], np.maximum(y, 0)[:, None]) - radius
+    return np.clip(0.5 - distance, 0, 1).astype(np.float32)

@@ -1,0 +1,162 @@
+"""Arrays as a sensor or annotator gives them → RGB pictures to look at."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from simbev_ros.palette import bev_color, semantic_color
+from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Array
+from simbev_ros.viz.canvas import ACCENT, BACKGROUND, DIM, LINE, SURFACE, draw_text
+
+NEAREST_DEPTH_M, FARTHEST_DEPTH_M = 2.0, 200.0
+FULL_FLOW_SHARE = 0.04
+"""Flow of this share of the image's width has full brightness."""
+
+
+def semantic_picture(tags: UInt8Array, rgb: UInt8Array | None, width_px: int) -> UInt8Array:
+    """Picture of (H, W) semantic tags in CARLA's colours."""
+    return semantic_color(_thin(tags, width_px))
+
+
+def instance_picture(ids: UInt16Array, rgb: UInt8Array | None, width_px: int) -> UInt8Array:
+    """A colour of its own for every id of (H, W), 0 being no actor, over the camera's picture in dark grey."""
+    ids = _thin(ids, width_px)
+    picture = np.full((*ids.shape, 3), SURFACE, np.uint8)
+    if rgb is not None:
+        grey = cv2.cvtColor(cv2.resize(rgb, ids.shape[::-1], interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2GRAY)
+        picture = np.repeat((grey // 3 + 12).astype(np.uint8)[..., None], 3, axis=-1)
+    actors = ids > 0
+    picture[actors] = _id_colors()[ids[actors]]
+    return picture
+
+
+def depth_picture(depth_m: Float32Array, rgb: UInt8Array | None, width_px: int) -> UInt8Array:
+    """Turbo colours over the logarithm of (H, W) depth, near is red; sky, and what is beyond the scale, is dark."""
+    depth_m = _thin(depth_m, width_px)
+    share = np.log(np.clip(depth_m, NEAREST_DEPTH_M, FARTHEST_DEPTH_M) / NEAREST_DEPTH_M) / np.log(
+        FARTHEST_DEPTH_M / NEAREST_DEPTH_M
+    )
+    levels = np.rint(245 - 225 * share).astype(np.uint8)  # the ends of turbo are nearly black
+    picture = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO)[..., ::-1], np.uint8).copy()
+    picture[~(depth_m < FARTHEST_DEPTH_M)] = SURFACE
+    return picture
+
+
+def flow_picture(flow_px: Float32Array, rgb: UInt8Array | None, width_px: int) -> UInt8Array:
+    """Colour wheel of (H, W, 2) flow: hue is the direction, brightness the length; what has none is dark."""
+    full_length_px = FULL_FLOW_SHARE * flow_px.shape[1]
+    flow_px = _thin(flow_px, width_px)
+    u, v = np.nan_to_num(flow_px[..., 0]), np.nan_to_num(flow_px[..., 1])
+    hue = np.degrees(np.arctan2(v, u)) / 2 % 180  # OpenCV counts hue in steps of 2 degrees
+    value = 30 + 225 * np.minimum(np.sqrt(np.hypot(u, v) / full_length_px), 1)
+    hsv = np.stack([hue, np.full_like(hue, 185), value], axis=-1).astype(np.uint8)
+    picture = np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), np.uint8)
+    picture[np.isnan(flow_px).any(axis=-1)] = SURFACE
+    return picture
+
+
+ModalityPicture = Callable[[AnyArray, UInt8Array | None, int], UInt8Array]
+"""From an image as recorded, the same view in RGB if there is one, and the width at which it will be shown."""
+
+
+class Modality(NamedTuple):
+    """How a modality is shown."""
+
+    title: str
+    note: str
+    picture: ModalityPicture
+
+
+MODALITY_PICTURES = {
+    "semantic": Modality("Semantic", "", semantic_picture),
+    "instance": Modality("Instance", "", instance_picture),
+    "depth": Modality("Depth", f"{NEAREST_DEPTH_M:.0f}-{FARTHEST_DEPTH_M:.0f} m", depth_picture),
+    "flow": Modality("Optical flow", "", flow_picture),
+}
+
+
+def lidar_picture(points: Table, size_px: int, half_extent_m: float) -> UInt8Array:
+    """Points from above, the x axis up, coloured by tag; the higher one hides the lower one.
+
+    Args:
+        points: (N,) rows with x, y, z in metres and a semantic tag; the sensor's frame.
+        size_px: Width and height of the picture.
+        half_extent_m: From the centre of the picture to its edge.
+    """
+    fine = 2 * size_px  # drawn finer, then averaged: dots keep a size of one pixel and soft edges
+    picture = np.full((fine, fine, 3), BACKGROUND, np.uint8)
+    order = np.argsort(points["z"], kind="stable")
+    row = (half_extent_m - points["x"][order]) / (2 * half_extent_m) * fine
+    column = (half_extent_m - points["y"][order]) / (2 * half_extent_m) * fine
+    inside = (row >= 0) & (row < fine - 1) & (column >= 0) & (column < fine - 1)
+    row, column = row[inside].astype(np.intp), column[inside].astype(np.intp)
+    colors = semantic_color(points["tag"][order][inside].astype(np.uint8))
+    colors = np.maximum(colors, (colors // 2 + 40).astype(np.uint8))  # dark tags must show on the dark ground
+    for shift in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        picture[row + shift[0], column + shift[1]] = colors
+    picture = np.asarray(cv2.resize(picture, (size_px, size_px), interpolation=cv2.INTER_AREA), np.uint8)
+    _draw_rings(picture, half_extent_m)
+    _draw_ego(picture)
+    return picture
+
+
+def bev_picture(labels: UInt16Array, size_px: int) -> UInt8Array:
+    """Bird's-eye-view labels, the ego looking up, in the palette's colours but on a dark ground.
+
+    Args:
+        labels: (H, W) uint16, bit k for class k.
+        size_px: Width of the picture.
+    """
+    picture = bev_color(labels)
+    picture[labels == 0] = SURFACE
+    height = round(size_px * labels.shape[0] / labels.shape[1])
+    way = cv2.INTER_AREA if size_px < labels.shape[1] else cv2.INTER_CUBIC
+    picture = np.asarray(cv2.resize(picture, (size_px, height), interpolation=way), np.uint8)
+    _draw_ego(picture)
+    return picture
+
+
+def _draw_ego(picture: UInt8Array) -> None:
+    """The ego: an arrow head in the middle that looks up."""
+    height, width = picture.shape[:2]
+    arrow = np.array([[0, -1], [0.62, 0.8], [0, 0.45], [-0.62, 0.8]]) * width / 55 + [width / 2, height / 2]
+    cv2.fillPoly(picture, [np.rint(arrow * 16).astype(np.int32)], ACCENT, cv2.LINE_AA, 4)
+
+
+def _draw_rings(picture: UInt8Array, half_extent_m: float) -> None:
+    """Range rings every 20 m with their radius."""
+    size = len(picture)
+    centre, px_per_m = size / 2, size / (2 * half_extent_m)
+    lines = picture.copy()
+    radii_m = range(20, int(half_extent_m) + 1, 20)
+    for radius_m in radii_m:
+        _draw_circle(lines, centre, radius_m * px_per_m)
+    np.copyto(picture, cv2.addWeighted(picture, 0.45, lines, 0.55, 0))
+    for radius_m in radii_m:
+        diagonal = radius_m * px_per_m * np.sqrt(0.5)
+        draw_text(picture, f"{radius_m} m", centre + diagonal + 3, centre + diagonal + 3, size=size / 40, color=DIM)
+
+
+def _draw_circle(picture: UInt8Array, centre: float, radius: float) -> None:
+    fine = 16  # OpenCV's fixed-point coordinates: 4 bits
+    middle = round(centre * fine)
+    cv2.circle(picture, (middle, middle), round(radius * fine), LINE, 1, cv2.LINE_AA, 4)
+
+
+@lru_cache(maxsize=1)
+def _id_colors() -> UInt8Array:
+    """(65536, 3) bright colours, far apart for neighbouring ids: hues step by the golden angle."""
+    ids = np.arange(1 << 16)
+    hue = (ids * 111.246 + 17) % 180
+    saturation, value = 120 + ids * 37 % 100, 205 + ids * 23 % 51
+    hsv = np.stack([hue, saturation, value], axis=-1).astype(np.uint8)
+    return np.asarray(cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0], np.uint8)
+
+
+def _thin(image: AnyArray, width_px: int) -> AnyArray:
+    """Every n-th pixel and row: labels must not be averaged, and twice the width to show is enough to colour."""
+    step = max(1, image.shape[1] // (2 * width_px))
+    return np.ascontiguousarray(image[::step, ::step])

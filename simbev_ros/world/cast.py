@@ -1,0 +1,129 @@
+"""Who takes part in a scene: the columns of the actors table that never change, and how bodies hang on SUMO's points.
+
+Ids: the ego is 1, the other vehicles follow in the specification's order, then the riders in the order of their vehicles, then
+the pedestrians. A vehicle that SUMO could not place leaves its id unused. Rows of the table ascend by id.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.random import stream
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
+from simbev_ros.types import Float64Array, Table
+from simbev_ros.world.motion import Bodies
+
+_PEDESTRIAN_TRAIL_M = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """The N actors of a scene: V vehicles, then riders, then P pedestrians; leading points: V vehicles, then P pedestrians.
+
+    Attributes:
+        rows: (N,) ``ACTOR_DTYPE`` with the columns that stay the same.
+        bodies: How they hang on the V + P points.
+        wheelbase_m: (N,) 0 where there is none.
+        wheel_radius_m: (N,) infinite where there is none.
+        stride_m: (N,) way of one turn of ``gait``; infinite where there is none.
+    """
+
+    rows: Table
+    bodies: Bodies
+    wheelbase_m: Float64Array
+    wheel_radius_m: Float64Array
+    stride_m: Float64Array
+
+
+class _Member(NamedTuple):
+    """One actor; ``point`` is the index of its leading point."""
+
+    id: int
+    blueprint: Blueprint
+    color: int
+    point: int
+    parent: int = 0
+    reckless: bool = False
+    mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def blueprint_of(name: str) -> Blueprint:
+    """The blueprint with this name."""
+    return load_blueprints()[blueprint_index()[name]]
+
+
+def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]) -> Cast:
+    """The cast.
+
+    Args:
+        spec: The scene.
+        vehicles: Which of its vehicles take part, ascending; in the order of their leading points.
+        pedestrians: Which of its pedestrians take part, ascending; their points come after the vehicles'.
+    """
+    members = [*_vehicles(spec, vehicles), *_riders(spec, vehicles), *_pedestrians(spec, vehicles, pedestrians)]
+    blueprints = [member.blueprint for member in members]
+    rows = np.zeros(len(members), ACTOR_DTYPE)
+    rows["id"] = [member.id for member in members]
+    rows["parent"] = [member.parent for member in members]
+    rows["color"] = [member.color for member in members]
+    rows["blueprint"] = [blueprint_index()[blueprint.name] for blueprint in blueprints]
+    rows["tag"] = [blueprint.tag for blueprint in blueprints]
+    rows["length"], rows["width"], rows["height"] = np.array([blueprint.size_m for blueprint in blueprints]).T
+    rows["behavior"] = [Behavior.RECKLESS if member.reckless else 0 for member in members]
+    return Cast(
+        rows=rows,
+        bodies=_bodies(members),
+        wheelbase_m=np.array([blueprint.wheelbase_m for blueprint in blueprints]),
+        wheel_radius_m=np.array([blueprint.wheel_radius_m or np.inf for blueprint in blueprints]),
+        stride_m=np.array([blueprint.stride_m or np.inf for blueprint in blueprints]),
+    )
+
+
+def _vehicles(spec: SceneSpec, indices: Sequence[int]) -> Iterator[_Member]:
+    for point, index in enumerate(indices):
+        vehicle = spec.vehicles[index]
+        blueprint = blueprint_of(vehicle.blueprint)
+        yield _Member(EGO_ID + index, blueprint, vehicle.color, point, reckless=vehicle.reckless)
+
+
+def _riders(spec: SceneSpec, vehicles: Sequence[int]) -> Iterator[_Member]:
+    """The riders of those vehicles that have one; a rider's clothes are drawn here."""
+    point_of = {index: point for point, index in enumerate(vehicles)}
+    for number, index in enumerate(_mounted(spec)):
+        if index in point_of:
+            carrier = blueprint_of(spec.vehicles[index].blueprint)
+            blueprint = blueprint_of(carrier.rider)
+            color = blueprint.colors[int(stream(spec.seed, f"vehicles.{index}.rider").integers(len(blueprint.colors)))]
+            rider = EGO_ID + len(spec.vehicles) + number
+            yield _Member(rider, blueprint, color, point_of[index], EGO_ID + index, mount_m=carrier.rider_seat_m)
+
+
+def _pedestrians(spec: SceneSpec, vehicles: Sequence[int], indices: Sequence[int]) -> Iterator[_Member]:
+    first = EGO_ID + len(spec.vehicles) + len(_mounted(spec))
+    for number, index in enumerate(indices):
+        pedestrian = spec.pedestrians[index]
+        yield _Member(first + index, blueprint_of(pedestrian.blueprint), pedestrian.color, len(vehicles) + number)
+
+
+def _mounted(spec: SceneSpec) -> list[int]:
+    """Which vehicles have a rider."""
+    return [index for index, vehicle in enumerate(spec.vehicles) if blueprint_of(vehicle.blueprint).rider]
+
+
+def _bodies(members: Sequence[_Member]) -> Bodies:
+    """A vehicle's point is its front bumper, its axles lie half a wheelbase before and behind its middle."""
+    leaders = sorted((member for member in members if not member.parent), key=lambda member: member.point)
+    drives = np.array([member.blueprint.kind == "vehicle" for member in leaders])
+    lead_m = np.where(drives, [member.blueprint.size_m[0] / 2.0 for member in leaders], 0.0)
+    rear_m = np.where(drives, [member.blueprint.wheelbase_m / 2.0 for member in leaders], _PEDESTRIAN_TRAIL_M)
+    return Bodies(
+        point=np.array([member.point for member in members], np.int64),
+        trail_m=lead_m + rear_m,
+        lead_m=lead_m,
+        tilts=drives,
+        mount_m=np.array([member.mount_m for member in members], np.float64),
+    )

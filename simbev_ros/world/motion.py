@@ -1,0 +1,172 @@
+"""From SUMO's points to rigid bodies in smooth motion: filtered paths, headings that trail, and their derivatives.
+
+SUMO moves a point for each actor along polylines: its speed jumps from step to step, and its direction at every corner. Here
+the points are averaged over a short window centred on each tick, so the world is a fixed delay behind SUMO but has no lag of
+phase. Each body then follows its point like a vehicle: the point leads, and the rear axle is drawn after it (a tractrix).
+Velocities and accelerations are central differences of the poses, so that they integrate back to them. All frames: map.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.geometry.transforms import rotations_from_rpy
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
+
+
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """How N bodies hang on G leading points (a rider and the bicycle below share one).
+
+    Attributes:
+        point: (N,) int64 index of the leading point of each body.
+        trail_m: (G,) distance from the leading point back to the rear axle.
+        lead_m: (G,) distance of the leading point ahead of the body's origin.
+        tilts: (G,) bool; whether the body pitches with the ground.
+        mount_m: (N, 3) the body's origin in the frame of the one that follows the point; zero for that one itself.
+    """
+
+    point: Int64Array
+    trail_m: Float64Array
+    lead_m: Float64Array
+    tilts: BoolArray
+    mount_m: Float64Array
+
+
+@dataclass(frozen=True, slots=True)
+class Kinematics:
+    """Poses of N bodies at one tick and their derivatives.
+
+    Attributes:
+        position_m: (N, 3).
+        rpy_rad: (N, 3) roll, pitch, yaw.
+        velocity_mps: (N, 3).
+        acceleration_mps2: (N, 3).
+        angular_velocity_radps: (N, 3).
+        advance_m: (N,) distance covered along the heading since the tick before.
+        speed_mps: (N,) velocity along the heading.
+    """
+
+    position_m: Float64Array
+    rpy_rad: Float64Array
+    velocity_mps: Float64Array
+    acceleration_mps2: Float64Array
+    angular_velocity_radps: Float64Array
+    advance_m: Float64Array
+    speed_mps: Float64Array
+
+
+class Motion:
+    """The motion of all bodies of a scene; one ``advance`` for each tick."""
+
+    def __init__(
+        self, bodies: Bodies, point_m: Float64Array, direction: Float64Array, tick_s: float, half_window_ticks: int
+    ) -> None:
+        """At rest.
+
+        Args:
+            bodies: What moves.
+            point_m: (G, 3) leading points.
+            direction: (G, 3) unit vectors in which the bodies look.
+            tick_s: Time between two points.
+            half_window_ticks: Points on each side that an average takes in.
+        """
+        self._bodies = bodies
+        self._tick_s = tick_s
+        weights = np.hanning(2 * half_window_ticks + 3)[1:-1]
+        self._weights = weights / weights.sum()
+        self._points_m = np.repeat(point_m[None], 2 * half_window_ticks + 1, axis=0)
+        self._lead_m = point_m.copy()
+        self._rear_m = point_m - bodies.trail_m[:, None] * direction
+        position_m, rpy_rad = self._poses()
+        self._position_m = np.repeat(position_m[None], 3, axis=0)
+        self._rpy_rad = np.repeat(rpy_rad[None], 3, axis=0)
+
+    @property
+    def delay_ticks(self) -> int:
+        """How many points before the newest one the returned kinematics are."""
+        return len(self._points_m) // 2 + 1
+
+    def advance(self, point_m: Float64Array) -> Kinematics:
+        """Take the next (G, 3) leading points; the kinematics at ``delay_ticks`` before them."""
+        self._points_m = np.concatenate([self._points_m[1:], point_m[None]])
+        self._follow(self._smoothed())
+        position_m, rpy_rad = self._poses()
+        self._position_m = np.concatenate([self._position_m[1:], position_m[None]])
+        self._rpy_rad = np.concatenate([self._rpy_rad[1:], rpy_rad[None]])
+        return self._kinematics()
+
+    def _smoothed(self) -> Float64Array:
+        """(G, 3) average over the window; exactly the point itself where nothing moved."""
+        center_m = self._points_m[len(self._points_m) // 2]
+        smoothed: Float64Array = center_m + np.tensordot(self._weights, self._points_m - center_m, axes=1)
+        return smoothed
+
+    def _follow(self, lead_m: Float64Array) -> None:
+        """Draw the rear axles after the leading points; one that did not move keeps its axle to the last bit."""
+        pull_m = lead_m - self._rear_m
+        distance_m = np.linalg.norm(pull_m, axis=1)
+        rear_m = lead_m - (self._bodies.trail_m / distance_m)[:, None] * pull_m
+        moved = np.any(lead_m != self._lead_m, axis=1)
+        self._rear_m = np.where(moved[:, None], rear_m, self._rear_m)
+        self._lead_m = lead_m
+
+    def _poses(self) -> tuple[Float64Array, Float64Array]:
+        """(N, 3) origins and (N, 3) roll, pitch, yaw."""
+        bodies = self._bodies
+        forward = (self._lead_m - self._rear_m) / bodies.trail_m[:, None]
+        yaw_rad = np.arctan2(forward[:, 1], forward[:, 0])
+        pitch_rad = np.where(bodies.tilts, -np.arcsin(np.clip(forward[:, 2], -1.0, 1.0)), 0.0)
+        rpy_rad = np.stack([np.zeros_like(yaw_rad), pitch_rad, yaw_rad], axis=1)[bodies.point]
+        origin_m = (self._lead_m - bodies.lead_m[:, None] * forward)[bodies.point]
+        return origin_m + np.einsum("nij,nj->ni", rotations_from_rpy(rpy_rad), bodies.mount_m), rpy_rad
+
+    def _kinematics(self) -> Kinematics:
+        """Central differences about the middle one of the three latest poses."""
+        before, now, after = self._position_m
+        velocity = (after - before) / (2.0 * self._tick_s)
+        acceleration = (after - 2.0 * now + before) / self._tick_s**2
+        rpy_rad = self._rpy_rad[1]
+        turn_rad = self._rpy_rad[2] - self._rpy_rad[0]
+        rates = ((turn_rad + np.pi) % (2.0 * np.pi) - np.pi) * (turn_rad != 0.0) / (2.0 * self._tick_s)
+        forward = rotations_from_rpy(rpy_rad)[:, :, 0]
+        return Kinematics(
+            position_m=now,
+            rpy_rad=rpy_rad,
+            velocity_mps=velocity,
+            acceleration_mps2=acceleration,
+            angular_velocity_radps=_angular_velocity(rpy_rad, rates),
+            advance_m=np.einsum("ni,ni->n", now - before, forward),
+            speed_mps=np.einsum("ni,ni->n", velocity, forward),
+        )
+
+
+class Pursuit:
+    """Points that run after targets no faster than they could, so that a target's jump becomes a stretch of way."""
+
+    def __init__(self, target_m: Float64Array, reach_m: Float64Array) -> None:
+        """At the (G, 3) targets; (G,) ``reach_m`` is the longest way in one tick."""
+        self._position_m = target_m.copy()
+        self._reach_m = reach_m
+
+    def advance(self, target_m: Float64Array) -> Float64Array:
+        """(G, 3) points one tick later."""
+        way_m = target_m - self._position_m
+        distance_m = np.linalg.norm(way_m, axis=1)
+        share = np.minimum(1.0, self._reach_m / np.maximum(distance_m, 1e-9))
+        self._position_m = np.where((share < 1.0)[:, None], self._position_m + share[:, None] * way_m, target_m)
+        return self._position_m
+
+
+def _angular_velocity(rpy_rad: Float64Array, rates_radps: Float64Array) -> Float64Array:
+    """(N, 3) angular velocity in the parent frame of (N, 3) roll, pitch, yaw (Rz Ry Rx) and their rates."""
+    pitch, yaw = rpy_rad[:, 1], rpy_rad[:, 2]
+    roll_rate, pitch_rate, yaw_rate = rates_radps.T
+    return np.stack(
+        [
+            np.cos(yaw) * np.cos(pitch) * roll_rate - np.sin(yaw) * pitch_rate,
+            np.sin(yaw) * np.cos(pitch) * roll_rate + np.cos(yaw) * pitch_rate,
+            yaw_rate - np.sin(pitch) * roll_rate,
+        ],
+        axis=1,
+    )

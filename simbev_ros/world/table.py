@@ -1,0 +1,71 @@
+"""The actors table: fixed columns of the cast, poses and derivatives, and what turns and shines because of them."""
+
+import numpy as np
+
+from simbev_ros.scene.random import stream
+from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.state import EGO_ID
+from simbev_ros.types import Float64Array, Int64Array, Table
+from simbev_ros.world.cast import Cast
+from simbev_ros.world.lights import vehicle_lights
+from simbev_ros.world.motion import Kinematics
+
+_LARGEST_STEER_RAD = 0.7
+_STEERING_MPS = 0.3
+
+
+class ActorTable:
+    """Fills one table for each tick; it remembers how far wheels and legs have turned."""
+
+    def __init__(self, spec: SceneSpec, cast: Cast, vehicles: int) -> None:
+        """For a cast whose first ``vehicles`` rows are vehicles."""
+        self._cast = cast
+        self._weather = spec.weather
+        self._tick_s = spec.tick_ns / NS_PER_S
+        self._blink_cycles = np.array(
+            [stream(spec.seed, f"vehicles.{row['id'] - EGO_ID}.blinker").random() for row in cast.rows[:vehicles]]
+        )
+        self._steer_rad = np.zeros(len(cast.rows))
+        self._wheel_rad = np.zeros(len(cast.rows))
+        self._gait_rad = np.zeros(len(cast.rows))
+
+    def at(self, motion: Kinematics, signals: Int64Array, step: int) -> Table:
+        """(N,) ``ACTOR_DTYPE``, one step after the last one.
+
+        Args:
+            motion: Of the cast's rows.
+            signals: (V,) SUMO's vehicle signals.
+            step: Ticks since the scene's start.
+        """
+        table = self._cast.rows.copy()
+        for names, values in (
+            (("x", "y", "z"), motion.position_m),
+            (("roll", "pitch", "yaw"), motion.rpy_rad),
+            (("vx", "vy", "vz"), motion.velocity_mps),
+            (("ax", "ay", "az"), motion.acceleration_mps2),
+            (("wx", "wy", "wz"), motion.angular_velocity_radps),
+        ):
+            for name, column in zip(names, values.T, strict=True):
+                table[name] = column
+        self._turn(motion)
+        table["steer"], table["wheel"], table["gait"] = self._steer_rad, self._wheel_rad, self._gait_rad
+        vehicles = slice(len(self._blink_cycles))
+        heading = np.stack([np.cos(motion.rpy_rad[:, 2]), np.sin(motion.rpy_rad[:, 2])], axis=1)
+        gain_mps2 = np.einsum("ni,ni->n", motion.acceleration_mps2[:, :2], heading)
+        table["lights"][vehicles] = vehicle_lights(
+            signals, motion.speed_mps[vehicles], gain_mps2[vehicles], self._blink_cycles, step * self._tick_s, self._weather
+        )
+        return table
+
+    def _turn(self, motion: Kinematics) -> None:
+        """Roll the wheels and move the legs over the way covered; steer as the turn demands (kinematic bicycle)."""
+        cast = self._cast
+        self._wheel_rad += motion.advance_m / cast.wheel_radius_m
+        self._gait_rad = (self._gait_rad + 2.0 * np.pi * motion.advance_m / cast.stride_m) % (2.0 * np.pi)
+        rolls = motion.speed_mps > _STEERING_MPS
+        steer_rad: Float64Array = np.arctan2(
+            cast.wheelbase_m * motion.angular_velocity_radps[:, 2], np.where(rolls, motion.speed_mps, 1.0)
+        )
+        # Who stands keeps the wheels as they are.
+        steer_rad = np.clip(steer_rad, -_LARGEST_STEER_RAD, _LARGEST_STEER_RAD)
+        self._steer_rad = np.where(rolls, steer_rad, self._steer_rad)

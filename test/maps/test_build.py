@@ -1,0 +1,97 @@
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import shapely
+from pyproj import CRS
+
+from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.maps import netconvert
+from simbev_ros.maps.build import known_maps, load_network
+from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.maps.surface import road_surface
+
+_BUILD_AND_PRINT_FOLDER = """
+import sys
+from pathlib import Path
+from simbev_ros.maps.build import MapSpec, load_network
+print(load_network(MapSpec(name="Blocks", seed=7), Path(sys.argv[1])).net_path.parent)
+"""
+
+
+def test_unknown_map_is_refused_with_the_known_names(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"'Atlantis'.*Blocks"):
+        load_network(MapSpec(name="Atlantis"), tmp_path)
+    assert "Blocks" in known_maps()
+
+
+def test_cache_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="map cache"):
+        load_network(MapSpec(name="Blocks"), tmp_path / "file")
+
+
+def test_netconvert_failure_carries_its_message(tmp_path: Path) -> None:
+    nodes, edges = tmp_path / "a.nod.xml", tmp_path / "a.edg.xml"
+    nodes.write_text('<nodes><node id="A" x="0" y="0"/></nodes>')
+    edges.write_text('<edges><edge id="AB" from="A" to="B"/></edges>')
+    with pytest.raises(SimulationError, match=r"netconvert.*'B'.*not known"):
+        netconvert.convert(nodes, edges, 4.0, tmp_path / "net.xml", tmp_path / "map.xodr")
+
+
+def test_two_processes_at_once_build_the_same_bytes_as_one_elsewhere(tmp_path: Path) -> None:
+    shared, alone = tmp_path / "shared", tmp_path / "alone"
+    processes = [
+        subprocess.Popen([sys.executable, "-c", _BUILD_AND_PRINT_FOLDER, str(cache)], stdout=subprocess.PIPE, text=True)
+        for cache in (shared, shared, alone)
+    ]
+    folders = [Path(process.communicate(timeout=60)[0].strip()) for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert folders[0] == folders[1]
+    for name in ("map.net.xml", "map.xodr"):
+        assert (folders[0] / name).read_bytes() == (folders[2] / name).read_bytes()
+    assert [path.name for path in (shared / "maps").iterdir()] == [folders[0].name], "no half-built folder stays behind"
+
+
+def test_second_load_comes_from_the_cache(
+    blocks: RoadNetwork, map_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(netconvert, "convert", lambda *_: pytest.fail("built again"))
+    again = load_network(MapSpec(name="Blocks", seed=0), map_cache)
+    assert again.net_path == blocks.net_path
+    assert list(again.lanes) == list(blocks.lanes)
+
+
+def test_another_seed_gives_other_streets(blocks: RoadNetwork, map_cache: Path) -> None:
+    other = load_network(MapSpec(name="Blocks", seed=1), map_cache)
+    center_a, center_b = blocks.junctions["C1"].center_m, other.junctions["C1"].center_m
+    assert np.linalg.norm(center_a - center_b) > 1.0
+
+
+def test_opendrive_has_the_same_roads_at_the_same_place_on_earth(blocks: RoadNetwork) -> None:
+    root = ElementTree.fromstring(blocks.opendrive)
+    reference = root.findtext("header/geoReference")
+    assert reference is not None
+    assert CRS.from_proj4(reference.strip()) == CRS.from_proj4(blocks.datum.proj_string)
+    assert {junction.attrib["name"] for junction in root.findall("junction")} == set(blocks.junctions)
+    starts = [road.find("planView/geometry") for road in root.findall("road")]
+    points = shapely.points(
+        [[float(start.attrib["x"]), float(start.attrib["y"])] for start in starts if start is not None]
+    )
+    assert len(points) > 2 * len(blocks.junctions)
+    assert shapely.distance(points, road_surface(blocks)).max() < 0.1
+
+
+def test_built_files_hold_no_time_and_no_path(blocks: RoadNetwork) -> None:
+    for text in (blocks.net_path.read_text(), blocks.opendrive):
+        assert not re.search(r"generated on|20\d\d-\d\d-\d\d|\.nod\.xml|<header [^>]*date=", text)
+
+
+def test_every_junction_has_crossings(blocks: RoadNetwork) -> None:
+    crossed = {lane.junction for lane in blocks.lanes_of(LaneKind.CROSSING)}
+    assert crossed == set(blocks.junctions)

@@ -1,0 +1,63 @@
+from xml.etree import ElementTree
+
+import numpy as np
+import shapely
+
+from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.surface import sidewalk_surface
+
+
+def test_each_driving_lane_into_a_signalised_junction_has_one_head(blocks: RoadNetwork) -> None:
+    expected = {
+        lane.id
+        for lane in blocks.lanes_of(LaneKind.DRIVING)
+        if not lane.junction and blocks.junctions[blocks.lanes[lane.successors[0]].junction].signalised
+    }
+    assert sorted(signal.lane for signal in blocks.signals) == sorted(expected)
+    assert len(expected) >= 20
+
+
+def test_a_head_shows_the_straightest_link_of_its_lane(blocks: RoadNetwork) -> None:
+    net = ElementTree.parse(blocks.net_path).getroot()
+    link_of = {
+        (connection.attrib["tl"], int(connection.attrib["linkIndex"])): connection.attrib
+        for connection in net.iter("connection")
+        if "tl" in connection.attrib
+    }
+    for signal in blocks.signals:
+        shown = link_of[signal.programme, signal.link]
+        assert f"{shown['from']}_{shown['fromLane']}" == signal.lane
+        directions = {link["dir"] for link in link_of.values() if f"{link['from']}_{link['fromLane']}" == signal.lane}
+        assert shown["dir"] == "s" or "s" not in directions
+
+
+def test_poles_stand_on_the_sidewalk(blocks: RoadNetwork) -> None:
+    feet = shapely.buffer(shapely.points([signal.pole_m[:2] for signal in blocks.signals]), 0.3)
+    assert shapely.contains(sidewalk_surface(blocks), feet).all()
+
+
+def test_heads_face_the_drivers_who_wait_at_their_line(blocks: RoadNetwork) -> None:
+    for signal in blocks.signals:
+        lane = blocks.lanes[signal.lane]
+        waiting_m, yaw_rad = blocks.pose_on_lane(lane.id, lane.length_m - 12.0)
+        to_driver = waiting_m[:2] - signal.position_m[:2]
+        bearing_rad = np.arctan2(to_driver[1], to_driver[0])
+        assert abs(np.angle(np.exp(1j * (bearing_rad - signal.yaw_rad)))) < np.radians(20)
+        right_of_lane = np.array([np.sin(yaw_rad), -np.cos(yaw_rad)]) @ (signal.pole_m[:2] - waiting_m[:2])
+        assert right_of_lane > lane.width_m / 2.0
+
+
+def test_arms_over_wide_approaches_clear_trucks_and_posts_stand_low(blocks: RoadNetwork) -> None:
+    lanes_of_approach: dict[str, int] = {}
+    for signal in blocks.signals:
+        edge = blocks.lanes[signal.lane].edge
+        lanes_of_approach[edge] = lanes_of_approach.get(edge, 0) + 1
+    for signal in blocks.signals:
+        reach_m = np.linalg.norm(signal.position_m[:2] - signal.pole_m[:2])
+        if lanes_of_approach[blocks.lanes[signal.lane].edge] == 1:
+            assert reach_m < 0.5
+            assert 2.5 < signal.position_m[2] < 3.5
+        else:
+            assert reach_m > 1.5
+            assert signal.position_m[2] > 5.0
+    assert set(lanes_of_approach.values()) == {1, 2}

@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from synthetic_world import EGO_ID, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.posing import pose_actors
+from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.raycast.scene import RayScene
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array, Int64Array
+
+ORIGIN = np.zeros(3)
+MODELS = (cart_model(), box_model(Tag.PEDESTRIAN, (0.4, 0.6, 1.8), Material.CLOTH))
+
+
+def first_triangles(
+    origins: Float64Array, directions: Float64Array, corners: Float64Array
+) -> tuple[Float64Array, Int64Array, Float64Array]:
+    """Range, triangle and distance to the next edge (barycentric), by Möller and Trumbore's test of all pairs."""
+    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = np.cross(directions[:, None], edge2)
+    determinant = np.einsum("rti,ti->rt", p, edge1)
+    determinant[np.abs(determinant) < 1e-12] = np.inf
+    s = origins[:, None] - corners[:, 0]
+    u = np.einsum("rti,rti->rt", s, p) / determinant
+    q = np.cross(s, edge1)
+    v = np.einsum("rti,ri->rt", q, directions) / determinant
+    range_m = np.einsum("rti,ti->rt", q, edge2) / determinant
+    inside = np.minimum(np.minimum(u, v), 1 - u - v)
+    range_m[(inside < 0) | (range_m <= 0) | np.isinf(determinant)] = np.inf
+    first = np.argmin(range_m, axis=1)
+    margin = np.abs(np.where(np.isinf(determinant), np.inf, inside)).min(axis=1)
+    return range_m[np.arange(len(first)), first], first, margin
+
+
+def unit_vectors(rng: np.random.Generator, count: int, flatness: float = 1.0) -> Float64Array:
+    directions = rng.normal(size=(count, 3)) * [1.0, 1.0, flatness]
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("shared_origin", [True, False])
+def test_hits_equal_those_of_a_test_of_all_pairs(shared_origin: bool) -> None:
+    rng = np.random.default_rng(1)
+    place = np.array([8000.0, -9000.0, 30.0])
+    soup = rng.uniform(-20, 20, (60, 1, 3)) + rng.uniform(-2, 2, (60, 3, 3))
+    rows = [actor(MODELS[0], id=EGO_ID, x=place[0], y=place[1], z=place[2])]
+    for index in range(1, 9):
+        x, y = rng.uniform(-12, 12, 2) + place[:2]
+        pose = dict(zip(("yaw", "pitch", "steer", "wheel"), rng.uniform(-1, 1, 4), strict=True))
+        rows.append(actor(MODELS[index % 2], index % 2, id=100 - index, x=x, y=y, z=place[2], **pose))
+    state = world(*rows)
+    scene = RayScene(static_scene(mesh(soup, Tag.VEGETATION, Material.FOLIAGE), origin_m=place), MODELS)
+    scene.update(state, place, 100.0)
+    count = 6000
+    offsets = np.tile([[0.1, 0.2, 2.5]], (count, 1)) if shared_origin else rng.uniform(-8, 8, (count, 3))
+    directions = unit_vectors(rng, count, 0.3)
+    hits = scene.cast(place + (offsets[:1] if shared_origin else offsets), directions)
+
+    posed = pose_actors(MODELS, state.actors, place)
+    corners = np.concatenate([soup, posed.vertices.astype(np.float64)[posed.triangles]])
+    range_m, first, margin = first_triangles(offsets, directions, corners)
+    clear = margin > 1e-4
+    assert clear.mean() > 0.9
+    hit = np.isfinite(range_m)
+    assert np.array_equal(np.isfinite(hits.range_m)[clear], hit[clear])
+    assert not hits.object_id[clear & ~hit].any()
+    assert not hits.tag[clear & ~hit].any()
+    both = clear & hit
+    assert np.abs(hits.range_m[both] - range_m[both]).max() < 2e-4
+    owner = np.concatenate([np.zeros(len(soup), np.uint32), state.actors["id"][posed.triangle_row]])
+    assert np.array_equal(hits.object_id[both], owner[first[both]])
+    assert len(np.unique(hits.object_id[both])) == 10
+    tag = np.concatenate([np.full(len(soup), Tag.VEGETATION), state.actors["tag"][posed.triangle_row]])
+    assert np.array_equal(hits.tag[both], tag[first[both]])
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[first[both]]
+    normal *= -np.sign(np.einsum("ni,ni->n", normal, directions[both]))[:, None]
+    assert np.abs(hits.normal[both] - normal / np.linalg.norm(normal, axis=1, keepdims=True)).max() < 1e-3
+
+
+def test_ranges_on_a_large_map_are_exact_to_a_tenth_of_a_millimetre() -> None:
+    place = np.array([9876.5, -9876.25, 123.0])
+    ground = mesh(sheet([-50, -50], [50, 50]), Tag.ROAD, Material.ASPHALT)
+    scene = RayScene(static_scene(ground, origin_m=place), MODELS)
+    scene.update(world(actor(MODELS[0], x=place[0], y=place[1], z=500.0)), place, 60.0)
+    hits = scene.cast(place + [[3.25, 1.5, 1.8]], np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]]))
+    assert hits.range_m == pytest.approx([1.8, 2.25], abs=1e-4)
+    assert hits.normal == pytest.approx(np.array([[0, 0, 1], [0, 0, 1]]))
+    assert list(hits.material) == [Material.ASPHALT] * 2
+
+
+def test_rays_pass_through_hidden_actors_and_hit_what_is_behind() -> None:
+    wall = mesh(box([10, 0, 0], [1, 20, 20]), Tag.BUILDING, Material.BRICK)
+    pedestrian = actor(MODELS[1], 1, id=9, x=4.0)
+    state = world(actor(MODELS[0], x=-20.0), pedestrian)
+    scene = RayScene(static_scene(wall), MODELS)
+    ray = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]])
+    scene.update(state, ORIGIN, 50.0)
+    seen = scene.cast(*ray)
+    assert (seen.object_id[0], seen.tag[0], seen.material[0]) == (9, Tag.PEDESTRIAN, Material.CLOTH)
+    assert seen.range_m[0] == pytest.approx(3.8)
+    scene.update(state, ORIGIN, 50.0, hidden_ids={9})
+    seen = scene.cast(*ray)
+    assert (seen.object_id[0], seen.tag[0], seen.material[0]) == (0, Tag.BUILDING, Material.BRICK)
+    assert seen.range_m[0] == pytest.approx(9.5)
+
+
+def test_hits_do_not_depend_on_where_the_scene_was_before() -> None:
+    rng = np.random.default_rng(2)
+    tiles = []
+    for x in range(-400, 400, 50):
+        for y in range(-100, 100, 50):
+            lumps = rng.uniform(0, 50, (40, 1, 3)) * [1, 1, 0.2] + rng.uniform(-3, 3, (40, 3, 3))
+            parts = [mesh(lumps, Tag.VEGETATION), mesh(sheet([0, 0], [50, 50]), Tag.ROAD)]
+            tiles += static_scene(*parts, origin_m=(x, y, 0)).tiles
+    static = StaticScene(tuple(tiles), ())
+    state = world(actor(MODELS[0], x=150.0), actor(MODELS[0], id=8, x=165.0, y=3.0, yaw=0.4))
+    directions = unit_vectors(rng, 20_000, 0.2)
+    origin = np.array([[151.0, 1.0, 2.0]])
+    fresh, travelled = RayScene(static, MODELS), RayScene(static, MODELS)
+    for x in (-300.0, 20.0, 90.0, 149.0):
+        travelled.update(state, np.array([x, 0.0, 0.0]), 80.0)
+        travelled.cast(origin, directions[:10])
+    for scene in (fresh, travelled):
+        scene.update(state, origin[0], 80.0)
+    one, other = fresh.cast(origin, directions), travelled.cast(origin, directions)
+    for name in ("range_m", "object_id", "tag", "material", "normal"):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+def test_an_empty_world_is_hit_nowhere() -> None:
+    scene = RayScene(StaticScene((), ()), MODELS)
+    scene.update(world(actor(MODELS[0])), ORIGIN, 50.0, hidden_ids={EGO_ID})
+    hits = scene.cast(np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]))
+    assert np.isinf(hits.range_m).all()
+    assert not hits.object_id.any()

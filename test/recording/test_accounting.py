@@ -1,0 +1,110 @@
+import json
+
+from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
+
+START_NS, TICK_NS = 3_600_000_000_000, 50_000_000
+MANIFEST = {"/every": Schedule(), "/third": Schedule(first_tick=1, period_ticks=3), "/once": Schedule(period_ticks=0)}
+
+
+def books(ticks: int = 6) -> Accounting:
+    return Accounting(MANIFEST, start_ns=START_NS, tick_ns=TICK_NS, ticks=ticks)
+
+
+def stamp(tick: int) -> int:
+    return START_NS + tick * TICK_NS
+
+
+def test_a_tick_is_finished_when_all_that_is_due_has_come() -> None:
+    account = books()
+    account.add("/every", stamp(0))
+    assert account.finished_tick == -1
+    assert account.awaited(0) == ["/once"]
+    account.add("/once", 17)  # a latched topic may have any stamp
+    assert account.finished_tick == 0
+    account.add("/every", stamp(1))
+    assert account.finished_tick == 0
+    account.add("/third", stamp(1))
+    assert account.finished_tick == 1
+
+
+def test_a_later_tick_waits_for_the_earlier_ones() -> None:
+    account = books()
+    account.add("/once", 0)
+    for tick in (2, 1):
+        account.add("/every", stamp(tick))
+    account.add("/third", stamp(1))
+    assert account.finished_tick == -1
+    account.add("/every", stamp(0))
+    assert account.finished_tick == 2
+
+
+def test_a_full_scene_is_complete_with_hand_counted_numbers() -> None:
+    account = books()
+    verdicts = [account.add("/every", stamp(tick)) for tick in range(6)]
+    verdicts += [account.add("/third", stamp(tick)) for tick in (1, 4)]
+    verdicts.append(account.add("/once", 0))
+    report = account.report()
+    assert set(verdicts) == {Verdict.EXPECTED}
+    assert report.complete and report.problems() == []
+    assert account.finished_tick == 5
+    assert {topic: entry.expected for topic, entry in report.topics.items()} == {"/every": 6, "/third": 2, "/once": 1}
+
+
+def test_missing_messages_are_named_with_their_ticks() -> None:
+    account = books()
+    for tick in (0, 3):
+        account.add("/every", stamp(tick))
+    report = account.report()
+    assert not report.complete
+    assert report.topics["/every"].missing_ticks == (1, 2, 4, 5)
+    assert report.problems()[0] == "/every: 2 of 6 messages, missing at ticks 1-2, 4-5"
+    assert report.problems()[2] == "/once: 0 of 1 messages, missing at ticks 0"
+
+
+def test_twice_the_same_tick_is_a_duplicate() -> None:
+    account = books()
+    account.add("/every", stamp(0))
+    assert account.add("/every", stamp(0)) is Verdict.DUPLICATE
+    account.add("/once", 1)
+    assert account.add("/once", 2) is Verdict.DUPLICATE
+    assert account.report().topics["/every"].duplicates == 1
+
+
+def test_stamps_that_are_not_due_are_unexpected_and_spoil_no_count() -> None:
+    account = books(ticks=1)
+    account.add("/once", 0)
+    account.add("/every", stamp(0))
+    assert account.add("/every", stamp(0) + 1) is Verdict.UNEXPECTED
+    assert account.add("/every", stamp(1)) is Verdict.UNEXPECTED
+    assert account.add("/third", stamp(0)) is Verdict.UNEXPECTED
+    assert account.add("/stranger", stamp(0)) is Verdict.UNEXPECTED
+    report = account.report()
+    assert report.complete
+    assert report.problems() == [
+        "/every: 1 of 1 messages, 2 more came with a stamp that is not due",
+        "/third: 0 of 0 messages, 1 more came with a stamp that is not due",
+        "/stranger: 0 of 0 messages, 1 more came with a stamp that is not due",
+    ]
+
+
+def test_messages_of_the_warm_up_are_not_counted() -> None:
+    account = books()
+    assert account.add("/every", stamp(-1)) is Verdict.WARM_UP
+    assert account.report().topics["/every"].unexpected == 0
+
+
+def test_a_tick_at_which_nothing_is_due_does_not_hold_up() -> None:
+    account = Accounting({"/a": Schedule(period_ticks=2)}, start_ns=0, tick_ns=1, ticks=4)
+    account.add("/a", 0)
+    assert account.finished_tick == 1
+    account.add("/a", 2)
+    assert account.finished_tick == 3
+
+
+def test_the_report_fits_into_the_bags_description() -> None:
+    account = books()
+    account.add("/every", stamp(0))
+    data = account.report().custom_data("Town01-0007")
+    assert (data["scene"], data["complete"], data["ticks"]) == ("Town01-0007", "false", "6")
+    assert json.loads(data["expected"]) == {"/every": 6, "/third": 2, "/once": 1}
+    assert json.loads(data["recorded"]) == {"/every": 1, "/third": 0, "/once": 0}

@@ -23,6 +23,9 @@ class Part:
         swing_phase_rad: Phase of the swing.
         swing_offset_rad: Constant turn about y.
         cranks: Turns about y with the ``gait`` angle (pedals of a bicycle).
+        still_rad: Constant turn about y, in place of offset and swing, of an actor that stands still.
+        lift_m: Rises by this times cos²(gait), and by all of it when the actor stands still: a leg is longest, and
+            reaches deepest into the hip, when it is under the body.
     """
 
     name: str
@@ -34,6 +37,8 @@ class Part:
     swing_phase_rad: float = 0.0
     swing_offset_rad: float = 0.0
     cranks: bool = False
+    still_rad: float | None = None
+    lift_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +64,10 @@ class ActorModel:
     wheel_radius_m: float
 
 
+_FULL_STRIDE_MPS = 0.6
+"""Below this speed walkers take shorter steps; at rest they stand."""
+
+
 def part_poses(model: ActorModel, actors: Table) -> Float64Array:
     """Poses of every part of actors that share a model.
 
@@ -70,16 +79,19 @@ def part_poses(model: ActorModel, actors: Table) -> Float64Array:
         (N, P, 4, 4) transforms actor from actor-at-rest: applied to rest-pose vertices of part p they give posed ones.
     """
     poses = np.tile(np.eye(4), (len(actors), len(model.parts), 1, 1))
+    gait = actors["gait"].astype(np.float64)
+    motion = np.minimum(np.hypot(actors["vx"], actors["vy"]).astype(np.float64) / _FULL_STRIDE_MPS, 1.0)
     for index, part in enumerate(model.parts):
-        angle_y = np.full(len(actors), part.swing_offset_rad)
+        angle_y = part.swing_offset_rad + part.swing_rad * np.sin(gait + part.swing_phase_rad)
+        if part.still_rad is not None:
+            angle_y = motion * angle_y + (1.0 - motion) * part.still_rad
         if part.spins:
-            angle_y += actors["wheel"]
+            angle_y = angle_y + actors["wheel"]
         if part.cranks:
-            angle_y += actors["gait"]
-        if part.swing_rad:
-            angle_y += part.swing_rad * np.sin(actors["gait"] + part.swing_phase_rad)
+            angle_y = angle_y + gait
         angle_z = actors["steer"].astype(np.float64) if part.steers else np.zeros(len(actors))
         turn = _turn_about(np.asarray(part.pivot_m), angle_y, angle_z)
+        turn[:, 2, 3] += part.lift_m * (1.0 - motion * np.sin(gait) ** 2)
         poses[:, index] = turn if part.parent < 0 else poses[:, part.parent] @ turn
     return poses
 

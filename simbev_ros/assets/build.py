@@ -1,14 +1,18 @@
-"""The static scene of a map."""
+"""Builds the static scene of a map: streets first, then what stands along them, buildings, gardens, plants."""
+
+import shapely
 
 from simbev_ros.assets.building_sites import choose_sites, erect
 from simbev_ros.assets.claims import Claims
-from simbev_ros.assets.gardens import lay_out_gardens
-from simbev_ros.assets.ground import lay_ground
+from simbev_ros.assets.gardens import lay_out_front_gardens
+from simbev_ros.assets.ground import lay_ground, pave
 from simbev_ros.assets.markings import paint_markings
+from simbev_ros.assets.parks import lay_out_park
+from simbev_ros.assets.planting import plant_land
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.assets.streetscape import furnish_streets
 from simbev_ros.assets.tiles import TileBuilder
-from simbev_ros.assets.town_plan import plan_town
+from simbev_ros.assets.town_plan import BlockUse, plan_town
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import SurroundingsRecipe
 from simbev_ros.scene.random import stream
@@ -34,5 +38,12 @@ def build_static_scene(network: RoadNetwork, recipe: SurroundingsRecipe, seed: i
     rng = stream(seed, "surroundings.buildings")
     for site in sites:
         tiles.place(erect(site, recipe, rng), site.map_from_building)
-    lay_out_gardens(tiles, claims, plan, sites, recipe.plant_density, seed)
+    green = plan.ground.lawn
+    parks = [block for block in plan.blocks if block.use is BlockUse.PARK]
+    paved = [lay_out_front_gardens(tiles, claims, sites, green, seed)]
+    paved += [
+        lay_out_park(tiles, claims, block, stream(seed, f"surroundings.park.{k}")) for k, block in enumerate(parks)
+    ]
+    pave(tiles, shapely.intersection(shapely.union_all(paved), green))
+    plant_land(tiles, claims, plan, recipe.plant_density, seed)
     return StaticScene(tiles.finish(), lights)

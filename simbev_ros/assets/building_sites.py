@@ -11,9 +11,9 @@ from simbev_ros.assets.claims import Claims
 from simbev_ros.assets.facades import BAY_M
 from simbev_ros.assets.ground import LAND_HEIGHT_M
 from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.tiles import standing
 from simbev_ros.assets.town_plan import Block, BlockUse, FrontSide, TownPlan, building_height_m, front_sides
 from simbev_ros.config.draw import sample
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.maps.recipe import SurroundingsRecipe
 from simbev_ros.scene.random import stream
 from simbev_ros.types import Float64Array
@@ -21,7 +21,7 @@ from simbev_ros.types import Float64Array
 _STEP_M = 1.0
 _HIGHEST_HOUSE_M, _HIGHEST_APARTMENTS_M = 7.5, 24.0
 _PARTY_GAP_M = 0.12
-_OUTSKIRTS_SHARE = 0.6
+_DENSITY_POWER = {BlockUse.DOWNTOWN: 0.4, BlockUse.RESIDENTIAL: 1.0, BlockUse.OUTSKIRTS: 3.0}
 _BAYS = {"house": (3, 4), "shop": (4, 8), "apartments": (4, 8), "office": (6, 11)}
 _DEPTH_BAYS = {"house": (3, 3), "shop": (4, 5), "apartments": (4, 4), "office": (5, 7)}
 SHOULDER_ROOM_M = 0.5
@@ -78,7 +78,7 @@ def _row(
     claims: Claims,
 ) -> Iterator[Site]:
     """Buildings side by side from one end of a side to the other."""
-    share = recipe.building_density * (_OUTSKIRTS_SHARE if block.use is BlockUse.OUTSKIRTS else 1.0)
+    share = recipe.building_density ** _DENSITY_POWER[block.use]
     s_m = 0.0
     while s_m < side.length_m - 2 * BAY_M:
         candidate = _candidate(side, s_m, block, recipe, rng)
@@ -102,10 +102,8 @@ def _candidate(side: FrontSide, s_m: float, block: Block, recipe: SurroundingsRe
         BAY_M * int(rng.integers(low, high, endpoint=True)) for low, high in (_BAYS[style], _DEPTH_BAYS[style])
     )
     setback_m = sample(recipe.building_setback_m, rng) + (3.0 if style == "house" else 0.0)
-    inward = np.array([-side.direction[1], side.direction[0]])
-    origin = place + side.direction * width_m / 2.0 + inward * (setback_m + SHOULDER_ROOM_M)
-    yaw_rad = float(np.arctan2(side.direction[1], side.direction[0]))
-    pose = matrices_from_xyz_rpy(np.array([*origin, LAND_HEIGHT_M]), np.array([0.0, 0.0, yaw_rad]))
+    origin = place + side.direction * width_m / 2.0 + side.inward * (setback_m + SHOULDER_ROOM_M)
+    pose = standing(origin, LAND_HEIGHT_M, side.yaw_rad)
     half_m = width_m / 2.0 + (0.5 if style == "house" else 0.0)
     near_m, far_m = (-0.6, depth_m + 0.6) if style != "apartments" else (-SHOULDER_ROOM_M, depth_m + 0.6)
     corners = np.array([[-half_m, near_m], [half_m, near_m], [half_m, far_m], [-half_m, far_m]])

@@ -103,14 +103,14 @@ def office(plot: Plot, rng: np.random.Generator, wall: str) -> Mesh:
         mesh,
         _plinth(plan),
         ledge(plan, trim, _SHOP_STOREY_M - 0.25, 0.5, 0.2),
-        ledge(plan, trim, top_m - 0.4, 0.4, 0.12),
+        ledge(plan, trim, top_m - 0.44, 0.4, 0.12),
     ]
     pieces += _fins(plan, trim, _SHOP_STOREY_M + 0.25, top_m) if rng.random() < 0.6 else []
     width_m, depth_m = plot.width_m, plot.depth_m
     if steps_back:
         plan = plan.buffer(-BAY_M / 2.0, join_style="mitre")
         tower, top_m = body(plan, [Band(upper, color, _OFFICE_STOREY_M, storeys - below)], roof, base_m=top_m)
-        pieces += [tower, ledge(plan, trim, top_m - 0.4, 0.4, 0.12)]
+        pieces += [tower, ledge(plan, trim, top_m - 0.44, 0.4, 0.12)]
     crown = flat_roof(rng, width_m - BAY_M * steps_back, depth_m - BAY_M * steps_back, top_m, trim)
     shift = np.eye(4)
     shift[1, 3] = BAY_M / 2.0 * steps_back

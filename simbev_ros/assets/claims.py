@@ -1,7 +1,6 @@
 """Who stands where: each object claims its footprint, and none may overlap one claimed before."""
 
 import numpy as np
-import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.types import Float64Array

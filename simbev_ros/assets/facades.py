@@ -74,7 +74,10 @@ def ledge(plan: shapely.Polygon, color: Color, bottom_m: float, height_m: float,
 
 def parapet(plan: shapely.Polygon, color: Color, roof_m: float, height_m: float = 0.9) -> Mesh:
     """A low wall around a flat roof."""
-    ring = plan.buffer(0.02, join_style="mitre").difference(plan.buffer(-0.3, join_style="mitre"))
+    left_m, near_m, right_m, far_m = plan.bounds
+    inner = shapely.box(left_m + 0.3, near_m + 0.3, right_m - 0.3, far_m - 0.3)
+    outer = shapely.box(left_m - 0.02, near_m - 0.02, right_m + 0.02, far_m + 0.02)
+    ring = shapely.Polygon(outer.exterior, [inner.exterior])
     return extrusion(built(Material.PLASTER, color), ring, roof_m - 0.05, roof_m + height_m)
 
 
@@ -97,8 +100,7 @@ def balconies(width_m: float, bays: Sequence[int], floors_m: Sequence[float], co
         x_m = ((bay + 0.5) / count - 0.5) * width_m
         for z_m in floors_m:
             pieces.append(box(built(Material.CONCRETE, color), (2.5, 1.3, 0.16), (x_m, -0.6, z_m)))
-            outline = shapely.box(x_m - 1.22, -1.22, x_m + 1.22, 0.0)
-            rail = outline.difference(shapely.box(x_m - 1.18, -1.18, x_m + 1.18, 1.0))
+            rail = shapely.Polygon(_RAIL_M + np.array([x_m, 0.0]))
             pieces.append(extrusion(built(Material.METAL, (70, 72, 74)), rail, z_m + 0.08, z_m + 1.0))
     return pieces
 
@@ -140,10 +142,9 @@ def _walls(finish: Finish, ring: Float64Array, z_m: tuple[float, float], v: tupl
     quads = [np.hstack([ring, bottom]), np.hstack([ends, bottom]), np.hstack([ends, top]), np.hstack([ring, top])]
     u = np.maximum(1, np.round(lengths / BAY_M)) * BAY_M
     uv = np.stack([np.stack([u * side, np.full(len(ring), v[up])], axis=1) for side, up in _QUAD_UV], axis=1)
-    first = np.arange(len(ring))[:, None] * 4
     return Mesh.indexed(
         np.stack(quads, axis=1).reshape(-1, 3),
-        np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]).astype(np.int32),
+        (np.arange(len(ring))[:, None, None] * 4 + _QUAD_TRIANGLES).reshape(-1, 3).astype(np.int32),
         normals=np.repeat(outward / lengths[:, None], 4, axis=0),
         material=finish.material,
         tag=finish.tag,
@@ -152,4 +153,8 @@ def _walls(finish: Finish, ring: Float64Array, z_m: tuple[float, float], v: tupl
     )
 
 
+_RAIL_M = np.array(
+    [[-1.22, 0], [-1.22, -1.22], [1.22, -1.22], [1.22, 0], [1.18, 0], [1.18, -1.18], [-1.18, -1.18], [-1.18, 0]]
+)
 _QUAD_UV = ((0, 0), (1, 0), (1, 1), (0, 1))
+_QUAD_TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -1,32 +1,30 @@
 """Street furniture. Frame: origin at the foot, x towards the road, z up."""
 
 import numpy as np
-import shapely
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color
-from simbev_ros.assets.primitives import Finish, box, cylinder, extrusion, lathe, tube
+from simbev_ros.assets.primitives import Finish, box, cylinder, lathe, tube
 from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 LAMP_AT_M = (1.75, 0.0, 7.82)
 """Light source of ``street_light``, its own frame."""
 
-_SLANT_RAD = np.linspace(0.0, np.pi / 2.0, 4)
+_BEND_RAD = np.linspace(0.0, np.pi / 2.0, 3)
 _STEEL = (104, 108, 111)
 
 
 def street_light() -> Mesh:
     """A street light, 8 m high, with an arm over the road; its lamp's ``uv`` is to be set with ``with_lamp_index``."""
     pole = Finish(Material.METAL, Tag.POLE, _STEEL)
-    bend = np.column_stack([0.55 * (1.0 - np.cos(_SLANT_RAD)), np.zeros(4), 7.4 + 0.5 * np.sin(_SLANT_RAD)])
+    bend = np.column_stack([0.55 * (1.0 - np.cos(_BEND_RAD)), np.zeros(3), 7.4 + 0.5 * np.sin(_BEND_RAD)])
     path = np.concatenate([[[0.0, 0.0, 0.0]], bend, [[1.5, 0.0, 7.95]]])
     x_m, y_m, z_m = LAMP_AT_M
     return Mesh.merged(
         [
-            lathe(pole, np.array([[0.16, 0.0], [0.16, 0.7], [0.1, 0.85], [0.1, 1.0]]), segments=8),
-            tube(pole, path, np.array([0.085, 0.06, 0.055, 0.05, 0.045, 0.045]), segments=7),
+            lathe(pole, np.array([[0.15, 0.0], [0.15, 0.7], [0.085, 0.9]]), segments=6),
+            tube(pole, path, np.array([0.085, 0.06, 0.055, 0.05, 0.045]), segments=6),
             box(pole, (0.8, 0.28, 0.12), (x_m, y_m, z_m + 0.12), bevel_m=0.03),
             box(Finish(Material.STREET_LAMP, Tag.POLE, (238, 232, 214)), (0.6, 0.2, 0.08), (x_m, y_m, z_m + 0.03)),
         ]
@@ -78,9 +76,9 @@ def bus_shelter() -> Mesh:
     poster = box(Finish(Material.PLASTIC, Tag.STATIC, (214, 176, 96)), (0.8, 0.08, 1.3), (-0.1, 1.95, 1.25))
     seat = box(Finish(Material.WOOD, Tag.STATIC, (128, 96, 64)), (0.4, 3.0, 0.06), (-0.42, 0.0, 0.48))
     feet = [box(steel, (0.06, 0.06, 0.45), (-0.42, y_m, 0.225)) for y_m in (-1.3, 1.3)]
-    return Mesh.merged(
-        [*posts, *panes, poster, seat, *feet, box(steel, (1.7, 4.2, 0.12), (-0.05, 0.0, 2.46), bevel_m=0.04)]
-    )
+    roof = box(steel, (1.7, 4.2, 0.12), (-0.05, 0.0, 2.46), bevel_m=0.04)
+    floor = box(Finish(Material.CONCRETE, Tag.STATIC, (140, 137, 130)), (1.8, 4.2, 0.3), (-0.05, 0.0, -0.13))
+    return Mesh.merged([floor, roof, *posts, *panes, poster, seat, *feet])
 
 
 def fence(length_m: float) -> Mesh:
@@ -109,58 +107,5 @@ def garden_wall(length_m: float, color: Color) -> Mesh:
     )
 
 
-def speed_sign(limit_kmh: int) -> Mesh:
-    """A speed-limit sign (white, red rim, two digits) that faces x."""
-    pole = Finish(Material.METAL, Tag.POLE, _STEEL)
-    red, white = (Finish(Material.PLATE, Tag.TRAFFIC_SIGN, color) for color in ((196, 30, 34), (240, 240, 238)))
-    black = Finish(Material.PLATE, Tag.TRAFFIC_SIGN, (20, 20, 22))
-    tens, ones = divmod(limit_kmh, 10)
-    z_m = 2.45
-    return Mesh.merged(
-        [
-            cylinder(pole, (0.0, 0.0, 0.0), (0.0, 0.0, z_m + 0.25), 0.035, segments=6),
-            cylinder(red, (0.035, 0.0, z_m), (0.055, 0.0, z_m), 0.32, segments=20),
-            cylinder(white, (0.05, 0.0, z_m), (0.062, 0.0, z_m), 0.255, segments=20),
-            *_digit(black, tens, (0.064, 0.1, z_m)),
-            *_digit(black, ones, (0.064, -0.1, z_m)),
-        ]
-    )
-
-
-def street_name_sign(color: Color) -> Mesh:
-    """Two name plates across each other on a post."""
-    pole, plate_ = Finish(Material.METAL, Tag.POLE, _STEEL), Finish(Material.PLATE, Tag.TRAFFIC_SIGN, color)
-    return Mesh.merged(
-        [
-            cylinder(pole, (0.0, 0.0, 0.0), (0.0, 0.0, 2.9), 0.035, segments=6),
-            box(plate_, (0.95, 0.02, 0.2), (0.42, 0.0, 2.75)),
-            box(plate_, (0.02, 0.95, 0.2), (0.0, 0.42, 2.5)),
-        ]
-    )
-
-
 def _picket(wood: Finish, x_m: float) -> Mesh:
     return box(wood, (0.09, 0.025, 1.0), (x_m, 0.0, 0.58))
-
-
-def _digit(finish: Finish, value: int, center_m: tuple[float, float, float]) -> list[Mesh]:
-    """Seven-segment figure 0.28 m high, read from x; the reader's right is -y."""
-    x_m, y_m, z_m = center_m
-    upright, level = (0.006, 0.03, 0.14), (0.006, 0.12, 0.03)
-    spots = {
-        "a": (level, 0.0, 0.125),
-        "b": (upright, -0.05, 0.065),
-        "c": (upright, -0.05, -0.065),
-        "d": (level, 0.0, -0.125),
-        "e": (upright, 0.05, -0.065),
-        "f": (upright, 0.05, 0.065),
-        "g": (level, 0.0, 0.0),
-    }
-    return [
-        box(finish, size, (x_m, y_m + side_m, z_m + up_m))
-        for segment, (size, side_m, up_m) in spots.items()
-        if segment in _SEGMENTS[value]
-    ]
-
-
-_SEGMENTS = ("abcdef", "bc", "abdeg", "abcdg", "bcfg", "acdfg", "acdefg", "abc", "abcdefg", "abcdfg")

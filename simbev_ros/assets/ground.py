@@ -19,14 +19,16 @@ LAND_HEIGHT_M = 0.10
 """Lawns and yards lie so much above the road, a little below the sidewalks."""
 
 _CURB_WIDTH_M = 0.15
+_PATH_RISE_M = 0.01
 _HORIZON_M = 1500.0
+_CUT_TOLERANCE_M = 0.002  # plans lie on a millimetre grid, and what is cut from them too
 
 _ASPHALT = Finish(Material.ASPHALT, Tag.ROAD, (68, 69, 71))
 _CURB = Finish(Material.CONCRETE, Tag.SIDEWALK, (158, 156, 150))
 _PAVING = Finish(Material.PAVING, Tag.SIDEWALK, (148, 143, 135))
 _VERGE = Finish(Material.SOIL, Tag.TERRAIN, (96, 82, 62))
-LAWN = Finish(Material.GRASS, Tag.TERRAIN, (92, 122, 62))
-YARD = Finish(Material.PAVING, Tag.GROUND, (138, 134, 127))
+_LAWN = Finish(Material.GRASS, Tag.TERRAIN, (88, 104, 60))
+_YARD = Finish(Material.PAVING, Tag.GROUND, (138, 134, 127))
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +57,16 @@ def lay_ground(tiles: TileBuilder, plan: GroundPlan) -> None:
     edges = plan.sidewalk.boundary
     shapely.prepare(edges)
     tiles.cover(plan.sidewalk, lambda piece: _faces(_CURB, piece, edges, CURB_HEIGHT_M))
-    for land, finish in ((plan.lawn, LAWN), (plan.yard, YARD)):
+    for land, finish in ((plan.lawn, _LAWN), (plan.yard, _YARD)):
         tiles.cover(land, lambda piece, finish=finish: plate(finish, piece, LAND_HEIGHT_M))  # type: ignore[misc]
-        kerbless = land.boundary.intersection(plan.road.buffer(0.01))
+        kerbless = land.boundary.intersection(plan.road.buffer(_CUT_TOLERANCE_M))
         tiles.cover(land, lambda piece, rim=kerbless: _faces(_VERGE, piece, rim, LAND_HEIGHT_M))  # type: ignore[misc]
     _lay_horizon(tiles, shapely.union_all([plan.lawn, plan.yard, plan.road, plan.sidewalk]))
+
+
+def pave(tiles: TileBuilder, area: BaseGeometry) -> None:
+    """Lay paths and forecourts on the lawns."""
+    tiles.cover(area, lambda piece: plate(_YARD, piece, LAND_HEIGHT_M + _PATH_RISE_M))
 
 
 def tile_aligned(bounds_m: Float64Array, margin_m: float) -> shapely.Polygon:
@@ -76,7 +83,7 @@ def _lay_horizon(tiles: TileBuilder, land: BaseGeometry) -> None:
     corners = np.concatenate([np.column_stack([ring, np.full(4, LAND_HEIGHT_M)]) for ring in (inner, outer)])
     here, following = np.arange(4), np.roll(np.arange(4), -1)
     quads = np.stack([here, here + 4, following + 4, here, following + 4, following], axis=1)
-    frame = Mesh.flat(corners[quads.reshape(-1, 3)], material=LAWN.material, tag=LAWN.tag, color=LAWN.color)
+    frame = Mesh.flat(corners[quads.reshape(-1, 3)], material=_LAWN.material, tag=_LAWN.tag, color=_LAWN.color)
     tiles.place_apart(frame)
 
 
@@ -86,7 +93,7 @@ def _faces(finish: Finish, piece: shapely.Polygon, edges: BaseGeometry, top_m: f
     rings = [np.asarray(ring.coords)[:, :2] for ring in (piece.exterior, *piece.interiors)]
     starts, ends = np.concatenate([ring[:-1] for ring in rings]), np.concatenate([ring[1:] for ring in rings])
     middles = shapely.points((starts + ends) / 2.0)
-    kept = shapely.dwithin(edges, middles, 1e-4)
+    kept = shapely.dwithin(edges, middles, _CUT_TOLERANCE_M)
     starts, ends = starts[kept], ends[kept]
     corners = [
         np.column_stack([xy, np.full(len(xy), z)]) for xy, z in ((starts, 0), (ends, 0), (ends, top_m), (starts, top_m))

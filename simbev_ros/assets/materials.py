@@ -56,7 +56,7 @@ class Material(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class MaterialTable:
-    """Properties per material, each (len(Material),) float32 and indexed by ``Material``; explained in materials.yaml."""
+    """Properties, each (len(Material),) float32 and indexed by ``Material``; explained in materials.yaml."""
 
     roughness: Float32Array
     metallic: Float32Array

@@ -1,7 +1,7 @@
 """Trees, bushes and hedges. Frame: origin at the foot, z up; ready to be turned and scaled into place."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -51,14 +51,21 @@ def conifer(rng: np.random.Generator) -> Mesh:
 def bush(rng: np.random.Generator) -> Mesh:
     """A bush, about 1.2 m high."""
     color = pick_color(rng, "hedges", 0.15)
-    centers = np.column_stack([rng.normal(0.0, 0.32, (4, 2)), rng.uniform(0.35, 0.65, 4)])
-    radii = rng.uniform(0.45, 0.65, 4)
+    centers = np.column_stack([rng.normal(0.0, 0.32, (3, 2)), rng.uniform(0.35, 0.65, 3)])
+    radii = rng.uniform(0.5, 0.7, 3)
     return Mesh.merged(
         [
             _clump(rng, center, radius, np.array([0.0, 0.0, 0.1]), color)
             for center, radius in zip(centers, radii, strict=True)
         ]
     )
+
+
+def thicket(rng: np.random.Generator) -> Mesh:
+    """The edge of a distant wood, about 12 m high and as wide: to be seen from afar only."""
+    color = pick_color(rng, "needles" if rng.random() < 0.3 else "broad_leaves", 0.1)
+    radii = rng.uniform((6.0, 6.0, 6.5), (8.5, 8.5, 9.5))
+    return _clump(rng, np.array([0.0, 0.0, 4.0]), radii, np.array([0.0, 0.0, -4.0]), shaded(color, 0.85), detail=1)
 
 
 def hedge(rng: np.random.Generator, length_m: float) -> Mesh:
@@ -69,6 +76,8 @@ def hedge(rng: np.random.Generator, length_m: float) -> Mesh:
     sections = np.concatenate([np.broadcast_to(stations[:, None, None], (len(stations), 6, 1)), profile], axis=2)
     return loft(_leaves(pick_color(rng, "hedges", 0.1)), sections, crease_deg=60.0)
 
+
+_CORE = 0.8
 
 Plant = Callable[[np.random.Generator], Mesh]
 PLANTS: Mapping[str, Plant] = {
@@ -89,14 +98,25 @@ def _broad_leaved(rng: np.random.Generator, height_m: float, trunk_m: float, rad
     spine = np.array([[0, 0, -0.4], [*rng.normal(0, 0.06, 2), trunk_m * 0.6], middle - [0, 0, radii[2] * 0.2]])
     thickness = 0.018 * height_m
     pieces = [_trunk(rng, spine, thickness, thickness * 0.45)]
-    pieces.append(_clump(rng, middle, radii * 0.8, middle, shaded(color, 0.84), detail=1))
+    core = _clump(rng, middle, radii * _CORE, middle, shaded(color, 0.84), detail=1, irregularity=0.08)
     directions = _spread(rng, clumps)
     for direction in directions:
         center = middle + direction * radii * rng.uniform(0.62, 0.82)
         size = radius_m * rng.uniform(0.36, 0.56)
         light = 0.86 + 0.22 * (direction[2] + 1.0) / 2.0 + rng.uniform(-0.05, 0.05)
-        pieces.append(_clump(rng, center, size, middle, shaded(color, light)))
-    return Mesh.merged(pieces)
+        clump = _clump(rng, center, size, middle, shaded(color, light))
+        pieces.append(_outside(clump, middle, radii * _CORE * 0.92))
+        core = _outside(core, center, size * 0.75)
+    return Mesh.merged([*pieces, core])
+
+
+def _outside(mesh: Mesh, center_m: Float64Array, radii_m: float | Float64Array) -> Mesh:
+    """The mesh without the triangles that lie wholly in an ellipsoid, where nobody sees them."""
+    inside = np.linalg.norm((mesh.vertices - center_m) / radii_m, axis=1) < 1.0
+    kept = mesh.triangles[~inside[mesh.triangles].all(axis=1)]
+    used, triangles = np.unique(kept, return_inverse=True)
+    arrays = {field.name: getattr(mesh, field.name)[used] for field in fields(Mesh) if field.name != "triangles"}
+    return Mesh(**arrays, triangles=triangles.reshape(-1, 3).astype(np.int32))
 
 
 def _spread(rng: np.random.Generator, count: int) -> Float64Array:
@@ -104,8 +124,8 @@ def _spread(rng: np.random.Generator, count: int) -> Float64Array:
     index = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * index / count, index * np.pi * (1.0 + 5.0**0.5) + rng.uniform(0.0, 2.0 * np.pi)
     radius = np.sqrt(1.0 - z**2)
-    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1) + rng.normal(0.0, 0.12, (count, 3))
-    return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    lattice = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+    return _unit(lattice + rng.normal(0.0, 0.12, (count, 3)))
 
 
 def _clump(
@@ -115,23 +135,35 @@ def _clump(
     crown_center_m: Float64Array,
     color: Color,
     detail: int = 0,
+    irregularity: float = 0.22,
 ) -> Mesh:
-    """An irregular ball of leaves; its normals lean away from the middle of the crown, so that the crown shades as one."""
+    """An irregular ball of leaves; normals lean away from the middle of the crown, so that the crown shades as one."""
     sphere, faces = _icosphere(detail)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     turn = turn * np.sign(np.linalg.det(turn))
-    shape = sphere @ turn.T * rng.uniform(0.75, 1.2, (len(sphere), 1)) * radii_m
-    mesh = solid(_leaves(color), center_m + shape, faces, crease_deg=180.0)
-    away = mesh.vertices - crown_center_m
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
-    mesh.normals[:] = mesh.normals + 0.5 * away
-    mesh.normals[:] /= np.linalg.norm(mesh.normals, axis=1, keepdims=True)
-    return mesh
+    shape = sphere @ turn.T * rng.uniform(1.0 - irregularity, 1.0 + irregularity, (len(sphere), 1)) * radii_m
+    outward = _unit(center_m - crown_center_m + [0.0, 0.0, 1e-3])
+    uv = _stereographic(_unit(shape), outward) * np.mean(radii_m) + rng.uniform(0.0, 20.0, 2)
+    mesh = solid(_leaves(color), center_m + shape, faces, crease_deg=180.0, uv=uv[faces])
+    normals = _unit(mesh.normals + 0.5 * _unit(mesh.vertices - crown_center_m))
+    return replace(mesh, normals=normals.astype(np.float32))
+
+
+def _unit(vectors: Float64Array) -> Float64Array:
+    """(…, 3) vectors made one long."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
+
+
+def _stereographic(directions: Float64Array, pole: Float64Array) -> Float64Array:
+    """(N, 2) surface coordinates on a unit ball, of even scale around the (3,) pole and without a seam."""
+    across = _unit(np.cross(pole, np.eye(3)[np.argmin(np.abs(pole))]))
+    plane = np.stack([directions @ across, directions @ np.cross(pole, across)], axis=1)
+    return np.asarray(2.0 * plane / (1.2 + directions @ pole)[:, None])
 
 
 def _trunk(rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float) -> Mesh:
     finish = Finish(Material.BARK, Tag.VEGETATION, pick_color(rng, "barks"))
-    return tube(finish, spine_m, np.linspace(start_m, end_m, len(spine_m)), segments=6, crease_deg=80.0)
+    return tube(finish, spine_m, np.linspace(start_m, end_m, len(spine_m)), segments=5, crease_deg=80.0)
 
 
 def _leaves(color: Color) -> Finish:
@@ -145,6 +177,7 @@ def _jagged(skirt: Mesh, jag: Float64Array, turn_rad: float, low_m: float, reach
     skirt.vertices[rim, :2] *= jag[spoke[rim] % len(jag), None]
     skirt.vertices[rim, 2] = low_m + (1.0 - jag[spoke[rim] % len(jag)]) * 0.8 * reach_m
     cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+    skirt.uv[:] = skirt.vertices[:, :2] * 1.6
     return skirt.transformed(np.array([[cosine, -sine, 0, 0], [sine, cosine, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))
 
 

@@ -69,10 +69,11 @@ def _head() -> Mesh:
     front_m = _HEAD_M[0] / 2.0
     arc = np.linspace(-0.15, np.pi + 0.15, 9)
     rim = np.column_stack([np.cos(arc), np.sin(arc)])
+    visor = np.concatenate([rim * 0.135, rim[::-1] * 0.118])
     pieces = [box(_HOUSING, _HEAD_M, bevel_m=0.03), box(_HOUSING, (0.02, 0.52, 1.2), (front_m - 0.04, 0.0, 0.0))]
     for (lamp, color), z_m in zip(_LAMPS, (_LAMP_SPACING_M, 0.0, -_LAMP_SPACING_M), strict=True):
         finish = Finish(lamp, Tag.TRAFFIC_LIGHT, color)
         pieces.append(cylinder(finish, (front_m - 0.01, 0.0, z_m), (front_m + 0.02, 0.0, z_m), _LAMP_RADIUS_M))
-        shell = shapely.Polygon(np.concatenate([rim * 0.135, rim[::-1] * 0.118]) + [0.0, z_m])
+        shell = shapely.Polygon(visor + np.array([0.0, z_m]))
         pieces.append(along_front(extrusion(_HOUSING, shell, front_m - 0.01, front_m + 0.2)))
     return Mesh.merged(pieces)

@@ -11,24 +11,24 @@ from simbev_ros.assets.claims import Claims
 from simbev_ros.assets.furniture import (
     LAMP_AT_M,
     bench,
+    bus_shelter,
     hydrant,
     litter_bin,
-    speed_sign,
     street_light,
-    street_name_sign,
     with_lamp_index,
 )
-from simbev_ros.assets.ground import CURB_HEIGHT_M
+from simbev_ros.assets.ground import CURB_HEIGHT_M, LAND_HEIGHT_M
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.plants import Grove
 from simbev_ros.assets.primitives import Finish, box
 from simbev_ros.assets.signal_poles import signal_poles
+from simbev_ros.assets.signs import speed_sign, street_name_sign
 from simbev_ros.assets.static_scene import StreetLight
-from simbev_ros.assets.tiles import TileBuilder
-from simbev_ros.assets.town_plan import TownPlan
-from simbev_ros.geometry.transforms import apply, matrices_from_xyz_rpy
+from simbev_ros.assets.tiles import TileBuilder, standing
+from simbev_ros.assets.town_plan import BlockUse, TownPlan, front_sides
+from simbev_ros.geometry.transforms import apply
 from simbev_ros.maps.network import LaneKind, RoadNetwork
 from simbev_ros.maps.recipe import SurroundingsRecipe
 from simbev_ros.scene.random import stream
@@ -38,9 +38,10 @@ from simbev_ros.types import Float64Array
 _FROM_CURB_M = 0.55
 _KEEP_FROM_CROSSING_M = 2.0
 _KEEP_FROM_CORNER_M = 1.0
-_STAGGER = 0.75
-_TREE_LINED_SHARE = 0.75
-_SIGNED_SHARE = 0.35
+_STAGGER = 0.9
+_TREE_LINED_SHARE = 0.7
+_SIGNED_SHARE = 0.25
+_SHELTERED_SHARE = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +71,7 @@ def furnish_streets(
     street = Street(tiles, claims, network, recipe, tuple(_curb_lines(plan)), seed)
     _put_signals(street)
     lights = tuple(_put_lights(street))
+    _put_bus_shelters(street, plan)
     _put_speed_signs(street)
     _put_name_signs(street)
     _put_trees(street)
@@ -91,11 +93,6 @@ def _curb_lines(plan: TownPlan) -> Iterator[CurbLine]:
         yield CurbLine(nearest[:, 0], np.arctan2(towards[:, 1], towards[:, 0]))
 
 
-def _pose(place_m: Float64Array, yaw_rad: float) -> Float64Array:
-    """(4, 4) pose of something on the sidewalk."""
-    return matrices_from_xyz_rpy(np.array([*place_m[:2], CURB_HEIGHT_M]), np.array([0.0, 0.0, yaw_rad]))
-
-
 def _disc(place_m: Float64Array, radius_m: float) -> shapely.Polygon:
     return shapely.Point(place_m[0], place_m[1]).buffer(radius_m, quad_segs=4)
 
@@ -109,17 +106,29 @@ def _put_signals(street: Street) -> None:
 def _put_lights(street: Street) -> Iterator[StreetLight]:
     """Street lights, staggered on the two sides: each keeps a distance from those across the street too."""
     spacing_m = street.recipe.street_light_spacing_m
-    template, standing = street_light(), np.empty((0, 2))
+    template, occupied = street_light(), np.empty((0, 2))
     for curb in street.curbs:
         for place_m, yaw_rad in zip(curb.place_m[::2], curb.yaw_rad[::2], strict=True):
-            near = np.linalg.norm(standing - place_m, axis=1) < _STAGGER * spacing_m
+            near = np.linalg.norm(occupied - place_m, axis=1) < _STAGGER * spacing_m
             if near.any() or not street.claims.claim(_disc(place_m, 0.3)):
                 continue
-            pose = _pose(place_m, yaw_rad)
-            street.tiles.place(with_lamp_index(template, (Material.STREET_LAMP,), len(standing)), pose)
-            standing = np.concatenate([standing, place_m[None]])
+            pose = standing(place_m, CURB_HEIGHT_M, yaw_rad)
+            street.tiles.place(with_lamp_index(template, (Material.STREET_LAMP,), len(occupied)), pose)
+            occupied = np.concatenate([occupied, place_m[None]])
             x_m, y_m, z_m = apply(pose, np.array([LAMP_AT_M]))[0]
             yield StreetLight((float(x_m), float(y_m), float(z_m)))
+
+
+def _put_bus_shelters(street: Street, plan: TownPlan) -> None:
+    """Shelters just behind the sidewalk, open to the street."""
+    rng = stream(street.seed, "surroundings.bus_shelters")
+    for block in plan.blocks:
+        for side in front_sides(block, shortest_m=60.0):
+            place_m = side.start_m + side.direction * side.length_m * rng.uniform(0.25, 0.75) + side.inward * 1.1
+            pose = standing(place_m, LAND_HEIGHT_M, side.yaw_rad - np.pi / 2.0)
+            wanted = block.use is not BlockUse.OUTSKIRTS and rng.random() < _SHELTERED_SHARE
+            if wanted and street.claims.claim(_disc(place_m, 2.4)):
+                street.tiles.place(bus_shelter(), pose)
 
 
 def _put_speed_signs(street: Street) -> None:
@@ -135,7 +144,9 @@ def _put_speed_signs(street: Street) -> None:
         distances = np.linalg.norm(places - wanted, axis=1)
         place_m = places[np.argmin(distances)]
         if distances.min() < 1.0 and street.claims.claim(_disc(place_m, 0.4)):
-            street.tiles.place(speed_sign(round(lane.speed_mps * 3.6)), _pose(place_m, yaw_rad + np.pi))
+            street.tiles.place(
+                speed_sign(round(lane.speed_mps * 3.6)), standing(place_m, CURB_HEIGHT_M, yaw_rad + np.pi)
+            )
 
 
 def _put_name_signs(street: Street) -> None:
@@ -147,7 +158,7 @@ def _put_name_signs(street: Street) -> None:
         order = np.argsort(np.linalg.norm(places - junction.center_m[:2], axis=1), kind="stable")[:40]
         for k in order:
             if street.claims.claim(_disc(places[k], 0.3)):
-                street.tiles.place(template, _pose(places[k], float(yaws[k])))
+                street.tiles.place(template, standing(places[k], CURB_HEIGHT_M, float(yaws[k])))
                 break
 
 
@@ -155,14 +166,14 @@ def _put_trees(street: Street) -> None:
     """Avenues: trees in pits, one kind to a stretch of curb."""
     rng = stream(street.seed, "surroundings.street_trees")
     grove = Grove(rng)
-    pit = box(Finish(Material.SOIL, Tag.TERRAIN, (92, 76, 58)), (1.0, 1.0, 0.06), (0.0, 0.0, -0.018))
+    pit = box(Finish(Material.SOIL, Tag.TERRAIN, (92, 76, 58)), (0.7, 1.4, 0.06), (0.0, 0.0, -0.018))
     step = max(1, round(street.recipe.tree_spacing_m / 0.5))
     share = _TREE_LINED_SHARE * min(1.0, 2.0 * street.recipe.plant_density)
     for curb in street.curbs:
         kind, lined = ("round", "tall")[int(rng.random() < 0.35)], rng.random() < share
         for place_m, yaw_rad in zip(curb.place_m[6::step], curb.yaw_rad[6::step], strict=True):
             if lined and rng.random() < 0.9 and street.claims.claim(_disc(place_m, 1.6)):
-                street.tiles.place(pit, _pose(place_m, yaw_rad))
+                street.tiles.place(pit, standing(place_m, CURB_HEIGHT_M, yaw_rad))
                 street.tiles.place(*grove.plant(kind, np.array([*place_m, CURB_HEIGHT_M])))
 
 
@@ -179,4 +190,4 @@ def _put_small_things(street: Street) -> None:
             mesh, radius_m, share = things[int(rng.integers(len(things)))]
             k = int(rng.integers(start, stop))
             if rng.random() < share and street.claims.claim(_disc(curb.place_m[k], radius_m)):
-                street.tiles.place(mesh, _pose(curb.place_m[k], float(curb.yaw_rad[k])))
+                street.tiles.place(mesh, standing(curb.place_m[k], CURB_HEIGHT_M, float(curb.yaw_rad[k])))

@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import shapely
@@ -10,11 +10,17 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 
 TILE_M = 64.0
 
 _Index = tuple[int, int]
+
+
+def standing(place_m: Sequence[float] | Float64Array, height_m: float, yaw_rad: float = 0.0) -> Float64Array:
+    """(4, 4) pose of something upright at x, y of the map."""
+    return matrices_from_xyz_rpy(np.array([place_m[0], place_m[1], height_m]), np.array([0.0, 0.0, yaw_rad]))
 
 
 class TileBuilder:

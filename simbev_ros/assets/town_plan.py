@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -79,6 +80,16 @@ class FrontSide:
     direction: Float64Array
     length_m: float
 
+    @property
+    def inward(self) -> Float64Array:
+        """(2,) unit vector away from the street."""
+        return np.array([-self.direction[1], self.direction[0]])
+
+    @property
+    def yaw_rad(self) -> float:
+        """Of its direction."""
+        return float(np.arctan2(self.direction[1], self.direction[0]))
+
 
 def plan_town(network: RoadNetwork, recipe: SurroundingsRecipe, seed: int) -> TownPlan:
     """Divide the land.
@@ -103,7 +114,7 @@ def front_sides(block: Block, shortest_m: float) -> Iterator[FrontSide]:
     """The pieces of a block's frontage that are straight for at least a length, in the order of its rings."""
     for ring in block.frontage:
         corners = np.asarray(ring.simplify(0.35).coords)[:, :2]
-        for start, end in zip(corners[:-1], corners[1:], strict=True):
+        for start, end in pairwise(corners):
             length_m = float(np.linalg.norm(end - start))
             if length_m >= shortest_m:
                 yield FrontSide(start, (end - start) / length_m, length_m)

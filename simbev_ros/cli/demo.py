@@ -24,7 +24,7 @@ def demo(
 
     simbev demo --seed 12 --out /tmp/demo12
     """
-    from simbev_ros.cli.preview import write_preview
+    from simbev_ros.cli.preview import make_preview
     from simbev_ros.cli.scenes import play_scenes
 
     console = Console()
@@ -35,7 +35,7 @@ def demo(
     if folder.exists():
         raise InputError(f"--out {folder}: exists already; nothing was overwritten")
     (bag,) = play_scenes(scenario, console, dataset=folder)
-    preview = write_preview(bag, folder, console=console)
+    preview = make_preview(bag, folder, console=console)
     console.print()
     console.print(f"bag      {bag}", soft_wrap=True)
     for path in preview:

@@ -32,6 +32,7 @@ class GraphMonitor:
         self.world = Lockstep(["world"], window_ticks=1)
         self._busy: dict[str, tuple[float, float]] = {}
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
+        self._moved_s = time.monotonic()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("supervisor", context=self._context)
@@ -47,7 +48,8 @@ class GraphMonitor:
         """Ask the world node to play a scene."""
         self.behind_world.start_scene(spec)
         self.world.start_scene(spec)
-        self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
+        self._moved_s = time.monotonic()
+        self._heard_s = dict.fromkeys(self._nodes, self._moved_s)
         self._request.publish(String(data=spec.model_dump_json()))
 
     def spin(self, duration_s: float) -> None:
@@ -57,9 +59,15 @@ class GraphMonitor:
             self._executor.spin_once(timeout_sec=left_s)
 
     def silent(self, timeout_s: float) -> list[str]:
-        """Our nodes that have not been heard for longer than this."""
+        """Those who hold the graph up: nodes of ours not heard for so long, and participants behind for so long."""
         now_s = time.monotonic()
-        return [name for name, heard_s in self._heard_s.items() if now_s - heard_s > timeout_s]
+        silent = [name for name, heard_s in self._heard_s.items() if now_s - heard_s > timeout_s]
+        if silent or now_s - self._moved_s <= timeout_s:
+            return silent
+        world_tick, others_tick = self.world.finished_by_all(), self.behind_world.finished_by_all()
+        if others_tick is None or (world_tick is not None and others_tick < world_tick):
+            return self.behind_world.laggards()
+        return [] if world_tick is not None else ["world"]
 
     def busy_ms(self, names: Iterable[str]) -> float:
         """Time per tick that nodes were busy, together, since the graph started."""
@@ -75,6 +83,7 @@ class GraphMonitor:
         stamp_ns = stamp_of(message.stamp)
         self.behind_world.finished(message.frame_id, stamp_ns)
         self.world.finished(message.frame_id, stamp_ns)
+        self._moved_s = time.monotonic()
         self._hear(message.frame_id.partition(":")[0])
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -50,7 +50,7 @@ class WorldNode(GraphNode):
         self.create_service(SetBool, "/world/pause", self._pause)
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
-        self.create_wall_timer(0.002 if self.live else 0.02, self.advance)
+        self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
 
     def _on_request(self, message: String) -> None:
         self._start(SceneSpec.model_validate_json(message.data))

@@ -61,9 +61,9 @@ class ActorTriangles:
             same = part_poses(self._models[index], actors[blueprint == index])[:, parts]
             mine = blueprint[self._row] == index
             pose[mine] = pose[mine] @ same.reshape(-1, 4, 4)
-        self._rotation = pose[:, :3, :3]
-        center_m = np.einsum("nij,nj->ni", self._rotation, stack.center_m[self._part])
-        self._center_m = center_m + pose[:, :3, 3] - origin_m
+        self._rotation = pose[:, :3, :3].astype(np.float32)
+        center_m = np.einsum("nij,nj->ni", pose[:, :3, :3], stack.center_m[self._part])
+        self._center_m = center_m + (pose[:, :3, 3] - origin_m)
         self._radius_m = stack.radius_m[self._part]
         self._bound_actors(len(actors))
 
@@ -72,7 +72,7 @@ class ActorTriangles:
         sums = np.stack([np.bincount(self._row, axis, count) for axis in self._center_m.T], axis=1)
         self._actor_center_m = sums / np.maximum(self._count, 1)[:, None]
         reach_m = np.linalg.norm(self._center_m - self._actor_center_m[self._row], axis=1) + self._radius_m
-        self._actor_radius_m = np.zeros(count)
+        self._actor_radius_m = np.zeros(count, np.float32)
         np.maximum.at(self._actor_radius_m, self._row, reach_m)
 
     def cast(self, origins_m: Float64Array, directions: Float32Array, limit_m: Float32Array) -> ActorHits:
@@ -87,14 +87,26 @@ class ActorTriangles:
         count = self._count[actor]
         instance = np.arange(count.sum()) + np.repeat(self._first[actor] - np.cumsum(count) + count, count)
         ray = np.repeat(ray, count)
-        to_center_m = self._center_m[instance] - (origins_m[ray] if len(origins_m) > 1 else origins_m)
-        along_m = np.einsum("ni,ni->n", to_center_m, directions[ray])
-        beside_m = to_center_m - along_m[:, None] * directions[ray]
-        half2_m2 = self._radius_m[instance] ** 2 - np.einsum("ni,ni->n", beside_m, beside_m)
+        along_m, beside2_m2 = self._passage(origins_m, directions, ray, instance)
+        half2_m2 = self._radius_m[instance] ** 2 - beside2_m2
         half_m = np.sqrt(np.maximum(half2_m2, 0.0))
         near = (half2_m2 > 0) & (along_m + half_m > 0) & (along_m - half_m < limit_m[ray])
-        start_m = np.maximum(along_m - half_m, 0.0)
-        return self._cast_parts(ray[near], instance[near], to_center_m[near], start_m[near], directions, limit_m)
+        start_m = np.maximum(along_m[near] - half_m[near], 0.0)
+        return self._cast_parts(origins_m, directions, limit_m, ray[near], instance[near], start_m)
+
+    def _passage(
+        self, origins_m: Float64Array, directions: Float32Array, ray: Int64Array, instance: Int64Array
+    ) -> tuple[Float32Array, Float32Array]:
+        """Where along each ray its part's centre is passed, and the square of the distance to it then."""
+        x, y, z = (np.ascontiguousarray(axis)[instance] for axis in self._center_m.astype(np.float32).T)
+        if len(origins_m) > 1:
+            origin_x, origin_y, origin_z = (axis[ray] for axis in origins_m.astype(np.float32).T)
+        else:
+            origin_x, origin_y, origin_z = origins_m[0].astype(np.float32)
+        x, y, z = x - origin_x, y - origin_y, z - origin_z
+        dx, dy, dz = (np.ascontiguousarray(axis)[ray] for axis in directions.T)
+        along_m = x * dx + y * dy + z * dz
+        return along_m, (x - along_m * dx) ** 2 + (y - along_m * dy) ** 2 + (z - along_m * dz) ** 2
 
     def _near_actors(
         self, origins_m: Float64Array, directions: Float32Array, limit_m: Float32Array
@@ -121,23 +133,24 @@ class ActorTriangles:
 
     def _cast_parts(
         self,
-        ray: Int64Array,
-        instance: Int64Array,
-        to_center_m: Float64Array,
-        start_m: Float64Array,
+        origins_m: Float64Array,
         directions: Float32Array,
         limit_m: Float32Array,
+        ray: Int64Array,
+        instance: Int64Array,
+        start_m: Float32Array,
     ) -> ActorHits:
-        """Casts pairs (ray, instance) in the rest frames and keeps the nearest hit of each ray."""
+        """Casts pairs (ray, instance) in the rest frames, from ``start_m`` on, and keeps each ray's nearest hit."""
         stack, part = self._stack, self._part[instance]
         rotation = self._rotation[instance]
         rays = np.empty((len(ray), 6), np.float32)
-        from_center_m = directions[ray] * start_m[:, None] - to_center_m
-        rays[:, :3] = np.einsum("nji,nj->ni", rotation, from_center_m)
-        rays[:, 2] += stack.height_m[part].astype(np.float32)
+        origin_m = origins_m[ray] if len(origins_m) > 1 else origins_m
+        from_center_m = directions[ray] * start_m[:, None].astype(np.float64) + (origin_m - self._center_m[instance])
+        rays[:, :3] = np.einsum("nji,nj->ni", rotation, from_center_m.astype(np.float32))
+        rays[:, 2] += stack.height_m[part]
         rays[:, 3:] = np.einsum("nji,nj->ni", rotation, directions[ray])
         hits = stack.triangles.cast(rays)
-        range_m = (hits.range_m + start_m).astype(np.float32)
+        range_m = hits.range_m + start_m
         own = (hits.triangle >= 0) & (stack.triangle_part[hits.triangle] == part) & (range_m < limit_m[ray])
         nearest_m = np.full(len(directions), np.inf, np.float32)
         np.minimum.at(nearest_m, ray[own], range_m[own])
@@ -150,5 +163,5 @@ class ActorTriangles:
             range_m=range_m[kept],
             row=self._row[instance[kept]],
             material=stack.triangle_material[hits.triangle[kept]],
-            normal=np.einsum("nij,nj->ni", rotation[kept], hits.normal[kept]).astype(np.float32),
+            normal=np.einsum("nij,nj->ni", rotation[kept], hits.normal[kept]),
         )

@@ -47,9 +47,9 @@ class PartStack:
         self.first = np.array(first)
         self.part = np.array(part, np.int64)
         self.center_m = np.array(center_m).reshape(-1, 3)
-        self.radius_m = np.array(radius_m)
+        self.radius_m = np.array(radius_m, np.float32)
         self.height_m = 2.0 * np.cumsum(self.radius_m) - self.radius_m
-        self.height_m -= self.height_m.mean() if len(part) else 0.0
+        self.height_m -= self.height_m[-1:] / 2.0
         self.triangle_part = np.repeat(np.arange(len(part)), [len(each) for each in triangles])
         self.triangle_material = np.concatenate([*material, np.zeros(0, np.uint8)])
         self.triangles = TriangleSet(*_stacked(vertices, triangles, self.height_m))

@@ -27,7 +27,8 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 class SceneBagWriter:
     """Writes one scene's bag.
 
-    As a context manager it abandons the bag unless ``finish`` was called. For one thread.
+    As a context manager it abandons the bag unless ``finish`` was called. For one thread. Whatever writes may raise
+    OSError when the disk is full.
 
     Attributes:
         path: The finished bag's folder; until then the bag is in ``partial_path``.

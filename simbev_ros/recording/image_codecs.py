@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import simplejpeg  # type: ignore[import-untyped]
+import simplejpeg
 
 from simbev_ros.errors import BagError
 from simbev_ros.types import AnyArray, Float32Array, UInt8Array
@@ -96,13 +96,10 @@ def encode_flow(flow_px: Float32Array) -> bytes:
     Args:
         flow_px: (H, W, 2) float32, pixels; not valid where NaN or beyond what 16 bits hold.
     """
-    levels = np.rint(flow_px * _FLOW_UNITS_PER_PX + _FLOW_ZERO)
-    valid = ((levels >= 0) & (levels <= _TOP_LEVEL)).all(axis=-1)
-    blue_green_red = np.zeros((*valid.shape, 3), np.uint16)
-    blue_green_red[..., 0] = valid
-    np.copyto(blue_green_red[..., 1], levels[..., 1], casting="unsafe", where=valid)
-    np.copyto(blue_green_red[..., 2], levels[..., 0], casting="unsafe", where=valid)
-    return _encode_png(blue_green_red, _PNG_UP)
+    u, v = (np.rint(channel * _FLOW_UNITS_PER_PX + _FLOW_ZERO) for channel in cv2.split(flow_px))
+    valid = (u >= 0) & (u <= _TOP_LEVEL) & (v >= 0) & (v <= _TOP_LEVEL)
+    blue_green_red = [valid, np.where(valid, v, 0), np.where(valid, u, 0)]
+    return _encode_png(cv2.merge([channel.astype(np.uint16) for channel in blue_green_red]), _PNG_UP)
 
 
 def decode_flow(data: bytes) -> Float32Array:

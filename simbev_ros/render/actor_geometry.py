@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.render.proxy import coarse_mesh
 from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View
@@ -14,6 +15,7 @@ from simbev_ros.types import BoolArray, Float64Array, UInt8Array
 
 _MAX_INSTANCES = 4096
 _LIMB_REACH_M = 0.6
+_COARSE_CELL_M = 0.22
 
 
 class ActorGeometry:
@@ -26,10 +28,13 @@ class ActorGeometry:
         programs: Mapping[str, moderngl.Program],
         shading_class: UInt8Array,
     ) -> None:
-        """Upload the models for use with ``programs``."""
+        """Upload the models for use with ``programs``; for those whose name starts with "coarse", coarse meshes."""
+        fine = {name: program for name, program in programs.items() if not name.startswith("coarse")}
+        coarse = {name: program for name, program in programs.items() if name.startswith("coarse")}
         self._instances = [context.buffer(reserve=4 * _MAX_INSTANCES) for _ in models]
         self._arrays = [
-            upload_mesh(context, model.mesh, programs, shading_class, instances)
+            upload_mesh(context, model.mesh, fine, shading_class, instances)
+            | upload_mesh(context, coarse_mesh(model.mesh, _COARSE_CELL_M), coarse, shading_class, instances)
             for model, instances in zip(models, self._instances, strict=True)
         ]
 

@@ -76,7 +76,7 @@ class SkyLight:
         )
 
     def block_head(self, weather: Weather, stamp_ns: int) -> Float64Array:
-        """(12, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
+        """(9, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
         drift = stamp_ns * 1e-9 * _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0) % 1.0
         fog_per_m = (weather.fog_density / 100.0) ** 2 * 0.06
         rows: list[tuple[Float64Array, float]] = [

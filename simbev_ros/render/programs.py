@@ -5,7 +5,10 @@ from importlib.resources import files
 
 import moderngl
 
+from simbev_ros.assets.materials import Material
 from simbev_ros.errors import RenderError
+from simbev_ros.scene.state import Light, SignalState
+from simbev_ros.semantics import Tag
 
 TEXTURE_UNITS = {
     name: unit
@@ -17,8 +20,7 @@ TEXTURE_UNITS = {
             "rigid_poses",
             "rigid_actors",
             "signal_states",
-            "shadow_near",
-            "shadow_far",
+            "shadow_map",
             "noise",
             "street_field",
             "head_field",
@@ -33,10 +35,19 @@ BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}
 """Uniform block name → binding point."""
 
 _INCLUDE = re.compile(r'^#include "(\w+)"$', re.MULTILINE)
+_ENUMS = "".join(
+    f"const uint {prefix}_{member.name} = {int(member)}u;\n"
+    for prefix, enum in {"MATERIAL": Material, "TAG": Tag, "LIGHT": Light, "STATE": SignalState}.items()
+    for member in enum
+)
 
 
 class ProgramLibrary:
-    """Compiles programs. A file includes another of shaders/include by ``#include "name"``."""
+    """Compiles programs.
+
+    A file includes another of shaders/include by ``#include "name"``. ``#include "enums"`` gives every ``Material``,
+    ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``.
+    """
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -75,7 +86,7 @@ class ProgramLibrary:
             if name in included:
                 return ""
             included.add(name)
-            return _INCLUDE.sub(expanded, self._read(f"include/{name}"))
+            return _ENUMS if name == "enums" else _INCLUDE.sub(expanded, self._read(f"include/{name}"))
 
         return _INCLUDE.sub(expanded, self._read(name))
 

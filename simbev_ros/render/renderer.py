@@ -3,21 +3,29 @@
 from collections.abc import Sequence
 
 import moderngl
+import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
 from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.render.lamp_field import LampField
+from simbev_ros.render.light import SkyLight
+from simbev_ros.render.noise import noise_texture
 from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, draw_screen
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
+from simbev_ros.render.shading import Shading
+from simbev_ros.render.shadows import ShadowMap
 from simbev_ros.render.static_geometry import StaticGeometry
+from simbev_ros.render.surfaces import shading_class_of_material
 from simbev_ros.render.targets import Targets, read_image
-from simbev_ros.render.view import View
+from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
+from simbev_ros.types import Float64Array
 
 
 class Renderer:
-    """Draws a static scene and its actors. Not for use from several threads."""
+    """Draws a static scene and its actors. To be used by one thread."""
 
     def __init__(
         self, static: StaticScene, models: Sequence[ActorModel], context: moderngl.Context | None = None
@@ -27,30 +35,27 @@ class Renderer:
         Args:
             static: The immobile world.
             models: The catalogue, indexed by blueprint.
-            context: A context of ``open_context``; by default a new one.
+            context: From ``open_context``; by default a new one.
 
         Raises:
             RenderError: OpenGL is not usable here.
         """
         self._context = open_context() if context is None else context
         self._models = models
+        self._targets: dict[tuple[int, int], Targets] = {}
         with self._context:
-            import numpy as np
-            shading_class = np.ones(256, np.uint8)
             library = ProgramLibrary(self._context)
-            self._static = StaticGeometry(
-                self._context, static.tiles, {"geometry": library.load("static_geometry.vert", "geometry.frag")}, shading_class
-            )
-            self._actors = ActorGeometry(
-                self._context, models, {"geometry": library.load("actor_geometry.vert", "geometry.frag")}, shading_class
-            )
+            self._static, self._actors = self._upload(static, library)
             self._background = library.screen_pass("background.frag")
             self._labels = library.screen_pass("labels.frag")
             self._flow = library.screen_pass("flow.frag")
+            self._shading = Shading(self._context, library)
+            self._shadow_map = ShadowMap(self._context)
+            self._lamp_field = LampField(self._context, library, static.street_lights)
+            self._noise = noise_texture(self._context)
             self._rigid = RigidTextures(self._context)
-            self._view_block = self._context.buffer(reserve=224)
+            self._view_block = self._context.buffer(reserve=VIEW_BLOCK_BYTES)
             self._view_block.bind_to_uniform_block(BLOCK_BINDINGS["View"])
-            self._targets: dict[tuple[int, int], Targets] = {}
 
     def render(self, cameras: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
         """Images of the ego's cameras at one moment, in the order of ``cameras``.
@@ -59,36 +64,81 @@ class Renderer:
             RenderError: The world has too many actors, or ids above 65535.
         """
         ego = frame.world.ego
-        import numpy as np
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
         with self._context:
             table = RigidTable.of(self._models, frame.world, frame.previous, origin_m)
             self._rigid.upload(table)
+            if any("rgb" in camera.modalities for camera in cameras):
+                self._prepare_light(frame, table, origin_m)
             return [self._render_camera(camera, frame, table, origin_m) for camera in cameras]
 
-    def _render_camera(self, camera, frame, table, origin_m) -> CameraImages:
+    def _upload(self, static: StaticScene, library: ProgramLibrary) -> tuple[StaticGeometry, ActorGeometry]:
+        of_static, of_actors = (
+            {
+                "geometry": library.load(f"{kind}_geometry.vert", "geometry.frag"),
+                "shadow": library.load(f"{kind}_shadow.vert", "shadow.frag"),
+            }
+            for kind in ("static", "actor")
+        )
+        of_actors["coarse_shadow"] = of_actors["shadow"]
+        classes = shading_class_of_material()
+        return (
+            StaticGeometry(self._context, static.tiles, of_static, classes),
+            ActorGeometry(self._context, self._models, of_actors, classes),
+        )
+
+    def _prepare_light(self, frame: RenderFrame, table: RigidTable, origin_m: Float64Array) -> None:
+        """What all cameras of a frame share: sun, shadow maps, lamps and signals."""
+        world = frame.world
+        sky = SkyLight.of(world.weather)
+        shadows = self._shadow_map.draw(sky.key_direction, origin_m, self._static, self._actors, world, table)
+        lamps = self._lamp_field.draw(world, origin_m, lit=sky.lamps > 0.0)
+        self._shading.set_light(sky.block_head(world.weather, world.stamp_ns), *shadows, lamps)
+        self._shading.set_signals(world.signals)
+
+    def _render_camera(
+        self, camera: CameraView, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
+    ) -> CameraImages:
         view = View.of(camera, frame.world, frame.previous, origin_m)
-        size_px = (camera.camera.width_px, camera.camera.height_px)
-        if size_px not in self._targets:
-            self._targets[size_px] = Targets(self._context, size_px)
-        targets = self._targets[size_px]
+        targets = self._targets_of(camera)
         self._view_block.write(view.block())
         self._draw_geometry(targets, view, frame, table, origin_m)
         targets.bind()
-        targets.labels.use()
-        draw_screen(self._labels)
-        targets.flow.use()
-        draw_screen(self._flow)
-        return CameraImages(None, read_image(targets.labels), read_image(targets.labels, 1), read_image(targets.geometry, 1), read_image(targets.flow))
+        wanted = set(camera.modalities)
+        if "rgb" in wanted:
+            self._shading.draw(targets)
+        if wanted & {"semantic", "instance"}:
+            targets.labels.use()
+            draw_screen(self._labels)
+        if "flow" in wanted:
+            targets.flow.use()
+            draw_screen(self._flow)
+        return CameraImages(
+            rgb=read_image(targets.rgb, components=3) if "rgb" in wanted else None,
+            semantic=read_image(targets.labels, 0) if "semantic" in wanted else None,
+            instance=read_image(targets.labels, 1) if "instance" in wanted else None,
+            depth=read_image(targets.geometry, 1) if "depth" in wanted else None,
+            flow=read_image(targets.flow) if "flow" in wanted else None,
+        )
 
-    def _draw_geometry(self, targets, view, frame, table, origin_m) -> None:
+    def _draw_geometry(
+        self, targets: Targets, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
+    ) -> None:
+        """Fill the G-buffer; the sky last, where nothing else is."""
+        context, world = self._context, frame.world
         targets.geometry.use()
         targets.geometry.clear()
-        self._context.enable_only(moderngl.DEPTH_TEST)
-        self._context.front_face = "cw"
-        self._context.depth_func = "<"
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.front_face = "cw"  # image rows run downward, which mirrors every triangle
+        context.depth_func = "<"
         self._static.draw_view("geometry", view, origin_m)
-        self._actors.draw("geometry", frame.world, table, visible_actors(frame.world, view, origin_m, frame.show_ego))
-        self._context.depth_func = "<="
+        self._actors.draw("geometry", world, table, visible_actors(world, view, origin_m, frame.show_ego))
+        context.depth_func = "<="
         draw_screen(self._background)
-        self._context.enable_only(moderngl.NOTHING)
+        context.enable_only(moderngl.NOTHING)
+
+    def _targets_of(self, camera: CameraView) -> Targets:
+        size_px = (camera.camera.width_px, camera.camera.height_px)
+        if size_px not in self._targets:
+            self._targets[size_px] = Targets(self._context, size_px)
+        return self._targets[size_px]

@@ -1,4 +1,4 @@
-"""Shadow maps of the sun or moon around the ego, shared by all cameras of a frame.
+"""Shadow map of the sun or moon around the ego, shared by all cameras of a frame: two squares side by side in one texture.
 
 The map of the static world depends only on the light's direction and on a coarse grid cell around the ego, so it is kept
 until one of them changes: the picture is the same whether it was kept or drawn anew. Actors are added every frame.
@@ -14,40 +14,47 @@ from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.static_geometry import StaticGeometry
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import Float64Array
+from simbev_ros.types import BoolArray, Float64Array, Table
 
 _SIZE_PX = 2048
 _DEPTH_HALF_M = 400.0
-_TEXTURE_FROM_CLIP = np.array(
-    [[0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5], [0.0, 0.0, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]]
-)
 
 
 @dataclass(frozen=True, slots=True)
 class Cascade:
-    """Extent of one map: a square of ``half_m`` around a point that moves in steps of ``step_m``."""
+    """One square of the map.
 
-    name: str
+    Attributes:
+        half_m: Half its width.
+        step_m: Its middle follows the ego in such steps.
+        left_px: Where it begins in the texture.
+        actors: Program that draws actors into it.
+    """
+
     half_m: float
     step_m: float
+    left_px: int
+    actors: str
 
 
-CASCADES = (Cascade("shadow_near", 36.0, 6.0), Cascade("shadow_far", 150.0, 24.0))
+CASCADES = (Cascade(36.0, 6.0, 0, "shadow"), Cascade(150.0, 24.0, _SIZE_PX, "coarse_shadow"))
 
 
 class ShadowMap:
-    """One cascade: the static world's depth, and the same with actors added."""
+    """The depth of the static world as the light sees it, and the same with actors added."""
 
-    def __init__(self, context: moderngl.Context, cascade: Cascade) -> None:
-        self._context, self._cascade = context, cascade
-        self._static = context.framebuffer(depth_attachment=context.depth_texture((_SIZE_PX, _SIZE_PX)))
-        depth = context.depth_texture((_SIZE_PX, _SIZE_PX))
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        size_px = (_SIZE_PX * len(CASCADES), _SIZE_PX)
+        # moderngl copies depth only along with a colour attachment, so there is one, unused.
+        unused = context.renderbuffer(size_px, 1)
+        depth = context.depth_texture(size_px)
         depth.compare_func = "<="
         depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        depth.repeat_x = depth.repeat_y = False
-        depth.use(TEXTURE_UNITS[cascade.name])
-        self._all = context.framebuffer(depth_attachment=depth)
-        self._drawn: tuple[float, ...] = ()
+        depth.use(TEXTURE_UNITS["shadow_map"])
+        self._static = context.framebuffer([unused], context.depth_texture(size_px))
+        self._all = context.framebuffer([unused], depth)
+        self._drawn: list[tuple[float, ...]] = [() for _ in CASCADES]
 
     def draw(
         self,
@@ -57,28 +64,47 @@ class ShadowMap:
         actors: ActorGeometry,
         world: WorldState,
         table: RigidTable,
-    ) -> Float64Array:
+    ) -> list[Float64Array]:
         """Draw the map for light from (3,) ``direction``.
 
         Returns:
-            (4, 4) texture coordinates and depth from world points.
+            Per cascade a (4, 4) projection of world points to its clip space.
         """
-        center_m = np.round(origin_m / self._cascade.step_m) * self._cascade.step_m
-        clip_from_center = _clip_from_center(direction, self._cascade.half_m)
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "<"
-        if self._drawn != (drawn := (*center_m, *direction)):
-            self._static.use()
-            self._static.clear(depth=1.0)
-            static.draw_around("shadow", clip_from_center, center_m, self._cascade.half_m + _DEPTH_HALF_M / 2.0)
-            self._drawn = drawn
+        centers_m = [np.round(origin_m / cascade.step_m) * cascade.step_m for cascade in CASCADES]
+        clip_from_center = [_clip_from_center(direction, cascade.half_m) for cascade in CASCADES]
+        for index, cascade in enumerate(CASCADES):
+            if self._drawn[index] != (drawn := (*centers_m[index], *direction)):
+                self._begin(self._static, cascade)
+                self._static.clear(depth=1.0, viewport=self._static.viewport)
+                reach_m = cascade.half_m + _DEPTH_HALF_M / 2.0
+                static.draw_around("shadow", clip_from_center[index], centers_m[index], reach_m)
+                self._drawn[index] = drawn
         self._context.copy_framebuffer(self._all, self._static)
-        self._all.use()
-        clip_from_world = clip_from_center.copy()
-        clip_from_world[:, 3] += clip_from_center[:, :3] @ (origin_m - center_m)
-        near = np.hypot(world.actors["x"] - center_m[0], world.actors["y"] - center_m[1]) < self._cascade.half_m * 2.0
-        actors.draw("shadow", world, table, near, clip_from_shadow=clip_from_world)
-        return _TEXTURE_FROM_CLIP @ clip_from_world
+        clip_from_world = []
+        for index, cascade in enumerate(CASCADES):
+            clip = clip_from_center[index].copy()
+            clip[:, 3] += clip[:, :3] @ (origin_m - centers_m[index])
+            self._begin(self._all, cascade)
+            near = _within(clip, world.actors, origin_m, cascade.half_m)
+            actors.draw(cascade.actors, world, table, near, clip_from_shadow=clip)
+            clip_from_world.append(clip)
+        return clip_from_world
+
+    @staticmethod
+    def _begin(framebuffer: moderngl.Framebuffer, cascade: Cascade) -> None:
+        """Draw into one cascade's square."""
+        framebuffer.use()
+        framebuffer.viewport = framebuffer.scissor = (cascade.left_px, 0, _SIZE_PX, _SIZE_PX)
+
+
+def _within(clip_from_world: Float64Array, actors: Table, origin_m: Float64Array, half_m: float) -> BoolArray:
+    """(N,) which actors may cast a shadow inside the square."""
+    places_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
+    across = places_m @ clip_from_world[:2, :3].T + clip_from_world[:2, 3]
+    size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
+    return np.all(np.abs(across) < 1.0 + np.linalg.norm(size_m, axis=1)[:, None] / half_m, axis=1)
 
 
 def _clip_from_center(direction: Float64Array, half_m: float) -> Float64Array:

@@ -40,11 +40,11 @@ class Targets:
         self._shaded.use(TEXTURE_UNITS["shaded"])
 
 
-def read_image(framebuffer: moderngl.Framebuffer, attachment: int = 0) -> AnyArray:
-    """(H, W[, C]) pixels of a colour attachment, row 0 on top."""
+def read_image(framebuffer: moderngl.Framebuffer, attachment: int = 0, components: int | None = None) -> AnyArray:
+    """(H, W[, C]) pixels of a colour attachment, row 0 on top; all its components, or the first few."""
     source = framebuffer.color_attachments[attachment]
     width, height = framebuffer.size
-    shape = (height, width) if source.components == 1 else (height, width, source.components)
-    image = np.empty(shape, _DTYPES[source.dtype])
-    framebuffer.read_into(image, components=source.components, attachment=attachment, dtype=source.dtype)
+    channels = components or source.components
+    image = np.empty((height, width) if channels == 1 else (height, width, channels), _DTYPES[source.dtype])
+    framebuffer.read_into(image, components=channels, attachment=attachment, dtype=source.dtype)
     return image

@@ -15,6 +15,7 @@ from simbev_ros.types import BoolArray, Float64Array
 
 NEAR_M = 0.1
 FAR_M = 2000.0
+VIEW_BLOCK_BYTES = (3 * 4 + 2) * 16
 
 
 @dataclass(frozen=True, slots=True)

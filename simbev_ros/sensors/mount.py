@@ -13,12 +13,6 @@ def map_from_sensor(pose: Pose, state: WorldState) -> Float64Array:
     return matrix
 
 
-def carried_ids(state: WorldState) -> frozenset[int]:
-    """The ego and who rides on it: the bodies that its own sensors see through, as in CARLA."""
-    actors = state.actors
-    return frozenset([state.ego_id, *actors["id"][actors["parent"] == state.ego_id].tolist()])
-
-
 def vector(row: Table, names: str) -> Float64Array:
     """(3,) float64 vector of three columns of one row, such as ``vector(ego, "vx vy vz")``."""
     return np.array([row[name] for name in names.split()], np.float64)

@@ -55,7 +55,7 @@ def draw_picture(image: UInt8Array, picture: UInt8Array, box: Box, radius: float
     if (width, height) != (box.width, box.height):
         shrinks = width > box.width
         way = cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
-        picture = cv2.resize(picture, (box.width, box.height), interpolation=way)
+        picture = np.asarray(cv2.resize(picture, (box.width, box.height), interpolation=way), np.uint8)
     _blend(image, picture, box, _rounded(box.width, box.height, round(radius, 1)))
 
 
@@ -86,4 +86,4 @@ def _rounded(width: int, height: int, radius: float) -> Float32Array:
     x = np.abs(np.arange(width) + 0.5 - width / 2) - (width / 2 - radius)
     y = np.abs(np.arange(height) + 0.5 - height / 2) - (height / 2 - radius)
     distance = np.hypot(np.maximum(x, 0)[None, :], np.maximum(y, 0)[:, None]) - radius
-    return np.clip(0.5 - distance, 0, 1).astype(np.float32)
+    return np.asarray(np.clip(0.5 - distance, 0, 1), np.float32)

@@ -1,4 +1,4 @@
-"""One frame of a scene as one picture: all cameras, the front camera's other modalities, lidar and labels from above."""
+"""One frame of a scene as one picture: cameras, the front camera's other modalities, lidar and labels from above."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -140,7 +140,8 @@ def _panels(views: Views, half_extent_m: float) -> Iterator[_Panel]:
     rgb = views.cameras.get(views.main_camera)
     for modality, topic in views.modalities.items():
         entry = panels.MODALITY_PICTURES[modality]
-        yield _Panel(topic, entry.title, entry.note, _paint_modality(topic, rgb, entry.picture))
+        note = ", ".join(part for part in (_words(views.main_camera).lower(), entry.note) if part)
+        yield _Panel(topic, entry.title, note, _paint_modality(topic, rgb, entry.picture))
     if views.points is not None:
         yield _Panel(views.points, "Lidar", "from above, by class", _paint_points(views.points, half_extent_m))
     if views.bev is not None:

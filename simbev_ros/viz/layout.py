@@ -1,12 +1,12 @@
 """Layout of a picture: tiles of fixed aspect, side by side and one above the other, all edges flush.
 
-The height of a row whose tiles keep their aspects is a linear function of its width, and so is that of a column, so any
+The width of a row whose tiles keep their aspects is a linear function of its height, and so is that of a column: any
 nesting of them has exactly one height for a given width.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 
 class Box(NamedTuple):
@@ -18,86 +18,63 @@ class Box(NamedTuple):
     height: int
 
 
-class Block(Protocol):
-    """Part of a layout: its width is ``slope`` × its height + ``offset(gap_px)``."""
-
-    @property
-    def slope(self) -> float:
-        """Growth of the width with the height."""
-
-    def offset(self, gap_px: float) -> float:
-        """Width at height 0, pixels."""
-
-    def place(self, left: float, top: float, height: float, gap_px: float) -> Iterator[tuple[str, Box]]:
-        """The boxes of the tiles in it, by key."""
-
-
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One picture.
-
-    Attributes:
-        aspect: Width over height.
-    """
+    """One picture, ``aspect`` being its width over its height."""
 
     key: str
     aspect: float
 
-    @property
-    def slope(self) -> float:
-        return self.aspect
-
-    def offset(self, gap_px: float) -> float:
-        return 0.0
-
-    def place(self, left: float, top: float, height: float, gap_px: float) -> Iterator[tuple[str, Box]]:
-        right, bottom = left + self.aspect * height, top + height
-        x, y = round(left), round(top)
-        yield self.key, Box(x, y, round(right) - x, round(bottom) - y)
-
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Blocks of one height, from left to right."""
+    """Blocks of one height, from left to right; at least one."""
 
-    blocks: Sequence[Block]
-
-    @property
-    def slope(self) -> float:
-        return sum(block.slope for block in self.blocks)
-
-    def offset(self, gap_px: float) -> float:
-        return sum(block.offset(gap_px) for block in self.blocks) + gap_px * (len(self.blocks) - 1)
-
-    def place(self, left: float, top: float, height: float, gap_px: float) -> Iterator[tuple[str, Box]]:
-        for block in self.blocks:
-            yield from block.place(left, top, height, gap_px)
-            left += block.slope * height + block.offset(gap_px) + gap_px
+    blocks: Sequence["Block"]
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Blocks of one width, from top to bottom."""
+    """Blocks of one width, from top to bottom; at least one."""
 
-    blocks: Sequence[Block]
+    blocks: Sequence["Block"]
 
-    @property
-    def slope(self) -> float:
-        return 1 / sum(1 / block.slope for block in self.blocks)
 
-    def offset(self, gap_px: float) -> float:
-        spare = sum(block.offset(gap_px) / block.slope for block in self.blocks) - gap_px * (len(self.blocks) - 1)
-        return self.slope * spare
-
-    def place(self, left: float, top: float, height: float, gap_px: float) -> Iterator[tuple[str, Box]]:
-        width = self.slope * height + self.offset(gap_px)
-        for block in self.blocks:
-            part = (width - block.offset(gap_px)) / block.slope
-            yield from block.place(left, top, part, gap_px)
-            top += part + gap_px
+Block = Tile | Row | Column
 
 
 def place_in_width(block: Block, left: int, top: int, width: int, gap_px: int) -> dict[str, Box]:
     """The boxes of a block's tiles, by key, when it is ``width`` pixels wide."""
-    height = (width - block.offset(gap_px)) / block.slope
-    return dict(block.place(left, top, height, gap_px))
+    return dict(_place(block, left, top, width, gap_px))
+
+
+def _place(block: Block, left: float, top: float, width: float, gap_px: int) -> Iterator[tuple[str, Box]]:
+    slope, offset = _width_line(block, gap_px)
+    height = (width - offset) / slope
+    match block:
+        case Tile():
+            x, y = round(left), round(top)
+            yield block.key, Box(x, y, round(left + width) - x, round(top + height) - y)
+        case Row():
+            for part in block.blocks:
+                slope, offset = _width_line(part, gap_px)
+                part_width = slope * height + offset
+                yield from _place(part, left, top, part_width, gap_px)
+                left += part_width + gap_px
+        case Column():
+            for part in block.blocks:
+                slope, offset = _width_line(part, gap_px)
+                yield from _place(part, left, top, width, gap_px)
+                top += (width - offset) / slope + gap_px
+
+
+def _width_line(block: Block, gap_px: int) -> tuple[float, float]:
+    """Slope and offset of a block's width over its height."""
+    if isinstance(block, Tile):
+        return block.aspect, 0.0
+    lines = [_width_line(part, gap_px) for part in block.blocks]
+    gaps = gap_px * (len(lines) - 1)
+    if isinstance(block, Row):
+        return sum(slope for slope, _ in lines), sum(offset for _, offset in lines) + gaps
+    total = 1 / sum(1 / slope for slope, _ in lines)
+    return total, total * (sum(offset / slope for slope, offset in lines) - gaps)

@@ -9,7 +9,7 @@ import numpy as np
 
 from simbev_ros.palette import bev_color, semantic_color
 from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Array
-from simbev_ros.viz.canvas import ACCENT, BACKGROUND, DIM, LINE, SURFACE, draw_text
+from simbev_ros.viz.canvas import ACCENT, DIM, LINE, SURFACE, draw_text
 
 NEAREST_DEPTH_M, FARTHEST_DEPTH_M = 2.0, 200.0
 FULL_FLOW_SHARE = 0.04
@@ -46,16 +46,15 @@ def depth_picture(depth_m: Float32Array, rgb: UInt8Array | None, width_px: int) 
 
 
 def flow_picture(flow_px: Float32Array, rgb: UInt8Array | None, width_px: int) -> UInt8Array:
-    """Colour wheel of (H, W, 2) flow: hue is the direction, brightness the length; what has none is dark."""
+    """Colour wheel of (H, W, 2) flow: hue is the direction, strength the length; what has none is dark."""
     full_length_px = FULL_FLOW_SHARE * flow_px.shape[1]
     flow_px = _thin(flow_px, width_px)
     u, v = np.nan_to_num(flow_px[..., 0]), np.nan_to_num(flow_px[..., 1])
     hue = np.degrees(np.arctan2(v, u)) / 2 % 180  # OpenCV counts hue in steps of 2 degrees
-    value = 30 + 225 * np.minimum(np.sqrt(np.hypot(u, v) / full_length_px), 1)
-    hsv = np.stack([hue, np.full_like(hue, 185), value], axis=-1).astype(np.uint8)
-    picture = np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), np.uint8)
-    picture[np.isnan(flow_px).any(axis=-1)] = SURFACE
-    return picture
+    strength = np.minimum(np.sqrt(np.hypot(u, v) / full_length_px), 1)[..., None]
+    hsv = np.stack([hue, np.full_like(hue, 185), np.full_like(hue, 255)], axis=-1).astype(np.uint8)
+    picture = cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * strength + np.array(SURFACE) * (1 - strength)
+    return np.asarray(np.rint(picture), np.uint8)
 
 
 ModalityPicture = Callable[[AnyArray, UInt8Array | None, int], UInt8Array]
@@ -73,7 +72,7 @@ class Modality(NamedTuple):
 MODALITY_PICTURES = {
     "semantic": Modality("Semantic", "", semantic_picture),
     "instance": Modality("Instance", "", instance_picture),
-    "depth": Modality("Depth", f"{NEAREST_DEPTH_M:.0f}-{FARTHEST_DEPTH_M:.0f} m", depth_picture),
+    "depth": Modality("Depth", f"{NEAREST_DEPTH_M:.0f}–{FARTHEST_DEPTH_M:.0f} m", depth_picture),
     "flow": Modality("Optical flow", "", flow_picture),
 }
 
@@ -87,7 +86,7 @@ def lidar_picture(points: Table, size_px: int, half_extent_m: float) -> UInt8Arr
         half_extent_m: From the centre of the picture to its edge.
     """
     fine = 2 * size_px  # drawn finer, then averaged: dots keep a size of one pixel and soft edges
-    picture = np.full((fine, fine, 3), BACKGROUND, np.uint8)
+    picture = np.full((fine, fine, 3), SURFACE, np.uint8)
     order = np.argsort(points["z"], kind="stable")
     row = (half_extent_m - points["x"][order]) / (2 * half_extent_m) * fine
     column = (half_extent_m - points["y"][order]) / (2 * half_extent_m) * fine

@@ -1,7 +1,7 @@
 """Who takes part in a scene: the columns of the actors table that never change, and how bodies hang on SUMO's points.
 
-Ids: the ego is 1, the other vehicles follow in the specification's order, then the riders in the order of their vehicles, then
-the pedestrians. A vehicle that SUMO could not place leaves its id unused. Rows of the table ascend by id.
+Ids: the ego is 1, the other vehicles follow in the specification's order, then the riders in the order of their
+vehicles, then the pedestrians. Who finds no place leaves an id unused. Rows of the table ascend by id.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ _PEDESTRIAN_TRAIL_M = 0.4
 
 @dataclass(frozen=True, slots=True)
 class Cast:
-    """The N actors of a scene: V vehicles, then riders, then P pedestrians; leading points: V vehicles, then P pedestrians.
+    """The N actors of a scene: V vehicles, then riders, then P pedestrians; riders have no leading point of their own.
 
     Attributes:
         rows: (N,) ``ACTOR_DTYPE`` with the columns that stay the same.
@@ -125,5 +125,6 @@ def _bodies(members: Sequence[_Member]) -> Bodies:
         trail_m=lead_m + rear_m,
         lead_m=lead_m,
         tilts=drives,
+        leans=np.array([bool(member.blueprint.rider) for member in leaders]),
         mount_m=np.array([member.mount_m for member in members], np.float64),
     )

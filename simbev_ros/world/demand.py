@@ -10,15 +10,16 @@ from xml.etree import ElementTree
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.random import stream
-from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.routes import StreetGraph, WalkGraph
 
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
 _SIDE_MARGIN_M = 0.2
-_TYPE = {"speedDev": "0", "sigma": "0"}
-# SUMO's junction model: such a driver stops for no light, sign, vehicle or person at a junction; it keeps off who drives ahead.
+_TYPE = {"speedDev": "0"}
+_DRIVER = {**_TYPE, "carFollowModel": "IDM"}  # the smoothest accelerations of SUMO's models that keep off crashes
+# Such a driver stops for no light, sign, vehicle or person at a junction, but keeps off those ahead on the same lane.
 _RECKLESS = {
     "jmDriveAfterRedTime": _FOREVER_S,
     "jmDriveAfterYellowTime": _FOREVER_S,
@@ -53,34 +54,36 @@ def demand_xml(spec: SceneSpec, network: RoadNetwork, net: ElementTree.Element) 
         net: Root of the same roads' SUMO net file, for the lanes' permissions and lengths.
     """
     duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    lane_elements = {lane.attrib["id"]: lane.attrib for lane in net.iter("lane")}
+    length_m = {lane.attrib["id"]: float(lane.attrib["length"]) for lane in net.iter("lane")}
 
     @cache
     def streets(sumo_class: str) -> StreetGraph:
-        return StreetGraph(network, {lane: _allows(lane_elements[lane], sumo_class) for lane in lane_elements})
+        return StreetGraph(network, net, sumo_class)
 
     fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
     root = ElementTree.Element("routes")
     for index, vehicle in enumerate(spec.vehicles):
         blueprint = blueprint_of(vehicle.blueprint)
-        length_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
+        way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
-        route = streets(blueprint.sumo_class).route(vehicle.start.lane, length_m, rng)
-        _add_vehicle(root, vehicle_name(index), vehicle, blueprint, route, lane_elements)
+        route = streets(blueprint.sumo_class).route(vehicle.start.lane, way_m, rng)
+        start_m = _sumo_position_m(network, length_m, vehicle.start)
+        _add_vehicle(root, vehicle_name(index), vehicle, blueprint, route, start_m)
     walks = WalkGraph(network)
     for index, pedestrian in enumerate(spec.pedestrians):
         rng = stream(spec.seed, f"{pedestrian_name(index)}.walk")
         lane = network.lanes[pedestrian.start.lane]
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(rng.uniform(-1.0, 1.0))
         walk = walks.walk(lane.edge, duration_s * pedestrian.max_speed_mps, rng)
-        _add_pedestrian(root, pedestrian_name(index), pedestrian, walk, side_m)
+        start_m = _sumo_position_m(network, length_m, pedestrian.start)
+        _add_pedestrian(root, pedestrian_name(index), pedestrian, walk, start_m, side_m)
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _allows(lane: Mapping[str, str], sumo_class: str) -> bool:
-    """Whether SUMO lets a vehicle class use a lane."""
-    allowed, disallowed = lane.get("allow", "all").split(), lane.get("disallow", "").split()
-    return sumo_class not in disallowed and "all" not in disallowed and (allowed == ["all"] or sumo_class in allowed)
+def _sumo_position_m(network: RoadNetwork, sumo_length_m: Mapping[str, float], start: WaypointSpec) -> float:
+    """A place in SUMO's measure, in which all lanes of an edge are equally long, whatever their shapes."""
+    length_m = sumo_length_m[start.lane]
+    return min(start.s_m * length_m / network.lanes[start.lane].length_m, length_m - _START_MARGIN_M)
 
 
 def _add_vehicle(
@@ -89,7 +92,7 @@ def _add_vehicle(
     vehicle: VehicleSpec,
     blueprint: Blueprint,
     route: tuple[str, ...],
-    lane_elements: Mapping[str, Mapping[str, str]],
+    start_m: float,
 ) -> None:
     """One vehicle at rest with its front bumper at its start, and a type of its own."""
     length_m, width_m, height_m = blueprint.size_m
@@ -107,12 +110,11 @@ def _add_vehicle(
         "speedFactor": repr(vehicle.speed_factor),
         "latAlignment": "right" if blueprint.sumo_class == "bicycle" else "center",
     }
-    ElementTree.SubElement(root, "vType", {**_TYPE, **own, **(_RECKLESS if vehicle.reckless else {})})
-    lane = lane_elements[vehicle.start.lane]
+    ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **(_RECKLESS if vehicle.reckless else {})})
     start = {
         "depart": "0",
-        "departLane": lane["index"],
-        "departPos": repr(min(vehicle.start.s_m, float(lane["length"]) - _START_MARGIN_M)),
+        "departLane": vehicle.start.lane.rsplit("_", 1)[1],
+        "departPos": repr(start_m),
         "departSpeed": "0",
         "insertionChecks": "collision",
     }
@@ -123,9 +125,14 @@ def _add_vehicle(
 
 
 def _add_pedestrian(
-    root: ElementTree.Element, name: str, pedestrian: PedestrianSpec, walk: tuple[str, ...], side_m: float
+    root: ElementTree.Element,
+    name: str,
+    pedestrian: PedestrianSpec,
+    walk: tuple[str, ...],
+    start_m: float,
+    side_m: float,
 ) -> None:
-    """One pedestrian at its start, ``side_m`` to the left of the sidewalk's centre line."""
+    """One pedestrian, ``start_m`` along the sidewalk and ``side_m`` to the left of its centre line."""
     length_m, width_m, height_m = blueprint_of(pedestrian.blueprint).size_m
     own = {
         "id": name,
@@ -138,7 +145,7 @@ def _add_pedestrian(
         "speedFactor": "1",
     }
     ElementTree.SubElement(root, "vType", {**_TYPE, **own})
-    start = {"id": name, "type": name, "depart": "0", "departPos": repr(pedestrian.start.s_m)}
+    start = {"id": name, "type": name, "depart": "0", "departPos": repr(start_m)}
     person = ElementTree.SubElement(root, "person", start)
     ElementTree.SubElement(person, "walk", {"edges": " ".join(walk), "departPosLat": repr(side_m)})
     ElementTree.SubElement(person, "stop", {"edge": walk[-1], "duration": _FOREVER_S})

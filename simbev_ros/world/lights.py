@@ -4,44 +4,43 @@ import numpy as np
 
 from simbev_ros.scene.state import Light
 from simbev_ros.scene.weather import Weather
-from simbev_ros.types import Float64Array, Int64Array, UInt16Array
+from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt16Array
 
 _SUMO_RIGHT, _SUMO_LEFT = 1, 2
 _BLINK_HZ = 1.5
 _BRAKING_MPS2 = -0.6
 _STANDING_MPS = 0.1
-_REVERSING_MPS = -0.1
 _LOW_SUN_DEG = 5.0
 _HEAVY_RAIN = 50.0
 _THICK_FOG = 40.0
 
 
 def vehicle_lights(
-    signals: Int64Array,
-    speed_mps: Float64Array,
-    acceleration_mps2: Float64Array,
-    blink_cycles: Float64Array,
-    time_s: float,
-    weather: Weather,
+    signals: Int64Array, speed_mps: Float64Array, gain_mps2: Float64Array, bright: BoolArray, weather: Weather
 ) -> UInt16Array:
     """(V,) uint16 ``Light`` bits.
 
     Args:
         signals: (V,) SUMO's vehicle signals.
-        speed_mps: (V,) along the heading.
-        acceleration_mps2: (V,) along the heading.
-        blink_cycles: (V,) each vehicle's place in its blinker's cycle at time 0, in [0, 1).
-        time_s: Simulated time since the scene's start.
+        speed_mps: (V,) velocity along the heading.
+        gain_mps2: (V,) acceleration along the heading.
+        bright: (V,) whether a blinker that is on is in its bright half.
         weather: Weather and light now.
     """
-    bright = (time_s * _BLINK_HZ + blink_cycles) % 1.0 < 0.5
-    braking = (acceleration_mps2 < _BRAKING_MPS2) | (np.abs(speed_mps) < _STANDING_MPS)
+    braking = (gain_mps2 < _BRAKING_MPS2) | (np.abs(speed_mps) < _STANDING_MPS)
     lights = np.full(len(signals), Light.LOW_BEAM if needs_low_beam(weather) else 0, np.uint16)
-    lights |= np.where(braking, Light.BRAKE, 0).astype(np.uint16)
-    lights |= np.where(bright & (signals & _SUMO_LEFT > 0), Light.TURN_LEFT, 0).astype(np.uint16)
-    lights |= np.where(bright & (signals & _SUMO_RIGHT > 0), Light.TURN_RIGHT, 0).astype(np.uint16)
-    lights |= np.where(speed_mps < _REVERSING_MPS, Light.REVERSE, 0).astype(np.uint16)
+    for light, on in (
+        (Light.BRAKE, braking),
+        (Light.TURN_LEFT, bright & (signals & _SUMO_LEFT > 0)),
+        (Light.TURN_RIGHT, bright & (signals & _SUMO_RIGHT > 0)),
+    ):
+        lights[on] |= np.uint16(light)
     return lights
+
+
+def blinks(cycles: Float64Array, time_s: float) -> BoolArray:
+    """(V,) whether blinkers are in their bright half, (V,) ``cycles`` being their place in the cycle at time 0."""
+    return (time_s * _BLINK_HZ + cycles) % 1.0 < 0.5
 
 
 def needs_low_beam(weather: Weather) -> bool:

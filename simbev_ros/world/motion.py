@@ -1,9 +1,10 @@
 """From SUMO's points to rigid bodies in smooth motion: filtered paths, headings that trail, and their derivatives.
 
-SUMO moves a point for each actor along polylines: its speed jumps from step to step, and its direction at every corner. Here
-the points are averaged over a short window centred on each tick, so the world is a fixed delay behind SUMO but has no lag of
-phase. Each body then follows its point like a vehicle: the point leads, and the rear axle is drawn after it (a tractrix).
-Velocities and accelerations are central differences of the poses, so that they integrate back to them. All frames: map.
+SUMO moves a point for each actor along polylines: speed jumps from step to step, direction at every corner. Here the
+points are averaged over a short window centred on each tick, so the world is a fixed delay behind SUMO but has no
+lag of phase. Each body then follows its point like a vehicle: the point leads, and the rear axle is drawn after it (a
+tractrix). Velocities and accelerations are central differences of the poses, so that they integrate back to them. All
+is in the map frame.
 """
 
 from dataclasses import dataclass
@@ -12,6 +13,8 @@ import numpy as np
 
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
+
+_GRAVITY_MPS2 = 9.81
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +26,7 @@ class Bodies:
         trail_m: (G,) distance from the leading point back to the rear axle.
         lead_m: (G,) distance of the leading point ahead of the body's origin.
         tilts: (G,) bool; whether the body pitches with the ground.
+        leans: (G,) bool; whether the body leans into curves, as two-wheelers do.
         mount_m: (N, 3) the body's origin in the frame of the one that follows the point; zero for that one itself.
     """
 
@@ -30,6 +34,7 @@ class Bodies:
     trail_m: Float64Array
     lead_m: Float64Array
     tilts: BoolArray
+    leans: BoolArray
     mount_m: Float64Array
 
 
@@ -45,6 +50,7 @@ class Kinematics:
         angular_velocity_radps: (N, 3).
         advance_m: (N,) distance covered along the heading since the tick before.
         speed_mps: (N,) velocity along the heading.
+        gain_mps2: (N,) acceleration along the heading.
     """
 
     position_m: Float64Array
@@ -54,6 +60,7 @@ class Kinematics:
     angular_velocity_radps: Float64Array
     advance_m: Float64Array
     speed_mps: Float64Array
+    gain_mps2: Float64Array
 
 
 class Motion:
@@ -78,7 +85,7 @@ class Motion:
         self._points_m = np.repeat(point_m[None], 2 * half_window_ticks + 1, axis=0)
         self._lead_m = point_m.copy()
         self._rear_m = point_m - bodies.trail_m[:, None] * direction
-        position_m, rpy_rad = self._poses()
+        position_m, rpy_rad = self._poses(np.zeros(len(point_m)))
         self._position_m = np.repeat(position_m[None], 3, axis=0)
         self._rpy_rad = np.repeat(rpy_rad[None], 3, axis=0)
 
@@ -90,8 +97,7 @@ class Motion:
     def advance(self, point_m: Float64Array) -> Kinematics:
         """Take the next (G, 3) leading points; the kinematics at ``delay_ticks`` before them."""
         self._points_m = np.concatenate([self._points_m[1:], point_m[None]])
-        self._follow(self._smoothed())
-        position_m, rpy_rad = self._poses()
+        position_m, rpy_rad = self._poses(self._follow(self._smoothed()))
         self._position_m = np.concatenate([self._position_m[1:], position_m[None]])
         self._rpy_rad = np.concatenate([self._rpy_rad[1:], rpy_rad[None]])
         return self._kinematics()
@@ -102,22 +108,28 @@ class Motion:
         smoothed: Float64Array = center_m + np.tensordot(self._weights, self._points_m - center_m, axes=1)
         return smoothed
 
-    def _follow(self, lead_m: Float64Array) -> None:
-        """Draw the rear axles after the leading points; one that did not move keeps its axle to the last bit."""
-        pull_m = lead_m - self._rear_m
-        distance_m = np.linalg.norm(pull_m, axis=1)
-        rear_m = lead_m - (self._bodies.trail_m / distance_m)[:, None] * pull_m
-        moved = np.any(lead_m != self._lead_m, axis=1)
-        self._rear_m = np.where(moved[:, None], rear_m, self._rear_m)
-        self._lead_m = lead_m
+    def _follow(self, lead_m: Float64Array) -> Float64Array:
+        """Draw the rear axles after the leading points; (G,) roll with which the body then leans into its curve.
 
-    def _poses(self) -> tuple[Float64Array, Float64Array]:
-        """(N, 3) origins and (N, 3) roll, pitch, yaw."""
+        An axle whose point did not move keeps its place to the last bit.
+        """
+        forward_m = self._lead_m - self._rear_m
+        pull_m = lead_m - self._rear_m
+        rear_m = lead_m - (self._bodies.trail_m / np.linalg.norm(pull_m, axis=1))[:, None] * pull_m
+        step_m = lead_m - self._lead_m
+        self._rear_m = np.where(np.any(step_m != 0.0, axis=1)[:, None], rear_m, self._rear_m)
+        self._lead_m = lead_m
+        turn_rad = _cross(forward_m, pull_m) / np.einsum("gi,gi->g", forward_m, pull_m)
+        sideways_mps2 = turn_rad * np.linalg.norm(step_m, axis=1) / self._tick_s**2
+        return np.where(self._bodies.leans, -np.arctan(sideways_mps2 / _GRAVITY_MPS2), 0.0)
+
+    def _poses(self, roll_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """(N, 3) origins and (N, 3) roll, pitch, yaw, for (G,) rolls."""
         bodies = self._bodies
         forward = (self._lead_m - self._rear_m) / bodies.trail_m[:, None]
         yaw_rad = np.arctan2(forward[:, 1], forward[:, 0])
         pitch_rad = np.where(bodies.tilts, -np.arcsin(np.clip(forward[:, 2], -1.0, 1.0)), 0.0)
-        rpy_rad = np.stack([np.zeros_like(yaw_rad), pitch_rad, yaw_rad], axis=1)[bodies.point]
+        rpy_rad = np.stack([roll_rad, pitch_rad, yaw_rad], axis=1)[bodies.point]
         origin_m = (self._lead_m - bodies.lead_m[:, None] * forward)[bodies.point]
         return origin_m + np.einsum("nij,nj->ni", rotations_from_rpy(rpy_rad), bodies.mount_m), rpy_rad
 
@@ -138,6 +150,7 @@ class Motion:
             angular_velocity_radps=_angular_velocity(rpy_rad, rates),
             advance_m=np.einsum("ni,ni->n", now - before, forward),
             speed_mps=np.einsum("ni,ni->n", velocity, forward),
+            gain_mps2=np.einsum("ni,ni->n", acceleration, forward),
         )
 
 
@@ -156,6 +169,11 @@ class Pursuit:
         share = np.minimum(1.0, self._reach_m / np.maximum(distance_m, 1e-9))
         self._position_m = np.where((share < 1.0)[:, None], self._position_m + share[:, None] * way_m, target_m)
         return self._position_m
+
+
+def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
+    """(G,) z component of the cross products of (G, 3) vectors."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _angular_velocity(rpy_rad: Float64Array, rates_radps: Float64Array) -> Float64Array:

@@ -5,9 +5,11 @@ Since nobody reaches an end, nobody has to be re-routed, removed or inserted whi
 
 from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping
+from xml.etree import ElementTree
 
 import numpy as np
 
+from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import LaneKind, RoadNetwork
 
 _WALKABLE = (LaneKind.SIDEWALK, LaneKind.WALKING_AREA, LaneKind.CROSSING)
@@ -17,18 +19,21 @@ _MOST_REACHED = 300  # bounds the search for a walk's destination on large maps
 class StreetGraph:
     """Which edges one can drive on after which, for one vehicle class."""
 
-    def __init__(self, network: RoadNetwork, allowed: Mapping[str, bool]) -> None:
+    def __init__(self, network: RoadNetwork, net: ElementTree.Element, sumo_class: str) -> None:
         """Build the graph.
 
         Args:
             network: The roads.
-            allowed: Lane id → may this class drive there; lanes left out may be used.
+            net: Root of the same roads' SUMO net file, for the lanes' permissions.
+            sumo_class: SUMO's vehicle class.
         """
         self._lanes = network.lanes
+        self._sumo_class = sumo_class
+        allowed = {lane.attrib["id"] for lane in net.iter("lane") if _allows(lane.attrib, sumo_class)}
         usable = {
             lane.id
             for lane in network.lanes.values()
-            if lane.kind is LaneKind.DRIVING and not lane.junction and allowed.get(lane.id, True)
+            if lane.kind is LaneKind.DRIVING and not lane.junction and lane.id in allowed
         }
         self._following = {lane: tuple(dict.fromkeys(self._edges_after(lane, usable))) for lane in sorted(usable)}
         self._next: dict[str, tuple[str, ...]] = {}
@@ -41,9 +46,14 @@ class StreetGraph:
     def route(self, start_lane: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
         """Edges of a random route from a lane, at least ``length_m`` long beyond the first edge.
 
-        It ends early only where no edge follows. The first turn is one that the start lane itself allows, so that a vehicle that starts
-        close to a junction need not change lanes at once.
+        It ends early only where no edge follows. The first turn is one that the start lane itself allows, so that a
+        vehicle that starts close to a junction need not change lanes at once.
+
+        Raises:
+            SimulationError: this vehicle class may not use the start lane.
         """
+        if start_lane not in self._following:
+            raise SimulationError(f"a vehicle of SUMO's class {self._sumo_class} cannot start on lane {start_lane}")
         route = [self._lanes[start_lane].edge]
         following = self._following[start_lane]
         while following and length_m > 0.0:
@@ -89,8 +99,9 @@ class WalkGraph:
     def walk(self, start_edge: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
         """Edges of a walk to one random destination after the other, at least ``length_m`` long beyond the first edge.
 
-        The direction along the first edge is random, and nobody turns back in the middle of a sidewalk. Crossings and walking areas
-        are included, so that SUMO does not choose them anew while somebody waits. The walk ends early only where nothing can be reached.
+        The direction along the first edge is random, and nobody turns back in the middle of a sidewalk. Crossings and
+        walking areas are included, so that SUMO does not choose them anew while somebody waits. The walk ends early
+        only where nothing can be reached.
         """
         walk = [start_edge]
         touching = self._neighbours.get(start_edge, ())
@@ -114,8 +125,15 @@ class WalkGraph:
         waiting = deque([start])
         while waiting and len(came_from) < _MOST_REACHED:
             here = waiting.popleft()
-            for edge in self._neighbours[here]:
+            for edge in self._neighbours.get(here, ()):
                 if edge not in came_from and not (here == start and edge == behind):
                     came_from[edge] = here
                     waiting.append(edge)
         return came_from
+
+
+def _allows(lane: Mapping[str, str], sumo_class: str) -> bool:
+    """Whether SUMO lets a vehicle class use a lane."""
+    if "allow" in lane:
+        return bool({"all", sumo_class}.intersection(lane["allow"].split()))
+    return not {"all", sumo_class}.intersection(lane.get("disallow", "").split())

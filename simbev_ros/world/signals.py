@@ -14,7 +14,7 @@ from simbev_ros.maps.network import Signal
 from simbev_ros.scene.random import stream
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState
-from simbev_ros.types import Float64Array, Int64Array, Table
+from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array
 
 _YELLOW_S = 3.0
 _ALL_RED_S = 2.0
@@ -134,7 +134,7 @@ def _kind(state: str) -> str:
     return "yellow" if "y" in lower else "green" if "g" in lower else "red"
 
 
-def _held_ticks(shown: Int64Array, ticks: Int64Array) -> Int64Array:
+def _held_ticks(shown: UInt8Array, ticks: Int64Array) -> Int64Array:
     """(P, S) ticks for which each head has shown its state when phase p begins.
 
     A head that never changes has shown it for one cycle.

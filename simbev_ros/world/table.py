@@ -7,7 +7,7 @@ from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import EGO_ID
 from simbev_ros.types import Float64Array, Int64Array, Table
 from simbev_ros.world.cast import Cast
-from simbev_ros.world.lights import vehicle_lights
+from simbev_ros.world.lights import blinks, vehicle_lights
 from simbev_ros.world.motion import Kinematics
 
 _LARGEST_STEER_RAD = 0.7
@@ -50,11 +50,9 @@ class ActorTable:
         self._turn(motion)
         table["steer"], table["wheel"], table["gait"] = self._steer_rad, self._wheel_rad, self._gait_rad
         vehicles = slice(len(self._blink_cycles))
-        heading = np.stack([np.cos(motion.rpy_rad[:, 2]), np.sin(motion.rpy_rad[:, 2])], axis=1)
-        gain_mps2 = np.einsum("ni,ni->n", motion.acceleration_mps2[:, :2], heading)
-        table["lights"][vehicles] = vehicle_lights(
-            signals, motion.speed_mps[vehicles], gain_mps2[vehicles], self._blink_cycles, step * self._tick_s, self._weather
-        )
+        bright = blinks(self._blink_cycles, step * self._tick_s)
+        speed_mps, gain_mps2 = motion.speed_mps[vehicles], motion.gain_mps2[vehicles]
+        table["lights"][vehicles] = vehicle_lights(signals, speed_mps, gain_mps2, bright, self._weather)
         return table
 
     def _turn(self, motion: Kinematics) -> None:

@@ -1,18 +1,25 @@
 """SUMO, in this process: one simulation, advanced tick by tick and read as arrays. Nothing else here knows libsumo."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
-import libsumo
 import numpy as np
 
 from simbev_ros.errors import SimulationError
+from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Float64Array, Int64Array
-from simbev_ros.world.demand import index_of
+from simbev_ros.world.demand import index_of, pedestrian_name, vehicle_name
 
+_PROJ = {name: os.environ.get(name) for name in ("PROJ_LIB", "PROJ_DATA")}
+import libsumo  # noqa: E402  its import sends this process's pyproj to SUMO's own PROJ data; undone below
+
+for _name, _value in _PROJ.items():
+    if _value is None:
+        os.environ.pop(_name, None)
+
+_NS_PER_MS = 1_000_000
 _OPTIONS = {
     "lateral-resolution": "0.8",
     "pedestrian.model": "striping",
@@ -29,6 +36,7 @@ _OPTIONS = {
     "duration-log.disable": "true",
 }
 _LARGEST_SEED = 2**31 - 1
+_FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,21 +58,17 @@ class Traffic:
     """A running SUMO simulation. libsumo holds one per process; close this one before another is made.
 
     Attributes:
-        vehicles: SUMO's ids of the vehicles that found a place, by their index.
+        vehicles: Indices in the specification of the vehicles that found a place, ascending.
         pedestrians: The same of the pedestrians.
     """
 
     _running = False
 
-    def __init__(
-        self, net: Path, demand: Path, additional: Path, tick_ns: int, seed: int, speeds_mps: Mapping[str, float]
-    ) -> None:
+    def __init__(self, files: Sequence[Path], tick_ns: int, seed: int, speeds_mps: Mapping[str, float]) -> None:
         """Load a net and its traffic, and place all vehicles and pedestrians at time 0.
 
         Args:
-            net: SUMO net file.
-            demand: Route file; everything in it departs at 0.
-            additional: Additional file, with the traffic lights' programmes.
+            files: Net file, route file (everything in it departs at 0), additional file (the signals' programmes).
             tick_ns: Length of a step; whole milliseconds.
             seed: Of SUMO's own random numbers.
             speeds_mps: Lane id → speed limit that takes the place of the net's.
@@ -74,40 +78,38 @@ class Traffic:
         """
         if Traffic._running:
             raise SimulationError("a simulation is running in this process already; close it first")
-        if tick_ns % 1_000_000:
+        if tick_ns % _NS_PER_MS:
             raise SimulationError(f"SUMO needs ticks of whole milliseconds, not {tick_ns} ns")
-        options = {
-            **_OPTIONS,
-            "net-file": str(net),
-            "route-files": str(demand),
-            "additional-files": str(additional),
-            "step-length": f"{tick_ns / 1e9:.3f}",
-            "seed": str(seed % _LARGEST_SEED),
-        }
-        arguments = [argument for name, value in options.items() for argument in (f"--{name}", value)]
+        inputs = dict(zip(("net-file", "route-files", "additional-files"), map(str, files), strict=True))
+        own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _LARGEST_SEED)}
+        options = {**_OPTIONS, **inputs, **own}
         self._open = Traffic._running = True
         try:
-            libsumo.start(["sumo", *arguments])
+            libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
             for lane, speed_mps in speeds_mps.items():
                 libsumo.lane.setMaxSpeed(lane, speed_mps)
             libsumo.simulationStep()
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        except _FAILURES as error:
             self.close()
             raise SimulationError(f"SUMO could not start: {error}") from error
-        self.vehicles: tuple[str, ...] = tuple(sorted(libsumo.vehicle.getIDList(), key=index_of))
-        self.pedestrians: tuple[str, ...] = tuple(sorted(libsumo.person.getIDList(), key=index_of))
-        for name in self.vehicles:
+        self.vehicles = tuple(sorted(map(index_of, libsumo.vehicle.getIDList())))
+        self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
+        self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
+        self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
+        for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, [libsumo.VAR_POSITION3D, libsumo.VAR_SIGNALS])
-        for name in self.pedestrians:
+        for name in self._pedestrian_names:
             libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
 
     def directions(self) -> Float64Array:
         """(V + P, 3) unit vectors in which vehicles, then pedestrians, look now; map frame."""
         angles_deg = [
-            *[(libsumo.vehicle.getAngle(name), libsumo.vehicle.getSlope(name)) for name in self.vehicles],
-            *[(libsumo.person.getAngle(name), 0.0) for name in self.pedestrians],
+            *[(libsumo.vehicle.getAngle(name), libsumo.vehicle.getSlope(name)) for name in self._vehicle_names],
+            *[(libsumo.person.getAngle(name), 0.0) for name in self._pedestrian_names],
         ]
-        return _directions(angles_deg)
+        # SUMO's angle turns clockwise from north.
+        angle, slope = np.radians(np.array(angles_deg, np.float64).reshape(-1, 2)).T
+        return np.stack([np.sin(angle) * np.cos(slope), np.cos(angle) * np.cos(slope), np.sin(slope)], axis=1)
 
     def sample(self) -> TrafficSample:
         """The state now.
@@ -119,9 +121,9 @@ class Traffic:
         pedestrians = libsumo.person.getAllSubscriptionResults()
         try:
             return TrafficSample(
-                _points([vehicles[name][libsumo.VAR_POSITION3D] for name in self.vehicles]),
-                np.array([vehicles[name][libsumo.VAR_SIGNALS] for name in self.vehicles], np.int64),
-                _points([pedestrians[name][libsumo.VAR_POSITION3D] for name in self.pedestrians]),
+                _points([vehicles[name][libsumo.VAR_POSITION3D] for name in self._vehicle_names]),
+                np.array([vehicles[name][libsumo.VAR_SIGNALS] for name in self._vehicle_names], np.int64),
+                _points([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
             )
         except KeyError as error:
             raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
@@ -134,7 +136,7 @@ class Traffic:
         """
         try:
             libsumo.simulationStep()
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
     def close(self) -> None:
@@ -143,20 +145,6 @@ class Traffic:
             libsumo.close()
             self._open = Traffic._running = False
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 def _points(points: Sequence[tuple[float, float, float]]) -> Float64Array:
     return np.array(points, np.float64).reshape(-1, 3)
-
-
-def _directions(angles_deg: Sequence[tuple[float, float]]) -> Float64Array:
-    """(N, 3) unit vectors of SUMO's angle (clockwise from north) and slope, both in degrees."""
-    angle, slope = np.radians(np.array(angles_deg, np.float64).reshape(-1, 2)).T
-    return np.stack([np.sin(angle) * np.cos(slope), np.cos(angle) * np.cos(slope), np.sin(slope)], axis=1)

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
 
+from simbev_ros.assets.actor_model import ActorModel, Part
 from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.raycast.scene import RayScene
@@ -35,7 +37,8 @@ def first_triangles(
 
 def unit_vectors(rng: np.random.Generator, count: int, flatness: float = 1.0) -> Float64Array:
     directions = rng.normal(size=(count, 3)) * [1.0, 1.0, flatness]
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return directions
 
 
 @pytest.mark.parametrize("shared_origin", [True, False])
@@ -77,12 +80,35 @@ def test_hits_equal_those_of_a_test_of_all_pairs(shared_origin: bool) -> None:
     assert np.abs(hits.normal[both] - normal / np.linalg.norm(normal, axis=1, keepdims=True)).max() < 1e-3
 
 
+def test_rays_at_the_tips_of_parts_hit_these_from_all_sides() -> None:
+    rng = np.random.default_rng(4)
+    parts = (Part("body"), Part("left", swing_offset_rad=0.2), Part("right", swing_offset_rad=-0.2))
+    posts = [mesh(box([0, 0.4 * index, 1.0], [0.1, 0.1, 1.0]), Tag.OTHER, part=index) for index in range(3)]
+    model = ActorModel("posts", Tag.OTHER, "", Mesh.merged(posts), (0.1, 0.9, 1.5), parts, 0.0)
+    state = world(actor(model, x=6.0, yaw=0.4))
+    posed = pose_actors([model], state.actors, ORIGIN)
+    corners = posed.vertices.astype(np.float64)[posed.triangles]
+    count = 8000
+    directions = unit_vectors(rng, count)
+    targets = posed.vertices[rng.integers(len(posed.vertices), size=count)] + rng.normal(scale=0.03, size=(count, 3))
+    origins = targets - 5.0 * directions
+    scene = RayScene(StaticScene((), ()), [model])
+    scene.update(state, ORIGIN, 50.0)
+    hits = scene.cast(origins, directions)
+    range_m, _, margin = first_triangles(origins, directions, corners)
+    clear = margin > 1e-4
+    hit = np.isfinite(range_m)
+    assert 0.2 < hit.mean() < 0.8
+    assert np.array_equal(np.isfinite(hits.range_m)[clear], hit[clear])
+    assert np.abs(hits.range_m[clear & hit] - range_m[clear & hit]).max() < 1e-4
+
+
 def test_ranges_on_a_large_map_are_exact_to_a_tenth_of_a_millimetre() -> None:
     place = np.array([9876.5, -9876.25, 123.0])
     ground = mesh(sheet([-50, -50], [50, 50]), Tag.ROAD, Material.ASPHALT)
     scene = RayScene(static_scene(ground, origin_m=place), MODELS)
     scene.update(world(actor(MODELS[0], x=place[0], y=place[1], z=500.0)), place, 60.0)
-    hits = scene.cast(place + [[3.25, 1.5, 1.8]], np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]]))
+    hits = scene.cast(place + np.array([[3.25, 1.5, 1.8]]), np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]]))
     assert hits.range_m == pytest.approx([1.8, 2.25], abs=1e-4)
     assert hits.normal == pytest.approx(np.array([[0, 0, 1], [0, 0, 1]]))
     assert list(hits.material) == [Material.ASPHALT] * 2
@@ -117,8 +143,8 @@ def test_hits_do_not_depend_on_where_the_scene_was_before() -> None:
     directions = unit_vectors(rng, 20_000, 0.2)
     origin = np.array([[151.0, 1.0, 2.0]])
     fresh, travelled = RayScene(static, MODELS), RayScene(static, MODELS)
-    for x in (-300.0, 20.0, 90.0, 149.0):
-        travelled.update(state, np.array([x, 0.0, 0.0]), 80.0)
+    for place_m in (-300.0, 20.0, 90.0, 149.0):
+        travelled.update(state, np.array([place_m, 0.0, 0.0]), 80.0)
         travelled.cast(origin, directions[:10])
     for scene in (fresh, travelled):
         scene.update(state, origin[0], 80.0)

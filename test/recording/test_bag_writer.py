@@ -225,3 +225,28 @@ def test_digest_is_sha256_over_stamp_length_and_payload(tmp_path: Path) -> None:
     expected = hashlib.sha256(b"\x02\x01" + bytes(6) + b"\x07" + bytes(7) + b"payload").hexdigest()
     with SceneBag(path) as bag:
         assert topic_digests(bag) == {"/words": expected}
+
+
+def test_a_full_disk_is_an_os_error_and_leaves_what_was_synced(tmp_path: Path) -> None:
+    script = f"""
+import os, resource
+from pathlib import Path
+from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.qos import QosProfile
+resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, resource.RLIM_INFINITY))
+tick = 0
+try:
+    with SceneBagWriter(Path({str(tmp_path / "a")!r}), sync_bytes=1000) as writer:
+        writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
+        while True:
+            writer.write("/words", tick, os.urandom(500))
+            tick += 1
+except OSError as error:
+    print(tick, error.strerror)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    written, reason = done.stdout.split(maxsplit=1)
+    assert reason == "File too large\n" and int(written) > 40
+    with SceneBag(tmp_path / "a.partial") as bag:
+        assert len(list(bag.messages())) >= int(written) - 2
+    assert not (tmp_path / "a").exists()

@@ -37,7 +37,9 @@ def box(
     part: int = 0,
 ) -> Mesh:
     """An axis-parallel box."""
-    corners = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = np.array(
+        [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
     return Mesh.flat(corners[np.array(triangles)], material=material, tag=tag, color=(150, 140, 130), part=part)
@@ -52,7 +54,9 @@ def plane(half_m: float, z_m: float, tag: Tag, material: Material) -> Mesh:
 def ball(center: tuple[float, float, float], radius_m: float, tag: Tag) -> Mesh:
     """A sphere of 16 x 8 facets, open at the poles."""
     longitude, latitude = np.meshgrid(np.linspace(0, 2 * np.pi, 17), np.linspace(-1.4, 1.4, 9), indexing="ij")
-    grid = np.stack([np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)], axis=-1)
+    grid = np.stack(
+        [np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)], axis=-1
+    )
     a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
     corners = np.concatenate([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)]).reshape(-1, 3, 3)
     return Mesh.flat(corners * radius_m + center, material=Material.FOLIAGE, tag=tag, color=(60, 110, 40))
@@ -64,7 +68,10 @@ def scene(offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> StaticScene
     house = box((20, 4, 0), (30, 14, 8), Tag.BUILDING, Material.FACADE)
     tree = ball((18, -8, 3), 2.5, Tag.VEGETATION)
     origin = np.array(offset_m)
-    tiles = (Tile(origin, Mesh.merged([ground, house]), {}), Tile(origin + [10, 0, 0], tree.transformed(_shift(-10)), {}))
+    tiles = (
+        Tile(origin, Mesh.merged([ground, house]), {}),
+        Tile(origin + [10, 0, 0], tree.transformed(_shift(-10)), {}),
+    )
     return StaticScene(tiles, (StreetLight((15.0 + offset_m[0], -5.0 + offset_m[1], 8.0 + offset_m[2])),))
 
 

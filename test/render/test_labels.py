@@ -42,7 +42,9 @@ def pixel_rays(camera: PinholeCamera) -> Float64Array:
     return camera.rays(np.stack([u.ravel(), v.ravel()], axis=1))
 
 
-def cast(origin: Float64Array, rays: Float64Array, corners: Float64Array) -> tuple[Float64Array, AnyArray, Float64Array]:
+def cast(
+    origin: Float64Array, rays: Float64Array, corners: Float64Array
+) -> tuple[Float64Array, AnyArray, Float64Array]:
     """Moeller-Trumbore: nearest depth, triangle and its barycentric margin (0 on an edge) per ray."""
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = np.cross(rays[:, None], edge2)

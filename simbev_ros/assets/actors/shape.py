@@ -8,8 +8,9 @@ import numpy as np
 import yaml
 
 from simbev_ros.assets.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.figure import Figure, figure_parts, figure_pose, figure_solids
 from simbev_ros.assets.actors.shell import Shell, build_shell
-from simbev_ros.assets.actors.solids import AnySolid, Vector, build_solid
+from simbev_ros.assets.actors.solids import AnySolid, Solid, Vector, build_solid
 from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.config.base import Model
@@ -40,19 +41,22 @@ class Shape(Model):
         shells: Smooth bodies.
         wheels: Wheels with tyres, of vehicles with two sides.
         parts: Rigid parts besides the body and the wheels; a parent comes first.
+        figure: A person.
         solids: Everything else.
     """
 
     shells: tuple[Shell, ...] = ()
     wheels: Wheels | None = None
     parts: tuple[ShapePart, ...] = ()
+    figure: Figure | None = None
     solids: tuple[AnySolid, ...] = ()
 
 
 def load_shape(blueprint: str) -> Shape:
     """The shape of a blueprint, from its file.
 
-    A file may extend another one: then it adds its solids, and the k-th list of its ``patches`` to the k-th shell.
+    A file may extend another one: then it adds its solids, and the k-th list of its ``patches`` to the k-th shell, and what
+    it says of the figure wins.
     """
     return Shape.model_validate(_read(blueprint))
 
@@ -64,9 +68,10 @@ def _read(blueprint: str) -> dict[str, Any]:
     if "extends" not in data:
         return data
     base = _read(data.pop("extends"))
-    for shell, patches in zip(base["shells"], data.pop("patches", ()), strict=False):
+    for shell, patches in zip(base.get("shells", ()), data.pop("patches", ()), strict=False):
         shell["patches"] += patches
-    return base | data | {"solids": base["solids"] + data.get("solids", [])}
+    solids = base.get("solids", []) + data.pop("solids", [])
+    return base | {"solids": solids, "figure": base.get("figure", {}) | data.pop("figure", {}) or None} | data
 
 
 def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
@@ -76,13 +81,18 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
         ValueError: The shape is more than 3 % larger or smaller than the blueprint along an axis.
     """
     parts = [Part("body"), *(wheel_parts(shape.wheels) if shape.wheels else [])]
+    solids: list[Solid] = list(shape.solids)
+    if shape.figure:
+        pose = figure_pose(shape.figure)
+        parts += figure_parts(pose, first=len(parts))
+        solids += figure_solids(shape.figure, pose)
     for entry in shape.parts:
         parts.append(_part(entry, [part.name for part in parts]))
     index = {part.name: place for place, part in enumerate(parts)}
     meshes = [build_shell(shell, blueprint.tag) for shell in shape.shells]
     if shape.wheels:
         meshes += build_wheels(shape.wheels, blueprint.tag, first_part=1)
-    for solid in shape.solids:
+    for solid in solids:
         meshes += build_solid(solid, blueprint.tag, index)
     mesh = Mesh.merged(meshes)
     fitted = _fit(blueprint, mesh.bounds_m)

@@ -106,9 +106,9 @@ class Shell(Model):
     patches: tuple[Patch, ...] = ()
     sides: tuple[float, ...]
     finish: str = "paint"
-    front: int = 4
-    side: int = 4
-    rear: int = 4
+    front: int = 3
+    side: int = 2
+    rear: int = 3
     crown: float = 0.03
     cap: str = "paint"
     base: str = "black"
@@ -117,7 +117,7 @@ class Shell(Model):
     crease_deg: float = 33.0
 
 
-_CAP_CELLS = 4
+_CAP_CUTS = (0.45, 1.0)
 _SEAM = 0.004
 
 
@@ -250,7 +250,7 @@ def _cap(shell: Shell, half: Float64Array, lateral: Float64Array) -> Float64Arra
 def _laterals(shell: Shell) -> Float64Array:
     """(F,) -1..1: where the cap is cut lengthwise."""
     cuts = [
-        *np.linspace(0.0, 1.0, _CAP_CELLS // 2 + 1),
+        *_CAP_CUTS,
         *(v for p in shell.patches if p.rows is None for v in p.lateral),
     ]
     if shell.recess:

@@ -78,7 +78,7 @@ def _wheel(wheels: Wheels, tag: Tag, part: int) -> Mesh:
     metal = finish_named(wheels.finish, tag, part)
     meshes = [_tyre(wheels, tag, part)]
     if not wheels.spokes:
-        disc = [(rim, 0.6 * face), (rim, 0.8 * face), (0.75 * rim, 0.5 * face), (0.45 * rim, 0.9 * face)]
+        disc = [(rim, 0.3 * face), (rim, 0.8 * face), (0.75 * rim, 0.5 * face), (0.45 * rim, 0.9 * face)]
         meshes.append(lathe(metal, np.array([*disc, (0.0, 0.95 * face)]), segments=_SEGMENTS))
         return Mesh.merged(meshes)
     dark = finish_named("black", tag, part)

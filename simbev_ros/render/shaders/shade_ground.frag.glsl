@@ -1,9 +1,9 @@
 #version 330
 // Asphalt, road markings, paving slabs, concrete, grass and soil; wet by rain.
+#include "enums"
 #include "lighting"
 #include "noise"
 
-const uint ASPHALT = 1u, MARKING = 2u, PAVING = 3u, CONCRETE = 4u, GRASS = 5u, SOIL = 6u;
 const vec2 SLAB = vec2(0.6, 0.6);
 const float JOINT = 0.006;
 
@@ -42,14 +42,14 @@ void main() {
     vec4 fine = noise_at(p.uv / 0.9, p.size / 0.9);
 
     Surface s = surface_of(p);
-    if (p.material == ASPHALT) s.albedo = asphalt(p.albedo, coarse, middle, fine, p.size);
-    else if (p.material == MARKING) s.albedo = marking(p.albedo, middle, fine);
-    else if (p.material == PAVING) s.albedo = paving(p.albedo, p.uv, coarse, fine, p.size);
-    else if (p.material == CONCRETE) s.albedo = p.albedo * (0.84 + 0.2 * fine.g + 0.12 * middle.r);
-    else if (p.material == GRASS) s.albedo = grass(p.albedo, coarse, middle, fine);
+    if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo, coarse, middle, fine, p.size);
+    else if (p.material == MATERIAL_MARKING) s.albedo = marking(p.albedo, middle, fine);
+    else if (p.material == MATERIAL_PAVING) s.albedo = paving(p.albedo, p.uv, coarse, fine, p.size);
+    else if (p.material == MATERIAL_CONCRETE) s.albedo = p.albedo * (0.84 + 0.2 * fine.g + 0.12 * middle.r);
+    else if (p.material == MATERIAL_GRASS) s.albedo = grass(p.albedo, coarse, middle, fine);
     else s.albedo = p.albedo * (0.6 + 0.5 * fine.g + 0.3 * middle.b);
 
-    float level = smoothstep(0.9, 0.99, p.normal.z) * (p.material == GRASS ? 0.3 : 1.0);
+    float level = smoothstep(0.9, 0.99, p.normal.z) * (p.material == MATERIAL_GRASS ? 0.3 : 1.0);
     float puddle = level * smoothstep(1.0 - 0.55 * puddles(), 1.12 - 0.55 * puddles(), coarse.a * 0.7 + middle.r * 0.4);
     float wet = max(wetness() * level, puddle);
     s.albedo *= 1.0 - 0.5 * wet;

@@ -1,9 +1,9 @@
 #version 330
 // Matt things: brick, plaster, roofs, wood, rubber, plastic, leaves, bark, cloth, skin, hair.
+#include "enums"
 #include "lighting"
 #include "noise"
 
-const uint BRICK = 7u, ROOF = 12u, WOOD = 13u, FOLIAGE = 20u, BARK = 21u;
 const vec2 BRICK_SIZE = vec2(0.25, 0.085);
 
 void main() {
@@ -12,21 +12,21 @@ void main() {
     vec4 fine = noise_at(p.uv / 0.8, p.size / 0.8);
     Surface s = surface_of(p);
     s.albedo *= 0.9 + 0.1 * coarse.r + 0.1 * (fine.g - 0.5);
-    if (p.material == BRICK) {
+    if (p.material == MATERIAL_BRICK) {
         vec2 place = p.uv / BRICK_SIZE;
         place.x += 0.5 * mod(floor(place.y), 2.0);
         vec2 to_joint = (0.5 - abs(fract(place) - 0.5)) * BRICK_SIZE;
         float joint = max(line_cover(to_joint.x, 0.006, p.size), line_cover(to_joint.y, 0.006, p.size));
         float tone = (random(floor(place)) - 0.5) * 0.4 * clamp(1.0 - p.size * 12.0, 0.0, 1.0);
         s.albedo = mix(s.albedo * (1.0 + tone), vec3(0.42, 0.39, 0.35), joint * 0.7);
-    } else if (p.material == FOLIAGE) {
+    } else if (p.material == MATERIAL_FOLIAGE) {
         vec4 leaves = noise_at(p.uv / 1.7 + p.normal.xy * 0.2, p.size / 1.7);
         s.albedo *= 0.45 + 0.75 * leaves.g * leaves.b + 0.35 * leaves.r;
         s.normal = normalize(p.normal + (leaves.bga - 0.5) * 0.9);
         s.translucency = 0.4;
-    } else if (p.material == BARK || p.material == WOOD) {
+    } else if (p.material == MATERIAL_BARK || p.material == MATERIAL_WOOD) {
         s.albedo *= 0.7 + 0.6 * noise_at(p.uv * vec2(3.0, 0.5), p.size * 3.0).b;
-    } else if (p.material == ROOF) {
+    } else if (p.material == MATERIAL_ROOF) {
         s.albedo *= 0.8 + 0.3 * coarse.b + 0.2 * (fine.g - 0.5);
     }
     s.albedo *= 1.0 - 0.25 * wetness() * max(p.normal.z, 0.0);

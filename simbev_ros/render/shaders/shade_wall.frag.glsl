@@ -1,9 +1,9 @@
 #version 330
 // Walls with windows, curtain walls and shop fronts. uv: along the wall, up; 3 m a bay, 3 m a storey.
+#include "enums"
 #include "lighting"
 #include "noise"
 
-const uint FACADE = 9u, OFFICE_GLASS = 10u, SHOPFRONT = 11u;
 const float BAY = 3.0;
 
 struct Opening {  // in one bay, metres
@@ -14,8 +14,8 @@ struct Opening {  // in one bay, metres
 };
 
 Opening opening_of(uint material) {
-    if (material == OFFICE_GLASS) return Opening(vec2(0.05, 0.75), vec2(2.95, 2.95), 0.035, 0.035, 0.03);
-    if (material == SHOPFRONT) return Opening(vec2(0.15, 0.35), vec2(2.85, 2.45), 0.06, 0.03, 0.12);
+    if (material == MATERIAL_OFFICE_GLASS) return Opening(vec2(0.05, 0.75), vec2(2.95, 2.95), 0.035, 0.035, 0.03);
+    if (material == MATERIAL_SHOPFRONT) return Opening(vec2(0.15, 0.35), vec2(2.85, 2.45), 0.06, 0.03, 0.12);
     return Opening(vec2(0.85, 0.85), vec2(2.15, 2.40), 0.07, 0.03, 0.16);
 }
 
@@ -38,24 +38,24 @@ void main() {
     vec4 grain = noise_at(p.uv / 1.3, p.size / 1.3);
     vec3 wall = p.albedo * (0.88 + 0.14 * stain.r + 0.12 * grain.g);
     float sill = within(place, vec2(o.low.x - 0.08, o.low.y - 0.10), vec2(o.high.x + 0.08, o.low.y), p.size);
-    wall = p.material == FACADE ? mix(wall, vec3(0.55, 0.53, 0.49), sill * above_ground) : wall;
+    wall = p.material == MATERIAL_FACADE ? mix(wall, vec3(0.55, 0.53, 0.49), sill * above_ground) : wall;
     vec3 panel = p.albedo * 0.35;
-    wall = p.material == OFFICE_GLASS ? mix(panel, wall, 0.35) : wall;
+    wall = p.material == MATERIAL_OFFICE_GLASS ? mix(panel, wall, 0.35) : wall;
     vec3 sign_color = mix(vec3(0.5, 0.08, 0.06), vec3(0.05, 0.16, 0.34), random(vec2(bay.x, seed)));
-    float sign = p.material == SHOPFRONT ? within(place, vec2(-1.0, 2.52), vec2(4.0, 2.9), p.size) : 0.0;
+    float sign = p.material == MATERIAL_SHOPFRONT ? within(place, vec2(-1.0, 2.52), vec2(4.0, 2.9), p.size) : 0.0;
     wall = mix(wall, sign_color * (0.7 + 0.6 * other), sign);
-    vec3 frame = p.material == FACADE ? vec3(0.62, 0.61, 0.58) : vec3(0.07, 0.075, 0.08);
+    vec3 frame = p.material == MATERIAL_FACADE ? vec3(0.62, 0.61, 0.58) : vec3(0.07, 0.075, 0.08);
 
     float curtain = step(0.55, pick) * span_cover(place.y, o.high.y - (0.25 + 0.9 * other), o.high.y, p.size);
     vec3 room = mix(vec3(0.018, 0.02, 0.024), vec3(0.30, 0.28, 0.25) * (0.5 + 0.5 * pick), curtain * 0.5);
-    room = p.material == SHOPFRONT ? vec3(0.10, 0.085, 0.07) * (0.4 + noise_at(p.uv * vec2(0.37, 0.11), p.size * 0.3).b) : room;
+    room = p.material == MATERIAL_SHOPFRONT ? vec3(0.10, 0.085, 0.07) * (0.4 + noise_at(p.uv * vec2(0.37, 0.11), p.size * 0.3).b) : room;
     float under_lintel = smoothstep(o.recess * 2.2, 0.0, o.high.y - place.y) * opening;
 
     Surface s = surface_of(p);
     s.albedo = mix(mix(wall, frame, opening), room, glass) * (1.0 - 0.55 * under_lintel);
     s.roughness = mix(0.85, 0.04, glass);
-    s.specular = mix(0.035, p.material == OFFICE_GLASS ? 0.12 : 0.06, glass);
-    float lit_share = p.material == SHOPFRONT ? 0.75 : 0.3;
+    s.specular = mix(0.035, p.material == MATERIAL_OFFICE_GLASS ? 0.12 : 0.06, glass);
+    float lit_share = p.material == MATERIAL_SHOPFRONT ? 0.75 : 0.3;
     float is_lit = step(1.0 - lit_share, random(bay + seed * 13.0 + 16384.0)) * lamps_lit();
     vec3 warm = mix(vec3(1.0, 0.66, 0.33), vec3(0.95, 0.86, 0.7), other);
     float inside = 0.55 + 0.45 * noise_at(p.uv / 2.1 + pick, p.size / 2.1).a - 0.35 * curtain;

@@ -9,8 +9,8 @@ layout(std140) uniform Light {
     vec4 sky_ambient;     // irradiance / pi from above
     vec4 ground_ambient;  // irradiance / pi from below
     vec4 fog;             // per metre, start in metres, falloff per metre of height
-    mat4 near_shadow_from_world;
-    mat4 far_shadow_from_world;
+    mat4 near_clip_from_world;
+    mat4 far_clip_from_world;
     mat4 lamp_field_from_world;
 };
 float exposure() { return key_direction.w; }

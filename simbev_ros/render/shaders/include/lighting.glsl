@@ -1,8 +1,7 @@
 // Light on a surface: sun or moon with shadow, sky and ground, mirrored surroundings, lamps, fog; then the camera.
 #include "pixel"
 #include "sky"
-uniform sampler2DShadow shadow_near;
-uniform sampler2DShadow shadow_far;
+uniform sampler2DShadow shadow_map;
 uniform sampler2D street_field;
 uniform sampler2D head_field;
 
@@ -10,6 +9,8 @@ out vec4 shaded;  // sRGB, luma
 
 const vec3 STREET_COLOR = vec3(0.42, 0.30, 0.17);
 const vec3 HEAD_COLOR = vec3(0.34, 0.35, 0.38);
+const float SHADOW_EDGE = 0.99;
+const vec2 SHADOW_TAP = 1.5 / vec2(4096.0, 2048.0);
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
 struct Surface {
@@ -27,22 +28,20 @@ Surface surface_of(Pixel p) {
     return Surface(p.albedo, p.normal, material.x, material.y, material.z, vec3(0.0), 0.0);
 }
 
-float shadow_taps(sampler2DShadow map, vec3 place) {
-    float texel = 0.75 / 2048.0;
-    return 0.25 * (texture(map, place + vec3(-texel, -texel, 0.0)) + texture(map, place + vec3(texel, -texel, 0.0)) +
-                   texture(map, place + vec3(-texel, texel, 0.0)) + texture(map, place + vec3(texel, texel, 0.0)));
-}
-
 // Share of the key light that arrives. The place is moved out of the surface by about a texel against acne.
 float sunlit(vec3 position, vec3 normal, float facing) {
     float slope = sqrt(max(1.0 - facing * facing, 0.0));
-    vec3 near = (near_shadow_from_world * vec4(position + normal * (0.02 + 0.05 * slope), 1.0)).xyz;
-    vec3 far = (far_shadow_from_world * vec4(position + normal * (0.06 + 0.2 * slope), 1.0)).xyz;
-    vec2 from_edge = 0.5 - abs(near.xy - 0.5);
-    float near_weight = clamp(min(from_edge.x, from_edge.y) * 16.0, 0.0, 1.0);
-    vec2 inside = step(abs(far.xy - 0.5), vec2(0.498));
-    float far_light = mix(1.0, shadow_taps(shadow_far, far - vec3(0.0, 0.0, 1e-4)), inside.x * inside.y);
-    return mix(far_light, shadow_taps(shadow_near, near - vec3(0.0, 0.0, 4e-5)), near_weight);
+    vec3 near = (near_clip_from_world * vec4(position + normal * (0.02 + 0.05 * slope), 1.0)).xyz;
+    vec3 far = (far_clip_from_world * vec4(position + normal * (0.06 + 0.2 * slope), 1.0)).xyz;
+    bool is_near = max(abs(near.x), abs(near.y)) < SHADOW_EDGE;
+    vec3 place = 0.5 + 0.5 * (is_near ? near : far);
+    bool outside = max(abs(far.x), abs(far.y)) > SHADOW_EDGE;
+    place.x = 0.5 * place.x + (is_near ? 0.0 : 0.5);  // the squares lie side by side
+    place.z -= is_near ? 4e-5 : 1e-4;
+    float light = 0.0;
+    for (int tap = 0; tap < 4; ++tap)
+        light += texture(shadow_map, place + vec3(vec2(tap & 1, tap >> 1) * SHADOW_TAP - 0.5 * SHADOW_TAP, 0.0));
+    return outside ? 1.0 : 0.25 * light;
 }
 
 // Irradiance / pi of lamps, from their map (render/lamp_field.py).

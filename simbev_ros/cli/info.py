@@ -1,0 +1,119 @@
+"""``simbev info``: what is in a bag, or in a dataset of bags."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.filesize import decimal
+from rich.markup import escape
+from rich.progress import Progress
+from rich.table import Table
+
+from simbev_ros.recording.description import describe_bag
+from simbev_ros.recording.digest import SHORT
+from simbev_ros.recording.layout import is_dataset, scenes_of
+
+_STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red"}
+_WIDTH_IN_A_PIPE = 160
+
+
+def info(
+    path: Annotated[Path, typer.Argument(help="A scene's bag, its .mcap file, or a dataset.")],
+    digest: Annotated[bool, typer.Option("--digest", help="One hash per topic over all payloads and stamps.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Say what is in a recorded scene, finished or not, or in a dataset."""
+    if is_dataset(path):
+        scenes = [_describe(bag, digest) for bag in scenes_of(path)]
+        facts: dict[str, Any] = {"path": str(path), "scenes": scenes}
+        finished = sum(scene["state"] == "finished" for scene in scenes)
+        parts: list[str | Table] = [
+            f"[bold]{escape(str(path))}[/]: {finished} of {len(scenes)} scenes finished",
+            _scene_table(scenes, digest),
+        ]
+    else:
+        facts = _describe(path, digest)
+        parts = [_fact_table(facts), _topic_table(facts["topics"], digest)]
+    if as_json:
+        print(json.dumps(facts, indent=2))
+        return
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_WIDTH_IN_A_PIPE)
+    console.print(*parts, sep="\n")
+
+
+def _describe(path: Path, digest: bool) -> dict[str, Any]:
+    with Progress(console=Console(stderr=True), transient=True, disable=not digest) as progress:
+        task = progress.add_task(path.name, total=None)
+        return describe_bag(
+            path, digest=digest, progress=lambda done, total: progress.update(task, completed=done, total=total)
+        )
+
+
+def _fact_table(facts: dict[str, Any]) -> Table:
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    table.add_row("scene", f"[bold]{escape(facts['name'])}[/]")
+    table.add_row("state", _state(facts))
+    for problem in facts["problems"]:
+        table.add_row("", f"[red]{escape(problem)}[/]")
+    table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / 1e9:.2f} s")
+    table.add_row("size", f"{decimal(facts['file_bytes'])}, {facts['messages']} messages")
+    if scene := facts["scene"]:
+        weather = ", ".join(f"{key} {value:g}" for key, value in scene["weather"].items())
+        table.add_row("map", f"{scene['map']}, split {scene['split']}, seed {scene['seed']}")
+        table.add_row("ticks", f"{scene['ticks']} of {scene['tick_s']:g} s")
+        table.add_row("actors", f"{scene['vehicles']} vehicles, {scene['pedestrians']} pedestrians")
+        table.add_row("weather", weather)
+        table.add_row("rig", "\n".join(scene["rig"]))
+    attachments = ", ".join(f"{name} ({decimal(size)})" for name, size in facts["attachments"].items())
+    table.add_row("attached", attachments or "nothing")
+    if "digest" in facts:
+        table.add_row("digest", facts["digest"][:SHORT])
+    return table
+
+
+def _topic_table(topics: Sequence[dict[str, Any]], digest: bool) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("topic", overflow="fold")
+    table.add_column("type", style="dim", overflow="fold")
+    for title in ("messages", "rate", "size"):
+        table.add_column(title, justify="right", no_wrap=True)
+    if digest:
+        table.add_column("digest", no_wrap=True)
+    for topic in topics:
+        count, expected = topic["count"], topic["expected"]
+        messages = str(count) if expected in (None, count) else f"[red]{count} of {expected}[/]"
+        rate = f"{topic['rate_hz']:.4g} Hz" if topic["rate_hz"] else ""
+        size = decimal(topic["bytes"]) if topic["bytes"] is not None else ""
+        hashes = [topic["digest"][:SHORT]] if digest else []
+        table.add_row(topic["name"], topic["type"].replace("/msg/", "/"), messages, rate, size, *hashes)
+    return table
+
+
+def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("scene", overflow="fold")
+    table.add_column("state")
+    for title in ("length", "messages", "size"):
+        table.add_column(title, justify="right", no_wrap=True)
+    if digest:
+        table.add_column("digest", no_wrap=True)
+    for scene in scenes:
+        where = Path(scene["path"])
+        name, length = escape(f"{where.parent.name}/{scene['name']}"), f"{scene['duration_s']:.2f} s"
+        hashes = [scene["digest"][:SHORT]] if digest else []
+        table.add_row(name, _state(scene), length, str(scene["messages"]), decimal(scene["file_bytes"]), *hashes)
+    return table
+
+
+def _state(facts: dict[str, Any]) -> str:
+    style = _STATE_STYLES[facts["state"]]
+    books = {True: ", [green]complete[/]", False: ", [red]incomplete[/]", None: ""}[facts["complete"]]
+    return f"[{style}]{facts['state']}[/]{books}"

@@ -1,0 +1,63 @@
+"""``simbev preview``: pictures of a recorded scene."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
+
+from simbev_ros.errors import InputError
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.viz.frames import FrameReader, find_views
+from simbev_ros.viz.preview import write_picture, write_video
+
+
+def preview(
+    bag: Annotated[Path, typer.Argument(help="A scene's bag: its folder or its .mcap file.")],
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path(),
+    frame: Annotated[int | None, typer.Option(help="Frame of the contact sheet; by default the middle one.")] = None,
+    video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace pictures that are there.")] = False,
+) -> None:
+    """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene."""
+    console = Console()
+    for path in make_preview(bag, out, frame=frame, video=video, overwrite=overwrite, console=console):
+        console.print(f"[green]wrote[/] {escape(str(path))}", highlight=False, soft_wrap=True)
+
+
+def make_preview(
+    path: Path, out: Path, *, frame: int | None = None, video: bool = True, overwrite: bool = False, console: Console
+) -> list[Path]:
+    """Write the pictures of a bag and return their paths: ``<scene>.png`` and ``<scene>.mp4``.
+
+    Raises:
+        InputError: There is no such frame, or a picture is there already, or the folder cannot be made.
+        BagError: The bag cannot be read, or has nothing to show.
+    """
+    with SceneBag(path) as bag:
+        reader = FrameReader(bag, find_views(bag))
+        count = len(reader.stamps_ns)
+        index = count // 2 if frame is None else frame
+        if not 0 <= index < count:
+            raise InputError(f"--frame {index}: {bag.name} has frames 0 to {count - 1}")
+        picture, film = out / f"{bag.name}.png", out / f"{bag.name}.mp4"
+        targets = [picture, film] if video else [picture]
+        _make_room(out, targets, overwrite)
+        write_picture(reader, index, picture)
+        if video:
+            with Progress(console=console, transient=True) as progress:
+                task = progress.add_task("video", total=count)
+                write_video(reader, film, lambda: progress.advance(task))
+    return targets
+
+
+def _make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be created: {error.strerror}") from None
+    taken = [path for path in targets if path.exists()]
+    if taken and not overwrite:
+        raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")

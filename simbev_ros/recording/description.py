@@ -1,0 +1,109 @@
+"""A bag in words and numbers, fit for JSON."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.config.rig import Camera, Gnss, Imu, Lidar, Rig
+from simbev_ros.recording.digest import scene_digest, topic_digests
+from simbev_ros.recording.layout import locate_mcap
+from simbev_ros.recording.reader import SceneBag, Topic
+from simbev_ros.scene.spec import SceneSpec
+
+
+def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], None] = lambda *_: None) -> dict[str, Any]:
+    """Facts of a bag.
+
+    Args:
+        path: Its folder or file.
+        digest: Also read all of it, for hashes.
+        progress: Called while that goes on, with messages read and messages in all.
+
+    Returns:
+        ``state`` is finished (closed, and under its own name), unfinished (closed, but not given its name) or cut off
+        (its writer was killed); ``complete`` is the recorder's word that nothing is missing, None without one;
+        ``expected`` and ``bytes`` of a topic are None where the recorder left no books, ``rate_hz`` with less than two
+        messages.
+
+    Raises:
+        BagError: It cannot be read.
+    """
+    with SceneBag(path) as bag:
+        start_ns, end_ns = bag.span_ns
+        digests = _digests(bag, progress) if digest else {}
+        description: dict[str, Any] = {
+            "path": str(path),
+            "name": bag.name,
+            "state": "finished" if bag.finished else "unfinished" if bag.closed else "cut off",
+            "complete": _known(bag.custom_data, "complete"),
+            "problems": _known(bag.custom_data, "problems") or [],
+            "file_bytes": locate_mcap(path).stat().st_size,
+            "messages": sum(len(topic.stamps_ns) for topic in bag.topics.values()),
+            "start_ns": start_ns,
+            "duration_s": (end_ns - start_ns) / 1e9,
+            "scene": _scene(bag.spec) if bag.spec else None,
+            "attachments": {name: len(data) for name, data in bag.attachments.items()},
+            "topics": [_topic(topic, bag, digests) for topic in bag.topics.values()],
+        }
+    if digest:
+        description["digest"] = scene_digest(digests)
+    return description
+
+
+def _digests(bag: SceneBag, progress: Callable[[int, int], None]) -> dict[str, str]:
+    total = sum(len(topic.stamps_ns) for topic in bag.topics.values())
+    done = 0
+
+    def count(messages: int) -> None:
+        nonlocal done
+        done += messages
+        progress(done, total)
+
+    return topic_digests(bag, count)
+
+
+def _topic(topic: Topic, bag: SceneBag, digests: Mapping[str, str]) -> dict[str, Any]:
+    count = len(topic.stamps_ns)
+    span_s = float(np.ptp(topic.stamps_ns)) / 1e9 if count else 0.0
+    facts: dict[str, Any] = {
+        "name": topic.name,
+        "type": topic.type_name,
+        "count": count,
+        "expected": (_known(bag.custom_data, "expected") or {}).get(topic.name),
+        "rate_hz": (count - 1) / span_s if span_s else None,
+        "bytes": bag.payload_bytes.get(topic.name),
+    }
+    return facts | ({"digest": digests[topic.name]} if digests else {})
+
+
+def _known(custom_data: Mapping[str, str], key: str) -> Any:
+    return json.loads(custom_data[key]) if key in custom_data else None
+
+
+def _scene(spec: SceneSpec) -> dict[str, Any]:
+    return {
+        "map": spec.map.name,
+        "split": spec.split,
+        "seed": spec.seed,
+        "ticks": spec.ticks,
+        "tick_s": spec.tick_ns / 1e9,
+        "vehicles": len(spec.vehicles),
+        "pedestrians": len(spec.pedestrians),
+        "weather": spec.weather.model_dump(),
+        "rig": _rig(spec.rig),
+    }
+
+
+def _rig(rig: Rig) -> list[str]:
+    """One phrase for each kind of sensor."""
+    cameras: dict[str, int] = {}
+    for camera in rig.of_type(Camera):
+        kind = f"{camera.width_px}x{camera.height_px} {' '.join(camera.modalities)}"
+        cameras[kind] = cameras.get(kind, 0) + 1
+    phrases = [f"{count} camera{'s' * (count > 1)} {kind}" for kind, count in cameras.items()]
+    phrases += [f"lidar {lidar.channels}x{lidar.columns} {lidar.range_m:g} m" for lidar in rig.of_type(Lidar)]
+    phrases += ["GNSS"] * len(rig.of_type(Gnss)) + ["IMU"] * len(rig.of_type(Imu))
+    return phrases

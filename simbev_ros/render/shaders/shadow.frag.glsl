@@ -1,0 +1,3 @@
+#version 330
+// Only depth is wanted.
+void main() {}

@@ -1,0 +1,56 @@
+"""From the G-buffer to a colour image: every shading class with its own shader, then anti-aliasing."""
+
+import moderngl
+import numpy as np
+
+from simbev_ros.render.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary, draw_screen
+from simbev_ros.render.surfaces import material_block, shading_classes
+from simbev_ros.render.targets import Targets
+from simbev_ros.types import Float64Array, Table
+
+_LAYER_STEP = 1.0 / 16.0
+_LIGHT_BLOCK_BYTES = (9 + 3 * 4) * 16
+
+
+class Shading:
+    """Lights the G-buffer. Light, matrices and signal states are those of the frame, set before its first camera."""
+
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
+        self._context = context
+        self._classify = library.screen_pass("classify.frag")
+        self._classify.program["layer_step"] = _LAYER_STEP
+        self._passes = [library.screen_pass(f"shade_{name}.frag") for name in shading_classes()]
+        self._antialias = library.screen_pass("antialias.frag")
+        self._materials = context.buffer(material_block())
+        self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
+        self._light = context.buffer(reserve=_LIGHT_BLOCK_BYTES)
+        self._light.bind_to_uniform_block(BLOCK_BINDINGS["Light"])
+        self._signals: moderngl.Texture | None = None
+
+    def set_light(self, sky: Float64Array, *matrices: Float64Array) -> None:
+        """Set the uniform block ``Light``: (9, 4) vectors, then (4, 4) matrices of both shadow maps and the lamp field."""
+        block = np.concatenate([sky, *(matrix.T for matrix in matrices)])
+        self._light.write(block.astype(np.float32).tobytes())
+
+    def set_signals(self, signals: Table) -> None:
+        """Set what each of (S,) ``SIGNAL_DTYPE`` rows shows."""
+        count = max(len(signals), 1)
+        if self._signals is None or self._signals.width != count:
+            if self._signals is not None:
+                self._signals.release()
+            self._signals = self._context.texture((count, 1), 1, dtype="u1")
+            self._signals.use(TEXTURE_UNITS["signal_states"])
+        self._signals.write(np.resize(signals["state"], count).tobytes() if len(signals) else b"\0")
+
+    def draw(self, targets: Targets) -> None:
+        """Fill ``targets.rgb`` from the G-buffer, which must be bound."""
+        targets.shaded.use()
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "1"
+        draw_screen(self._classify)
+        self._context.depth_func = "=="
+        for number, shade in enumerate(self._passes):
+            draw_screen(shade, (number + 0.5) * _LAYER_STEP)
+        self._context.enable_only(moderngl.NOTHING)
+        targets.rgb.use()
+        draw_screen(self._antialias)

@@ -1,0 +1,84 @@
+"""All actors over time: SUMO's samples in, the actors table out, of the same moment for everything in it."""
+
+import logging
+from collections import deque
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.ground import CURB_HEIGHT_M
+from simbev_ros.errors import SimulationError
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.surface import sidewalk_surface
+from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.types import Float64Array, Table
+from simbev_ros.world.cast import cast_of
+from simbev_ros.world.motion import Motion, Pursuit
+from simbev_ros.world.table import ActorTable
+from simbev_ros.world.traffic import Traffic, TrafficSample
+
+_LOGGER = logging.getLogger(__name__)
+_HALF_WINDOW_S = 0.35
+_HURRY = 1.3  # highest speed of a pedestrian that makes up for a sideways jump of SUMO's, over its usual highest
+
+
+class Actors:
+    """The cast of a scene in motion."""
+
+    def __init__(self, spec: SceneSpec, network: RoadNetwork, traffic: Traffic) -> None:
+        """At rest, where SUMO has placed everybody.
+
+        Raises:
+            SimulationError: the ego found no place.
+        """
+        tick_s = spec.tick_ns / NS_PER_S
+        _report_missing(spec, traffic)
+        self._sidewalk = sidewalk_surface(network)
+        shapely.prepare(self._sidewalk)
+        sample = traffic.sample()
+        fastest_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
+        self._pursuit = Pursuit(sample.pedestrian_m, _HURRY * fastest_mps * tick_s)
+        cast = cast_of(spec, traffic.vehicles, traffic.pedestrians)
+        self._motion = Motion(
+            cast.bodies,
+            self._leading_points(sample),
+            traffic.directions(),
+            tick_s,
+            max(1, round(_HALF_WINDOW_S / tick_s)),
+        )
+        # The oldest entry is of the tick that the kinematics are of.
+        length = self.delay_ticks + 1
+        self._signals = deque([sample.signals] * length, maxlen=length)
+        self._table = ActorTable(spec, cast, len(traffic.vehicles))
+
+    @property
+    def delay_ticks(self) -> int:
+        """How many ticks the tables are behind SUMO."""
+        return self._motion.delay_ticks
+
+    def advance(self, sample: TrafficSample, step: int) -> Table:
+        """(N,) ``ACTOR_DTYPE``, one tick on; ``step`` counts the ticks since the scene's start."""
+        self._signals.append(sample.signals)
+        return self._table.at(self._motion.advance(self._leading_points(sample)), self._signals[0], step)
+
+    def _leading_points(self, sample: TrafficSample) -> Float64Array:
+        """(G, 3) points that the bodies follow: vehicles' front bumpers, then pedestrians on the curb or the road."""
+        pedestrian_m = self._pursuit.advance(sample.pedestrian_m).copy()
+        pedestrian_m[:, 2] += CURB_HEIGHT_M * shapely.contains_xy(self._sidewalk, pedestrian_m[:, :2])
+        return np.concatenate([sample.front_m, pedestrian_m])
+
+
+def _report_missing(spec: SceneSpec, traffic: Traffic) -> None:
+    """Log who found no place; the ego must have found one."""
+    if 0 not in traffic.vehicles:
+        raise SimulationError(f"{spec.name}: the ego finds no place at its start, {_place(spec.vehicles[0])}")
+    for kind, wanted, present in (
+        ("vehicle", spec.vehicles, traffic.vehicles),
+        ("pedestrian", spec.pedestrians, traffic.pedestrians),
+    ):
+        for index in sorted(set(range(len(wanted))) - set(present)):
+            _LOGGER.warning("%s: %s %d is left out; no place at %s", spec.name, kind, index, _place(wanted[index]))
+
+
+def _place(actor: VehicleSpec | PedestrianSpec) -> str:
+    return f"lane {actor.start.lane}, {actor.start.s_m:.1f} m"

@@ -1,0 +1,82 @@
+import json
+from pathlib import Path
+
+import pytest
+from ros_messages import string
+
+from simbev_ros.cli.info import info
+from simbev_ros.errors import BagError
+from simbev_ros.recording.accounting import Accounting, Schedule
+from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.digest import SHORT, topic_digests
+from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.reader import SceneBag
+
+TICK_NS = 50_000_000
+
+
+def write_words(path: Path, *, ticks: int = 5, missing: int | None = None, finish: bool = True) -> Path:
+    books = Accounting({"/words": Schedule()}, start_ns=0, tick_ns=TICK_NS, ticks=ticks)
+    with SceneBagWriter(path) as writer:
+        writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
+        for tick in range(ticks):
+            if tick != missing:
+                books.add("/words", tick * TICK_NS)
+                writer.write("/words", tick * TICK_NS, string(f"word {tick}"))
+        facts = books.report().custom_data(path.name)
+        return writer.finish(facts) if finish else writer.abandon(facts)
+
+
+def test_json_tells_counts_rates_sizes_and_completeness(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    info(write_words(tmp_path / "a"), as_json=True)
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["name"], facts["state"], facts["complete"], facts["messages"]) == ("a", "finished", True, 5)
+    assert facts["duration_s"] == pytest.approx(0.2)
+    (topic,) = facts["topics"]
+    assert topic == {
+        "name": "/words",
+        "type": "std_msgs/msg/String",
+        "count": 5,
+        "expected": 5,
+        "rate_hz": pytest.approx(20.0),
+        "bytes": 5 * len(string("word 0")),
+    }
+
+
+def test_table_shows_topic_digest_and_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_words(tmp_path / "a", missing=3)
+    info(path, digest=True)
+    text = capsys.readouterr().out
+    with SceneBag(path) as bag:
+        assert topic_digests(bag)["/words"][:SHORT] in text
+    assert "4 of 5" in text
+    assert "/words: 4 of 5 messages, missing at ticks 3" in text
+    assert "finished, incomplete" in text
+
+
+def test_unfinished_and_cut_off_bags_are_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_words(tmp_path / "a", finish=False)
+    info(path, as_json=True)
+    assert json.loads(capsys.readouterr().out)["state"] == "unfinished"
+    mcap = path / "a_0.mcap"
+    mcap.write_bytes(mcap.read_bytes()[:-20])
+    info(path, as_json=True)
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["state"], facts["messages"]) == ("cut off", 5)
+
+
+def test_a_dataset_is_listed_by_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_words(tmp_path / "scenes" / "train" / "Town01-0000")
+    write_words(tmp_path / "scenes" / "val" / "Town02-0001", finish=False)
+    info(tmp_path)
+    text = capsys.readouterr().out
+    assert "1 of 2 scenes finished" in text
+    assert "train/Town01-0000" in text and "val/Town02-0001" in text and "unfinished" in text
+
+
+def test_an_attached_scene_of_another_version_is_a_bag_error(tmp_path: Path) -> None:
+    with SceneBagWriter(tmp_path / "a") as writer:
+        writer.add_attachment("scene.json", "application/json", b'{"number": -1}')
+        path = writer.finish({})
+    with pytest.raises(BagError, match=r"a: scene\.json: number: Input should be greater"):
+        info(path)

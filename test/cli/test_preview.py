@@ -1,0 +1,105 @@
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from synthetic_scene import write_scene
+
+from simbev_ros.cli.preview import preview
+from simbev_ros.errors import InputError
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.types import UInt8Array
+from simbev_ros.viz.contact_sheet import Captions, ContactSheet
+from simbev_ros.viz.frames import FrameReader, find_views
+
+
+@pytest.fixture(scope="module")
+def bag_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_scene(tmp_path_factory.mktemp("bag") / "Town01-0007")
+
+
+def draw(path: Path, width_px: int = 960) -> tuple[ContactSheet, UInt8Array]:
+    with SceneBag(path) as bag:
+        reader = FrameReader(bag, find_views(bag))
+        captions = Captions(bag.name, "", len(reader.stamps_ns), reader.stamps_ns[0])
+        sheet = ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px)
+        return sheet, sheet.draw(next(reader.frames(1, 1)))
+
+
+def test_every_panel_of_the_full_rig_shows_something_of_its_own(bag_path: Path) -> None:
+    sheet, picture = draw(bag_path)
+    assert picture.shape[1::-1] == sheet.size_px
+    assert sheet.size_px[0] == 960 and sheet.size_px[1] % 2 == 0
+    boxes = list(sheet._boxes.values())
+    assert len(boxes) == 12
+    panels = [picture[b.top : b.top + b.height, b.left : b.left + b.width][30:] for b in boxes]
+    for panel in panels:
+        assert len(np.unique(panel.reshape(-1, 3), axis=0)) > 20
+    covered = np.zeros(picture.shape[:2], int)
+    for b in boxes:
+        covered[b.top : b.top + b.height, b.left : b.left + b.width] += 1
+    assert covered.max() == 1
+
+
+@pytest.mark.parametrize(
+    ("cameras", "modalities", "from_above", "tiles"),
+    [
+        (("front",), ("rgb",), False, 1),
+        (("front",), ("rgb", "depth"), True, 4),
+        (("front", "back"), ("rgb", "semantic", "flow"), True, 6),
+        ((), (), True, 2),
+        (("front_left", "front", "front_right", "back"), ("rgb",), False, 4),
+    ],
+)
+def test_smaller_rigs_fill_the_same_width(
+    tmp_path: Path, cameras: tuple[str, ...], modalities: tuple[str, ...], from_above: bool, tiles: int
+) -> None:
+    path = write_scene(
+        tmp_path / "a",
+        cameras=cameras,
+        modalities=modalities,
+        from_above=from_above,
+        compressed=False,
+        ticks=2,
+        width_px=32,
+    )
+    sheet, _ = draw(path, 480)
+    boxes = list(sheet._boxes.values())
+    assert len(boxes) == tiles
+    assert max(b.left + b.width for b in boxes) == pytest.approx(480 - 6, abs=1)
+
+
+def test_preview_writes_a_picture_and_a_video_of_all_frames(bag_path: Path, tmp_path: Path) -> None:
+    preview(bag_path, out=tmp_path / "new" / "folder")
+    picture = cv2.imread(str(tmp_path / "new" / "folder" / "Town01-0007.png"))
+    assert picture is not None and picture.shape[1] == 1920
+    with av.open(str(tmp_path / "new" / "folder" / "Town01-0007.mp4")) as container:
+        (stream,) = container.streams.video
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        assert (stream.codec_context.width, float(stream.average_rate or 0)) == (1280, 20.0)
+        frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(video=0)]
+    assert len(frames) == 3
+    assert sorted(path.name for path in (tmp_path / "new" / "folder").iterdir()) == [
+        "Town01-0007.mp4",
+        "Town01-0007.png",
+    ]
+    small = cv2.resize(picture[..., ::-1], frames[0].shape[1::-1], interpolation=cv2.INTER_AREA).astype(int)
+    assert np.abs(frames[1] - small).mean() < 6
+
+
+def test_preview_refuses_to_overwrite_unless_told_to(bag_path: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "Town01-0007.png"
+    picture.write_text("precious")
+    with pytest.raises(InputError, match=r"Town01-0007\.png: exists already; nothing was overwritten"):
+        preview(bag_path, out=tmp_path, video=False)
+    assert picture.read_text() == "precious"
+    preview(bag_path, out=tmp_path, video=False, overwrite=True)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("frame", [-1, 3])
+def test_preview_refuses_a_frame_that_is_not_there(bag_path: Path, tmp_path: Path, frame: int) -> None:
+    with pytest.raises(InputError, match=f"--frame {frame}: Town01-0007 has frames 0 to 2"):
+        preview(bag_path, out=tmp_path, frame=frame)
+    assert not list(tmp_path.iterdir())

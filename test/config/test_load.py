@@ -1,0 +1,90 @@
+"""Bad configuration is refused with one message that names file, line, field and what is allowed."""
+
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import InputError
+
+BASE = "scenes: [{map: Blocks, train: 1}]\nrig: {sensors: []}\n"
+
+
+def rig(sensor: str) -> str:
+    return f"scenes: [{{map: Blocks, train: 1}}]\nrig: {{sensors: [{sensor}]}}\n"
+
+
+@pytest.mark.parametrize("name", ["demo", "live", "paper"])
+def test_shipped_configurations_load(name: str) -> None:
+    assert load_scenario(name).rig.sensors
+
+
+def test_paper_rig_has_the_papers_poses_and_lidar() -> None:
+    sensors = {sensor.name: sensor for sensor in load_scenario("paper").rig.sensors}
+    pose = sensors["cam_back_left"].pose
+    assert (pose.x_m, pose.y_m, pose.z_m, pose.yaw_deg) == (0.0, 0.4, 1.6, 110)
+    assert sensors["lidar"].channels * sensors["lidar"].columns * 20 == 5_242_880
+
+
+def test_sensor_defaults_of_the_rig_file_reach_every_sensor_of_their_type() -> None:
+    assert {camera.width_px for camera in load_scenario("demo").rig.sensors if camera.type == "camera"} == {800}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            BASE + "time: {duration: 4}",
+            r"x.yaml:3: time.duration: unknown key; did you mean duration_s\? allowed: tick_s",
+        ),
+        (BASE + "time: {duration_s: 4 s}", r"x.yaml:3: time.duration_s: .*valid number.*'4 s'"),
+        (BASE + "time:\n  duration_s: -4", r"x.yaml:4: time.duration_s: .*greater than 0, not -4"),
+        (BASE + "time: {duration_s: 4.01}", "4.01 is not a whole number of ticks of 0.05 s"),
+        (BASE + "weather: {cloudiness: 200}", r"weather.cloudiness: is 200, but 0 to 100 is allowed"),
+        (BASE + "weather: {cloudiness: {uniform: [0, 200]}}", "draws from 0 to 200, but 0 to 100 is allowed"),
+        (BASE + "weather: {cloudiness: {uniform: [0, 9], beta: [1, 2]}}", "exactly one of .* found uniform and beta"),
+        (BASE + "weather: {fog_falloff: .nan}", "weather.fog_falloff: .*finite number"),
+        (BASE + "traffic: {min_gap_m: {normal: [3, 1]}}", "bound it with min and max"),
+        (rig("{type: camera, name: a}, {type: lidar, name: a}"), "two sensors are named a; names must be unique"),
+        (rig("{type: camera, name: a, pose: {x: 3}}"), r"rig.sensors\[0\].pose.x: unknown key; did you mean x_m\?"),
+        (rig("{type: sonar, name: a}"), r"rig.sensors\[0\]: .*'sonar'.*'camera', 'lidar'"),
+        (rig("{type: camera, name: a, rate_hz: 7}"), "sensor a: rate_hz 7 does not divide the tick rate 20 Hz"),
+        (rig("{type: camera, name: A b}"), r"rig.sensors\[0\].name: .*pattern"),
+        ("rig: {sensors: []}", "scenes: is missing"),
+        (BASE.replace("train: 1", "train: 0"), "all counts are 0"),
+        ("rig: rigs/none.yaml\n" + BASE.splitlines()[0], "rig: no such file"),
+        (BASE + "seed: 1\nseed: 2", "key seed appears twice"),
+        ("a: [", "not valid YAML"),
+        ("- 1", "must be a mapping of sections"),
+        ("", "must be a mapping of sections"),
+        ("a: &a [*a]", "an alias refers to what it is part of"),
+        ("x: !!python/object/apply:os.system [true]", "not valid YAML"),
+    ],
+)
+def test_bad_input_is_refused_with_a_clear_message(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_scenario(path)
+
+
+def test_yaml_bomb_is_refused_before_it_expands(tmp_path: Path) -> None:
+    lines = ["a: &a [1,1,1,1,1,1,1,1,1,1]"]
+    lines += [f"{chr(98 + i)}: &{chr(98 + i)} [{','.join(['*' + chr(97 + i)] * 10)}]" for i in range(20)]
+    path = tmp_path / "bomb.yaml"
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match="expands to more than"):
+        load_scenario(path)
+
+
+def test_missing_file_lists_the_shipped_configurations() -> None:
+    with pytest.raises(InputError, match=r"nowhere.yaml: no such file; shipped configurations are demo, live, paper"):
+        load_scenario("nowhere.yaml")
+
+
+def test_error_in_a_rig_file_names_the_rig_file_and_its_line(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text("sensors:\n  - type: lidar\n    name: top\n    channels: 0\n")
+    path = tmp_path / "x.yaml"
+    path.write_text("scenes: [{map: Blocks, train: 1}]\nrig: rig.yaml\n")
+    with pytest.raises(InputError, match=r"rig.yaml:4: sensors\[0\].channels: .*greater than or equal to 1, not 0"):
+        load_scenario(path)

@@ -1,0 +1,84 @@
+"""A graph small enough to start in a test, and what must be true after every test."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from commands import SMALL, Command, middleware_files, node_processes
+
+from simbev_ros.msgs.message_types import message_class
+
+
+@pytest.fixture
+def small_config(tmp_path: Path) -> Callable[..., Path]:
+    """Writes a small configuration of a given duration; further text is added at its end."""
+
+    def write(duration_s: float = 1.0, more: str = "", name: str = "small.yaml") -> Path:
+        path = tmp_path / name
+        path.write_text(SMALL.replace("DURATION", f"{duration_s:g}") + more)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def simbev() -> Iterator[Callable[..., Command]]:
+    """Starts commands; whatever still runs at the end of the test is killed."""
+    commands: list[Command] = []
+
+    def start(*arguments: object) -> Command:
+        commands.append(Command(*arguments))
+        return commands[-1]
+
+    yield start
+    for command in commands:
+        if command.process.poll() is None:
+            command.process.kill()
+            command.process.wait()
+
+
+@pytest.fixture(autouse=True)
+def no_leftovers() -> Iterator[None]:
+    """After every test: no new file of the middleware in /dev/shm, no node process."""
+    before = middleware_files()
+    yield
+    end_s = time.monotonic() + 5
+    while (middleware_files() - before or node_processes()) and time.monotonic() < end_s:
+        time.sleep(0.1)
+    assert not node_processes()
+    assert not middleware_files() - before
+
+
+@pytest.fixture(scope="session")
+def ros_type_hashes() -> dict[str, str]:
+    """Type hashes of the message types that are installed, as rclpy's own publishers announce them."""
+    import rclpy
+    from rclpy.context import Context
+
+    context = Context()
+    rclpy.init(context=context, domain_id=38)
+    node = rclpy.create_node("hashes", context=context)
+    hashes = {}
+    try:
+        for type_name in (
+            "sensor_msgs/msg/PointCloud2",
+            "sensor_msgs/msg/CompressedImage",
+            "sensor_msgs/msg/CameraInfo",
+            "sensor_msgs/msg/Imu",
+            "sensor_msgs/msg/NavSatFix",
+            "nav_msgs/msg/Odometry",
+            "visualization_msgs/msg/MarkerArray",
+            "std_msgs/msg/String",
+            "rosgraph_msgs/msg/Clock",
+        ):
+            topic = "/" + type_name.replace("/", "_")
+            node.create_publisher(message_class(type_name), topic, 1)
+            end_s = time.monotonic() + 10
+            while not (infos := node.get_publishers_info_by_topic(topic)) and time.monotonic() < end_s:
+                time.sleep(0.05)
+            hashes[type_name] = str(infos[0].topic_type_hash)
+    finally:
+        node.destroy_node()
+        context.shutdown()
+    return hashes

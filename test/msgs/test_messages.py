@@ -1,0 +1,126 @@
+"""Messages carry arrays without loss; offsets are those that consumers expect."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import Marker, MarkerArray
+
+from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.msgs.images import camera_info_message, image_message
+from simbev_ros.msgs.markers import box_markers
+from simbev_ros.msgs.occupancy import occupancy_grid_message
+from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised, time_message
+from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.msgs.transforms import serialised_transforms
+from simbev_ros.msgs.world import odometry_message
+from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
+from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
+
+STAMP_NS = 7_204_050_000_001
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+
+
+@pytest.mark.parametrize("dtype", [ACTOR_DTYPE, SIGNAL_DTYPE, BOX_DTYPE, POINT_DTYPE, SEMANTIC_POINT_DTYPE])
+def test_tables_survive_the_wire_and_their_fields_fit_into_point_step(dtype: np.dtype) -> None:
+    table = np.frombuffer(np.random.default_rng(0).bytes(5 * dtype.itemsize), dtype)
+    message = deserialize_message(serialize_message(message_from_table(table, STAMP_NS, "map")), PointCloud2)
+    assert table_from_message(message).tobytes() == table.tobytes()
+    assert message.row_step == message.point_step * message.width == len(message.data)
+    ends = [field.offset + np.dtype(dtype[field.name]).itemsize for field in message.fields]
+    assert max(ends) <= message.point_step
+    assert stamp_of(message.header.stamp) == STAMP_NS
+
+
+def test_lidar_points_have_the_velodyne_layout() -> None:
+    fields = message_from_table(np.zeros(1, POINT_DTYPE), 0, "f").fields
+    assert [(field.name, field.offset) for field in fields] == [
+        ("x", 0), ("y", 4), ("z", 8), ("intensity", 12), ("ring", 16), ("time", 18)
+    ]  # fmt: skip
+    assert POINT_DTYPE.itemsize == 22
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype", "encoding"),
+    [((3, 5, 3), "u1", "rgb8"), ((3, 5), "u1", "mono8"), ((3, 5), "u2", "mono16"), ((3, 5), "f4", "32FC1"), ((3, 5, 2), "f4", "32FC2")],
+)  # fmt: skip
+def test_images_carry_their_bytes_and_encoding(shape: tuple[int, ...], dtype: str, encoding: str) -> None:
+    image = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+    message = image_message(image, STAMP_NS, "f")
+    assert message.encoding == encoding
+    assert (message.height, message.width, message.step) == (3, 5, image.nbytes // 3)
+    assert np.frombuffer(message.data, dtype).tobytes() == image.tobytes()
+
+
+def test_camera_info_projects_like_the_camera() -> None:
+    camera = PinholeCamera(640, 480, 500.0, 510.0, 300.0, 250.0)
+    info = camera_info_message(camera, 0, "f")
+    point = np.array([1.0, -2.0, 8.0])
+    projected = np.reshape(info.p, (3, 4)) @ [*point, 1.0]
+    assert projected[:2] / projected[2] == pytest.approx(camera.project(point[None])[0])
+
+
+@pytest.mark.parametrize("stamp_ns", [0, 1, 999_999_999, STAMP_NS])
+def test_stamps_are_exact(stamp_ns: int) -> None:
+    assert stamp_of(time_message(stamp_ns)) == stamp_ns
+
+
+def test_stamp_is_read_from_serialised_messages_without_decoding() -> None:
+    cloud = serialize_message(message_from_table(np.zeros(1, POINT_DTYPE), STAMP_NS, "f"))
+    assert stamp_of_serialised(cloud, "sensor_msgs/msg/PointCloud2") == STAMP_NS
+    markers = MarkerArray(markers=[Marker(header=header(STAMP_NS, "map"))])
+    assert stamp_of_serialised(serialize_message(markers), "visualization_msgs/msg/MarkerArray") == STAMP_NS
+    assert stamp_of_serialised(serialize_message(MarkerArray()), "visualization_msgs/msg/MarkerArray") is None
+
+
+def test_transforms_can_be_written_without_tf2_msgs() -> None:
+    transform = TransformStamped(header=header(STAMP_NS, "map"), child_frame_id="ego/base_link")
+    transform.transform.translation.y = 4.25
+    message = TYPES.deserialize_cdr(serialised_transforms([transform, transform]), "tf2_msgs/msg/TFMessage")
+    assert len(message.transforms) == 2
+    second = message.transforms[1]
+    assert (second.header.frame_id, second.child_frame_id, second.transform.translation.y) == (
+        "map",
+        "ego/base_link",
+        4.25,
+    )
+    assert second.header.stamp.nanosec == STAMP_NS % 10**9
+
+
+def test_odometry_has_its_twist_in_the_child_frame() -> None:
+    actor = np.zeros((), ACTOR_DTYPE)
+    actor["yaw"], actor["vy"], actor["x"] = np.pi / 2, 3.0, 10.0
+    message = odometry_message(actor, STAMP_NS, "ego/base_link")
+    assert isinstance(message, Odometry)
+    assert message.twist.twist.linear.x == pytest.approx(3.0, abs=1e-6)
+    assert message.twist.twist.linear.y == pytest.approx(0.0, abs=1e-6)
+    assert message.pose.pose.position.x == 10.0
+
+
+def test_occupancy_grid_cell_of_a_place_is_where_the_message_says() -> None:
+    grid = BevGrid(4, 6, 0.5)
+    covered = np.zeros((4, 6), bool)
+    covered[0, 1] = True  # ahead, left: x 0.75, y 0.75
+    message = occupancy_grid_message(covered, grid, 0, "ego/base_link")
+    column = int((0.75 - message.info.origin.position.x) / message.info.resolution)
+    row = int((0.75 - message.info.origin.position.y) / message.info.resolution)
+    assert message.data[row * message.info.width + column] == 100
+    assert sum(message.data) == 100
+
+
+def test_markers_begin_with_deleteall_and_keep_the_actors_ids() -> None:
+    boxes = np.zeros(2, BOX_DTYPE)
+    boxes["id"], boxes["class"] = [7, 9], [0, 5]
+    markers = box_markers(boxes, STAMP_NS).markers
+    assert markers[0].action == Marker.DELETEALL
+    assert [(marker.ns, marker.id) for marker in markers[1:]] == [("car", 7), ("pedestrian", 9)]
+
+
+def test_optical_frame_is_part_of_the_static_transforms() -> None:
+    assert np.linalg.det(SENSOR_FROM_OPTICAL[:3, :3]) == pytest.approx(1.0)

@@ -1,0 +1,57 @@
+from simbev_ros.config.load import load_scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.spec import SceneSpec
+
+
+def _spec() -> SceneSpec:
+    scenario = load_scenario("demo")
+    planned = next(planned_scenes(scenario))
+    return draw_scene(scenario, planned, load_network(planned.map))
+
+
+SPEC = _spec()
+
+
+def lockstep(window_ticks: int) -> Lockstep:
+    result = Lockstep(["camera", "lidar"], window_ticks)
+    result.start_scene(SPEC)
+    return result
+
+
+def report(lock: Lockstep, name: str, tick: int) -> None:
+    lock.finished(f"{name}:{SPEC.name}", SPEC.stamp_ns(tick))
+
+
+def test_nothing_starts_before_everybody_has_loaded_the_scene() -> None:
+    lock = lockstep(3)
+    report(lock, "camera", SPEC.loaded_tick)
+    assert not lock.may_start(-SPEC.lead_in_ticks)
+    report(lock, "lidar", SPEC.loaded_tick)
+    assert lock.may_start(-SPEC.lead_in_ticks)
+
+
+def test_the_world_is_at_most_the_window_ahead_of_the_slowest() -> None:
+    lock = lockstep(3)
+    report(lock, "camera", 20)
+    report(lock, "lidar", 10)
+    assert lock.may_start(13)
+    assert not lock.may_start(14)
+    assert lock.laggards() == ["lidar"]
+    assert lock.finished_by_all() == 10
+
+
+def test_reports_of_other_scenes_and_strangers_do_not_count() -> None:
+    lock = lockstep(1)
+    lock.finished("camera:Elsewhere-0009", SPEC.stamp_ns(5))
+    lock.finished(f"stranger:{SPEC.name}", SPEC.stamp_ns(5))
+    assert lock.finished_by_all() is None
+
+
+def test_a_late_report_does_not_turn_time_back() -> None:
+    lock = lockstep(1)
+    for tick in (4, 2):
+        report(lock, "camera", tick)
+        report(lock, "lidar", 9)
+    assert lock.finished_by_all() == 4

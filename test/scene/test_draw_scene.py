@@ -1,0 +1,111 @@
+"""Drawn scenes are complete, repeatable, and follow the paper's rules."""
+
+import numpy as np
+import pytest
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.scenario import Scenario, Traffic, WeatherConfig
+from simbev_ros.errors import InputError
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes
+from simbev_ros.scene.draw_weather import draw_weather
+from simbev_ros.scene.spec import SceneSpec
+
+PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")
+
+
+@pytest.fixture(scope="module")
+def network() -> RoadNetwork:
+    return load_network(PLANNED.map)
+
+
+def scenario(**changes: object) -> Scenario:
+    return load_scenario("paper").model_copy(update=changes)
+
+
+def test_same_seed_draws_the_same_scene_and_another_number_another(network: RoadNetwork) -> None:
+    first = draw_scene(scenario(), PLANNED, network)
+    assert draw_scene(scenario(), PLANNED, network) == first
+    other = draw_scene(scenario(), PLANNED._replace(number=4), network)
+    assert (other.weather, other.vehicles, other.green_time_s) != (first.weather, first.vehicles, first.green_time_s)
+
+
+def test_spec_survives_json(network: RoadNetwork) -> None:
+    spec = draw_scene(scenario(), PLANNED, network)
+    assert SceneSpec.model_validate_json(spec.model_dump_json()) == spec
+
+
+def test_one_more_vehicle_leaves_the_others_as_they_were(network: RoadNetwork) -> None:
+    few = draw_scene(scenario(traffic=Traffic(vehicles=10, pedestrians=5)), PLANNED, network)
+    more = draw_scene(scenario(traffic=Traffic(vehicles=11, pedestrians=6)), PLANNED, network)
+    assert more.vehicles[: len(few.vehicles)] == few.vehicles
+    assert more.pedestrians[:5] == few.pedestrians
+    assert more.weather == few.weather
+
+
+def test_vehicles_start_on_different_waypoints_within_the_radius(network: RoadNetwork) -> None:
+    spec = draw_scene(scenario(traffic=Traffic(vehicles=40, pedestrians=0, spawn_radius_m=200)), PLANNED, network)
+    starts = [(vehicle.start.lane, vehicle.start.s_m) for vehicle in spec.vehicles]
+    assert len(set(starts)) == 41
+    positions = np.array([network.pose_on_lane(*start)[0] for start in starts])
+    assert np.linalg.norm(positions - positions[0], axis=1).max() <= 200
+
+
+def test_more_vehicles_than_places_is_refused(network: RoadNetwork) -> None:
+    with pytest.raises(InputError, match=r"traffic.vehicles: 500 wanted, but only \d+ places are free within"):
+        draw_scene(scenario(traffic=Traffic(vehicles=500, spawn_radius_m=100)), PLANNED, network)
+
+
+def test_unknown_ego_blueprint_lists_the_vehicles(network: RoadNetwork) -> None:
+    ego = scenario().ego.model_copy(update={"blueprint": "vehicle.tank"})
+    with pytest.raises(InputError, match=r"ego.blueprint: no vehicle 'vehicle.tank'; allowed: vehicle.hatchback"):
+        draw_scene(scenario(ego=ego), PLANNED, network)
+
+
+def test_paper_draws_up_to_three_less_than_the_free_places(network: RoadNetwork) -> None:
+    traffic = Traffic(spawn_radius_m=150, pedestrians=0)
+    counts = []
+    for number in range(40):
+        spec = draw_scene(scenario(traffic=traffic), PLANNED._replace(number=number), network)
+        waypoints = network.waypoints(24)
+        ego_m = network.pose_on_lane(spec.vehicles[0].start.lane, spec.vehicles[0].start.s_m)[0]
+        free = int((np.linalg.norm(waypoints.position_m - ego_m, axis=1) <= 150).sum()) - 1
+        counts.append((len(spec.vehicles) - 1) / (free - 3))
+    assert max(counts) <= 1
+    assert 0.3 < np.mean(counts) < 0.7
+
+
+def test_weather_follows_the_papers_conditions() -> None:
+    drawn = [draw_weather(WeatherConfig(), seed, hilly=False) for seed in range(800)]
+    dry = [weather for weather in drawn if weather.cloudiness <= 40]
+    assert dry and all(weather.precipitation == 0 for weather in dry)
+    assert all(weather.precipitation <= weather.cloudiness for weather in drawn)
+    assert all(weather.precipitation_deposits >= weather.precipitation for weather in drawn)
+    clear_day = [weather for weather in dry if weather.sun_altitude_deg >= 10]
+    assert clear_day and all(weather.fog_density == 0 and weather.fog_falloff == 1 for weather in clear_day)
+    cloudiness = np.array([weather.cloudiness for weather in drawn])
+    assert cloudiness.mean() == pytest.approx(100 * 0.8 / 1.8, abs=3)
+    altitude = np.array([weather.sun_altitude_deg for weather in drawn])
+    assert altitude.mean() == pytest.approx(180 * 3.6 / 5.6 - 90, abs=4)
+
+
+def test_fixing_one_weather_parameter_leaves_the_independent_ones() -> None:
+    free = draw_weather(WeatherConfig(), 5, hilly=False)
+    fixed = draw_weather(WeatherConfig(cloudiness=12.0), 5, hilly=False)
+    assert fixed.cloudiness == 12.0
+    assert (fixed.wind_intensity, fixed.sun_azimuth_deg) == (free.wind_intensity, free.sun_azimuth_deg)
+
+
+def test_scenes_are_numbered_in_the_order_of_the_file() -> None:
+    planned = list(planned_scenes(load_scenario("paper")))
+    assert [scene.number for scene in planned] == list(range(320))
+    assert [scene.split for scene in planned].count("val") == 50
+
+
+def test_time_never_runs_backwards_from_scene_to_scene(network: RoadNetwork) -> None:
+    one = draw_scene(scenario(), PLANNED, network)
+    two = draw_scene(scenario(), PLANNED._replace(number=4), network)
+    assert one.stamp_ns(one.ticks) < two.stamp_ns(two.loaded_tick)
+    assert one.tick_of(one.stamp_ns(-1)) == -1

@@ -1,0 +1,83 @@
+"""The house has floors: imports point upward in the list, and each foreign library has its rooms."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "simbev_ros"
+FLOORS = [
+    {"types", "errors", "semantics", "palette", "__init__"},
+    {"geometry"},
+    {"config", "random"},
+    {"maps"},
+    {"scene"},
+    {"assets"},
+    {"world", "render", "raycast"},
+    {"sensors"},
+    {"annotation"},
+    {"recording"},
+    {"viz"},
+    {"msgs"},
+    {"nodes"},
+    {"graph"},
+    {"cli"},
+]
+ROS = {
+    "builtin_interfaces",
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "nav_msgs",
+    "rcl_interfaces",
+    "rclpy",
+    "rosgraph_msgs",
+    "sensor_msgs",
+    "std_msgs",
+    "std_srvs",
+    "tf2_msgs",
+    "visualization_msgs",
+}
+HOMES = {
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs")),
+    "moderngl": ("render",),
+    "open3d": ("raycast",),
+    "libsumo": ("world/traffic",),
+}
+
+
+def _imports(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            yield node.module or ""
+
+
+def _room(parts: tuple[str, ...]) -> str:
+    return parts[0].removesuffix(".py")
+
+
+def _floor(room: str) -> int:
+    return next(index for index, rooms in enumerate(FLOORS) if room in rooms)
+
+
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=[str(path.relative_to(PACKAGE)) for path in MODULES])
+def test_imports_point_upward_and_foreign_libraries_stay_in_their_rooms(path: Path) -> None:
+    parts = path.relative_to(PACKAGE).parts
+    for module in _imports(path):
+        top, *rest = module.split(".")
+        if top == "simbev_ros" and rest:
+            assert _floor(rest[0]) <= _floor(_room(parts)), f"imports {module}, which is on a later floor"
+        elif top in HOMES and parts != ("cli", "doctor.py"):
+            place = "/".join(parts)
+            assert place.startswith(HOMES[top]), f"imports {module}; its home is {HOMES[top]}"
+
+
+def test_every_package_has_a_floor() -> None:
+    rooms = {_room(path.relative_to(PACKAGE).parts) for path in MODULES}
+    assert rooms == set().union(*FLOORS)

@@ -1,0 +1,23 @@
+import numpy as np
+import pytest
+from test_routes import lane, network
+
+from simbev_ros.maps.network import Lane, LaneKind
+from simbev_ros.world.curves import bend_speeds
+
+
+def bend(radius_m, turn_rad, straight_m=50.0):
+    angle = np.linspace(0.0, turn_rad, 40)
+    arc_m = np.stack([straight_m + radius_m * np.sin(angle), radius_m * (1 - np.cos(angle)), 0 * angle], axis=-1)
+    line_m = np.vstack([[0.0, 0.0, 0.0], arc_m])
+    return Lane("A_0", "A", 0, LaneKind.DRIVING, line_m, 3.5, 13.9, "", ())
+
+
+def test_a_bend_is_driven_with_two_metres_per_second_squared_to_the_side():
+    assert bend_speeds(network(bend(28.0, np.pi / 2)))["A_0"] == pytest.approx(np.sqrt(2.0 * 28.0), rel=0.03)
+    assert bend_speeds(network(bend(8.0, -np.pi / 2, straight_m=0.1)))["A_0"] == pytest.approx(4.0, rel=0.03)
+
+
+def test_straight_lanes_and_wide_bends_keep_their_limit():
+    assert bend_speeds(network(lane("B_0"))) == {}
+    assert bend_speeds(network(bend(120.0, np.pi / 4))) == {}

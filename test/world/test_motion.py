@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+
+from simbev_ros.world.motion import Bodies, Motion, Pursuit
+
+TICK_S = 0.05
+
+
+def body(trail_m=3.0, lead_m=2.0, tilts=True, leans=False, mounts_m=((0.0, 0.0, 0.0),)):
+    return Bodies(
+        point=np.zeros(len(mounts_m), np.int64),
+        trail_m=np.array([trail_m]),
+        lead_m=np.array([lead_m]),
+        tilts=np.array([tilts]),
+        leans=np.array([leans]),
+        mount_m=np.array(mounts_m),
+    )
+
+
+def drive(bodies, points_m, direction=(1.0, 0.0, 0.0), half_window_ticks=7):
+    motion = Motion(bodies, points_m[:1], np.array([direction]), TICK_S, half_window_ticks)
+    return motion, [motion.advance(point_m[None]) for point_m in points_m]
+
+
+def circle(radius_m, speed_mps, ticks):
+    angle = speed_mps / radius_m * TICK_S * np.arange(ticks)
+    return np.stack([radius_m * np.sin(angle), radius_m * (1 - np.cos(angle)), np.zeros(ticks)], axis=-1)
+
+
+def test_a_body_on_a_circle_turns_as_a_tractrix_does():
+    _, states = drive(body(trail_m=3.0, lead_m=1.0), circle(10.0, 5.0, 600))
+    last = states[-1]
+    # In the steady state the rear axle runs on a circle of radius √(10² - 3²), and all turn at v / R.
+    rear_radius_m = np.sqrt(100.0 - 9.0)
+    origin_radius_m = np.hypot(rear_radius_m, 2.0)
+    assert np.hypot(*(last.position_m[0, :2] - [0, 10])) == pytest.approx(origin_radius_m, rel=5e-3)
+    assert last.angular_velocity_radps[0, 2] == pytest.approx(0.5, rel=1e-3)
+    assert last.speed_mps[0] == pytest.approx(0.5 * rear_radius_m, rel=1e-2)
+    assert np.linalg.norm(last.acceleration_mps2[0]) == pytest.approx(0.25 * origin_radius_m, rel=5e-3)
+
+
+def test_the_average_delays_but_does_not_slow():
+    points_m = np.stack([0.4 * np.arange(60), np.zeros(60), np.zeros(60)], axis=-1)
+    motion, states = drive(body(lead_m=2.0), points_m)
+    assert states[-1].position_m[0, 0] == pytest.approx(points_m[-1 - motion.delay_ticks, 0] - 2.0)
+    assert states[-1].velocity_mps[0, 0] == pytest.approx(8.0)
+
+
+def test_a_jump_of_the_point_becomes_a_smooth_movement():
+    points_m = np.zeros((60, 3))
+    points_m[20:, 0] = 0.2
+    _, states = drive(body(), points_m)
+    steps = np.diff([state.position_m[0, 0] for state in states])
+    assert steps.min() >= 0.0
+    assert steps.max() < 0.2 * 0.15
+    assert states[-1].position_m[0, 0] == pytest.approx(-1.8)
+
+
+def test_a_body_at_rest_is_at_rest_to_the_last_bit_also_after_a_drive():
+    points_m = np.concatenate([circle(7.0, 3.0, 100) + 0.1, np.repeat(circle(7.0, 3.0, 100)[-1:] + 0.1, 60, axis=0)])
+    _, states = drive(body(leans=True), points_m)
+    last = states[-1]
+    for values in (last.velocity_mps, last.acceleration_mps2, last.angular_velocity_radps, last.rpy_rad[:, 0]):
+        assert np.all(values == 0.0)
+
+
+def test_a_body_pitches_nose_up_on_a_climb_unless_it_walks():
+    climb = np.stack([0.4 * np.arange(200), np.zeros(200), 0.04 * np.arange(200)], axis=-1)
+    assert drive(body(), climb)[1][-1].rpy_rad[0, 1] == pytest.approx(-np.arctan(0.1), abs=1e-3)
+    assert drive(body(tilts=False), climb)[1][-1].rpy_rad[0, 1] == 0.0
+
+
+def test_a_two_wheeler_leans_to_the_left_in_a_left_curve():
+    state = drive(body(trail_m=1.4, lead_m=0.9, leans=True), circle(12.0, 6.0, 400))[1][-1]
+    assert state.rpy_rad[0, 0] == pytest.approx(-np.arctan(6.0**2 / 12.0 / 9.81), rel=0.05)
+
+
+def test_a_rider_moves_as_a_part_of_the_leaning_bicycle():
+    state = drive(
+        body(trail_m=1.4, lead_m=0.9, leans=True, mounts_m=((0.0, 0.0, 0.0), (-0.1, 0.0, 0.5))), circle(12.0, 6.0, 400)
+    )[1][-1]
+    offset_m = state.position_m[1] - state.position_m[0]
+    assert np.linalg.norm(offset_m) == pytest.approx(np.hypot(0.1, 0.5))
+    # The circle's centre is at (0, 12): leaning in brings the rider nearer to it.
+    center_m = np.array([0.0, 12.0])
+    nearer_m = np.hypot(*(state.position_m[0, :2] - center_m)) - np.hypot(*(state.position_m[1, :2] - center_m))
+    assert nearer_m == pytest.approx(0.5 * np.sin(np.arctan(36.0 / 12.0 / 9.81)), rel=0.1)
+    turned = state.velocity_mps[0] + np.cross(state.angular_velocity_radps[0], offset_m)
+    np.testing.assert_allclose(state.velocity_mps[1], turned, atol=2e-3)
+
+
+def test_yaw_rate_is_small_where_yaw_wraps_from_plus_to_minus_pi():
+    motion = Motion(body(), np.zeros((1, 3)), np.array([[-1.0, 0.0, 0.0]]), TICK_S, 3)
+    points_m = circle(20.0, 4.0, 80) * [-1.0, -1.0, 0.0]
+    rates = [motion.advance(point_m[None]).angular_velocity_radps[0, 2] for point_m in points_m]
+    assert np.abs(rates).max() == pytest.approx(0.2, rel=0.02)
+
+
+def test_a_pursuer_runs_at_its_limit_until_it_arrives():
+    pursuit = Pursuit(np.zeros((2, 3)), np.array([0.1, 0.1]))
+    target_m = np.array([[0.25, 0.0, 0.0], [0.05, 0.0, 0.0]])
+    ways_m = [pursuit.advance(target_m)[:, 0].tolist() for _ in range(3)]
+    assert ways_m[0] == pytest.approx([0.1, 0.05])
+    assert ways_m[1] == pytest.approx([0.2, 0.05])
+    assert ways_m[2] == [0.25, 0.05]

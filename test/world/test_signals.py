@@ -1,0 +1,68 @@
+from pathlib import Path
+from xml.etree import ElementTree
+
+import libsumo
+import numpy as np
+import pytest
+from world_scenes import TICK_S, blocks, scene
+
+from simbev_ros.maps.network import Signal
+from simbev_ros.scene.state import SignalState
+from simbev_ros.world.signals import Programme, SignalHeads, programmes, programmes_xml
+
+_SHOWN = {"G": SignalState.GREEN, "g": SignalState.GREEN, "y": SignalState.YELLOW, "r": SignalState.RED}
+
+
+def head(programme, link):
+    return Signal(np.zeros(3), 0.0, np.zeros(3), programme, link, "")
+
+
+@pytest.fixture(scope="module")
+def cycles():
+    return programmes(scene(), ElementTree.parse(blocks().net_path).getroot())
+
+
+def test_every_head_shows_what_sumo_says_at_every_tick(cycles, tmp_path: Path):
+    additional = tmp_path / "signals.add.xml"
+    additional.write_text(programmes_xml(cycles, round(TICK_S * 1e9)))
+    heads = [head(cycle.id, link) for cycle in cycles for link in range(len(cycle.states[0]))]
+    table = SignalHeads(heads, cycles, round(TICK_S * 1e9))
+    options = ["--step-length", "0.05", "--no-step-log", "true", "--xml-validation", "never"]
+    libsumo.start(["sumo", "-n", str(blocks().net_path), "-a", str(additional), *options])
+    try:
+        for tick in range(900):
+            libsumo.simulationStep()
+            said = [letter for cycle in cycles for letter in libsumo.trafficlight.getRedYellowGreenState(cycle.id)]
+            assert table.at(tick)["state"].tolist() == [_SHOWN[letter] for letter in said]
+    finally:
+        libsumo.close()
+
+
+def test_green_lasts_as_drawn_then_yellow_3_s_then_all_red_2_s(cycles):
+    spec = scene()
+    for index, cycle in enumerate(cycles):
+        green_s = spec.green_time_s[index % len(spec.green_time_s)]
+        vehicle_links = [k for k in range(len(cycle.states[0])) if any(state[k] == "y" for state in cycle.states)]
+        for link in vehicle_links:
+            shown = "".join(state[link].lower() * n for state, n in zip(cycle.states, cycle.ticks, strict=True))
+            begin = (shown + shown).index("rg") + 1
+            turned = (shown + shown)[begin : begin + len(shown)]
+            assert (turned.count("g"), turned.count("y")) == (round(green_s / TICK_S), round(3.0 / TICK_S))
+        all_red = sum(n for state, n in zip(cycle.states, cycle.ticks, strict=True) if set(state) == {"r"})
+        assert all_red == 2 * round(2.0 / TICK_S)
+
+
+def test_time_in_state_counts_from_the_change_across_phases_and_cycles():
+    cycle = Programme("J", ("Gr", "gr", "yr", "rG"), (4, 2, 1, 3), offset_ticks=1, green_s=0.6)
+    heads = SignalHeads([head("J", 0), head("J", 1)], [cycle], 100_000_000)
+    times = np.array([heads.at(tick)["time_in_state"] for tick in range(-1, 13)]) / np.float32(0.1)
+    # Link 0: red for 3 ticks before tick 1, green 6, yellow 1, red 3; link 1: green for 3 ticks, red 7.
+    assert times[:, 0].round().tolist() == [1, 2, 0, 1, 2, 3, 4, 5, 0, 0, 1, 2, 0, 1]
+    assert times[:, 1].round().tolist() == [1, 2, 0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 0, 1]
+
+
+def test_heads_carry_their_pose_and_green_time():
+    cycle = Programme("J", ("G", "r"), (5, 5), 0, green_s=0.5)
+    signal = Signal(np.array([1.0, 2.0, 5.5]), 0.25, np.zeros(3), "J", 0, "")
+    row = SignalHeads([signal], [cycle], 100_000_000).at(0)[0]
+    assert (row["x"], row["y"], row["z"], row["yaw"], row["green_time"], row["id"]) == (1.0, 2.0, 5.5, 0.25, 0.5, 1)

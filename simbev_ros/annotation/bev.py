@@ -69,8 +69,9 @@ class BevAnnotator:
         points_ego = (footprint.points_m - ego_m) @ _map_from_heading(float(state.ego["yaw"]))
         shape = (len(BEV_CLASSES), grid.rows, grid.columns)
         planes = covered_cells(grid.cells_from_ego(points_ego), footprint.triangles, footprint.planes, shape)
-        low, high = np.packbits(planes, axis=0, bitorder="little")
-        labels: UInt16Array = low | high.astype(np.uint16) << 8
+        labels = np.zeros(shape[1:], np.uint16)
+        for bit, plane in enumerate(planes):
+            labels |= plane.astype(np.uint16) << np.uint16(bit)
         return labels
 
     def _tiles_within(self, ego_m: Float64Array, radius_m: float) -> list[_Footprint]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.scene.state import ACTOR_DTYPE, WorldState, map_from_actors
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Table
 
@@ -42,6 +42,7 @@ BOX_DTYPE = np.dtype(
 )
 """One row per box. Field names and order are those of /ego/boxes."""
 
+_SHARED_COLUMNS = [name for name in BOX_DTYPE.names or () if name in (ACTOR_DTYPE.names or ())]
 _NO_CLASS = 255
 
 
@@ -70,7 +71,7 @@ def boxes(state: WorldState, radius_m: float) -> Table:
     distance_m = np.linalg.norm(to_center_ego, axis=1)
     chosen = (distance_m <= radius_m) & (classes != _NO_CLASS) & (actors["id"] != state.ego_id)
     result = np.empty(int(chosen.sum()), BOX_DTYPE)
-    for name in set(BOX_DTYPE.names or ()) & set(actors.dtype.names or ()):
+    for name in _SHARED_COLUMNS:
         result[name] = actors[name][chosen]
     result["x"], result["y"], result["z"] = center_m[chosen].T
     result["distance"] = distance_m[chosen]

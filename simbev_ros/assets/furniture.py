@@ -25,7 +25,7 @@ def street_light() -> Mesh:
         [
             lathe(pole, np.array([[0.15, 0.0], [0.15, 0.7], [0.085, 0.9]]), segments=6),
             tube(pole, path, np.array([0.085, 0.06, 0.055, 0.05, 0.045]), segments=6),
-            box(pole, (0.8, 0.28, 0.12), (x_m, y_m, z_m + 0.12), bevel_m=0.03),
+            box(pole, (0.8, 0.28, 0.12), (x_m, y_m, z_m + 0.12)),
             box(Finish(Material.STREET_LAMP, Tag.POLE, (238, 232, 214)), (0.6, 0.2, 0.08), (x_m, y_m, z_m + 0.03)),
         ]
     )
@@ -52,17 +52,15 @@ def bench() -> Mesh:
 def litter_bin(color: Color) -> Mesh:
     """A litter bin, 1 m high."""
     metal = Finish(Material.METAL, Tag.STATIC, color)
-    profile = np.array([[0.2, 0.0], [0.24, 0.05], [0.26, 0.8], [0.28, 0.82], [0.28, 0.88], [0.2, 1.0], [0.0, 1.03]])
-    return lathe(metal, profile, segments=10)
+    profile = np.array([[0.2, 0.0], [0.24, 0.05], [0.26, 0.82], [0.28, 0.88], [0.2, 1.0], [0.0, 1.03]])
+    return lathe(metal, profile, segments=8)
 
 
 def hydrant() -> Mesh:
     """A fire hydrant, 0.8 m high."""
     red = Finish(Material.METAL, Tag.STATIC, (176, 40, 32))
-    profile = np.array(
-        [[0.19, 0.0], [0.19, 0.06], [0.12, 0.08], [0.12, 0.55], [0.16, 0.57], [0.14, 0.66], [0.06, 0.76]]
-    )
-    outlets = [cylinder(red, (0.0, -0.22, 0.42), (0.0, 0.22, 0.42), 0.06, segments=8)]
+    profile = np.array([[0.19, 0.0], [0.12, 0.08], [0.12, 0.55], [0.16, 0.6], [0.06, 0.76]])
+    outlets = [cylinder(red, (0.0, -0.22, 0.42), (0.0, 0.22, 0.42), 0.06, segments=6)]
     outlets.append(cylinder(red, (0.0, 0.0, 0.4), (0.21, 0.0, 0.4), 0.08, segments=8))
     return Mesh.merged([lathe(red, profile, segments=8), *outlets])
 

@@ -13,12 +13,12 @@ from simbev_ros.scene.random import stream
 
 _FROM_STREET_M = 1.2
 _WOODS_DEPTH_M = 60.0
-_BELT_INSET_M, _BELT_SPACING_M = 14.0, 12.0
+_BELT_INSET_M, _BELT_SPACING_M = 14.0, 15.0
 _M2_PER_PLANT = {
-    BlockUse.PARK: 80.0,
-    BlockUse.RESIDENTIAL: 170.0,
+    BlockUse.PARK: 95.0,
+    BlockUse.RESIDENTIAL: 230.0,
     BlockUse.DOWNTOWN: 200.0,
-    BlockUse.OUTSKIRTS: 300.0,
+    BlockUse.OUTSKIRTS: 420.0,
 }
 _KINDS = {
     BlockUse.PARK: ("round", "round", "tall", "small", "bush", "bush", "conifer"),

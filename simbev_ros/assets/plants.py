@@ -16,12 +16,12 @@ from simbev_ros.types import Float64Array, Int32Array
 
 def round_tree(rng: np.random.Generator) -> Mesh:
     """A broad-leaved street tree, about 9 m high."""
-    return _broad_leaved(rng, height_m=9.2, trunk_m=3.9, radius_m=2.3, clumps=11)
+    return _broad_leaved(rng, height_m=9.2, trunk_m=3.9, radius_m=2.3, clumps=10)
 
 
 def tall_tree(rng: np.random.Generator) -> Mesh:
     """A tall, slender broad-leaved tree, about 13 m high."""
-    return _broad_leaved(rng, height_m=13.0, trunk_m=4.2, radius_m=1.9, clumps=13)
+    return _broad_leaved(rng, height_m=13.0, trunk_m=4.2, radius_m=1.9, clumps=11)
 
 
 def small_tree(rng: np.random.Generator) -> Mesh:
@@ -64,8 +64,15 @@ def bush(rng: np.random.Generator) -> Mesh:
 def thicket(rng: np.random.Generator) -> Mesh:
     """The edge of a distant wood, about 12 m high and as wide: to be seen from afar only."""
     color = pick_color(rng, "needles" if rng.random() < 0.3 else "broad_leaves", 0.1)
-    radii = rng.uniform((6.0, 6.0, 6.5), (8.5, 8.5, 9.5))
-    return _clump(rng, np.array([0.0, 0.0, 4.0]), radii, np.array([0.0, 0.0, -4.0]), shaded(color, 0.85), detail=1)
+    sizes = rng.uniform((3.5, 3.5, 4.0), (6.0, 6.0, 8.0), (4, 3))
+    spots = np.column_stack([rng.uniform(-6.0, 6.0, (4, 2)), sizes[:, 2] * rng.uniform(0.4, 0.8, 4)])
+    roots = np.array([0.0, 0.0, -4.0])
+    return Mesh.merged(
+        [
+            _clump(rng, spot, size, roots, shaded(color, rng.uniform(0.7, 1.0)))
+            for spot, size in zip(spots, sizes, strict=True)
+        ]
+    )
 
 
 def hedge(rng: np.random.Generator, length_m: float) -> Mesh:
@@ -77,7 +84,8 @@ def hedge(rng: np.random.Generator, length_m: float) -> Mesh:
     return loft(_leaves(pick_color(rng, "hedges", 0.1)), sections, crease_deg=60.0)
 
 
-_CORE = 0.8
+_CORE = 0.8  # size of a crown's core, of the whole crown's
+_SURELY_INSIDE_CORE, _SURELY_INSIDE_CLUMP = 0.86, 0.62  # smallest radius of these irregular balls
 
 Plant = Callable[[np.random.Generator], Mesh]
 PLANTS: Mapping[str, Plant] = {
@@ -105,8 +113,8 @@ def _broad_leaved(rng: np.random.Generator, height_m: float, trunk_m: float, rad
         size = radius_m * rng.uniform(0.36, 0.56)
         light = 0.86 + 0.22 * (direction[2] + 1.0) / 2.0 + rng.uniform(-0.05, 0.05)
         clump = _clump(rng, center, size, middle, shaded(color, light))
-        pieces.append(_outside(clump, middle, radii * _CORE * 0.92))
-        core = _outside(core, center, size * 0.75)
+        pieces.append(_outside(clump, middle, radii * _CORE * _SURELY_INSIDE_CORE))
+        core = _outside(core, center, size * _SURELY_INSIDE_CLUMP)
     return Mesh.merged([*pieces, core])
 
 
@@ -142,9 +150,8 @@ def _clump(
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     turn = turn * np.sign(np.linalg.det(turn))
     shape = sphere @ turn.T * rng.uniform(1.0 - irregularity, 1.0 + irregularity, (len(sphere), 1)) * radii_m
-    outward = _unit(center_m - crown_center_m + [0.0, 0.0, 1e-3])
-    uv = _stereographic(_unit(shape), outward) * np.mean(radii_m) + rng.uniform(0.0, 20.0, 2)
-    mesh = solid(_leaves(color), center_m + shape, faces, crease_deg=180.0, uv=uv[faces])
+    vertices = center_m + shape
+    mesh = solid(_leaves(color), vertices, faces, crease_deg=180.0, uv=_box_projected(vertices[faces]))
     normals = _unit(mesh.normals + 0.5 * _unit(mesh.vertices - crown_center_m))
     return replace(mesh, normals=normals.astype(np.float32))
 
@@ -154,11 +161,11 @@ def _unit(vectors: Float64Array) -> Float64Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
 
 
-def _stereographic(directions: Float64Array, pole: Float64Array) -> Float64Array:
-    """(N, 2) surface coordinates on a unit ball, of even scale around the (3,) pole and without a seam."""
-    across = _unit(np.cross(pole, np.eye(3)[np.argmin(np.abs(pole))]))
-    plane = np.stack([directions @ across, directions @ np.cross(pole, across)], axis=1)
-    return np.asarray(2.0 * plane / (1.2 + directions @ pole)[:, None])
+def _box_projected(corners_m: Float64Array) -> Float64Array:
+    """(T, 3, 2) surface coordinates: each (3, 3) triangle seen along the axis that it faces most."""
+    facing = np.abs(np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])).argmax(axis=1)
+    others = np.array([[1, 2], [2, 0], [0, 1]])[facing]
+    return np.take_along_axis(corners_m, others[:, None, :], axis=2)
 
 
 def _trunk(rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float) -> Mesh:

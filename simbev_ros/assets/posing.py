@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel, part_poses
 from simbev_ros.scene.state import map_from_actors
-from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt32Array
+from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,31 +36,46 @@ def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Ar
         actors: Rows to pose.
         origin_m: (3,) point of the map frame that becomes the origin (keeps float32 exact on large maps).
     """
-    vertices: list[Float32Array] = []
-    triangles: list[Int32Array] = []
-    rows: list[UInt32Array] = []
-    vertex_model: list[Int32Array] = []
-    start = 0
-    map_from_actor = map_from_actors(actors)
-    map_from_actor[:, :3, 3] -= origin_m
-    poses_of = {
-        int(blueprint): iter(part_poses(models[blueprint], actors[actors["blueprint"] == blueprint]))
-        for blueprint in np.unique(actors["blueprint"])
-    }
-    for row, blueprint in enumerate(actors["blueprint"]):
-        mesh = models[blueprint].mesh
-        origin_from_part = map_from_actor[row] @ next(poses_of[int(blueprint)])
-        transforms = origin_from_part[mesh.part, :3]
-        posed = np.einsum("vij,vj->vi", transforms[:, :, :3], mesh.vertices) + transforms[:, :, 3]
-        vertices.append(posed.astype(np.float32))
-        triangles.append(mesh.triangles + np.int32(start))
-        rows.append(np.full(len(mesh.triangles), row, np.uint32))
-        vertex_model.append(np.arange(len(mesh.vertices), dtype=np.int32))
-        start += len(mesh.vertices)
-    if not vertices:
-        return PosedActors(
-            np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.uint32), np.zeros(0, np.int32)
-        )
+    meshes = [model.mesh for model in models]
+    vertex_counts = np.array([len(mesh.vertices) for mesh in meshes], np.int64)[actors["blueprint"]]
+    triangle_counts = np.array([len(mesh.triangles) for mesh in meshes], np.int64)[actors["blueprint"]]
+    first_vertex = np.cumsum(vertex_counts) - vertex_counts
+    first_triangle = np.cumsum(triangle_counts) - triangle_counts
+    vertices = np.empty((int(vertex_counts.sum()), 3), np.float32)
+    triangles = np.empty((int(triangle_counts.sum()), 3), np.int32)
+    vertex_model = np.empty(len(vertices), np.int32)
+    origin_from_actor = map_from_actors(actors)
+    origin_from_actor[:, :3, 3] -= origin_m
+    for blueprint in np.unique(actors["blueprint"]):
+        mesh = meshes[blueprint]
+        rows = np.flatnonzero(actors["blueprint"] == blueprint)
+        posed = _posed(models[blueprint], actors[rows], origin_from_actor[rows])
+        indices = np.arange(len(mesh.vertices), dtype=np.int32)
+        for row, row_vertices in zip(rows, posed, strict=True):
+            place = slice(first_vertex[row], first_vertex[row] + len(mesh.vertices))
+            vertices[place] = row_vertices
+            vertex_model[place] = indices
+            place = slice(first_triangle[row], first_triangle[row] + len(mesh.triangles))
+            np.add(mesh.triangles, first_vertex[row], out=triangles[place], casting="same_kind")
     return PosedActors(
-        np.concatenate(vertices), np.concatenate(triangles), np.concatenate(rows), np.concatenate(vertex_model)
+        vertices, triangles, np.repeat(np.arange(len(actors), dtype=np.uint32), triangle_counts), vertex_model
     )
+
+
+def _posed(model: ActorModel, actors: Table, origin_from_actor: Float64Array) -> Float32Array:
+    """(N, V, 3) vertices of actors that share a model; (N, 4, 4) transforms put the actors in their places."""
+    origin_from_part = (origin_from_actor[:, None] @ part_poses(model, actors)).astype(np.float32)
+    rotations = origin_from_part[..., :3, :3].swapaxes(-1, -2)
+    translations = origin_from_part[..., None, :3, 3]
+    posed = np.empty((len(actors), len(model.mesh.vertices), 3), np.float32)
+    for start, stop in _runs(model.mesh.part):
+        part = model.mesh.part[start]
+        np.matmul(model.mesh.vertices[start:stop], rotations[:, part], out=posed[:, start:stop])
+        posed[:, start:stop] += translations[:, part]
+    return posed
+
+
+def _runs(part: UInt8Array) -> list[tuple[int, int]]:
+    """Ranges of consecutive vertices of one part; the catalogue keeps the vertices of a part together."""
+    borders = [0, *(np.flatnonzero(np.diff(part)) + 1).tolist(), len(part)]
+    return list(pairwise(borders)) if len(part) else []

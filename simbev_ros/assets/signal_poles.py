@@ -67,7 +67,7 @@ def _carrier(signals: Sequence[Signal]) -> list[Mesh]:
 def _head() -> Mesh:
     """Housing with three lamps, red uppermost, and visors; lamps shine along x; origin at its centre."""
     front_m = _HEAD_M[0] / 2.0
-    arc = np.linspace(-0.15, np.pi + 0.15, 9)
+    arc = np.linspace(-0.15, np.pi + 0.15, 7)
     rim = np.column_stack([np.cos(arc), np.sin(arc)])
     visor = np.concatenate([rim * 0.135, rim[::-1] * 0.118])
     pieces = [box(_HOUSING, _HEAD_M, bevel_m=0.03), box(_HOUSING, (0.02, 0.52, 1.2), (front_m - 0.04, 0.0, 0.0))]

@@ -13,12 +13,13 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from simbev_ros.recording.description import describe_bag
-from simbev_ros.recording.digest import SHORT
 from simbev_ros.recording.layout import is_dataset, scenes_of
 
 _STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red"}
 _WIDTH_IN_A_PIPE = 160
+_MOST_PROBLEMS = 5
+_SHORT = 16
+"""Hexadecimal digits of a hash that are enough to print."""
 
 
 def info(
@@ -48,6 +49,8 @@ def info(
 
 
 def _describe(path: Path, digest: bool) -> dict[str, Any]:
+    from simbev_ros.recording.description import describe_bag
+
     with Progress(console=Console(stderr=True), transient=True, disable=not digest) as progress:
         task = progress.add_task(path.name, total=None)
         return describe_bag(
@@ -61,8 +64,10 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     table.add_column(overflow="fold")
     table.add_row("scene", f"[bold]{escape(facts['name'])}[/]")
     table.add_row("state", _state(facts))
-    for problem in facts["problems"]:
+    for problem in facts["problems"][:_MOST_PROBLEMS]:
         table.add_row("", f"[red]{escape(problem)}[/]")
+    if len(facts["problems"]) > _MOST_PROBLEMS:
+        table.add_row("", f"[red]and {len(facts['problems']) - _MOST_PROBLEMS} topics more[/]")
     table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / 1e9:.2f} s")
     table.add_row("size", f"{decimal(facts['file_bytes'])}, {facts['messages']} messages")
     if scene := facts["scene"]:
@@ -75,7 +80,7 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     attachments = ", ".join(f"{name} ({decimal(size)})" for name, size in facts["attachments"].items())
     table.add_row("attached", attachments or "nothing")
     if "digest" in facts:
-        table.add_row("digest", facts["digest"][:SHORT])
+        table.add_row("digest", facts["digest"][:_SHORT])
     return table
 
 
@@ -92,7 +97,7 @@ def _topic_table(topics: Sequence[dict[str, Any]], digest: bool) -> Table:
         messages = str(count) if expected in (None, count) else f"[red]{count} of {expected}[/]"
         rate = f"{topic['rate_hz']:.4g} Hz" if topic["rate_hz"] else ""
         size = decimal(topic["bytes"]) if topic["bytes"] is not None else ""
-        hashes = [topic["digest"][:SHORT]] if digest else []
+        hashes = [topic["digest"][:_SHORT]] if digest else []
         table.add_row(topic["name"], topic["type"].replace("/msg/", "/"), messages, rate, size, *hashes)
     return table
 
@@ -108,7 +113,7 @@ def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
     for scene in scenes:
         where = Path(scene["path"])
         name, length = escape(f"{where.parent.name}/{scene['name']}"), f"{scene['duration_s']:.2f} s"
-        hashes = [scene["digest"][:SHORT]] if digest else []
+        hashes = [scene["digest"][:_SHORT]] if digest else []
         table.add_row(name, _state(scene), length, str(scene["messages"]), decimal(scene["file_bytes"]), *hashes)
     return table
 

@@ -9,9 +9,6 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from simbev_ros.errors import InputError
-from simbev_ros.recording.reader import SceneBag
-from simbev_ros.viz.frames import FrameReader, find_views
-from simbev_ros.viz.preview import write_picture, write_video
 
 
 def preview(
@@ -36,6 +33,10 @@ def make_preview(
         InputError: There is no such frame, or a picture is there already, or the folder cannot be made.
         BagError: The bag cannot be read, or has nothing to show.
     """
+    from simbev_ros.recording.reader import SceneBag
+    from simbev_ros.viz.frames import FrameReader, find_views
+    from simbev_ros.viz.preview import write_picture, write_video
+
     with SceneBag(path) as bag:
         reader = FrameReader(bag, find_views(bag))
         count = len(reader.stamps_ns)

@@ -48,7 +48,7 @@ class PartStack:
         self.part = np.array(part, np.int64)
         self.center_m = np.array(center_m).reshape(-1, 3)
         self.radius_m = np.array(radius_m, np.float32)
-        self.height_m = 2.0 * np.cumsum(self.radius_m) - self.radius_m
+        self.height_m: Float32Array = 2.0 * np.cumsum(self.radius_m) - self.radius_m
         self.height_m -= self.height_m[-1:] / 2.0
         self.triangle_part = np.repeat(np.arange(len(part)), [len(each) for each in triangles])
         self.triangle_material = np.concatenate([*material, np.zeros(0, np.uint8)])
@@ -56,7 +56,7 @@ class PartStack:
 
 
 def _stacked(
-    vertices: Sequence[Float64Array], triangles: Sequence[Int64Array], height_m: Float64Array
+    vertices: Sequence[Float64Array], triangles: Sequence[Int64Array], height_m: Float32Array
 ) -> tuple[Float32Array, Int32Array]:
     """(V, 3) vertices and (T, 3) triangles of all parts, each raised to its place in the stack."""
     starts = np.cumsum([0, *(len(each) for each in vertices)])[: len(triangles)]

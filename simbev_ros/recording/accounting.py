@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
 
+_MOST_RUNS = 8
+
 
 class Verdict(Enum):
     """What the books say to one message: only an expected one belongs into the bag, and warm-up is not even counted."""
@@ -155,7 +157,8 @@ def _describe(account: TopicAccount) -> str:
 
 
 def _ranges(ticks: Sequence[int]) -> str:
-    """Ascending ticks in short: ``0-3, 7``."""
+    """Ascending ticks in short, ``0-3, 7``; of many gaps the first few."""
     breaks = [i for i, (a, b) in enumerate(pairwise(ticks), start=1) if b != a + 1]
     runs = [ticks[a:b] for a, b in pairwise([0, *breaks, len(ticks)])]
-    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+    words = [str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs]
+    return ", ".join([*words[:_MOST_RUNS], *(["..."] if len(words) > _MOST_RUNS else [])])

@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from simbev_ros.recording.reader import SceneBag
 
 _PREFIX = struct.Struct("<qQ")
-SHORT = 16
-"""Hexadecimal digits that are enough to print."""
 
 
 def topic_digests(bag: SceneBag, progress: Callable[[int], None] = lambda _: None) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Pools of light of street lamps and headlamps, as a map seen from above around the ego.
 
-Each texel holds the light that arrives there near the ground: its mean horizontal direction, its strength and the height
-of the lamps it comes from. So a pixel's cost does not grow with the number of lamps.
+Each texel holds the light that arrives there near the ground: its mean horizontal direction, its strength and the
+height of the lamps it comes from. So a pixel's cost does not grow with the number of lamps.
 """
 
 from collections.abc import Sequence
@@ -18,24 +18,24 @@ _SIZE_PX = 384
 _HALF_M = 96.0
 _MAX_LAMPS = 1024
 _HEADLAMP_HEIGHT_M = 0.7
+_NO_LAMPS = np.zeros((0, 6), np.float32)
 
 
 class LampField:
     """Two maps: street lamps and headlamps, which differ in colour and direction."""
 
-    def __init__(self, context: moderngl.Context, library: ProgramLibrary, street_lights: Sequence[StreetLight]) -> None:
+    def __init__(
+        self, context: moderngl.Context, library: ProgramLibrary, street_lights: Sequence[StreetLight]
+    ) -> None:
         self._context = context
         self._lights_m = np.array([light.position_m for light in street_lights], np.float64).reshape(-1, 3)
         self._lamps = context.buffer(reserve=_MAX_LAMPS * 24)
+        program = library.load("lamp_pool.vert", "lamp_pool.frag")
+        program["half_m"] = _HALF_M
         self._pools = context.vertex_array(
-            library.load("lamp_pool.vert", "lamp_pool.frag"), [(self._lamps, "3f4 2f4 1f4/i", "in_lamp", "in_heading", "in_kind")]
+            program, [(self._lamps, "3f4 2f4 1f4/i", "in_lamp", "in_heading", "in_kind")]
         )
-        self._framebuffers = []
-        for name in ("street_field", "head_field"):
-            texture = context.texture((_SIZE_PX, _SIZE_PX), 4, dtype="f2")
-            texture.repeat_x = texture.repeat_y = False
-            texture.use(TEXTURE_UNITS[name])
-            self._framebuffers.append(context.framebuffer([texture]))
+        self._street, self._head = (self._field(name) for name in ("street_field", "head_field"))
 
     def draw(self, world: WorldState, origin_m: Float64Array, lit: bool) -> Float64Array:
         """Draw both maps; when lamps are not lit they are dark.
@@ -44,18 +44,28 @@ class LampField:
             (4, 4) texture coordinates from world points.
         """
         self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ADDITIVE_BLENDING
-        for framebuffer, lamps in zip(self._framebuffers, (self._street_lamps(origin_m), _headlamps(world, origin_m)), strict=True):
-            framebuffer.use()
-            framebuffer.clear()
-            count = min(len(lamps), _MAX_LAMPS) if lit else 0
-            if count:
-                self._lamps.write(lamps[:count].tobytes())
-                self._pools.program["half_m"] = _HALF_M
-                self._pools.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=count)
+        self._context.blend_func = (moderngl.ONE, moderngl.ONE)
+        self._draw_lamps(self._street, self._street_lamps(origin_m) if lit else _NO_LAMPS)
+        self._draw_lamps(self._head, _headlamps(world, origin_m) if lit else _NO_LAMPS)
         texture_from_world = np.diag([0.5 / _HALF_M, 0.5 / _HALF_M, 0.0, 1.0])
         texture_from_world[:2, 3] = 0.5
         return texture_from_world
+
+    def _field(self, name: str) -> moderngl.Framebuffer:
+        """A map, bound to the texture unit of its name."""
+        texture = self._context.texture((_SIZE_PX, _SIZE_PX), 4, dtype="f2")
+        texture.repeat_x = texture.repeat_y = False
+        texture.use(TEXTURE_UNITS[name])
+        return self._context.framebuffer([texture])
+
+    def _draw_lamps(self, field: moderngl.Framebuffer, lamps: Float32Array) -> None:
+        """Add up the light of (N, 6) lamps."""
+        field.use()
+        field.clear()
+        count = min(len(lamps), _MAX_LAMPS)
+        if count:
+            self._lamps.write(lamps[:count].tobytes())
+            self._pools.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=count)
 
     def _street_lamps(self, origin_m: Float64Array) -> Float32Array:
         """(N, 6) lamps in reach of the map: position, heading (none), kind 0."""
@@ -71,4 +81,5 @@ def _headlamps(world: WorldState, origin_m: Float64Array) -> Float32Array:
     front = np.stack([actors["x"], actors["y"]], axis=1) + heading * actors["length"][:, None] / 2.0 - origin_m[:2]
     high = (actors["lights"] & Light.HIGH_BEAM) != 0
     lamps = np.column_stack([front, actors["z"] - origin_m[2] + _HEADLAMP_HEIGHT_M, heading, 1.0 + high])
-    return lamps[np.abs(front).max(axis=1, initial=0.0) < _HALF_M * 1.3].astype(np.float32)
+    near: Float32Array = lamps[np.abs(front).max(axis=1, initial=0.0) < _HALF_M * 1.3].astype(np.float32)
+    return near

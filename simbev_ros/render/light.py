@@ -15,6 +15,9 @@ LAMPS_ON_BELOW_DEG = 3.0
 
 _LIGHTEST_MOON_DEG = 35.0
 _CLOUD_DRIFT_PER_S = 4e-4
+_NOISE_PERIOD_M = 64.0
+_AMBIENT_GAIN = 1.15
+_AMBIENT_WHITENING = 0.5
 _GROUND_ALBEDO = np.array([0.16, 0.15, 0.13])
 _GRAY_SKY = np.array([0.97, 1.0, 1.04])
 
@@ -57,11 +60,14 @@ class SkyLight:
         moon_direction = _direction(weather.sun_azimuth_deg + 180.0, moon_altitude_deg)
         overcast = float(np.clip((weather.cloudiness - 40.0) / 55.0, 0.0, 1.0)) ** 1.5
         gray = _GRAY_SKY * (key["zenith"].mean() * 0.75 + key["horizon"].mean() * 0.45 + key["sun"].mean() * 0.03)
-        zenith, horizon = (color + (gray * level - color) * overcast for color, level in
-                           ((key["zenith"], 1.0), (key["horizon"], 0.9)))
+        zenith, horizon = (
+            color + (gray * level - color) * overcast for color, level in ((key["zenith"], 1.0), (key["horizon"], 0.9))
+        )
         direct = (key["moon"] if moonlit else key["sun"]) * (1.0 - 0.97 * overcast)
         direction = moon_direction if moonlit else sun_direction
-        sky_ambient = 0.6 * zenith + 0.4 * horizon
+        sky_mean = 0.6 * zenith + 0.4 * horizon
+        # Clouds and lit walls, which are no part of the clear sky's colour, fill shadows with whiter light.
+        sky_ambient = _AMBIENT_GAIN * (sky_mean + _AMBIENT_WHITENING * (sky_mean.mean() - sky_mean))
         return cls(
             key_direction=direction,
             key=direct,
@@ -75,8 +81,8 @@ class SkyLight:
             lamps=float(weather.sun_altitude_deg < LAMPS_ON_BELOW_DEG),
         )
 
-    def block_head(self, weather: Weather, stamp_ns: int) -> Float64Array:
-        """(9, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
+    def block_head(self, weather: Weather, stamp_ns: int, origin_m: Float64Array) -> Float64Array:
+        """(10, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
         drift = stamp_ns * 1e-9 * _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0) % 1.0
         fog_per_m = (weather.fog_density / 100.0) ** 2 * 0.06
         rows: list[tuple[Float64Array, float]] = [
@@ -89,6 +95,7 @@ class SkyLight:
             (self.sky_ambient, 0.0),
             (self.ground_ambient, 0.0),
             (np.array([fog_per_m, weather.fog_distance_m, weather.fog_falloff * 0.02]), 0.0),
+            (origin_m % _NOISE_PERIOD_M, 0.0),
         ]
         return np.array([[*color, extra] for color, extra in rows])
 

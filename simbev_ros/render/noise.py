@@ -1,4 +1,4 @@
-"""The noise texture that all procedural surfaces and the clouds are made from. It repeats, and is filtered by mipmaps."""
+"""The noise that all procedural surfaces and the clouds are made from: a repeating texture, filtered by mipmaps."""
 
 import moderngl
 import numpy as np
@@ -22,7 +22,7 @@ def noise_texture(context: moderngl.Context) -> moderngl.Texture:
 
 
 def noise_image() -> UInt8Array:
-    """(256, 256, 4) uint8 noise with power spectra 1/f^(2·slope); each channel's values are spread evenly over 0..255."""
+    """(256, 256, 4) uint8 noise of spectral amplitude 1/f^slope; values are spread evenly over 0..255."""
     channels = [_fractal(slope, index) for index, slope in enumerate(_SPECTRAL_SLOPES)]
     return (np.stack(channels, axis=-1) * 255.999).astype(np.uint8)
 

@@ -36,7 +36,7 @@ BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}
 
 _INCLUDE = re.compile(r'^#include "(\w+)"$', re.MULTILINE)
 _ENUMS = "".join(
-    f"const uint {prefix}_{member.name} = {int(member)}u;\n"
+    f"const uint {prefix}_{member.name} = {member.value}u;\n"
     for prefix, enum in {"MATERIAL": Material, "TAG": Tag, "LIGHT": Light, "STATE": SignalState}.items()
     for member in enum
 )

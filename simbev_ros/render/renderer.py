@@ -93,7 +93,7 @@ class Renderer:
         sky = SkyLight.of(world.weather)
         shadows = self._shadow_map.draw(sky.key_direction, origin_m, self._static, self._actors, world, table)
         lamps = self._lamp_field.draw(world, origin_m, lit=sky.lamps > 0.0)
-        self._shading.set_light(sky.block_head(world.weather, world.stamp_ns), *shadows, lamps)
+        self._shading.set_light(sky.block_head(world.weather, world.stamp_ns, origin_m), *shadows, lamps)
         self._shading.set_signals(world.signals)
 
     def _render_camera(

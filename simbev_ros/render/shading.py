@@ -9,7 +9,7 @@ from simbev_ros.render.targets import Targets
 from simbev_ros.types import Float64Array, Table
 
 _LAYER_STEP = 1.0 / 16.0
-_LIGHT_BLOCK_BYTES = (9 + 3 * 4) * 16
+_LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
 
 
 class Shading:
@@ -28,7 +28,7 @@ class Shading:
         self._signals: moderngl.Texture | None = None
 
     def set_light(self, sky: Float64Array, *matrices: Float64Array) -> None:
-        """Set the uniform block ``Light``: (9, 4) vectors, then (4, 4) matrices of both shadow maps and the lamp field."""
+        """Set the uniform block ``Light``: (10, 4) vectors, (4, 4) matrices of the shadow map and the lamp field."""
         block = np.concatenate([sky, *(matrix.T for matrix in matrices)])
         self._light.write(block.astype(np.float32).tobytes())
 

@@ -1,7 +1,7 @@
-"""Shadow map of the sun or moon around the ego, shared by all cameras of a frame: two squares side by side in one texture.
+"""Shadow map of the sun or moon around the ego, shared by all cameras of a frame: two squares in one texture.
 
-The map of the static world depends only on the light's direction and on a coarse grid cell around the ego, so it is kept
-until one of them changes: the picture is the same whether it was kept or drawn anew. Actors are added every frame.
+The static part depends only on the light's direction and on a coarse grid cell around the ego, so it is kept until one
+of them changes: the picture is the same whether it was kept or drawn anew. Actors are added every frame.
 """
 
 from dataclasses import dataclass
@@ -75,12 +75,15 @@ class ShadowMap:
         centers_m = [np.round(origin_m / cascade.step_m) * cascade.step_m for cascade in CASCADES]
         clip_from_center = [_clip_from_center(direction, cascade.half_m) for cascade in CASCADES]
         for index, cascade in enumerate(CASCADES):
-            if self._drawn[index] != (drawn := (*centers_m[index], *direction)):
+            drawn = (*centers_m[index], *direction)
+            if self._drawn[index] != drawn:
                 self._begin(self._static, cascade)
                 self._static.clear(depth=1.0, viewport=self._static.viewport)
                 reach_m = cascade.half_m + _DEPTH_HALF_M / 2.0
                 static.draw_around("shadow", clip_from_center[index], centers_m[index], reach_m)
                 self._drawn[index] = drawn
+        self._all.scissor = (0, 0, *self._all.size)  # it clips the copy
+        self._all.use()
         self._context.copy_framebuffer(self._all, self._static)
         clip_from_world = []
         for index, cascade in enumerate(CASCADES):
@@ -104,7 +107,8 @@ def _within(clip_from_world: Float64Array, actors: Table, origin_m: Float64Array
     places_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
     across = places_m @ clip_from_world[:2, :3].T + clip_from_world[:2, 3]
     size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
-    return np.all(np.abs(across) < 1.0 + np.linalg.norm(size_m, axis=1)[:, None] / half_m, axis=1)
+    inside: BoolArray = np.all(np.abs(across) < 1.0 + np.linalg.norm(size_m, axis=1)[:, None] / half_m, axis=1)
+    return inside
 
 
 def _clip_from_center(direction: Float64Array, half_m: float) -> Float64Array:

@@ -85,17 +85,17 @@ def lidar_picture(points: Table, size_px: int, half_extent_m: float) -> UInt8Arr
         size_px: Width and height of the picture.
         half_extent_m: From the centre of the picture to its edge.
     """
-    fine = 2 * size_px  # drawn finer, then averaged: dots keep a size of one pixel and soft edges
+    fine = 2 * size_px  # drawn finer, then averaged: soft dots of one and a half pixels
     picture = np.full((fine, fine, 3), SURFACE, np.uint8)
     order = np.argsort(points["z"], kind="stable")
     row = (half_extent_m - points["x"][order]) / (2 * half_extent_m) * fine
     column = (half_extent_m - points["y"][order]) / (2 * half_extent_m) * fine
-    inside = (row >= 0) & (row < fine - 1) & (column >= 0) & (column < fine - 1)
+    inside = (row >= 0) & (row < fine - 2) & (column >= 0) & (column < fine - 2)
     row, column = row[inside].astype(np.intp), column[inside].astype(np.intp)
     colors = semantic_color(points["tag"][order][inside].astype(np.uint8))
-    colors = np.maximum(colors, (colors // 2 + 40).astype(np.uint8))  # dark tags must show on the dark ground
-    for shift in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        picture[row + shift[0], column + shift[1]] = colors
+    colors = np.maximum(colors, (colors // 2 + 80).astype(np.uint8))  # dark tags must show on the dark ground
+    for down, right in np.ndindex(3, 3):
+        picture[row + down, column + right] = colors
     picture = np.asarray(cv2.resize(picture, (size_px, size_px), interpolation=cv2.INTER_AREA), np.uint8)
     _draw_rings(picture, half_extent_m)
     _draw_ego(picture)

@@ -25,6 +25,8 @@ class ActorTable:
         self._blink_cycles = np.array(
             [stream(spec.seed, f"vehicles.{row['id'] - EGO_ID}.blinker").random() for row in cast.rows[:vehicles]]
         )
+        # A rider pedals by the way of the bicycle below; vehicles' rows have the numbers of their leading points.
+        self._moved_by = np.where(cast.rows["parent"] > 0, cast.bodies.point, np.arange(len(cast.rows)))
         self._steer_rad = np.zeros(len(cast.rows))
         self._wheel_rad = np.zeros(len(cast.rows))
         self._gait_rad = np.zeros(len(cast.rows))
@@ -59,7 +61,8 @@ class ActorTable:
         """Roll the wheels and move the legs over the way covered; steer as the turn demands (kinematic bicycle)."""
         cast = self._cast
         self._wheel_rad += motion.advance_m / cast.wheel_radius_m
-        self._gait_rad = (self._gait_rad + 2.0 * np.pi * motion.advance_m / cast.stride_m) % (2.0 * np.pi)
+        turn_rad = 2.0 * np.pi * motion.advance_m[self._moved_by] / cast.stride_m
+        self._gait_rad = (self._gait_rad + turn_rad) % (2.0 * np.pi)
         rolls = motion.speed_mps > _STEERING_MPS
         steer_rad: Float64Array = np.arctan2(
             cast.wheelbase_m * motion.angular_velocity_radps[:, 2], np.where(rolls, motion.speed_mps, 1.0)

@@ -1,23 +1,16 @@
 """SUMO, in this process: one simulation, advanced tick by tick and read as arrays. Nothing else here knows libsumo."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import libsumo
 import numpy as np
 
 from simbev_ros.errors import SimulationError
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.demand import index_of, pedestrian_name, vehicle_name
-
-_PROJ = {name: os.environ.get(name) for name in ("PROJ_LIB", "PROJ_DATA")}
-import libsumo  # noqa: E402  its import sends this process's pyproj to SUMO's own PROJ data; undone below
-
-for _name, _value in _PROJ.items():
-    if _value is None:
-        os.environ.pop(_name, None)
 
 _NS_PER_MS = 1_000_000
 _OPTIONS = {

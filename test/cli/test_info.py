@@ -8,7 +8,7 @@ from simbev_ros.cli.info import info
 from simbev_ros.errors import BagError
 from simbev_ros.recording.accounting import Accounting, Schedule
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.digest import SHORT, topic_digests
+from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
 
@@ -48,7 +48,7 @@ def test_table_shows_topic_digest_and_what_is_missing(tmp_path: Path, capsys: py
     info(path, digest=True)
     text = capsys.readouterr().out
     with SceneBag(path) as bag:
-        assert topic_digests(bag)["/words"][:SHORT] in text
+        assert topic_digests(bag)["/words"][:16] in text
     assert "4 of 5" in text
     assert "/words: 4 of 5 messages, missing at ticks 3" in text
     assert "finished, incomplete" in text

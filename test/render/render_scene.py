@@ -70,7 +70,7 @@ def scene(offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> StaticScene
     origin = np.array(offset_m)
     tiles = (
         Tile(origin, Mesh.merged([ground, house]), {}),
-        Tile(origin + [10, 0, 0], tree.transformed(_shift(-10)), {}),
+        Tile(origin + np.array([10.0, 0.0, 0.0]), tree.transformed(_shift(-10)), {}),
     )
     return StaticScene(tiles, (StreetLight((15.0 + offset_m[0], -5.0 + offset_m[1], 8.0 + offset_m[2])),))
 

@@ -10,7 +10,8 @@ RIGHT, LEFT, NEITHER = 1, 2, 0
 
 def lights(signal=NEITHER, speed_mps=8.0, gain_mps2=0.0, bright=True, weather=NOON):
     one = np.ones(1)
-    return Light(vehicle_lights(np.array([signal]), speed_mps * one, gain_mps2 * one, np.array([bright]), weather)[0])
+    rows = vehicle_lights(np.array([signal]), speed_mps * one, gain_mps2 * one, np.array([bright]), weather)
+    return Light(int(rows[0]))
 
 
 def test_a_car_that_drives_on_by_day_shows_no_light():

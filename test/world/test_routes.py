@@ -1,12 +1,11 @@
 from itertools import pairwise
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
-from world_scenes import blocks
+from world_scenes import blocks, lane, network
 
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.network import Lane, LaneKind, RoadNetwork
+from simbev_ros.maps.network import LaneKind
 from simbev_ros.scene.random import stream
 from simbev_ros.world.routes import StreetGraph, WalkGraph
 
@@ -14,15 +13,6 @@ from simbev_ros.world.routes import StreetGraph, WalkGraph
 @pytest.fixture(scope="module")
 def net():
     return ElementTree.parse(blocks().net_path).getroot()
-
-
-def lane(name, successors=(), kind=LaneKind.DRIVING, junction=""):
-    line_m = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]])
-    return Lane(name, name.rsplit("_", 1)[0], int(name[-1]), kind, line_m, 3.5, 13.9, junction, successors)
-
-
-def network(*lanes):
-    return RoadNetwork("toy", {each.id: each for each in lanes}, {}, (), blocks().datum, blocks().net_path, "")
 
 
 def toy_net(**attributes):

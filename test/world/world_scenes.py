@@ -7,7 +7,7 @@ import numpy as np
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Annotation
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.network import Lane, LaneKind, RoadNetwork
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.spec import MapSpec, PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.scene.state import WorldState
@@ -34,6 +34,17 @@ NOON = Weather(
 @cache
 def blocks() -> RoadNetwork:
     return load_network(BLOCKS)
+
+
+def lane(name: str, successors: tuple[str, ...] = (), kind: LaneKind = LaneKind.DRIVING) -> Lane:
+    """A straight lane of 100 m outside junctions."""
+    line_m = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]])
+    return Lane(name, name.rsplit("_", 1)[0], int(name[-1]), kind, line_m, 3.5, 13.9, "", successors)
+
+
+def network(*lanes: Lane) -> RoadNetwork:
+    """Roads of nothing but these lanes."""
+    return RoadNetwork("toy", {each.id: each for each in lanes}, {}, (), blocks().datum, blocks().net_path, "")
 
 
 def scene(vehicles: int = 24, pedestrians: int = 24, ticks: int = 160, **changes: object) -> SceneSpec:

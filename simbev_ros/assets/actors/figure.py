@@ -50,15 +50,16 @@ class Figure(Model):
 
 
 # Rings of the trunk above the hip joints and of the head about its centre: z, x, half depth, half width; over the height.
-_HIPS = [(-0.06, 0.0, 0.040, 0.070), (-0.03, -0.004, 0.064, 0.094), (0.0, -0.004, 0.068, 0.099), (0.07, 0.0, 0.056, 0.086)]
+_HIPS = [(-0.06, 0.0, 0.040, 0.070), (-0.03, -0.004, 0.064, 0.094), (0.0, -0.004, 0.068, 0.099), (0.05, 0.0, 0.048, 0.078)]
 _TRUNK = [
     (0.06, 0.002, 0.060, 0.089),
     (0.10, 0.002, 0.058, 0.088),
     (0.16, 0.0, 0.064, 0.098),
     (0.22, -0.002, 0.067, 0.108),
-    (0.262, -0.008, 0.058, 0.112),
-    (0.288, -0.012, 0.042, 0.086),
-    (0.308, -0.010, 0.030, 0.044),
+    (0.252, -0.006, 0.060, 0.113),
+    (0.276, -0.010, 0.048, 0.098),
+    (0.296, -0.011, 0.038, 0.066),
+    (0.312, -0.010, 0.028, 0.038),
 ]
 _HEAD = [
     (-0.068, 0.014, 0.022, 0.020),
@@ -141,7 +142,7 @@ def _head(figure: Figure, pose: Pose) -> list[Solid]:
     skin, hair = f"skin #{figure.skin}", f"hair #{figure.hair}"
     solids: list[Solid] = []
     if figure.hairstyle != "full_helmet":
-        solids.append(Rings(shape="rings", finish=skin, rings=_rings(_HEAD, size), at=_vector(center), segments=12))
+        solids.append(Rings(shape="rings", finish=skin, rings=_rings(_HEAD, size), at=_vector(center)))
         nose = center + size * np.array([0.055, 0.0, -0.014])
         solids.append(Box(shape="box", finish=skin, size=_vector(size * np.array([0.014, 0.013, 0.026])), at=_vector(nose)))
         for side in (-1.0, 1.0):
@@ -150,7 +151,7 @@ def _head(figure: Figure, pose: Pose) -> list[Solid]:
 
     def blob(finish: str, extent: Vector, offset: Vector) -> Ellipsoid:
         at = _vector(center + size * np.array(offset))
-        return Ellipsoid(shape="ellipsoid", finish=finish, size=_vector(size * np.array(extent)), at=at)
+        return Ellipsoid(shape="ellipsoid", finish=finish, size=_vector(size * np.array(extent)), at=at, segments=9)
 
     if figure.hairstyle in ("short", "long", "bun"):
         solids.append(blob(hair, (0.116, 0.100, 0.110), (-0.014, 0.0, 0.020)))
@@ -187,6 +188,7 @@ def _leg(figure: Figure, pose: Pose, side: Literal["left", "right"]) -> list[Sol
             finish=figure.shoes,
             part=f"foot {side}",
             rings=shoe,
+            segments=8,
             at=_vector(joints["ankle"]),
             turn=(0.0, pitch, 0.0),
         ),
@@ -202,7 +204,7 @@ def _arm(figure: Figure, pose: Pose, side: Literal["left", "right"]) -> list[Sol
     hand = joints["wrist"] + fore / np.linalg.norm(fore) * 0.035 * h
     pitch = float(np.degrees(np.arctan2(-fore[0], -fore[2])))
     return [
-        _limb(figure.top, f"upper arm {side}", joints["shoulder"], joints["elbow"], [0.034 * h, 0.029 * h, 0.025 * h], girth),
+        _limb(figure.top, f"upper arm {side}", joints["shoulder"], joints["elbow"], [0.033 * h, 0.029 * h, 0.025 * h], girth),
         _limb(sleeve, f"forearm {side}", joints["elbow"], joints["wrist"], [0.025 * h, 0.024 * h, 0.018 * h], girth),
         Ellipsoid(
             shape="ellipsoid",

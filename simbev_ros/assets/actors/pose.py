@@ -11,7 +11,7 @@ from simbev_ros.types import Float64Array
 # Lengths over the body height: Drillis and Contini, "Body Segment Parameters", 1966.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.039
 UPPER_ARM, FOREARM = 0.172, 0.150
-HIP_HALF, SHOULDER_ABOVE_HIP, NECK_ABOVE_HIP, HEAD_ABOVE_HIP = 0.052, 0.272, 0.298, 0.400
+HIP_HALF, SHOULDER_ABOVE_HIP, NECK_ABOVE_HIP, HEAD_ABOVE_HIP = 0.052, 0.252, 0.298, 0.400
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def walking_pose(gait: Gait, height_m: float, shoulders: float) -> Pose:
         arm, fore = chain["upper arm"].at(np.pi / 2), chain["forearm"].at(np.pi / 2)
         at_hip = hip + [0.0, sign * HIP_HALF * height_m, 0.0]
         knee = at_hip + _down(thigh, THIGH * height_m)
-        shoulder = hip + height_m * np.array([-0.006, sign * (shoulders + 0.012), SHOULDER_ABOVE_HIP - 0.012])
+        shoulder = hip + height_m * np.array([-0.006, sign * (shoulders + 0.012), SHOULDER_ABOVE_HIP])
         elbow = shoulder + _down(arm, UPPER_ARM * height_m) + [0.0, sign * 0.012 * height_m, 0.0]
         joints[side] = {
             "hip": at_hip,

@@ -94,7 +94,7 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
         meshes += build_wheels(shape.wheels, blueprint.tag, first_part=1)
     for solid in solids:
         meshes += build_solid(solid, blueprint.tag, index)
-    mesh = Mesh.merged(meshes)
+    mesh = Mesh.merged(sorted(meshes, key=lambda mesh: int(mesh.part[0])))
     fitted = _fit(blueprint, mesh.bounds_m)
     return ActorModel(
         blueprint=blueprint.name,

@@ -152,7 +152,7 @@ def _columns(shell: Shell) -> Float64Array:
     start, end = shell.sides[0], shell.sides[-1]
     side_x: list[float] = [x for patch in shell.patches for x in patch.side]
     for arch in shell.arches:
-        angles = np.linspace(0.0, np.pi, 9)
+        angles = np.linspace(0.0, np.pi, 8)
         side_x += [*(arch.x + arch.radius * np.cos(angles)), arch.x + arch.radius * 1.012, arch.x - arch.radius * 1.012]
     if shell.recess:
         front, rear = shell.recess.x

@@ -104,7 +104,7 @@ class Rings(Solid):
 
 
 class Lathe(Solid):
-    """A body of revolution about y: [radius, y], from y minus to plus."""
+    """A body of revolution about y: [radius, y], from y minus to plus; a ring if the last point is the first again."""
 
     shape: Literal["lathe"]
     profile: tuple[tuple[float, float], ...]
@@ -112,8 +112,22 @@ class Lathe(Solid):
 
     def mesh(self, finish: Finish) -> Mesh:
         """See ``Solid``."""
-        upright = lathe(finish, np.array(self.profile), segments=self.segments)
+        upright = lathe(finish, np.array(self.profile), segments=self.segments, caps=self.profile[0] != self.profile[-1])
         return upright.transformed(_turned((-90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+
+
+class Spokes(Solid):
+    """Bars across a wheel about y, through its centre."""
+
+    shape: Literal["spokes"]
+    radius: float
+    count: int
+    size: tuple[float, float]
+
+    def mesh(self, finish: Finish) -> Mesh:
+        """See ``Solid``."""
+        turns = [_turned((0.0, 180.0 / self.count * k, 0.0), (0.0, 0.0, 0.0)) for k in range(self.count)]
+        return Mesh.merged([box(finish, (2.0 * self.radius, *self.size)).transformed(turn) for turn in turns])
 
 
 class Profile(Solid):
@@ -129,7 +143,7 @@ class Profile(Solid):
         return flat.transformed(_turned((90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
 
-AnySolid = Annotated[Box | Ellipsoid | Tube | Rings | Lathe | Profile, Field(discriminator="shape")]
+AnySolid = Annotated[Box | Ellipsoid | Tube | Rings | Lathe | Spokes | Profile, Field(discriminator="shape")]
 
 _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 

@@ -6,6 +6,12 @@
 
 const vec2 BRICK_SIZE = vec2(0.25, 0.085);
 
+// Place on the coordinate plane that the surface faces most, so that noise is not stretched.
+vec2 flat_place(vec3 position, vec3 facing) {
+    vec2 upright = facing.x > facing.y ? position.yz : position.xz;
+    return facing.z > max(facing.x, facing.y) ? position.xy : upright;
+}
+
 void main() {
     Pixel p = this_pixel();
     vec4 coarse = noise_at(p.uv / 9.0, p.size / 9.0);
@@ -20,9 +26,13 @@ void main() {
         float tone = (random(floor(place)) - 0.5) * 0.4 * clamp(1.0 - p.size * 12.0, 0.0, 1.0);
         s.albedo = mix(s.albedo * (1.0 + tone), vec3(0.42, 0.39, 0.35), joint * 0.7);
     } else if (p.material == MATERIAL_FOLIAGE) {
-        vec4 leaves = noise_at(p.uv / 1.7 + p.normal.xy * 0.2, p.size / 1.7);
-        s.albedo *= 0.45 + 0.75 * leaves.g * leaves.b + 0.35 * leaves.r;
-        s.normal = normalize(p.normal + (leaves.bga - 0.5) * 0.9);
+        vec2 place = flat_place(p.position + noise_origin.xyz, abs(p.normal));
+        vec4 clump = noise_at(place / 8.0, p.size / 8.0);
+        vec4 leaf = noise_at(place / 2.0, p.size / 2.0);
+        float gap = smoothstep(0.18, 0.62, leaf.g * 0.55 + leaf.b * 0.45);
+        s.albedo *= (0.38 + 0.85 * gap) * (0.75 + 0.5 * clump.b);
+        s.albedo.r *= 0.85 + 0.5 * clump.a;
+        s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 1.1 + (clump.bar - 0.5) * 0.5);
         s.translucency = 0.4;
     } else if (p.material == MATERIAL_BARK || p.material == MATERIAL_WOOD) {
         s.albedo *= 0.7 + 0.6 * noise_at(p.uv * vec2(3.0, 0.5), p.size * 3.0).b;

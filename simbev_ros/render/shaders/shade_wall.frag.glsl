@@ -23,6 +23,16 @@ float within(vec2 place, vec2 low, vec2 high, float size) {
     return span_cover(place.x, low.x, high.x, size) * span_cover(place.y, low.y, high.y, size);
 }
 
+// What stands in a shop window: goods of many colours below, the dim back of the shop above.
+vec3 goods_on_display(vec2 uv, float height, float size) {
+    vec2 cell = floor(uv / vec2(0.35, 0.45));
+    vec3 color = 0.25 + 0.6 * vec3(random(cell), random(cell + 333.0), random(cell + 777.0));
+    float seen = clamp(1.2 - size * 4.0, 0.0, 1.0);
+    float stocked = step(height, 0.9 + 0.9 * random(vec2(cell.x, 5.0))) * seen;
+    float back = 0.30 + 0.25 * height / 2.5 + 0.15 * noise_at(uv / 6.0, size / 6.0).r;
+    return mix(vec3(0.9, 0.8, 0.65) * back, color, stocked * 0.55);
+}
+
 void main() {
     Pixel p = this_pixel();
     Opening o = opening_of(p.material);
@@ -48,17 +58,20 @@ void main() {
 
     float curtain = step(0.55, pick) * span_cover(place.y, o.high.y - (0.25 + 0.9 * other), o.high.y, p.size);
     vec3 room = mix(vec3(0.018, 0.02, 0.024), vec3(0.30, 0.28, 0.25) * (0.5 + 0.5 * pick), curtain * 0.5);
-    room = p.material == MATERIAL_SHOPFRONT ? vec3(0.10, 0.085, 0.07) * (0.4 + noise_at(p.uv * vec2(0.37, 0.11), p.size * 0.3).b) : room;
+    bool shop = p.material == MATERIAL_SHOPFRONT;
+    vec3 goods = goods_on_display(p.uv, place.y, p.size);
+    room = shop ? goods * 0.28 : room;
     float under_lintel = smoothstep(o.recess * 2.2, 0.0, o.high.y - place.y) * opening;
 
     Surface s = surface_of(p);
     s.albedo = mix(mix(wall, frame, opening), room, glass) * (1.0 - 0.55 * under_lintel);
     s.roughness = mix(0.85, 0.04, glass);
     s.specular = mix(0.035, p.material == MATERIAL_OFFICE_GLASS ? 0.12 : 0.06, glass);
-    float lit_share = p.material == MATERIAL_SHOPFRONT ? 0.75 : 0.3;
+    float lit_share = shop ? 0.75 : 0.3;
     float is_lit = step(1.0 - lit_share, random(bay + seed * 13.0 + 16384.0)) * lamps_lit();
     vec3 warm = mix(vec3(1.0, 0.66, 0.33), vec3(0.95, 0.86, 0.7), other);
     float inside = 0.55 + 0.45 * noise_at(p.uv / 2.1 + pick, p.size / 2.1).a - 0.35 * curtain;
-    s.emission = warm * glass * is_lit * inside * 0.55 + sign_color * sign * lamps_lit() * 0.5;
+    vec3 interior = shop ? goods * 1.1 + 0.12 : vec3(inside * 0.55);
+    s.emission = warm * glass * is_lit * interior + sign_color * sign * lamps_lit() * 0.5;
     shade(p, s);
 }

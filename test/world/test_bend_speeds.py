@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
-from test_routes import lane, network
+from world_scenes import lane, network
 
 from simbev_ros.maps.network import Lane, LaneKind
 from simbev_ros.world.curves import bend_speeds
 
 
 def bend(radius_m, turn_rad, straight_m=50.0):
-    angle = np.linspace(0.0, turn_rad, 40)
-    arc_m = np.stack([straight_m + radius_m * np.sin(angle), radius_m * (1 - np.cos(angle)), 0 * angle], axis=-1)
+    angle, side = np.linspace(0.0, abs(turn_rad), 40), np.sign(turn_rad)
+    arc_m = np.stack([straight_m + radius_m * np.sin(angle), side * radius_m * (1 - np.cos(angle)), 0 * angle], axis=-1)
     line_m = np.vstack([[0.0, 0.0, 0.0], arc_m])
     return Lane("A_0", "A", 0, LaneKind.DRIVING, line_m, 3.5, 13.9, "", ())
 

@@ -22,7 +22,7 @@ def bev_color(labels: UInt16Array) -> UInt8Array:
 
 
 def class_color(name: str) -> tuple[int, int, int]:
-    """sRGB of a box class: as in the bird's-eye view, or, for classes that are not in it, as the semantic tag."""
+    """Colour (sRGB) of a box class: that of the bird's-eye view, or of the semantic tag where the view lacks it."""
     palette = _palette()
     red, green, blue = _rgb(palette["bev"].get(name) or palette["semantic"][name.upper()]).tolist()
     return red, green, blue

@@ -8,7 +8,7 @@ import shapely
 
 from simbev_ros.assets.buildings import STYLES, Plot
 from simbev_ros.assets.claims import Claims
-from simbev_ros.assets.facades import BAY_M
+from simbev_ros.assets.facades import BAY_M, PARTY_LEDGE_M
 from simbev_ros.assets.ground import LAND_HEIGHT_M
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.tiles import standing
@@ -20,12 +20,12 @@ from simbev_ros.types import Float64Array
 
 _STEP_M = 1.0
 _HIGHEST_HOUSE_M, _HIGHEST_APARTMENTS_M = 7.5, 24.0
-_PARTY_GAP_M = 0.12
+_PARTY_GAP_M, _HOUSE_VERGE_M = 0.12, 0.5
 _DENSITY_POWER = {BlockUse.DOWNTOWN: 0.4, BlockUse.RESIDENTIAL: 1.0, BlockUse.OUTSKIRTS: 3.0}
 _BAYS = {"house": (3, 4), "shop": (4, 8), "apartments": (4, 8), "office": (6, 11)}
 _DEPTH_BAYS = {"house": (3, 3), "shop": (4, 5), "apartments": (4, 4), "office": (5, 7)}
-SHOULDER_ROOM_M = 0.5
-"""Between setback line and front wall, for cornices and steps. Balconies and awnings may stand out farther."""
+SHOULDER_ROOM_M = 1.3
+"""Between setback line and front wall: room for steps, awnings, cornices and balconies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +101,11 @@ def _candidate(side: FrontSide, s_m: float, block: Block, recipe: SurroundingsRe
     width_m, depth_m = (
         BAY_M * int(rng.integers(low, high, endpoint=True)) for low, high in (_BAYS[style], _DEPTH_BAYS[style])
     )
-    setback_m = sample(recipe.building_setback_m, rng) + (3.0 if style == "house" else 0.0)
+    setback_m = sample(recipe.building_setback_m, rng) + (2.5 if style == "house" else 0.0)
     origin = place + side.direction * width_m / 2.0 + side.inward * (setback_m + SHOULDER_ROOM_M)
     pose = standing(origin, LAND_HEIGHT_M, side.yaw_rad)
-    half_m = width_m / 2.0 + (0.5 if style == "house" else 0.0)
-    near_m, far_m = (-0.6, depth_m + 0.6) if style != "apartments" else (-SHOULDER_ROOM_M, depth_m + 0.6)
+    half_m = width_m / 2.0 + (_HOUSE_VERGE_M if style == "house" else PARTY_LEDGE_M)
+    near_m, far_m = -SHOULDER_ROOM_M, depth_m + 0.6
     corners = np.array([[-half_m, near_m], [half_m, near_m], [half_m, far_m], [-half_m, far_m]])
     footprint = shapely.Polygon(corners @ pose[:2, :2].T + pose[:2, 3])
     return Site(style, Plot(width_m, depth_m, height_m), pose, footprint, setback_m)

@@ -106,9 +106,9 @@ def balconies(width_m: float, bays: Sequence[int], floors_m: Sequence[float], co
 
 
 def door_x_m(width_m: float) -> float:
-    """Where the front door is: at the pier between two bays next to the middle."""
+    """Where the front door is: in the bay next to the middle, in place of a window."""
     bays = max(1, round(width_m / BAY_M))
-    return (bays // 2 / bays - 0.5) * width_m
+    return ((bays // 2 + 0.5) / bays - 0.5) * width_m
 
 
 def door(x_m: float, color: Color, trim: Color) -> list[Mesh]:

@@ -23,8 +23,8 @@ def speed_sign(limit_kmh: int) -> Mesh:
             cylinder(back, (0.03, 0.0, z_m), (0.045, 0.0, z_m), 0.31, segments=12),
             cylinder(red, (0.044, 0.0, z_m), (0.055, 0.0, z_m), 0.32, segments=14),
             cylinder(white, (0.05, 0.0, z_m), (0.062, 0.0, z_m), 0.255, segments=14),
-            *_digit(black, tens, (0.064, 0.1, z_m)),
-            *_digit(black, ones, (0.064, -0.1, z_m)),
+            *_digit(black, tens, (0.064, -0.1, z_m)),
+            *_digit(black, ones, (0.064, 0.1, z_m)),
         ]
     )
 
@@ -42,16 +42,16 @@ def street_name_sign(color: Color) -> Mesh:
 
 
 def _digit(finish: Finish, value: int, center_m: tuple[float, float, float]) -> list[Mesh]:
-    """Seven-segment figure 0.28 m high, read from x; the reader's right is -y."""
+    """Seven-segment figure 0.28 m high, read from x; the reader's right is +y."""
     x_m, y_m, z_m = center_m
     upright, level = (0.006, 0.03, 0.14), (0.006, 0.12, 0.03)
     spots = {
         "a": (level, 0.0, 0.125),
-        "b": (upright, -0.05, 0.065),
-        "c": (upright, -0.05, -0.065),
+        "b": (upright, 0.05, 0.065),
+        "c": (upright, 0.05, -0.065),
         "d": (level, 0.0, -0.125),
-        "e": (upright, 0.05, -0.065),
-        "f": (upright, 0.05, 0.065),
+        "e": (upright, -0.05, -0.065),
+        "f": (upright, -0.05, 0.065),
         "g": (level, 0.0, 0.0),
     }
     return [

@@ -39,9 +39,9 @@ def load_static_scene(spec: MapSpec, network: RoadNetwork, cache_dir: Path | Non
     path = folder / f"{spec.name}-{_key(spec, network)}.npz"
     if path.is_file():
         return _read(path)
-    scene = build_static_scene(network, recipe_of(spec.name).surroundings, spec.seed)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        scene = build_static_scene(network, recipe_of(spec.name).surroundings, spec.seed)
         _write(path, scene)
     except OSError as error:
         raise InputError(f"cache of surroundings {folder}: cannot be written: {error.strerror}") from error

@@ -2,13 +2,13 @@
 
 from functools import lru_cache
 
-from simbev_ros.assets.build import build_static_scene
+from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.maps.build import load_network, recipe_of
+from simbev_ros.maps.build import load_network
 from simbev_ros.maps.spec import MapSpec
 
 
 @lru_cache(maxsize=1)
 def surroundings(spec: MapSpec) -> StaticScene:
     """The static scene of a map, from the cache on disk where it is there."""
-    return build_static_scene(load_network(spec), recipe_of(spec.name).surroundings, spec.seed)
+    return load_static_scene(spec, load_network(spec))

@@ -17,6 +17,7 @@ class Shading:
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context = context
+        self._occlusion = library.screen_pass("occlusion.frag")
         self._classify = library.screen_pass("classify.frag")
         self._classify.program["layer_step"] = _LAYER_STEP
         self._passes = [library.screen_pass(f"shade_{name}.frag") for name in shading_classes()]
@@ -44,6 +45,8 @@ class Shading:
 
     def draw(self, targets: Targets) -> None:
         """Fill ``targets.rgb`` from the G-buffer, which must be bound."""
+        targets.occlusion.use()
+        draw_screen(self._occlusion)
         targets.shaded.use()
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"

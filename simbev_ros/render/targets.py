@@ -24,11 +24,15 @@ class Targets:
         self._shaded = texture(4, "f1")
         self._shaded.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._shaded.repeat_x = self._shaded.repeat_y = False
+        half_px = (-(-size_px[0] // 2), -(-size_px[1] // 2))
+        self._occlusion = context.texture(half_px, 2, dtype="f2")
+        self._occlusion.repeat_x = self._occlusion.repeat_y = False
         self.geometry = context.framebuffer(
             [self._surface, self._depth, self._color], context.depth_renderbuffer(size_px)
         )
         self.labels = context.framebuffer([texture(1, "u1"), texture(1, "u2")])
         self.flow = context.framebuffer([texture(2, "f4")])
+        self.occlusion = context.framebuffer([self._occlusion])
         self.shaded = context.framebuffer([self._shaded], context.depth_renderbuffer(size_px))
         self.rgb = context.framebuffer([texture(4, "f1")])
 
@@ -37,6 +41,7 @@ class Targets:
         self._surface.use(TEXTURE_UNITS["g_surface"])
         self._depth.use(TEXTURE_UNITS["g_depth"])
         self._color.use(TEXTURE_UNITS["g_color"])
+        self._occlusion.use(TEXTURE_UNITS["occlusion"])
         self._shaded.use(TEXTURE_UNITS["shaded"])
 
 

@@ -159,13 +159,13 @@ def test_a_town_stays_within_its_budget_and_has_all_that_a_town_has(town: Mesh) 
     assert expected | {Tag.BUILDING, *GROUND_TAGS} <= {Tag(int(tag)) for tag in np.unique(town.tag)}
 
 
-def test_a_seed_repeats_to_the_byte_and_another_differs(network: RoadNetwork, scene: StaticScene) -> None:
-    recipe = recipe_of("Blocks").surroundings
-    assert _bytes(build_static_scene(network, recipe, seed=0)) == _bytes(scene)
-    assert _bytes(build_static_scene(network, recipe, seed=1)) != _bytes(scene)
+def test_another_seed_gives_other_surroundings(network: RoadNetwork, scene: StaticScene) -> None:
+    assert _bytes(build_static_scene(network, recipe_of("Blocks").surroundings, seed=1)) != _bytes(scene)
 
 
-def test_a_cached_scene_equals_the_built_one(network: RoadNetwork, scene: StaticScene, cache: Path) -> None:
+def test_a_scene_built_again_and_a_cached_one_have_the_same_bytes(
+    network: RoadNetwork, scene: StaticScene, cache: Path
+) -> None:
     built, cached = load_static_scene(SPEC, network, cache), load_static_scene(SPEC, network, cache)
     assert _bytes(built) == _bytes(cached) == _bytes(scene)
     assert [tile.origin_m.tolist() for tile in cached.tiles] == [tile.origin_m.tolist() for tile in scene.tiles]

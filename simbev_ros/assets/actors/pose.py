@@ -29,7 +29,7 @@ class Swing:
 
 
 class Oscillation(Model):
-    """Degrees: mean + amplitude sin(gait + phase); positive turns the lower end of a limb backward. ``still``: at rest."""
+    """Degrees: mean + amplitude sin(gait + phase), or ``still`` at rest; positive swings a limb's lower end backward."""
 
     mean: float
     amplitude: float
@@ -90,7 +90,6 @@ class Pose:
         foot_pitch_rad: Side → pitch of the foot, toes down.
         swings: Side → limb → how it swings.
         lift_m: See ``Part``.
-        bare_hands: No gloves.
     """
 
     hip: Float64Array
@@ -101,7 +100,6 @@ class Pose:
     foot_pitch_rad: Mapping[str, float]
     swings: Mapping[str, Mapping[str, Swing]]
     lift_m: float
-    bare_hands: bool
 
 
 def walking_pose(gait: Gait, height_m: float, shoulders: float) -> Pose:
@@ -118,7 +116,7 @@ def walking_pose(gait: Gait, height_m: float, shoulders: float) -> Pose:
         }
         thigh, shin = chain["thigh"].at(np.pi / 2), chain["shin"].at(np.pi / 2)
         arm, fore = chain["upper arm"].at(np.pi / 2), chain["forearm"].at(np.pi / 2)
-        at_hip = hip + [0.0, sign * HIP_HALF * height_m, 0.0]
+        at_hip = hip + np.array([0.0, sign * HIP_HALF * height_m, 0.0])
         knee = at_hip + _down(thigh, THIGH * height_m)
         shoulder = hip + height_m * np.array([-0.006, sign * (shoulders + 0.012), SHOULDER_ABOVE_HIP])
         elbow = shoulder + _down(arm, UPPER_ARM * height_m) + [0.0, sign * 0.012 * height_m, 0.0]
@@ -132,8 +130,8 @@ def walking_pose(gait: Gait, height_m: float, shoulders: float) -> Pose:
         }
         foot_pitch[side] = thigh + shin + chain["foot"].at(np.pi / 2)
         swings[side] = {limb: _from_rest(swing) for limb, swing in chain.items()}
-    neck, head = (hip + [0.0, 0.0, above * height_m] for above in (NECK_ABOVE_HIP, HEAD_ABOVE_HIP))
-    return Pose(hip, neck, head, 0.0, joints, foot_pitch, swings, gait.lift * height_m, bare_hands=True)
+    neck, head = (hip + np.array([0.0, 0.0, above * height_m]) for above in (NECK_ABOVE_HIP, HEAD_ABOVE_HIP))
+    return Pose(hip, neck, head, 0.0, joints, foot_pitch, swings, gait.lift * height_m)
 
 
 def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
@@ -145,7 +143,7 @@ def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
     joints, swings, foot_pitch = {}, {}, {}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         start = 0.0 if sign > 0 else np.pi
-        at_hip = hip + [0.0, sign * HIP_HALF * height_m, 0.0]
+        at_hip = hip + np.array([0.0, sign * HIP_HALF * height_m, 0.0])
         circle = np.array(seat.foot) * [1.0, sign, 1.0] + seat.crank * np.stack(
             [-np.sin(turn + start), np.zeros(36), -np.cos(turn + start)], axis=1
         )
@@ -154,7 +152,7 @@ def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
         knee = at_hip + _down(thigh[0], THIGH * height_m) + np.multiply(across, 0.5)
         shoulder = hip + up * SHOULDER_ABOVE_HIP * height_m + [0.0, sign * shoulders * height_m, 0.0]
         wrist = np.array(seat.hand) * [1.0, sign, 1.0]
-        arm, fore = _bend((wrist - shoulder)[None], UPPER_ARM * height_m, FOREARM * height_m, forward=False)
+        arm, _ = _bend((wrist - shoulder)[None], UPPER_ARM * height_m, FOREARM * height_m, forward=False)
         joints[side] = {
             "hip": at_hip,
             "knee": knee,
@@ -173,7 +171,7 @@ def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
         }
     neck = hip + up * NECK_ABOVE_HIP * height_m
     head = neck + np.array([np.sin(lean / 2), 0.0, np.cos(lean / 2)]) * (HEAD_ABOVE_HIP - NECK_ABOVE_HIP) * height_m
-    return Pose(hip, neck, head, seat.lean_deg, joints, foot_pitch, swings, 0.0, bare_hands=seat.crank > 0)
+    return Pose(hip, neck, head, seat.lean_deg, joints, foot_pitch, swings, 0.0)
 
 
 def _down(angle_rad: float, length_m: float) -> Float64Array:
@@ -205,10 +203,8 @@ def _fitted(turn_rad: Float64Array, angle_rad: Float64Array) -> Swing:
     return Swing(-amplitude * float(np.sin(phase)), amplitude, phase)
 
 
-def _bend(
-    reach_m: Float64Array, upper_m: float, lower_m: float, *, forward: bool
-) -> tuple[Float64Array, Float64Array]:
-    """Angles of (upper, lower) limb against the vertical that reach (N, 3) points from the joint; the bend is forward or back."""
+def _bend(reach_m: Float64Array, upper_m: float, lower_m: float, *, forward: bool) -> tuple[Float64Array, Float64Array]:
+    """Angles of (upper, lower) limb against the vertical that reach (N, 3) points from the joint; forward: as a knee."""
     distance = np.minimum(np.hypot(reach_m[:, 0], reach_m[:, 2]), 0.999 * (upper_m + lower_m))
     along = np.arctan2(-reach_m[:, 0], -reach_m[:, 2])
     inner = np.arccos((upper_m**2 + distance**2 - lower_m**2) / (2.0 * upper_m * distance))

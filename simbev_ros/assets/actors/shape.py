@@ -55,8 +55,8 @@ class Shape(Model):
 def load_shape(blueprint: str) -> Shape:
     """The shape of a blueprint, from its file.
 
-    A file may extend another one: then it adds its solids, and the k-th list of its ``patches`` to the k-th shell, and what
-    it says of the figure wins.
+    A file may extend another one: then it adds its solids, and the k-th list of its ``patches`` to the k-th shell, and
+    what it says of the figure wins.
     """
     return Shape.model_validate(_read(blueprint))
 

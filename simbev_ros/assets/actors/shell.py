@@ -1,8 +1,8 @@
-"""Shells: the smooth bodies of vehicles, lofted through waterlines from the sill to the roof and closed by a crowned cap.
+"""Shells: the smooth bodies of vehicles, lofted through waterlines from the sill to the roof, closed by a crowned cap.
 
-A waterline is a loop at (nearly) one height, the same left and right. Half of it has three stretches: the front, from its
-middle to where the side starts; the side; and the rear, to its middle. A column is a point that all loops have, so that
-lamps, windows, grilles and seams are patches of the grid loops x columns.
+A waterline is a loop at (nearly) one height, the same left and right. Half of it has three stretches: the front, from
+its middle to where the side starts; the side; and the rear, to its middle. A column is a point that all loops have, so
+that lamps, windows, grilles and seams are patches of the grid loops x columns.
 """
 
 from typing import Literal
@@ -76,7 +76,7 @@ class Arch(Model):
 
 
 class Recess(Model):
-    """A sunken piece of the cap, such as a pickup's bed: from x to x, out to this share of the half width, down to z."""
+    """A sunken piece of the cap, such as a pickup's bed: from x to x, out to a share of the half width, down to z."""
 
     x: tuple[float, float]
     lateral: float
@@ -87,7 +87,7 @@ class Shell(Model):
     """A body; see the module.
 
     Attributes:
-        loops: From the lowest up. With arches the first two are the edge of the floor and the inner edge of the wheel wells.
+        loops: From the lowest up. With arches the first two are the floor's edge and the inner edge of the wheel wells.
         patches: Later ones win.
         sides: x where the side starts, of places between that loops may move, and where it ends.
         finish: Where there is no patch.

@@ -112,7 +112,9 @@ class Lathe(Solid):
 
     def mesh(self, finish: Finish) -> Mesh:
         """See ``Solid``."""
-        upright = lathe(finish, np.array(self.profile), segments=self.segments, caps=self.profile[0] != self.profile[-1])
+        upright = lathe(
+            finish, np.array(self.profile), segments=self.segments, caps=self.profile[0] != self.profile[-1]
+        )
         return upright.transformed(_turned((-90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
 

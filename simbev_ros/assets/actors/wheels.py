@@ -37,7 +37,7 @@ class Wheels(Model):
     twin: bool = False
 
 
-_SEGMENTS = 14
+_SEGMENTS = 16
 
 
 def wheel_parts(wheels: Wheels) -> list[Part]:

@@ -33,7 +33,9 @@ void main() {
         s.albedo *= (0.38 + 0.85 * gap) * (0.75 + 0.5 * clump.b);
         s.albedo.r *= 0.85 + 0.5 * clump.a;
         s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 1.1 + (clump.bar - 0.5) * 0.5);
-        s.translucency = 0.4;
+        s.roughness = 1.0;
+        s.specular = 0.0;
+        s.translucency = 0.5;
     } else if (p.material == MATERIAL_BARK || p.material == MATERIAL_WOOD) {
         s.albedo *= 0.7 + 0.6 * noise_at(p.uv * vec2(3.0, 0.5), p.size * 3.0).b;
     } else if (p.material == MATERIAL_ROOF) {

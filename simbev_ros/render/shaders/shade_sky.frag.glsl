@@ -42,7 +42,8 @@ void main() {
     float around_sun = pow(max(dot(direction, key_direction.xyz), 0.0), 24.0);
     vec3 bright = sky_ambient.rgb * 1.15 + key_light.rgb * (0.27 + 0.5 * around_sun) + glow.rgb * 0.22;
     vec3 dark = sky_ambient.rgb * 0.72 + key_light.rgb * 0.05;
-    vec3 cloud = mix(bright, dark, shadowed * 0.85);
+    float billow = 0.82 + 0.36 * noise_at(place * 2.1 + 0.6, pixel_size * 2.1).r;
+    vec3 cloud = mix(bright, dark, shadowed * 0.85) * mix(1.0, billow, cloudiness());
     float shown = thickness * smoothstep(0.0, 0.14, direction.z) * mix(0.95, 0.75, cloudiness());
     radiance = mix(radiance, cloud, shown);
 

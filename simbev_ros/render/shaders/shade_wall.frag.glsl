@@ -25,12 +25,12 @@ float within(vec2 place, vec2 low, vec2 high, float size) {
 
 // What stands in a shop window: goods of many colours below, the dim back of the shop above.
 vec3 goods_on_display(vec2 uv, float height, float size) {
-    vec2 cell = floor(uv / vec2(0.35, 0.45));
-    vec3 color = 0.25 + 0.6 * vec3(random(cell), random(cell + 333.0), random(cell + 777.0));
+    vec2 cell = floor(uv / vec2(0.23, 0.34));
+    vec3 color = 0.15 + 0.5 * vec3(random(cell), random(cell + 333.0), random(cell + 777.0));
     float seen = clamp(1.2 - size * 4.0, 0.0, 1.0);
     float stocked = step(height, 0.9 + 0.9 * random(vec2(cell.x, 5.0))) * seen;
     float back = 0.30 + 0.25 * height / 2.5 + 0.15 * noise_at(uv / 6.0, size / 6.0).r;
-    return mix(vec3(0.9, 0.8, 0.65) * back, color, stocked * 0.55);
+    return mix(vec3(0.9, 0.8, 0.65) * back, color, stocked * 0.5);
 }
 
 void main() {
@@ -66,12 +66,13 @@ void main() {
     Surface s = surface_of(p);
     s.albedo = mix(mix(wall, frame, opening), room, glass) * (1.0 - 0.55 * under_lintel);
     s.roughness = mix(0.85, 0.04, glass);
+    s.normal = normalize(p.normal + glass * 0.05 * (vec3(pick, other, pick + other) - vec3(0.5, 0.5, 1.0)));
     s.specular = mix(0.035, p.material == MATERIAL_OFFICE_GLASS ? 0.12 : 0.06, glass);
     float lit_share = shop ? 0.75 : 0.3;
     float is_lit = step(1.0 - lit_share, random(bay + seed * 13.0 + 16384.0)) * lamps_lit();
     vec3 warm = mix(vec3(1.0, 0.66, 0.33), vec3(0.95, 0.86, 0.7), other);
     float inside = 0.55 + 0.45 * noise_at(p.uv / 2.1 + pick, p.size / 2.1).a - 0.35 * curtain;
-    vec3 interior = shop ? goods * 1.1 + 0.12 : vec3(inside * 0.55);
+    vec3 interior = shop ? goods * goods * 2.2 : vec3(inside * 0.55);
     s.emission = warm * glass * is_lit * interior + sign_color * sign * lamps_lit() * 0.5;
     shade(p, s);
 }

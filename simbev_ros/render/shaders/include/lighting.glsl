@@ -2,6 +2,7 @@
 #include "pixel"
 #include "sky"
 uniform sampler2DShadow shadow_map;
+uniform sampler2D occlusion;
 uniform sampler2D street_field;
 uniform sampler2D head_field;
 
@@ -101,7 +102,21 @@ vec4 developed(vec3 radiance) {
     return vec4(color, dot(color, LUMA));
 }
 
+// Share of sky and ground that nearby surfaces leave open: the mean of 4 x 4 half-size pixels at about this depth.
+float openness(float depth) {
+    vec2 size = vec2(textureSize(occlusion, 0));
+    vec2 place = floor(gl_FragCoord.xy * 0.5 + 0.25) / size;  // where four of them meet
+    float total = 0.0, weights = 1e-4;
+    for (int tap = 0; tap < 4; ++tap) {
+        vec2 found = textureLod(occlusion, place + (vec2(tap & 1, tap >> 1) * 2.0 - 1.0) / size, 0.0).xy;
+        float weight = max(1.0 - 8.0 * abs(found.y - depth) / depth, 0.0);
+        total += weight * found.x;
+        weights += weight;
+    }
+    return (total + 1e-4) / weights;
+}
+
 void shade(Pixel p, Surface s) {
-    vec3 radiance = lit(p, s, 1.0);
+    vec3 radiance = lit(p, s, openness(p.depth));
     shaded = developed(through_air(radiance, p.to_camera, p.position, p.depth));
 }

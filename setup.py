@@ -34,8 +34,9 @@ setup(
         "moderngl>=5.12",
         "numpy>=1.26",
         "open3d-cpu>=0.19",
-        "opencv-python-headless>=5.0",
+        "opencv-python-headless>=4.10",
         "av>=14",
+        "pillow>=11.2",
         "pydantic>=2.10",
         "pyproj>=3.6",
         "pyyaml>=6.0",
@@ -51,7 +52,7 @@ setup(
     extras_require={
         "run": [],
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
-        "test": ["mypy>=1.15", "pytest>=8.3", "ruff>=0.9", "types-PyYAML"],
+        "test": ["mypy>=1.15", "pytest>=8.3", "ruff>=0.9", "types-PyYAML", "types-shapely"],
     },
     entry_points={
         "console_scripts": [

@@ -1,6 +1,7 @@
 """The ground: road, sidewalks with their curbs, and the land between the streets."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import shapely
@@ -51,22 +52,22 @@ class GroundPlan:
 def lay_ground(tiles: TileBuilder, plan: GroundPlan) -> None:
     """Add all of the ground to the tiles."""
     curb = plan.sidewalk.intersection(plan.road.buffer(_CURB_WIDTH_M))
-    tiles.cover(plan.road, lambda piece: plate(_ASPHALT, piece, 0.0))
-    tiles.cover(curb, lambda piece: plate(_CURB, piece, CURB_HEIGHT_M))
-    tiles.cover(plan.sidewalk.difference(curb), lambda piece: plate(_PAVING, piece, CURB_HEIGHT_M))
+    tiles.cover(plan.road, partial(plate, _ASPHALT, z_m=0.0))
+    tiles.cover(curb, partial(plate, _CURB, z_m=CURB_HEIGHT_M))
+    tiles.cover(plan.sidewalk.difference(curb), partial(plate, _PAVING, z_m=CURB_HEIGHT_M))
     edges = plan.sidewalk.boundary
     shapely.prepare(edges)
-    tiles.cover(plan.sidewalk, lambda piece: _faces(_CURB, piece, edges, CURB_HEIGHT_M))
+    tiles.cover(plan.sidewalk, partial(_faces, _CURB, edges=edges, top_m=CURB_HEIGHT_M))
     for land, finish in ((plan.lawn, _LAWN), (plan.yard, _YARD)):
-        tiles.cover(land, lambda piece, finish=finish: plate(finish, piece, LAND_HEIGHT_M))  # type: ignore[misc]
+        tiles.cover(land, partial(plate, finish, z_m=LAND_HEIGHT_M))
         kerbless = land.boundary.intersection(plan.road.buffer(_CUT_TOLERANCE_M))
-        tiles.cover(land, lambda piece, rim=kerbless: _faces(_VERGE, piece, rim, LAND_HEIGHT_M))  # type: ignore[misc]
+        tiles.cover(land, partial(_faces, _VERGE, edges=kerbless, top_m=LAND_HEIGHT_M))
     _lay_horizon(tiles, shapely.union_all([plan.lawn, plan.yard, plan.road, plan.sidewalk]))
 
 
 def pave(tiles: TileBuilder, area: BaseGeometry) -> None:
     """Lay paths and forecourts on the lawns."""
-    tiles.cover(area, lambda piece: plate(_YARD, piece, LAND_HEIGHT_M + _PATH_RISE_M))
+    tiles.cover(area, partial(plate, _YARD, z_m=LAND_HEIGHT_M + _PATH_RISE_M))
 
 
 def tile_aligned(bounds_m: Float64Array, margin_m: float) -> shapely.Polygon:

@@ -1,5 +1,7 @@
 """Paint on the road, as thin decals, and the crosswalk areas that labels count."""
 
+from functools import partial
+
 import shapely
 
 from simbev_ros.assets.materials import Material
@@ -24,6 +26,6 @@ def paint_markings(tiles: TileBuilder, network: RoadNetwork, road: shapely.Multi
     for finish, yellow in ((_WHITE, False), (_YELLOW, True)):
         polygons = [mark.polygon for mark in markings if (mark.kind is MarkingKind.CENTER) is yellow]
         paint = shapely.intersection(shapely.union_all(polygons), road)
-        tiles.cover(paint, lambda piece, finish=finish: plate(finish, piece, DECAL_HEIGHT_M))  # type: ignore[misc]
+        tiles.cover(paint, partial(plate, finish, z_m=DECAL_HEIGHT_M))
     crosswalks = shapely.union_all(list(crossing_polygons(network)))
-    tiles.cover(crosswalks, lambda piece: plate(_CROSSWALK, piece, 0.0), surface="crosswalk")
+    tiles.cover(crosswalks, partial(plate, _CROSSWALK, z_m=0.0), surface="crosswalk")

@@ -11,6 +11,7 @@ def graph_environment(domain: int) -> dict[str, str]:
     Discovery stays on this host unless ``ROS_AUTOMATIC_DISCOVERY_RANGE`` says otherwise.
     """
     defaults = {
+        "OPENBLAS_NUM_THREADS": "1",  # its threads spin while others want the cores; our products are small
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(shipped_config_dir() / "fastdds.xml"),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RCUTILS_COLORIZED_OUTPUT": "0",

@@ -81,7 +81,9 @@ class SkyLight:
             lamps=float(weather.sun_altitude_deg < LAMPS_ON_BELOW_DEG),
         )
 
-    def block_head(self, weather: Weather, stamp_ns: int, origin_m: Float64Array) -> Float64Array:
+    def block_head(
+        self, weather: Weather, stamp_ns: int, origin_m: Float64Array, contact_half_m: float
+    ) -> Float64Array:
         """(10, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
         drift = stamp_ns * 1e-9 * _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0) % 1.0
         fog_per_m = (weather.fog_density / 100.0) ** 2 * 0.06
@@ -95,7 +97,7 @@ class SkyLight:
             (self.sky_ambient, 0.0),
             (self.ground_ambient, 0.0),
             (np.array([fog_per_m, weather.fog_distance_m, weather.fog_falloff * 0.02]), 0.0),
-            (origin_m % _NOISE_PERIOD_M, 0.0),
+            (origin_m % _NOISE_PERIOD_M, contact_half_m),
         ]
         return np.array([[*color, extra] for color, extra in rows])
 

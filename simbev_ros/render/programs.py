@@ -24,6 +24,7 @@ TEXTURE_UNITS = {
             "noise",
             "street_field",
             "head_field",
+            "contact_map",
             "occlusion",
             "shaded",
         )

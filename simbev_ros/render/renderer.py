@@ -8,6 +8,7 @@ import numpy as np
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
+from simbev_ros.render.contact import HALF_M, ContactMap
 from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.lamp_field import LampField
@@ -52,6 +53,7 @@ class Renderer:
             self._shading = Shading(self._context, library)
             self._shadow_map = ShadowMap(self._context)
             self._lamp_field = LampField(self._context, library, static.street_lights)
+            self._contact_map = ContactMap(self._context, library)
             self._noise = noise_texture(self._context)
             self._rigid = RigidTextures(self._context)
             self._view_block = self._context.buffer(reserve=VIEW_BLOCK_BYTES)
@@ -66,7 +68,8 @@ class Renderer:
         ego = frame.world.ego
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
         with self._context:
-            table = RigidTable.of(self._models, frame.world, frame.previous, origin_m)
+            flow = any("flow" in camera.modalities for camera in cameras)
+            table = RigidTable.of(self._models, frame.world, frame.previous if flow else None, origin_m)
             self._rigid.upload(table)
             if any("rgb" in camera.modalities for camera in cameras):
                 self._prepare_light(frame, table, origin_m)
@@ -92,8 +95,9 @@ class Renderer:
         world = frame.world
         sky = SkyLight.of(world.weather)
         shadows = self._shadow_map.draw(sky.key_direction, origin_m, self._static, self._actors, world, table)
+        self._contact_map.draw(world, origin_m)
         lamps = self._lamp_field.draw(world, origin_m, lit=sky.lamps > 0.0)
-        self._shading.set_light(sky.block_head(world.weather, world.stamp_ns, origin_m), *shadows, lamps)
+        self._shading.set_light(sky.block_head(world.weather, world.stamp_ns, origin_m, HALF_M), *shadows, lamps)
         self._shading.set_signals(world.signals)
 
     def _render_camera(

@@ -55,18 +55,21 @@ class RigidTable:
             np.zeros((rows, 4), np.uint32),
             ends - part_count,
         )
-        before = actors if previous is None else _rows_before(actors, previous.actors)
+        before = None if previous is None else _rows_before(actors, previous.actors)
         for blueprint in np.unique(actors["blueprint"]):
             table._fill(models[blueprint], actors["blueprint"] == blueprint, actors, before, origin_m)
         return table
 
-    def _fill(self, model: ActorModel, chosen: AnyArray, actors: Table, before: Table, origin_m: Float64Array) -> None:
+    def _fill(
+        self, model: ActorModel, chosen: AnyArray, actors: Table, before: Table | None, origin_m: Float64Array
+    ) -> None:
         """Write the rows of the chosen actors, which share a model."""
         rows = self.first_row[chosen, None] + np.arange(len(model.parts))
         now = _world_from_rest(model, actors[chosen], origin_m)
-        then = _world_from_rest(model, before[chosen], origin_m)
         self.poses[rows, :3] = now[..., :3, :]
-        self.poses[rows, 3:] = (then @ inverse(now))[..., :3, :]
+        if before is not None:
+            then = _world_from_rest(model, before[chosen], origin_m)
+            self.poses[rows, 3:] = (then @ inverse(now))[..., :3, :]
         color = actors["color"][chosen]
         self.actors[rows, 0] = actors["id"][chosen, None]
         self.actors[rows, 1] = actors["lights"][chosen, None]

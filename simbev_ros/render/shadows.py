@@ -70,7 +70,8 @@ class ShadowMap:
         Returns:
             Per cascade a (4, 4) projection of world points to its clip space.
         """
-        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._context.front_face = "ccw"
         self._context.depth_func = "<"
         centers_m = [np.round(origin_m / cascade.step_m) * cascade.step_m for cascade in CASCADES]
         clip_from_center = [_clip_from_center(direction, cascade.half_m) for cascade in CASCADES]

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 from simbev_ros.types import Float32Array, UInt8Array
 from simbev_ros.viz.layout import Box
@@ -17,12 +18,15 @@ TEXT: Color = (236, 239, 244)
 DIM: Color = (146, 154, 168)
 ACCENT: Color = (45, 212, 191)
 
-REGULAR, MEDIUM, BOLD = 400, 500, 650
+REGULAR, BOLD = 0.0, 0.35
+"""Weights of text: width of the outline drawn around it, in pixels at size 15."""
 
 
-@lru_cache(maxsize=1)
-def _font() -> cv2.FontFace:
-    return cv2.FontFace("sans")
+@lru_cache(maxsize=16)
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    font = ImageFont.load_default(size)
+    assert isinstance(font, ImageFont.FreeTypeFont), "Pillow comes with FreeType in its wheels and in Debian"
+    return font
 
 
 def draw_text(
@@ -33,20 +37,26 @@ def draw_text(
     *,
     size: float,
     color: Color = TEXT,
-    weight: int = REGULAR,
+    weight: float = REGULAR,
     right: bool = False,
 ) -> float:
     """Draw one line of text and return the x where it ends, or where it starts if ``x`` is its right end."""
     width = text_width(text, size, weight)
     left = x - width if right else x
-    cv2.putText(image, text, (round(left), round(baseline)), color, _font(), round(size), weight)
+    top, bottom = max(round(baseline - 1.5 * size), 0), round(baseline + 0.6 * size)
+    start, end = max(round(left) - 2, 0), round(left + width) + 3
+    part = image[top:bottom, start:end]
+    mask = Image.new("L", (part.shape[1], part.shape[0]))
+    place = (left - start, baseline - top)
+    ImageDraw.Draw(mask).text(place, text, 255, _font(round(size)), "ls", stroke_width=weight * size / 15)
+    opacity = np.asarray(mask, np.float32)[..., None] / 255
+    part[...] = np.rint(part + (np.asarray(color, np.float32) - part) * opacity)
     return left if right else left + width
 
 
-def text_width(text: str, size: float, weight: int = REGULAR) -> int:
+def text_width(text: str, size: float, weight: float = REGULAR) -> float:
     """Width of a line of text."""
-    _, _, width, _ = cv2.getTextSize((0, 0), text, (0, 0), _font(), round(size), weight)
-    return int(width)
+    return _font(round(size)).getlength(text) + 2 * weight * size / 15
 
 
 def draw_picture(image: UInt8Array, picture: UInt8Array, box: Box, radius: float) -> None:

@@ -72,7 +72,7 @@ class Modality(NamedTuple):
 MODALITY_PICTURES = {
     "semantic": Modality("Semantic", "", semantic_picture),
     "instance": Modality("Instance", "", instance_picture),
-    "depth": Modality("Depth", f"{NEAREST_DEPTH_M:.0f}–{FARTHEST_DEPTH_M:.0f} m", depth_picture),
+    "depth": Modality("Depth", f"{NEAREST_DEPTH_M:.0f} to {FARTHEST_DEPTH_M:.0f} m", depth_picture),
     "flow": Modality("Optical flow", "", flow_picture),
 }
 

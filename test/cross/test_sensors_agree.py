@@ -32,7 +32,7 @@ pytestmark = pytest.mark.gl
 
 TICKS = (0, 25, 50)
 CAMERAS = [
-    Camera(type="camera", name=f"cam_{yaw}", pose={"x_m": 0.3, "z_m": 1.6, "yaw_deg": yaw}, width_px=320, height_px=180)
+    Camera(type="camera", name=f"cam_{yaw % 360}", pose={"x_m": 0.3, "z_m": 1.6, "yaw_deg": yaw}, width_px=320, height_px=180)
     for yaw in (0, 110, -110)
 ]
 

@@ -128,13 +128,13 @@ def _head(figure: Figure, pose: Pose) -> list[Solid]:
     if figure.hairstyle != "full_helmet":
         skull = _rings(body.head, size)
         solids.append(Rings(shape="rings", finish=_own(figure, "skin"), rings=skull, at=_vector(pose.head)))
-    for lump in (*body.face, *body.hairstyles[figure.hairstyle]):
-        finish = _own(figure, lump.finish)
+        for lump in body.face:
+            extent, at = _vector(size * np.array(lump.size)), _vector(pose.head + size * np.array(lump.at))
+            solids.append(Box(shape="box", finish=_own(figure, lump.finish), size=extent, at=at))
+    for lump in body.hairstyles[figure.hairstyle]:
         extent, at = _vector(size * np.array(lump.size)), _vector(pose.head + size * np.array(lump.at))
-        if lump in body.face:
-            solids.append(Box(shape="box", finish=finish, size=extent, at=at))
-        else:
-            solids.append(Ellipsoid(shape="ellipsoid", finish=finish, size=extent, at=at, segments=9))
+        finish = _own(figure, lump.finish)
+        solids.append(Ellipsoid(shape="ellipsoid", finish=finish, size=extent, at=at, segments=9))
     return solids
 
 

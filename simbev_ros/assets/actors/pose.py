@@ -29,7 +29,7 @@ class Swing:
 
 
 class Oscillation(Model):
-    """Degrees: mean + amplitude sin(gait + phase), or ``still`` at rest; positive swings a limb's lower end backward."""
+    """Degrees: mean + amplitude sin(gait + phase), or ``still`` at rest; positive swings the lower end backward."""
 
     mean: float
     amplitude: float
@@ -204,7 +204,7 @@ def _fitted(turn_rad: Float64Array, angle_rad: Float64Array) -> Swing:
 
 
 def _bend(reach_m: Float64Array, upper_m: float, lower_m: float, *, forward: bool) -> tuple[Float64Array, Float64Array]:
-    """Angles of (upper, lower) limb against the vertical that reach (N, 3) points from the joint; forward: as a knee."""
+    """Angles of (upper, lower) limb against the vertical that reach (N, 3) points from the joint; forward: a knee."""
     distance = np.minimum(np.hypot(reach_m[:, 0], reach_m[:, 2]), 0.999 * (upper_m + lower_m))
     along = np.arctan2(-reach_m[:, 0], -reach_m[:, 2])
     inner = np.arccos((upper_m**2 + distance**2 - lower_m**2) / (2.0 * upper_m * distance))

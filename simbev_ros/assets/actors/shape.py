@@ -9,7 +9,8 @@ import yaml
 
 from simbev_ros.assets.actor_model import ActorModel, Part
 from simbev_ros.assets.actors.figure import Figure, figure_parts, figure_pose, figure_solids
-from simbev_ros.assets.actors.shell import Shell, build_shell
+from simbev_ros.assets.actors.lofting import build_shell
+from simbev_ros.assets.actors.shell import Shell
 from simbev_ros.assets.actors.solids import AnySolid, Solid, Vector, build_solid
 from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
 from simbev_ros.assets.mesh import Mesh

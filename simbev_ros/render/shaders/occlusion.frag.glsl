@@ -9,7 +9,7 @@ const int TAPS = 8;
 const float REACH = 1.1;      // metres
 const float TURNS = 2.618;    // radians from tap to tap: the golden angle
 const float BIAS = 0.002;     // of the depth, against the steps of flat surfaces
-const float STRENGTH = 2.6;
+const float STRENGTH = 4.0;
 
 vec3 optical_point(ivec2 texel) {
     float depth = min(texelFetch(g_depth, texel, 0).x, 1e4);

@@ -3,6 +3,7 @@
 #include "enums"
 #include "lighting"
 #include "noise"
+uniform sampler2D contact_map;
 
 const vec2 SLAB = vec2(0.6, 0.6);
 const float JOINT = 0.006;
@@ -35,6 +36,13 @@ vec3 grass(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine) {
     return color * (0.62 + 0.45 * fine.g + 0.35 * middle.b);
 }
 
+// Share of the sky that actors standing here hide (render/contact.py).
+float under_actors(vec3 position) {
+    vec2 contact = texture(contact_map, position.xy / (2.0 * noise_origin.w) + 0.5).xy;
+    float above = abs(position.z - contact.y / max(contact.x, 1e-3));
+    return min(contact.x, 0.9) * smoothstep(0.8, 0.3, above);
+}
+
 void main() {
     Pixel p = this_pixel();
     vec4 coarse = noise_at(p.uv / 37.0, p.size / 37.0);
@@ -50,10 +58,10 @@ void main() {
     else s.albedo = p.albedo * (0.6 + 0.5 * fine.g + 0.3 * middle.b);
 
     float level = smoothstep(0.9, 0.99, p.normal.z) * (p.material == MATERIAL_GRASS ? 0.3 : 1.0);
-    float puddle = level * smoothstep(1.0 - 0.55 * puddles(), 1.12 - 0.55 * puddles(), coarse.a * 0.7 + middle.r * 0.4);
+    float puddle = level * smoothstep(1.1 - 0.6 * puddles(), 1.2 - 0.6 * puddles(), coarse.a * 0.7 + middle.r * 0.4);
     float wet = max(wetness() * level, puddle);
     s.albedo *= 1.0 - 0.5 * wet;
     s.roughness = mix(mix(s.roughness, 0.35, wet * 0.8), 0.03, puddle);
     s.specular = mix(s.specular, 0.03, wet);
-    shade(p, s);
+    shade_partly_hidden(p, s, under_actors(p.position));
 }

@@ -9,7 +9,7 @@ layout(std140) uniform Light {
     vec4 sky_ambient;     // irradiance / pi from above
     vec4 ground_ambient;  // irradiance / pi from below
     vec4 fog;             // per metre, start in metres, falloff per metre of height
-    vec4 noise_origin;    // the world's origin in the map, modulo 64 m
+    vec4 noise_origin;    // the world's origin in the map, modulo 64 m; half width of the contact map, metres
     mat4 near_clip_from_world;
     mat4 far_clip_from_world;
     mat4 lamp_field_from_world;

@@ -116,7 +116,9 @@ float openness(float depth) {
     return (total + 1e-4) / weights;
 }
 
-void shade(Pixel p, Surface s) {
-    vec3 radiance = lit(p, s, openness(p.depth));
+void shade_partly_hidden(Pixel p, Surface s, float hidden) {
+    vec3 radiance = lit(p, s, openness(p.depth) * (1.0 - hidden));
     shaded = developed(through_air(radiance, p.to_camera, p.position, p.depth));
 }
+
+void shade(Pixel p, Surface s) { shade_partly_hidden(p, s, 0.0); }

@@ -14,6 +14,9 @@ from simbev_ros.types import Float64Array, Int32Array, Int64Array
 
 Vector = tuple[float, float, float]
 
+_MIN_HEIGHT_M = 2e-6
+"""Triangles thinner than this would have no area once they are float32."""
+
 
 @dataclass(frozen=True, slots=True)
 class Finish:
@@ -38,7 +41,7 @@ def solid(
     Args:
         finish: Of all triangles.
         vertices: (V, 3) metres; coincident ones are joined.
-        triangles: (T, 3) counter-clockwise seen from outside; those without area are dropped.
+        triangles: (T, 3) counter-clockwise seen from outside; needles without area are dropped.
         crease_deg: Edges sharper than this stay sharp; 0 makes every face flat.
         uv: (T, 3, 2) surface coordinates per corner. When omitted: x, y on level faces; on others metres along the
             surface's horizontal, and z.
@@ -61,9 +64,10 @@ def patchwork(
     positions = np.asarray(vertices, np.float64)[first]
     corners = positions[triangles]
     area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    kept = np.linalg.norm(area_normals, axis=1) > 1e-12
-    triangles, area_normals = triangles[kept], area_normals[kept]
-    normals = _corner_normals(triangles.reshape(-1), area_normals, np.cos(np.radians(crease_deg)))
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    kept = np.linalg.norm(area_normals, axis=1) > _MIN_HEIGHT_M * longest
+    triangles = triangles[kept]
+    normals = _corner_normals(triangles.reshape(-1), corners[kept], np.cos(np.radians(crease_deg)))
     points = positions[triangles.reshape(-1)]
     corner_uv = _surface_coordinates(points, normals) if uv is None else np.asarray(uv)[kept].reshape(-1, 2)
     corner_finish = np.repeat(finish_of_triangle[kept], 3)
@@ -238,19 +242,28 @@ def triangulate(polygon: shapely.Polygon) -> tuple[Float64Array, Int32Array]:
     return vertices, faces[area != 0]
 
 
-def _corner_normals(corner_vertex: Int32Array, area_normals: Float64Array, crease_cosine: float) -> Float64Array:
-    """(3T, 3) per corner: area-weighted mean of the faces at its vertex that lie within the crease angle of its own."""
+def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cosine: float) -> Float64Array:
+    """(3T, 3) per corner: mean of the faces at its vertex that lie within the crease angle of its own.
+
+    Faces weigh by their angle at the vertex, so that it does not matter how a quad was cut into triangles.
+    """
+    area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     unit = area_normals / np.linalg.norm(area_normals, axis=1, keepdims=True)
+    onward, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    cosine = np.einsum("tki,tki->tk", onward, back)
+    angle = np.arctan2(np.linalg.norm(np.cross(onward, back), axis=2), cosine).reshape(-1, 1)
+    weighted = np.repeat(unit, 3, axis=0) * angle
     order = np.argsort(corner_vertex, kind="stable")
     counts = np.bincount(corner_vertex)
     starts = np.cumsum(counts) - counts
     repeats = counts[corner_vertex]
     corner = np.repeat(np.arange(len(corner_vertex)), repeats)
     within = np.arange(len(corner)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
-    face, other = corner // 3, order[starts[corner_vertex[corner]] + within] // 3
-    smooth = (np.einsum("ij,ij->i", unit[face], unit[other]) >= crease_cosine - 1e-9) | (face == other)
+    other = order[starts[corner_vertex[corner]] + within]
+    alike = np.einsum("ij,ij->i", unit[corner // 3], unit[other // 3]) >= crease_cosine - 1e-9
+    smooth = alike | (corner // 3 == other // 3)
     normals = np.stack(
-        [np.bincount(corner[smooth], area_normals[other[smooth], k], len(corner_vertex)) for k in range(3)], axis=1
+        [np.bincount(corner[smooth], weighted[other[smooth], k], len(corner_vertex)) for k in range(3)], axis=1
     )
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), np.repeat(unit, 3, axis=0))

@@ -15,7 +15,7 @@ from simbev_ros.types import BoolArray, Float64Array, UInt8Array
 
 _MAX_INSTANCES = 4096
 _LIMB_REACH_M = 0.6
-_COARSE_CELL_M = 0.22
+_COARSE_CELL_M = 0.3
 
 
 class ActorGeometry:

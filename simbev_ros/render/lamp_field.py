@@ -16,7 +16,7 @@ from simbev_ros.types import Float32Array, Float64Array
 
 _SIZE_PX = 384
 _HALF_M = 96.0
-_MAX_LAMPS = 1024
+_MAX_LAMPS = 1024  # more than any street has within reach of the map
 _HEADLAMP_HEIGHT_M = 0.7
 _NO_LAMPS = np.zeros((0, 6), np.float32)
 

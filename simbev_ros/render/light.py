@@ -13,11 +13,12 @@ from simbev_ros.types import Float64Array
 LAMPS_ON_BELOW_DEG = 3.0
 """Street lamps and lit windows are on while the sun is below this altitude."""
 
-_LIGHTEST_MOON_DEG = 35.0
+_LOWEST_MOON_DEG = 35.0
+_LOWEST_KEY_DEG = 1.0
 _CLOUD_DRIFT_PER_S = 4e-4
 _NOISE_PERIOD_M = 64.0
-_AMBIENT_GAIN = 1.15
-_AMBIENT_WHITENING = 0.5
+_AMBIENT_GAIN = 1.25
+_AMBIENT_WHITENING = 0.65
 _GROUND_ALBEDO = np.array([0.16, 0.15, 0.13])
 _GRAY_SKY = np.array([0.97, 1.0, 1.04])
 
@@ -56,7 +57,7 @@ class SkyLight:
         key = _sky_at(weather.sun_altitude_deg)
         sun_direction = _direction(weather.sun_azimuth_deg, weather.sun_altitude_deg)
         moonlit = bool(key["moon"].any())
-        moon_altitude_deg = max(-weather.sun_altitude_deg, _LIGHTEST_MOON_DEG)
+        moon_altitude_deg = max(-weather.sun_altitude_deg, _LOWEST_MOON_DEG)
         moon_direction = _direction(weather.sun_azimuth_deg + 180.0, moon_altitude_deg)
         overcast = float(np.clip((weather.cloudiness - 40.0) / 55.0, 0.0, 1.0)) ** 1.5
         gray = _GRAY_SKY * (key["zenith"].mean() * 0.75 + key["horizon"].mean() * 0.45 + key["sun"].mean() * 0.03)
@@ -64,7 +65,8 @@ class SkyLight:
             color + (gray * level - color) * overcast for color, level in ((key["zenith"], 1.0), (key["horizon"], 0.9))
         )
         direct = (key["moon"] if moonlit else key["sun"]) * (1.0 - 0.97 * overcast)
-        direction = moon_direction if moonlit else sun_direction
+        risen_sun = _direction(weather.sun_azimuth_deg, max(weather.sun_altitude_deg, _LOWEST_KEY_DEG))
+        direction = moon_direction if moonlit else risen_sun
         sky_mean = 0.6 * zenith + 0.4 * horizon
         # Clouds and lit walls, which are no part of the clear sky's colour, fill shadows with whiter light.
         sky_ambient = _AMBIENT_GAIN * (sky_mean + _AMBIENT_WHITENING * (sky_mean.mean() - sky_mean))

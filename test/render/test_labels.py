@@ -11,6 +11,7 @@ from simbev_ros.config.rig import MODALITIES
 from simbev_ros.errors import RenderError
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy
+from simbev_ros.render.context import describe_renderer
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.state import WorldState, map_from_actors
@@ -64,6 +65,11 @@ def cast(
     return depth[rows, nearest], nearest, margin[rows, nearest]
 
 
+def vertex_snap_px() -> float:
+    """GPUs move vertices to a grid of 1/256 pixel, which tilts the ground that they pass under the camera."""
+    return 0.0 if "llvmpipe" in describe_renderer() else 1.0 / 256.0
+
+
 def test_labels_and_depth_equal_brute_force_rays(renderer: Renderer) -> None:
     now = world(EGO, OTHER)
     images = draw(renderer, now)
@@ -89,7 +95,8 @@ def test_labels_and_depth_equal_brute_force_rays(renderer: Renderer) -> None:
     expected = depth.reshape(90, 160)
     assert np.isinf(images.depth[agrees & sky.reshape(90, 160)]).all()
     near = agrees & (expected < 60.0)
-    assert (np.abs(images.depth[near] - expected[near]) > 1e-3).mean() < 5e-4
+    tolerance_m = 1e-3 + expected[near] ** 2 * vertex_snap_px() / (CAMERA.fx_px * front_pose()[2, 3])
+    assert (np.abs(images.depth[near] - expected[near]) > tolerance_m).mean() < 5e-4
 
 
 def test_depth_of_a_wall_50_m_ahead_is_exact_to_a_millimetre() -> None:

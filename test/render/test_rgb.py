@@ -104,7 +104,9 @@ def test_brake_lamps_are_brighter_than_tail_lamps_and_those_than_none(renderer: 
     pose = matrices_from_xyz_rpy(np.array([10.0, 10.0, 1.0]), np.zeros(3))
     red = [
         brightness(
-            photograph(renderer, world(EGO, {**ahead, "lights": lights}, weather=weather), pose), (17.75, 10, 0.95), pose
+            photograph(renderer, world(EGO, {**ahead, "lights": lights}, weather=weather), pose),
+            (17.75, 10, 0.95),
+            pose,
         )
         for lights in (0, Light.LOW_BEAM, Light.LOW_BEAM | Light.BRAKE)
     ]

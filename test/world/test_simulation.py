@@ -13,6 +13,7 @@ from world_scenes import TICK_S, blocks, busy_run, of_kind, run, scene
 from simbev_ros.assets.ground import CURB_HEIGHT_M
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.surface import crossing_polygons, road_surface, sidewalk_surface
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.simulation import Simulation
 from simbev_ros.world.traffic import Traffic
@@ -156,7 +157,7 @@ def test_walkers_feet_do_not_slide():
     _, actors = busy_run()
     man = actors[:, actors["blueprint"][0] == 14][:, 0]
     way_m = np.linalg.norm(np.diff(xyz(man)[:, :2], axis=0), axis=-1).sum()
-    assert np.unwrap(man["gait"]).max() / (2 * np.pi) * 1.40 == pytest.approx(way_m, rel=0.03)
+    assert np.unwrap(man["gait"]).max() / (2 * np.pi) * load_blueprints()[14].stride_m == pytest.approx(way_m, rel=0.03)
 
 
 def test_wheels_roll_the_distance_driven():

@@ -31,8 +31,7 @@ class Figure(Model):
         bottom: Finish of the trousers.
         shoes: Finish of the shoes.
         gloves: Black gloves.
-        gait: How a walker moves.
-        seat: How a rider sits.
+        motion: How a walker moves, or how a rider sits.
     """
 
     height: float
@@ -49,8 +48,7 @@ class Figure(Model):
     bottom: str
     shoes: str
     gloves: bool = False
-    gait: Gait | None = None
-    seat: Seat | None = None
+    motion: Gait | Seat
 
 
 _SIDES = ("left", "right")
@@ -60,10 +58,9 @@ _SHOULDERS = 0.112
 
 def figure_pose(figure: Figure) -> Pose:
     """The pose in which the figure is modelled."""
-    if figure.seat is not None:
-        return seated_pose(figure.seat, figure.height, figure.shoulders)
-    assert figure.gait is not None, "a figure walks or sits"
-    return walking_pose(figure.gait, figure.height, figure.shoulders)
+    if isinstance(figure.motion, Seat):
+        return seated_pose(figure.motion, figure.height, figure.shoulders)
+    return walking_pose(figure.motion, figure.height, figure.shoulders)
 
 
 def figure_parts(pose: Pose, first: int) -> list[Part]:

@@ -22,7 +22,7 @@ _MAX_STRETCH = 0.03
 
 
 class ShapePart(Model):
-    """A rigid part, as in ``Part``; degrees, and its parent by name."""
+    """A rigid part, as in ``Part``, with its parent by name."""
 
     name: str
     parent: str = "body"
@@ -30,9 +30,6 @@ class ShapePart(Model):
     spins: bool = False
     steers: bool = False
     cranks: bool = False
-    swing_deg: float = 0.0
-    phase_deg: float = 0.0
-    offset_deg: float = 0.0
 
 
 class Shape(Model):
@@ -117,9 +114,6 @@ def _part(entry: ShapePart, names: list[str]) -> Part:
         spins=entry.spins,
         steers=entry.steers,
         cranks=entry.cranks,
-        swing_rad=float(np.radians(entry.swing_deg)),
-        swing_phase_rad=float(np.radians(entry.phase_deg)),
-        swing_offset_rad=float(np.radians(entry.offset_deg)),
     )
 
 

@@ -26,7 +26,7 @@ float within(vec2 place, vec2 low, vec2 high, float size) {
 // What stands in a shop window: goods of many colours below, the dim back of the shop above.
 vec3 goods_on_display(vec2 uv, float height, float size) {
     vec2 cell = floor(uv / vec2(0.23, 0.34));
-    vec3 color = 0.15 + 0.5 * vec3(random(cell), random(cell + 333.0), random(cell + 777.0));
+    vec3 color = 0.15 + 0.35 * random(cell + 99.0) + 0.3 * vec3(random(cell), random(cell + 333.0), random(cell + 777.0));
     float seen = clamp(1.2 - size * 4.0, 0.0, 1.0);
     float stocked = step(height, 0.9 + 0.9 * random(vec2(cell.x, 5.0))) * seen;
     float back = 0.30 + 0.25 * height / 2.5 + 0.15 * noise_at(uv / 6.0, size / 6.0).r;

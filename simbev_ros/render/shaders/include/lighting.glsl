@@ -8,8 +8,8 @@ uniform sampler2D head_field;
 
 out vec4 shaded;  // sRGB, luma
 
-const vec3 STREET_COLOR = vec3(0.42, 0.30, 0.17);
-const vec3 HEAD_COLOR = vec3(0.34, 0.35, 0.38);
+const vec3 STREET_COLOR = vec3(0.27, 0.195, 0.115);
+const vec3 HEAD_COLOR = vec3(0.20, 0.205, 0.225);
 const float SHADOW_EDGE = 0.99;
 const vec2 SHADOW_TAP = 1.5 / vec2(4096.0, 2048.0);
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);

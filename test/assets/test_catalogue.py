@@ -1,0 +1,267 @@
+from dataclasses import replace
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.assets.actors.finishes import finish_named
+from simbev_ros.assets.actors.shape import Shape, build_model, load_shape
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.materials import Material
+from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array, Table
+
+NAMES = [blueprint.name for blueprint in load_blueprints()]
+VEHICLES = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
+WITH_DOORS = [name for name in VEHICLES if name not in ("vehicle.motorcycle", "vehicle.bicycle")]
+WALKERS = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
+EMERGENCY = [blueprint.name for blueprint in load_blueprints() if blueprint.emergency]
+GAIT = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+
+
+def model(name: str) -> ActorModel:
+    return load_models()[blueprint_index()[name]]
+
+
+def blueprint(name: str) -> Blueprint:
+    return load_blueprints()[blueprint_index()[name]]
+
+
+def rows(count: int, **fields: object) -> Table:
+    actors = np.zeros(count, ACTOR_DTYPE)
+    for field, value in fields.items():
+        actors[field] = value
+    return actors
+
+
+def posed(of: ActorModel, actors: Table, part: str | None = None) -> Float64Array:
+    """(N, V, 3) vertices, of one part or of all, in the actor's frame."""
+    chosen = np.ones(len(of.mesh.part), bool)
+    if part is not None:
+        chosen = of.mesh.part == [entry.name for entry in of.parts].index(part)
+    poses = part_poses(of, actors)[:, of.mesh.part[chosen]]
+    return np.einsum("nvij,vj->nvi", poses[..., :3, :3], of.mesh.vertices[chosen]) + poses[..., :3, 3]
+
+
+def test_there_is_a_model_for_every_blueprint_in_its_place() -> None:
+    assert [entry.blueprint for entry in load_models()] == NAMES
+    assert [entry.tag for entry in load_models()] == [entry.tag for entry in load_blueprints()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_mesh_fills_its_box_to_a_millimetre(name: str) -> None:
+    length, width, height = blueprint(name).size_m
+    expected = [[-length / 2, -width / 2, 0.0], [length / 2, width / 2, height]]
+    np.testing.assert_allclose(model(name).mesh.bounds_m, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_three_corners_of_a_triangle_share_their_attributes(name: str) -> None:
+    mesh = model(name).mesh
+    for attribute in (mesh.material, mesh.tag, mesh.part, mesh.color):
+        corners = attribute[mesh.triangles]
+        assert (corners == corners[:, :1]).all()
+    assert set(mesh.tag.tolist()) == {int(blueprint(name).tag)}
+    assert np.isfinite(mesh.uv).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_normals_are_unit_and_agree_with_the_winding(name: str) -> None:
+    mesh = model(name).mesh
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face /= np.linalg.norm(face, axis=1, keepdims=True)
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-4)
+    assert np.einsum("ti,tki->tk", face, mesh.normals[mesh.triangles]).min() > 0.2
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_back_of_a_triangle_is_seen_from_outside(name: str) -> None:
+    mesh = model(name).mesh
+    rays_at = np.random.default_rng(7)
+    directions = rays_at.normal(size=(20_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    low, high = mesh.bounds_m
+    origins = rays_at.uniform(low, high, (len(directions), 3)) - 30.0 * directions
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(o3d.core.Tensor(mesh.vertices), o3d.core.Tensor(mesh.triangles.astype(np.uint32)))
+    hits = scene.cast_rays(o3d.core.Tensor(np.concatenate([origins, directions], axis=1).astype(np.float32)))
+    hit = np.isfinite(hits["t_hit"].numpy())
+    front = np.einsum("ij,ij->i", hits["primitive_normals"].numpy()[hit], directions[hit]) < 0.0
+    assert hit.sum() > 1000
+    assert front.mean() > 0.998
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_parts_come_after_their_parents_and_none_is_empty(name: str) -> None:
+    parts = model(name).parts
+    assert parts[0].parent == -1
+    assert all(-1 <= part.parent < index for index, part in enumerate(parts))
+    used = set(model(name).mesh.part.tolist())
+    assert used <= set(range(len(parts)))
+    assert {index for index, part in enumerate(parts) if part.spins or part.cranks} <= used
+    assert len({part.name for part in parts}) == len(parts)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_triangles_are_within_the_budget(name: str) -> None:
+    assert 1000 < len(model(name).mesh.triangles) < {"pedestrian": 1600, "rider": 1600}.get(name.split(".")[0], 4700)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_wheels_have_the_radius_of_the_blueprint_and_touch_the_ground_however_they_turn(name: str) -> None:
+    of, radius_m = model(name), blueprint(name).wheel_radius_m
+    actors = rows(8, wheel=np.linspace(0.0, 2.0, 8))
+    for part in (part for part in of.parts if part.spins):
+        points = posed(of, actors, part.name)
+        center = np.asarray(part.pivot_m)
+        reach = np.hypot(points[..., 0] - center[0], points[..., 2] - center[2]).max(axis=1)
+        np.testing.assert_allclose(reach, radius_m, rtol=0.015)
+        np.testing.assert_allclose(points[..., 2].min(axis=1), 0.0, atol=0.03 * radius_m)
+        moved = np.abs(points[1:] - points[:1]).max()
+        assert moved > radius_m
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_only_the_front_wheels_steer_and_the_axles_are_the_wheelbase_apart(name: str) -> None:
+    of = model(name)
+    straight, left = part_poses(of, rows(2, steer=[0.0, 0.3]))
+    wheels = [(index, part.pivot_m[0]) for index, part in enumerate(of.parts) if part.spins]
+    front_x, rear_x = max(x for _, x in wheels), min(x for _, x in wheels)
+    assert front_x - rear_x == pytest.approx(blueprint(name).wheelbase_m, abs=0.03)
+    for index, x in wheels:
+        heading = left[index, :3, :3] @ straight[index, :3, :3].T @ [1.0, 0.0, 0.0]
+        assert np.arctan2(heading[1], heading[0]) == pytest.approx(0.3 if x == front_x else 0.0, abs=1e-6)
+
+
+def test_wheels_roll_forward() -> None:
+    top = np.array([0.0, 0.0, 0.33]) + model("vehicle.sedan").parts[1].pivot_m
+    pose = part_poses(model("vehicle.sedan"), rows(1, wheel=0.1))[0, 1]
+    assert (pose[:3, :3] @ top + pose[:3, 3])[0] > top[0] + 0.02
+
+
+def lamp_points(name: str, material: Material) -> Float64Array:
+    mesh = model(name).mesh
+    return mesh.vertices[mesh.material == material].astype(np.float64)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_head_lamps_are_in_front_and_tail_lamps_behind(name: str) -> None:
+    length_m = blueprint(name).size_m[0]
+    assert lamp_points(name, Material.LAMP_LOW_BEAM)[:, 0].min() > 0.2 * length_m
+    assert lamp_points(name, Material.LAMP_TAIL)[:, 0].max() < -0.3 * length_m
+
+
+@pytest.mark.parametrize("name", [name for name in VEHICLES if name != "vehicle.bicycle"])
+def test_blinkers_are_at_all_four_corners_and_plates_behind(name: str) -> None:
+    for material, side in ((Material.LAMP_TURN_LEFT, 1.0), (Material.LAMP_TURN_RIGHT, -1.0)):
+        points = lamp_points(name, material)
+        assert (points[:, 1] * side > 0.0).all()
+        assert points[:, 0].max() > 0.2 * blueprint(name).size_m[0]
+        assert points[:, 0].min() < -0.3 * blueprint(name).size_m[0]
+    assert lamp_points(name, Material.PLATE)[:, 0].min() < -0.4 * blueprint(name).size_m[0]
+
+
+@pytest.mark.parametrize("name", WITH_DOORS)
+def test_cars_have_reversing_lamps_and_glass_on_all_sides(name: str) -> None:
+    assert lamp_points(name, Material.LAMP_REVERSE)[:, 0].max() < -0.3 * blueprint(name).size_m[0]
+    glass = lamp_points(name, Material.GLASS)
+    assert glass[:, 0].max() > 0.0
+    assert glass[:, 1].max() > 0.5
+    assert glass[:, 1].min() < -0.5
+
+
+def test_only_emergency_vehicles_have_beacons() -> None:
+    assert [name for name in VEHICLES if len(lamp_points(name, Material.LAMP_EMERGENCY))] == EMERGENCY
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_something_takes_the_colour_of_the_actor(name: str) -> None:
+    assert np.isin(model(name).mesh.material, [Material.CAR_PAINT, Material.CLOTH_TINTED]).any()
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_walker_keeps_a_foot_on_the_ground_and_stays_in_its_box(name: str) -> None:
+    points = posed(model(name), rows(len(GAIT), gait=GAIT, vx=1.4))
+    lowest = points[..., 2].min(axis=1)
+    assert lowest.min() > -0.0121
+    assert lowest.max() < 0.02
+    half = np.array(blueprint(name).size_m) / [2.0, 2.0, 1.0]
+    assert (np.abs(points).max(axis=(0, 1)) < half + 0.03).all()
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_the_stride_is_twice_what_a_foot_travels_under_the_body(name: str) -> None:
+    actors = rows(2, gait=[np.pi / 2, 3 * np.pi / 2], vx=1.4)
+    ahead, behind = posed(model(name), actors, "foot left").mean(axis=1)[:, 0]
+    assert blueprint(name).stride_m == pytest.approx(2.0 * (ahead - behind), rel=0.12)
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_left_and_right_limbs_are_half_a_gait_apart_and_arms_oppose_legs(name: str) -> None:
+    actors = rows(2, gait=[np.pi / 2, 3 * np.pi / 2], vx=1.4)
+    foot = {side: posed(model(name), actors, f"foot {side}").mean(axis=1)[:, 0] for side in ("left", "right")}
+    hand = {side: posed(model(name), actors, f"forearm {side}").mean(axis=1)[:, 0] for side in ("left", "right")}
+    np.testing.assert_allclose(foot["left"], foot["right"][::-1], atol=0.01)
+    assert foot["left"][0] > foot["right"][0] + 0.2
+    assert hand["left"][0] < hand["right"][0] - 0.05
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_walker_that_stands_still_has_both_feet_under_the_body(name: str) -> None:
+    points = {side: posed(model(name), rows(8, gait=GAIT[::6]), f"foot {side}") for side in ("left", "right")}
+    for foot in points.values():
+        np.testing.assert_allclose(foot, foot[:1].repeat(8, axis=0), atol=1e-9)
+        assert abs(foot[0, :, 2].min()) < 0.02
+    assert points["left"][0].mean(axis=0)[0] == pytest.approx(points["right"][0].mean(axis=0)[0], abs=0.01)
+
+
+def test_a_cyclists_feet_follow_the_pedals() -> None:
+    bicycle, rider = model("vehicle.bicycle"), model("rider.bicycle")
+    actors = rows(len(GAIT), gait=GAIT)
+    seat = np.array(blueprint("vehicle.bicycle").rider_seat_m)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        sole = posed(rider, actors, f"foot {side}") + seat
+        cranks = posed(bicycle, actors, "cranks")
+        pedal = cranks[:, sign * cranks[0, :, 1] > 0.1].mean(axis=1)
+        assert np.linalg.norm(sole - pedal[:, None], axis=2).min(axis=1).max() < 0.08
+
+
+@pytest.mark.parametrize("name", ["bicycle", "motorcycle"])
+def test_a_riders_hands_hold_the_handlebar_and_the_rider_sits_above_the_ground(name: str) -> None:
+    vehicle, rider = model(f"vehicle.{name}"), model(f"rider.{name}")
+    seat = np.array(blueprint(f"vehicle.{name}").rider_seat_m)
+    bar = posed(vehicle, rows(1), "fork")[0]
+    for side in ("left", "right"):
+        hand = posed(rider, rows(1), f"forearm {side}")[0] + seat
+        assert np.linalg.norm(hand[:, None] - bar[None], axis=2).min() < 0.04
+    assert seat[2] > 0.05
+
+
+def test_models_are_the_same_every_time() -> None:
+    for name in ("vehicle.ambulance", "rider.bicycle"):
+        again = build_model(blueprint(name), load_shape(name))
+        assert again.parts == model(name).parts
+        for field in ("vertices", "normals", "uv", "color", "material", "part", "triangles"):
+            np.testing.assert_array_equal(getattr(again.mesh, field), getattr(model(name).mesh, field))
+
+
+def test_a_shape_that_is_far_from_its_blueprints_size_is_refused() -> None:
+    longer = blueprint("vehicle.sedan").model_copy(update={"size_m": (5.2, 2.08, 1.43)})
+    with pytest.raises(ValueError, match=r"the shape of vehicle\.sedan is .* its blueprint says \(5\.2"):
+        build_model(longer, load_shape("vehicle.sedan"))
+
+
+def test_an_unknown_finish_is_refused() -> None:
+    shape = Shape.model_validate({"solids": [{"shape": "box", "finish": "marzipan", "size": [1, 1, 1]}]})
+    with pytest.raises(KeyError, match="marzipan"):
+        build_model(blueprint("vehicle.sedan"), shape)
+
+
+def test_a_finish_can_be_a_material_with_a_colour() -> None:
+    finish = finish_named("cloth #102030", Tag.RIDER, part=3)
+    assert (finish.material, finish.color, finish.part) == (Material.CLOTH, (16, 32, 48), 3)
+    assert replace(finish, part=0) == finish_named("cloth #102030", Tag.RIDER)

@@ -1,0 +1,87 @@
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.posing import pose_actors
+from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.types import Float64Array, Table
+
+ORIGIN_M = np.array([1000.0, -2000.0, 5.0])
+
+
+def random_actors(count: int) -> Table:
+    random = np.random.default_rng(3)
+    actors = np.zeros(count, ACTOR_DTYPE)
+    for field in ("roll", "pitch", "yaw", "steer", "wheel", "gait", "vx", "vy"):
+        actors[field] = random.normal(size=count)
+    for axis, field in enumerate("xyz"):
+        actors[field] = ORIGIN_M[axis] + random.uniform(-80.0, 80.0, count)
+    actors["vx"][::3] = actors["vy"][::3] = 0.0
+    actors["blueprint"] = random.permutation(np.arange(count) % len(load_models()))
+    return actors
+
+
+def posed_slowly(model: ActorModel, actor: Table, vertex: int) -> Float64Array:
+    """One vertex, turned by its part, by its part's parent, and so on, then put in its place."""
+    point = model.mesh.vertices[vertex].astype(np.float64)
+    index = int(model.mesh.part[vertex])
+    gait, speed = float(actor["gait"]), float(np.hypot(actor["vx"], actor["vy"]))
+    motion = min(speed / 0.6, 1.0)
+    while index >= 0:
+        part = model.parts[index]
+        swing = part.swing_offset_rad + part.swing_rad * np.sin(gait + part.swing_phase_rad)
+        if part.still_rad is not None:
+            swing = motion * swing + (1.0 - motion) * part.still_rad
+        about_y = swing + part.spins * float(actor["wheel"]) + part.cranks * gait
+        about_z = part.steers * float(actor["steer"])
+        turn = Rotation.from_euler("ZY", [about_z, about_y])
+        point = turn.apply(point - part.pivot_m) + part.pivot_m
+        point[2] += part.lift_m * (1.0 - motion * np.sin(gait) ** 2)
+        index = part.parent
+    place = Rotation.from_euler("xyz", [float(actor[field]) for field in ("roll", "pitch", "yaw")])
+    return place.apply(point) + [float(actor[field]) for field in "xyz"] - ORIGIN_M
+
+
+def test_actors_are_posed_as_a_slow_reference_poses_single_vertices() -> None:
+    actors, models = random_actors(2 * len(load_models())), load_models()
+    posed = pose_actors(models, actors, ORIGIN_M)
+    chosen = np.random.default_rng(5)
+    start = 0
+    for actor in actors:
+        model = models[actor["blueprint"]]
+        for vertex in chosen.integers(0, len(model.mesh.vertices), 25):
+            np.testing.assert_allclose(posed.vertices[start + vertex], posed_slowly(model, actor, vertex), atol=3e-5)
+        start += len(model.mesh.vertices)
+    assert start == len(posed.vertices)
+
+
+def test_triangles_are_in_row_order_and_name_their_row_and_their_models_vertices() -> None:
+    actors, models = random_actors(30), load_models()
+    posed = pose_actors(models, actors, ORIGIN_M)
+    first_vertex = first_triangle = 0
+    for row, actor in enumerate(actors):
+        mesh = models[actor["blueprint"]].mesh
+        own = slice(first_triangle, first_triangle + len(mesh.triangles))
+        np.testing.assert_array_equal(posed.triangles[own], mesh.triangles + first_vertex)
+        np.testing.assert_array_equal(posed.vertex_model[posed.triangles[own]], mesh.triangles)
+        assert (posed.triangle_row[own] == row).all()
+        first_vertex += len(mesh.vertices)
+        first_triangle += len(mesh.triangles)
+    assert first_triangle == len(posed.triangles) == len(posed.triangle_row)
+
+
+def test_an_actor_is_posed_to_the_same_bits_in_any_company() -> None:
+    actors, models = random_actors(40), load_models()
+    together = pose_actors(models, actors, ORIGIN_M)
+    for row in (0, 17, 39):
+        alone = pose_actors(models, actors[row : row + 1], ORIGIN_M)
+        own = np.unique(together.triangles[together.triangle_row == row])
+        np.testing.assert_array_equal(alone.vertices[np.unique(alone.triangles)], together.vertices[own])
+
+
+def test_no_actors_give_empty_arrays_of_the_documented_types() -> None:
+    posed = pose_actors(load_models(), np.zeros(0, ACTOR_DTYPE), ORIGIN_M)
+    assert posed.vertices.shape == posed.triangles.shape == (0, 3)
+    types = [array.dtype for array in (posed.vertices, posed.triangles, posed.triangle_row, posed.vertex_model)]
+    assert types == [np.float32, np.int32, np.uint32, np.int32]

@@ -75,6 +75,10 @@ class Renderer:
                 self._prepare_light(frame, table, origin_m)
             return [self._render_camera(camera, frame, table, origin_m) for camera in cameras]
 
+    def close(self) -> None:
+        """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
+        self._context.release()
+
     def _upload(self, static: StaticScene, library: ProgramLibrary) -> tuple[StaticGeometry, ActorGeometry]:
         of_static, of_actors = (
             {

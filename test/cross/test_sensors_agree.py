@@ -106,7 +106,7 @@ def _off_silhouettes(moment: Moment, index: int) -> BoolArray:
     shape = images.depth.shape
     flat = np.ones(shape, bool)
     for depth in (images.depth, _depth_of(hits, CAMERAS[index])):
-        disparity = np.where(np.isfinite(depth), 1.0 / np.maximum(depth, 0.01), 0.0)
+        disparity = 1.0 / np.maximum(depth, 0.01).astype(np.float64)
         flat &= np.abs(cv2.Laplacian(disparity, cv2.CV_64F, ksize=3)) < 0.01 * np.maximum(disparity, 1e-4)
     labels = (
         images.semantic,

@@ -1,6 +1,7 @@
 """The rig: which sensors an agent carries, where, and with what properties."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
@@ -27,7 +28,7 @@ class Pose(Model):
     pitch_deg: float = Field(0.0, ge=-180, le=180, description="positive looks down (REP-103)")
     yaw_deg: float = Field(0.0, ge=-180, le=180, description="positive looks left (REP-103)")
 
-    @property
+    @cached_property
     def ego_from_sensor(self) -> Float64Array:
         """(4, 4) transform; for cameras the sensor frame is the body frame (x forward), not the optical one."""
         return matrices_from_xyz_rpy(

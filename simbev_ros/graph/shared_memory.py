@@ -1,5 +1,6 @@
 """Shared-memory files of Fast DDS: which our processes hold, and removing those that a killed one left behind."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -18,18 +19,15 @@ def held_files(pid: int) -> set[Path]:
 
 
 def remove_orphans(files: Iterable[Path]) -> list[Path]:
-    """Remove those files that no living process has mapped any more; give what was removed."""
-    in_use = {
-        file
-        for process in Path("/proc").iterdir()
-        if process.name.isdecimal()
-        for file in held_files(int(process.name))
-    }
-    removed = []
-    for file in sorted(set(files) - in_use):
-        if file.exists():
-            file.unlink(missing_ok=True)
-            removed.append(file)
+    """Remove those files that no other living process has mapped any more; give what was removed.
+
+    This process may still have mapped what a killed one wrote, to read it; that does not keep a file.
+    """
+    others = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
+    in_use = {file for pid in others if pid != os.getpid() for file in held_files(pid)}
+    removed = [file for file in sorted(set(files) - in_use) if file.exists()]
+    for file in removed:
+        file.unlink(missing_ok=True)
     return removed
 
 

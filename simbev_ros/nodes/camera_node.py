@@ -54,6 +54,10 @@ class CameraNode(Participant):
         self._previous.clear()
         return list(self._advertise(spec))
 
+    def is_due(self, spec: SceneSpec, tick: int) -> bool:
+        """Whether any camera takes a picture."""
+        return tick >= 0 and any(tick % spec.period_ticks(camera.rate_hz) == 0 for camera in self._cameras)
+
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Render what is due. The flow's previous frame is the camera's own, not the last tick."""
         for period, cameras in groupby(self._cameras, key=lambda camera: spec.period_ticks(camera.rate_hz)):

@@ -9,16 +9,16 @@ class LoadMeter:
     """Counts ticks and the time they take, between two readings."""
 
     def __init__(self) -> None:
-        self._last_tick: int | None = None
         self._dropped_total = 0
         self._reset()
 
+    def drop(self, ticks: int) -> None:
+        """Count ticks that were due and left out."""
+        self._dropped += ticks
+
     @contextmanager
-    def busy(self, tick: int) -> Iterator[None]:
-        """Time the work of a tick; ticks left out since the one before count as dropped."""
-        if self._last_tick is not None and tick > self._last_tick + 1:
-            self._dropped += tick - self._last_tick - 1
-        self._last_tick = tick
+    def busy(self) -> Iterator[None]:
+        """Time the work of a tick."""
         start_s = time.perf_counter()
         yield
         self._busy_s += time.perf_counter() - start_s

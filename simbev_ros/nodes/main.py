@@ -6,7 +6,7 @@ import signal
 import sys
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
             kind, _, name = word.partition(":")
             module, node_class = KINDS[kind]
             nodes.append(getattr(importlib.import_module(f"simbev_ros.nodes.{module}"), node_class)(name or kind))
-        executor = SingleThreadedExecutor()
+        executor = EventsExecutor()
         for node in nodes:
             executor.add_node(node)
         while not stop.requested:

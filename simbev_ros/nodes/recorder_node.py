@@ -114,7 +114,7 @@ class RecorderNode(GraphNode):
 
     def _write_until(self, spec: SceneSpec, last_tick: int) -> None:
         while self._next_tick <= last_tick:
-            with self.meter.busy(self._next_tick):
+            with self.meter.busy():
                 self._write_tick(self._next_tick)
             if self._next_tick < spec.ticks - 1:
                 self.report_finished(spec, self._next_tick)

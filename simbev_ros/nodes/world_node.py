@@ -96,7 +96,7 @@ class WorldNode(GraphNode):
 
     def _tick(self) -> None:
         assert self._spec is not None and self._simulation is not None
-        with self.meter.busy(self._next_tick):
+        with self.meter.busy():
             self._publish_state(self._spec, self._simulation.step())
         self.report_finished(self._spec, self._next_tick)
         self._next_tick += 1

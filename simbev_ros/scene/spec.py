@@ -1,5 +1,7 @@
 """A fully drawn scene. Given the same SceneSpec the world repeats itself to the byte; it needs no configuration."""
 
+from functools import cached_property
+
 from pydantic import Field
 
 from simbev_ros.config.base import Model
@@ -80,7 +82,7 @@ class SceneSpec(Model):
         """Every how many ticks something with this rate is due."""
         return 1 if rate_hz is None else max(1, round(NS_PER_S / (rate_hz * self.tick_ns)))
 
-    @property
+    @cached_property
     def lead_in_ticks(self) -> int:
         """Warm-up ticks that are published, so that every sensor knows what came before its first sample."""
         periods = [self.period_ticks(sensor.rate_hz) for sensor in self.rig.sensors]

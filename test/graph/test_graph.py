@@ -112,7 +112,7 @@ def test_killed_node_is_named_and_what_was_recorded_stays_readable(
 ) -> None:
     command = simbev("run", small_config(60), "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
-    command.wait_for(lambda: any(file.stat().st_size > 400_000 for file in bag.glob("*.mcap")))
+    command.wait_for(lambda: any(file.stat().st_size > 800_000 for file in bag.glob("*.mcap")))
     os.kill(command.nodes()["lidar"], signal.SIGKILL)
     killed_s = time.monotonic()
     code, output = command.finish(timeout_s=10)
@@ -132,7 +132,7 @@ def test_interrupt_closes_the_bag_and_exits_130(
 ) -> None:
     command = simbev("run", small_config(60), "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
-    command.wait_for(lambda: any(file.stat().st_size > 400_000 for file in bag.glob("*.mcap")))
+    command.wait_for(lambda: any(file.stat().st_size > 800_000 for file in bag.glob("*.mcap")))
     os.kill(command.process.pid, number)
     code, output = command.finish(timeout_s=20)
     assert code == 130

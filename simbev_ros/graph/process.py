@@ -9,6 +9,8 @@ from pathlib import Path
 
 import yaml
 
+from simbev_ros.nodes.main import SUPERVISOR_VARIABLE
+
 NodeParameters = Mapping[str, Mapping[str, object]]
 """Node name → its parameters."""
 
@@ -39,7 +41,7 @@ class NodeProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, **environment},
+                env={**os.environ, **environment, SUPERVISOR_VARIABLE: str(os.getpid())},
                 start_new_session=True,
             )
 

@@ -15,7 +15,7 @@ def held_files(pid: int) -> set[Path]:
         return set()
     mapped = {Path(line.split(maxsplit=5)[5]) for line in lines if "/dev/shm/" in line and "fastrtps" in line}
     names = {path.name.removeprefix("sem.").removesuffix("_mutex").removesuffix("_el") for path in mapped}
-    return {file for file in _middleware_files() if any(name in file.name for name in names)}
+    return {file for file in middleware_files() if any(name in file.name for name in names)}
 
 
 def remove_orphans(files: Iterable[Path]) -> list[Path]:
@@ -31,5 +31,6 @@ def remove_orphans(files: Iterable[Path]) -> list[Path]:
     return removed
 
 
-def _middleware_files() -> list[Path]:
+def middleware_files() -> list[Path]:
+    """All files of the middleware in shared memory."""
     return [file for file in _FOLDER.iterdir() if "fastrtps" in file.name] if _FOLDER.is_dir() else []

@@ -2,11 +2,13 @@
 
 import ctypes
 import importlib
+import os
 import signal
 import sys
 
 import rclpy
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -23,6 +25,9 @@ KINDS = {
 }
 """Kind of node → module and class. Imported on demand: a lidar process needs no OpenGL."""
 
+SUPERVISOR_VARIABLE = "SIMBEV_SUPERVISOR_PID"
+"""Set for processes that must not outlive the one that started them."""
+
 _PR_SET_PDEATHSIG = 1
 
 
@@ -38,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
             kind, _, name = word.partition(":")
             module, node_class = KINDS[kind]
             nodes.append(getattr(importlib.import_module(f"simbev_ros.nodes.{module}"), node_class)(name or kind))
-        executor = EventsExecutor()
+        executor = _make_executor()
         for node in nodes:
             executor.add_node(node)
         while not stop.requested:
@@ -54,6 +59,16 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
+def _make_executor() -> Executor:
+    """The events executor, which takes less time for every message, where rclpy has it."""
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:  # ROS 2 Jazzy has it since rclpy 7.1.4 (April 2025)
+        get_logger("simbev_ros").info("rclpy is older than 7.1.4, so the single-threaded executor runs the nodes")
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
 class _StopFlag:
     """Set by the first signal; the tick in progress is finished, then the nodes close what they have open."""
 
@@ -67,8 +82,13 @@ class _StopFlag:
 
 
 def _end_with_parent() -> None:
-    """Get SIGTERM from the kernel when the parent dies, whatever killed it."""
+    """Get SIGTERM from the kernel when the supervisor dies, whatever kills it; end at once if it is dead already."""
+    supervisor = os.environ.get(SUPERVISOR_VARIABLE)
+    if supervisor is None:  # started by hand or by a launch file
+        return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != int(supervisor):
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,10 @@ import pytest
 from simbev_ros.cli.main import main
 from simbev_ros.graph import session
 
-GOOD = "scenes: [{map: Blocks, train: 1}]\nrig: {sensors: [{type: imu, name: imu}]}\ntraffic: {vehicles: 1, pedestrians: 1}\n"
+GOOD = """scenes: [{map: Blocks, train: 1}]
+rig: {sensors: [{type: imu, name: imu}]}
+traffic: {vehicles: 1, pedestrians: 1}
+"""
 
 
 @pytest.fixture(autouse=True)

@@ -8,8 +8,8 @@ import pytest
 
 from simbev_ros.annotation.bev import BevAnnotator
 from simbev_ros.assets.actor_model import part_poses
-from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rig import Camera, Lidar
@@ -32,7 +32,13 @@ pytestmark = pytest.mark.gl
 
 TICKS = (0, 25, 50)
 CAMERAS = [
-    Camera(type="camera", name=f"cam_{yaw % 360}", pose={"x_m": 0.3, "z_m": 1.6, "yaw_deg": yaw}, width_px=320, height_px=180)
+    Camera(
+        type="camera",
+        name=f"cam_{yaw % 360}",
+        pose={"x_m": 0.3, "z_m": 1.6, "yaw_deg": yaw},
+        width_px=320,
+        height_px=180,
+    )
     for yaw in (0, 110, -110)
 ]
 

@@ -7,6 +7,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from simbev_ros.graph.shared_memory import held_files, middleware_files
+
+DOMAIN = 1 + os.getpid() % 38
+"""ROS domain of the tests' graphs; test runs beside each other have different ones."""
+
 SMALL = """
 seed: 11
 scenes: [{map: Blocks, train: 1}]
@@ -27,14 +32,13 @@ class Command:
     """A running ``simbev`` command in a session of its own."""
 
     def __init__(self, *arguments: object) -> None:
-        environment = {**os.environ, "COLUMNS": "200"}
-        environment.pop("ROS_DOMAIN_ID", None)
+        self.environment = {**os.environ, "COLUMNS": "200", "ROS_DOMAIN_ID": str(DOMAIN)}
         self.process = subprocess.Popen(
             [sys.executable, "-m", "simbev_ros.cli.main", *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=environment,
+            env=self.environment,
             start_new_session=True,
         )
 
@@ -42,6 +46,17 @@ class Command:
         """Exit code and output."""
         output, _ = self.process.communicate(timeout=timeout_s)
         return self.process.returncode, output
+
+    def close(self) -> None:
+        """End it if it still runs."""
+        self.process.terminate()
+        try:
+            self.process.wait(20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
 
     def nodes(self) -> dict[str, int]:
         """Label of each node process (as in ``gnss+imu``) → pid."""
@@ -55,6 +70,11 @@ class Command:
                 ]
                 found["+".join(names)] = pid
         return found
+
+    def cpu_s(self, label: str) -> float:
+        """Processor time of a node process: more than start-up takes means that the scene runs."""
+        fields = Path(f"/proc/{self.nodes()[label]}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float = 60) -> None:
         """Wait until a condition holds; fail if the command ends before."""
@@ -70,18 +90,30 @@ def children_of(pid: int) -> list[int]:
     return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def middleware_files() -> set[str]:
-    """Names of Fast DDS's files in shared memory."""
-    return {path.name for path in Path("/dev/shm").iterdir() if "fastrtps" in path.name}
+def wait_until(condition: Callable[[], bool], timeout_s: float = 10) -> None:
+    """Wait until a condition holds."""
+    end_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end_s, "timed out"
+        time.sleep(0.05)
+
+
+def orphaned_files() -> set[str]:
+    """Names of Fast DDS's files in shared memory that no process has mapped."""
+    files = set(middleware_files())
+    held = {file for path in Path("/proc").iterdir() if path.name.isdecimal() for file in held_files(int(path.name))}
+    return {path.name for path in files - held}
 
 
 def node_processes() -> list[int]:
-    """Pids of all node processes on this machine."""
+    """Pids of all node processes in the tests' domain."""
     found = []
     for path in Path("/proc").iterdir():
         try:
             if path.name.isdecimal() and b"simbev_ros.nodes.main" in (path / "cmdline").read_bytes():
-                found.append(int(path.name))
+                variables = (path / "environ").read_bytes().split(b"\0")
+                if f"ROS_DOMAIN_ID={DOMAIN}".encode() in variables:
+                    found.append(int(path.name))
         except OSError:
             continue
     return found

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from commands import SMALL, Command, middleware_files, node_processes
+from commands import SMALL, Command, node_processes, orphaned_files
 
 from simbev_ros.msgs.message_types import message_class
 
@@ -33,21 +33,19 @@ def simbev() -> Iterator[Callable[..., Command]]:
 
     yield start
     for command in commands:
-        if command.process.poll() is None:
-            command.process.kill()
-            command.process.wait()
+        command.close()
 
 
 @pytest.fixture(autouse=True)
 def no_leftovers() -> Iterator[None]:
     """After every test: no new file of the middleware in /dev/shm, no node process."""
-    before = middleware_files()
+    before = orphaned_files()
     yield
     end_s = time.monotonic() + 5
-    while (middleware_files() - before or node_processes()) and time.monotonic() < end_s:
+    while (orphaned_files() - before or node_processes()) and time.monotonic() < end_s:
         time.sleep(0.1)
     assert not node_processes()
-    assert not middleware_files() - before
+    assert not orphaned_files() - before
 
 
 @pytest.fixture(scope="session")

@@ -48,8 +48,14 @@ def test_lidar_points_have_the_velodyne_layout() -> None:
 
 @pytest.mark.parametrize(
     ("shape", "dtype", "encoding"),
-    [((3, 5, 3), "u1", "rgb8"), ((3, 5), "u1", "mono8"), ((3, 5), "u2", "mono16"), ((3, 5), "f4", "32FC1"), ((3, 5, 2), "f4", "32FC2")],
-)  # fmt: skip
+    [
+        ((3, 5, 3), "u1", "rgb8"),
+        ((3, 5), "u1", "mono8"),
+        ((3, 5), "u2", "mono16"),
+        ((3, 5), "f4", "32FC1"),
+        ((3, 5, 2), "f4", "32FC2"),
+    ],
+)
 def test_images_carry_their_bytes_and_encoding(shape: tuple[int, ...], dtype: str, encoding: str) -> None:
     image = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
     message = image_message(image, STAMP_NS, "f")

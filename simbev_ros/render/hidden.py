@@ -1,0 +1,62 @@
+"""What is certainly hidden behind what is already drawn: boxes are tested against the farthest depth of their pixels.
+
+Conservative, so that leaving out what is hidden changes no pixel: pixels are taken together in blocks, a box is tested by
+its projection's bounding rectangle, enlarged by a pixel, at the depth of its nearest corner, less a margin.
+"""
+
+from typing import Self
+
+import moderngl
+import numpy as np
+
+from simbev_ros.render.view import NEAR_M
+from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array
+
+_BLOCK_PX = 8
+
+_MARGIN = 2e-6
+"""Of the depth buffer's range 0..1. Vertices in float32 are right to 5e-7, markings are brought forward by 3e-7, and the
+buffer's steps are 6e-8; as a length this is 0.2 m at 100 m, and grows with the square of the distance."""
+
+_BACKGROUND = 1.0
+
+
+class Screen:
+    """The depth buffer of a view, while it is being drawn."""
+
+    def __init__(self, depth: Float32Array) -> None:
+        """Take (H, W) depths, 0 near … 1 where nothing was drawn, row 0 for clip y = -1."""
+        self._size_px = np.array(depth.shape[::-1])
+        self._farthest = _range_maxima(_blocks_maxima(depth))
+
+    @classmethod
+    def of(cls, framebuffer: moderngl.Framebuffer) -> Self:
+        """Read back the depth that was drawn so far."""
+        width, height = framebuffer.size
+        depth = np.empty((height, width), np.float32)
+        framebuffer.read_into(depth, components=1, attachment=-1, dtype="f4")
+        return cls(depth)
+
+    def hides(self, corners_clip: Float64Array) -> BoolArray:
+        """(N,) whether boxes are hidden wholly, from (N, 8, 4) corners in clip space."""
+        in_front = corners_clip[:, :, 3].min(axis=1) > NEAR_M
+        corners = corners_clip[in_front]
+        places = corners[:, :, :3] / corners[:, :, 3:]
+        hidden = np.zeros(len(corners_clip), bool)
+        low, high = places[:, :, :2].min(axis=1), places[:, :, :2].max(axis=1)
+        farthest = self._farthest_within((low + 1.0) / 2.0 * self._size_px - 1.0, (high + 1.0) / 2.0 * self._size_px + 1.0)
+        hidden[in_front] = (places[:, :, 2].min(axis=1) + 1.0) / 2.0 > farthest + _MARGIN
+        return hidden
+
+    def _farthest_within(self, low_px: Float64Array, high_px: Float64Array) -> Float32Array:
+        """(N,) farthest depth in rectangles between (N, 2) places, x and y; clipped to the picture's border."""
+        first, last = (
+            (np.clip(place, 0, self._size_px - 1) // _BLOCK_PX).astype(np.int64) for place in (low_px, high_px)
+        )
+        level = np.log2(last - first + 1).astype(np.int64)
+        second = last + 1 - (1 << level)
+        (i, j), (x0, y0), (x1, y1) = level.T, first.T, second.T
+        table = self._farthest
+        return np.maximum(
+            np.maximum(table[j, i, y0, x0], table[j, i, y0, x1]), np.maximum(table[j, i, y1, x0], table[j, i, y1, x1])
+        )

@@ -15,7 +15,7 @@ from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.assets.town_plan import BlockUse, plan_town
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import SurroundingsRecipe
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 
 
 def build_static_scene(network: RoadNetwork, recipe: SurroundingsRecipe, seed: int) -> StaticScene:

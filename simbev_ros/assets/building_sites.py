@@ -15,7 +15,7 @@ from simbev_ros.assets.tiles import standing
 from simbev_ros.assets.town_plan import Block, BlockUse, FrontSide, TownPlan, building_height_m, front_sides
 from simbev_ros.config.draw import sample
 from simbev_ros.maps.recipe import SurroundingsRecipe
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 
 _STEP_M = 1.0

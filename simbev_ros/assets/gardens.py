@@ -14,7 +14,7 @@ from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color, pick_color
 from simbev_ros.assets.plants import hedge
 from simbev_ros.assets.tiles import TileBuilder
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 
 _PATH_WIDTH_M = 1.3

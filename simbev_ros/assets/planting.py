@@ -9,7 +9,7 @@ from simbev_ros.assets.ground import LAND_HEIGHT_M
 from simbev_ros.assets.plants import Grove, thicket
 from simbev_ros.assets.tiles import TileBuilder, standing
 from simbev_ros.assets.town_plan import Block, BlockUse, TownPlan
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 
 _FROM_STREET_M = 1.2
 _WOODS_DEPTH_M = 60.0

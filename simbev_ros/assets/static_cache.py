@@ -15,8 +15,9 @@ from simbev_ros.assets.build import build_static_scene
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.errors import InputError
-from simbev_ros.maps.build import default_cache_dir, recipe_of
+from simbev_ros.maps.build import default_cache_dir
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.types import AnyArray
 

@@ -16,7 +16,7 @@ from simbev_ros.errors import SimbevError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import SurroundingsRecipe
 from simbev_ros.maps.surface import crossing_polygons, road_surface, sidewalk_surface
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 
 _OUTSKIRTS_M = 110.0

@@ -9,13 +9,11 @@ from pathlib import Path
 from simbev_ros.errors import InputError
 from simbev_ros.maps import netconvert
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.recipe import known_maps, recipe_of
+from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.signals import place_signals
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.street_plan import draw_plan, edges_xml, nodes_xml
 from simbev_ros.maps.sumo_net import read_sumo_net
-
-__all__ = ["MapSpec", "default_cache_dir", "known_maps", "load_network", "recipe_of"]
 
 _NET = "map.net.xml"
 _OPENDRIVE = "map.xodr"

@@ -10,15 +10,13 @@ import moderngl
 import numpy as np
 
 from simbev_ros.render.view import NEAR_M
-from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array
+from simbev_ros.types import BoolArray, Float32Array, Float64Array
 
 _BLOCK_PX = 8
 
 _MARGIN = 2e-6
 """Of the depth buffer's range 0..1. Vertices in float32 are right to 5e-7, markings are brought forward by 3e-7, and the
 buffer's steps are 6e-8; as a length this is 0.2 m at 100 m, and grows with the square of the distance."""
-
-_BACKGROUND = 1.0
 
 
 class Screen:
@@ -53,10 +51,36 @@ class Screen:
         first, last = (
             (np.clip(place, 0, self._size_px - 1) // _BLOCK_PX).astype(np.int64) for place in (low_px, high_px)
         )
-        level = np.log2(last - first + 1).astype(np.int64)
+        level = np.frexp(last - first + 1)[1] - 1  # of the largest power of two in it
         second = last + 1 - (1 << level)
         (i, j), (x0, y0), (x1, y1) = level.T, first.T, second.T
         table = self._farthest
         return np.maximum(
             np.maximum(table[j, i, y0, x0], table[j, i, y0, x1]), np.maximum(table[j, i, y1, x0], table[j, i, y1, x1])
         )
+
+
+def _blocks_maxima(depth: Float32Array) -> Float32Array:
+    """Farthest depth of each block of pixels."""
+    rows, columns = (-(-size // _BLOCK_PX) for size in depth.shape)
+    padded = np.zeros((rows * _BLOCK_PX, columns * _BLOCK_PX), np.float32)
+    padded[: depth.shape[0], : depth.shape[1]] = depth
+    stripes = padded.reshape(rows, _BLOCK_PX, -1).max(axis=1)
+    blocks: Float32Array = np.maximum.reduce([stripes[:, start::_BLOCK_PX] for start in range(_BLOCK_PX)])
+    return blocks
+
+
+def _range_maxima(blocks: Float32Array) -> Float32Array:
+    """(J, I, h, w) maxima of the 2^j x 2^i blocks from each on: four of them, overlapping, make up any rectangle."""
+    height, width = blocks.shape
+    table = np.empty((height.bit_length(), width.bit_length(), height, width), np.float32)
+    table[0, 0] = blocks
+    for i in range(1, table.shape[1]):
+        step = 1 << i - 1
+        table[0, i] = table[0, i - 1]
+        np.maximum(table[0, i, :, :-step], table[0, i - 1, :, step:], out=table[0, i, :, :-step])
+    for j in range(1, table.shape[0]):
+        step = 1 << j - 1
+        table[j] = table[j - 1]
+        np.maximum(table[j, :, :-step], table[j - 1, :, step:], out=table[j, :, :-step])
+    return table

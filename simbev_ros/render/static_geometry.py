@@ -1,4 +1,8 @@
-"""The static world on the GPU: one vertex array per tile, culled per view, nearest tiles first."""
+"""The static world on the GPU: one vertex array per tile, drawn in pieces, nearest tiles first.
+
+A piece is a run of a tile's triangles, in which things that stand together are close, with a box around it. Only pieces
+that may be seen are drawn, always in the same order: where two surfaces have the same depth, the first one stays.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,9 +10,14 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.static_scene import Tile
+from simbev_ros.render.hidden import Screen, box_corners
 from simbev_ros.render.vertices import upload_mesh
-from simbev_ros.render.view import View
-from simbev_ros.types import BoolArray, Float64Array, UInt8Array
+from simbev_ros.render.view import View, boxes_in_clip_space
+from simbev_ros.types import Float64Array, Int64Array, UInt8Array
+
+_PIECE_TRIANGLES = 256
+_NEAR_M = 64.0
+"""What is nearer is drawn without asking whether it is hidden, and hides the rest."""
 
 
 class StaticGeometry:
@@ -27,32 +36,17 @@ class StaticGeometry:
         self._origins_m = np.array([tile.origin_m for tile in seen], np.float64).reshape(-1, 3)
         bounds_m = np.array([tile.mesh.bounds_m for tile in seen], np.float64).reshape(-1, 2, 3)
         self._bounds_m = bounds_m + self._origins_m[:, None]
+        pieces = [_pieces(tile) for tile in seen]
+        self._tile = np.repeat(np.arange(len(seen)), [len(first) for first, _ in pieces])
+        self._first = np.concatenate([first for first, _ in pieces])
+        self._piece_bounds_m = np.concatenate([bounds for _, bounds in pieces])
 
-    def draw_view(self, program: str, view: View, origin_m: Float64Array) -> None:
-        """Draw the tiles that a view can see, in the world of (3,) ``origin_m``."""
-        low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
-        distance_m = np.linalg.norm(np.clip(view.position_m, low_m, high_m) - view.position_m, axis=1)
-        self._draw(program, view.clip_from_world, origin_m, view.sees_boxes(low_m, high_m), distance_m)
-
-    def draw_around(self, program: str, clip_from_world: Float64Array, origin_m: Float64Array, radius_m: float) -> None:
-        """Draw the tiles within a horizontal distance of the origin."""
-        low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
-        distance_m = np.linalg.norm(np.clip(0.0, low_m[:, :2], high_m[:, :2]), axis=1)
-        self._draw(program, clip_from_world, origin_m, distance_m < radius_m, distance_m)
-
-    def _draw(
-        self,
-        program: str,
-        clip_from_world: Float64Array,
-        origin_m: Float64Array,
-        chosen: BoolArray,
-        distance_m: Float64Array,
-    ) -> None:
-        clip_from_tile = np.tile(clip_from_world, (len(self._arrays), 1, 1))
-        clip_from_tile[:, :, 3] += (self._origins_m - origin_m) @ clip_from_world[:, :3].T
-        column_major = np.swapaxes(clip_from_tile, 1, 2).astype(np.float32)
-        for index in np.argsort(distance_m, kind="stable"):
-            if chosen[index]:
-                array = self._arrays[index][program]
-                array.program["clip_from_tile"].write(column_major[index].tobytes())
-                array.render()
+    def draw_view(self, program: str, view: View, origin_m: Float64Array, target: moderngl.Framebuffer) -> None:
+        """Draw into a target what a view may see in the world of (3,) ``origin_m``."""
+        low_m, high_m = np.moveaxis(self._piece_bounds_m - origin_m, 1, 0)
+        distance_m = self._distance_m(view.position_m + origin_m)
+        pieces = self._in_order(view.sees_boxes(low_m, high_m), distance_m)
+        near = distance_m[self._tile[pieces]] < _NEAR_M
+        self._draw(program, view.clip_from_world, origin_m, pieces[near])
+        hidden = Screen.of(target).hides(box_corners(low_m[pieces], high_m[pieces]), view.clip_from_world)
+        self._draw(program, view.clip_from_world, origin_m, pieces[~near & ~hidden])

@@ -51,17 +51,13 @@ class View:
 
     def sees_spheres(self, centers_m: Float64Array, radii_m: Float64Array) -> BoolArray:
         """(N,) whether spheres around (N, 3) world points reach into the view."""
-        planes = self._planes()
+        planes = _planes(self.clip_from_world)
         inside: BoolArray = np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
         return inside
 
     def sees_boxes(self, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
         """(N,) whether axis-parallel boxes, given by two (N, 3) world corners, reach into the view."""
-        planes = self._planes()
-        center, half = (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
-        reach = half @ np.abs(planes[:, :3]).T
-        inside: BoolArray = np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
-        return inside
+        return boxes_in_clip_space(self.clip_from_world, low_m, high_m)
 
     def block(self) -> bytes:
         """The uniform block ``View`` of shaders/include/view.glsl, std140."""
@@ -75,12 +71,21 @@ class View:
         ]
         return np.concatenate([*matrices, np.array(vectors)]).astype(np.float32).tobytes()
 
-    def _planes(self) -> Float64Array:
-        """(6, 4) planes of the view, normals inward and of unit length."""
-        clip = self.clip_from_world
-        planes: Float64Array = np.concatenate([clip[3] + clip[:3], clip[3] - clip[:3]])
-        planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-        return planes
+
+def boxes_in_clip_space(clip_from_world: Float64Array, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
+    """(N,) whether axis-parallel boxes, given by two (N, 3) world corners, reach into what a projection shows."""
+    planes = _planes(clip_from_world)
+    center, half = (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
+    reach = half @ np.abs(planes[:, :3]).T
+    inside: BoolArray = np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
+    return inside
+
+
+def _planes(clip: Float64Array) -> Float64Array:
+    """(6, 4) planes of what a projection shows, normals inward and of unit length."""
+    planes: Float64Array = np.concatenate([clip[3] + clip[:3], clip[3] - clip[:3]])
+    planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    return planes
 
 
 def _clip_from_optical(camera: PinholeCamera) -> Float64Array:

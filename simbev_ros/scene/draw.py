@@ -9,10 +9,11 @@ from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Traffic
 from simbev_ros.errors import InputError
 from simbev_ros.maps.network import LaneKind, RoadNetwork, Waypoints
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.draw_weather import draw_weather
-from simbev_ros.scene.random import stream
-from simbev_ros.scene.spec import MapSpec, PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.types import Float64Array, Int64Array
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import WeatherConfig
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.scene.weather import Weather
 
 

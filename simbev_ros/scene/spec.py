@@ -7,7 +7,7 @@ from pydantic import Field
 from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Annotation
-from simbev_ros.maps.spec import MapSpec as MapSpec
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.weather import Weather
 
 NS_PER_S = 1_000_000_000

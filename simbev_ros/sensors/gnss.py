@@ -6,7 +6,7 @@ import numpy as np
 
 from simbev_ros.config.rig import Gnss
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import map_from_sensor
 from simbev_ros.types import Float64Array

@@ -9,7 +9,7 @@ import numpy as np
 
 from simbev_ros.config.rig import Imu
 from simbev_ros.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.sensors.mount import map_from_sensor, vector
 from simbev_ros.types import Float64Array

@@ -12,8 +12,8 @@ import numpy as np
 
 from simbev_ros.assets.materials import load_materials
 from simbev_ros.config.rig import Lidar
+from simbev_ros.random import stream
 from simbev_ros.raycast.scene import Hits, RayScene
-from simbev_ros.scene.random import stream
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import map_from_sensor
 from simbev_ros.types import Float32Array, Int64Array, Table, UInt16Array

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
-from simbev_ros.scene.random import stream
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.types import Float64Array, Table

@@ -8,8 +8,8 @@ from functools import cache
 from xml.etree import ElementTree
 
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint
-from simbev_ros.scene.random import stream
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.routes import StreetGraph, WalkGraph

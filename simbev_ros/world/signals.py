@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from simbev_ros.maps.network import Signal
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState
 from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.scene.random import stream
+from simbev_ros.random import stream
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import EGO_ID
 from simbev_ros.types import Float64Array, Int64Array, Table

@@ -11,15 +11,17 @@ from pyproj import CRS
 
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.maps import netconvert
-from simbev_ros.maps.build import known_maps, load_network
+from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.surface import road_surface
 
 _BUILD_AND_PRINT_FOLDER = """
 import sys
 from pathlib import Path
-from simbev_ros.maps.build import MapSpec, load_network
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.spec import MapSpec
 print(load_network(MapSpec(name="Blocks", seed=7), Path(sys.argv[1])).net_path.parent)
 """
 

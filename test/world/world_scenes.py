@@ -8,8 +8,9 @@ from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Annotation
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, LaneKind, RoadNetwork
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.spec import MapSpec, PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Table

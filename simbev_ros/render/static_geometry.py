@@ -1,7 +1,7 @@
 """The static world on the GPU: one vertex array per tile, drawn in pieces, nearest tiles first.
 
-A piece is a run of a tile's triangles, in which things that stand together are close, with a box around it. Only pieces
-that may be seen are drawn, always in the same order: where two surfaces have the same depth, the first one stays.
+A piece is a run of a tile's triangles, with a box around it; what stands together is mostly in few pieces. Only pieces
+that may be seen are drawn, and always in the same order, because of two surfaces at the same depth the first one stays.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,11 +13,12 @@ from simbev_ros.assets.static_scene import Tile
 from simbev_ros.render.hidden import Screen, box_corners
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View, boxes_in_clip_space
-from simbev_ros.types import Float64Array, Int64Array, UInt8Array
+from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
 
 _PIECE_TRIANGLES = 256
+
 _NEAR_M = 64.0
-"""What is nearer is drawn without asking whether it is hidden, and hides the rest."""
+"""Tiles closer than this are drawn first, and hide the others."""
 
 
 class StaticGeometry:
@@ -34,19 +35,45 @@ class StaticGeometry:
         seen = [tile for tile in tiles if len(tile.mesh.triangles)]
         self._arrays = [upload_mesh(context, tile.mesh, programs, shading_class) for tile in seen]
         self._origins_m = np.array([tile.origin_m for tile in seen], np.float64).reshape(-1, 3)
-        bounds_m = np.array([tile.mesh.bounds_m for tile in seen], np.float64).reshape(-1, 2, 3)
-        self._bounds_m = bounds_m + self._origins_m[:, None]
+        self._tile_bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in seen]).reshape(-1, 2, 3)
         pieces = [_pieces(tile) for tile in seen]
-        self._tile = np.repeat(np.arange(len(seen)), [len(first) for first, _ in pieces])
-        self._first = np.concatenate([first for first, _ in pieces])
-        self._piece_bounds_m = np.concatenate([bounds for _, bounds in pieces])
+        self._tile = np.repeat(np.arange(len(seen)), [len(ends) for ends, _ in pieces])
+        self._end = np.concatenate([np.zeros(0, np.int64), *(ends for ends, _ in pieces)])
+        self._bounds_m = np.concatenate([np.zeros((0, 2, 3)), *(bounds_m for _, bounds_m in pieces)])
 
     def draw_view(self, program: str, view: View, origin_m: Float64Array, target: moderngl.Framebuffer) -> None:
-        """Draw into a target what a view may see in the world of (3,) ``origin_m``."""
-        low_m, high_m = np.moveaxis(self._piece_bounds_m - origin_m, 1, 0)
-        distance_m = self._distance_m(view.position_m + origin_m)
-        pieces = self._in_order(view.sees_boxes(low_m, high_m), distance_m)
-        near = distance_m[self._tile[pieces]] < _NEAR_M
-        self._draw(program, view.clip_from_world, origin_m, pieces[near])
-        hidden = Screen.of(target).hides(box_corners(low_m[pieces], high_m[pieces]), view.clip_from_world)
-        self._draw(program, view.clip_from_world, origin_m, pieces[~near & ~hidden])
+        """Draw what a view sees of the world of (3,) ``origin_m`` into the target, which is the one in use."""
+        low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
+        seen = view.sees_boxes(low_m, high_m)
+        distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
+        near = distance_m[self._tile] < _NEAR_M
+        self._draw(program, view.clip_from_world, origin_m, seen & near, distance_m)
+        rest = np.flatnonzero(seen & ~near)
+        hidden = Screen.of(target).hides(view.clip_from_world, box_corners(low_m[rest], high_m[rest]))
+        seen[rest] = ~hidden
+        self._draw(program, view.clip_from_world, origin_m, seen & ~near, distance_m)
+
+    def draw_around(self, program: str, clip_from_world: Float64Array, origin_m: Float64Array, radius_m: float) -> None:
+        """Draw what a projection shows of the tiles within a horizontal distance of the origin."""
+        distance_m = _distance_m(np.zeros(2), (self._tile_bounds_m - origin_m)[..., :2])
+        low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
+        shown = boxes_in_clip_space(clip_from_world, low_m, high_m) & (distance_m[self._tile] < radius_m)
+        self._draw(program, clip_from_world, origin_m, shown, distance_m)
+
+    def _draw(
+        self,
+        program: str,
+        clip_from_world: Float64Array,
+        origin_m: Float64Array,
+        chosen: BoolArray,
+        distance_m: Float64Array,
+    ) -> None:
+        """Draw the (P,) chosen pieces, tiles in the order of their (T,) distances."""
+        clip_from_tile = np.tile(clip_from_world, (len(self._arrays), 1, 1))
+        clip_from_tile[:, :, 3] += (self._origins_m - origin_m) @ clip_from_world[:, :3].T
+        column_major = np.swapaxes(clip_from_tile, 1, 2).astype(np.float32)
+        pieces = np.flatnonzero(chosen)
+        pieces = pieces[np.argsort(distance_m[self._tile[pieces]], kind="stable")]
+        tiles = self._tile[pieces]
+        breaks = np.flatnonzero((np.diff(pieces) != 1) | (np.diff(tiles) != 0)) + 1
+        ...

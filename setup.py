@@ -50,7 +50,6 @@ setup(
         "zstandard>=0.23",
     ],
     extras_require={
-        "run": [],
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "test": ["mypy>=1.15", "pytest>=8.3", "ruff>=0.9", "types-PyYAML", "types-shapely"],
     },

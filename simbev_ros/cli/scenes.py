@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import InputError
 from simbev_ros.graph.interrupts import raising_interrupts
@@ -32,12 +33,20 @@ def play_scenes(
     specs = drawn_scenes(scenario)
     if dataset is not None:
         check_writable(dataset, specs)
+    _build_surroundings(specs, console)
     with raising_interrupts(), GraphSession(scenario, live=live, dataset=dataset, domain=domain) as session:
         console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
         for spec in specs:
             with scene_progress(spec, console) as progress:
                 session.play(spec, progress)
     return [scene_folder(dataset, spec.split, spec.name) for spec in specs] if dataset is not None else []
+
+
+def _build_surroundings(specs: Sequence[SceneSpec], console: Console) -> None:
+    """Fill the cache on disk, so that the nodes, which all need the static scene, do not each build it at once."""
+    for spec in {spec.map: spec for spec in specs}.values():
+        with console.status(f"building the surroundings of {spec.map.name}"):
+            load_static_scene(spec.map, load_network(spec.map))
 
 
 def drawn_scenes(scenario: Scenario) -> list[SceneSpec]:
@@ -81,11 +90,11 @@ def scene_progress(spec: SceneSpec, console: Console) -> Iterator[Callable[[int 
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, expand=True) as bars:
-        task = bars.add_task(f"{spec.name}: loading", total=spec.ticks)
+        task = bars.add_task(f"{spec.name}: loading", total=None)
 
         def progress(tick: int | None) -> None:
             if tick is not None:
-                bars.update(task, description=spec.name, completed=max(tick + 1, 0))
+                bars.update(task, description=spec.name, total=spec.ticks, completed=max(tick + 1, 0))
 
         yield progress
 

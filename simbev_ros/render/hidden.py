@@ -4,6 +4,7 @@ Conservative, so that leaving out what is hidden changes no pixel: pixels are ta
 its projection's bounding rectangle, enlarged by a pixel, at the depth of its nearest corner, less a margin.
 """
 
+from itertools import product
 from typing import Self
 
 import moderngl
@@ -17,6 +18,7 @@ _BLOCK_PX = 8
 _MARGIN = 2e-6
 """Of the depth buffer's range 0..1. Vertices in float32 are right to 5e-7, markings are brought forward by 3e-7, and the
 buffer's steps are 6e-8; as a length this is 0.2 m at 100 m, and grows with the square of the distance."""
+_CORNERS = np.array(list(product((False, True), repeat=3)))
 
 
 class Screen:
@@ -35,8 +37,9 @@ class Screen:
         framebuffer.read_into(depth, components=1, attachment=-1, dtype="f4")
         return cls(depth)
 
-    def hides(self, corners_clip: Float64Array) -> BoolArray:
-        """(N,) whether boxes are hidden wholly, from (N, 8, 4) corners in clip space."""
+    def hides(self, clip_from_world: Float64Array, corners_m: Float64Array) -> BoolArray:
+        """(N,) whether boxes with (N, 8, 3) corners in the world are hidden wholly."""
+        corners_clip = corners_m @ clip_from_world[:, :3].T + clip_from_world[:, 3]
         in_front = corners_clip[:, :, 3].min(axis=1) > NEAR_M
         corners = corners_clip[in_front]
         places = corners[:, :, :3] / corners[:, :, 3:]
@@ -58,6 +61,12 @@ class Screen:
         return np.maximum(
             np.maximum(table[j, i, y0, x0], table[j, i, y0, x1]), np.maximum(table[j, i, y1, x0], table[j, i, y1, x1])
         )
+
+
+def box_corners(low_m: Float64Array, high_m: Float64Array) -> Float64Array:
+    """(N, 8, 3) corners of axis-parallel boxes, given by two (N, 3) of them."""
+    corners: Float64Array = np.where(_CORNERS, high_m[:, None], low_m[:, None])
+    return corners
 
 
 def _blocks_maxima(depth: Float32Array) -> Float32Array:

@@ -11,6 +11,7 @@ from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
 from simbev_ros.render.contact import HALF_M, ContactMap
 from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.render.hidden import Screen
 from simbev_ros.render.lamp_field import LampField
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.noise import noise_texture
@@ -139,8 +140,10 @@ class Renderer:
         context.enable_only(moderngl.DEPTH_TEST)
         context.front_face = "cw"  # image rows run downward, which mirrors every triangle
         context.depth_func = "<"
-        self._static.draw_view("geometry", view, origin_m)
-        self._actors.draw("geometry", world, table, visible_actors(world, view, origin_m, frame.show_ego))
+        self._static.draw_view("geometry", view, origin_m, targets.geometry)
+        self._actors.draw(
+            "geometry", world, table, visible_actors(world, view, origin_m, frame.show_ego, Screen.of(targets.geometry))
+        )
         context.depth_func = "<="
         draw_screen(self._background)
         context.enable_only(moderngl.NOTHING)

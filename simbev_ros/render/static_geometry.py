@@ -37,8 +37,10 @@ class StaticGeometry:
         self._origins_m = np.array([tile.origin_m for tile in seen], np.float64).reshape(-1, 3)
         self._tile_bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in seen]).reshape(-1, 2, 3)
         pieces = [_pieces(tile) for tile in seen]
-        self._tile = np.repeat(np.arange(len(seen)), [len(ends) for ends, _ in pieces])
-        self._end = np.concatenate([np.zeros(0, np.int64), *(ends for ends, _ in pieces)])
+        self._tile = np.repeat(np.arange(len(seen)), [len(first) for first, _ in pieces])
+        self._first = np.concatenate([np.zeros(0, np.int64), *(first for first, _ in pieces)])
+        counts = np.array([len(tile.mesh.triangles) for tile in seen], np.int64)
+        self._end = np.minimum(self._first + _PIECE_TRIANGLES, counts[self._tile])
         self._bounds_m = np.concatenate([np.zeros((0, 2, 3)), *(bounds_m for _, bounds_m in pieces)])
 
     def draw_view(self, program: str, view: View, origin_m: Float64Array, target: moderngl.Framebuffer) -> None:
@@ -75,5 +77,24 @@ class StaticGeometry:
         pieces = np.flatnonzero(chosen)
         pieces = pieces[np.argsort(distance_m[self._tile[pieces]], kind="stable")]
         tiles = self._tile[pieces]
-        breaks = np.flatnonzero((np.diff(pieces) != 1) | (np.diff(tiles) != 0)) + 1
-        ...
+        begins = (np.diff(pieces, prepend=-2) != 1) | (np.diff(tiles, prepend=-1) != 0)
+        ends = np.roll(begins, -1)
+        for tile, first, end in zip(tiles[begins], self._first[pieces[begins]], self._end[pieces[ends]], strict=True):
+            array = self._arrays[tile][program]
+            array.program["clip_from_tile"].write(column_major[tile].tobytes())
+            array.render(vertices=3 * (end - first), first=3 * first)
+
+
+def _pieces(tile: Tile) -> tuple[Int64Array, Float64Array]:
+    """(K,) first triangle of each piece, and (K, 2, 3) the pieces' boxes in the map frame."""
+    corners = tile.mesh.vertices[tile.mesh.triangles]
+    first = np.arange(0, len(corners), _PIECE_TRIANGLES)
+    low_m = np.minimum.reduceat(corners.min(axis=1), first)
+    high_m = np.maximum.reduceat(corners.max(axis=1), first)
+    return first, np.stack([low_m, high_m], axis=1) + tile.origin_m
+
+
+def _distance_m(place_m: Float64Array, bounds_m: Float64Array) -> Float64Array:
+    """(N,) distance of a place from (N, 2, D) boxes."""
+    distance_m: Float64Array = np.linalg.norm(np.clip(place_m, bounds_m[:, 0], bounds_m[:, 1]) - place_m, axis=1)
+    return distance_m

@@ -116,18 +116,26 @@ def test_another_seed_changes_everything_that_is_not_static(
     assert same == {"/clock", "/world/map", "/tf_static", *(name for name in other if name.endswith("camera_info"))}
 
 
+@pytest.mark.parametrize(
+    "node",
+    [
+        "lidar",
+        "recorder",
+        *(pytest.param(node, marks=pytest.mark.slow) for node in ("world", "camera", "gnss+imu", "annotator")),
+    ],
+)
 def test_killed_node_is_named_and_what_was_recorded_stays_readable(
-    simbev: Simbev, small_config: Config, tmp_path: Path
+    simbev: Simbev, small_config: Config, tmp_path: Path, node: str
 ) -> None:
     command = simbev("run", small_config(60), "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
     command.wait_for(lambda: any(file.stat().st_size > 800_000 for file in bag.glob("*.mcap")))
-    os.kill(command.nodes()["lidar"], signal.SIGKILL)
+    os.kill(command.nodes()[node], signal.SIGKILL)
     killed_s = time.monotonic()
     code, output = command.finish(timeout_s=10)
     assert time.monotonic() - killed_s < 10
     assert code == 1
-    assert "node lidar died after tick" in output
+    assert f"node {node} died after tick" in output
     assert "SIGKILL" in output
     assert "Traceback" not in output
     with SceneBag(bag) as partial:

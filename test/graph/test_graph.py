@@ -184,3 +184,13 @@ def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) 
     code, output = simbev("run", small_config(1)).finish()
     assert code == 2
     assert f"ROS domain {DOMAIN} is in use by another simbev graph" in output
+
+
+def test_bench_says_where_the_time_goes(simbev: Simbev, small_config: Config) -> None:
+    code, output = simbev("bench", small_config(), "--ticks", 20, "--json").finish()
+    assert code == 0, output
+    result = json.loads(output[output.index("{") :])
+    assert result["ticks_per_s"] > 0
+    processes = {process["name"]: process for process in result["processes"]}
+    assert processes.keys() == {"world", "camera", "lidar", "gnss+imu", "annotator", "recorder"}
+    assert all(process["cpu_ms"] > 0 and process["memory_mib"] > 50 for process in processes.values())

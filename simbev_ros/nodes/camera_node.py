@@ -63,14 +63,18 @@ class CameraNode(Participant):
         for period, cameras in groupby(self._cameras, key=lambda camera: spec.period_ticks(camera.rate_hz)):
             if state.tick % period:
                 continue
-            if state.tick >= 0:
-                self._publish(spec, list(cameras), RenderFrame(state, self._previous.get(period)))
+            frame = RenderFrame(state, self._previous.get(period))
+            outputs = self._rendered(list(cameras), frame)
+            if state.tick >= 0:  # pictures of the lead-in only warm the renderer up
+                self._publish(spec, outputs, frame)
             self._previous[period] = state
 
-    def _publish(self, spec: SceneSpec, cameras: list[Camera], frame: RenderFrame) -> None:
+    def _rendered(self, cameras: list[Camera], frame: RenderFrame) -> list[_Output]:
         assert self._renderer is not None
         views = [CameraView(c.model, c.pose.ego_from_sensor, c.modalities) for c in cameras]
-        outputs = list(_outputs(cameras, self._renderer.render(views, frame)))
+        return list(_outputs(cameras, self._renderer.render(views, frame)))
+
+    def _publish(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> None:
         agent, stamp_ns = spec.rig.agent, frame.world.stamp_ns
         encoded = self._encoders.map(lambda output: self._encoded(agent, output), outputs)
         for output, data in zip(outputs, encoded, strict=True):

@@ -52,13 +52,15 @@ class LidarNode(Participant):
         return recorded
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Cast and publish what is due. Rays pass through the ego and through its rider."""
-        due = [mounted for mounted in self._mounted if state.tick >= 0 and state.tick % mounted.period_ticks == 0]
+        """Cast what is due, and publish it. Rays pass through the ego and through its rider."""
+        due = [mounted for mounted in self._mounted if state.tick % mounted.period_ticks == 0]
         for lidar, model, _ in due:
             assert self._rays is not None
             center_m = map_from_sensor(lidar.pose, state)[:3, 3]
             self._rays.update(state, center_m, lidar.range_m, state.ego_ids)
             scan = model.scan(self._rays, state)
+            if state.tick < 0:  # clouds of the lead-in only warm the ray caster up
+                continue
             frame = f"{spec.rig.agent}/{lidar.name}"
             if lidar.points:
                 self.publish(f"/{frame}/points", message_from_table(scan.points, state.stamp_ns, frame))

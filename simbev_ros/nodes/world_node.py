@@ -37,7 +37,7 @@ class WorldNode(GraphNode):
         participants = self.declared("participants", [], "Nodes on /sync/ready that must finish each tick")
         self._state_readers = self.declared("state_readers", 0, "Readers of /world/actors to wait for before a scene")
         window_ticks = self.declared("window_ticks", 3, "Ticks that the world may be ahead of the slowest participant")
-        self._lockstep = Lockstep(participants, window_ticks)
+        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
         self._pacer = Pacer(live=self.live)
         self._simulation: Simulation | None = None
         self._spec: SceneSpec | None = None
@@ -87,8 +87,11 @@ class WorldNode(GraphNode):
             return False
         if self._next_tick == -spec.lead_in_ticks and not self._connected():
             return False
-        may_follow = self._lockstep.all_loaded if self.live else self._lockstep.may_start(self._next_tick)
-        return may_follow and self._pacer.due(spec.tick_ns)
+        # A live scene waits for everybody once: its first tick starts when all have warmed up on the lead-in.
+        together = not self.live or self._next_tick <= 0
+        if together and not self._lockstep.may_start(self._next_tick):
+            return False
+        return self._pacer.due(spec.tick_ns)
 
     def _connected(self) -> bool:
         names = (topics.ACTORS, topics.SIGNALS, topics.WEATHER)

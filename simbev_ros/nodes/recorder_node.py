@@ -96,7 +96,7 @@ class RecorderNode(GraphNode):
             return
         if all(subscription.get_publisher_count() > 0 for subscription in self._taken.values()):
             self._loaded_reported = True
-            self.report_finished(self._spec, self._spec.loaded_tick)
+            self.report_finished(self._spec, -1)  # of the lead-in nothing is recorded
 
     def _take(self, topic: str, stamp_ns: int, payload: bytes) -> None:
         """Enter a message into the books and write all ticks that are complete now."""

@@ -78,31 +78,44 @@ def part_poses(model: ActorModel, actors: Table) -> Float64Array:
     Returns:
         (N, P, 4, 4) transforms actor from actor-at-rest: applied to rest-pose vertices of part p they give posed ones.
     """
-    poses = np.tile(np.eye(4), (len(actors), len(model.parts), 1, 1))
-    gait = actors["gait"].astype(np.float64)
-    motion = np.minimum(np.hypot(actors["vx"], actors["vy"]).astype(np.float64) / _FULL_STRIDE_MPS, 1.0)
+    gait = actors["gait"].astype(np.float64)[:, None]
+    motion = np.minimum(np.hypot(actors["vx"], actors["vy"]).astype(np.float64) / _FULL_STRIDE_MPS, 1.0)[:, None]
+    parts = np.array([_numbers(part) for part in model.parts])
+    spins, steers, swing_rad, phase_rad, offset_rad, cranks, is_still, still_rad, lift_m = parts[:, 3:].T
+    angle_y = offset_rad + swing_rad * np.sin(gait + phase_rad)
+    angle_y = np.where(is_still, motion * angle_y + (1.0 - motion) * still_rad, angle_y)
+    angle_y = angle_y + spins * actors["wheel"][:, None] + cranks * gait
+    poses = _turns_about(parts[:, :3], angle_y, steers * actors["steer"][:, None])
+    poses[..., 2, 3] += lift_m * (1.0 - motion * np.sin(gait) ** 2)
     for index, part in enumerate(model.parts):
-        angle_y = part.swing_offset_rad + part.swing_rad * np.sin(gait + part.swing_phase_rad)
-        if part.still_rad is not None:
-            angle_y = motion * angle_y + (1.0 - motion) * part.still_rad
-        if part.spins:
-            angle_y = angle_y + actors["wheel"]
-        if part.cranks:
-            angle_y = angle_y + gait
-        angle_z = actors["steer"].astype(np.float64) if part.steers else np.zeros(len(actors))
-        turn = _turn_about(np.asarray(part.pivot_m), angle_y, angle_z)
-        turn[:, 2, 3] += part.lift_m * (1.0 - motion * np.sin(gait) ** 2)
-        poses[:, index] = turn if part.parent < 0 else poses[:, part.parent] @ turn
+        if part.parent >= 0:
+            poses[:, index] = poses[:, part.parent] @ poses[:, index]
     return poses
 
 
-def _turn_about(pivot_m: Float64Array, angle_y_rad: Float64Array, angle_z_rad: Float64Array) -> Float64Array:
-    """(N, 4, 4) rotations Rz Ry about a fixed point."""
+def _numbers(part: Part) -> tuple[float, ...]:
+    """Everything that says how a part moves."""
+    return (
+        *part.pivot_m,
+        part.spins,
+        part.steers,
+        part.swing_rad,
+        part.swing_phase_rad,
+        part.swing_offset_rad,
+        part.cranks,
+        part.still_rad is not None,
+        part.still_rad or 0.0,
+        part.lift_m,
+    )
+
+
+def _turns_about(pivots_m: Float64Array, angle_y_rad: Float64Array, angle_z_rad: Float64Array) -> Float64Array:
+    """(N, P, 4, 4) rotations Rz Ry about (P, 3) fixed points."""
     cy, sy, cz, sz = np.cos(angle_y_rad), np.sin(angle_y_rad), np.cos(angle_z_rad), np.sin(angle_z_rad)
-    turn = np.zeros((len(angle_y_rad), 4, 4))
-    turn[:, 0, :3] = np.stack([cz * cy, -sz, cz * sy], axis=-1)
-    turn[:, 1, :3] = np.stack([sz * cy, cz, sz * sy], axis=-1)
-    turn[:, 2, :3] = np.stack([-sy, np.zeros_like(sy), cy], axis=-1)
-    turn[:, :3, 3] = pivot_m - turn[:, :3, :3] @ pivot_m
-    turn[:, 3, 3] = 1.0
-    return turn
+    turns = np.zeros((*angle_y_rad.shape, 4, 4))
+    turns[..., 0, 0], turns[..., 0, 1], turns[..., 0, 2] = cz * cy, -sz, cz * sy
+    turns[..., 1, 0], turns[..., 1, 1], turns[..., 1, 2] = sz * cy, cz, sz * sy
+    turns[..., 2, 0], turns[..., 2, 2] = -sy, cy
+    turns[..., :3, 3] = pivots_m - (turns[..., :3, :3] @ pivots_m[..., None])[..., 0]
+    turns[..., 3, 3] = 1.0
+    return turns

@@ -1,5 +1,6 @@
 """``simbev demo``: one short scene from nothing to a bag, a picture and a video."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +37,7 @@ def demo(
         raise InputError(f"--out {folder}: exists already; nothing was overwritten")
     (bag,) = play_scenes(scenario, console, dataset=folder)
     preview = make_preview(bag, folder, console=console)
+    command = os.environ.get("SIMBEV_COMMAND", "simbev")
     console.print()
     console.print(f"bag      {bag}", soft_wrap=True)
     for path in preview:
@@ -43,9 +45,12 @@ def demo(
     console.print(
         f"""
 [bold]What next[/]
-  simbev info {bag}        what is in it
-  ros2 bag play {bag}      or open the .mcap file in Foxglove, Lichtblick or Rerun
-  simbev run live --live   stream to your own nodes""",
+  {command} info {bag}
+      what is in it
+  ros2 bag play {bag}
+      or open the .mcap file in Foxglove, Lichtblick or Rerun
+  {command} run live --live
+      stream to your own nodes""",
         soft_wrap=True,
     )
 

@@ -12,7 +12,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from simbev_ros.errors import SimbevError
+from simbev_ros.errors import InputError, SimbevError
 
 KINDS = {
     "world": ("world_node", "WorldNode"),
@@ -41,6 +41,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         for word in remove_ros_args(arguments)[1:]:
             kind, _, name = word.partition(":")
+            if kind not in KINDS:
+                raise InputError(f"no kind of node is called {kind!r}; allowed: {', '.join(KINDS)}")
             module, node_class = KINDS[kind]
             nodes.append(getattr(importlib.import_module(f"simbev_ros.nodes.{module}"), node_class)(name or kind))
         executor = _make_executor()

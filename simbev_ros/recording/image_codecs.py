@@ -9,7 +9,7 @@
 """
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import cv2
@@ -20,10 +20,9 @@ from simbev_ros.errors import BagError
 from simbev_ros.types import AnyArray, Float32Array, UInt8Array
 
 _JPEG_QUALITY = 90
-_FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
-# One fixed filter is three times as fast as a choice per row, and our images, which are smooth or flat, lose nothing.
-_PNG_UP = (*_FAST_PNG, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP)
-_PNG_SUB = (*_FAST_PNG, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB)
+# Told no level, OpenCV takes level 1 and the filter SUB, in all its versions. Told a level, it picks a filter for each
+# row: that takes three times as long, and our images, which are smooth or flat, gain little.
+_PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
 
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantisation parameters a and b: level = a / depth + b
 _INVERSE_DEPTH = 0
@@ -48,7 +47,7 @@ def decode_rgb(data: bytes) -> UInt8Array:
 
 def encode_labels(image: AnyArray) -> bytes:
     """PNG of an (H, W) uint8 or uint16 image, without loss."""
-    return _encode_png(image, _PNG_UP)
+    return _encode_png(image)
 
 
 def decode_labels(data: bytes) -> AnyArray:
@@ -79,7 +78,7 @@ def encode_depth(depth_m: Float32Array) -> bytes:
     parameters = np.array([scale, 1 - scale / far_m], np.float32)
     levels = np.rint(parameters[0] / depth_m + parameters[1])
     levels = np.where(seen, np.clip(levels, 1, _TOP_LEVEL), 0).astype(np.uint16)
-    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + _encode_png(levels, _PNG_SUB)
+    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + _encode_png(levels)
 
 
 def decode_depth(data: bytes) -> Float32Array:
@@ -99,7 +98,7 @@ def encode_flow(flow_px: Float32Array) -> bytes:
     u, v = (np.rint(channel * _FLOW_UNITS_PER_PX + _FLOW_ZERO) for channel in cv2.split(flow_px))
     valid = (u >= 0) & (u <= _TOP_LEVEL) & (v >= 0) & (v <= _TOP_LEVEL)
     blue_green_red = [valid, np.where(valid, v, 0), np.where(valid, u, 0)]
-    return _encode_png(cv2.merge([channel.astype(np.uint16) for channel in blue_green_red]), _PNG_UP)
+    return _encode_png(cv2.merge([channel.astype(np.uint16) for channel in blue_green_red]))
 
 
 def decode_flow(data: bytes) -> Float32Array:
@@ -152,8 +151,8 @@ def decode(image_format: str, data: bytes) -> AnyArray:
         raise BagError(f"compressed image of format {image_format!r} cannot be decoded: {error}") from None
 
 
-def _encode_png(image: AnyArray, parameters: Sequence[int]) -> bytes:
-    done, data = cv2.imencode(".png", image, parameters)
+def _encode_png(image: AnyArray) -> bytes:
+    done, data = cv2.imencode(".png", image, _PNG)
     if not done:
         raise ValueError(f"no PNG of an image of shape {image.shape} and type {image.dtype}")
     return data.tobytes()

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.render.hidden import Screen, box_corners
+from simbev_ros.render.hidden import Occluders
 from simbev_ros.render.proxy import coarse_mesh
 from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.vertices import upload_mesh
@@ -15,7 +15,6 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float64Array, UInt8Array
 
 _MAX_INSTANCES = 4096
-_LIMB_REACH_M = 0.6
 _COARSE_CELL_M = 0.3
 
 
@@ -58,18 +57,11 @@ class ActorGeometry:
             array.render(instances=len(rows))
 
 
-def visible_actors(
-    world: WorldState, view: View, origin_m: Float64Array, show_ego: bool, screen: Screen
-) -> BoolArray:
-    """(N,) which actors a view of the world at (3,) ``origin_m`` may show."""
-    actors = world.actors
-    center_m = np.stack([actors["x"], actors["y"], actors["z"] + actors["height"] / 2.0], axis=1) - origin_m
-    size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
-    radius=np.linalg.norm(size_m, axis=1) / 2.0 + _LIMB_REACH_M
-    seen = view.sees_spheres(center_m, radius)
-    of_ego = (actors["id"] == world.ego_id) | (actors["parent"] == world.ego_id)
-    if not show_ego: seen&=~of_ego
-    half = np.stack([np.hypot(actors['length'],actors['width'])/2+.6]*2+[actors['height']/2+.6],1)
-    i=np.flatnonzero(seen)
-    seen[i]=~screen.hides(view.clip_from_world,box_corners((center_m-half)[i],(center_m+half)[i]))
+def visible_actors(world: WorldState, table: RigidTable, view: View, occluders: Occluders, show_ego: bool) -> BoolArray:
+    """(N,) which actors of the world a view may show."""
+    seen = view.sees_spheres(table.center_m, table.radius_m)
+    if not show_ego:
+        seen &= ~np.isin(world.actors["id"], list(world.ego_ids))
+    center_m, radius_m = table.center_m[seen], table.radius_m[seen, None]
+    seen[seen] = ~occluders.hide(view, center_m - radius_m, center_m + radius_m)
     return seen

@@ -37,7 +37,7 @@ class SkyLight:
         sky_ambient: Irradiance of the sky on level ground.
         ground_ambient: Irradiance from the ground below.
         exposure: Factor before tone mapping.
-        lamps: 1 while street lamps and windows are lit, 0 by day.
+        lamps_lit: Whether street lamps and windows are lit.
     """
 
     key_direction: Float64Array
@@ -49,7 +49,7 @@ class SkyLight:
     sky_ambient: Float64Array
     ground_ambient: Float64Array
     exposure: float
-    lamps: float
+    lamps_lit: bool
 
     @classmethod
     def of(cls, weather: Weather) -> "SkyLight":
@@ -80,7 +80,7 @@ class SkyLight:
             sky_ambient=sky_ambient,
             ground_ambient=_GROUND_ALBEDO * (sky_ambient + direct * max(float(direction[2]), 0.0)),
             exposure=float(key["exposure"][0]) * (1.0 + 0.35 * overcast),
-            lamps=float(weather.sun_altitude_deg < LAMPS_ON_BELOW_DEG),
+            lamps_lit=weather.sun_altitude_deg < LAMPS_ON_BELOW_DEG,
         )
 
     def block_head(
@@ -91,7 +91,7 @@ class SkyLight:
         fog_per_m = (weather.fog_density / 100.0) ** 2 * 0.06
         rows: list[tuple[Float64Array, float]] = [
             (self.key_direction, self.exposure),
-            (self.key, self.lamps),
+            (self.key, 0.0),
             (self.sun_direction, drift),
             (self.zenith, weather.cloudiness / 100.0),
             (self.horizon, weather.wetness / 100.0),

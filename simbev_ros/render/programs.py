@@ -1,6 +1,7 @@
 """GLSL programs from shaders/*.glsl, with texture units and uniform blocks wired by name, once, for all of them."""
 
 import re
+from collections.abc import Mapping
 from importlib.resources import files
 
 import moderngl
@@ -54,15 +55,15 @@ class ProgramLibrary:
         self._context = context
         self._folder = files("simbev_ros.render").joinpath("shaders")
 
-    def load(self, vertex: str, fragment: str | None = None) -> moderngl.Program:
-        """The program of a vertex and a fragment shader, named without ``.glsl``.
+    def load(self, vertex: str, fragment: str, **constants: float) -> moderngl.Program:
+        """The program of a vertex and a fragment shader, named without ``.glsl``, with macros for the ``constants``.
 
         Raises:
             RenderError: The driver does not compile it; the message is the driver's.
         """
         try:
             program = self._context.program(
-                vertex_shader=self._source(vertex), fragment_shader=self._source(fragment) if fragment else None
+                vertex_shader=self._source(vertex, constants), fragment_shader=self._source(fragment, constants)
             )
         except moderngl.Error as error:
             raise RenderError(f"shaders {vertex}, {fragment}: {error}") from error
@@ -74,12 +75,12 @@ class ProgramLibrary:
                 member.value = TEXTURE_UNITS[name]
         return program
 
-    def screen_pass(self, fragment: str) -> moderngl.VertexArray:
+    def screen_pass(self, fragment: str, **constants: float) -> moderngl.VertexArray:
         """A fragment shader to be run on every pixel: draw it with ``draw_screen``."""
-        return self._context.vertex_array(self.load("screen", fragment), [])
+        return self._context.vertex_array(self.load("screen", fragment, **constants), [])
 
-    def _source(self, name: str) -> str:
-        """The file with its includes put in, each once."""
+    def _source(self, name: str, constants: Mapping[str, float]) -> str:
+        """The file with its includes put in, each once, and macros after its first line, the version."""
         included: set[str] = set()
 
         def expanded(match: re.Match[str]) -> str:
@@ -89,7 +90,9 @@ class ProgramLibrary:
             included.add(name)
             return _ENUMS if name == "enums" else _INCLUDE.sub(expanded, self._read(f"include/{name}"))
 
-        return _INCLUDE.sub(expanded, self._read(name))
+        version, body = self._read(name).split("\n", 1)
+        macros = [f"#define {name} {value}" for name, value in constants.items()]
+        return "\n".join([version, *macros, _INCLUDE.sub(expanded, body)])
 
     def _read(self, name: str) -> str:
         return self._folder.joinpath(f"{name}.glsl").read_text(encoding="utf-8")

@@ -7,11 +7,13 @@ import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.config.rig import Modality
+from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
 from simbev_ros.render.contact import HALF_M, ContactMap
 from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.render.hidden import Screen
+from simbev_ros.render.hidden import Occluders
 from simbev_ros.render.lamp_field import LampField
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.noise import noise_texture
@@ -72,9 +74,14 @@ class Renderer:
             flow = any("flow" in camera.modalities for camera in cameras)
             table = RigidTable.of(self._models, frame.world, frame.previous if flow else None, origin_m)
             self._rigid.upload(table)
-            if any("rgb" in camera.modalities for camera in cameras):
-                self._prepare_light(frame, table, origin_m)
-            return [self._render_camera(camera, frame, table, origin_m) for camera in cameras]
+            views = [View.of(camera, frame.world, frame.previous, origin_m) for camera in cameras]
+            colored = [view for camera, view in zip(cameras, views, strict=True) if "rgb" in camera.modalities]
+            if colored:
+                self._prepare_light(frame, table, origin_m, colored)
+            return [
+                self._render_view(view, set(camera.modalities), frame, table, origin_m)
+                for camera, view in zip(cameras, views, strict=True)
+            ]
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
@@ -95,25 +102,26 @@ class Renderer:
             ActorGeometry(self._context, self._models, of_actors, classes),
         )
 
-    def _prepare_light(self, frame: RenderFrame, table: RigidTable, origin_m: Float64Array) -> None:
-        """What all cameras of a frame share: sun, shadow maps, lamps and signals."""
+    def _prepare_light(
+        self, frame: RenderFrame, table: RigidTable, origin_m: Float64Array, views: Sequence[View]
+    ) -> None:
+        """What all views of a frame share: sun, shadow maps, lamps and signals."""
         world = frame.world
         sky = SkyLight.of(world.weather)
-        shadows = self._shadow_map.draw(sky.key_direction, origin_m, self._static, self._actors, world, table)
+        shadows = self._shadow_map.draw(sky.key_direction, origin_m, self._static, self._actors, world, table, views)
         self._contact_map.draw(world, origin_m)
-        lamps = self._lamp_field.draw(world, origin_m, lit=sky.lamps > 0.0)
-        self._shading.set_light(sky.block_head(world.weather, world.stamp_ns, origin_m, HALF_M), *shadows, lamps)
+        lamps = self._lamp_field.draw(world, origin_m, sky.lamps_lit)
+        block_head = sky.block_head(world.weather, world.stamp_ns, origin_m, HALF_M)
+        self._shading.set_light(sky.lamps_lit, block_head, *shadows, lamps)
         self._shading.set_signals(world.signals)
 
-    def _render_camera(
-        self, camera: CameraView, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
+    def _render_view(
+        self, view: View, wanted: set[Modality], frame: RenderFrame, table: RigidTable, origin_m: Float64Array
     ) -> CameraImages:
-        view = View.of(camera, frame.world, frame.previous, origin_m)
-        targets = self._targets_of(camera)
+        targets = self._targets_of(view.camera)
         self._view_block.write(view.block())
         self._draw_geometry(targets, view, frame, table, origin_m)
         targets.bind()
-        wanted = set(camera.modalities)
         if "rgb" in wanted:
             self._shading.draw(targets)
         if wanted & {"semantic", "instance"}:
@@ -141,15 +149,14 @@ class Renderer:
         context.front_face = "cw"  # image rows run downward, which mirrors every triangle
         context.depth_func = "<"
         self._static.draw_view("geometry", view, origin_m, targets.geometry)
-        self._actors.draw(
-            "geometry", world, table, visible_actors(world, view, origin_m, frame.show_ego, Screen.of(targets.geometry))
-        )
+        seen = visible_actors(world, table, view, Occluders.of(targets.geometry), frame.show_ego)
+        self._actors.draw("geometry", world, table, seen)
         context.depth_func = "<="
         draw_screen(self._background)
         context.enable_only(moderngl.NOTHING)
 
-    def _targets_of(self, camera: CameraView) -> Targets:
-        size_px = (camera.camera.width_px, camera.camera.height_px)
+    def _targets_of(self, camera: PinholeCamera) -> Targets:
+        size_px = (camera.width_px, camera.height_px)
         if size_px not in self._targets:
             self._targets[size_px] = Targets(self._context, size_px)
         return self._targets[size_px]

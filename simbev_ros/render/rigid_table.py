@@ -14,11 +14,12 @@ from simbev_ros.errors import RenderError
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.types import AnyArray, Float32Array, Float64Array, Int64Array, Table, UInt32Array
+from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table, UInt32Array
 
 _ROWS_PER_LINE = 128
 _TEXELS_PER_ROW = 6
 _MAX_ROWS = 1 << 16
+_LIMB_REACH_M = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +30,15 @@ class RigidTable:
         poses: (R, 6, 4) float32: three rows of world-from-rest, three of world-before-from-world-now.
         actors: (R, 4) uint32: actor id, light bits, colour red | green << 8 | blue << 16, 0.
         first_row: (N,) row of each actor's part 0, in the order of the actors table.
+        center_m: (N, 3) world, middle of a sphere around each actor.
+        radius_m: (N,) its radius. Limbs swing out of the actor's box, but not out of the sphere.
     """
 
     poses: Float32Array
     actors: UInt32Array
     first_row: Int64Array
+    center_m: Float64Array
+    radius_m: Float64Array
 
     @classmethod
     def of(
@@ -50,30 +55,17 @@ class RigidTable:
         rows = int(ends[-1]) if len(ends) else 1
         if rows > _MAX_ROWS or (len(actors) and actors["id"].max() >= _MAX_ROWS):
             raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
-        table = cls(
-            np.tile(np.eye(4, dtype=np.float32)[[0, 1, 2, 0, 1, 2]], (rows, 1, 1)),
-            np.zeros((rows, 4), np.uint32),
-            ends - part_count,
-        )
         before = None if previous is None else _rows_before(actors, previous.actors)
-        for blueprint in np.unique(actors["blueprint"]):
-            table._fill(models[blueprint], actors["blueprint"] == blueprint, actors, before, origin_m)
-        return table
-
-    def _fill(
-        self, model: ActorModel, chosen: AnyArray, actors: Table, before: Table | None, origin_m: Float64Array
-    ) -> None:
-        """Write the rows of the chosen actors, which share a model."""
-        rows = self.first_row[chosen, None] + np.arange(len(model.parts))
-        now = _world_from_rest(model, actors[chosen], origin_m)
-        self.poses[rows, :3] = now[..., :3, :]
-        if before is not None:
-            then = _world_from_rest(model, before[chosen], origin_m)
-            self.poses[rows, 3:] = (then @ inverse(now))[..., :3, :]
-        color = actors["color"][chosen]
-        self.actors[rows, 0] = actors["id"][chosen, None]
-        self.actors[rows, 1] = actors["lights"][chosen, None]
-        self.actors[rows, 2] = (color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16)[:, None]
+        first_row = ends - part_count
+        size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
+        foot_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
+        return cls(
+            poses=_poses(models, actors, before, origin_m, first_row, rows),
+            actors=np.repeat(_looks(actors), np.concatenate([[1], part_count]), axis=0),
+            first_row=first_row,
+            center_m=foot_m + size_m * [0.0, 0.0, 0.5],
+            radius_m=np.linalg.norm(size_m, axis=1) / 2.0 + _LIMB_REACH_M,
+        )
 
 
 class RigidTextures:
@@ -106,6 +98,31 @@ class RigidTextures:
         return poses, actors
 
 
+def _poses(
+    models: Sequence[ActorModel],
+    actors: Table,
+    before: Table | None,
+    origin_m: Float64Array,
+    first_row: Int64Array,
+    count: int,
+) -> Float32Array:
+    """(count, 6, 4) ``RigidTable.poses`` of actors now and, where wanted, before."""
+    poses = np.tile(np.eye(4, dtype=np.float32)[[0, 1, 2, 0, 1, 2]], (count, 1, 1))
+    moments = actors if before is None else np.concatenate([actors, before])
+    world_from_actor = map_from_actors(moments)
+    world_from_actor[:, :3, 3] -= origin_m
+    for blueprint in np.unique(actors["blueprint"]):
+        chosen = np.flatnonzero(moments["blueprint"] == blueprint)
+        world_from_rest = world_from_actor[chosen, None] @ part_poses(models[blueprint], moments[chosen])
+        chosen = chosen[chosen < len(actors)]
+        now, then = np.split(world_from_rest, [len(chosen)])
+        rows = first_row[chosen, None] + np.arange(now.shape[1])
+        poses[rows, :3] = now[..., :3, :]
+        if before is not None:
+            poses[rows, 3:] = (then @ inverse(now))[..., :3, :]
+    return poses
+
+
 def _rows_before(actors: Table, previous: Table) -> Table:
     """The actors as they were; those that are new, as they are."""
     before = actors.copy()
@@ -116,8 +133,11 @@ def _rows_before(actors: Table, previous: Table) -> Table:
     return before
 
 
-def _world_from_rest(model: ActorModel, actors: Table, origin_m: Float64Array) -> Float64Array:
-    """(N, P, 4, 4) poses of all parts."""
-    world_from_actor = map_from_actors(actors)
-    world_from_actor[:, :3, 3] -= origin_m
-    return world_from_actor[:, None] @ part_poses(model, actors)
+def _looks(actors: Table) -> UInt32Array:
+    """(1 + N, 4) what ``RigidTable.actors`` says of nothing, and of each actor."""
+    looks = np.zeros((1 + len(actors), 4), np.uint32)
+    color = actors["color"]
+    looks[1:, 0] = actors["id"]
+    looks[1:, 1] = actors["lights"]
+    looks[1:, 2] = color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16
+    return looks

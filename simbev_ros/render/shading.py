@@ -20,16 +20,21 @@ class Shading:
         self._occlusion = library.screen_pass("occlusion.frag")
         self._classify = library.screen_pass("classify.frag")
         self._classify.program["layer_step"] = _LAYER_STEP
-        self._passes = [library.screen_pass(f"shade_{name}.frag") for name in shading_classes()]
+        self._passes = {
+            lit: [library.screen_pass(f"shade_{name}.frag", LAMPS_LIT=float(lit)) for name in shading_classes()]
+            for lit in (False, True)
+        }
         self._antialias = library.screen_pass("antialias.frag")
         self._materials = context.buffer(material_block())
         self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
         self._light = context.buffer(reserve=_LIGHT_BLOCK_BYTES)
         self._light.bind_to_uniform_block(BLOCK_BINDINGS["Light"])
         self._signals: moderngl.Texture | None = None
+        self._lamps_lit = False
 
-    def set_light(self, sky: Float64Array, *matrices: Float64Array) -> None:
+    def set_light(self, lamps_lit: bool, sky: Float64Array, *matrices: Float64Array) -> None:
         """Set the uniform block ``Light``: (10, 4) vectors, (4, 4) matrices of the shadow map and the lamp field."""
+        self._lamps_lit = lamps_lit
         block = np.concatenate([sky, *(matrix.T for matrix in matrices)])
         self._light.write(block.astype(np.float32).tobytes())
 
@@ -52,7 +57,7 @@ class Shading:
         self._context.depth_func = "1"
         draw_screen(self._classify)
         self._context.depth_func = "=="
-        for number, shade in enumerate(self._passes):
+        for number, shade in enumerate(self._passes[self._lamps_lit]):
             draw_screen(shade, (number + 0.5) * _LAYER_STEP)
         self._context.enable_only(moderngl.NOTHING)
         targets.rgb.use()

@@ -4,6 +4,7 @@ The static part depends only on the light's direction and on a coarse grid cell 
 of them changes: the picture is the same whether it was kept or drawn anew. Actors are added every frame.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -13,11 +14,14 @@ from simbev_ros.render.actor_geometry import ActorGeometry
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.static_geometry import StaticGeometry
+from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import BoolArray, Float64Array, Table
+from simbev_ros.types import Float64Array
 
 _SIZE_PX = 2048
 _DEPTH_HALF_M = 400.0
+_BLUR_M = 1.0
+"""Shadows are looked up less than this away from the surface that they fall on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +68,9 @@ class ShadowMap:
         actors: ActorGeometry,
         world: WorldState,
         table: RigidTable,
+        views: Sequence[View],
     ) -> list[Float64Array]:
-        """Draw the map for light from (3,) ``direction``.
+        """Draw the map for light from (3,) ``direction``, without actors whose shadow falls out of all views.
 
         Returns:
             Per cascade a (4, 4) projection of world points to its clip space.
@@ -87,12 +92,15 @@ class ShadowMap:
         self._all.use()
         self._context.copy_framebuffer(self._all, self._static)
         clip_from_world = []
+        blurred_m = table.radius_m + _BLUR_M
+        seen = np.any([view.sees_shadows(table.center_m, blurred_m, direction) for view in views], axis=0)
         for index, cascade in enumerate(CASCADES):
             clip = clip_from_center[index].copy()
             clip[:, 3] += clip[:, :3] @ (origin_m - centers_m[index])
             self._begin(self._all, cascade)
-            near = _within(clip, world.actors, origin_m, cascade.half_m)
-            actors.draw(cascade.actors, world, table, near, clip_from_shadow=clip)
+            across = table.center_m @ clip[:2, :3].T + clip[:2, 3]
+            within = np.all(np.abs(across) < 1.0 + table.radius_m[:, None] / cascade.half_m, axis=1)
+            actors.draw(cascade.actors, world, table, seen & within, clip_from_shadow=clip)
             clip_from_world.append(clip)
         return clip_from_world
 
@@ -101,15 +109,6 @@ class ShadowMap:
         """Draw into one cascade's square."""
         framebuffer.use()
         framebuffer.viewport = framebuffer.scissor = (cascade.left_px, 0, _SIZE_PX, _SIZE_PX)
-
-
-def _within(clip_from_world: Float64Array, actors: Table, origin_m: Float64Array, half_m: float) -> BoolArray:
-    """(N,) which actors may cast a shadow inside the square."""
-    places_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
-    across = places_m @ clip_from_world[:2, :3].T + clip_from_world[:2, 3]
-    size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
-    inside: BoolArray = np.all(np.abs(across) < 1.0 + np.linalg.norm(size_m, axis=1)[:, None] / half_m, axis=1)
-    return inside
 
 
 def _clip_from_center(direction: Float64Array, half_m: float) -> Float64Array:

@@ -1,7 +1,7 @@
 """The static world on the GPU: one vertex array per tile, drawn in pieces, nearest tiles first.
 
-A piece is a run of a tile's triangles, with a box around it; what stands together is mostly in few pieces. Only pieces
-that may be seen are drawn, and always in the same order, because of two surfaces at the same depth the first one stays.
+A piece is a run of a tile's triangles with a box around it. Which pieces are drawn depends on what may be seen, but
+never their order: of two surfaces at the same depth the first one stays.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,14 +10,14 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.static_scene import Tile
-from simbev_ros.render.hidden import Screen, box_corners
+from simbev_ros.render.hidden import Occluders
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View, boxes_in_clip_space
-from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.types import Float64Array, Int64Array, UInt8Array
 
 _PIECE_TRIANGLES = 256
 
-_NEAR_M = 64.0
+_NEAR_M = 32.0
 """Tiles closer than this are drawn first, and hide the others."""
 
 
@@ -44,42 +44,40 @@ class StaticGeometry:
         self._bounds_m = np.concatenate([np.zeros((0, 2, 3)), *(bounds_m for _, bounds_m in pieces)])
 
     def draw_view(self, program: str, view: View, origin_m: Float64Array, target: moderngl.Framebuffer) -> None:
-        """Draw what a view sees of the world of (3,) ``origin_m`` into the target, which is the one in use."""
+        """Draw into ``target``, which is in use, what a view sees of the world of (3,) ``origin_m``."""
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
-        seen = view.sees_boxes(low_m, high_m)
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
+        seen = view.sees_boxes(low_m, high_m)
         near = distance_m[self._tile] < _NEAR_M
-        self._draw(program, view.clip_from_world, origin_m, seen & near, distance_m)
-        rest = np.flatnonzero(seen & ~near)
-        hidden = Screen.of(target).hides(view.clip_from_world, box_corners(low_m[rest], high_m[rest]))
-        seen[rest] = ~hidden
-        self._draw(program, view.clip_from_world, origin_m, seen & ~near, distance_m)
+        self._draw(program, view.clip_from_world, origin_m, np.flatnonzero(seen & near), distance_m)
+        far = np.flatnonzero(seen & ~near)
+        hidden = Occluders.of(target).hide(view, low_m[far], high_m[far])
+        self._draw(program, view.clip_from_world, origin_m, far[~hidden], distance_m)
 
     def draw_around(self, program: str, clip_from_world: Float64Array, origin_m: Float64Array, radius_m: float) -> None:
         """Draw what a projection shows of the tiles within a horizontal distance of the origin."""
-        distance_m = _distance_m(np.zeros(2), (self._tile_bounds_m - origin_m)[..., :2])
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
+        distance_m = _distance_m(np.zeros(2), (self._tile_bounds_m - origin_m)[..., :2])
         shown = boxes_in_clip_space(clip_from_world, low_m, high_m) & (distance_m[self._tile] < radius_m)
-        self._draw(program, clip_from_world, origin_m, shown, distance_m)
+        self._draw(program, clip_from_world, origin_m, np.flatnonzero(shown), distance_m)
 
     def _draw(
         self,
         program: str,
         clip_from_world: Float64Array,
         origin_m: Float64Array,
-        chosen: BoolArray,
+        pieces: Int64Array,
         distance_m: Float64Array,
     ) -> None:
-        """Draw the (P,) chosen pieces, tiles in the order of their (T,) distances."""
+        """Draw pieces, given in ascending order, tile after tile by the tiles' (T,) distances."""
         clip_from_tile = np.tile(clip_from_world, (len(self._arrays), 1, 1))
         clip_from_tile[:, :, 3] += (self._origins_m - origin_m) @ clip_from_world[:, :3].T
         column_major = np.swapaxes(clip_from_tile, 1, 2).astype(np.float32)
-        pieces = np.flatnonzero(chosen)
         pieces = pieces[np.argsort(distance_m[self._tile[pieces]], kind="stable")]
         tiles = self._tile[pieces]
         begins = (np.diff(pieces, prepend=-2) != 1) | (np.diff(tiles, prepend=-1) != 0)
-        ends = np.roll(begins, -1)
-        for tile, first, end in zip(tiles[begins], self._first[pieces[begins]], self._end[pieces[ends]], strict=True):
+        firsts, ends = self._first[pieces[begins]], self._end[pieces[np.roll(begins, -1)]]
+        for tile, first, end in zip(tiles[begins], firsts, ends, strict=True):
             array = self._arrays[tile][program]
             array.program["clip_from_tile"].write(column_major[tile].tobytes())
             array.render(vertices=3 * (end - first), first=3 * first)

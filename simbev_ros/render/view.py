@@ -25,11 +25,13 @@ class View:
     Attributes:
         camera: Its intrinsics.
         world_from_optical: (4, 4) pose of the optical frame.
+        clip_from_world: (4, 4) projection of world points to OpenGL's clip space.
         previous_optical_from_world: (4, 4) the camera in the previous frame, or None.
     """
 
     camera: PinholeCamera
     world_from_optical: Float64Array
+    clip_from_world: Float64Array
     previous_optical_from_world: Float64Array | None
 
     @classmethod
@@ -37,12 +39,8 @@ class View:
         """The view of the ego's camera in a world whose origin is (3,) ``origin_m`` in the map frame."""
         ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
         before = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
-        return cls(view.camera, _world_from_ego(world, origin_m) @ ego_from_optical, before)
-
-    @property
-    def clip_from_world(self) -> Float64Array:
-        """(4, 4) projection of world points to OpenGL's clip space."""
-        return _clip_from_optical(self.camera) @ inverse(self.world_from_optical)
+        now = _world_from_ego(world, origin_m) @ ego_from_optical
+        return cls(view.camera, now, _clip_from_optical(view.camera) @ inverse(now), before)
 
     @property
     def position_m(self) -> Float64Array:
@@ -54,6 +52,13 @@ class View:
         planes = _planes(self.clip_from_world)
         inside: BoolArray = np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
         return inside
+
+    def sees_shadows(self, centers_m: Float64Array, radii_m: Float64Array, light: Float64Array) -> BoolArray:
+        """(N,) whether shadows of spheres around (N, 3) world points, in light from (3,), reach into the view."""
+        planes = _planes(self.clip_from_world)
+        inside = centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None]
+        reached: BoolArray = np.all(inside | (planes[:, :3] @ light < 0.0), axis=1)
+        return reached
 
     def sees_boxes(self, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
         """(N,) whether axis-parallel boxes, given by two (N, 3) world corners, reach into the view."""

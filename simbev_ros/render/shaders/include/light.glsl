@@ -1,7 +1,7 @@
 // The light of the moment, as render/light.py, shadows.py and lamp_field.py write it. Linear RGB.
 layout(std140) uniform Light {
     vec4 key_direction;   // towards sun or moon; exposure
-    vec4 key_light;       // irradiance / pi; 1 while lamps are lit
+    vec4 key_light;       // irradiance / pi
     vec4 sun_direction;   // towards the sun; drift of the clouds
     vec4 zenith;          // radiance; cloudiness 0..1
     vec4 horizon;         // radiance; wetness 0..1
@@ -15,7 +15,7 @@ layout(std140) uniform Light {
     mat4 lamp_field_from_world;
 };
 float exposure() { return key_direction.w; }
-float lamps_lit() { return key_light.w; }
+float lamps_lit() { return LAMPS_LIT; }  // a constant, so that by day nothing is computed for lamps
 float cloudiness() { return zenith.w; }
 float wetness() { return horizon.w; }
 float puddles() { return glow.w; }

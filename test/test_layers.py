@@ -73,7 +73,7 @@ def test_imports_point_upward_and_foreign_libraries_stay_in_their_rooms(path: Pa
         top, *rest = module.split(".")
         if top == "simbev_ros" and rest:
             assert _floor(rest[0]) <= _floor(_room(parts)), f"imports {module}, which is on a later floor"
-        elif top in HOMES and parts != ("cli", "doctor.py"):
+        elif top in HOMES:
             place = "/".join(parts)
             assert place.startswith(HOMES[top]), f"imports {module}; its home is {HOMES[top]}"
 

@@ -26,6 +26,10 @@ def doctor() -> None:
     """Check Python, ROS, renderer, ray caster, traffic simulator and memory of this machine.
 
     Exit code 1 if something that is needed is missing.
+
+    [bold]Example[/]
+
+    simbev doctor
     """
     table = Table("", "part", "found", box=None)
     findings = list(_findings())
@@ -61,11 +65,10 @@ def _checked(subject: str, check: Callable[[], str]) -> Finding:
 
 
 def _ros() -> str:
-    import rclpy
-    from rclpy.utilities import get_rmw_implementation_identifier
+    from simbev_ros.graph.environment import describe_ros
 
     origin = "wheels" if _installed("ros-rclpy") else f"{os.environ.get('ROS_DISTRO', 'unknown')} of this machine"
-    return f"rclpy from {origin}, {get_rmw_implementation_identifier()} ({os.path.dirname(rclpy.__file__)})"  # noqa: PTH120
+    return f"rclpy from {origin}, {describe_ros()}"
 
 
 def _renderer() -> str:

@@ -27,7 +27,14 @@ def info(
     digest: Annotated[bool, typer.Option("--digest", help="One hash per topic over all payloads and stamps.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Say what is in a recorded scene, finished or not, or in a dataset."""
+    """Say what is in a recorded scene, finished or not, or in a dataset.
+
+    [bold]Examples[/]
+
+    simbev info out/demo
+
+    simbev info out/demo/scenes/train/Blocks-0000 --digest
+    """
     if is_dataset(path):
         scenes = [_describe(bag, digest) for bag in scenes_of(path)]
         facts: dict[str, Any] = {"path": str(path), "scenes": scenes}

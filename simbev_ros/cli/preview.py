@@ -18,7 +18,14 @@ def preview(
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace pictures that are there.")] = False,
 ) -> None:
-    """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene."""
+    """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene.
+
+    [bold]Examples[/]
+
+    simbev preview out/demo/scenes/train/Blocks-0000 --out pictures
+
+    simbev preview out/demo/scenes/train/Blocks-0000 --frame 12 --no-video
+    """
     console = Console()
     for path in make_preview(bag, out, frame=frame, video=video, overwrite=overwrite, console=console):
         console.print(f"[green]wrote[/] {escape(str(path))}", highlight=False, soft_wrap=True)

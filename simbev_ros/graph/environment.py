@@ -1,6 +1,10 @@
 """The environment that every process of the graph runs in, and the graph's own process too."""
 
 import os
+from pathlib import Path
+
+import rclpy
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from simbev_ros.config.paths import shipped_config_dir
 
@@ -18,3 +22,12 @@ def graph_environment(domain: int) -> dict[str, str]:
     }
     kept = {name: os.environ.get(name, value) for name, value in defaults.items()}
     return {**kept, "ROS_DOMAIN_ID": str(domain), "PYTHONHASHSEED": "0", "PYTHONUNBUFFERED": "1"}
+
+
+def describe_ros() -> str:
+    """The middleware, and where rclpy comes from.
+
+    Raises:
+        ImportError: ROS is not installed, or its middleware cannot be loaded.
+    """
+    return f"{get_rmw_implementation_identifier()} ({Path(rclpy.__file__).parent})"

@@ -111,4 +111,6 @@ def test_help_has_an_example(capsys: pytest.CaptureFixture[str], monkeypatch: py
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 0
-    assert f"simbev {verb}" in capsys.readouterr().out
+    usage, _, examples = capsys.readouterr().out.partition("Example")
+    assert f"simbev {verb}" in usage
+    assert f"simbev {verb}" in examples

@@ -18,7 +18,6 @@ _SIZE_PX = 384
 _HALF_M = 96.0
 _MAX_LAMPS = 1024  # more than any street has within reach of the map
 _HEADLAMP_HEIGHT_M = 0.7
-_NO_LAMPS = np.zeros((0, 6), np.float32)
 
 
 class LampField:
@@ -38,15 +37,16 @@ class LampField:
         self._street, self._head = (self._field(name) for name in ("street_field", "head_field"))
 
     def draw(self, world: WorldState, origin_m: Float64Array, lit: bool) -> Float64Array:
-        """Draw both maps; when lamps are not lit they are dark.
+        """Draw both maps; while lamps are not lit no shader reads them.
 
         Returns:
             (4, 4) texture coordinates from world points.
         """
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = (moderngl.ONE, moderngl.ONE)
-        self._draw_lamps(self._street, self._street_lamps(origin_m) if lit else _NO_LAMPS)
-        self._draw_lamps(self._head, _headlamps(world, origin_m) if lit else _NO_LAMPS)
+        if lit:
+            self._context.enable_only(moderngl.BLEND)
+            self._context.blend_func = (moderngl.ONE, moderngl.ONE)
+            self._draw_lamps(self._street, self._street_lamps(origin_m))
+            self._draw_lamps(self._head, _headlamps(world, origin_m))
         texture_from_world = np.diag([0.5 / _HALF_M, 0.5 / _HALF_M, 0.0, 1.0])
         texture_from_world[:2, 3] = 0.5
         return texture_from_world

@@ -10,16 +10,18 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.config.load import load_scenario
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.maps.build import load_network
 from simbev_ros.msgs.images import camera_info_message, image_message
 from simbev_ros.msgs.markers import box_markers
 from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised, time_message
 from simbev_ros.msgs.tables import message_from_table, table_from_message
-from simbev_ros.msgs.transforms import serialised_transforms
+from simbev_ros.msgs.transforms import serialised_transforms, static_transforms
 from simbev_ros.msgs.world import odometry_message
+from simbev_ros.scene.draw import draw_scene, planned_scenes
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 
@@ -128,5 +130,13 @@ def test_markers_begin_with_deleteall_and_keep_the_actors_ids() -> None:
     assert [(marker.ns, marker.id) for marker in markers[1:]] == [("car", 7), ("pedestrian", 9)]
 
 
-def test_optical_frame_is_part_of_the_static_transforms() -> None:
-    assert np.linalg.det(SENSOR_FROM_OPTICAL[:3, :3]) == pytest.approx(1.0)
+def test_every_sensor_hangs_on_base_link_and_cameras_have_an_optical_frame() -> None:
+    scenario = load_scenario("demo")
+    planned = next(planned_scenes(scenario))
+    spec = draw_scene(scenario, planned, load_network(planned.map))
+    parents = {transform.child_frame_id: transform.header.frame_id for transform in static_transforms(spec)}
+    assert parents["ego/lidar"] == parents["ego/imu"] == parents["ego/cam_back"] == "ego/base_link"
+    assert parents["ego/cam_back_optical"] == "ego/cam_back"
+    back = next(transform for transform in static_transforms(spec) if transform.child_frame_id == "ego/cam_back")
+    assert abs(back.transform.rotation.z) == pytest.approx(1.0), "it looks back"
+    assert back.transform.translation.x == -1.0

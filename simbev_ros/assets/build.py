@@ -14,7 +14,7 @@ from simbev_ros.assets.streetscape import furnish_streets
 from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.assets.town_plan import BlockUse, plan_town
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.recipe import SurroundingsRecipe
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.random import stream
 
 

@@ -12,9 +12,9 @@ from simbev_ros.assets.facades import BAY_M, PARTY_LEDGE_M
 from simbev_ros.assets.ground import LAND_HEIGHT_M
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.tiles import standing
-from simbev_ros.assets.town_plan import Block, BlockUse, FrontSide, TownPlan, building_height_m, front_sides
+from simbev_ros.assets.town_plan import Block, BlockUse, FrontSide, TownPlan, front_sides
 from simbev_ros.config.draw import sample
-from simbev_ros.maps.recipe import SurroundingsRecipe
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 
@@ -64,7 +64,7 @@ def choose_sites(plan: TownPlan, recipe: SurroundingsRecipe, seed: int, claims: 
 def erect(site: Site, recipe: SurroundingsRecipe, rng: np.random.Generator) -> Mesh:
     """The building of a site, in its own frame."""
     wall = recipe.building_style
-    if wall == "mixed" or (wall == "glass" and site.style != "office"):
+    if wall not in ("brick", "plaster", "glass") or (wall == "glass" and site.style != "office"):
         wall = "brick" if rng.random() < 0.45 else "plaster"
     return STYLES[site.style](site.plot, rng, wall)
 
@@ -96,7 +96,7 @@ def _row(
 def _candidate(side: FrontSide, s_m: float, block: Block, recipe: SurroundingsRecipe, rng: np.random.Generator) -> Site:
     """A building whose left corner is at a distance along the side."""
     place = side.start_m + side.direction * s_m
-    height_m = building_height_m(place[0], place[1], recipe, rng)
+    height_m = sample(recipe.building_height_m, rng)
     style = _style(block.use, height_m, rng)
     width_m, depth_m = (
         BAY_M * int(rng.integers(low, high, endpoint=True)) for low, high in (_BAYS[style], _DEPTH_BAYS[style])

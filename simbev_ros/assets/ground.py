@@ -59,6 +59,8 @@ def lay_ground(tiles: TileBuilder, plan: GroundPlan) -> None:
     shapely.prepare(edges)
     tiles.cover(plan.sidewalk, partial(_faces, _CURB, edges=edges, top_m=CURB_HEIGHT_M))
     for land, finish in ((plan.lawn, _LAWN), (plan.yard, _YARD)):
+        if land.is_empty:
+            continue
         tiles.cover(land, partial(plate, finish, z_m=LAND_HEIGHT_M))
         kerbless = land.boundary.intersection(plan.road.buffer(_CUT_TOLERANCE_M))
         tiles.cover(land, partial(_faces, _VERGE, edges=kerbless, top_m=LAND_HEIGHT_M))

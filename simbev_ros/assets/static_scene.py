@@ -15,11 +15,13 @@ class Tile:
         origin_m: (3,) float64, map frame; the mesh's vertices are relative to it.
         mesh: Everything that is seen and hit in this tile. An object lies wholly in one tile.
         surfaces: Class name ("crosswalk", "hazard") → mesh that counts in labels but is neither seen nor hit.
+        level: That of the roads in it; what lies on structures has tiles of its own (``layout.Strip.level``).
     """
 
     origin_m: Float64Array
     mesh: Mesh
     surfaces: Mapping[str, Mesh]
+    level: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,8 +29,9 @@ from simbev_ros.assets.static_scene import StreetLight
 from simbev_ros.assets.tiles import TileBuilder, standing
 from simbev_ros.assets.town_plan import BlockUse, TownPlan, front_sides
 from simbev_ros.geometry.transforms import apply
-from simbev_ros.maps.network import LaneKind, RoadNetwork
-from simbev_ros.maps.recipe import SurroundingsRecipe
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.random import stream
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array

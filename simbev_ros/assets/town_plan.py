@@ -11,11 +11,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.ground import GroundPlan, tile_aligned
-from simbev_ros.config.draw import sample
 from simbev_ros.errors import SimbevError
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.recipe import SurroundingsRecipe
 from simbev_ros.maps.surface import crossing_polygons, road_surface, sidewalk_surface
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 
@@ -124,7 +123,7 @@ def _block(land: shapely.Polygon, area: shapely.Polygon, recipe: SurroundingsRec
     land = shapely.orient_polygons(land)
     if land.exterior.distance(area.exterior) < 1.0:
         return Block(land, BlockUse.OUTSKIRTS, tuple(land.interiors))
-    use = BlockUse.DOWNTOWN if is_downtown(land.centroid, recipe) else BlockUse.RESIDENTIAL
+    use = BlockUse.DOWNTOWN if recipe.use == "downtown" else BlockUse.RESIDENTIAL
     return Block(land, use, (land.exterior,))
 
 
@@ -134,15 +133,3 @@ def _with_parks(blocks: Sequence[Block], rng: np.random.Generator) -> tuple[Bloc
     count = math.ceil(_PARK_SHARE * len(eligible))
     parks = set(rng.permutation(eligible)[:count].tolist())
     return tuple(replace(block, use=BlockUse.PARK) if k in parks else block for k, block in enumerate(blocks))
-
-
-def is_downtown(point: shapely.Point, recipe: SurroundingsRecipe) -> bool:
-    """Whether a place is where tall buildings stand."""
-    return bool(np.hypot(point.x, point.y) < recipe.downtown_radius_m)
-
-
-def building_height_m(x_m: float, y_m: float, recipe: SurroundingsRecipe, rng: np.random.Generator) -> float:
-    """A height for a building at a place: the nearer to the middle, the likelier that it is a tall one."""
-    house_m, tall_m = sample(recipe.house_height_m, rng), sample(recipe.downtown_height_m, rng)
-    nearness = float(np.exp(-((np.hypot(x_m, y_m) / max(recipe.downtown_radius_m, 1e-6)) ** 2)))
-    return tall_m if rng.random() < nearness else house_m

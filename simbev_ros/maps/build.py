@@ -8,11 +8,13 @@ from pathlib import Path
 
 from simbev_ros.errors import InputError
 from simbev_ros.maps import netconvert
+from simbev_ros.maps.features import MapFeatures
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.signals import place_signals
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.street_plan import draw_plan, edges_xml, nodes_xml
+from simbev_ros.maps.sumo_layout import layout_of
 from simbev_ros.maps.sumo_net import read_sumo_net
 
 _NET = "map.net.xml"
@@ -48,6 +50,9 @@ def load_network(spec: MapSpec, cache_dir: Path | None = None) -> RoadNetwork:
         datum=recipe.datum.datum,
         net_path=folder / _NET,
         opendrive=(folder / _OPENDRIVE).read_text(encoding="utf-8"),
+        layout=layout_of(net.lanes),
+        features=MapFeatures(recipe.surroundings),
+        seed=spec.seed,
     )
 
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from simbev_ros.maps.network import Lane, LaneKind, RoadNetwork, Waypoints
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import Lane, RoadNetwork, Waypoints
 from simbev_ros.types import Float64Array
 
 _YAW_STEP_M = 0.05

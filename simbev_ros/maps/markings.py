@@ -13,7 +13,8 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.ops import substring
 
-from simbev_ros.maps.network import Lane, LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.types import BoolArray, Float64Array
 
 _LINE_WIDTH_M = 0.12

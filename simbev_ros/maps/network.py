@@ -2,29 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.features import MapFeatures
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout
 from simbev_ros.types import Float64Array
-
-
-class LaneKind(StrEnum):
-    """What a lane is for."""
-
-    DRIVING = "driving"
-    BICYCLE = "bicycle"
-    SIDEWALK = "sidewalk"
-    CROSSING = "crossing"
-    WALKING_AREA = "walking_area"
-    SHOULDER = "shoulder"
-    PARKING = "parking"
-
-
-WALKABLE_KINDS = (LaneKind.SIDEWALK, LaneKind.CROSSING, LaneKind.WALKING_AREA)
-"""Where pedestrians walk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +117,9 @@ class RoadNetwork:
         datum: Where the map lies on Earth.
         net_path: The SUMO net that it was built from.
         opendrive: The same roads as OpenDRIVE text.
+        layout: Where lanes lie on the ground, with borders, levels and paint.
+        features: What the map says about the land beside the roads.
+        seed: Of all that the map leaves open.
     """
 
     name: str
@@ -140,6 +129,9 @@ class RoadNetwork:
     datum: MapDatum
     net_path: Path
     opendrive: str
+    layout: Layout
+    features: MapFeatures
+    seed: int
 
     def lanes_of(self, *kinds: LaneKind) -> tuple[Lane, ...]:
         """The lanes of these kinds, those inside junctions included, in the network's order."""

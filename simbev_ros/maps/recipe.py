@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 from importlib.resources import files
-from typing import Literal, Self
+from typing import Self
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
@@ -11,6 +11,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Drawn
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 
 class DatumRecipe(Model):
@@ -54,20 +55,6 @@ class StreetRecipe(Model):
             if wrong:
                 raise ValueError(f"{name}: must lie between 1 and {last - 1}, not {wrong[0]}")
         return self
-
-
-class SurroundingsRecipe(Model):
-    """What stands beside the streets; read by the static scene."""
-
-    building_style: Literal["mixed", "brick", "plaster", "glass"] = "mixed"
-    building_density: float = Field(ge=0, le=1, description="share of building plots that are built on")
-    building_setback_m: Drawn = Field(2.0, description="from the sidewalk's outer edge to the facade")
-    house_height_m: Drawn
-    downtown_height_m: Drawn
-    downtown_radius_m: float = Field(ge=0, description="around the map's origin, where buildings are tall")
-    plant_density: float = Field(ge=0, le=1, description="of gardens and parks; 0 none, 1 lush")
-    tree_spacing_m: float = Field(gt=1, description="along sidewalks")
-    street_light_spacing_m: float = Field(gt=5)
 
 
 class TownRecipe(Model):

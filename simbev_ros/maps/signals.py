@@ -11,7 +11,8 @@ from itertools import accumulate
 
 import numpy as np
 
-from simbev_ros.maps.network import Lane, LaneKind, Signal
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import Lane, Signal
 from simbev_ros.maps.sumo_net import ControlledLink
 from simbev_ros.types import Float64Array
 

@@ -9,7 +9,8 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.maps.network import Lane, LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import Lane, RoadNetwork
 
 _CLOSING_M = 3.0
 _GRID_M = 0.001

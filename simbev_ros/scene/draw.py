@@ -8,7 +8,8 @@ import numpy as np
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Traffic
 from simbev_ros.errors import InputError
-from simbev_ros.maps.network import LaneKind, RoadNetwork, Waypoints
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import RoadNetwork, Waypoints
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints

@@ -10,7 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import RoadNetwork
 
 _WALKABLE = (LaneKind.SIDEWALK, LaneKind.WALKING_AREA, LaneKind.CROSSING)
 _MOST_REACHED = 300  # bounds the search for a walk's destination on large maps

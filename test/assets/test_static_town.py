@@ -16,7 +16,8 @@ from simbev_ros.assets.tiles import TILE_M
 from simbev_ros.assets.town_plan import plan_town
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.surface import crossing_polygons, road_surface

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.maps.lane_index import LaneIndex, height_m
-from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import RoadNetwork
 
 
 def test_nearest_lane_agrees_with_brute_force(blocks: RoadNetwork) -> None:

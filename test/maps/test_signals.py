@@ -3,7 +3,8 @@ from xml.etree import ElementTree
 import numpy as np
 import shapely
 
-from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.surface import sidewalk_surface
 
 

@@ -5,7 +5,8 @@ import pytest
 import sumolib
 
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.sumo_net import read_sumo_net
 
 _NET = """<net version="1.20">

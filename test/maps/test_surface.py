@@ -3,8 +3,9 @@ import pytest
 import shapely
 from shapely import MultiPolygon
 
+from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.markings import MarkingKind, lane_markings
-from simbev_ros.maps.network import LaneKind, RoadNetwork
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.surface import crossing_polygons, lane_polygon, road_surface, sidewalk_surface
 from simbev_ros.types import Float64Array

@@ -5,7 +5,7 @@ import pytest
 from world_scenes import blocks, lane, network
 
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.network import LaneKind
+from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.random import stream
 from simbev_ros.world.routes import StreetGraph, WalkGraph
 

@@ -7,7 +7,8 @@ import numpy as np
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Annotation
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.network import Lane, LaneKind, RoadNetwork
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
@@ -45,7 +46,18 @@ def lane(name: str, successors: tuple[str, ...] = (), kind: LaneKind = LaneKind.
 
 def network(*lanes: Lane) -> RoadNetwork:
     """Roads of nothing but these lanes."""
-    return RoadNetwork("toy", {each.id: each for each in lanes}, {}, (), blocks().datum, blocks().net_path, "")
+    return RoadNetwork(
+        "toy",
+        {each.id: each for each in lanes},
+        {},
+        (),
+        blocks().datum,
+        blocks().net_path,
+        "",
+        blocks().layout,
+        blocks().features,
+        0,
+    )
 
 
 def scene(vehicles: int = 24, pedestrians: int = 24, ticks: int = 160, **changes: object) -> SceneSpec:

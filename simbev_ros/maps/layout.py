@@ -1,0 +1,187 @@
+"""The layout of the roads: where lanes lie on the ground, with their borders, heights and paint.
+
+Two views of the same roads: ``network.Lane`` is what traffic drives on (SUMO's lanes), ``Strip`` is what lies on the
+ground (from OpenDRIVE where the map is OpenDRIVE, otherwise from SUMO's lanes). Surfaces, markings, heights, levels and
+the HD map come from strips. Heights are those of the carriageway's plane, under raised sidewalks too.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.types import Float64Array
+
+
+class Paint(StrEnum):
+    """A line along a lane's border, seen from the lane's inside outward (OpenDRIVE 1.4, e_roadMarkType)."""
+
+    NONE = "none"
+    SOLID = "solid"
+    BROKEN = "broken"
+    SOLID_SOLID = "solid solid"
+    SOLID_BROKEN = "solid broken"
+    BROKEN_SOLID = "broken solid"
+    BROKEN_BROKEN = "broken broken"
+    BOTTS_DOTS = "botts dots"
+    CURB = "curb"
+
+
+class PaintColor(StrEnum):
+    """Colour of a line; OpenDRIVE's standard is white."""
+
+    WHITE = "white"
+    YELLOW = "yellow"
+    BLUE = "blue"
+    GREEN = "green"
+    RED = "red"
+    ORANGE = "orange"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Paint along one border of a strip; ``width_m`` of one of its lines."""
+
+    paint: Paint = Paint.NONE
+    color: PaintColor = PaintColor.WHITE
+    width_m: float = 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A lane, or a stretch of one, as it lies on the ground; its level is the same all along.
+
+    Attributes:
+        id: Unique.
+        lane: Id of the lane that it is a stretch of: ``road/section/lane`` for OpenDRIVE, else SUMO's lane id.
+        kind: What it is for.
+        left_m: (N, 3) float64 left border, map frame, in driving direction (walked either way: as the road runs).
+        right_m: (N, 3) right border; point k lies across from point k of ``left_m``.
+        s_start_m: Distance from the lane's start to the strip's.
+        left_line: Paint on the left border.
+        right_line: Paint on the right border.
+        road: Id of the road (OpenDRIVE) or edge (SUMO).
+        section: Index of the lane section, 0 where the source has none.
+        index: OpenDRIVE's lane id within its section (right of the reference line negative); SUMO: -(lane index from
+            the left) - 1.
+        junction: Id of the junction that it is inside of, else "".
+        speed_mps: Speed limit.
+        structure: The source says that it is carried by a bridge.
+        level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air (``levels.with_levels``).
+        left: ``lane`` of the neighbour on the left, in driving direction, or "".
+        right: ``lane`` of the neighbour on the right, or "".
+        following: ``lane`` ids of those that it leads to.
+        outline_m: (M, 2) float64 outline where borders do not describe the area (walking areas), else None.
+    """
+
+    id: str
+    lane: str
+    kind: LaneKind
+    left_m: Float64Array
+    right_m: Float64Array
+    s_start_m: float = 0.0
+    left_line: Line = field(default_factory=Line)
+    right_line: Line = field(default_factory=Line)
+    road: str = ""
+    section: int = 0
+    index: int = -1
+    junction: str = ""
+    speed_mps: float = 0.0
+    structure: bool = False
+    level: int = 0
+    left: str = ""
+    right: str = ""
+    following: tuple[str, ...] = ()
+    outline_m: Float64Array | None = None
+
+    @property
+    def center_m(self) -> Float64Array:
+        """(N, 3) centre line."""
+        center_m: Float64Array = (self.left_m + self.right_m) / 2.0
+        return center_m
+
+
+@dataclass(frozen=True, slots=True)
+class Crosswalk:
+    """A marked crossing.
+
+    Attributes:
+        outline_m: (N, 3) corners, map frame.
+        axis: (2,) unit vector in which people walk.
+        level: As of strips.
+    """
+
+    outline_m: Float64Array
+    axis: Float64Array
+    level: int = 0
+
+
+class SignKind(StrEnum):
+    """What a sign says."""
+
+    STOP = "stop"
+    YIELD = "yield"
+    SPEED_LIMIT = "speed_limit"
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """A traffic sign on its post.
+
+    Attributes:
+        kind: What it says.
+        foot_m: (3,) foot of its post, map frame, on the carriageway's plane.
+        yaw_rad: Direction in which its face looks, towards the traffic that it is for.
+        lanes: Ids of the ``network.Lane``s that it is for.
+        speed_mps: Of speed limits, else 0.
+    """
+
+    kind: SignKind
+    foot_m: Float64Array
+    yaw_rad: float
+    lanes: tuple[str, ...]
+    speed_mps: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SignalPlace:
+    """Where the map says that traffic lights hang; the lamps themselves belong to SUMO's programmes.
+
+    Attributes:
+        foot_m: (3,) foot of the pole, map frame, on the carriageway's plane.
+        head_m: (3,) centre of the head.
+        yaw_rad: Direction in which the lamps shine, towards the traffic that they are for.
+        lanes: Ids of the ``network.Lane``s that they are for.
+    """
+
+    foot_m: Float64Array
+    head_m: Float64Array
+    yaw_rad: float
+    lanes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StopLine:
+    """A painted bar where traffic halts: (2, 3) ends from right to left, map frame; ``level`` as of strips."""
+
+    ends_m: Float64Array
+    level: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """All of it."""
+
+    strips: tuple[Strip, ...]
+    crosswalks: tuple[Crosswalk, ...]
+    stop_lines: tuple[StopLine, ...]
+    signs: tuple[Sign, ...]
+    signal_places: tuple[SignalPlace, ...] = ()
+
+    def strips_of(self, *kinds: LaneKind, level: int | None = None) -> tuple[Strip, ...]:
+        """Strips of these kinds, on one level or on all, in order."""
+        return tuple(strip for strip in self.strips if strip.kind in kinds and level in (None, strip.level))
+
+    @property
+    def levels(self) -> range:
+        """All levels: 0 to the highest."""
+        return range(1 + max((strip.level for strip in self.strips), default=0))

@@ -1,4 +1,4 @@
-"""What every kind of map - town recipe, OpenDRIVE, OpenStreetMap, SUMO net - is turned into before it is a RoadNetwork."""
+"""What every kind of map (town recipe, OpenDRIVE, OpenStreetMap, SUMO net) is turned into, before the RoadNetwork."""
 
 from dataclasses import dataclass
 from pathlib import Path

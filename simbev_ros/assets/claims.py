@@ -1,31 +1,47 @@
 """Who stands where: each object claims its footprint, and none may overlap one claimed before."""
 
+from collections import defaultdict
+from collections.abc import Sequence
+
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.types import Float64Array
+from simbev_ros.types import BoolArray, Float64Array
+
+_CELL_M = 24.0
+_DISC_QUADRANT_SEGMENTS = 2
 
 
 class Claims:
-    """Footprints in plan, map frame, metres."""
+    """Footprints in plan, map frame, metres; found by the cells of a grid that their bounds touch."""
 
     def __init__(self) -> None:
         self._footprints: list[BaseGeometry] = []
-        self._bounds: Float64Array = np.empty((1024, 4))
+        self._bounds: list[tuple[float, float, float, float]] = []
+        self._cells: dict[tuple[int, int], list[int]] = defaultdict(list)
 
     def is_free(self, footprint: BaseGeometry) -> bool:
         """Whether nothing claimed overlaps or touches it."""
-        bounds, own = self._bounds[: len(self._footprints)], footprint.bounds
-        near = (bounds[:, 0] <= own[2]) & (bounds[:, 2] >= own[0]) & (bounds[:, 1] <= own[3]) & (bounds[:, 3] >= own[1])
-        return not any(self._footprints[k].intersects(footprint) for k in np.flatnonzero(near))
+        x0, y0, x1, y1 = footprint.bounds
+        near = set()
+        for cell in _cells(footprint.bounds):
+            for k in self._cells.get(cell, ()):
+                a0, b0, a1, b1 = self._bounds[k]
+                if a0 <= x1 and a1 >= x0 and b0 <= y1 and b1 >= y0:
+                    near.add(k)
+        return not any(self._footprints[k].intersects(footprint) for k in sorted(near))
 
-    def add(self, footprint: BaseGeometry) -> None:
+    def add(self, *footprints: BaseGeometry) -> None:
         """Claim unasked."""
-        count = len(self._footprints)
-        if count == len(self._bounds):
-            self._bounds = np.concatenate([self._bounds, np.empty_like(self._bounds)])
-        self._bounds[count] = footprint.bounds
-        self._footprints.append(footprint)
+        for footprint in footprints:
+            if footprint.is_empty:
+                continue
+            for cell in _cells(footprint.bounds):
+                self._cells[cell].append(len(self._footprints))
+            self._footprints.append(footprint)
+            self._bounds.append(footprint.bounds)
 
     def claim(self, footprint: BaseGeometry) -> bool:
         """Claim it if it is free, and say whether it was."""
@@ -33,3 +49,51 @@ class Claims:
         if free:
             self.add(footprint)
         return free
+
+    def claim_discs(self, xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
+        """(N,) which of (N,) discs at (N, 2) places are free, the earlier before the later; those are claimed."""
+        free = self._clear_of_claims(xy_m, radius_m)
+        kept = np.flatnonzero(free)
+        free[kept] = _apart(xy_m[kept], radius_m[kept])
+        chosen = np.flatnonzero(free)
+        self.add(*shapely.buffer(shapely.points(xy_m[chosen]), radius_m[chosen], quad_segs=_DISC_QUADRANT_SEGMENTS))
+        return free
+
+    def _clear_of_claims(self, xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
+        """(N,) which discs touch nothing that is claimed already."""
+        free = np.full(len(xy_m), True)
+        if len(xy_m) == 0 or not self._footprints:
+            return free
+        taken, _ = _query_discs(self._footprints, xy_m, radius_m)
+        free[taken] = False
+        return free
+
+
+def _query_discs(
+    footprints: Sequence[BaseGeometry], xy_m: Float64Array, radius_m: Float64Array
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    """Pairs of disc and footprint that touch."""
+    tree = shapely.STRtree(np.array(footprints, object))
+    disc, footprint = tree.query(shapely.points(xy_m), predicate="dwithin", distance=radius_m)
+    return disc, footprint
+
+
+def _apart(xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
+    """(N,) which discs are kept if each in turn is kept unless it touches one kept before."""
+    kept = np.full(len(xy_m), True)
+    if len(xy_m) < 2:
+        return kept
+    pairs = cKDTree(xy_m).query_pairs(2.0 * float(radius_m.max()), output_type="ndarray")
+    gap_m = np.linalg.norm(xy_m[pairs[:, 0]] - xy_m[pairs[:, 1]], axis=1)
+    pairs = pairs[gap_m < radius_m[pairs].sum(axis=1)]
+    pairs = pairs[np.lexsort((pairs[:, 0], pairs[:, 1]))]
+    for first, second in pairs.tolist():
+        if kept[first]:
+            kept[second] = False
+    return kept
+
+
+def _cells(bounds_m: tuple[float, float, float, float]) -> list[tuple[int, int]]:
+    """Cells of the grid that bounds touch."""
+    i0, j0, i1, j1 = (int(value // _CELL_M) for value in bounds_m)
+    return [(i, j) for i in range(i0, i1 + 1) for j in range(j0, j1 + 1)]

@@ -1,5 +1,6 @@
-"""The ground: road, sidewalks with their curbs, and the land between the streets."""
+"""Lays the ground of a region: streets with their curbs, land, water; all of it follows the heights."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -7,28 +8,105 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.assets.drape import faces, sheet
+from simbev_ros.assets.facets import Facets
+from simbev_ros.assets.land.covers import Cover
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import Finish, plate
+from simbev_ros.assets.region_ground import CURB_HEIGHT_M as CURB_HEIGHT_M
+from simbev_ros.assets.region_ground import LAND_HEIGHT_M as LAND_HEIGHT_M
+from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.repairs import lay_road
 from simbev_ros.assets.tiles import TILE_M, TileBuilder
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
-CURB_HEIGHT_M = 0.12
-"""Sidewalks lie so much above the road."""
-LAND_HEIGHT_M = 0.10
-"""Lawns and yards lie so much above the road, a little below the sidewalks."""
-
 _CURB_WIDTH_M = 0.15
-_PATH_RISE_M = 0.01
-_HORIZON_M = 1500.0
+_GRASSED_MEDIAN_M = 0.9  # medians at least twice as wide are green
+_STEEPEST, _ROUNDED_M, _SMALLEST_PAVED_M2 = 0.8, 0.9, 15.0
+_RIM_M = 1.5  # so far the land goes on below the water's surface
 _CUT_TOLERANCE_M = 0.002  # plans lie on a millimetre grid, and what is cut from them too
 
-_ASPHALT = Finish(Material.ASPHALT, Tag.ROAD, (68, 69, 71))
+_SHOULDER = Finish(Material.ASPHALT, Tag.GROUND, (86, 86, 86))
 _CURB = Finish(Material.CONCRETE, Tag.SIDEWALK, (158, 156, 150))
 _PAVING = Finish(Material.PAVING, Tag.SIDEWALK, (148, 143, 135))
 _VERGE = Finish(Material.SOIL, Tag.TERRAIN, (96, 82, 62))
-_LAWN = Finish(Material.GRASS, Tag.TERRAIN, (88, 104, 60))
+_STONE = Finish(Material.PAVING, Tag.WALL, (138, 133, 124))
+_WATER = Finish(Material.WATER, Tag.WATER, (46, 74, 78))
+_CROSSWALK = Finish(Material.PLAIN, Tag.ROAD, (255, 255, 255))
+
+LAWN = Finish(Material.GRASS, Tag.TERRAIN, (88, 104, 60))
+"""Green land."""
+
+
+def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
+    """Add road, shoulders, medians and sidewalks of every level, and the surface ``crosswalk``."""
+    for level, facets in enumerate(ground.facets):
+        if facets is not None:
+            _lay_level(tiles, ground, level, facets)
+
+
+def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
+    """Add what lies between the streets on the ground; slopes that are too steep for earth are paved with stone."""
+    decks = shapely.union_all(ground.decks)
+    steep = _too_steep(ground.land_facets)
+    open_land = shapely.difference(ground.land, decks)
+    held = shapely.intersection(open_land, steep)
+    rest = shapely.difference(open_land, steep)
+    for cover in covers:
+        lain = partial(sheet, finish=cover.finish, rise_m=LAND_HEIGHT_M + cover.rise_m, yaw_rad=cover.yaw_rad)
+        tiles.drape(shapely.intersection(cover.area, rest), ground.land_facets, lain)
+    tiles.drape(held, ground.land_facets, partial(sheet, finish=_STONE, rise_m=LAND_HEIGHT_M))
+    covered = partial(sheet, finish=_STONE, rise_m=LAND_HEIGHT_M, ceiling_m=ground.soffit_m)
+    tiles.drape(shapely.intersection(ground.land, decks), ground.land_facets, covered)
+    edges = shapely.intersection(open_land.boundary, shapely.buffer(ground.streets[0].area, _CUT_TOLERANCE_M))
+    verge = partial(faces, finish=_VERGE, edges=edges, bottom_m=0.0, top_m=LAND_HEIGHT_M)
+    tiles.drape(shapely.intersection(open_land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
+
+
+def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
+    """Add the surfaces of water, and the land below their edges."""
+    for water in ground.water:
+        area = shapely.intersection(water.area, ground.region.area)
+        tiles.drape(area, Facets.level(ground.region), partial(sheet, finish=_WATER, rise_m=water.surface_m))
+        rim = shapely.difference(area, shapely.union(shapely.buffer(water.area, -_RIM_M), ground.streets[0].area))
+        tiles.drape(rim, ground.land_facets, partial(sheet, finish=_VERGE, rise_m=LAND_HEIGHT_M))
+
+
+def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
+    """The streets of one level; those on structures have tiles of their own."""
+    streets, region = ground.streets[level], ground.region.area
+    shoulder, sidewalk, median, crosswalk = (
+        shapely.intersection(part, region)
+        for part in (streets.shoulder, streets.sidewalk, streets.median, streets.crosswalk)
+    )
+    lay_road(tiles, ground, level, facets)
+    tiles.drape(shoulder, facets, partial(sheet, finish=_SHOULDER, rise_m=0.0), level=level)
+    marked = partial(sheet, finish=_CROSSWALK, rise_m=0.0)
+    tiles.drape(crosswalk, facets, marked, surface="crosswalk", level=level)
+    paved = shapely.buffer(shapely.union(streets.road, streets.shoulder), _CURB_WIDTH_M)
+    for raised, finish in ((sidewalk, _PAVING), (median, LAWN if level == 0 else _PAVING)):
+        curb = shapely.intersection(raised, paved)
+        edges = shapely.difference(raised.boundary, shapely.buffer(region.boundary, _CUT_TOLERANCE_M))
+        sides = partial(faces, finish=_CURB, edges=edges, bottom_m=0.0, top_m=CURB_HEIGHT_M)
+        tiles.drape(curb, facets, partial(sheet, finish=_CURB, rise_m=CURB_HEIGHT_M), sides, level=level)
+        top = shapely.difference(raised, curb)
+        tiles.drape(top, facets, partial(sheet, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
+
+
+def _too_steep(facets: Facets) -> BaseGeometry:
+    """Where facets are steeper than earth can be, rounded off."""
+    steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > _STEEPEST
+    area = shapely.buffer(shapely.union_all(facets.polygons[steep]), _ROUNDED_M)
+    parts = shapely.get_parts(shapely.buffer(shapely.buffer(area, -2.0 * _ROUNDED_M), _ROUNDED_M + 0.3))
+    return shapely.union_all(parts[shapely.area(parts) > _SMALLEST_PAVED_M2])
+
+
+# To go with its users: the whole town at once, level.
+_PATH_RISE_M = 0.01
+_HORIZON_M = 1500.0
+_OLD_ASPHALT = Finish(Material.ASPHALT, Tag.ROAD, (68, 69, 71))
 _YARD = Finish(Material.PAVING, Tag.GROUND, (138, 134, 127))
 
 
@@ -52,18 +130,18 @@ class GroundPlan:
 def lay_ground(tiles: TileBuilder, plan: GroundPlan) -> None:
     """Add all of the ground to the tiles."""
     curb = plan.sidewalk.intersection(plan.road.buffer(_CURB_WIDTH_M))
-    tiles.cover(plan.road, partial(plate, _ASPHALT, z_m=0.0))
+    tiles.cover(plan.road, partial(plate, _OLD_ASPHALT, z_m=0.0))
     tiles.cover(curb, partial(plate, _CURB, z_m=CURB_HEIGHT_M))
     tiles.cover(plan.sidewalk.difference(curb), partial(plate, _PAVING, z_m=CURB_HEIGHT_M))
     edges = plan.sidewalk.boundary
     shapely.prepare(edges)
-    tiles.cover(plan.sidewalk, partial(_faces, _CURB, edges=edges, top_m=CURB_HEIGHT_M))
-    for land, finish in ((plan.lawn, _LAWN), (plan.yard, _YARD)):
+    tiles.cover(plan.sidewalk, partial(_old_faces, _CURB, edges=edges, top_m=CURB_HEIGHT_M))
+    for land, finish in ((plan.lawn, LAWN), (plan.yard, _YARD)):
         if land.is_empty:
             continue
         tiles.cover(land, partial(plate, finish, z_m=LAND_HEIGHT_M))
         kerbless = land.boundary.intersection(plan.road.buffer(_CUT_TOLERANCE_M))
-        tiles.cover(land, partial(_faces, _VERGE, edges=kerbless, top_m=LAND_HEIGHT_M))
+        tiles.cover(land, partial(_old_faces, _VERGE, edges=kerbless, top_m=LAND_HEIGHT_M))
     _lay_horizon(tiles, shapely.union_all([plan.lawn, plan.yard, plan.road, plan.sidewalk]))
 
 
@@ -86,11 +164,11 @@ def _lay_horizon(tiles: TileBuilder, land: BaseGeometry) -> None:
     corners = np.concatenate([np.column_stack([ring, np.full(4, LAND_HEIGHT_M)]) for ring in (inner, outer)])
     here, following = np.arange(4), np.roll(np.arange(4), -1)
     quads = np.stack([here, here + 4, following + 4, here, following + 4, following], axis=1)
-    frame = Mesh.flat(corners[quads.reshape(-1, 3)], material=_LAWN.material, tag=_LAWN.tag, color=_LAWN.color)
+    frame = Mesh.flat(corners[quads.reshape(-1, 3)], material=LAWN.material, tag=LAWN.tag, color=LAWN.color)
     tiles.place_apart(frame)
 
 
-def _faces(finish: Finish, piece: shapely.Polygon, edges: BaseGeometry, top_m: float) -> Mesh:
+def _old_faces(finish: Finish, piece: shapely.Polygon, edges: BaseGeometry, top_m: float) -> Mesh:
     """Upright faces from the road up to the rim of a raised piece, where its rim is one of the given edges."""
     piece = shapely.orient_polygons(piece)
     rings = [np.asarray(ring.coords)[:, :2] for ring in (piece.exterior, *piece.interiors)]

@@ -1,31 +1,42 @@
-"""Paint on the road, as thin decals, and the crosswalk areas that labels count."""
+"""Paint on the roads, as thin decals that follow the asphalt."""
 
+from collections import defaultdict
 from functools import partial
 
 import shapely
 
+from simbev_ros.assets.drape import sheet
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.primitives import Finish, plate
+from simbev_ros.assets.primitives import Finish
+from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.tiles import TileBuilder
-from simbev_ros.maps.markings import MarkingKind, lane_markings
-from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.surface import crossing_polygons
+from simbev_ros.maps.layout import PaintColor
+from simbev_ros.maps.markings import lane_markings
 from simbev_ros.semantics import Tag
 
 DECAL_HEIGHT_M = 0.005
 """Paint lies so much above the asphalt, which goes on below it."""
 
-_WHITE = Finish(Material.MARKING, Tag.ROAD_LINE, (226, 226, 220))
-_YELLOW = Finish(Material.MARKING, Tag.ROAD_LINE, (224, 176, 48))
-_CROSSWALK = Finish(Material.PLAIN, Tag.ROAD, (255, 255, 255))
+_COLORS = {
+    PaintColor.WHITE: (226, 226, 220),
+    PaintColor.YELLOW: (224, 176, 48),
+    PaintColor.BLUE: (52, 92, 164),
+    PaintColor.GREEN: (58, 128, 84),
+    PaintColor.RED: (168, 58, 48),
+    PaintColor.ORANGE: (222, 124, 40),
+}
 
 
-def paint_markings(tiles: TileBuilder, network: RoadNetwork, road: shapely.MultiPolygon) -> None:
-    """Add all paint, and the surface ``crosswalk``, to the tiles."""
-    markings = lane_markings(network)
-    for finish, yellow in ((_WHITE, False), (_YELLOW, True)):
-        polygons = [mark.polygon for mark in markings if (mark.kind is MarkingKind.CENTER) is yellow]
-        paint = shapely.intersection(shapely.union_all(polygons), road)
-        tiles.cover(paint, partial(plate, finish, z_m=DECAL_HEIGHT_M))
-    crosswalks = shapely.union_all(list(crossing_polygons(network)))
-    tiles.cover(crosswalks, partial(plate, _CROSSWALK, z_m=0.0), surface="crosswalk")
+def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
+    """Add all paint to the tiles of its level."""
+    for level, facets in enumerate(ground.facets):
+        if facets is None:
+            continue
+        by_color = defaultdict(list)
+        for mark in lane_markings(ground.network.layout, level, ground.region.area):
+            by_color[mark.color].append(mark.polygon)
+        asphalt = shapely.union(ground.streets[level].road, ground.streets[level].shoulder)
+        for color, polygons in by_color.items():
+            paint = shapely.intersection(shapely.union_all(polygons), asphalt)
+            finish = Finish(Material.MARKING, Tag.ROAD_LINE, _COLORS[color])
+            tiles.drape(paint, facets, partial(sheet, finish=finish, rise_m=DECAL_HEIGHT_M), level=level)

@@ -23,7 +23,7 @@ class Material(IntEnum):
     SOIL = 6
     BRICK = 7
     PLASTER = 8
-    FACADE = 9  # plaster or brick wall with windows: u along the wall, v above the ground
+    FACADE = 9  # plastered wall with windows: u along the wall, v above the ground; no windows where v is below 0
     OFFICE_GLASS = 10  # curtain wall: u along the wall, v above the ground
     SHOPFRONT = 11  # ground floor with doors and display windows: u along the wall, v above the ground
     ROOF = 12
@@ -52,6 +52,11 @@ class Material(IntEnum):
     SIGNAL_YELLOW = 35
     SIGNAL_GREEN = 36
     STREET_LAMP = 37  # uv[0] = index of the street light
+    BRICK_FACADE = 38  # this and the following three: as FACADE
+    TIMBER_FACADE = 39
+    CONCRETE_FACADE = 40
+    METAL_FACADE = 41
+    CROP = 42  # a field: rows run along u
 
 
 @dataclass(frozen=True, slots=True)

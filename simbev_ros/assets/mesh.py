@@ -133,6 +133,28 @@ class Mesh:
             triangles=np.ascontiguousarray(triangles),
         )
 
+    def copies(self, target_from_mesh: Float64Array, tint: Float64Array | None = None) -> list["Mesh"]:
+        """One moved copy for each of (N, 4, 4) rigid, mirroring or uniformly scaling transforms, in one step.
+
+        Args:
+            target_from_mesh: Where the copies are.
+            tint: (N, 3) factors of the copies' colours; all ones when omitted.
+        """
+        linear = np.asarray(target_from_mesh, np.float64)[:, :3, :3]
+        transposed = np.swapaxes(linear, 1, 2)
+        handedness = np.linalg.det(linear)
+        vertices = self.vertices.astype(np.float64) @ transposed + target_from_mesh[:, None, :3, 3]
+        normals = self.normals.astype(np.float64) @ (transposed / np.cbrt(np.abs(handedness))[:, None, None])
+        mirrored = np.ascontiguousarray(self.triangles[:, ::-1])
+        vertices, normals = vertices.astype(np.float32), normals.astype(np.float32)
+        colors = [self.color] * len(linear)
+        if tint is not None:
+            colors = list(np.clip(self.color * np.asarray(tint)[:, None, :], 0, 255).astype(np.uint8))
+        return [
+            replace(self, vertices=v, normals=n, color=c, triangles=mirrored if det < 0 else self.triangles)
+            for v, n, c, det in zip(vertices, normals, colors, handedness, strict=True)
+        ]
+
     def with_part(self, part: int) -> "Mesh":
         """The same mesh, all of it moved by rigid part ``part``."""
         return replace(self, part=np.full(len(self.vertices), part, np.uint8))

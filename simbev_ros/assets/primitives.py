@@ -10,12 +10,24 @@ import shapely
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array, Int32Array, Int64Array
+from simbev_ros.types import BoolArray, Float64Array, Int32Array, Int64Array
 
 Vector = tuple[float, float, float]
 
 _MIN_HEIGHT_M = 2e-6
 """Triangles thinner than this would have no area once they are float32."""
+
+_BOX_NORMALS = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
+_BOX_CORNERS = 0.5 * np.array(
+    [
+        [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]],
+        [[1, 1, -1], [-1, 1, -1], [-1, 1, 1], [1, 1, 1]],
+        [[-1, 1, -1], [-1, -1, -1], [-1, -1, 1], [-1, 1, 1]],
+        [[-1, -1, -1], [1, -1, -1], [1, -1, 1], [-1, -1, 1]],
+        [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
+        [[-1, 1, -1], [1, 1, -1], [1, -1, -1], [-1, -1, -1]],
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +58,8 @@ def solid(
         uv: (T, 3, 2) surface coordinates per corner. When omitted: x, y on level faces; on others metres along the
             surface's horizontal, and z.
     """
+    if crease_deg == 0.0 and uv is None:
+        return _faceted(finish, np.asarray(vertices, np.float64)[np.asarray(triangles).reshape(-1, 3)])
     return patchwork([finish], np.zeros(len(triangles), np.int64), vertices, triangles, crease_deg=crease_deg, uv=uv)
 
 
@@ -63,9 +77,7 @@ def patchwork(
     triangles = joined.reshape(-1).astype(np.int32)[np.asarray(triangles).reshape(-1, 3)]
     positions = np.asarray(vertices, np.float64)[first]
     corners = positions[triangles]
-    area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    kept = np.linalg.norm(area_normals, axis=1) > _MIN_HEIGHT_M * longest
+    kept = _is_no_needle(corners)
     triangles = triangles[kept]
     normals = _corner_normals(triangles.reshape(-1), corners[kept], np.cos(np.radians(crease_deg)))
     points = positions[triangles.reshape(-1)]
@@ -88,13 +100,37 @@ def patchwork(
 
 def box(finish: Finish, size_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), bevel_m: float = 0.0) -> Mesh:
     """A cuboid of the given size along x, y, z; ``bevel_m`` cuts its edges off."""
+    if not bevel_m:
+        return boxes(finish, np.array([size_m]), np.array([center_m]))
     hx, hy, hz = (side / 2.0 for side in size_m)
     b = bevel_m
     inner = np.array([[hx - b, hy - b], [b - hx, hy - b], [b - hx, b - hy], [hx - b, b - hy]]).repeat(2, axis=0)
     outer = inner + b * np.array([[1, 0], [0, 1], [0, 1], [-1, 0], [-1, 0], [0, -1], [0, -1], [1, 0]])
-    levels = [(inner, -hz), (outer, b - hz), (outer, hz - b), (inner, hz)] if b else [(inner, -hz), (inner, hz)]
-    sections = np.stack([np.column_stack([ring, np.full(8, z)]) for ring, z in levels])
+    sections = np.stack(
+        [
+            np.column_stack([ring, np.full(8, z)])
+            for ring, z in ((inner, -hz), (outer, b - hz), (outer, hz - b), (inner, hz))
+        ]
+    )
     return loft(finish, sections + np.asarray(center_m))
+
+
+def boxes(finish: Finish, size_m: Float64Array, center_m: Float64Array) -> Mesh:
+    """Cuboids of one finish, (N, 3) sizes along x, y, z and (N, 3) centres, all in one step."""
+    size_m, center_m = np.asarray(size_m, np.float64), np.asarray(center_m, np.float64)
+    corners = (size_m[:, None, None, :] * _BOX_CORNERS + center_m[:, None, None, :]).reshape(-1, 3)
+    normals = np.tile(np.repeat(_BOX_NORMALS, 4, axis=0), (len(size_m), 1))
+    faces = np.arange(6 * len(size_m))[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh.indexed(
+        corners,
+        faces.reshape(-1, 3).astype(np.int32),
+        normals=normals,
+        material=finish.material,
+        tag=finish.tag,
+        color=finish.color,
+        uv=_surface_coordinates(corners, normals),
+        part=finish.part,
+    )
 
 
 def cylinder(
@@ -242,16 +278,54 @@ def triangulate(polygon: shapely.Polygon) -> tuple[Float64Array, Int32Array]:
     return vertices, faces[area != 0]
 
 
+def _faceted(finish: Finish, corners: Float64Array) -> Mesh:
+    """(T, 3, 3) triangles, every face flat; needles are dropped."""
+    corners = corners[_is_no_needle(corners)]
+    area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.repeat(area_normals / _length(area_normals)[:, None], 3, axis=0)
+    points = corners.reshape(-1, 3)
+    return Mesh.indexed(
+        points,
+        np.arange(len(points), dtype=np.int32).reshape(-1, 3),
+        normals=normals,
+        material=finish.material,
+        tag=finish.tag,
+        color=finish.color,
+        uv=_surface_coordinates(points, normals),
+        part=finish.part,
+    )
+
+
+def _is_no_needle(corners: Float64Array) -> BoolArray:
+    """(T,) which of (T, 3, 3) triangles keep an area as float32."""
+    area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    longest = _length(corners - corners[:, [2, 0, 1]]).max(axis=1)
+    kept: BoolArray = _length(area_normals) > _MIN_HEIGHT_M * longest
+    return kept
+
+
+def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
+    """Cross product along the last axis, without ``np.cross``'s overhead, which tells on small meshes."""
+    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _length(vectors: Float64Array) -> Float64Array:
+    """Norm along the last axis."""
+    length: Float64Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return length
+
+
 def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cosine: float) -> Float64Array:
     """(3T, 3) per corner: mean of the faces at its vertex that lie within the crease angle of its own.
 
     Faces weigh by their angle at the vertex, so that it does not matter how a quad was cut into triangles.
     """
-    area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit = area_normals / np.linalg.norm(area_normals, axis=1, keepdims=True)
-    onward, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    unit = area_normals / _length(area_normals)[:, None]
+    onward, back = corners[:, [1, 2, 0]] - corners, corners[:, [2, 0, 1]] - corners
     cosine = np.einsum("tki,tki->tk", onward, back)
-    angle = np.arctan2(np.linalg.norm(np.cross(onward, back), axis=2), cosine).reshape(-1, 1)
+    angle = np.arctan2(_length(_cross(onward, back)), cosine).reshape(-1, 1)
     weighted = np.repeat(unit, 3, axis=0) * angle
     order = np.argsort(corner_vertex, kind="stable")
     counts = np.bincount(corner_vertex)

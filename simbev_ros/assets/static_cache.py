@@ -1,118 +1,148 @@
-"""Static scenes on demand: built once per map, then read from a file."""
+"""Static scenes on demand: each region is built once, alone, and then read from its file."""
 
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
-from dataclasses import fields
-from functools import lru_cache
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
+from functools import cached_property, lru_cache, partial
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from simbev_ros.assets.build import build_static_scene
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
+from simbev_ros.assets.build import build_region
+from simbev_ros.assets.far_land import FarLand, far_land, far_tiles
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.region_file import read_region, write_region
+from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Tile
 from simbev_ros.errors import InputError
-from simbev_ros.maps.build import default_cache_dir
+from simbev_ros.maps.cache import default_cache_dir
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.recipe import recipe_of
+from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.types import AnyArray
+from simbev_ros.maps.terrain import Terrain
 
-_PACKAGES = ("assets", "maps", "geometry", "scene", "config")
+_DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
+_T = TypeVar("_T")
 
 
-def load_static_scene(spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> StaticScene:
-    """The static scene of a map; a cached one has the same bytes as one built anew.
+def load_static_scene(
+    spec: MapSpec,
+    network: RoadNetwork,
+    cache_dir: Path | None = None,
+    *,
+    regions: Sequence[Region] | None = None,
+) -> StaticScene:
+    """The static scene of a map.
 
     Args:
-        spec: The map and the seed of its surroundings.
-        network: Its roads.
-        cache_dir: Where scenes that were built once are kept; ``default_cache_dir()`` when omitted.
+        spec: The map.
+        network: Its roads, from ``load_network``.
+        cache_dir: Where regions that were built once are kept; ``default_cache_dir()`` when omitted.
+        regions: Only these; the whole map when omitted.
 
     Raises:
-        InputError: No map has this name, or the cache cannot be written.
-        SimbevError: The roads are not level.
+        InputError: The cache cannot be written.
     """
-    folder = (cache_dir or default_cache_dir()) / "surroundings"
-    path = folder / f"{spec.name}-{_key(spec, network)}.npz"
+    cache = StaticCache(spec, network, cache_dir)
+    regions = regions_of(network.layout) if regions is None else regions
+    tiles: list[Tile] = []
+    lights: list[StreetLight] = []
+    for region in regions:
+        scene = cache.region(region)
+        tiles += [_renumbered(tile, len(lights)) for tile in scene.tiles]
+        lights += scene.street_lights
+    return StaticScene((*tiles, *far_tiles(cache.far_land(), frozenset(regions))), tuple(lights))
+
+
+class StaticCache:
+    """The regions of one map on disk; a cached one has the same bytes as one built anew."""
+
+    def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
+        """Arguments as of ``load_static_scene``."""
+        self._network = network
+        key = hashlib.sha256(f"{network.net_path.parent.name}\n{spec.seed}\n".encode() + _code_version())
+        root = (cache_dir or default_cache_dir()) / "surroundings"
+        self._folder = root / f"{spec.name}-{key.hexdigest()[:20]}"
+
+    def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
+        """Those that are not there yet."""
+        return tuple(region for region in regions if not self._path(region).is_file())
+
+    def region(self, region: Region) -> RegionScene:
+        """A region, built if it is not there; raises as ``load_static_scene``."""
+        build = partial(self._write, write=lambda path: write_region(path, self._built(region)))
+        return _read(self._path(region), read_region, build)
+
+    def far_land(self) -> FarLand:
+        """What lies beyond the regions; raises as ``load_static_scene``."""
+        build = partial(self._write, write=lambda path: np.savez(path, **asdict(far_land(self._network, self._terrain))))
+        return _read(self._folder / "far_land.npz", _read_far_land, build)
+
+    @cached_property
+    def _terrain(self) -> Terrain:
+        return Terrain(self._network)
+
+    def _path(self, region: Region) -> Path:
+        return self._folder / f"{region.column}_{region.row}.npz"
+
+    def _built(self, region: Region) -> RegionScene:
+        return build_region(self._network, region, self._terrain)
+
+    def _write(self, path: Path, write: Callable[[Path], None]) -> None:
+        """Write under another name, then rename: readers see all or nothing, and of several writers the last wins."""
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix=f".{path.stem}-", dir=self._folder) as work:
+                write(Path(work) / path.name)
+                (Path(work) / path.name).replace(path)
+        except OSError as error:
+            raise InputError(f"cache of surroundings {self._folder}: cannot be written: {error.strerror}") from error
+
+
+def _read(path: Path, read: Callable[[Path], _T], build: Callable[[Path], None]) -> _T:
+    """Read a file; if it is not there or damaged, write it first."""
     if path.is_file():
-        return _read(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        scene = build_static_scene(network, recipe_of(spec.name).surroundings, spec.seed)
-        _write(path, scene)
-    except OSError as error:
-        raise InputError(f"cache of surroundings {folder}: cannot be written: {error.strerror}") from error
-    return scene
+        try:
+            return read(path)
+        except _DAMAGED:
+            pass
+    build(path)
+    return read(path)
 
 
-def _key(spec: MapSpec, network: RoadNetwork) -> str:
-    """Hash of all that a static scene depends on: map, roads, the code and tables that build it."""
-    content = hashlib.sha256()
-    content.update(spec.model_dump_json().encode())
-    content.update(recipe_of(spec.name).model_dump_json().encode())
-    content.update(network.net_path.read_bytes())
-    content.update(_code_version())
-    return content.hexdigest()[:20]
+def _read_far_land(path: Path) -> FarLand:
+    with np.load(path, allow_pickle=False) as arrays:
+        first = Region(*arrays["first"].tolist())
+        return FarLand(first, arrays["height_m"], arrays["cover"], arrays["finish"])
+
+
+def _renumbered(tile: Tile, first: int) -> Tile:
+    """The tile, its street lamps counted from ``first`` on."""
+    lamps = tile.mesh.material == Material.STREET_LAMP
+    if first == 0 or not lamps.any():
+        return tile
+    uv = tile.mesh.uv.copy()
+    uv[lamps, 0] += first
+    return replace(tile, mesh=replace(tile.mesh, uv=uv))
 
 
 @lru_cache(maxsize=1)
 def _code_version() -> bytes:
-    """Hash of the sources that build static scenes."""
+    """Hash of the sources and tables that build static scenes, beside those that build maps."""
     content = hashlib.sha256(np.__version__.encode())
-    for package in _PACKAGES:
-        for entry in sorted(files(f"simbev_ros.{package}").iterdir(), key=lambda entry: entry.name):
-            if entry.name.endswith((".py", ".yaml")):
-                content.update(entry.name.encode() + entry.read_bytes())
+    for name, source in _sources(files("simbev_ros.assets")):
+        content.update(name.encode() + source)
     return content.digest()
 
 
-def _write(path: Path, scene: StaticScene) -> None:
-    """Write under another name, then rename: readers see all or nothing, and of several writers the last one wins."""
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.stem}-", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            np.savez(stream, allow_pickle=False, **dict(_arrays(scene)))
-        Path(name).replace(path)
-    finally:
-        Path(name).unlink(missing_ok=True)
-
-
-def _arrays(scene: StaticScene) -> Iterator[tuple[str, AnyArray]]:
-    """All meshes end to end, and where each one belongs."""
-    meshes = [(row, name, mesh) for row, tile in enumerate(scene.tiles) for name, mesh in _named(tile)]
-    yield "origin_m", np.array([tile.origin_m for tile in scene.tiles])
-    yield "street_light_m", np.array([light.position_m for light in scene.street_lights]).reshape(-1, 3)
-    yield "tile", np.array([row for row, _, _ in meshes])
-    yield "name", np.array([name for _, name, _ in meshes])
-    for field in fields(Mesh):
-        columns = [getattr(mesh, field.name) for _, _, mesh in meshes]
-        yield field.name, np.concatenate(columns)
-        yield f"{field.name}_count", np.array([len(column) for column in columns])
-
-
-def _named(tile: Tile) -> Iterator[tuple[str, Mesh]]:
-    """What is seen, without a name, then the surfaces."""
-    yield "", tile.mesh
-    yield from tile.surfaces.items()
-
-
-def _read(path: Path) -> StaticScene:
-    with np.load(path, allow_pickle=False) as arrays:
-        columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
-        origins_m, lights_m = arrays["origin_m"], arrays["street_light_m"]
-        owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
-    by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
-    for index, (row, name) in enumerate(owners):
-        by_tile[row][name] = Mesh(**{field: column[index] for field, column in columns.items()})
-    return StaticScene(
-        tuple(Tile(origin_m, meshes.pop(""), meshes) for origin_m, meshes in zip(origins_m, by_tile, strict=True)),
-        tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
-    )
-
-
-def _split(arrays: Mapping[str, AnyArray], name: str) -> list[AnyArray]:
-    return np.split(arrays[name], np.cumsum(arrays[f"{name}_count"])[:-1])
+def _sources(folder: Traversable) -> Iterator[tuple[str, bytes]]:
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if entry.is_dir():
+            yield from _sources(entry)
+        elif entry.name.endswith((".py", ".yaml")):
+            yield entry.name, entry.read_bytes()

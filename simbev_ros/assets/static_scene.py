@@ -32,8 +32,16 @@ class StreetLight:
 
 
 @dataclass(frozen=True, slots=True)
+class RegionScene:
+    """A region's part of it; the lamps' indices, in ``uv``, count the region's own street lights."""
+
+    tiles: tuple[Tile, ...]
+    street_lights: tuple[StreetLight, ...]
+
+
+@dataclass(frozen=True, slots=True, weakref_slot=True)
 class StaticScene:
-    """All tiles and the street lights of a map; deterministic from (map, seed)."""
+    """Tiles and street lights of a map, or of its regions around a place; deterministic from (map, seed)."""
 
     tiles: tuple[Tile, ...]
     street_lights: tuple[StreetLight, ...]

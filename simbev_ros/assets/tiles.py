@@ -8,14 +8,15 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.assets.drape import Cut, cut_to_facets
+from simbev_ros.assets.facets import TILE_M, Facets
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 
-TILE_M = 64.0
-
-_Index = tuple[int, int]
+_Key = tuple[int, int, int]
+"""Level, column, row."""
 
 
 def standing(place_m: Sequence[float] | Float64Array, height_m: float, yaw_rad: float = 0.0) -> Float64Array:
@@ -27,72 +28,120 @@ class TileBuilder:
     """Collects meshes by tile."""
 
     def __init__(self) -> None:
-        self._seen: dict[_Index, list[Mesh]] = defaultdict(list)
-        self._surfaces: dict[_Index, dict[str, list[Mesh]]] = defaultdict(lambda: defaultdict(list))
+        self._seen: dict[_Key, list[Mesh]] = defaultdict(list)
+        self._surfaces: dict[_Key, dict[str, list[Mesh]]] = defaultdict(lambda: defaultdict(list))
         self._apart: list[Mesh] = []
 
-    def place(self, mesh: Mesh, map_from_mesh: Float64Array) -> None:
+    def place(self, mesh: Mesh, map_from_mesh: Float64Array, level: int = 0) -> None:
         """Add an object by its (4, 4) pose; the tile is that of the pose's origin."""
-        index = _tile_of(map_from_mesh[0, 3], map_from_mesh[1, 3])
+        key = (level, math.floor(map_from_mesh[0, 3] / TILE_M), math.floor(map_from_mesh[1, 3] / TILE_M))
         tile_from_mesh = map_from_mesh.copy()
-        tile_from_mesh[:3, 3] -= _origin(index)
-        self._seen[index].append(mesh.transformed(tile_from_mesh))
+        tile_from_mesh[:3, 3] -= _origin(key)
+        self._seen[key].append(mesh.transformed(tile_from_mesh))
 
-    def place_apart(self, mesh_map: Mesh) -> None:
-        """Add something too large for one tile, in the map frame, as a tile of its own."""
-        self._apart.append(mesh_map)
+    def place_copies(
+        self,
+        mesh: Mesh,
+        map_from_mesh: Float64Array,
+        tint: Float64Array | None = None,
+        follow_m: Callable[[Float64Array], Float64Array] | None = None,
+    ) -> None:
+        """Add copies of an object.
 
-    def cover(self, area: BaseGeometry, make: Callable[[shapely.Polygon], Mesh], surface: str | None = None) -> None:
-        """Cut an area into tiles and add what ``make`` builds of each piece.
+        Args:
+            mesh: The object.
+            map_from_mesh: (N, 4, 4) poses.
+            tint: (N, 3) factors of the copies' colours.
+            follow_m: From (M, 2) places to heights that are added to those of the vertices there; long things follow
+                the ground so.
+        """
+        index = np.floor(map_from_mesh[:, :2, 3] / TILE_M).astype(int)
+        origin_m = (index + 0.5) * TILE_M
+        tile_from_mesh = map_from_mesh.copy()
+        tile_from_mesh[:, :2, 3] -= origin_m
+        copies = mesh.copies(tile_from_mesh, tint)
+        if follow_m is not None:
+            xy_m = np.stack([copy.vertices[:, :2] for copy in copies]) + origin_m[:, None]
+            heights_m = follow_m(xy_m.reshape(-1, 2)).reshape(xy_m.shape[:2])
+            for copy, height_m in zip(copies, heights_m, strict=True):
+                copy.vertices[:, 2] += height_m.astype(np.float32)
+        for (column, row), copy in zip(index.tolist(), copies, strict=True):
+            self._seen[0, column, row].append(copy)
+
+    def drape(
+        self, area: BaseGeometry, facets: Facets, *make: Callable[[Cut], Mesh], surface: str = "", level: int = 0
+    ) -> None:
+        """Cut an area, which lies within what the facets cover, and add what each ``make`` builds of each tile's pieces.
 
         Args:
             area: Map frame, metres.
-            make: From a polygon in the map frame to its mesh in the map frame.
-            surface: Name of the surface that is labelled only; None for what is seen.
+            facets: The ground that it lies on.
+            make: From pieces to their mesh in the map frame.
+            surface: Name of the surface that is labelled only; empty for what is seen.
+            level: That of the roads it belongs to.
         """
-        for index, pieces in _cut(area).items():
+        for (column, row), polygons in _cut(area).items():
+            key = (level, column, row)
+            cut = cut_to_facets(polygons, facets)
             tile_from_map = np.eye(4)
-            tile_from_map[:3, 3] = -_origin(index)
+            tile_from_map[:3, 3] = -_origin(key)
+            meshes = [mesh.transformed(tile_from_map) for mesh in (build(cut) for build in make) if len(mesh.triangles)]
+            if meshes:
+                (self._surfaces[key][surface] if surface else self._seen[key]).extend(meshes)
+
+    def cover(self, area: BaseGeometry, make: Callable[[shapely.Polygon], Mesh], surface: str | None = None) -> None:
+        """Goes when all ground is draped."""
+        for (column, row), pieces in _cut(area).items():
+            tile_from_map = np.eye(4)
+            tile_from_map[:3, 3] = -_origin((0, column, row))
             meshes = [make(piece).transformed(tile_from_map) for piece in pieces]
-            (self._seen[index] if surface is None else self._surfaces[index][surface]).extend(meshes)
+            if surface:
+                self._surfaces[0, column, row][surface].extend(meshes)
+            else:
+                self._seen[0, column, row].extend(meshes)
+
+    def place_apart(self, mesh_map: Mesh) -> None:
+        """Goes with ``cover``."""
+        self._apart.append(mesh_map)
 
     def finish(self) -> tuple[Tile, ...]:
-        """All tiles, from south-west to north-east, then what stands apart."""
-        indices = sorted({*self._seen, *self._surfaces})
-        tiles = [
+        """All tiles, by level, from south-west to north-east."""
+        tiles = tuple(
             Tile(
-                _origin(index),
-                Mesh.merged(self._seen[index]),
-                {name: Mesh.merged(meshes) for name, meshes in sorted(self._surfaces[index].items())},
+                _origin(key),
+                Mesh.merged(self._seen[key]),
+                {name: Mesh.merged(meshes) for name, meshes in sorted(self._surfaces[key].items())},
+                level=key[0],
             )
-            for index in indices
-        ]
+            for key in sorted({*self._seen, *self._surfaces})
+        )
         return (*tiles, *(Tile(np.zeros(3), mesh, {}) for mesh in self._apart))
 
 
-def _tile_of(x_m: float, y_m: float) -> _Index:
-    return math.floor(x_m / TILE_M), math.floor(y_m / TILE_M)
-
-
-def _origin(index: _Index) -> Float64Array:
+def _origin(key: _Key) -> Float64Array:
     """(3,) middle of a tile, map frame."""
-    return np.array([(index[0] + 0.5) * TILE_M, (index[1] + 0.5) * TILE_M, 0.0])
+    return np.array([(key[1] + 0.5) * TILE_M, (key[2] + 0.5) * TILE_M, 0.0])
 
 
-def _cut(area: BaseGeometry) -> dict[_Index, list[shapely.Polygon]]:
+def _cut(area: BaseGeometry) -> dict[tuple[int, int], np.ndarray[tuple[int], np.dtype[np.object_]]]:
     """The area's polygons in each tile that it touches."""
     parts = shapely.get_parts(area)
-    if len(parts) == 0:
-        return {}
-    low, high = np.floor(shapely.bounds(parts)[:, :2] / TILE_M), np.floor(shapely.bounds(parts)[:, 2:] / TILE_M)
-    pieces: dict[_Index, list[shapely.Polygon]] = defaultdict(list)
-    for part, (i0, j0), (i1, j1) in zip(parts, low.astype(int), high.astype(int), strict=True):
-        i, j = (grid.reshape(-1) for grid in np.meshgrid(np.arange(i0, i1 + 1), np.arange(j0, j1 + 1), indexing="ij"))
-        squares = shapely.box(i * TILE_M, j * TILE_M, (i + 1) * TILE_M, (j + 1) * TILE_M)
-        shapely.prepare(part)
-        inside, touched = shapely.contains(part, squares), shapely.intersects(part, squares)
-        for k in np.flatnonzero(touched):
-            cut = squares[k] if inside[k] else shapely.intersection(part, squares[k])
-            polygons = [piece for piece in shapely.get_parts(cut) if piece.geom_type == "Polygon" and piece.area > 1e-6]
-            pieces[int(i[k]), int(j[k])].extend(polygons)
-    return pieces
+    parts = parts[shapely.area(parts) > 0.0]
+    shapely.prepare(parts)
+    low, high = np.floor(shapely.bounds(parts).reshape(-1, 2, 2) / TILE_M).astype(int).swapaxes(0, 1)
+    spans = high - low + 1
+    which = np.repeat(np.arange(len(parts)), spans.prod(axis=1))
+    within = np.arange(len(which)) - np.repeat(np.cumsum(spans.prod(axis=1)) - spans.prod(axis=1), spans.prod(axis=1))
+    index = low[which] + np.stack([within // spans[which, 1], within % spans[which, 1]], axis=1)
+    squares = shapely.box(*(index * TILE_M).T, *((index + 1) * TILE_M).T)
+    touched = shapely.intersects(parts[which], squares)
+    which, index, squares = which[touched], index[touched], squares[touched]
+    inside, alone = shapely.contains(parts[which], squares), (spans == 1).all(axis=1)[which]
+    pieces = np.where(inside, squares, parts[which])
+    crossing = ~inside & ~alone
+    pieces[crossing] = shapely.intersection(pieces[crossing], squares[crossing])
+    pieces, origin = shapely.get_parts(pieces, return_index=True)
+    kept = shapely.get_type_id(pieces) == shapely.GeometryType.POLYGON
+    pieces, index = pieces[kept], index[origin[kept]]
+    tiles, of_piece = np.unique(index, axis=0, return_inverse=True)
+    return {(int(i), int(j)): pieces[of_piece.reshape(-1) == number] for number, (i, j) in enumerate(tiles)}

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.assets.ground import GroundPlan, tile_aligned
 from simbev_ros.errors import SimbevError
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.surface import crossing_polygons, road_surface, sidewalk_surface
+from simbev_ros.maps.surface import crosswalk_polygons, road_surface, sidewalk_surface
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
@@ -99,14 +99,14 @@ def plan_town(network: RoadNetwork, recipe: SurroundingsRecipe, seed: int) -> To
     heights_m = np.concatenate([lane.centerline_m[:, 2] for lane in network.lanes.values()])
     if np.abs(heights_m).max() > _LARGEST_SLOPE_M:
         raise SimbevError(f"map {network.name}: surroundings can only be built on level ground at height 0")
-    road = road_surface(network)
-    sidewalk = sidewalk_surface(network, road)
+    road = road_surface(network.layout)
+    sidewalk = sidewalk_surface(network.layout)
     streets = shapely.union_all([road, sidewalk])
     area = tile_aligned(np.asarray(streets.bounds), _OUTSKIRTS_M)
     lands = [part for part in shapely.get_parts(area.difference(streets)) if part.area > _SPECK_M2]
     lands.sort(key=lambda land: land.centroid.coords[0])
     blocks = _with_parks([_block(land, area, recipe) for land in lands], stream(seed, "surroundings.parks"))
-    return TownPlan(road, sidewalk, crossing_polygons(network), blocks)
+    return TownPlan(road, sidewalk, tuple(crosswalk_polygons(network.layout.crosswalks)), blocks)
 
 
 def front_sides(block: Block, shortest_m: float) -> Iterator[FrontSide]:

@@ -10,6 +10,7 @@ from simbev_ros.cli.bench import bench
 from simbev_ros.cli.demo import demo
 from simbev_ros.cli.doctor import doctor
 from simbev_ros.cli.info import info
+from simbev_ros.cli.map import map_
 from simbev_ros.cli.preview import preview
 from simbev_ros.cli.run import run
 from simbev_ros.errors import SimbevError
@@ -26,6 +27,7 @@ app = typer.Typer(
 )
 for _verb in (demo, run, info, preview, doctor, bench):
     app.command()(_verb)
+app.command("map")(map_)
 
 
 def _show_version(wanted: bool) -> None:

@@ -2,20 +2,27 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from simbev_ros.assets.static_cache import load_static_scene
+from simbev_ros.assets.region_pool import build_regions
+from simbev_ros.assets.static_cache import StaticCache
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import InputError
 from simbev_ros.graph.interrupts import raising_interrupts
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.region import Region, regions_of
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.layout import partial_of, scene_folder
 from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.reach import reach_of
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -43,10 +50,28 @@ def play_scenes(
 
 
 def _build_surroundings(specs: Sequence[SceneSpec], console: Console) -> None:
-    """Fill the cache on disk, so that the nodes, which all need the static scene, do not each build it at once."""
-    for spec in {spec.map: spec for spec in specs}.values():
-        with console.status(f"building the surroundings of {spec.map.name}"):
-            load_static_scene(spec.map, load_network(spec.map))
+    """Fill the cache on disk, so that the nodes, which all need the static scene, find it there."""
+    for map_spec in dict.fromkeys(spec.map for spec in specs):
+        network = load_network(map_spec)
+        reaches = [regions_of(network.layout, reach_of(spec, network)) for spec in specs if spec.map == map_spec]
+        prepare_regions(map_spec, network, tuple(dict.fromkeys(chain.from_iterable(reaches))), console)
+
+
+def prepare_regions(
+    spec: MapSpec, network: RoadNetwork, regions: Sequence[Region], console: Console, cache_dir: Path | None = None
+) -> None:
+    """Build what is not in the cache yet, on all cores, with a progress bar.
+
+    Raises:
+        InputError: the cache cannot be written.
+    """
+    missing = StaticCache(spec, network, cache_dir).missing(regions)
+    if not missing:
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=None), MofNCompleteColumn(), TextColumn("regions"))
+    with Progress(*columns, console=console, expand=True, transient=True) as bars:
+        task = bars.add_task(f"surroundings of {escape(spec.name)}", total=len(missing))
+        build_regions(spec, missing, cache_dir, lambda: bars.advance(task))
 
 
 def drawn_scenes(scenario: Scenario) -> list[SceneSpec]:

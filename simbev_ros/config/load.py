@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from simbev_ros.config.paths import shipped_config_dir
-from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.scenario import MAP_SUFFIXES, Scenario
 from simbev_ros.config.yaml_file import YamlFile
 from simbev_ros.errors import InputError
 
@@ -23,6 +23,7 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     data = file.data
     if not isinstance(data, dict):
         raise InputError(f"{file.path}: must be a mapping of sections, not {_shown(data)}")
+    data = _with_absolute_maps(data, file)
     rig = data.get("rig")
     if isinstance(rig, str):
         rig_file = YamlFile(_find_rig(rig, file.path))
@@ -65,6 +66,24 @@ def expanded_rig(data: Any, path: Path) -> Any:
             for sensor in sensors
         ]
     return data
+
+
+def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:
+    """The data with paths of map files, which are relative to the configuration's folder, made absolute."""
+    scenes = data.get("scenes")
+    if not isinstance(scenes, list):
+        return data
+    entries = list(scenes)
+    for index, entry in enumerate(scenes):
+        name = entry.get("map") if isinstance(entry, dict) else None
+        if not (isinstance(name, str) and name.lower().endswith(MAP_SUFFIXES)):
+            continue
+        path = (file.path.parent / Path(name).expanduser()).resolve()
+        if not path.is_file():
+            line = file.line_of(["scenes", index, "map"])
+            raise InputError(f"{file.path}:{line}: scenes[{index}].map: no such file: {path}")
+        entries[index] = {**entry, "map": str(path)}
+    return {**data, "scenes": entries}
 
 
 def _find_rig(name: str, config_path: Path) -> Path:

@@ -11,6 +11,8 @@ from simbev_ros.geometry.grid import BevGrid
 
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
+MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
+"""Of map files: OpenDRIVE, OpenStreetMap, SUMO net."""
 
 _Percent = Annotated[PaperOrDrawn, within(0, 100)]
 _Count = Annotated[PaperOrDrawn, within(0, 10_000)]
@@ -20,7 +22,7 @@ _Probability = Annotated[float, Field(ge=0, le=1)]
 class MapScenes(Model):
     """How many scenes of one map are wanted in each split."""
 
-    map: str
+    map: str = Field(min_length=1, description="a town's name, or a file, relative to the configuration's folder")
     train: int = Field(0, ge=0, le=100_000)
     val: int = Field(0, ge=0, le=100_000)
     test: int = Field(0, ge=0, le=100_000)

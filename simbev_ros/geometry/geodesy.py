@@ -1,10 +1,13 @@
 """Map frame ↔ WGS84, through pyproj.
 
-The map frame is a transverse Mercator plane of scale 1 that touches the ellipsoid at the map's origin.
+The map frame is a transverse Mercator plane of scale 1 that touches the ellipsoid at the map's origin, unless the map
+brings a projection of its own.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import cos, sin
 
 from pyproj import Transformer
 
@@ -13,16 +16,31 @@ from simbev_ros.types import Float64Array
 
 @dataclass(frozen=True)
 class MapDatum:
-    """Where the map frame's origin lies on Earth; map x points east, y north."""
+    """Where the map frame lies on Earth.
+
+    Attributes:
+        latitude_deg: Of its origin.
+        longitude_deg: Of its origin.
+        altitude_m: Of its origin.
+        projection: Projection of the plane that the map lies in, in any form that PROJ reads; empty: map x points east,
+            y north, in the transverse Mercator plane that touches the ellipsoid at the origin.
+        false_easting_m: x of the map's origin in that projection.
+        false_northing_m: y of it.
+        heading_rad: Direction of map x in that projection.
+    """
 
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
+    projection: str = ""
+    false_easting_m: float = 0.0
+    false_northing_m: float = 0.0
+    heading_rad: float = 0.0
 
     @property
     def proj_string(self) -> str:
-        """The projection as a PROJ string, as written into an OpenDRIVE geoReference."""
-        return (
+        """The projection, as written into an OpenDRIVE geoReference."""
+        return self.projection or (
             f"+proj=tmerc +lat_0={self.latitude_deg!r} +lon_0={self.longitude_deg!r} +k=1 "
             "+x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
         )
@@ -31,14 +49,20 @@ class MapDatum:
     def _transformer(self) -> Transformer:
         return Transformer.from_crs(self.proj_string, "EPSG:4326", always_xy=True)
 
-    def geodetic_from_map(self, xyz_map: Float64Array) -> tuple[float, float, float]:
+    def geodetic_from_map(self, xyz_map: Float64Array | Sequence[float]) -> tuple[float, float, float]:
         """Latitude °, longitude °, altitude m of one (3,) point in metres, map frame."""
-        longitude, latitude = self._transformer.transform(float(xyz_map[0]), float(xyz_map[1]))
+        x, y = float(xyz_map[0]), float(xyz_map[1])
+        forth, aside = cos(self.heading_rad), sin(self.heading_rad)
+        longitude, latitude = self._transformer.transform(
+            self.false_easting_m + forth * x - aside * y, self.false_northing_m + aside * x + forth * y
+        )
         return latitude, longitude, self.altitude_m + float(xyz_map[2])
 
     def map_from_geodetic(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> tuple[float, float, float]:
         """x, y, z in metres, map frame."""
-        x, y = self._transformer.transform(longitude_deg, latitude_deg, direction="INVERSE")
-        return x, y, altitude_m - self.altitude_m
+        east, north = self._transformer.transform(longitude_deg, latitude_deg, direction="INVERSE")
+        east, north = east - self.false_easting_m, north - self.false_northing_m
+        forth, aside = cos(self.heading_rad), sin(self.heading_rad)
+        return forth * east + aside * north, forth * north - aside * east, altitude_m - self.altitude_m

@@ -1,24 +1,39 @@
 """Maps on demand: a MapSpec in, a RoadNetwork out, built once and then taken from a cache on disk."""
 
-import hashlib
-import os
+import logging
 import shutil
-import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from simbev_ros.errors import InputError
-from simbev_ros.maps import netconvert
-from simbev_ros.maps.features import MapFeatures
+from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.cache import code_version, default_cache_dir, discard, folder_of
+from simbev_ros.maps.levels import with_levels
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.opendrive.importer import import_opendrive
+from simbev_ros.maps.osm.importer import import_osm
+from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.signals import place_signals
+from simbev_ros.maps.signs import place_signs
+from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.street_plan import draw_plan, edges_xml, nodes_xml
+from simbev_ros.maps.store import NET, OPENDRIVE, read_datum, read_network, write_network
+from simbev_ros.maps.sumo_import import import_sumo
 from simbev_ros.maps.sumo_layout import layout_of
 from simbev_ros.maps.sumo_net import read_sumo_net
 
-_NET = "map.net.xml"
-_OPENDRIVE = "map.xodr"
+_IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {
+    ".xodr": import_opendrive,
+    ".osm": import_osm,
+    ".osm.xml": import_osm,
+    ".net.xml": import_sumo,
+}
+_ATTEMPTS = 3
+_T = TypeVar("_T")
 
 
 def load_network(spec: MapSpec, cache_dir: Path | None = None) -> RoadNetwork:
@@ -26,67 +41,70 @@ def load_network(spec: MapSpec, cache_dir: Path | None = None) -> RoadNetwork:
 
     Args:
         spec: Which map.
-        cache_dir: Where nets that were built once are kept; ``default_cache_dir()`` when omitted.
+        cache_dir: Where maps that were built once are kept; ``default_cache_dir()`` when omitted.
 
     Raises:
-        InputError: No map has this name, or the cache cannot be written.
+        InputError: No map has this name, its file is wrong, or the cache cannot be written.
         SimulationError: SUMO could not build the map.
     """
-    recipe = recipe_of(spec.name)
-    plan = draw_plan(recipe, spec.seed)
-    folder = _built(
-        spec.name,
-        nodes_xml(plan, recipe),
-        edges_xml(plan, recipe),
-        recipe.streets.crossing_width_m,
-        cache_dir or default_cache_dir(),
-    )
-    net = read_sumo_net(folder / _NET)
-    return RoadNetwork(
+    return _read(spec, cache_dir, partial(read_network, seed=spec.seed))
+
+
+def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
+    """Where a map lies on Earth; for those who need no more of it. Arguments and errors as ``load_network``."""
+    return _read(spec, cache_dir, read_datum)
+
+
+def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> _T:
+    """Read something from a map's folder; a damaged one is built again."""
+    attempt = 0
+    while True:
+        folder = _folder(spec, cache_dir or default_cache_dir())
+        try:
+            return read(folder)
+        except ValueError:
+            attempt += 1
+            if attempt == _ATTEMPTS:
+                raise
+            discard(folder)
+
+
+def _folder(spec: MapSpec, cache_dir: Path) -> Path:
+    """A map's folder in the cache. The seed changes a town's streets, and nothing in a file."""
+    source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
+    key = f"{spec.name}\n{source}\n".encode() + code_version()
+    parts_of = _imported(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
+    return folder_of("maps", spec.name, key, partial(_build, spec, parts_of), cache_dir)
+
+
+def _imported(spec: MapSpec) -> Callable[[Path], MapParts]:
+    """What turns a map's file into its parts, given a folder for them; the file is looked at only then."""
+    return lambda work: _IMPORTERS[suffix_of(spec.path)](file_of(spec), work)
+
+
+def _build(spec: MapSpec, parts_of: Callable[[Path], MapParts], folder: Path) -> None:
+    """Fill a map's folder."""
+    work = folder / "work"
+    work.mkdir()
+    parts = parts_of(work)
+    for note in parts.notes:
+        logging.getLogger(__name__).info("map %s: %s", spec.name, note)
+    for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
+        shutil.copyfile(source, folder / name)
+    net = read_sumo_net(folder / NET)
+    layout = with_levels(parts.layout or layout_of(net), parts.features.water)
+    network = RoadNetwork(
         name=spec.name,
         lanes=net.lanes,
         junctions=net.junctions,
-        signals=place_signals(net.lanes, net.links),
-        datum=recipe.datum.datum,
-        net_path=folder / _NET,
-        opendrive=(folder / _OPENDRIVE).read_text(encoding="utf-8"),
-        layout=layout_of(net.lanes),
-        features=MapFeatures(recipe.surroundings),
+        signals=place_signals(net, layout),
+        datum=parts.datum,
+        net_path=folder / NET,
+        opendrive_path=folder / OPENDRIVE,
+        layout=layout if layout.signs else replace(layout, signs=place_signs(net, layout)),
+        features=parts.features,
         seed=spec.seed,
+        notes=parts.notes,
     )
-
-
-def default_cache_dir() -> Path:
-    """``$XDG_CACHE_HOME/simbev_ros``, by default ``~/.cache/simbev_ros``."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "simbev_ros"
-
-
-def _built(name: str, nodes: str, edges: str, crossing_width_m: float, cache_dir: Path) -> Path:
-    """Folder of the net and its OpenDRIVE; its name is a hash of all that they are built from."""
-    content = "\0".join((nodes, edges, repr(crossing_width_m), netconvert.fingerprint()))
-    folder = cache_dir / "maps" / f"{name}-{hashlib.sha256(content.encode()).hexdigest()[:20]}"
-    if folder.is_dir():
-        return folder
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=folder.parent))
-    except OSError as error:
-        raise InputError(f"map cache {folder.parent}: cannot be written: {error.strerror}") from error
-    try:
-        nodes_path, edges_path = work / "map.nod.xml", work / "map.edg.xml"
-        nodes_path.write_text(nodes, encoding="utf-8")
-        edges_path.write_text(edges, encoding="utf-8")
-        netconvert.convert(nodes_path, edges_path, crossing_width_m, work / _NET, work / _OPENDRIVE)
-        _publish(work, folder)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-    return folder
-
-
-def _publish(work: Path, folder: Path) -> None:
-    """Give a finished folder its name; another process may have been first, with the same content."""
-    try:
-        work.rename(folder)
-    except OSError:
-        if not folder.is_dir():
-            raise
+    write_network(network, folder)
+    shutil.rmtree(work)

@@ -1,4 +1,4 @@
-"""Heights of the roads at any place, level by level, from the centre lines of strips."""
+"""Heights of the roads at any place, level by level, from the borders of strips."""
 
 from collections.abc import Sequence
 
@@ -7,12 +7,17 @@ from scipy.spatial import cKDTree
 
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.polylines import Polylines
 from simbev_ros.types import Float64Array, Int64Array
 
 _SAMPLED = tuple(kind for kind in LaneKind if kind not in (LaneKind.WALKING_AREA, LaneKind.CROSSING))
 _SPACING_M = 4.0
-_NEIGHBOURS = 8
+_NEIGHBOURS = 6
 _SOFTENING_M = 0.5  # keeps weights finite on the samples themselves
+_PRODUCTS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))  # axes
+_MANY = 20_000  # points that are worth a second thread
+_AT_ONCE = 1 << 18  # points, which bounds the memory that a query needs
+_STRIPS_AT_ONCE = 4096
 
 
 class Elevation:
@@ -33,7 +38,8 @@ class Elevation:
 
     def height_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
         """(N,) height of a level's carriageway plane at (N, 2) points of the map frame; 0 where a map has no roads."""
-        return self._levels[level].height_m(xy_m)
+        parts = [self._levels[level].height_m(xy_m[at : at + _AT_ONCE]) for at in range(0, len(xy_m), _AT_ONCE)]
+        return np.concatenate([np.empty(0), *parts])
 
     def distance_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
         """(N,) distance in plan to the nearest sample of a level's centre lines, at most 4 m apart along them."""
@@ -41,41 +47,38 @@ class Elevation:
 
     def level_at(self, xyz_m: Float64Array, near_m: float = 30.0) -> Int64Array:
         """(N,) level whose carriageway is nearest in height to (N, 3) points, of those within ``near_m`` in plan."""
-        gaps_m = np.stack(
-            [
-                np.where(
-                    self.distance_m(xyz_m[:, :2], level) <= near_m,
-                    np.abs(self.height_m(xyz_m[:, :2], level) - xyz_m[:, 2]),
-                    np.inf,
-                )
-                for level in self.levels
-            ]
-        )
-        level: Int64Array = np.argmin(gaps_m, axis=0)
-        return level
+        gaps_m = np.full((len(self._levels), len(xyz_m)), np.inf)
+        for level, gap_m in enumerate(gaps_m):
+            near = self.distance_m(xyz_m[:, :2], level) <= near_m
+            gap_m[near] = np.abs(self.height_m(xyz_m[near, :2], level) - xyz_m[near, 2])
+        nearest: Int64Array = np.argmin(gaps_m, axis=0)
+        return nearest
 
 
 class _Samples:
     """Planes at places along the strips of one level."""
 
     def __init__(self, strips: Sequence[Strip]) -> None:
-        planes = [_planes(strip) for strip in strips if strip.outline_m is None]
-        self._xyz_m = np.concatenate([np.empty((0, 3)), *(places for places, _ in planes)])
-        self._slope = np.concatenate([np.empty((0, 2)), *(slopes for _, slopes in planes)])
+        sampled = [strip for strip in strips if strip.outline_m is None]
+        parts = [_planes(sampled[at : at + _STRIPS_AT_ONCE]) for at in range(0, len(sampled), _STRIPS_AT_ONCE)]
+        self._xyz_m = np.concatenate([np.empty((0, 3)), *(places_m for places_m, _ in parts)])
+        self._slope = np.concatenate([np.empty((0, 2)), *(slopes for _, slopes in parts)])
+        self._level = not (self._xyz_m[:, 2].any() or self._slope.any())
         self._tree = cKDTree(self._xyz_m[:, :2])
 
     def height_m(self, xy_m: Float64Array) -> Float64Array:
         """As ``Elevation.height_m``."""
-        if not self._xyz_m.any() and not self._slope.any():
+        if self._level:
             return np.zeros(len(xy_m))
         count = min(_NEIGHBOURS, len(self._xyz_m))
-        distance_m, index = self._tree.query(xy_m, k=count)
-        distance_m, index = distance_m.reshape(-1, count), index.reshape(-1, count)
-        reach_m = np.maximum(distance_m[:, -1:], 1e-3)
-        weight = (np.maximum(reach_m - distance_m, 0.0) / (reach_m * (distance_m + _SOFTENING_M))) ** 2
-        weight[:, 0] += 1e-9  # where all neighbours are equally far
-        offset_m = np.asarray(xy_m)[:, None, :] - self._xyz_m[index, :2]
-        plane_m = self._xyz_m[index, 2] + np.sum(offset_m * self._slope[index], axis=2)
+        distance_m, index = self._tree.query(xy_m, k=range(1, count + 1), workers=_workers(xy_m))
+        weight = np.maximum(distance_m[:, -1:], 1e-3) - distance_m
+        weight /= distance_m + _SOFTENING_M
+        weight *= weight
+        weight[:, 0] += 1e-12  # where all neighbours are equally far
+        plane_m = self._xyz_m[index, 2]
+        for axis in range(2):
+            plane_m += (np.asarray(xy_m)[:, None, axis] - self._xyz_m[index, axis]) * self._slope[index, axis]
         height_m: Float64Array = np.sum(weight * plane_m, axis=1) / np.sum(weight, axis=1)
         return height_m
 
@@ -83,26 +86,29 @@ class _Samples:
         """As ``Elevation.distance_m``."""
         if len(self._xyz_m) == 0:
             return np.full(len(xy_m), np.inf)
-        distance_m: Float64Array = self._tree.query(xy_m)[0]
+        distance_m: Float64Array = self._tree.query(xy_m, workers=_workers(xy_m))[0]
         return distance_m
 
 
-def _planes(strip: Strip) -> tuple[Float64Array, Float64Array]:
-    """(N, 3) places along a strip's centre line and the (N, 2) slope of the road there, in metres per metre."""
-    center_m = strip.center_m
-    lengths_m = np.linalg.norm(np.diff(center_m[:, :2], axis=0), axis=1)
-    stations_m = np.concatenate([[0.0], np.cumsum(lengths_m)])
-    count = max(2, int(np.ceil(stations_m[-1] / _SPACING_M)) + 1)
-    at_m = np.linspace(0.0, stations_m[-1], count)
-    left_m, right_m, middle_m = (
-        np.stack([np.interp(at_m, stations_m, line[:, axis]) for axis in range(3)], axis=1)
-        for line in (strip.left_m, strip.right_m, center_m)
+def _workers(points: Float64Array) -> int:
+    """How many threads a query is worth; -1: one per core."""
+    return -1 if len(points) > _MANY else 1
+
+
+def _planes(strips: Sequence[Strip]) -> tuple[Float64Array, Float64Array]:
+    """(N, 3) places along the centre lines of strips and the (N, 2) slope of the road there, in metres per metre."""
+    lines = Polylines.of([strip.center_m for strip in strips])
+    left_m, right_m = (
+        np.concatenate([np.empty((0, 3)), *sides_m])
+        for sides_m in ([strip.left_m for strip in strips], [strip.right_m for strip in strips])
     )
-    along = np.gradient(middle_m, axis=0)
-    across = left_m - right_m
+    row, at_m = lines.places(_SPACING_M)
+    place = lines.parameter(row, at_m)
+    middle_m = lines.values(place)
     # Slope g of the plane: its rise along both directions is theirs; least squares where they are nearly parallel.
-    directions = np.stack([along[:, :2], across[:, :2]], axis=1)
-    rises = np.stack([along[:, 2], across[:, 2]], axis=1)[..., None]
-    normal_matrix = np.swapaxes(directions, 1, 2) @ directions + 1e-9 * np.eye(2)
-    slope = np.linalg.solve(normal_matrix, np.swapaxes(directions, 1, 2) @ rises)[..., 0]
+    around_m = [lines.values(lines.parameter(row, at_m + step_m)) for step_m in (-_SPACING_M / 2.0, _SPACING_M / 2.0)]
+    along, across = around_m[1] - around_m[0], lines.values(place, left_m - right_m)
+    xx, xy, yy, xz, yz = (along[:, a] * along[:, b] + across[:, a] * across[:, b] for a, b in _PRODUCTS)
+    xx, yy = xx + 1e-9, yy + 1e-9
+    slope = np.column_stack([yy * xz - xy * yz, xx * yz - xy * xz]) / (xx * yy - xy * xy)[:, None]
     return middle_m, slope

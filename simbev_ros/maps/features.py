@@ -17,11 +17,19 @@ class Water:
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A building that the map prescribes: outline in plan, height above the ground (m), and what it is used for."""
+    """A building that the map prescribes.
+
+    Attributes:
+        outline: In plan, map frame; with courtyards as holes.
+        height_m: Above the ground.
+        use: house, apartments, retail, office, public, church, industrial, barn, shed, or "" where it is not known.
+        roof: Its shape as OpenStreetMap calls it (flat, gabled, hipped, ...), or "" where it is not known.
+    """
 
     outline: shapely.Polygon
     height_m: float
     use: str = ""
+    roof: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,55 +1,73 @@
-"""Which lane is nearest, and how high the road is, for many points at once."""
+"""Which of many lines is nearest, level and direction considered, for many points at once."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.network import Lane, RoadNetwork, Waypoints
-from simbev_ros.types import Float64Array
+from simbev_ros.maps.polylines import Polylines
+from simbev_ros.types import Float64Array, Int64Array
 
-_YAW_STEP_M = 0.05
+_REACH_M = 12.0  # lines so much further than the nearest one in plan are looked at too
+_HEIGHT_WEIGHT = 2.0  # metres in plan that a metre of height counts for
+_TURN_WEIGHT_M = 4.0  # metres in plan that a right angle between line and heading counts for
+_AT_ONCE = 1 << 16
 
 
-class LaneIndex:
-    """A search tree over the centre lines of some lanes, e.g. ``network.lanes_of(LaneKind.DRIVING)``."""
+@dataclass(frozen=True, slots=True)
+class NearestPlaces:
+    """For each of N points the nearest place on a line.
 
-    def __init__(self, lanes: Sequence[Lane]) -> None:
-        """Index at least one lane; walking areas have no meaningful centre line and should be left out."""
-        self._ids = tuple(lane.id for lane in lanes)
-        self._lines = np.array([shapely.LineString(lane.centerline_m) for lane in lanes])
-        self._tree = shapely.STRtree(self._lines)
+    Attributes:
+        row: (N,) line.
+        s_m: (N,) distance from the line's start.
+        parameter: (N,) the same place, as ``Polylines.values`` takes it.
+    """
 
-    def nearest(self, xy_m: Float64Array) -> Waypoints:
-        """The nearest place on a lane for each point; of lanes equally near, the first.
+    row: Int64Array
+    s_m: Float64Array
+    parameter: Float64Array
+
+
+class LineIndex:
+    """A search tree over at least one line, e.g. the centre lines of lanes."""
+
+    def __init__(self, lines: Polylines) -> None:
+        self.lines = lines
+        self._shapes = np.asarray(shapely.linestrings(lines.points_m[:, :2], indices=lines.row), object)
+        self._tree = shapely.STRtree(self._shapes)
+
+    def nearest(self, points_m: Float64Array, yaw_rad: Float64Array | None = None) -> NearestPlaces:
+        """The nearest places on lines; of lines equally near, the first.
 
         Args:
-            xy_m: (N, 2) float64, map frame; distances are measured in the ground plane.
+            points_m: (N, 2) or (N, 3) float64, map frame. With a height, a line above or beneath is as far as twice
+                the difference in height, besides the distance in plan.
+            yaw_rad: (N,) directions of travel: a line across is 4 m further, one against it 8 m.
         """
-        points = shapely.points(np.asarray(xy_m, np.float64).reshape(-1, 2))
-        pairs = self._tree.query_nearest(points)
-        pairs = pairs[:, np.lexsort(pairs[::-1])]
-        _, first = np.unique(pairs[0], return_index=True)
-        rows = pairs[1, first]
-        lines = self._lines[rows]
-        s_m: Float64Array = shapely.line_locate_point(lines, points)
-        before = np.maximum(s_m - _YAW_STEP_M, 0.0)
-        after = np.minimum(s_m + _YAW_STEP_M, shapely.length(lines))
-        heading = _points_at(lines, after) - _points_at(lines, before)
-        yaw_rad: Float64Array = np.arctan2(heading[:, 1], heading[:, 0])
-        return Waypoints(_points_at(lines, s_m), yaw_rad, tuple(self._ids[row] for row in rows), s_m)
+        points_m = np.asarray(points_m, np.float64)
+        parts = [
+            self._nearest(points_m[at : at + _AT_ONCE], None if yaw_rad is None else yaw_rad[at : at + _AT_ONCE])
+            for at in range(0, max(len(points_m), 1), _AT_ONCE)
+        ]
+        row, s_m = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return NearestPlaces(row, s_m, self.lines.parameter(row, s_m))
 
-
-def height_m(network: RoadNetwork, xy_m: Float64Array) -> Float64Array:
-    """(N,) height of the nearest lane's centre line at (N, 2) points of the map frame; 0 on maps without elevation."""
-    kinds = tuple(kind for kind in LaneKind if kind is not LaneKind.WALKING_AREA)
-    lanes = network.lanes_of(*kinds)
-    if not any(lane.centerline_m[:, 2].any() for lane in lanes):
-        return np.zeros(len(xy_m))
-    return LaneIndex(lanes).nearest(xy_m).position_m[:, 2]
-
-
-def _points_at(lines: np.ndarray[tuple[int, ...], np.dtype[np.object_]], s_m: Float64Array) -> Float64Array:
-    """(N, 3) points on N lines, each at its own distance from the start."""
-    return shapely.get_coordinates(shapely.line_interpolate_point(lines, s_m), include_z=True)
+    def _nearest(self, points_m: Float64Array, yaw_rad: Float64Array | None) -> tuple[Int64Array, Float64Array]:
+        points = np.asarray(shapely.points(points_m[:, :2]), object)
+        point, row = self._tree.query_nearest(points, all_matches=True)
+        if points_m.shape[1] == 3 or yaw_rad is not None:
+            nearest_m = np.zeros(len(points))
+            nearest_m[point] = shapely.distance(points[point], self._shapes[row])
+            point, row = self._tree.query(points, predicate="dwithin", distance=nearest_m + _REACH_M)
+        s_m = shapely.line_locate_point(self._shapes[row], points[point])
+        cost_m = shapely.distance(points[point], self._shapes[row])
+        place = self.lines.parameter(row, s_m)
+        if points_m.shape[1] == 3:
+            cost_m += _HEIGHT_WEIGHT * np.abs(self.lines.values(place)[:, 2] - points_m[point, 2])
+        if yaw_rad is not None:
+            travel = np.column_stack([np.cos(yaw_rad), np.sin(yaw_rad)])[point]
+            cost_m += _TURN_WEIGHT_M * (1.0 - np.sum(self.lines.headings(place) * travel, axis=1))
+        order = np.lexsort([row, np.round(cost_m, 9), point])
+        best = order[np.searchsorted(point[order], np.arange(len(points)))]
+        return np.asarray(row[best], np.int64), s_m[best]

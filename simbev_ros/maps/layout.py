@@ -5,11 +5,19 @@ ground (from OpenDRIVE where the map is OpenDRIVE, otherwise from SUMO's lanes).
 the HD map come from strips. Heights are those of the carriageway's plane, under raised sidewalks too.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import shapely
 
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
+
+_Item = TypeVar("_Item")
 
 
 class Paint(StrEnum):
@@ -161,21 +169,38 @@ class SignalPlace:
 
 @dataclass(frozen=True, slots=True)
 class StopLine:
-    """A painted bar where traffic halts: (2, 3) ends from right to left, map frame; ``level`` as of strips."""
+    """A painted bar where traffic halts.
+
+    Attributes:
+        ends_m: (2, 3) its ends from right to left, map frame.
+        level: As of strips.
+        yields: A row of triangles, where traffic only gives way.
+    """
 
     ends_m: Float64Array
     level: int = 0
+    yields: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
-    """All of it."""
+    """All of it.
+
+    Attributes:
+        strips: What lies on the ground.
+        crosswalks: Marked crossings.
+        stop_lines: Where traffic halts or gives way.
+        signs: Traffic signs.
+        signal_places: Where the map says that traffic lights hang; empty: they are placed by rule.
+        corner_radius_m: Junction corners, which lanes alone do not describe, are rounded so; 0: lanes are all there is.
+    """
 
     strips: tuple[Strip, ...]
     crosswalks: tuple[Crosswalk, ...]
     stop_lines: tuple[StopLine, ...]
     signs: tuple[Sign, ...]
     signal_places: tuple[SignalPlace, ...] = ()
+    corner_radius_m: float = 0.0
 
     def strips_of(self, *kinds: LaneKind, level: int | None = None) -> tuple[Strip, ...]:
         """Strips of these kinds, on one level or on all, in order."""
@@ -185,3 +210,42 @@ class Layout:
     def levels(self) -> range:
         """All levels: 0 to the highest."""
         return range(1 + max((strip.level for strip in self.strips), default=0))
+
+    def near(self, area: shapely.Polygon, margin_m: float) -> "Layout":
+        """The strips, crosswalks and stop lines whose bounds come within a margin of an area's; all signs and signals.
+
+        What is computed from it is right inside the area, as long as nothing reaches further than the margin.
+        """
+        reach_m = np.array(area.bounds) + margin_m * np.array([-1.0, -1.0, 1.0, 1.0])
+        strips_m, crosswalks_m, stop_lines_m = self._bounds_m
+        return replace(
+            self,
+            strips=_touching(self.strips, strips_m, reach_m),
+            crosswalks=_touching(self.crosswalks, crosswalks_m, reach_m),
+            stop_lines=_touching(self.stop_lines, stop_lines_m, reach_m),
+        )
+
+    @cached_property
+    def _bounds_m(self) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """(N, 4) x0, y0, x1, y1 of strips, crosswalks and stop lines."""
+        strips = [
+            np.concatenate([strip.left_m[:, :2], strip.right_m[:, :2]]) if strip.outline_m is None else strip.outline_m
+            for strip in self.strips
+        ]
+        crosswalks = [crosswalk.outline_m[:, :2] for crosswalk in self.crosswalks]
+        return _bounds(strips), _bounds(crosswalks), _bounds([line.ends_m[:, :2] for line in self.stop_lines])
+
+
+def _bounds(shapes_m: Sequence[Float64Array]) -> Float64Array:
+    """(N, 4) x0, y0, x1, y1 of (M, 2) shapes."""
+    if not shapes_m:
+        return np.empty((0, 4))
+    points_m = np.concatenate(shapes_m)
+    first = np.cumsum([0, *map(len, shapes_m)])[:-1]
+    return np.column_stack([np.minimum.reduceat(points_m, first), np.maximum.reduceat(points_m, first)])
+
+
+def _touching(items: Sequence[_Item], bounds_m: Float64Array, reach_m: Float64Array) -> tuple[_Item, ...]:
+    """Those of N items whose (N, 4) bounds touch (4,) bounds."""
+    apart = (bounds_m[:, :2] > reach_m[2:]) | (bounds_m[:, 2:] < reach_m[:2])
+    return tuple(items[row] for row in np.flatnonzero(~apart.any(axis=1)).tolist())

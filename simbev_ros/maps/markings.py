@@ -1,40 +1,40 @@
-"""Paint on the roads in plan: lane lines, centre lines, stop lines and the stripes of crosswalks.
+"""Paint on the roads in plan, level by level: lines along lanes, stop and yield lines, the stripes of crosswalks.
 
-Widths and lengths follow what is usual on urban streets (MUTCD 2009, sections 3A.06, 3B.01, 3B.16 and 3B.18).
+Widths and lengths follow what is usual on urban streets (MUTCD 2009, sections 3A.06, 3B.01, 3B.14, 3B.16 and 3B.18).
 """
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 import shapely
-from shapely import LineString, Polygon
-from shapely.ops import substring
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.network import Lane, RoadNetwork
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.maps.bands import Border, painted_bands
+from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.layout import Crosswalk, Layout, Paint, PaintColor, Strip
+from simbev_ros.maps.surface import crosswalk_polygons
+from simbev_ros.types import AnyArray, Float64Array
 
-_LINE_WIDTH_M = 0.12
-_DASH_M, _DASH_GAP_M = 3.0, 6.0
-_CENTER_OFFSET_M = 0.12  # from the middle to each of the two lines
-_STOP_LINE_M = (0.3, 0.7)  # its extent, back from the lane's end; SUMO's vehicles halt 1 m before the end
-_STOP_LINE_MARGIN_M = 0.25  # clear of the curb, and of the centre lines
-_DASH_CLEARANCE_M = 1.0
+_REACH_M = 10.0  # paint in an area depends on lanes no further from it
+_STOP_LINE_M = 0.4
+_TOOTH_M, _TOOTH_GAP_M, _TOOTH_LENGTH_M = 0.5, 0.3, 0.7
 _STRIPE_M, _STRIPE_GAP_M = 0.5, 0.5
 _STRIPE_MARGIN_M = 0.25  # at both ends of a stripe
-_SAME_PLACE_M = 0.3
+_INSET_M = 0.1  # clear of a curb or of the edge of the asphalt
+_ASPHALT = (*ROAD_KINDS, LaneKind.SHOULDER)
+_THINNEST_M = 0.02
+_OVERLAP_M2 = 1e-6
 
 
 class MarkingKind(StrEnum):
-    """What a piece of paint means; centre lines are yellow, all others white."""
+    """What a piece of paint means."""
 
     LANE = "lane"
     EDGE = "edge"
     CENTER = "center"
     STOP = "stop"
+    YIELD = "yield"
     CROSSWALK = "crosswalk"
 
 
@@ -43,102 +43,108 @@ class Marking:
     """One painted area, map frame, metres."""
 
     kind: MarkingKind
-    polygon: Polygon
+    polygon: shapely.Polygon
+    color: PaintColor = PaintColor.WHITE
 
 
-def lane_markings(network: RoadNetwork) -> tuple[Marking, ...]:
-    """All paint; none of it overlaps other paint, and inside junctions there is only that of crosswalks.
+def lane_markings(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> tuple[Marking, ...]:
+    """All paint of one level; none of it overlaps other paint, and no line runs through a crosswalk.
 
-    Dashes between lanes of one direction, two solid lines between directions, a solid line at the left edge of a
-    one-way street, stop lines at signals, stripes on crosswalks.
+    Args:
+        layout: Where lanes, stop lines and crosswalks lie.
+        level: Which level.
+        area: A rectangle: give what is inside of it only, which is the same as that part of the whole.
     """
-    edges = _driving_edges(network)
-    stopped = {signal.lane for signal in network.signals}
-    return (
-        *(mark for lanes in edges for right in lanes[:-1] for mark in _dashes(right)),
-        *_left_lines([lanes[-1] for lanes in edges]),
-        *(_stop_line(lanes) for lanes in edges if stopped.issuperset(lane.id for lane in lanes)),
-        *(mark for crossing in network.lanes_of(LaneKind.CROSSING) for mark in _stripes(crossing)),
-    )
+    if area is not None:
+        layout = layout.near(area, _REACH_M)
+    crosswalks = [crosswalk for crosswalk in layout.crosswalks if crosswalk.level == level]
+    marks = [*_stripes(crosswalks), *_bars(layout, level), *_lines(layout, level, crosswalks)]
+    polygons = _disjoint(np.array([mark.polygon for mark in marks], object))
+    if area is not None:
+        polygons = shapely.intersection(polygons, area)
+    parts, row = shapely.get_parts(polygons, return_index=True)
+    thick = 2.0 * shapely.area(parts) > _THINNEST_M * shapely.length(parts)
+    pieces = zip(row[thick].tolist(), parts[thick], strict=True)
+    return tuple(Marking(marks[row].kind, part, marks[row].color) for row, part in pieces)
 
 
-def _driving_edges(network: RoadNetwork) -> list[list[Lane]]:
-    """Driving lanes outside junctions, grouped by edge, from right to left."""
-    edges: dict[str, list[Lane]] = defaultdict(list)
-    for lane in network.lanes_of(LaneKind.DRIVING):
-        if not lane.junction:
-            edges[lane.edge].append(lane)
-    return [sorted(lanes, key=lambda lane: lane.index) for lanes in edges.values()]
+def _lines(layout: Layout, level: int, crosswalks: Sequence[Crosswalk]) -> Iterator[Marking]:
+    """Lines along the borders of lanes, clear of crosswalks."""
+    by_lane = {strip.lane: strip for strip in layout.strips}
+    # Where lines coincide, those of roads come before those of junctions, which roads lead through.
+    strips = sorted((strip for strip in layout.strips if strip.level == level), key=lambda strip: bool(strip.junction))
+    sides = [side for strip in strips for side in _sides(strip, by_lane)]
+    row, polygons = painted_bands([border for border, _, _ in sides])
+    clear = shapely.difference(polygons, shapely.union_all(crosswalk_polygons(crosswalks)))
+    for number, polygon in zip(row.tolist(), clear, strict=True):
+        _, kind, color = sides[number]
+        yield Marking(kind, polygon, color)
 
 
-def _left_lines(leftmost: Sequence[Lane]) -> Iterator[Marking]:
-    """The lines to the left of each direction's leftmost lane; the two directions of a street share theirs."""
-    borders = [_beside(lane, lane.width_m / 2.0) for lane in leftmost]
-    starts = np.array([border.coords[0] for border in borders]).reshape(-1, 2)
-    ends = np.array([border.coords[-1] for border in borders]).reshape(-1, 2)
-    facing = _close(starts, ends) & _close(ends, starts)
-    for row, lane in enumerate(leftmost):
-        if not facing[row].any():
-            yield _line(_beside(lane, lane.width_m / 2.0 - _LINE_WIDTH_M), MarkingKind.EDGE)
-        elif not facing[row, :row].any():
-            for side in (-1.0, 1.0):
-                yield _line(_beside(lane, lane.width_m / 2.0 + side * _CENTER_OFFSET_M), MarkingKind.CENTER)
+def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[tuple[Border, MarkingKind, PaintColor]]:
+    """The painted borders of a strip, and what their paint means."""
+    for along_m, line, neighbour, outward in (
+        (strip.left_m, strip.left_line, by_lane.get(strip.left), 1.0),
+        (strip.right_m, strip.right_line, by_lane.get(strip.right), -1.0),
+    ):
+        if line.paint in (Paint.NONE, Paint.CURB):
+            continue
+        kind, inset_m = MarkingKind.LANE, 0.0
+        if neighbour is None or neighbour.kind not in _ASPHALT:
+            kind, inset_m = MarkingKind.EDGE, _INSET_M + line.width_m / 2.0
+        elif neighbour.kind is LaneKind.SHOULDER or strip.kind is LaneKind.SHOULDER:
+            kind = MarkingKind.EDGE
+        elif neighbour.left == strip.lane and strip.left == neighbour.lane:
+            kind = MarkingKind.CENTER
+        yield Border(along_m, line.paint, line.width_m, outward, inset_m), kind, line.color
 
 
-def _close(points_a: Float64Array, points_b: Float64Array) -> BoolArray:
-    """(A, B) whether two points are at the same place, of (A, 2) and (B, 2) metres."""
-    distances_m: Float64Array = np.linalg.norm(points_a[:, None] - points_b[None], axis=2)
-    return distances_m < _SAME_PLACE_M
+def _bars(layout: Layout, level: int) -> Iterator[Marking]:
+    """Stop lines and rows of triangles that point at who has to give way."""
+    for line in layout.stop_lines:
+        if line.level != level:
+            continue
+        right_m, left_m = line.ends_m[:, :2]
+        length_m = float(np.linalg.norm(left_m - right_m))
+        across = (left_m - right_m) / length_m
+        ahead = np.array([across[1], -across[0]])
+        if line.yields:
+            for start_m in _starts(length_m, _TOOTH_M, _TOOTH_GAP_M):
+                base_m = right_m + (start_m + np.array([[0.0], [_TOOTH_M]])) * across + _STOP_LINE_M / 2.0 * ahead
+                tooth_m = np.vstack([base_m, base_m.mean(axis=0) - _TOOTH_LENGTH_M * ahead])
+                yield Marking(MarkingKind.YIELD, shapely.Polygon(tooth_m))
+        else:
+            half_m = _STOP_LINE_M / 2.0 * ahead
+            bar_m = np.stack([right_m - half_m, right_m + half_m, left_m + half_m, left_m - half_m])
+            yield Marking(MarkingKind.STOP, shapely.Polygon(bar_m))
 
 
-def _dashes(lane: Lane) -> Iterator[Marking]:
-    """Dashes on the left border of a lane, whole ones only, clear of stop lines."""
-    border = _beside(lane, lane.width_m / 2.0)
-    for dash in _pieces(_part(border, _DASH_CLEARANCE_M, border.length - _DASH_CLEARANCE_M), _DASH_M, _DASH_GAP_M):
-        yield _line(dash, MarkingKind.LANE)
-
-
-def _stop_line(lanes: Sequence[Lane]) -> Marking:
-    """The bar before the end of lanes that run side by side (from right to left), from curb to centre line."""
-    right = lanes[0]
-    street_m = sum(lane.width_m for lane in lanes)
-    across_m = street_m - 2.0 * _STOP_LINE_MARGIN_M
-    middle = _beside(right, (street_m - right.width_m) / 2.0)
-    near_m, far_m = _STOP_LINE_M
-    return _line(_part(middle, middle.length - far_m, middle.length - near_m), MarkingKind.STOP, across_m)
-
-
-def _stripes(crossing: Lane) -> Iterator[Marking]:
+def _stripes(crosswalks: Sequence[Crosswalk]) -> Iterator[Marking]:
     """Bars along the direction of traffic, all the way across."""
-    across_m = crossing.width_m - 2.0 * _STRIPE_MARGIN_M
-    for piece in _pieces(LineString(crossing.centerline_m[:, :2]), _STRIPE_M, _STRIPE_GAP_M):
-        yield _line(piece, MarkingKind.CROSSWALK, across_m)
+    for crosswalk, outline in zip(crosswalks, crosswalk_polygons(crosswalks), strict=True):
+        axes = np.stack([crosswalk.axis, [-crosswalk.axis[1], crosswalk.axis[0]]])
+        low_m, high_m = (end(crosswalk.outline_m[:, :2] @ axes.T, axis=0) for end in (np.min, np.max))
+        for start_m in low_m[0] + _starts(high_m[0] - low_m[0], _STRIPE_M, _STRIPE_GAP_M):
+            bar = shapely.box(start_m, low_m[1] + _STRIPE_MARGIN_M, start_m + _STRIPE_M, high_m[1] - _STRIPE_MARGIN_M)
+            corners_m = shapely.get_coordinates(bar) @ axes
+            yield Marking(MarkingKind.CROSSWALK, shapely.intersection(shapely.Polygon(corners_m), outline))
 
 
-def _beside(lane: Lane, left_m: float) -> LineString:
-    """The line along a lane, ``left_m`` to the left of its centre, in driving direction."""
-    line = shapely.offset_curve(LineString(lane.centerline_m[:, :2]), left_m, join_style="mitre")
-    assert isinstance(line, LineString), f"lane {lane.id} bends more sharply than it is wide"
-    return line
+def _starts(length_m: float, piece_m: float, gap_m: float) -> Float64Array:
+    """Where pieces start along a length: as many as fit, placed symmetrically."""
+    count = max(int((length_m + gap_m) // (piece_m + gap_m)), 0)
+    first_m = (length_m - count * (piece_m + gap_m) + gap_m) / 2.0
+    return np.asarray(first_m + (piece_m + gap_m) * np.arange(count), np.float64)
 
 
-def _part(line: LineString, start_m: float, end_m: float) -> LineString:
-    """A stretch of a line; empty if it ends before it starts."""
-    if end_m <= start_m:
-        return LineString()
-    part = substring(line, start_m, end_m)
-    assert isinstance(part, LineString)
-    return part
-
-
-def _pieces(line: LineString, piece_m: float, gap_m: float) -> Iterator[LineString]:
-    """As many pieces as fit on a line, placed symmetrically."""
-    count = int((line.length + gap_m) // (piece_m + gap_m))
-    first_m = (line.length - count * (piece_m + gap_m) + gap_m) / 2.0
-    for start_m in first_m + (piece_m + gap_m) * np.arange(count):
-        yield _part(line, float(start_m), float(start_m) + piece_m)
-
-
-def _line(line: LineString, kind: MarkingKind, width_m: float = _LINE_WIDTH_M) -> Marking:
-    """Paint along a line."""
-    return Marking(kind, shapely.buffer(line, width_m / 2.0, cap_style="flat", join_style="mitre"))
+def _disjoint(polygons: AnyArray) -> AnyArray:
+    """The same areas, each without those before it."""
+    earlier, later = shapely.STRtree(polygons).query(polygons)
+    in_order = earlier < later
+    earlier, later = earlier[in_order], later[in_order]
+    common_m2 = shapely.area(shapely.intersection(polygons[earlier], polygons[later]))
+    earlier, later = earlier[common_m2 > _OVERLAP_M2], later[common_m2 > _OVERLAP_M2]
+    rest = polygons.copy()
+    for row in np.unique(later).tolist():
+        rest[row] = shapely.difference(polygons[row], shapely.union_all(polygons[earlier[later == row]]))
+    return rest

@@ -2,7 +2,9 @@
 
 import os
 import re
+import resource
 import subprocess
+from collections.abc import Sequence
 from functools import lru_cache
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -12,15 +14,17 @@ from simbev_ros.errors import SimulationError
 
 _OPTIONS = (
     "--no-turnarounds=true",
-    "--crossings.guess=true",
     "--walkingareas=true",
     "--rectangular-lane-cut=true",
     "--offset.disable-normalization=true",
     "--junctions.internal-link-detail=20",
     "--junctions.corner-detail=8",
+    "--geometry.max-grade.fix=false",
+    "--tls.crossing-clearance.time=15",
     "--precision=4",
 )
 _TIMEOUT_S = 120.0
+_MAX_MEMORY_BYTES = 6 << 30
 
 
 @lru_cache(maxsize=1)
@@ -43,28 +47,54 @@ def fingerprint() -> str:
     return "\n".join((version("eclipse-sumo"), *_OPTIONS))
 
 
-def convert(nodes: Path, edges: Path, crossing_width_m: float, net: Path, opendrive: Path) -> None:
+def convert(nodes: Path, edges: Path, connections: Path, net: Path, opendrive: Path) -> None:
     """Build a net and its OpenDRIVE twin from plain XML, without time stamps or paths inside.
 
     Raises:
         SimulationError: netconvert failed; with its message.
     """
+    files = (f"--node-files={nodes}", f"--edge-files={edges}", f"--connection-files={connections}")
+    run([*files, *_OPTIONS], net, opendrive)
+
+
+def run(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
+    """Let netconvert write a net and its OpenDRIVE twin, without time stamps or paths inside.
+
+    Returns:
+        Its warnings.
+
+    Raises:
+        SimulationError: It failed, or took too much time or memory; with its message.
+    """
     home = sumo_home()
-    command = [str(home / "bin" / "netconvert"), f"--node-files={nodes}", f"--edge-files={edges}", *_OPTIONS]
-    command += [f"--default.crossing-width={crossing_width_m:g}"]
-    command += [f"--output-file={net}", f"--opendrive-output={opendrive}"]
+    command = [str(home / "bin" / "netconvert"), *arguments, f"--output-file={net}", f"--opendrive-output={opendrive}"]
     proj_data = str(home / "data" / "proj")
     environment = {**os.environ, "SUMO_HOME": str(home), "PROJ_DATA": proj_data, "PROJ_LIB": proj_data}
     try:
         result = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False
+            command,
+            env=environment,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_TIMEOUT_S,
+            check=False,
+            preexec_fn=_limit_memory,
         )
-    except (OSError, subprocess.TimeoutExpired) as error:
+    except subprocess.TimeoutExpired:
+        raise SimulationError(f"netconvert was not done after {_TIMEOUT_S:.0f} s") from None
+    except OSError as error:
         raise SimulationError(f"netconvert could not run: {error}") from error
     if result.returncode != 0 or not (net.is_file() and opendrive.is_file()):
         raise SimulationError(f"netconvert failed with exit code {result.returncode}: {result.stderr.strip()}")
     for path in (net, opendrive):
         path.write_text(_without_time(path.read_text(encoding="utf-8")), encoding="utf-8")
+    return result.stderr
+
+
+def _limit_memory() -> None:
+    """In the child, before it becomes netconvert."""
+    resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY_BYTES, _MAX_MEMORY_BYTES))
 
 
 def _without_time(xml: str) -> str:

@@ -1,16 +1,23 @@
 """The road network: lanes as 3D centre lines, junctions, crossings, signals. Built once per map from a SUMO net."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.elevation import Elevation
 from simbev_ros.maps.features import MapFeatures
+from simbev_ros.maps.lane_index import LineIndex
 from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.lane_strips import LaneStrips
 from simbev_ros.maps.layout import Layout
-from simbev_ros.types import Float64Array
+from simbev_ros.maps.level_members import LevelGraph
+from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.vehicle_class import ALL_CLASSES
+from simbev_ros.types import Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +37,7 @@ class Lane:
         outline_m: (M, 2) float64 outline of walking areas, whose centre line does not describe them; else None.
         sumo_s_per_m: SUMO's position on the lane per metre along the centre line. Not 1 in curves, because SUMO gives
             all lanes of an edge one length.
+        classes: SUMO's vehicle classes that may use it.
     """
 
     id: str
@@ -43,6 +51,7 @@ class Lane:
     successors: tuple[str, ...]
     outline_m: Float64Array | None = None
     sumo_s_per_m: float = 1.0
+    classes: frozenset[str] = ALL_CLASSES
 
     @property
     def length_m(self) -> float:
@@ -116,10 +125,11 @@ class RoadNetwork:
         signals: In the row order of /world/signals.
         datum: Where the map lies on Earth.
         net_path: The SUMO net that it was built from.
-        opendrive: The same roads as OpenDRIVE text.
+        opendrive_path: The same roads as OpenDRIVE.
         layout: Where lanes lie on the ground, with borders, levels and paint.
         features: What the map says about the land beside the roads.
         seed: Of all that the map leaves open.
+        notes: What had to be repaired or left out, one sentence each, for the user.
     """
 
     name: str
@@ -128,10 +138,31 @@ class RoadNetwork:
     signals: tuple[Signal, ...]
     datum: MapDatum
     net_path: Path
-    opendrive: str
+    opendrive_path: Path
     layout: Layout
     features: MapFeatures
     seed: int
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def elevation(self) -> Elevation:
+        """Heights of the roads at any place."""
+        return Elevation(self.layout)
+
+    @cached_property
+    def lane_strips(self) -> LaneStrips:
+        """Where cars drive, on the ground."""
+        return LaneStrips(self.layout)
+
+    @cached_property
+    def level_graph(self) -> LevelGraph:
+        """Tells which roads are on the level of a place."""
+        return LevelGraph(self.layout)
+
+    @property
+    def opendrive(self) -> str:
+        """The same roads as OpenDRIVE text, from the file."""
+        return self.opendrive_path.read_text(encoding="utf-8")
 
     def lanes_of(self, *kinds: LaneKind) -> tuple[Lane, ...]:
         """The lanes of these kinds, those inside junctions included, in the network's order."""
@@ -139,17 +170,34 @@ class RoadNetwork:
 
     def waypoints(self, spacing_m: float) -> Waypoints:
         """Waypoints on driving lanes outside junctions: the first at half a spacing, then one every ``spacing_m``."""
-        positions, yaws, lanes, distances = [], [], [], []
-        for lane in self.lanes.values():
-            if lane.kind is not LaneKind.DRIVING or lane.junction:
-                continue
-            for s_m in np.arange(spacing_m / 2.0, lane.length_m, spacing_m):
-                position, yaw = self.pose_on_lane(lane.id, float(s_m))
-                positions.append(position)
-                yaws.append(yaw)
-                lanes.append(lane.id)
-                distances.append(float(s_m))
-        return Waypoints(np.array(positions).reshape(-1, 3), np.array(yaws), tuple(lanes), np.array(distances))
+        lanes = [lane for lane in self.lanes_of(LaneKind.DRIVING) if not lane.junction]
+        lines = Polylines.of([lane.centerline_m for lane in lanes])
+        count = np.maximum(np.ceil(lines.length_m / spacing_m - 0.5).astype(np.int64), 0)
+        row = np.repeat(np.arange(len(lanes)), count)
+        s_m = spacing_m * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 0.5)
+        return self._waypoints(lanes, lines, row, s_m)
+
+    def nearest_lane(self, points_m: Float64Array, yaw_rad: Float64Array | None = None) -> Waypoints:
+        """The nearest place on a driving lane, inside junctions too, for each of N points.
+
+        Args:
+            points_m: (N, 2) or (N, 3) float64, map frame; with a height, lanes on its level are preferred.
+            yaw_rad: (N,) directions of travel: lanes along them are preferred.
+        """
+        places = self._lane_index.nearest(points_m, yaw_rad)
+        return self._waypoints(self.lanes_of(LaneKind.DRIVING), self._lane_index.lines, places.row, places.s_m)
+
+    @cached_property
+    def _lane_index(self) -> LineIndex:
+        return LineIndex(Polylines.of([lane.centerline_m for lane in self.lanes_of(LaneKind.DRIVING)]))
+
+    @staticmethod
+    def _waypoints(lanes: Sequence[Lane], lines: Polylines, row: Int64Array, s_m: Float64Array) -> Waypoints:
+        """Places on lanes with these centre lines."""
+        place = lines.parameter(row, s_m)
+        heading = lines.headings(place)
+        yaw_rad = np.arctan2(heading[:, 1], heading[:, 0])
+        return Waypoints(lines.values(place), yaw_rad, tuple(lanes[each].id for each in row.tolist()), s_m)
 
     def pose_on_lane(self, lane_id: str, s_m: float) -> tuple[Float64Array, float]:
         """(3,) position in the map frame and yaw in radians at distance ``s_m`` along a lane (clipped to its ends)."""

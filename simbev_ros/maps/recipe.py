@@ -2,16 +2,17 @@
 
 from functools import lru_cache
 from importlib.resources import files
-from typing import Self
+from typing import Any
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from simbev_ros.config.base import Model
-from simbev_ros.config.draw import Drawn
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.surroundings import SurroundingsRecipe
+from simbev_ros.maps.plan.land import WaterRecipe, ZoneRecipe
+from simbev_ros.maps.plan.patterns import Pattern
+from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 
 
 class DatumRecipe(Model):
@@ -27,43 +28,31 @@ class DatumRecipe(Model):
         return MapDatum(self.latitude_deg, self.longitude_deg, self.altitude_m)
 
 
-class StreetRecipe(Model):
-    """A grid of streets, irregular as the seed says, inside a ring road without dead ends.
-
-    Streets run along the grid's lines; line 0 and the last one are the ring road. Every street has sidewalks.
-    """
-
-    columns: int = Field(ge=2, le=20, description="blocks from west to east")
-    rows: int = Field(ge=2, le=20, description="blocks from south to north")
-    block_m: Drawn = Field(description="distance between neighbouring lines, one draw each")
-    wide_north_south: tuple[int, ...] = Field((), description="inner lines with two lanes each way, 0 westmost")
-    wide_east_west: tuple[int, ...] = Field((), description="inner lines with two lanes each way, 0 southmost")
-    merged_blocks: int = Field(0, ge=0, description="how many narrow inner streets are left out at random")
-    junction_shift_m: float = Field(0.0, ge=0, le=30, description="largest random shift of an inner junction")
-    ring_corner_radius_m: float = Field(25.0, ge=12, le=60)
-    lane_width_m: float = Field(3.5, ge=2.5, le=5)
-    sidewalk_width_m: float = Field(2.5, ge=1, le=8)
-    crossing_width_m: float = Field(3.5, ge=2, le=8)
-    curb_radius_m: float = Field(6.0, ge=1, le=15, description="radius of junction corners")
-    speed_limit_kmh: float = Field(50.0, gt=0, le=50, description="above 50 km/h SUMO puts no crossings")
-    signals_from_lanes: int = Field(5, ge=1, description="a junction with so many incoming lanes has traffic lights")
-
-    @model_validator(mode="after")
-    def _wide_lines_are_inner(self) -> Self:
-        for name, last in (("wide_north_south", self.columns), ("wide_east_west", self.rows)):
-            wrong = [line for line in getattr(self, name) if not 0 < line < last]
-            if wrong:
-                raise ValueError(f"{name}: must lie between 1 and {last - 1}, not {wrong[0]}")
-        return self
-
-
 class TownRecipe(Model):
-    """All of a town."""
+    """All of a town. A zone's surroundings name only what differs from the town's."""
 
     name: str
     datum: DatumRecipe
-    streets: StreetRecipe
+    relief: ReliefRecipe = ReliefRecipe()
+    patterns: tuple[Pattern, ...] = Field(min_length=1, description="roads, drawn in this order")
+    water: tuple[WaterRecipe, ...] = ()
     surroundings: SurroundingsRecipe
+    zones: tuple[ZoneRecipe, ...] = Field((), description="where they overlap, the last one holds")
+    crossing_width_m: float = Field(3.5, ge=2, le=8)
+    signals_from_lanes: int = Field(5, ge=1, description="a junction with so many incoming lanes has traffic lights")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _zones_inherit(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or not isinstance(data.get("surroundings"), dict):
+            return data
+        zones = [
+            {**zone, "surroundings": {**data["surroundings"], **zone["surroundings"]}}
+            if isinstance(zone, dict) and isinstance(zone.get("surroundings"), dict)
+            else zone
+            for zone in data.get("zones", ())
+        ]
+        return {**data, "zones": zones}
 
 
 def known_maps() -> tuple[str, ...]:

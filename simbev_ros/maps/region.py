@@ -1,14 +1,20 @@
 """Regions: squares that a map's surroundings are built, stored and loaded by, each without knowledge of the others."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 import shapely
 
+from simbev_ros.maps.layout import Layout
 from simbev_ros.types import Float64Array
 
 REGION_M = 512.0
 """Side of a region; a whole number of mesh tiles."""
+
+OUTSKIRTS_M = 110.0
+"""So far from roads land still belongs to a map."""
 
 
 class Region(NamedTuple):
@@ -24,7 +30,27 @@ class Region(NamedTuple):
         return shapely.box(x_m, y_m, x_m + REGION_M, y_m + REGION_M)
 
 
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """A circle that a scene can see of: (2,) centre in the map frame, and radius."""
+
+    center_m: tuple[float, float]
+    radius_m: float
+
+
 def regions_within(bounds_m: Float64Array) -> tuple[Region, ...]:
     """Regions that touch (4,) bounds x0, y0, x1, y1, from south-west to north-east."""
     low_x, low_y, high_x, high_y = (math.floor(value / REGION_M) for value in bounds_m)
     return tuple(Region(column, row) for column in range(low_x, high_x + 1) for row in range(low_y, high_y + 1))
+
+
+def regions_of(layout: Layout, reach: Reach | None = None) -> tuple[Region, ...]:
+    """Regions of a map that has land near roads in them, from south-west to north-east; those in reach, if given."""
+    places_m = np.concatenate([np.empty((0, 2)), *(strip.left_m[:, :2] for strip in layout.strips)])
+    corners = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]]) * OUTSKIRTS_M
+    squares = np.unique(np.floor((places_m[:, None] + corners).reshape(-1, 2) / REGION_M).astype(int), axis=0)
+    regions = [Region(column, row) for column, row in squares.tolist()]
+    if reach is not None:
+        center = shapely.Point(reach.center_m)
+        regions = [region for region in regions if region.area.distance(center) <= reach.radius_m]
+    return tuple(regions)

@@ -1,4 +1,4 @@
-"""Places traffic-light heads and their poles: the net says what is controlled, we say where it hangs.
+"""Places traffic-light heads and their poles: the net says what is controlled, the map or we say where it hangs.
 
 An approach of one lane has a post at the near side, right of the stop line. A wider approach has a mast, whose arm
 carries one head above each lane: at the far side, right of the street that leads straight on, or at the near side where
@@ -7,13 +7,16 @@ none does.
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import accumulate
 
 import numpy as np
 
+from simbev_ros.maps.elevation import Elevation
 from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout, SignalPlace
 from simbev_ros.maps.network import Lane, Signal
-from simbev_ros.maps.sumo_net import ControlledLink
+from simbev_ros.maps.sumo_net import ControlledLink, SumoNet
 from simbev_ros.types import Float64Array
 
 _CURB_TO_POLE_M = 0.6
@@ -25,32 +28,62 @@ _MOST_BENT_RAD = np.radians(30.0)
 _STRAIGHTNESS = "sRLrlt"  # SUMO's codes of direction, straightest first
 
 
-def place_signals(lanes: Mapping[str, Lane], links: Sequence[ControlledLink]) -> tuple[Signal, ...]:
-    """One head for each controlled driving lane, showing the link of its straightest movement.
+def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
+    """One head at each place that the map names, and one for each controlled driving lane that it names none for.
+
+    A head shows the link of its straightest movement.
 
     Args:
-        lanes: The net's lanes by id.
-        links: Its controlled links.
+        net: What is controlled.
+        layout: Where signals hang, if the map says so, and how high the ground is.
 
     Returns:
         Heads in ascending order of programme and link.
     """
-    main = _main_links(links)
+    main = _main_links(net.links)
+    signals = [signal for place in layout.signal_places for signal in _at_place(place, main)]
+    named = {lane for place in layout.signal_places for lane in place.lanes}
     approaches: dict[str, list[Lane]] = defaultdict(list)
     for lane_id in main:
-        approaches[lanes[lane_id].edge].append(lanes[lane_id])
-    signals = [
+        if lane_id not in named:
+            approaches[net.lanes[lane_id].edge].append(net.lanes[lane_id])
+    by_rule = [
         Signal(position_m, yaw_rad, pole_m, main[lane.id].programme, main[lane.id].link, lane.id)
         for approach in approaches.values()
-        for lane, position_m, yaw_rad, pole_m in _placed(sorted(approach, key=lambda lane: lane.index), lanes)
+        for lane, position_m, yaw_rad, pole_m in _placed(sorted(approach, key=lambda lane: lane.index), net.lanes)
     ]
+    signals += _grounded(by_rule, Elevation(layout)) if by_rule else []
     return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
+
+
+def _at_place(place: SignalPlace, main: Mapping[str, ControlledLink]) -> Iterator[Signal]:
+    """The head at a place, unless nothing that it is for is controlled."""
+    links = [main[lane] for lane in place.lanes if lane in main]
+    if links:
+        link = min(links, key=_by_straightness)
+        yield Signal(place.head_m, place.yaw_rad, place.foot_m, link.programme, link.link, link.lane)
+
+
+def _grounded(signals: Sequence[Signal], elevation: Elevation) -> Iterator[Signal]:
+    """Signals lifted so that their poles stand on the ground."""
+    feet_m = np.array([signal.pole_m for signal in signals])
+    levels = elevation.level_at(feet_m)
+    for level in np.unique(levels).tolist():
+        rows = np.flatnonzero(levels == level)
+        lifts_m = elevation.height_m(feet_m[rows, :2], level) - feet_m[rows, 2]
+        for row, lift_m in zip(rows.tolist(), lifts_m, strict=True):
+            lift = np.array([0.0, 0.0, lift_m])
+            yield replace(signals[row], position_m=signals[row].position_m + lift, pole_m=signals[row].pole_m + lift)
+
+
+def _by_straightness(link: ControlledLink) -> tuple[int, int]:
+    return _STRAIGHTNESS.index(link.direction), link.link
 
 
 def _main_links(links: Sequence[ControlledLink]) -> dict[str, ControlledLink]:
     """Lane id → the link of its straightest movement."""
     main: dict[str, ControlledLink] = {}
-    for link in sorted(links, key=lambda link: (_STRAIGHTNESS.index(link.direction), link.link)):
+    for link in sorted(links, key=_by_straightness):
         main.setdefault(link.lane, link)
     return main
 

@@ -6,7 +6,9 @@ from simbev_ros.config.base import Model
 
 
 class MapSpec(Model):
-    """A map's name, and the seed of all that its recipe leaves open: block sizes, missing streets, surroundings."""
+    """A map: a town of ours by name, or a file; made by ``source.map_spec``."""
 
-    name: str
-    seed: int = Field(0, ge=0)
+    name: str = Field(description="the town's, or the file's without its suffix; fit for file names")
+    seed: int = Field(0, ge=0, description="of all that the map leaves open, such as its surroundings")
+    path: str = Field("", description="absolute path of the file; empty: a town of ours")
+    sha256: str = Field("", description="of the file's content when the map was chosen")

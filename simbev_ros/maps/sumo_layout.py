@@ -1,42 +1,174 @@
 """The layout of roads that come as a SUMO net: strips along its lanes, with paint by rule."""
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
 
 import numpy as np
+import shapely
 
 from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.layout import Crosswalk, Layout, Line, SignKind, StopLine, Strip
 from simbev_ros.maps.network import Lane
+from simbev_ros.maps.paint_rules import left_line, line_between, right_edge_line
+from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.right_of_way import minor_approaches
+from simbev_ros.maps.sumo_net import SumoNet
 from simbev_ros.types import Float64Array
 
+_CORNER_RADIUS_M = 3.0
+_SAME_BORDER_M = 0.5
+_STOP_LINE_M = 0.5  # its middle, back from the lane's end; SUMO's vehicles halt 1 m before the end
+_STOP_LINE_MARGIN_M = 0.25  # clear of the curb, and of the centre lines
 
-def layout_of(lanes: Mapping[str, Lane]) -> Layout:
-    """Strips of all lanes, in order."""
-    return Layout(tuple(_strip(lane) for lane in lanes.values() if lane.kind is not LaneKind.CROSSING), (), (), ())
+
+@dataclass(frozen=True, slots=True)
+class _Edge:
+    """Lanes side by side, from right to left, and those of the other direction beside them, from right to left too."""
+
+    lanes: list[Lane]
+    opposite: list[Lane]
+    carried: bool
 
 
-def _strip(lane: Lane) -> Strip:
-    left_m, right_m = (_beside(lane.centerline_m, side * lane.width_m / 2.0) for side in (1.0, -1.0))
-    return Strip(
-        id=lane.id,
-        lane=lane.id,
-        kind=lane.kind,
-        left_m=left_m,
-        right_m=right_m,
-        road=lane.edge,
-        junction=lane.junction,
-        speed_mps=lane.speed_mps,
-        following=lane.successors,
-        outline_m=lane.outline_m,
+@dataclass(frozen=True, slots=True)
+class _Borders:
+    """(N, 3) borders of lanes by id."""
+
+    left_m: Mapping[str, Float64Array]
+    right_m: Mapping[str, Float64Array]
+
+
+def layout_of(net: SumoNet) -> Layout:
+    """Strips of all lanes in the net's order, crosswalks of all crossings, paint by rule; no signs yet."""
+    borders = _borders(net)
+    edges = _edges(net, borders)
+    strips = {strip.id: strip for edge in edges.values() for strip in _strips(edge, borders)}
+    crossings = [lane for lane in net.lanes.values() if lane.kind is LaneKind.CROSSING]
+    return Layout(
+        strips=tuple(strips[lane.id] for lane in net.lanes.values() if lane.kind is not LaneKind.CROSSING),
+        crosswalks=tuple(_crosswalk(lane, borders) for lane in crossings),
+        stop_lines=tuple(_stop_lines(net, edges, borders)),
+        signs=(),
+        corner_radius_m=_CORNER_RADIUS_M,
     )
 
 
-def _beside(line_m: Float64Array, left_m: float) -> Float64Array:
-    """(N, 3) line at a distance to the left of an (N, 3) line, corners mitred."""
-    heading = np.diff(line_m[:, :2], axis=0)
-    heading /= np.linalg.norm(heading, axis=1, keepdims=True)
-    normal = np.column_stack([-heading[:, 1], heading[:, 0]])
-    before, after = np.concatenate([normal[:1], normal]), np.concatenate([normal, normal[-1:]])
-    mitre = before + after
-    mitre /= np.maximum(np.sum(mitre * before, axis=1, keepdims=True), 0.2)
-    return line_m + left_m * np.column_stack([mitre, np.zeros(len(mitre))])
+def _borders(net: SumoNet) -> _Borders:
+    """Both borders of every lane, half its width beside its centre line."""
+    lanes = list(net.lanes.values())
+    lines = Polylines.of([lane.centerline_m for lane in lanes])
+    half_m = np.array([lane.width_m for lane in lanes])[lines.row] / 2.0
+    left, right = (lines.split(lines.beside(side * half_m)) for side in (1.0, -1.0))
+    ids = list(net.lanes)
+    return _Borders(dict(zip(ids, left, strict=True)), dict(zip(ids, right, strict=True)))
+
+
+def _edges(net: SumoNet, borders: _Borders) -> dict[str, _Edge]:
+    """All edges by id, crossings left out."""
+    lanes: dict[str, list[Lane]] = defaultdict(list)
+    for lane in net.lanes.values():
+        if lane.kind is not LaneKind.CROSSING:
+            lanes[lane.edge].append(lane)
+    for edge_lanes in lanes.values():
+        edge_lanes.sort(key=lambda lane: lane.index)
+    opposite = _opposites(net, lanes, borders)
+    carried = _carried(net)
+    return {
+        edge: _Edge(edge_lanes, lanes[opposite[edge]] if edge in opposite else [], edge in carried)
+        for edge, edge_lanes in lanes.items()
+    }
+
+
+def _opposites(net: SumoNet, lanes: Mapping[str, Sequence[Lane]], borders: _Borders) -> dict[str, str]:
+    """Edge → the edge back between the same junctions whose left border is the same line."""
+    back: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for edge, ends in net.edge_ends.items():
+        if edge in lanes:
+            back[ends[::-1]].append(edge)
+    pairs = [(edge, other) for edge, ends in net.edge_ends.items() for other in back[ends] if edge in lanes]
+    if not pairs:
+        return {}
+    border = {
+        edge: shapely.LineString(borders.left_m[lanes[edge][-1].id]) for edge in {e for pair in pairs for e in pair}
+    }
+    middles = shapely.line_interpolate_point([border[edge] for edge, _ in pairs], 0.5, normalized=True)
+    others = np.array([border[other] for _, other in pairs])
+    rise_m = np.abs(
+        shapely.get_z(middles)
+        - shapely.get_z(shapely.line_interpolate_point(others, shapely.line_locate_point(others, middles)))
+    )
+    same = (shapely.distance(others, middles) < _SAME_BORDER_M) & (rise_m < _SAME_BORDER_M)
+    return {edge: other for (edge, other), is_same in zip(pairs, same, strict=True) if is_same}
+
+
+def _carried(net: SumoNet) -> frozenset[str]:
+    """Edges on declared structures; one inside a junction is on one if all edges that meet there are."""
+    meeting: dict[str, set[str]] = defaultdict(set)
+    for edge, ends in net.edge_ends.items():
+        for junction in ends:
+            meeting[junction].add(edge)
+    junctions = {junction for junction, edges in meeting.items() if edges <= net.structures}
+    return net.structures | {lane.edge for lane in net.lanes.values() if lane.junction in junctions}
+
+
+def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
+    """The strips of one edge; those inside junctions bear no paint."""
+    lanes = edge.lanes
+    painted = not lanes[0].junction
+    between = [line_between(right, left) if painted else Line() for right, left in pairwise(lanes)]
+    right_lines = [right_edge_line(lanes, edge.opposite) if painted else Line(), *between]
+    left_lines = [*between, left_line(lanes, edge.opposite) if painted else Line()]
+    ids = [lane.id for lane in lanes]
+    lefts, rights = [*ids[1:], edge.opposite[-1].id if edge.opposite else ""], ["", *ids[:-1]]
+    for place, lane in enumerate(lanes):
+        yield Strip(
+            id=lane.id,
+            lane=lane.id,
+            kind=lane.kind,
+            left_m=borders.left_m[lane.id],
+            right_m=borders.right_m[lane.id],
+            left_line=left_lines[place],
+            right_line=right_lines[place],
+            road=lane.edge,
+            index=place - len(lanes),
+            junction=lane.junction,
+            speed_mps=lane.speed_mps,
+            structure=edge.carried,
+            left=lefts[place],
+            right=rights[place],
+            following=lane.successors,
+            outline_m=lane.outline_m,
+        )
+
+
+def _crosswalk(lane: Lane, borders: _Borders) -> Crosswalk:
+    """The area of a crossing."""
+    across_m = lane.centerline_m[-1, :2] - lane.centerline_m[0, :2]
+    outline_m = np.concatenate([borders.left_m[lane.id], borders.right_m[lane.id][::-1]])
+    return Crosswalk(outline_m, across_m / np.linalg.norm(across_m))
+
+
+def _stop_lines(net: SumoNet, edges: Mapping[str, _Edge], borders: _Borders) -> Iterator[StopLine]:
+    """A line across the driving lanes of each approach that has traffic lights, has to stop or has to give way."""
+    lit = {link.lane for link in net.links}
+    minor = minor_approaches(net)
+    for name, edge in edges.items():
+        driving = [lane for lane in edge.lanes if lane.kind is LaneKind.DRIVING]
+        halts = bool(driving) and not driving[0].junction and lit.issuperset(lane.id for lane in driving)
+        if not halts and name not in minor:
+            continue
+        for is_driving, group in groupby(edge.lanes, key=lambda lane: lane.kind is LaneKind.DRIVING):
+            side_by_side = list(group)
+            if is_driving:
+                ends_m = _across(borders.right_m[side_by_side[0].id], borders.left_m[side_by_side[-1].id])
+                yield StopLine(ends_m, yields=not halts and minor[name] is SignKind.YIELD)
+
+
+def _across(right_m: Float64Array, left_m: Float64Array) -> Float64Array:
+    """(2, 3) ends, from right to left, of a line across lanes with these (N, 3) outer borders, before their end."""
+    lines = Polylines.of([right_m, left_m])
+    ends_m = lines.values(lines.parameter(np.arange(2), lines.length_m - _STOP_LINE_M))
+    inward = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
+    return ends_m + _STOP_LINE_MARGIN_M * np.array([inward, -inward])

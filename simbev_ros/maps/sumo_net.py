@@ -1,7 +1,8 @@
-"""Reads a SUMO net (.net.xml) into lanes and junctions, with the links that traffic lights control."""
+"""Reads a SUMO net (.net.xml) into lanes, junctions and movements, element by element, so that big nets fit."""
 
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,11 +11,13 @@ import numpy as np
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import Junction, Lane
+from simbev_ros.maps.vehicle_class import open_to
 from simbev_ros.types import Float64Array
 
 _DEFAULT_WIDTH_M = 3.2  # SUMO's width of a lane that names none
 _MIN_STEP_M = 0.01
 _MOTOR_CLASSES = frozenset({"passenger", "delivery", "bus", "truck", "taxi", "private", "emergency", "motorcycle"})
+_KINDS = frozenset(LaneKind) - {LaneKind.CROSSING, LaneKind.WALKING_AREA}  # that the attribute `type` may name
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +39,24 @@ class ControlledLink:
 
 @dataclass(frozen=True, slots=True)
 class SumoNet:
-    """What is in the file: lanes and junctions by id, and the controlled links of driving lanes in file order."""
+    """What is in the file.
+
+    Attributes:
+        lanes: By id.
+        junctions: By id, without dead ends.
+        links: The controlled links of driving lanes, in file order.
+        edge_ends: Edge id → ids of the junctions that it leads from and to; edges outside junctions only.
+        structures: Ids of the edges that the file declares to be bridges.
+        right_of_way: Lane id → SUMO's codes of its movements outside traffic lights: M has right of way, m yields, s
+            stops first, w stops as all others do, = yields to the right.
+    """
 
     lanes: dict[str, Lane]
     junctions: dict[str, Junction]
     links: tuple[ControlledLink, ...]
+    edge_ends: dict[str, tuple[str, str]] = field(default_factory=dict)
+    structures: frozenset[str] = frozenset()
+    right_of_way: dict[str, frozenset[str]] = field(default_factory=dict)
 
 
 def read_sumo_net(path: Path) -> SumoNet:
@@ -50,41 +66,88 @@ def read_sumo_net(path: Path) -> SumoNet:
         SimulationError: The file is missing or is not a SUMO net.
     """
     try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        return _net(_read(path))
+    except (OSError, ElementTree.ParseError, KeyError, ValueError) as error:
         raise SimulationError(f"{path}: not a SUMO net: {error}") from error
-    connections = root.findall("connection")
-    successors = _successors(connections)
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """Attributes of the file's elements: edges with their lanes, declared structures, junctions, connections."""
+
+    edges: list[tuple[dict[str, str], list[dict[str, str]]]] = field(default_factory=list)
+    structures: set[str] = field(default_factory=set)
+    junctions: list[dict[str, str]] = field(default_factory=list)
+    connections: list[dict[str, str]] = field(default_factory=list)
+
+
+def _read(path: Path) -> _Content:
+    """Go through the file once, keeping no element."""
+    content = _Content()
+    events = ElementTree.iterparse(path, events=("start", "end"))
+    _, root = next(events)
+    for event, element in events:
+        if event == "start" or element.tag not in ("edge", "junction", "connection"):
+            continue
+        if element.tag == "edge":
+            content.edges.append((element.attrib, [lane.attrib for lane in element.findall("lane")]))
+            if any(item.get("key") == "structure" and item.get("value") for item in element.findall("param")):
+                content.structures.add(element.attrib["id"])
+        elif element.tag == "junction":
+            content.junctions.append(element.attrib)
+        else:
+            content.connections.append(element.attrib)
+        root.clear()
+    return content
+
+
+def _net(content: _Content) -> SumoNet:
+    """What the attributes mean."""
+    following = _successors(content.connections)
     lanes = {
-        lane.id: lane
-        for edge in root.findall("edge")
-        for element in edge.findall("lane")
-        for lane in [_lane(edge, element, successors)]
+        lane["id"]: _lane(edge, lane, following.get(lane["id"], ()))
+        for edge, edge_lanes in content.edges
+        for lane in edge_lanes
     }
-    links = tuple(
-        ControlledLink(lane, connection.attrib["tl"], int(connection.attrib["linkIndex"]), connection.attrib["dir"])
-        for connection in connections
-        if "tl" in connection.attrib
-        for lane in [_lane_id(connection, "from")]
-        if lanes[lane].kind is LaneKind.DRIVING
-    )
-    signalised = {lanes[link.lane].edge for link in links}
-    ends = {edge.attrib["id"]: edge.attrib.get("to", "") for edge in root.findall("edge")}
-    lit_junctions = {ends[edge] for edge in signalised}
+    edge_ends = {
+        edge["id"]: (edge["from"], edge["to"])
+        for edge, _ in content.edges
+        if edge.get("function", "normal") == "normal"
+    }
+    links = tuple(_links(content.connections, lanes))
+    signalised = {edge_ends[lanes[link.lane].edge][1] for link in links}
     junctions = {
-        element.attrib["id"]: _junction(element, lit_junctions)
-        for element in root.findall("junction")
-        if element.attrib.get("type") not in ("internal", "dead_end")
+        junction["id"]: _junction(junction, junction["id"] in signalised)
+        for junction in content.junctions
+        if junction.get("type") not in ("internal", "dead_end")
     }
-    return SumoNet(lanes, junctions, links)
+    right_of_way = _right_of_way(content.connections)
+    return SumoNet(lanes, junctions, links, edge_ends, frozenset(content.structures), right_of_way)
 
 
-def _lane_id(connection: ElementTree.Element, end: str) -> str:
+def _links(connections: Sequence[Mapping[str, str]], lanes: Mapping[str, Lane]) -> Iterator[ControlledLink]:
+    """Controlled movements of driving lanes."""
+    for connection in connections:
+        if "tl" in connection and lanes[_lane_id(connection, "from")].kind is LaneKind.DRIVING:
+            lane, link = _lane_id(connection, "from"), int(connection["linkIndex"])
+            yield ControlledLink(lane, connection["tl"], link, connection["dir"])
+
+
+def _right_of_way(connections: Sequence[Mapping[str, str]]) -> dict[str, frozenset[str]]:
+    """As ``SumoNet.right_of_way``; turning round is no movement that gives or takes it."""
+    codes: dict[str, set[str]] = defaultdict(set)
+    for connection in connections:
+        if "tl" not in connection and connection.get("dir") != "t" and not connection["from"].startswith(":"):
+            codes[_lane_id(connection, "from")].add(connection.get("state", ""))
+    return {lane: frozenset(states) for lane, states in codes.items()}
+
+
+def _lane_id(connection: Mapping[str, str], end: str) -> str:
     """Id of the lane at one end ("from" or "to") of a connection."""
-    return f"{connection.attrib[end]}_{connection.attrib[end + 'Lane']}"
+    return f"{connection[end]}_{connection[end + 'Lane']}"
 
 
-def _successors(connections: list[ElementTree.Element]) -> dict[str, tuple[str, ...]]:
+def _successors(connections: Sequence[Mapping[str, str]]) -> dict[str, tuple[str, ...]]:
     """Lane id → ids of the lanes that follow, through a junction by way of the internal lane."""
     following: dict[str, dict[str, None]] = defaultdict(dict)
     for connection in connections:
@@ -92,35 +155,39 @@ def _successors(connections: list[ElementTree.Element]) -> dict[str, tuple[str, 
     return {lane: tuple(ids) for lane, ids in following.items()}
 
 
-def _lane(edge: ElementTree.Element, element: ElementTree.Element, successors: dict[str, tuple[str, ...]]) -> Lane:
+def _lane(edge: Mapping[str, str], lane: Mapping[str, str], successors: tuple[str, ...]) -> Lane:
     """One lane of an edge."""
-    lane_id, edge_id = element.attrib["id"], edge.attrib["id"]
-    kind = _kind(edge, element)
-    shape_m = _points(element.attrib["shape"])
-    lane = Lane(
-        id=lane_id,
+    edge_id, kind = edge["id"], _kind(edge, lane)
+    shape_m = _points(lane["shape"])
+    line_m = _cleaned(shape_m)
+    length_m = float(np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1).sum())
+    return Lane(
+        id=lane["id"],
         edge=edge_id,
-        index=int(element.attrib["index"]),
+        index=int(lane["index"]),
         kind=kind,
-        centerline_m=_cleaned(shape_m),
-        width_m=float(element.attrib.get("width", _DEFAULT_WIDTH_M)),
-        speed_mps=float(element.attrib["speed"]),
+        centerline_m=line_m,
+        width_m=float(lane.get("width", _DEFAULT_WIDTH_M)),
+        speed_mps=float(lane["speed"]),
         junction=edge_id[1:].rsplit("_", 1)[0] if edge_id.startswith(":") else "",
-        successors=successors.get(lane_id, ()),
+        successors=successors,
         outline_m=shape_m[:, :2] if kind is LaneKind.WALKING_AREA else None,
+        sumo_s_per_m=float(lane["length"]) / max(length_m, _MIN_STEP_M),
+        classes=open_to(lane.get("allow", ""), lane.get("disallow", "")),
     )
-    return replace(lane, sumo_s_per_m=float(element.attrib["length"]) / max(lane.length_m, _MIN_STEP_M))
 
 
-def _kind(edge: ElementTree.Element, element: ElementTree.Element) -> LaneKind:
-    """What a lane is for, from its edge's function and the vehicle classes that may use it."""
+def _kind(edge: Mapping[str, str], lane: Mapping[str, str]) -> LaneKind:
+    """What a lane is for: as its type says, else from its edge's function and the vehicles that may use it."""
     function = edge.get("function", "")
     if function == "crossing":
         return LaneKind.CROSSING
     if function == "walkingarea":
         return LaneKind.WALKING_AREA
-    allowed = frozenset(element.get("allow", "").split())
-    disallowed = frozenset(element.get("disallow", "").split())
+    if lane.get("type") in _KINDS:
+        return LaneKind(lane["type"])
+    allowed = frozenset(lane.get("allow", "").split())
+    disallowed = frozenset(lane.get("disallow", "").split())
     open_to_motors = not disallowed.issuperset(_MOTOR_CLASSES) and "all" not in disallowed
     if allowed & _MOTOR_CLASSES or (not allowed and open_to_motors):
         return LaneKind.DRIVING
@@ -129,25 +196,25 @@ def _kind(edge: ElementTree.Element, element: ElementTree.Element) -> LaneKind:
     return LaneKind.BICYCLE if "bicycle" in allowed else LaneKind.SHOULDER
 
 
-def _junction(element: ElementTree.Element, signalised: set[str]) -> Junction:
+def _junction(junction: Mapping[str, str], signalised: bool) -> Junction:
     """One junction."""
-    identifier = element.attrib["id"]
-    center_m = np.array([float(element.attrib.get(axis, 0.0)) for axis in "xyz"])
-    return Junction(identifier, center_m, _points(element.get("shape", ""))[:, :2], identifier in signalised)
+    center_m = np.array([float(junction.get(axis, 0.0)) for axis in "xyz"])
+    return Junction(junction["id"], center_m, _points(junction.get("shape", ""))[:, :2], signalised)
 
 
 def _points(shape: str) -> Float64Array:
-    """(N, 3) float64 points of SUMO's "x,y x,y" or "x,y,z x,y,z"."""
-    points = np.array([[*map(float, point.split(","))] for point in shape.split()], np.float64)
-    if points.size == 0:
-        return np.zeros((0, 3))
-    return points if points.shape[1] == 3 else np.column_stack([points, np.zeros(len(points))])
+    """(N, 3) float64 points of SUMO's "x,y x,y,z"; a point without z lies at 0."""
+    points = [point if point.count(",") == 2 else point + ",0" for point in shape.split()]
+    return np.array(",".join(points).split(",") if points else [], np.float64).reshape(-1, 3)
 
 
 def _cleaned(line_m: Float64Array) -> Float64Array:
-    """(N, 3) line without points that repeat their predecessor; both ends stay."""
+    """(N, 3) line without points that repeat their predecessor; both ends stay, at least a centimetre apart."""
     steps_m = np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1)
     keep = np.concatenate([[True], steps_m >= _MIN_STEP_M])
     if len(line_m) > 2 and not keep[-1]:
         keep[np.flatnonzero(keep)[-1]], keep[-1] = np.count_nonzero(keep) == 1, True
-    return line_m[keep] if np.count_nonzero(keep) > 1 else line_m[[0, -1]]
+    cleaned_m: Float64Array = line_m[keep] if np.count_nonzero(keep) > 1 else line_m[[0, -1]]
+    if np.linalg.norm(cleaned_m[-1, :2] - cleaned_m[0, :2]) == 0.0 and len(cleaned_m) == 2:
+        cleaned_m[1, 0] += _MIN_STEP_M  # a lane without length has no direction; any will do
+    return cleaned_m

@@ -1,65 +1,156 @@
-"""The roads in plan: asphalt, sidewalks and crossings as exact shapely geometry in the map frame, metres.
+"""What covers the ground, level by level: exact shapely geometry in plan, map frame, metres.
 
-Asphalt is the union of the driving lanes, those inside junctions included, with the gaps between them closed and the
-corners rounded. Sidewalk is all else between the streets' outer edges, so that the two share their border and nothing
-else.
+A carriageway is the union of its strips, those inside junctions included, with the gaps between them closed; where the
+map describes lanes only, junction corners are rounded too. Of surfaces that would overlap the first of carriageway,
+shoulder, sidewalk and median holds, so that neighbours share their border and nothing else.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
 import shapely
-from shapely import LineString, MultiPolygon, Polygon
+from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.layout import Crosswalk, Layout, Strip
+from simbev_ros.types import AnyArray
 
-_CLOSING_M = 3.0
+_SMALLEST_CLOSING_M = 0.3
 _GRID_M = 0.001
 _SPECK_M2 = 0.01
-_ROAD_KINDS = (LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.PARKING)
+_WALK_KINDS = (LaneKind.SIDEWALK, LaneKind.WALKING_AREA)
+_FIXED_KINDS = (LaneKind.MEDIAN, LaneKind.SHOULDER, LaneKind.SIDEWALK)
 
 
-def lane_polygon(lane: Lane) -> Polygon:
-    """A lane's area: its outline if it has one, otherwise its centre line widened by half its width to both sides."""
-    if lane.outline_m is None:
-        line = LineString(lane.centerline_m[:, :2])
-        return shapely.buffer(line, lane.width_m / 2.0, cap_style="flat", join_style="mitre")
-    return max(_polygons(shapely.make_valid(Polygon(lane.outline_m))).geoms, key=lambda part: part.area)
+@dataclass(frozen=True, slots=True)
+class Surfaces:
+    """All surfaces of one level.
+
+    Attributes:
+        road: Driving, bicycle and parking lanes and all between them, under crosswalks too.
+        shoulder: Paved, but no road.
+        sidewalk: Sidewalks and walking areas, up to the curb.
+        median: Between carriageways.
+        crosswalk: The part of the road that is marked for walking.
+    """
+
+    road: MultiPolygon
+    shoulder: MultiPolygon
+    sidewalk: MultiPolygon
+    median: MultiPolygon
+    crosswalk: MultiPolygon
 
 
-def road_surface(network: RoadNetwork) -> MultiPolygon:
-    """The carriageway: driving, bicycle and parking lanes and all between them, under crossings too."""
-    lanes = [lane_polygon(lane) for lane in network.lanes_of(*_ROAD_KINDS)]
-    return _polygons(_closed(shapely.union_all([*lanes, *crossing_polygons(network)])))
-
-
-def sidewalk_surface(network: RoadNetwork, road: BaseGeometry | None = None) -> MultiPolygon:
-    """Sidewalks and walking areas, up to the curb.
+def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> Surfaces:
+    """The surfaces of one level.
 
     Args:
-        network: The roads.
-        road: ``road_surface(network)``, to save its computation.
+        layout: Where lanes lie.
+        level: Which level.
+        area: A rectangle: give what is inside of it only, which is the same as that part of the whole.
     """
-    road = road_surface(network) if road is None else road
-    walks = [lane_polygon(lane) for lane in network.lanes_of(LaneKind.SIDEWALK, LaneKind.WALKING_AREA)]
-    street = _closed(shapely.union_all([*walks, road]))
-    near_walks = shapely.buffer(shapely.union_all(walks), _CLOSING_M)
-    return _polygons(shapely.difference(shapely.intersection(street, near_walks), road, grid_size=_GRID_M))
+    closing_m = max(layout.corner_radius_m, _SMALLEST_CLOSING_M)
+    if area is not None:
+        layout = layout.near(area, 4.0 * closing_m)
+    crosswalks = crosswalk_polygons([each for each in layout.crosswalks if each.level == level])
+    road = _road(layout, level, crosswalks)
+    shoulder = _without(_union(layout, level, LaneKind.SHOULDER), road)
+    paved = shapely.union(road, shoulder)
+    sidewalk = _without(_walks(layout, level, paved), paved)
+    median = _without(_union(layout, level, LaneKind.MEDIAN), shapely.union(paved, sidewalk))
+    crosswalk = shapely.intersection(shapely.union_all(crosswalks), road)
+    parts = road, shoulder, sidewalk, median, crosswalk
+    return Surfaces(*(_polygons(part if area is None else shapely.intersection(part, area)) for part in parts))
 
 
-def crossing_polygons(network: RoadNetwork) -> tuple[Polygon, ...]:
-    """The area of each crosswalk, in the order of the network's lanes."""
-    return tuple(lane_polygon(lane) for lane in network.lanes_of(LaneKind.CROSSING))
+def road_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
+    """As ``Surfaces.road``."""
+    return surfaces_of(layout, level, area).road
 
 
-def _closed(area: BaseGeometry) -> BaseGeometry:
+def sidewalk_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
+    """As ``Surfaces.sidewalk``."""
+    return surfaces_of(layout, level, area).sidewalk
+
+
+def shoulder_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
+    """As ``Surfaces.shoulder``."""
+    return surfaces_of(layout, level, area).shoulder
+
+
+def median_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
+    """As ``Surfaces.median``."""
+    return surfaces_of(layout, level, area).median
+
+
+def drivable_area(layout: Layout) -> MultiPolygon:
+    """The carriageways of all levels, one on the other, in plan."""
+    return _polygons(shapely.union_all([road_surface(layout, level) for level in layout.levels]))
+
+
+def strip_polygons(strips: Sequence[Strip]) -> AnyArray:
+    """(N,) polygons or multipolygons: the area of each strip."""
+    shapes = [
+        np.concatenate([strip.left_m[:, :2], strip.right_m[::-1, :2]]) if strip.outline_m is None else strip.outline_m
+        for strip in strips
+    ]
+    return _valid([shapely.Polygon(shape) for shape in shapes])
+
+
+def crosswalk_polygons(crosswalks: Sequence[Crosswalk]) -> AnyArray:
+    """(N,) polygons: the area of each crosswalk."""
+    return _valid([shapely.Polygon(crosswalk.outline_m[:, :2]) for crosswalk in crosswalks])
+
+
+def _road(layout: Layout, level: int, crosswalks: AnyArray) -> BaseGeometry:
+    """The carriageway; closing may fill what no strip outside junctions claims for something else."""
+    lanes = strip_polygons(layout.strips_of(*ROAD_KINDS, level=level))
+    rounded = layout.corner_radius_m > _SMALLEST_CLOSING_M
+    bare = shapely.union_all([*lanes, *crosswalks] if rounded else lanes)
+    fixed = [strip for strip in layout.strips_of(*_FIXED_KINDS, level=level) if not strip.junction]
+    claimed = shapely.difference(shapely.union_all(strip_polygons(fixed)), bare)
+    closed = _closed(bare, layout.corner_radius_m)
+    return shapely.difference(closed, claimed, grid_size=_GRID_M)
+
+
+def _walks(layout: Layout, level: int, paved: BaseGeometry) -> BaseGeometry:
+    """Sidewalks and walking areas, and the corners between them and what is paved."""
+    walks = _union(layout, level, *_WALK_KINDS)
+    street = _closed(shapely.union(walks, paved), layout.corner_radius_m)
+    reach_m = max(layout.corner_radius_m, _SMALLEST_CLOSING_M)
+    return _polygons(shapely.intersection(street, shapely.buffer(walks, reach_m)))
+
+
+def _union(layout: Layout, level: int, *kinds: LaneKind) -> BaseGeometry:
+    """The area of all strips of some kinds."""
+    return shapely.union_all(strip_polygons(layout.strips_of(*kinds, level=level)))
+
+
+def _without(surface: BaseGeometry, others: BaseGeometry) -> BaseGeometry:
+    """What is left of a surface."""
+    return shapely.difference(surface, others, grid_size=_GRID_M)
+
+
+def _closed(area: BaseGeometry, radius_m: float) -> BaseGeometry:
     """The area with narrow gaps and inner corners filled (morphological closing), on a millimetre grid."""
-    grown = shapely.buffer(area, _CLOSING_M, quad_segs=12)
-    closed = shapely.union(shapely.buffer(grown, -_CLOSING_M, quad_segs=12), area)
+    radius_m = max(radius_m, _SMALLEST_CLOSING_M)
+    grown = shapely.buffer(area, radius_m, quad_segs=12)
+    closed = shapely.union(shapely.buffer(grown, -radius_m, quad_segs=12), area)
     return shapely.set_precision(shapely.simplify(closed, 2 * _GRID_M), _GRID_M)
+
+
+def _valid(polygons: Sequence[shapely.Polygon]) -> AnyArray:
+    """(N,) the same areas without self-intersections."""
+    valid = np.array(polygons, object)
+    wrong = ~shapely.is_valid(valid)
+    valid[wrong] = [_polygons(area) for area in shapely.make_valid(valid[wrong])]
+    return valid
 
 
 def _polygons(area: BaseGeometry) -> MultiPolygon:
     """Only the two-dimensional parts, without specks."""
-    parts = shapely.get_parts(area)
+    parts = shapely.get_parts(shapely.get_parts(area))
     parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
     return MultiPolygon(list(parts[shapely.area(parts) > _SPECK_M2]))

@@ -8,7 +8,6 @@ from simbev_ros.annotation.bev import BevAnnotator
 from simbev_ros.annotation.boxes import boxes
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.config.scenario import Bev
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.images import image_message
 from simbev_ros.msgs.markers import box_markers
@@ -16,7 +15,7 @@ from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.world import MAP_FRAME
 from simbev_ros.nodes.participant import Participant
-from simbev_ros.nodes.surroundings import surroundings
+from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.palette import bev_color
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -31,14 +30,14 @@ class AnnotatorNode(Participant):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._map: MapSpec | None = None
+        self._surroundings = Surroundings()
         self._bev: BevAnnotator | None = None
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load the map's meshes (kept while scenes stay on it) and advertise the topics."""
-        if self._bev is None or self._map != spec.map:
-            self._bev = BevAnnotator(surroundings(spec.map), load_models())
-            self._map = spec.map
+        """Load the meshes around the ego (kept while scenes stay there) and advertise the topics."""
+        static = self._surroundings.changed(spec)
+        if static is not None:
+            self._bev = BevAnnotator(static, load_models())
         recorded = list(topics.annotation_topics(spec))
         for topic in recorded:
             self.advertise(topic, _MESSAGE_TYPES[topic.type.rsplit("/", 1)[1]])

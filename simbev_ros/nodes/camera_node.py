@@ -10,11 +10,10 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.config.rig import Camera, Modality
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
 from simbev_ros.msgs.topics import Topic, camera_info_topic, compressed_topic, image_topic
 from simbev_ros.nodes.participant import Participant
-from simbev_ros.nodes.surroundings import surroundings
+from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
@@ -37,18 +36,18 @@ class CameraNode(Participant):
         self._names = self.declared("sensors", [], "Names of the rig's cameras that this node serves; empty: all")
         self._compressed = self.declared("compressed", True, "Record the compressed image topics instead of the raw")
         self._renderer: Renderer | None = None
-        self._map: MapSpec | None = None
+        self._surroundings = Surroundings()
         self._cameras: list[Camera] = []
         self._previous: dict[int, WorldState] = {}
         self._encoders = ThreadPoolExecutor(max_workers=os.cpu_count())
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load the map's meshes (kept while scenes stay on it) and advertise the cameras' topics."""
-        if self._renderer is None or self._map != spec.map:
+        """Load the meshes around the ego (kept while scenes stay there) and advertise the cameras' topics."""
+        static = self._surroundings.changed(spec)
+        if static is not None:
             if self._renderer is not None:
                 self._renderer.close()
-            self._renderer = Renderer(surroundings(spec.map), load_models())
-            self._map = spec.map
+            self._renderer = Renderer(static, load_models())
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._previous.clear()

@@ -6,11 +6,10 @@ from sensor_msgs.msg import PointCloud2
 
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.config.rig import Lidar
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.topics import Topic
 from simbev_ros.nodes.participant import Participant
-from simbev_ros.nodes.surroundings import surroundings
+from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -29,15 +28,15 @@ class LidarNode(Participant):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._map: MapSpec | None = None
+        self._surroundings = Surroundings()
         self._rays: RayScene | None = None
         self._mounted: list[_Mounted] = []
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load the map's meshes (kept while scenes stay on it) and advertise the lidars' topics."""
-        if self._rays is None or self._map != spec.map:
-            self._rays = RayScene(surroundings(spec.map), load_models())
-            self._map = spec.map
+        """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
+        static = self._surroundings.changed(spec)
+        if static is not None:
+            self._rays = RayScene(static, load_models())
         self._mounted = []
         recorded = []
         for lidar in spec.rig.of_type(Lidar):

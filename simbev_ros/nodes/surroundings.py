@@ -1,14 +1,35 @@
-"""The static scene of the map that the nodes of one process are on, kept while scenes stay on it."""
+"""The static scene around the ego, for the nodes that see it."""
 
-from functools import lru_cache
+from weakref import WeakValueDictionary
 
 from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.reach import reach_of
+from simbev_ros.scene.spec import SceneSpec
+
+_Key = tuple[MapSpec, tuple[Region, ...]]
+
+_loaded: WeakValueDictionary[_Key, StaticScene] = WeakValueDictionary()
+"""Shared by the nodes of a process, as long as one of them holds it."""
 
 
-@lru_cache(maxsize=1)
-def surroundings(spec: MapSpec) -> StaticScene:
-    """The static scene of a map, from the cache on disk where it is there."""
-    return load_static_scene(spec, load_network(spec))
+class Surroundings:
+    """Knows what its node has loaded."""
+
+    def __init__(self) -> None:
+        self._key: _Key | None = None
+
+    def changed(self, spec: SceneSpec) -> StaticScene | None:
+        """The static scene that a scene needs; None: that of the scene before still does."""
+        network = load_network(spec.map)
+        key = spec.map, regions_of(network.layout, reach_of(spec, network))
+        if key == self._key:
+            return None
+        static = _loaded.get(key)
+        if static is None:
+            static = _loaded[key] = load_static_scene(spec.map, network, regions=key[1])
+        self._key = key
+        return static

@@ -1,6 +1,7 @@
 """Drawing a scene: configuration and map in, a complete ``SceneSpec`` out. All randomness of a scene starts here."""
 
-from collections.abc import Iterator
+import logging
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,14 +9,20 @@ import numpy as np
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Traffic
 from simbev_ros.errors import InputError
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.network import RoadNetwork, Waypoints
+from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.draw_weather import draw_weather
-from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.scene.places import Places, places_along
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.scene.streets import Streets
+from simbev_ros.scene.walks import WalkGraph
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
+
+_LOGGER = logging.getLogger(__name__)
+_WALK_MPS = 2.0  # where one can walk at this speed for the whole scene is room enough
 
 
 class PlannedScene(NamedTuple):
@@ -27,12 +34,17 @@ class PlannedScene(NamedTuple):
 
 
 def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
-    """The scenes that the configuration asks for, numbered from 0 in the order of the file."""
+    """The scenes that the configuration asks for, numbered from 0 in the order of the file.
+
+    Raises:
+        InputError: There is no such map.
+    """
     number = 0
     for entry in scenario.scenes:
+        chosen = map_spec(entry.map)
         for split in SPLITS:
             for _ in range(getattr(entry, split)):
-                yield PlannedScene(number, MapSpec(name=entry.map), split)
+                yield PlannedScene(number, chosen, split)
                 number += 1
 
 
@@ -45,14 +57,14 @@ def draw_scene(scenario: Scenario, planned: PlannedScene, network: RoadNetwork) 
         network: The roads of ``planned.map``.
 
     Raises:
-        InputError: more actors are asked for than there is room, or a blueprint is unknown.
+        InputError: more vehicles are asked for than there is room, or a blueprint is unknown or may drive nowhere.
     """
     seed = scenario.seed + planned.number
-    waypoints = network.waypoints(scenario.traffic.waypoint_spacing_m)
-    ego_place = int(stream(seed, "ego.place").integers(len(waypoints.lane)))
-    ego_position_m = waypoints.position_m[ego_place]
-    programmes = sorted({signal.programme for signal in network.signals})
+    starts = _starts(scenario, network)
+    ego, ego_position_m = _draw_ego(scenario, seed, network.name, starts)
+    programmes = sorted({signal.programme for signal in network.signals}) or [""]
     heights_m = np.concatenate([lane.centerline_m[:, 2] for lane in network.lanes.values()])
+    pedestrians = _draw_pedestrians(scenario, seed, network, ego_position_m)
     return SceneSpec(
         number=planned.number,
         split=planned.split,
@@ -64,11 +76,8 @@ def draw_scene(scenario: Scenario, planned: PlannedScene, network: RoadNetwork) 
         weather=draw_weather(scenario.weather, seed, hilly=bool(np.any(np.abs(heights_m) > 0.01))),
         rig=scenario.rig,
         annotation=scenario.annotation,
-        vehicles=(
-            _draw_ego(scenario, seed, waypoints, ego_place),
-            *_draw_vehicles(scenario.traffic, seed, waypoints, ego_place),
-        ),
-        pedestrians=tuple(_draw_pedestrians(scenario.traffic, seed, network, ego_position_m)),
+        vehicles=(ego, *_draw_vehicles(scenario.traffic, seed, starts, ego_position_m)),
+        pedestrians=tuple(pedestrians),
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{programme}.green"))
             for programme in programmes
@@ -76,27 +85,59 @@ def draw_scene(scenario: Scenario, planned: PlannedScene, network: RoadNetwork) 
     )
 
 
-def _draw_ego(scenario: Scenario, seed: int, waypoints: Waypoints, place: int) -> VehicleSpec:
-    by_name = {blueprint.name: blueprint for blueprint in load_blueprints() if blueprint.kind == "vehicle"}
+class _Starts(NamedTuple):
+    """Places where vehicles can start, and for each of SUMO's vehicle classes (N,) at which of them it can."""
+
+    places: Places
+    fit: Mapping[str, BoolArray]
+
+
+def _starts(scenario: Scenario, network: RoadNetwork) -> _Starts:
+    """Waypoints of the map from which each class gets as far as it could drive in the scene."""
+    streets = Streets(network)
+    spacing_m = scenario.traffic.waypoint_spacing_m
+    places = places_along(streets.lanes, spacing_m / 2.0, spacing_m)
+    fastest_mps = max((lane.speed_mps for lane in streets.lanes), default=0.0)
+    fit = {}
+    for sumo_class in sorted({blueprint.sumo_class for blueprint in _vehicle_blueprints()}):
+        speeds_mps = [each.max_speed_mps for each in _vehicle_blueprints() if each.sumo_class == sumo_class]
+        way_m = _duration_s(scenario) * min(fastest_mps, max(speeds_mps))
+        fit[sumo_class] = streets.for_class(sumo_class).fit(places.row, places.s_m, way_m)
+    return _Starts(places, fit)
+
+
+def _duration_s(scenario: Scenario) -> float:
+    return scenario.time.warm_up_s + scenario.time.duration_s
+
+
+def _vehicle_blueprints() -> list[Blueprint]:
+    return [blueprint for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
+
+
+def _draw_ego(scenario: Scenario, seed: int, map_name: str, starts: _Starts) -> tuple[VehicleSpec, Float64Array]:
+    """The ego and its (3,) place."""
+    by_name = {blueprint.name: blueprint for blueprint in _vehicle_blueprints()}
     if scenario.ego.blueprint not in by_name:
         raise InputError(f"ego.blueprint: no vehicle {scenario.ego.blueprint!r}; allowed: {', '.join(by_name)}")
-    rng = stream(seed, "ego.style")
-    return _vehicle(
-        scenario.traffic,
-        by_name[scenario.ego.blueprint],
-        waypoints,
-        place,
-        rng,
-        reckless_probability=scenario.ego.reckless_probability,
-    )
+    blueprint = by_name[scenario.ego.blueprint]
+    fit = np.flatnonzero(starts.fit[blueprint.sumo_class])
+    if not len(fit):
+        raise InputError(f"ego.blueprint: {blueprint.name} has no lane to drive on in map {map_name}")
+    place = int(fit[stream(seed, "ego.place").integers(len(fit))])
+    probability = scenario.ego.reckless_probability
+    ego = _vehicle(scenario.traffic, blueprint, starts.places, place, stream(seed, "ego.style"), probability)
+    return ego, starts.places.position_m[place]
 
 
-def _draw_vehicles(traffic: Traffic, seed: int, waypoints: Waypoints, ego_place: int) -> Iterator[VehicleSpec]:
-    distance_m = np.linalg.norm(waypoints.position_m - waypoints.position_m[ego_place], axis=1)
+def _draw_vehicles(traffic: Traffic, seed: int, starts: _Starts, ego_m: Float64Array) -> Iterator[VehicleSpec]:
+    """Vehicles at the free places around the ego, each of a kind that may drive there."""
+    places, fit = starts
     free: Int64Array = np.flatnonzero(
-        (distance_m <= traffic.spawn_radius_m) & (np.arange(len(distance_m)) != ego_place)
+        places.within(ego_m, traffic.spawn_radius_m)
+        & np.any(list(fit.values()), axis=0)
+        & np.any(places.position_m != ego_m, axis=1)
     )
-    places = stream(seed, "vehicles.places").permutation(free)
+    order = stream(seed, "vehicles.places").permutation(free)
     rng = stream(seed, "vehicles.count")
     if traffic.vehicles == "paper":
         count = int(rng.integers(0, max(len(free) - 3, 0), endpoint=True))
@@ -107,27 +148,24 @@ def _draw_vehicles(traffic: Traffic, seed: int, waypoints: Waypoints, ego_place:
             f"traffic.vehicles: {count} wanted, but only {len(free)} places are free within "
             f"spawn_radius_m {traffic.spawn_radius_m:g} at waypoint_spacing_m {traffic.waypoint_spacing_m:g}"
         )
-    blueprints = [blueprint for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
-    for index in range(count):
+    for index, place in enumerate(order[:count]):
         rng = stream(seed, f"vehicles.{index}")
-        blueprint = _choice(blueprints, rng)
-        probability = traffic.reckless_probability
-        yield _vehicle(traffic, blueprint, waypoints, int(places[index]), rng, reckless_probability=probability)
+        blueprint = _choice([each for each in _vehicle_blueprints() if fit[each.sumo_class][place]], rng)
+        yield _vehicle(traffic, blueprint, places, int(place), rng, traffic.reckless_probability)
 
 
 def _vehicle(
     traffic: Traffic,
     blueprint: Blueprint,
-    waypoints: Waypoints,
+    places: Places,
     place: int,
     rng: np.random.Generator,
-    *,
     reckless_probability: float,
 ) -> VehicleSpec:
     return VehicleSpec(
         blueprint=blueprint.name,
         color=blueprint.colors[int(rng.integers(len(blueprint.colors)))],
-        start=WaypointSpec(lane=waypoints.lane[place], s_m=float(waypoints.s_m[place])),
+        start=places.waypoint(place),
         speed_factor=sample(traffic.speed_factor, rng),
         min_gap_m=sample(traffic.min_gap_m, rng),
         reckless=bool(rng.random() < reckless_probability),
@@ -135,37 +173,46 @@ def _vehicle(
 
 
 def _draw_pedestrians(
-    traffic: Traffic, seed: int, network: RoadNetwork, center_m: Float64Array
+    scenario: Scenario, seed: int, network: RoadNetwork, center_m: Float64Array
 ) -> Iterator[PedestrianSpec]:
+    """Pedestrians on sidewalks around the ego; as many as there is room for, down to none, and a note if not all."""
+    traffic = scenario.traffic
     rng = stream(seed, "pedestrians.count")
-    count = int(rng.integers(0, 640, endpoint=True)) if traffic.pedestrians == "paper" else None
-    count = round(sample(traffic.pedestrians, rng)) if count is None else count  # type: ignore[arg-type]
-    sidewalks = [lane for lane in network.lanes.values() if lane.kind is LaneKind.SIDEWALK]
-    places = [
-        (lane.id, s_m)
-        for lane in sidewalks
-        for s_m in np.arange(1.0, lane.length_m - 0.5, 1.0)
-        if np.linalg.norm(network.pose_on_lane(lane.id, float(s_m))[0] - center_m) <= traffic.spawn_radius_m
-    ]
-    if count > len(places):
-        raise InputError(
-            f"traffic.pedestrians: {count} wanted, but only {len(places)} places are free on sidewalks within "
-            f"spawn_radius_m {traffic.spawn_radius_m:g}"
+    wanted = int(rng.integers(0, 640, endpoint=True)) if traffic.pedestrians == "paper" else None
+    wanted = round(sample(traffic.pedestrians, rng)) if wanted is None else wanted  # type: ignore[arg-type]
+    places = places_along(_long_sidewalks(scenario, network, center_m), 1.0, 1.0, end_margin_m=0.5)
+    near = np.flatnonzero(places.within(center_m, traffic.spawn_radius_m))
+    if wanted > len(near):
+        _LOGGER.warning(
+            "%s: room for %d of %d pedestrians on sidewalks within spawn_radius_m %g of the ego",
+            *(network.name, len(near), wanted, traffic.spawn_radius_m),
         )
-    order = stream(seed, "pedestrians.places").permutation(len(places))
     blueprints = [blueprint for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
-    for index in range(count):
+    order = stream(seed, "pedestrians.places").permutation(near)
+    for index, place in enumerate(order[:wanted]):
         rng = stream(seed, f"pedestrians.{index}")
         blueprint = _choice(blueprints, rng)
-        lane, s_m = places[order[index]]
         yield PedestrianSpec(
             blueprint=blueprint.name,
             color=blueprint.colors[int(rng.integers(len(blueprint.colors)))],
-            start=WaypointSpec(lane=lane, s_m=float(s_m)),
+            start=places.waypoint(int(place)),
             max_speed_mps=sample(traffic.pedestrian_max_speed_mps, rng),
         )
 
 
-def _choice(blueprints: list[Blueprint], rng: np.random.Generator) -> Blueprint:
+def _long_sidewalks(scenario: Scenario, network: RoadNetwork, center_m: Float64Array) -> list[Lane]:
+    """Sidewalks that may come within the spawn radius and from which one can walk through the scene, or the longest."""
+    walks = WalkGraph(network)
+    way_m = walks.component_m()
+    needed_m = min(_duration_s(scenario) * _WALK_MPS, max(way_m.values(), default=0.0))
+    return [
+        lane
+        for lane in walks.sidewalks
+        if way_m[lane.edge] >= needed_m
+        and np.linalg.norm(lane.centerline_m[0] - center_m) <= scenario.traffic.spawn_radius_m + lane.length_m
+    ]
+
+
+def _choice(blueprints: Sequence[Blueprint], rng: np.random.Generator) -> Blueprint:
     frequencies = np.array([blueprint.frequency for blueprint in blueprints])
     return blueprints[int(rng.choice(len(blueprints), p=frequencies / frequencies.sum()))]

@@ -6,19 +6,20 @@ from collections import deque
 import numpy as np
 import shapely
 
-from simbev_ros.assets.ground import CURB_HEIGHT_M
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.surface import sidewalk_surface
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.types import Float64Array, Table
 from simbev_ros.world.cast import cast_of
+from simbev_ros.world.footing import Footing
+from simbev_ros.world.ground import Ground
 from simbev_ros.world.motion import Motion, Pursuit
 from simbev_ros.world.table import ActorTable
 from simbev_ros.world.traffic import Traffic, TrafficSample
 
 _LOGGER = logging.getLogger(__name__)
 _HALF_WINDOW_S = 0.35
+_GROUND_MARGIN_M = 50.0
 _HURRY = 1.3  # highest speed of a pedestrian that makes up for a sideways jump of SUMO's, over its usual highest
 
 
@@ -33,9 +34,8 @@ class Actors:
         """
         tick_s = spec.tick_ns / NS_PER_S
         _report_missing(spec, traffic)
-        self._sidewalk = sidewalk_surface(network)
-        shapely.prepare(self._sidewalk)
         sample = traffic.sample()
+        self._ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
         fastest_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
         self._pursuit = Pursuit(sample.pedestrian_m, _HURRY * fastest_mps * tick_s)
         cast = cast_of(spec, traffic.vehicles, traffic.pedestrians)
@@ -45,6 +45,7 @@ class Actors:
             traffic.directions(),
             tick_s,
             max(1, round(_HALF_WINDOW_S / tick_s)),
+            None if self._ground.is_level else Footing(self._ground, cast.bodies.contacts),
         )
         # The oldest entry is of the tick that the kinematics are of.
         length = self.delay_ticks + 1
@@ -62,10 +63,24 @@ class Actors:
         return self._table.at(self._motion.advance(self._leading_points(sample)), self._signals[0], step)
 
     def _leading_points(self, sample: TrafficSample) -> Float64Array:
-        """(G, 3) points that the bodies follow: vehicles' front bumpers, then pedestrians on the curb or the road."""
-        pedestrian_m = self._pursuit.advance(sample.pedestrian_m).copy()
-        pedestrian_m[:, 2] += CURB_HEIGHT_M * shapely.contains_xy(self._sidewalk, pedestrian_m[:, :2])
-        return np.concatenate([sample.front_m, pedestrian_m])
+        """(G, 4) points that the bodies follow, vehicles' front bumpers, then pedestrians, and their height above it.
+
+        Pedestrians on sidewalks stand on the curb, all else on the carriageway.
+        """
+        pedestrian_m = self._pursuit.advance(sample.pedestrian_m)
+        points = np.zeros((len(sample.front_m) + len(pedestrian_m), 4))
+        points[:, :3] = np.concatenate([sample.front_m, pedestrian_m])
+        points[len(sample.front_m) :, 3] = self._ground.raised_m(pedestrian_m)
+        return points
+
+
+def _reached(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:
+    """A rectangle that nobody leaves during the scene."""
+    places_m = np.concatenate([sample.front_m, sample.pedestrian_m])[:, :2]
+    fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * max(v.speed_factor for v in spec.vehicles)
+    way_m = fastest_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
+    area: shapely.Polygon = shapely.box(*(places_m.min(axis=0) - way_m), *(places_m.max(axis=0) + way_m))
+    return area
 
 
 def _report_missing(spec: SceneSpec, traffic: Traffic) -> None:

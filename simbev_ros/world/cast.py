@@ -15,9 +15,11 @@ from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_bluepri
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.types import Float64Array, Table
+from simbev_ros.world.footing import Contacts
 from simbev_ros.world.motion import Bodies
 
 _PEDESTRIAN_TRAIL_M = 0.4
+_TRACK = 0.78  # of cars and trucks, in their widths, mirrors included
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,20 @@ def _bodies(members: Sequence[_Member]) -> Bodies:
         point=np.array([member.point for member in members], np.int64),
         trail_m=lead_m + rear_m,
         lead_m=lead_m,
-        tilts=drives,
         leans=np.array([bool(member.blueprint.rider) for member in leaders]),
         mount_m=np.array([member.mount_m for member in members], np.float64),
+        contacts=_contacts([member.blueprint for member in leaders]),
     )
+
+
+def _contacts(blueprints: Sequence[Blueprint]) -> Contacts:
+    """Four wheels of a car or truck, two of a two-wheeler, the middle of a pedestrian."""
+    body, ahead_m, left_m = [], [], []
+    for index, blueprint in enumerate(blueprints):
+        track_m = 0.0 if blueprint.rider or not blueprint.wheelbase_m else _TRACK * blueprint.size_m[1]
+        for ahead in (0.5, -0.5) if blueprint.wheelbase_m else (0.0,):
+            for left in (0.5, -0.5) if track_m else (0.0,):
+                body.append(index)
+                ahead_m.append(ahead * blueprint.wheelbase_m)
+                left_m.append(left * track_m)
+    return Contacts(np.array(body, np.int64), np.array(ahead_m, np.float64), np.array(left_m, np.float64))

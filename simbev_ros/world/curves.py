@@ -1,22 +1,24 @@
 """Speeds at which the bends of lanes can be driven in comfort; SUMO itself knows no curvature outside junctions."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.network import Lane
 
 _LATERAL_MPS2 = 2.0  # for a driver who keeps to the speed limit; others differ with the square of their speed factor
 _CHORD_M = 6.0
 
 
-def bend_speeds(network: RoadNetwork) -> dict[str, float]:
+def bend_speeds(lanes: Iterable[Lane]) -> dict[str, float]:
     """Lane id → highest speed in m/s, for those driving lanes that bend too much for their speed limit."""
-    speeds = {
-        lane.id: float(np.sqrt(_LATERAL_MPS2 / max(_largest_curvature(lane), 1e-6)))
-        for lane in network.lanes.values()
+    speeds = (
+        (lane, float(np.sqrt(_LATERAL_MPS2 / max(_largest_curvature(lane), 1e-6))))
+        for lane in lanes
         if lane.kind is LaneKind.DRIVING
-    }
-    return {lane: speed_mps for lane, speed_mps in speeds.items() if speed_mps < network.lanes[lane].speed_mps}
+    )
+    return {lane.id: speed_mps for lane, speed_mps in speeds if speed_mps < lane.speed_mps}
 
 
 def _largest_curvature(lane: Lane) -> float:

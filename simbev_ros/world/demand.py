@@ -3,16 +3,17 @@
 Names: vehicle k of the specification is ``v<k>``, pedestrian k is ``p<k>``.
 """
 
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Set
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.scene.streets import Streets
+from simbev_ros.scene.walks import WalkGraph
 from simbev_ros.world.cast import blueprint_of
-from simbev_ros.world.routes import StreetGraph, WalkGraph
 
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
@@ -45,29 +46,31 @@ def index_of(name: str) -> int:
     return int(name[1:])
 
 
-def demand_xml(spec: SceneSpec, network: RoadNetwork, net: ElementTree.Element) -> str:
-    """The route file.
+class Demand(NamedTuple):
+    """The route file's XML, and the ids of all edges that somebody uses."""
 
-    Args:
-        spec: The scene.
-        network: Its roads.
-        net: Root of the same roads' SUMO net file, for the lanes' permissions and lengths.
+    xml: str
+    edges: Set[str]
+
+
+def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
+    """What a scene asks of a road network.
+
+    Raises:
+        SimulationError: a vehicle starts where its class may not drive.
     """
     duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    length_m = {lane.attrib["id"]: float(lane.attrib["length"]) for lane in net.iter("lane")}
-
-    @cache
-    def streets(sumo_class: str) -> StreetGraph:
-        return StreetGraph(network, net, sumo_class)
-
+    streets = Streets(network)
     fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
     root = ElementTree.Element("routes")
+    edges: set[str] = set()
     for index, vehicle in enumerate(spec.vehicles):
         blueprint = blueprint_of(vehicle.blueprint)
         way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
-        route = streets(blueprint.sumo_class).route(vehicle.start.lane, way_m, rng)
-        start_m = _sumo_position_m(network, length_m, vehicle.start)
+        route = streets.for_class(blueprint.sumo_class).route(vehicle.start.lane, way_m, rng)
+        start_m = _sumo_position_m(network, vehicle.start)
+        edges.update(route)
         _add_vehicle(root, vehicle_name(index), vehicle, blueprint, route, start_m)
     walks = WalkGraph(network)
     for index, pedestrian in enumerate(spec.pedestrians):
@@ -75,15 +78,16 @@ def demand_xml(spec: SceneSpec, network: RoadNetwork, net: ElementTree.Element) 
         lane = network.lanes[pedestrian.start.lane]
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(rng.uniform(-1.0, 1.0))
         walk = walks.walk(lane.edge, duration_s * pedestrian.max_speed_mps, rng)
-        start_m = _sumo_position_m(network, length_m, pedestrian.start)
+        start_m = _sumo_position_m(network, pedestrian.start)
+        edges.update(walk)
         _add_pedestrian(root, pedestrian_name(index), pedestrian, walk, start_m, side_m)
-    return ElementTree.tostring(root, encoding="unicode")
+    return Demand(ElementTree.tostring(root, encoding="unicode"), edges)
 
 
-def _sumo_position_m(network: RoadNetwork, sumo_length_m: Mapping[str, float], start: WaypointSpec) -> float:
+def _sumo_position_m(network: RoadNetwork, start: WaypointSpec) -> float:
     """A place in SUMO's measure, in which all lanes of an edge are equally long, whatever their shapes."""
-    length_m = sumo_length_m[start.lane]
-    return min(start.s_m * length_m / network.lanes[start.lane].length_m, length_m - _START_MARGIN_M)
+    lane = network.lanes[start.lane]
+    return min(start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
 
 
 def _add_vehicle(

@@ -3,8 +3,8 @@
 SUMO moves a point for each actor along polylines: speed jumps from step to step, direction at every corner. Here the
 points are averaged over a short window centred on each tick, so the world is a fixed delay behind SUMO but has no
 lag of phase. Each body then follows its point like a vehicle: the point leads, and the rear axle is drawn after it (a
-tractrix). Velocities and accelerations are central differences of the poses, so that they integrate back to them. All
-is in the map frame.
+tractrix). On maps with heights it then settles on the ground below its wheels, which takes a little longer. Velocities
+and accelerations are central differences of the poses, so that they integrate back to them. All is in the map frame.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,11 @@ import numpy as np
 
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.world.footing import Contacts, Footing
+from simbev_ros.world.window import Window
 
 _GRAVITY_MPS2 = 9.81
+_SETTLING = 0.4  # heights are averaged over so much of the window of the points: long enough for springs
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,17 +28,17 @@ class Bodies:
         point: (N,) int64 index of the leading point of each body.
         trail_m: (G,) distance from the leading point back to the rear axle.
         lead_m: (G,) distance of the leading point ahead of the body's origin.
-        tilts: (G,) bool; whether the body pitches with the ground.
         leans: (G,) bool; whether the body leans into curves, as two-wheelers do.
         mount_m: (N, 3) the body's origin in the frame of the one that follows the point; zero for that one itself.
+        contacts: Where those that follow points touch the ground.
     """
 
     point: Int64Array
     trail_m: Float64Array
     lead_m: Float64Array
-    tilts: BoolArray
     leans: BoolArray
     mount_m: Float64Array
+    contacts: Contacts
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,46 +70,50 @@ class Motion:
     """The motion of all bodies of a scene; one ``advance`` for each tick."""
 
     def __init__(
-        self, bodies: Bodies, point_m: Float64Array, direction: Float64Array, tick_s: float, half_window_ticks: int
+        self,
+        bodies: Bodies,
+        point_m: Float64Array,
+        direction: Float64Array,
+        tick_s: float,
+        half_window_ticks: int,
+        footing: Footing | None = None,
     ) -> None:
         """At rest.
 
         Args:
             bodies: What moves.
-            point_m: (G, 3) leading points.
+            point_m: (G, 4) leading points, and how high above the carriageway the body stands.
             direction: (G, 3) unit vectors in which the bodies look.
             tick_s: Time between two points.
             half_window_ticks: Points on each side that an average takes in.
+            footing: The ground below the bodies; None: it is level, and they stand at the heights of their points.
         """
         self._bodies = bodies
         self._tick_s = tick_s
-        weights = np.hanning(2 * half_window_ticks + 3)[1:-1]
-        self._weights = weights / weights.sum()
-        self._points_m = np.repeat(point_m[None], 2 * half_window_ticks + 1, axis=0)
-        self._lead_m = point_m.copy()
-        self._rear_m = point_m - bodies.trail_m[:, None] * direction
-        position_m, rpy_rad = self._poses(np.zeros(len(point_m)))
+        self._footing = footing
+        self._points = Window(half_window_ticks)
+        half_settling_ticks = 0 if footing is None else max(1, round(half_window_ticks * _SETTLING))
+        self._plans, self._planes = Window(half_settling_ticks), Window(half_settling_ticks)
+        self._points.add(point_m)
+        self._lead_m = point_m[:, :3].copy()
+        self._rear_m = self._lead_m - bodies.trail_m[:, None] * direction
+        position_m, rpy_rad = self._poses(np.zeros(len(point_m)), point_m[:, 3])
         self._position_m = np.repeat(position_m[None], 3, axis=0)
         self._rpy_rad = np.repeat(rpy_rad[None], 3, axis=0)
 
     @property
     def delay_ticks(self) -> int:
         """How many points before the newest one the returned kinematics are."""
-        return len(self._points_m) // 2 + 1
+        return self._points.half_ticks + self._plans.half_ticks + 1
 
     def advance(self, point_m: Float64Array) -> Kinematics:
-        """Take the next (G, 3) leading points; the kinematics at ``delay_ticks`` before them."""
-        self._points_m = np.concatenate([self._points_m[1:], point_m[None]])
-        position_m, rpy_rad = self._poses(self._follow(self._smoothed()))
+        """Take the next (G, 4) leading points; the kinematics at ``delay_ticks`` before them."""
+        self._points.add(point_m)
+        smoothed = self._points.average()
+        position_m, rpy_rad = self._poses(self._follow(smoothed[:, :3]), smoothed[:, 3])
         self._position_m = np.concatenate([self._position_m[1:], position_m[None]])
         self._rpy_rad = np.concatenate([self._rpy_rad[1:], rpy_rad[None]])
         return self._kinematics()
-
-    def _smoothed(self) -> Float64Array:
-        """(G, 3) average over the window; exactly the point itself where nothing moved."""
-        center_m = self._points_m[len(self._points_m) // 2]
-        smoothed: Float64Array = center_m + np.tensordot(self._weights, self._points_m - center_m, axes=1)
-        return smoothed
 
     def _follow(self, lead_m: Float64Array) -> Float64Array:
         """Draw the rear axles after the leading points; (G,) roll with which the body then leans into its curve.
@@ -123,14 +130,23 @@ class Motion:
         sideways_mps2 = turn_rad * np.linalg.norm(step_m, axis=1) / self._tick_s**2
         return np.where(self._bodies.leans, -np.arctan(sideways_mps2 / _GRAVITY_MPS2), 0.0)
 
-    def _poses(self, roll_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """(N, 3) origins and (N, 3) roll, pitch, yaw, for (G,) rolls."""
+    def _poses(self, lean_rad: Float64Array, raised_m: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """(N, 3) origins and (N, 3) roll, pitch, yaw, for bodies that lean by (G,) and stand (G,) above the road."""
         bodies = self._bodies
         forward = (self._lead_m - self._rear_m) / bodies.trail_m[:, None]
-        yaw_rad = np.arctan2(forward[:, 1], forward[:, 0])
-        pitch_rad = np.where(bodies.tilts, -np.arcsin(np.clip(forward[:, 2], -1.0, 1.0)), 0.0)
+        origin_m = self._lead_m - bodies.lead_m[:, None] * forward
+        planes = np.stack([origin_m[:, 2], np.zeros(len(forward)), np.zeros(len(forward))], axis=1)
+        if self._footing is not None:
+            planes = self._footing.planes(origin_m, forward)
+        planes[:, 0] += raised_m
+        self._plans.add(np.stack([*origin_m[:, :2].T, lean_rad, np.arctan2(forward[:, 1], forward[:, 0])], axis=1))
+        self._planes.add(planes)
+        x_m, y_m, lean_rad, yaw_rad = self._plans.middle.T
+        z_m, rise_ahead, rise_left = self._planes.average().T
+        pitch_rad = -np.arctan(rise_ahead)
+        roll_rad = lean_rad + np.arctan(rise_left * np.cos(pitch_rad))
         rpy_rad = np.stack([roll_rad, pitch_rad, yaw_rad], axis=1)[bodies.point]
-        origin_m = (self._lead_m - bodies.lead_m[:, None] * forward)[bodies.point]
+        origin_m = np.stack([x_m, y_m, z_m], axis=1)[bodies.point]
         return origin_m + np.einsum("nij,nj->ni", rotations_from_rpy(rpy_rad), bodies.mount_m), rpy_rad
 
     def _kinematics(self) -> Kinematics:

@@ -49,19 +49,13 @@ class Programme:
     offset_ticks: int
     green_s: float
 
-    def place(self, tick: int) -> tuple[int, int]:
-        """Phase at a tick since SUMO's start (may be negative), and ticks since that phase began."""
-        ends = np.cumsum(self.ticks)
-        in_cycle = (tick - self.offset_ticks) % int(ends[-1])
-        phase = int(np.searchsorted(ends, in_cycle, side="right"))
-        return phase, in_cycle - int(ends[phase] - self.ticks[phase])
 
-
-def programmes(spec: SceneSpec, net: ElementTree.Element) -> tuple[Programme, ...]:
-    """All programmes of a SUMO net (its root element), by id, with the scene's green times and a drawn offset."""
+def programmes(spec: SceneSpec, net: str) -> tuple[Programme, ...]:
+    """All programmes of a SUMO net (its XML), by id, with the scene's green times and a drawn offset."""
     tick_s = spec.tick_ns / NS_PER_S
     result = []
-    for index, logic in enumerate(sorted(net.findall("tlLogic"), key=lambda element: element.attrib["id"])):
+    logics = {logic.attrib["id"]: logic for logic in _logics(net)}
+    for index, (_, logic) in enumerate(sorted(logics.items())):
         phases = [(float(phase.attrib["duration"]), phase.attrib["state"]) for phase in logic.findall("phase")]
         green_s = spec.green_time_s[index % len(spec.green_time_s)]
         states, ticks = zip(*_retimed(phases, green_s, tick_s), strict=True)
@@ -69,6 +63,12 @@ def programmes(spec: SceneSpec, net: ElementTree.Element) -> tuple[Programme, ..
         offset_ticks = int(stream(spec.seed, f"signals.{name}.offset").integers(sum(ticks)))
         result.append(Programme(name, states, ticks, offset_ticks, green_s))
     return tuple(result)
+
+
+def _logics(net: str) -> list[ElementTree.Element]:
+    """The elements ``tlLogic`` of a SUMO net: only the part from the first to the last one is parsed."""
+    start, end = net.find("<tlLogic "), net.rfind("</tlLogic>")
+    return ElementTree.fromstring(f"<net>{net[start:end]}</tlLogic></net>").findall("tlLogic") if start >= 0 else []
 
 
 def programmes_xml(cycles: Sequence[Programme], tick_ns: int) -> str:
@@ -84,25 +84,39 @@ def programmes_xml(cycles: Sequence[Programme], tick_ns: int) -> str:
 
 
 class SignalHeads:
-    """The table of signal heads over time."""
+    """The table of signal heads over time, computed for all programmes at once."""
 
     def __init__(self, signals: Sequence[Signal], cycles: Sequence[Programme], tick_ns: int) -> None:
         self._tick_s = tick_ns / NS_PER_S
         self._table = _heads(signals, cycles)
-        self._groups = []
-        for cycle in cycles:
-            rows = np.array([row for row, signal in enumerate(signals) if signal.programme == cycle.id], np.int64)
-            links = [signals[row].link for row in rows]
+        self._offset = np.array([cycle.offset_ticks for cycle in cycles], np.int64)
+        self._length = np.array([sum(cycle.ticks) for cycle in cycles], np.int64)
+        most = max((len(cycle.ticks) for cycle in cycles), default=1)
+        self._ends = np.full((len(cycles), most), np.iinfo(np.int64).max)
+        self._begins = np.zeros((len(cycles), most), np.int64)
+        self._shown = np.zeros((most, len(signals)), np.uint8)
+        self._held = np.zeros((most, len(signals)), np.int64)
+        number = {cycle.id: index for index, cycle in enumerate(cycles)}
+        self._cycle = np.array([number[signal.programme] for signal in signals], np.int64)
+        for index, cycle in enumerate(cycles):
+            phases = len(cycle.ticks)
+            self._ends[index, :phases] = np.cumsum(cycle.ticks)
+            self._begins[index, 1:phases] = self._ends[index, : phases - 1]
+            rows = np.flatnonzero(self._cycle == index)
+            links = [signals[row].link for row in rows.tolist()]
             shown = np.array([[_STATE_OF[state[link]] for link in links] for state in cycle.states], np.uint8)
-            self._groups.append((cycle, rows, shown, _held_ticks(shown, np.array(cycle.ticks))))
+            self._shown[:phases, rows] = shown
+            self._held[:phases, rows] = _held_ticks(shown, np.array(cycle.ticks))
 
     def at(self, tick: int) -> Table:
         """(S,) ``SIGNAL_DTYPE`` at a tick since SUMO's start (negative: before it)."""
+        in_cycle = (tick - self._offset) % self._length
+        phase = np.sum(self._ends <= in_cycle[:, None], axis=1)
+        since = in_cycle - self._begins[np.arange(len(phase)), phase]
+        heads = np.arange(len(self._table))
         table = self._table.copy()
-        for cycle, rows, shown, held_ticks in self._groups:
-            phase, since = cycle.place(tick)
-            table["state"][rows] = shown[phase]
-            table["time_in_state"][rows] = (held_ticks[phase] + since) * self._tick_s
+        table["state"] = self._shown[phase[self._cycle], heads]
+        table["time_in_state"] = (self._held[phase[self._cycle], heads] + since[self._cycle]) * self._tick_s
         return table
 
 

@@ -8,16 +8,19 @@ import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import Self
-from xml.etree import ElementTree
 
+from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.world.actors import Actors
 from simbev_ros.world.curves import bend_speeds
-from simbev_ros.world.demand import demand_xml
+from simbev_ros.world.demand import demand_of
+from simbev_ros.world.net_crop import cropped_net
 from simbev_ros.world.signals import SignalHeads, programmes, programmes_xml
 from simbev_ros.world.traffic import Traffic
+
+_NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
 class Simulation:
@@ -35,16 +38,20 @@ class Simulation:
         """
         self._spec = spec
         self._steps = 0
-        net = ElementTree.parse(network.net_path).getroot()
+        net = network.net_path.read_text(encoding="utf-8")
         cycles = programmes(spec, net)
         self._signal_heads = SignalHeads(network.signals, cycles, spec.tick_ns)
+        demand = demand_of(spec, network)
+        part = cropped_net(net, demand.edges)
+        lanes = [lane for lane in network.lanes.values() if lane.edge in part.edges]
+        signals = programmes_xml([cycle for cycle in cycles if cycle.id in part.lights], spec.tick_ns)
         with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
-            demand, additional = Path(folder, "demand.rou.xml"), Path(folder, "signals.add.xml")
-            demand.write_text(demand_xml(spec, network, net), encoding="utf-8")
-            additional.write_text(programmes_xml(cycles, spec.tick_ns), encoding="utf-8")
-            self._traffic = Traffic(
-                [network.net_path, demand, additional], spec.tick_ns, spec.seed, bend_speeds(network)
-            )
+            inputs = {"scene.net.xml": part.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
+            for name, text in inputs.items():
+                Path(folder, name).write_text(text, encoding="utf-8")
+            files = [Path(folder, name) for name in inputs]
+            closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
+            self._traffic = Traffic(files, spec.tick_ns, spec.seed, bend_speeds(lanes), closed)
         try:
             self._actors = Actors(spec, network, self._traffic)
         except BaseException:

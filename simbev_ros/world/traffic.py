@@ -1,6 +1,6 @@
 """SUMO, in this process: one simulation, advanced tick by tick and read as arrays. Nothing else here knows libsumo."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,7 +57,14 @@ class Traffic:
 
     _running = False
 
-    def __init__(self, files: Sequence[Path], tick_ns: int, seed: int, speeds_mps: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        files: Sequence[Path],
+        tick_ns: int,
+        seed: int,
+        speeds_mps: Mapping[str, float],
+        closed_lanes: Iterable[str] = (),
+    ) -> None:
         """Load a net and its traffic, and place all vehicles and pedestrians at time 0.
 
         Args:
@@ -65,6 +72,7 @@ class Traffic:
             tick_ns: Length of a step; whole milliseconds.
             seed: Of SUMO's own random numbers.
             speeds_mps: Lane id → speed limit that takes the place of the net's.
+            closed_lanes: Ids of lanes that nobody may use, whatever the net says.
 
         Raises:
             SimulationError: another simulation is running in this process, or SUMO does not accept its input.
@@ -81,6 +89,8 @@ class Traffic:
             libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
             for lane, speed_mps in speeds_mps.items():
                 libsumo.lane.setMaxSpeed(lane, speed_mps)
+            for lane in closed_lanes:
+                libsumo.lane.setDisallowed(lane, ["all"])
             libsumo.simulationStep()
         except _FAILURES as error:
             self.close()

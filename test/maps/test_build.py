@@ -40,11 +40,12 @@ def test_cache_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
 
 
 def test_netconvert_failure_carries_its_message(tmp_path: Path) -> None:
-    nodes, edges = tmp_path / "a.nod.xml", tmp_path / "a.edg.xml"
+    nodes, edges, connections = (tmp_path / f"a.{part}.xml" for part in ("nod", "edg", "con"))
     nodes.write_text('<nodes><node id="A" x="0" y="0"/></nodes>')
     edges.write_text('<edges><edge id="AB" from="A" to="B"/></edges>')
+    connections.write_text("<connections/>")
     with pytest.raises(SimulationError, match=r"netconvert.*'B'.*not known"):
-        netconvert.convert(nodes, edges, 4.0, tmp_path / "net.xml", tmp_path / "map.xodr")
+        netconvert.convert(nodes, edges, connections, tmp_path / "net.xml", tmp_path / "map.xodr")
 
 
 def test_two_processes_at_once_build_the_same_bytes_as_one_elsewhere(tmp_path: Path) -> None:

@@ -1,9 +1,18 @@
+from typing import Any
+
 import pytest
 from pydantic import ValidationError
 
 from simbev_ros.errors import InputError
+from simbev_ros.maps.plan.road_class import road_classes
 from simbev_ros.maps.recipe import TownRecipe, known_maps, recipe_of
-from simbev_ros.maps.street_plan import draw_plan
+
+MINIMAL: dict[str, Any] = {
+    "name": "Minimal",
+    "datum": {"latitude_deg": 0, "longitude_deg": 0, "altitude_m": 0},
+    "patterns": [{"pattern": "road", "name": "a", "road": "street", "points_m": [[0, 0], [100, 0]]}],
+    "surroundings": {"use": "suburb", "plant_density": 0.9, "building_density": 0.1},
+}
 
 
 def test_every_recipe_that_ships_is_valid() -> None:
@@ -16,32 +25,36 @@ def test_unknown_town_is_refused() -> None:
         recipe_of("../Blocks")
 
 
-def test_misspelt_field_is_refused() -> None:
-    data = recipe_of("Blocks").model_dump(exclude_none=True)
-    data["streets"]["colums"] = 4
-    with pytest.raises(ValidationError, match="colums"):
-        TownRecipe(**data)
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"relif": {}}, "relif"),
+        ({"patterns": []}, "patterns"),
+        ({"patterns": [{"pattern": "rood"}]}, r"does not match any of the expected tags: 'grid'"),
+        (
+            {"patterns": [{**MINIMAL["patterns"][0], "road": "strasse"}]},
+            r"no road class is called 'strasse'; known: lane, street",
+        ),
+        (
+            {"patterns": [{"pattern": "grid", "columns": 4, "rows": 4, "block_m": 100, "wide_east_west": [0]}]},
+            "wide_east_west: must lie between 1 and 3, not 0",
+        ),
+        ({"water": [{"line_m": [[0, 0], [1, 1]], "outline_m": [[0, 0], [1, 0], [1, 1]]}]}, "either line_m"),
+        ({"zones": [{"circle_m": [0, 0, 5], "rectangle_m": [0, 0, 1, 1], "surroundings": {}}]}, "exactly one of circle_m"),
+    ],
+)
+def test_wrong_field_is_refused_by_name(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        TownRecipe(**{**MINIMAL, **change})
 
 
-def test_ring_road_cannot_be_wide() -> None:
-    data = recipe_of("Blocks").model_dump(exclude_none=True)
-    data["streets"]["wide_east_west"] = [0]
-    with pytest.raises(ValidationError, match="wide_east_west: must lie between 1 and 3, not 0"):
-        TownRecipe(**data)
+def test_zone_differs_from_the_town_only_in_what_it_names() -> None:
+    zone = {"circle_m": [0, 0, 50], "surroundings": {"use": "park", "building_density": 0.0}}
+    surroundings = TownRecipe(**{**MINIMAL, "zones": [zone]}).zones[0].surroundings
+    assert (surroundings.use, surroundings.building_density, surroundings.plant_density) == ("park", 0.0, 0.9)
 
 
-def test_blocks_too_small_for_the_ring_road_are_refused() -> None:
-    recipe = recipe_of("Blocks")
-    small = recipe.model_copy(update={"streets": recipe.streets.model_copy(update={"block_m": 40.0})})
-    with pytest.raises(InputError, match=r"block_m: 40\.0 m is too small"):
-        draw_plan(small, 0)
-
-
-def test_plan_leaves_out_as_many_streets_as_blocks_are_merged() -> None:
-    recipe = recipe_of("Blocks")
-    whole = recipe.model_copy(update={"streets": recipe.streets.model_copy(update={"merged_blocks": 0})})
-    for seed in range(20):
-        plan = draw_plan(recipe, seed)
-        assert len(draw_plan(whole, seed).streets) - len(plan.streets) == recipe.streets.merged_blocks
-        arms = [sum(junction in (street.start, street.end) for street in plan.streets) for junction in plan.junctions]
-        assert set(arms) <= {3, 4}
+def test_road_class_can_be_like_another() -> None:
+    pattern = {**MINIMAL["patterns"][0], "road": {"like": "street", "speed_kmh": 30}}
+    kind = TownRecipe(**{**MINIMAL, "patterns": [pattern]}).patterns[0].road  # type: ignore[union-attr]
+    assert kind == road_classes()["street"].model_copy(update={"speed_kmh": 30.0})

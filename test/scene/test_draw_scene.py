@@ -1,5 +1,8 @@
 """Drawn scenes are complete, repeatable, and follow the paper's rules."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +10,10 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Traffic, WeatherConfig
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.lane_kind import WALKABLE_KINDS, LaneKind
+from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes
 from simbev_ros.scene.draw_weather import draw_weather
 from simbev_ros.scene.spec import SceneSpec
@@ -62,6 +67,71 @@ def test_unknown_ego_blueprint_lists_the_vehicles(network: RoadNetwork) -> None:
     ego = scenario().ego.model_copy(update={"blueprint": "vehicle.tank"})
     with pytest.raises(InputError, match=r"ego.blueprint: no vehicle 'vehicle.tank'; allowed: vehicle.hatchback"):
         draw_scene(scenario(ego=ego), PLANNED, network)
+
+
+def with_lanes(network: RoadNetwork, change: Callable[[Lane], Lane | None]) -> RoadNetwork:
+    changed = {name: change(lane) for name, lane in network.lanes.items()}
+    return replace(network, lanes={name: lane for name, lane in changed.items() if lane is not None})
+
+
+def test_nobody_starts_on_a_lane_that_is_closed_to_its_class(network: RoadNetwork) -> None:
+    def bus_lanes(lane: Lane) -> Lane:
+        right = network.lanes.get(f"{lane.edge}_{lane.index - 1}")
+        is_rightmost = lane.kind is LaneKind.DRIVING and (right is None or right.kind is not LaneKind.DRIVING)
+        is_bus_lane = is_rightmost and not lane.junction
+        return replace(lane, classes=frozenset({"bus", "emergency"})) if is_bus_lane else lane
+
+    changed = with_lanes(network, bus_lanes)
+    closed = [lane for lane in changed.lanes.values() if lane.classes == {"bus", "emergency"}]
+    assert 0.2 < len(closed) / len(changed.lanes_of(LaneKind.DRIVING)) < 0.8
+    classes = {blueprint.name: blueprint.sumo_class for blueprint in load_blueprints()}
+    on_bus_lanes = set()
+    for number in range(8):
+        spec = draw_scene(scenario(), PLANNED._replace(number=number), changed)
+        for vehicle in spec.vehicles:
+            assert classes[vehicle.blueprint] in changed.lanes[vehicle.start.lane].classes
+            if changed.lanes[vehicle.start.lane] in closed:
+                on_bus_lanes.add(classes[vehicle.blueprint])
+    assert on_bus_lanes == {"bus", "emergency"}
+
+
+def test_traffic_starts_on_driving_lanes_only(network: RoadNetwork) -> None:
+    kinds = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN, LaneKind.BICYCLE)
+
+    def other_kind(lane: Lane) -> Lane:
+        index = sum(map(ord, lane.edge))
+        return replace(lane, kind=kinds[index % 4]) if lane.kind is LaneKind.DRIVING and index % 5 == 0 else lane
+
+    changed = with_lanes(network, other_kind)
+    spec = draw_scene(scenario(), PLANNED, changed)
+    assert {changed.lanes[vehicle.start.lane].kind for vehicle in spec.vehicles} == {LaneKind.DRIVING}
+
+
+def test_an_ego_that_may_drive_nowhere_is_refused(network: RoadNetwork) -> None:
+    changed = with_lanes(network, lambda lane: replace(lane, classes=frozenset({"bus", "pedestrian"})))
+    with pytest.raises(InputError, match=r"ego.blueprint: vehicle.sedan has no lane to drive on in map Blocks"):
+        draw_scene(scenario(), PLANNED, changed)
+
+
+def test_a_map_without_sidewalks_has_no_pedestrians_and_says_so(
+    network: RoadNetwork, caplog: pytest.LogCaptureFixture
+) -> None:
+    bare = with_lanes(network, lambda lane: None if lane.kind in WALKABLE_KINDS else lane)
+    spec = draw_scene(scenario(traffic=Traffic(vehicles=5, pedestrians=60)), PLANNED, bare)
+    assert (len(spec.vehicles), len(spec.pedestrians)) == (6, 0)
+    assert caplog.messages == ["Blocks: room for 0 of 60 pedestrians on sidewalks within spawn_radius_m 400 of the ego"]
+
+
+def test_pedestrians_start_on_sidewalks_near_the_ego_that_are_long_enough_together(network: RoadNetwork) -> None:
+    lone = next(lane for lane in network.lanes.values() if lane.kind is LaneKind.SIDEWALK)
+    island = replace(lone, id="island_0", edge="island", successors=(), centerline_m=lone.centerline_m[:2])
+    added = replace(network, lanes={**network.lanes, island.id: island})
+    spec = draw_scene(scenario(traffic=Traffic(vehicles=0, pedestrians=600, spawn_radius_m=150)), PLANNED, added)
+    places_m = np.array([added.pose_on_lane(each.start.lane, each.start.s_m)[0] for each in spec.pedestrians])
+    ego_m = added.pose_on_lane(spec.vehicles[0].start.lane, spec.vehicles[0].start.s_m)[0]
+    assert np.linalg.norm(places_m - ego_m, axis=1).max() <= 150.0
+    assert len(spec.pedestrians) > 100
+    assert "island_0" not in {each.start.lane for each in spec.pedestrians}
 
 
 def test_paper_draws_up_to_three_less_than_the_free_places(network: RoadNetwork) -> None:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from world_scenes import lane, network
+from world_scenes import lane
 
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import Lane
@@ -15,10 +15,10 @@ def bend(radius_m, turn_rad, straight_m=50.0):
 
 
 def test_a_bend_is_driven_with_two_metres_per_second_squared_to_the_side():
-    assert bend_speeds(network(bend(28.0, np.pi / 2)))["A_0"] == pytest.approx(np.sqrt(2.0 * 28.0), rel=0.03)
-    assert bend_speeds(network(bend(8.0, -np.pi / 2, straight_m=0.1)))["A_0"] == pytest.approx(4.0, rel=0.03)
+    assert bend_speeds([bend(28.0, np.pi / 2)])["A_0"] == pytest.approx(np.sqrt(2.0 * 28.0), rel=0.03)
+    assert bend_speeds([bend(8.0, -np.pi / 2, straight_m=0.1)])["A_0"] == pytest.approx(4.0, rel=0.03)
 
 
 def test_straight_lanes_and_wide_bends_keep_their_limit():
-    assert bend_speeds(network(lane("B_0"))) == {}
-    assert bend_speeds(network(bend(120.0, np.pi / 4))) == {}
+    assert bend_speeds([lane("B_0")]) == {}
+    assert bend_speeds([bend(120.0, np.pi / 4)]) == {}

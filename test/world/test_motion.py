@@ -1,25 +1,31 @@
 import numpy as np
 import pytest
 
+from simbev_ros.world.footing import Contacts
 from simbev_ros.world.motion import Bodies, Motion, Pursuit
 
 TICK_S = 0.05
 
 
-def body(trail_m=3.0, lead_m=2.0, tilts=True, leans=False, mounts_m=((0.0, 0.0, 0.0),)):
+def body(trail_m=3.0, lead_m=2.0, leans=False, mounts_m=((0.0, 0.0, 0.0),)):
     return Bodies(
         point=np.zeros(len(mounts_m), np.int64),
         trail_m=np.array([trail_m]),
         lead_m=np.array([lead_m]),
-        tilts=np.array([tilts]),
         leans=np.array([leans]),
         mount_m=np.array(mounts_m),
+        contacts=Contacts(np.zeros(1, np.int64), np.zeros(1), np.zeros(1)),
     )
 
 
+def lifted(points_m):
+    """(..., 4) points without anything between the body and the road."""
+    return np.concatenate([points_m, np.zeros((*points_m.shape[:-1], 1))], axis=-1)
+
+
 def drive(bodies, points_m, direction=(1.0, 0.0, 0.0), half_window_ticks=7):
-    motion = Motion(bodies, points_m[:1], np.array([direction]), TICK_S, half_window_ticks)
-    return motion, [motion.advance(point_m[None]) for point_m in points_m]
+    motion = Motion(bodies, lifted(points_m[:1]), np.array([direction]), TICK_S, half_window_ticks)
+    return motion, [motion.advance(point_m[None]) for point_m in lifted(points_m)]
 
 
 def circle(radius_m, speed_mps, ticks):
@@ -64,12 +70,6 @@ def test_a_body_at_rest_is_at_rest_to_the_last_bit_also_after_a_drive():
         assert np.all(values == 0.0)
 
 
-def test_a_body_pitches_nose_up_on_a_climb_unless_it_walks():
-    climb = np.stack([0.4 * np.arange(200), np.zeros(200), 0.04 * np.arange(200)], axis=-1)
-    assert drive(body(), climb)[1][-1].rpy_rad[0, 1] == pytest.approx(-np.arctan(0.1), abs=1e-3)
-    assert drive(body(tilts=False), climb)[1][-1].rpy_rad[0, 1] == 0.0
-
-
 def test_a_two_wheeler_leans_to_the_left_in_a_left_curve():
     state = drive(body(trail_m=1.4, lead_m=0.9, leans=True), circle(12.0, 6.0, 400))[1][-1]
     assert state.rpy_rad[0, 0] == pytest.approx(-np.arctan(6.0**2 / 12.0 / 9.81), rel=0.05)
@@ -90,9 +90,9 @@ def test_a_rider_moves_as_a_part_of_the_leaning_bicycle():
 
 
 def test_yaw_rate_is_small_where_yaw_wraps_from_plus_to_minus_pi():
-    motion = Motion(body(), np.zeros((1, 3)), np.array([[-1.0, 0.0, 0.0]]), TICK_S, 3)
+    motion = Motion(body(), np.zeros((1, 4)), np.array([[-1.0, 0.0, 0.0]]), TICK_S, 3)
     points_m = circle(20.0, 4.0, 80) * [-1.0, -1.0, 0.0]
-    rates = [motion.advance(point_m[None]).angular_velocity_radps[0, 2] for point_m in points_m]
+    rates = [motion.advance(point_m[None]).angular_velocity_radps[0, 2] for point_m in lifted(points_m)]
     assert np.abs(rates).max() == pytest.approx(0.2, rel=0.02)
 
 

@@ -1,5 +1,4 @@
 from pathlib import Path
-from xml.etree import ElementTree
 
 import libsumo
 import numpy as np
@@ -19,7 +18,7 @@ def head(programme, link):
 
 @pytest.fixture(scope="module")
 def cycles():
-    return programmes(scene(), ElementTree.parse(blocks().net_path).getroot())
+    return programmes(scene(), blocks().net_path.read_text())
 
 
 def test_every_head_shows_what_sumo_says_at_every_tick(cycles, tmp_path: Path):

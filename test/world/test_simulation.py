@@ -12,7 +12,7 @@ from world_scenes import TICK_S, blocks, busy_run, of_kind, run, scene
 
 from simbev_ros.assets.ground import CURB_HEIGHT_M
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.surface import crossing_polygons, road_surface, sidewalk_surface
+from simbev_ros.maps.surface import surfaces_of
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.simulation import Simulation
@@ -66,7 +66,7 @@ def test_everybody_starts_at_rest_at_the_place_that_was_drawn():
         offset = front - place
         assert abs(offset[0] * np.cos(yaw_rad) + offset[1] * np.sin(yaw_rad)) < 0.05
         assert np.linalg.norm(offset) < 1.5
-        assert abs(row["yaw"] - yaw_rad) < 0.15  # a body in a bend lies on the chord
+        assert abs(row["yaw"] - yaw_rad) < 0.2  # a body in a bend lies on the chord
 
 
 def test_nobody_appears_vanishes_or_jumps():
@@ -143,13 +143,14 @@ def test_two_wheelers_lean_into_curves():
 def test_pedestrians_stay_on_sidewalks_and_crossings_at_their_height():
     _, actors = busy_run()
     people = of_kind(actors, "pedestrian")
-    sidewalk = sidewalk_surface(blocks())
-    walkable = shapely.union_all([sidewalk, *crossing_polygons(blocks())]).buffer(0.2)
+    surfaces = surfaces_of(blocks().layout)
+    sidewalk = surfaces.sidewalk
+    walkable = shapely.union_all([sidewalk, surfaces.crosswalk]).buffer(0.2)
     points = np.stack([people["x"], people["y"]], axis=-1)[::10].reshape(-1, 2)
     assert shapely.contains_xy(walkable, points).all()
     deep, z = shapely.contains_xy(sidewalk.buffer(-1.0), points), people["z"][::10].ravel()
     assert np.all(z[deep] == CURB_HEIGHT_M)
-    on_road = shapely.contains_xy(road_surface(blocks()).buffer(-1.5), points)
+    on_road = shapely.contains_xy(surfaces.road.buffer(-1.5), points)
     assert np.all(z[on_road] < 0.02)
 
 
@@ -215,7 +216,7 @@ def test_an_ego_without_room_is_an_error(monkeypatch):
             self.vehicles = self.vehicles[1:]
 
     monkeypatch.setattr("simbev_ros.world.simulation.Traffic", Crowded)
-    with pytest.raises(SimulationError, match="the ego finds no place at its start, lane C3C2_2"):
+    with pytest.raises(SimulationError, match=r"the ego finds no place at its start, lane \S+, \d+\.\d m"):
         Simulation(scene(vehicles=2, pedestrians=0), blocks())
 
 

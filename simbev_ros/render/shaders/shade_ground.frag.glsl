@@ -1,5 +1,5 @@
 #version 330
-// Asphalt, road markings, paving slabs, concrete, grass and soil; wet by rain.
+// Asphalt, road markings, paving slabs, concrete, grass, soil and fields; wet by rain.
 #include "enums"
 #include "lighting"
 #include "noise"
@@ -7,6 +7,7 @@ uniform sampler2D contact_map;
 
 const vec2 SLAB = vec2(0.6, 0.6);
 const float JOINT = 0.006;
+const float CROP_ROW = 0.75;
 
 vec3 asphalt(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float stains = (coarse.r - 0.5) * 0.30 + (middle.b - 0.5) * 0.16;
@@ -36,6 +37,14 @@ vec3 grass(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine) {
     return color * (0.62 + 0.45 * fine.g + 0.35 * middle.b);
 }
 
+// Rows of plants with bare soil between them; from afar only their mean is left.
+vec3 crop(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
+    float across = uv.y / CROP_ROW + 0.35 * (middle.r - 0.5);
+    float soil = smoothstep(0.12, 0.42, abs(fract(across) - 0.5)) * smoothstep(0.6, 0.1, size / CROP_ROW);
+    vec3 color = albedo * (0.72 + 0.3 * coarse.r + 0.3 * fine.g) * (0.9 + 0.2 * middle.a);
+    return mix(color, vec3(0.105, 0.078, 0.052) * (0.7 + 0.6 * fine.b), 0.7 * soil);
+}
+
 // Share of the sky that actors standing here hide (render/contact.py).
 float under_actors(vec3 position) {
     vec2 contact = texture(contact_map, position.xy / (2.0 * noise_origin.w) + 0.5).xy;
@@ -55,9 +64,10 @@ void main() {
     else if (p.material == MATERIAL_PAVING) s.albedo = paving(p.albedo, p.uv, coarse, fine, p.size);
     else if (p.material == MATERIAL_CONCRETE) s.albedo = p.albedo * (0.84 + 0.2 * fine.g + 0.12 * middle.r);
     else if (p.material == MATERIAL_GRASS) s.albedo = grass(p.albedo, coarse, middle, fine);
+    else if (p.material == MATERIAL_CROP) s.albedo = crop(p.albedo, p.uv, coarse, middle, fine, p.size);
     else s.albedo = p.albedo * (0.6 + 0.5 * fine.g + 0.3 * middle.b);
 
-    float level = smoothstep(0.9, 0.99, p.normal.z) * (p.material == MATERIAL_GRASS ? 0.3 : 1.0);
+    float level = smoothstep(0.9, 0.99, p.normal.z) * (p.material == MATERIAL_GRASS || p.material == MATERIAL_CROP ? 0.3 : 1.0);
     float puddle = level * smoothstep(1.1 - 0.6 * puddles(), 1.2 - 0.6 * puddles(), coarse.a * 0.7 + middle.r * 0.4);
     float wet = max(wetness() * level, puddle);
     s.albedo *= 1.0 - 0.5 * wet;

@@ -1,0 +1,94 @@
+"""Structures that carry roads: decks with parapets, girders, abutments, and pillars down to the land."""
+
+from functools import partial
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.claims import Claims
+from simbev_ros.assets.drape import faces, sheet
+from simbev_ros.assets.facets import Facets
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.pillars import put_pillars
+from simbev_ros.assets.primitives import Finish
+from simbev_ros.assets.region_ground import DECK_DEPTH_M, DECK_OVERHANG_M, MARGIN_M, RegionGround
+from simbev_ros.assets.tiles import TileBuilder
+from simbev_ros.semantics import Tag
+
+_SLAB_M = 0.4  # thickness of the deck where no girder is below
+_GIRDER_INSET_M = 1.3
+_PARAPET_M = 0.9
+_SLIVER_M = 0.5
+_SMALLEST_M2 = 1.5  # less is no parapet but a gap between surfaces
+_SAME_PLACE_M = 0.6
+_ABUTMENT_AT_M, _ABUTMENT_DEPTH_M, _ABUTMENT_HEIGHT_M = 2.2, 0.8, 9.0
+_FROM_LOWER_ROAD_M = 1.0
+
+_CONCRETE = Finish(Material.CONCRETE, Tag.BRIDGE, (160, 158, 152))
+_UNDERSIDE = Finish(Material.CONCRETE, Tag.BRIDGE, (140, 138, 133))
+_ABUTMENT = Finish(Material.CONCRETE, Tag.WALL, (150, 147, 140))
+
+
+def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
+    """Add all structures of a region, and claim the land below them."""
+    for level, facets in enumerate(ground.facets):
+        if level == 0 or facets is None:
+            continue
+        claims.add(ground.decks[level])
+        joints = _joints(ground, level)
+        _build_deck(tiles, ground, level, facets, joints)
+        _build_abutments(tiles, ground, level, facets, joints)
+        put_pillars(tiles, ground, level)
+
+
+def _joints(ground: RegionGround, level: int) -> BaseGeometry:
+    """Lines across, where a structure's lanes go on as lanes of another level."""
+    around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
+    own, other = [], []
+    for strip in ground.network.layout.near(around, 0.0).strips:
+        if strip.outline_m is None:
+            ends = [np.stack([strip.left_m[k], strip.right_m[k]]) for k in (0, -1)]
+            (own if strip.level == level else other).extend(ends)
+    if not own or not other:
+        return shapely.MultiLineString()
+    own_m, other_m = np.stack(own), np.stack(other)
+    gap_m = cKDTree(other_m.mean(axis=1)).query(own_m.mean(axis=1))[0]
+    return shapely.union_all(shapely.linestrings(own_m[gap_m < _SAME_PLACE_M, :, :2]))
+
+
+def _build_deck(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets, joints: BaseGeometry) -> None:
+    """Parapets along the edges, the slab below and the girder below that."""
+    region, deck = ground.region.area, ground.streets[level].area
+    across = shapely.buffer(joints, DECK_OVERHANG_M + 0.01, cap_style="flat")
+    rims = shapely.get_parts(shapely.difference(ground.decks[level], shapely.union(deck, across)))
+    parapet = shapely.union_all(rims[shapely.area(rims) > _SMALLEST_M2])
+    slab = shapely.union(deck, parapet)
+    girder = shapely.buffer(slab, -_GIRDER_INSET_M, join_style="mitre")
+    walls = partial(faces, finish=_CONCRETE, edges=parapet.boundary, bottom_m=-_SLAB_M, top_m=_PARAPET_M)
+    sides = partial(faces, finish=_UNDERSIDE, edges=girder.boundary, bottom_m=-DECK_DEPTH_M, top_m=-_SLAB_M)
+    ends = partial(faces, finish=_UNDERSIDE, edges=joints, bottom_m=-DECK_DEPTH_M, top_m=0.0)
+    for area, makes in (
+        (parapet, [partial(sheet, finish=_CONCRETE, rise_m=_PARAPET_M), walls]),
+        (shapely.difference(slab, girder), [partial(sheet, finish=_UNDERSIDE, rise_m=-_SLAB_M, downward=True)]),
+        (girder, [partial(sheet, finish=_UNDERSIDE, rise_m=-DECK_DEPTH_M, downward=True), sides]),
+        (shapely.intersection(deck, across), [ends]),
+    ):
+        tiles.drape(shapely.intersection(area, region), facets, *makes)
+
+
+def _build_abutments(
+    tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets, joints: BaseGeometry
+) -> None:
+    """Walls across below the ends of a structure, down into the slope; before any road that passes close by."""
+    slab = ground.decks[level]
+    below = [shapely.intersection(slab, streets.area) for streets in ground.streets[:level]]
+    roads = shapely.buffer(shapely.buffer(shapely.union_all(below), -_SLIVER_M), _SLIVER_M)
+    for joint in shapely.get_parts(shapely.line_merge(joints)):
+        room_m = shapely.distance(joint, roads) - _FROM_LOWER_ROAD_M - _ABUTMENT_DEPTH_M
+        at_m = float(np.clip(np.nan_to_num(room_m, nan=np.inf), 0.05, _ABUTMENT_AT_M))
+        far, near = (shapely.buffer(joint, reach_m, cap_style="flat") for reach_m in (at_m + _ABUTMENT_DEPTH_M, at_m))
+        wall = shapely.intersection(shapely.difference(far, near), slab)
+        sides = partial(faces, finish=_ABUTMENT, edges=wall.boundary, bottom_m=-_ABUTMENT_HEIGHT_M, top_m=-_SLAB_M)
+        tiles.drape(shapely.intersection(wall, ground.region.area), facets, sides)

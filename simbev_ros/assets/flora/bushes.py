@@ -1,0 +1,85 @@
+"""Bushes, hedges, cacti and thickets. Frame: origin at the foot, z up."""
+
+import numpy as np
+
+from simbev_ros.assets.flora.crowns import ROOT_M, clump, leaves
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.palette import pick_color, shaded
+from simbev_ros.assets.primitives import lathe, loft, tube
+
+
+def bush(rng: np.random.Generator) -> Mesh:
+    """A bush, about 1.2 m high."""
+    return _shrub(rng, "hedges", count=3, size_m=0.6)
+
+
+def oleander(rng: np.random.Generator) -> Mesh:
+    """A taller bush of warm lands, about 2 m high, some in flower."""
+    return _shrub(rng, "flowers" if rng.random() < 0.35 else "olive_leaves", count=4, size_m=0.85)
+
+
+def scrub(rng: np.random.Generator) -> Mesh:
+    """A low grey shrub of dry lands, about 0.8 m high."""
+    return _shrub(rng, "dry_leaves", count=2, size_m=0.5)
+
+
+def cactus(rng: np.random.Generator) -> Mesh:
+    """A column cactus with arms, about 3.5 m high."""
+    flesh = leaves(pick_color(rng, "cacti", 0.1))
+    height_m = rng.uniform(2.4, 4.2)
+    profile = [[0.2, ROOT_M], [0.26, 0.6], [0.25, height_m - 0.3], [0.14, height_m - 0.06], [0.0, height_m]]
+    pieces = [lathe(flesh, np.array(profile), segments=8)]
+    for turn in rng.uniform(0.0, 2.0 * np.pi) + np.arange(int(rng.integers(0, 3))) * 2.6:
+        out, low_m = np.array([np.cos(turn), np.sin(turn)]), height_m * rng.uniform(0.35, 0.5)
+        path = [[0.0, 0.0, low_m], [*out * 0.6, low_m + 0.1], [*out * 0.75, low_m + height_m * 0.32]]
+        pieces.append(tube(flesh, np.array(path), np.array([0.13, 0.15, 0.12]), segments=6))
+    return Mesh.merged(pieces)
+
+
+def agave(rng: np.random.Generator) -> Mesh:
+    """A rosette of stiff leaves, about 0.9 m high."""
+    flesh = leaves(pick_color(rng, "cacti", 0.12))
+    turns = np.arange(9) * 2.4 + rng.uniform(0.0, 6.0)
+    pieces = []
+    for turn, rise_m in zip(turns, rng.uniform(0.3, 0.9, len(turns)), strict=True):
+        out = np.array([np.cos(turn), np.sin(turn)]) * (1.05 - 0.6 * rise_m)
+        pieces.append(tube(flesh, np.array([[0.0, 0.0, 0.0], [*out, rise_m]]), np.array([0.13, 0.01]), segments=3))
+    return Mesh.merged(pieces)
+
+
+def thicket(rng: np.random.Generator) -> Mesh:
+    """A piece of a distant wood, about 10 m high and 12 m wide: to be seen from afar only."""
+    color = pick_color(rng, "needles" if rng.random() < 0.3 else "broad_leaves", 0.1)
+    sizes = rng.uniform((3.5, 3.5, 4.0), (6.0, 6.0, 8.0), (3, 3))
+    spots = np.column_stack([rng.uniform(-5.0, 5.0, (3, 2)), sizes[:, 2] * rng.uniform(0.4, 0.8, 3)])
+    roots = np.array([0.0, 0.0, -4.0])
+    tones = rng.uniform(0.7, 1.0, 3)
+    return Mesh.merged(
+        [
+            clump(rng, spot, size, roots, shaded(color, tone))
+            for spot, size, tone in zip(spots, sizes, tones, strict=True)
+        ]
+    )
+
+
+def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> Mesh:
+    """A clipped hedge along x from 0, 0.7 m wide."""
+    stations = np.linspace(0.0, length_m, max(2, round(length_m / 1.6) + 1))
+    top_m = height_m
+    outline = np.array(
+        [[-0.35, -0.3], [0.35, -0.3], [0.36, 0.7 * top_m], [0.22, top_m], [-0.22, top_m], [-0.36, 0.7 * top_m]]
+    )
+    profile = np.tile(outline, (len(stations), 1, 1)) + rng.normal(0.0, 0.035, (len(stations), 6, 2))
+    sections = np.concatenate([np.broadcast_to(stations[:, None, None], (len(stations), 6, 1)), profile], axis=2)
+    return loft(leaves(pick_color(rng, "hedges", 0.1)), sections, crease_deg=60.0)
+
+
+def _shrub(rng: np.random.Generator, palette: str, count: int, size_m: float) -> Mesh:
+    """A few balls of leaves close together."""
+    color = pick_color(rng, palette, 0.15)
+    centers = np.column_stack(
+        [rng.normal(0.0, 0.53 * size_m, (count, 2)), rng.uniform(0.58 * size_m, 1.1 * size_m, count)]
+    )
+    radii = rng.uniform(0.83 * size_m, 1.17 * size_m, count)
+    foot = np.array([0.0, 0.0, 0.1])
+    return Mesh.merged([clump(rng, center, radius, foot, color) for center, radius in zip(centers, radii, strict=True)])

@@ -1,0 +1,75 @@
+"""Species by name and by landscape, and the stock of ready-grown plants of each."""
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+
+from simbev_ros.assets.flora import bushes, trees
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.config.base import Model
+from simbev_ros.random import stream
+
+VARIANTS = 4
+"""Plants in the stock of a species."""
+
+_GROWN: Mapping[str, Callable[[np.random.Generator], Mesh]] = {
+    "round": trees.round_tree,
+    "tall": trees.tall_tree,
+    "small": trees.small_tree,
+    "birch": trees.birch,
+    "spruce": trees.spruce,
+    "pine": trees.pine,
+    "stone_pine": trees.stone_pine,
+    "cypress": trees.cypress,
+    "olive": trees.olive,
+    "palm": trees.palm,
+    "acacia": trees.acacia,
+    "light_broad_leaved": trees.light_broad_leaved,
+    "light_spruce": trees.light_spruce,
+    "light_olive": trees.light_olive,
+    "light_acacia": trees.light_acacia,
+    "bush": bushes.bush,
+    "oleander": bushes.oleander,
+    "scrub": bushes.scrub,
+    "cactus": bushes.cactus,
+    "agave": bushes.agave,
+    "thicket": bushes.thicket,
+}
+
+
+class Species(Model):
+    """Room that a plant needs; explained in species.yaml."""
+
+    room_m: float
+    reach_m: float
+
+
+@lru_cache(maxsize=1)
+def load_species() -> Mapping[str, Species]:
+    """All species by name."""
+    return {name: Species(**entry) for name, entry in _tables()["species"].items()}
+
+
+def draw_species(landscape: str, place: str, count: int, rng: np.random.Generator) -> list[str]:
+    """Names of ``count`` plants of a place (key of species.yaml's landscapes) in a landscape."""
+    weights: Mapping[str, float] = _tables()["landscapes"][landscape][place]
+    share = np.array(list(weights.values()), np.float64)
+    names = list(weights)
+    return [names[k] for k in rng.choice(len(names), count, p=share / share.sum())]
+
+
+@lru_cache(maxsize=512)
+def stock(species: str, variant: int) -> Mesh:
+    """One of the ready-grown plants of a species, the same on every map."""
+    return _GROWN[species](stream(variant, f"flora.{species}"))
+
+
+@lru_cache(maxsize=1)
+def _tables() -> Mapping[str, Any]:
+    text = files("simbev_ros.assets.flora").joinpath("species.yaml").read_text(encoding="utf-8")
+    tables: Mapping[str, Any] = yaml.safe_load(text)
+    return tables

@@ -1,0 +1,200 @@
+"""Trees. Frame: origin at the foot, z up; ready to be turned and scaled into place."""
+
+import numpy as np
+
+from simbev_ros.assets.flora.crowns import ROOT_M, clump, crown, leaves, trunk
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.palette import Color, pick_color, shaded
+from simbev_ros.assets.primitives import lathe, solid
+from simbev_ros.types import Float64Array
+
+
+def round_tree(rng: np.random.Generator) -> Mesh:
+    """A broad-leaved street tree, about 9 m high."""
+    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.9, radius_m=2.3, clumps=10)
+
+
+def tall_tree(rng: np.random.Generator) -> Mesh:
+    """A tall, slender broad-leaved tree, about 13 m high."""
+    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=4.2, radius_m=1.9, clumps=11)
+
+
+def small_tree(rng: np.random.Generator) -> Mesh:
+    """A young or ornamental tree, about 5 m high."""
+    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, clumps=7)
+
+
+def birch(rng: np.random.Generator) -> Mesh:
+    """A light-leaved tree, about 10 m high."""
+    color = pick_color(rng, "light_leaves", 0.1)
+    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, clumps=8)
+
+
+def olive(rng: np.random.Generator) -> Mesh:
+    """A gnarled tree with grey-green leaves, about 4.5 m high."""
+    color = pick_color(rng, "olive_leaves", 0.1)
+    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.7, clumps=8, stoutness=0.045)
+
+
+def spruce(rng: np.random.Generator) -> Mesh:
+    """A spruce, about 11 m high: skirts of branches around a straight trunk."""
+    color = pick_color(rng, "needles", 0.1)
+    height_m, layers, around = rng.uniform(9.5, 12.5), 6, 10
+    pieces = [trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, height_m * 0.6]]), 0.2, 0.08)]
+    for layer in range(layers):
+        low_m = 1.1 + (height_m - 1.6) * (layer / layers)
+        reach_m = 0.27 * (height_m - low_m) * rng.uniform(0.9, 1.1) + 0.15
+        top_m = min(height_m, low_m + reach_m * 1.15 + 0.9)
+        pieces.append(_skirt(rng, shaded(color, rng.uniform(0.88, 1.12)), reach_m, (low_m, top_m), around))
+    return Mesh.merged(pieces)
+
+
+def pine(rng: np.random.Generator) -> Mesh:
+    """A pine with a bare red trunk and a crown high up, about 12 m high."""
+    color, height_m = pick_color(rng, "needles", 0.1), rng.uniform(10.5, 13.5)
+    lean = rng.normal(0.0, 0.3, 2)
+    spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.5, height_m * 0.5], [*lean, height_m * 0.82]])
+    middle = np.array([*lean, height_m * 0.8])
+    return Mesh.merged([trunk(rng, spine, 0.22, 0.1), crown(rng, middle, np.array([2.0, 2.0, 2.2]), 8, color)])
+
+
+def stone_pine(rng: np.random.Generator) -> Mesh:
+    """An umbrella pine, about 9 m high."""
+    color, height_m = pick_color(rng, "needles", 0.12), rng.uniform(8.0, 10.5)
+    lean = rng.normal(0.0, 0.35, 2)
+    spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.4, height_m * 0.5], [*lean, height_m * 0.85]])
+    middle = np.array([*lean, height_m * 0.86])
+    return Mesh.merged([trunk(rng, spine, 0.24, 0.13), crown(rng, middle, np.array([3.2, 3.2, 1.1]), 11, color)])
+
+
+def cypress(rng: np.random.Generator) -> Mesh:
+    """A slender dark column, about 9 m high."""
+    color, height_m = pick_color(rng, "needles", 0.1), rng.uniform(7.5, 11.0)
+    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.2]]), 0.14, 0.12)
+    profile = np.array([[0.3, 0.5], [0.8, 1.6], [0.9, 0.4 * height_m], [0.55, 0.75 * height_m], [0.0, height_m]])
+    profile[1:-1, 0] *= rng.uniform(0.85, 1.15, 3)
+    column = lathe(leaves(color), profile, segments=8, crease_deg=80.0)
+    column.uv[:] *= 1.4
+    return Mesh.merged([stem, column])
+
+
+def palm(rng: np.random.Generator) -> Mesh:
+    """A palm, about 8 m high, its fronds drooping."""
+    height_m, lean = rng.uniform(6.0, 9.5), rng.normal(0.0, 0.35, 2)
+    spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.3, height_m * 0.5], [*lean, height_m]])
+    color, count = pick_color(rng, "palm_leaves", 0.1), 13
+    fronds = [_frond(rng, color, 2.0 * np.pi * k / count, np.array([*lean, height_m])) for k in range(count)]
+    return Mesh.merged([trunk(rng, spine, 0.24, 0.16, segments=7), *fronds])
+
+
+def acacia(rng: np.random.Generator) -> Mesh:
+    """A flat-topped tree of dry lands, about 5 m high, on forked stems."""
+    color, height_m = pick_color(rng, "dry_leaves", 0.1), rng.uniform(4.5, 6.0)
+    pieces = []
+    for turn in rng.uniform(0.0, 2.0 * np.pi) + np.arange(3) * 2.1:
+        out = np.array([np.cos(turn), np.sin(turn)])
+        tip = np.array([*out * 1.1, height_m * 0.78])
+        pieces.append(trunk(rng, np.array([[0.0, 0.0, ROOT_M], [*out * 0.3, height_m * 0.4], tip]), 0.15, 0.06, 4))
+        top = np.array([*out * 1.2, height_m * rng.uniform(0.8, 0.95)])
+        size_m = np.array([1.7, 1.7, 0.55]) * rng.uniform(0.85, 1.15)
+        pieces.append(clump(rng, top, size_m, np.array([0.0, 0.0, height_m * 0.6]), color, detail=1))
+    return Mesh.merged(pieces)
+
+
+def light_broad_leaved(rng: np.random.Generator) -> Mesh:
+    """A broad-leaved tree of few triangles, to be seen from afar or behind others, about 10 m high."""
+    return _light_tree(rng, _leaf_color(rng), np.array([3.0, 3.0, 3.9]), rng.uniform(9.0, 11.0))
+
+
+def light_spruce(rng: np.random.Generator) -> Mesh:
+    """A spruce of few triangles, about 11 m high."""
+    color, height_m = pick_color(rng, "needles", 0.12), rng.uniform(9.5, 13.5)
+    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.6]]), 0.2, 0.18, segments=3)
+    skirts = [
+        _skirt(rng, color, 2.4, (1.0, height_m * 0.66), 6),
+        _skirt(rng, color, 1.5, (height_m * 0.5, height_m), 6),
+    ]
+    return Mesh.merged([stem, *skirts])
+
+
+def light_olive(rng: np.random.Generator) -> Mesh:
+    """An olive or holm oak of few triangles, about 5 m high."""
+    return _light_tree(rng, pick_color(rng, "olive_leaves", 0.12), np.array([2.0, 2.0, 1.7]), rng.uniform(4.4, 6.0))
+
+
+def light_acacia(rng: np.random.Generator) -> Mesh:
+    """A tree of dry lands of few triangles, about 4.5 m high."""
+    return _light_tree(rng, pick_color(rng, "dry_leaves", 0.12), np.array([2.1, 2.1, 0.9]), rng.uniform(3.8, 5.2))
+
+
+def _leaf_color(rng: np.random.Generator) -> Color:
+    return pick_color(rng, "autumn_leaves" if rng.random() < 0.06 else "broad_leaves", 0.1)
+
+
+def _broad_leaved(
+    rng: np.random.Generator,
+    color: Color,
+    height_m: float,
+    trunk_m: float,
+    radius_m: float,
+    clumps: int,
+    stoutness: float = 0.018,
+) -> Mesh:
+    """Trunk, a core of leaves and clumps around it."""
+    height_m *= rng.uniform(0.9, 1.15)
+    middle = np.array([*rng.normal(0.0, 0.15, 2), (height_m + trunk_m) / 2.0])
+    radii = np.array([radius_m, radius_m, (height_m - trunk_m) / 2.0])
+    spine = np.array([[0, 0, ROOT_M], [*rng.normal(0, 0.06, 2), trunk_m * 0.6], middle - [0, 0, radii[2] * 0.2]])
+    thickness_m = stoutness * height_m
+    stem = trunk(rng, spine, thickness_m, thickness_m * 0.45)
+    return Mesh.merged([stem, crown(rng, middle, radii, clumps, color)])
+
+
+def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, height_m: float) -> Mesh:
+    """A three-sided stem and one irregular ball of leaves."""
+    middle = np.array([*rng.normal(0.0, 0.2, 2), height_m - radii_m[2]])
+    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], middle]), 0.2, 0.12, segments=3)
+    ball = clump(rng, middle, radii_m, middle - [0.0, 0.0, radii_m[2]], color, irregularity=0.2)
+    return Mesh.merged([stem, ball])
+
+
+def _skirt(rng: np.random.Generator, color: Color, reach_m: float, z_m: tuple[float, float], around: int) -> Mesh:
+    """A cone of branches with a jagged rim, between two heights."""
+    low_m, top_m = z_m
+    rings = np.array([(0.12 * reach_m, low_m + 0.35 * reach_m), (reach_m, low_m), (0.0, top_m)])
+    skirt = lathe(leaves(color), rings, segments=around, crease_deg=25.0)
+    jag = np.where(np.arange(around) % 2, 0.72, 1.0) * rng.uniform(0.88, 1.12, around)
+    rim = np.hypot(skirt.vertices[:, 0], skirt.vertices[:, 1]) > 0.9 * reach_m
+    spoke = np.round(np.arctan2(skirt.vertices[:, 1], skirt.vertices[:, 0]) / (2.0 * np.pi) * around).astype(int)
+    skirt.vertices[rim, :2] *= jag[spoke[rim] % around, None]
+    skirt.vertices[rim, 2] = low_m + (1.0 - jag[spoke[rim] % around]) * 0.8 * reach_m
+    skirt.uv[:] = skirt.vertices[:, :2] * 1.6
+    turn_rad = rng.uniform(0.0, 2.0 * np.pi)
+    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+    return skirt.transformed(np.array([[cosine, -sine, 0, 0], [sine, cosine, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))
+
+
+def _frond(rng: np.random.Generator, color: Color, turn_rad: float, root_m: Float64Array) -> Mesh:
+    """A palm leaf: a bent, tapering wedge, thin but closed."""
+    reach_m, rise_m = rng.uniform(2.2, 3.0), rng.uniform(0.1, 0.9)
+    turn_rad = turn_rad + rng.normal(0.0, 0.12)
+    along = np.array([np.cos(turn_rad), np.sin(turn_rad), 0.0])
+    side = np.array([-along[1], along[0], 0.0])
+    share = np.array([0.0, 0.4, 0.75, 1.0])
+    spine = root_m + np.outer(share * reach_m, along)
+    spine[:, 2] += rise_m * np.array([0.0, 1.0, 0.6, -0.8])
+    half = np.array([0.08, 0.42, 0.34, 0.03])[:, None] * side
+    droop = np.array([0.0, 0.0, 0.16])
+    rows = np.stack([spine - half - droop, spine, spine + half - droop, spine - [0.0, 0.0, 0.08]], axis=1)
+    return _tapered(color, rows)
+
+
+def _tapered(color: Color, rows_m: Float64Array) -> Mesh:
+    """A closed solid through (N, 4, 3) cross-sections, two triangles at each end."""
+    here = np.arange(4)
+    quads = np.stack([here, (here + 1) % 4, (here + 1) % 4 + 4, here, (here + 1) % 4 + 4, here + 4], axis=1)
+    count = len(rows_m)
+    sides = (quads[None] + 4 * np.arange(count - 1)[:, None, None]).reshape(-1, 3)
+    first, last = np.array([[0, 3, 2], [0, 2, 1]]), np.array([[0, 1, 2], [0, 2, 3]]) + 4 * (count - 1)
+    faces = np.concatenate([sides, first, last])[:, ::-1].astype(np.int32)
+    return solid(leaves(color), rows_m.reshape(-1, 3), faces, crease_deg=40.0)

@@ -1,0 +1,105 @@
+"""Guard rails: along fast roads, and where the land falls away beside any road."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.claims import Claims
+from simbev_ros.assets.facets import TILE_M
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.primitives import Finish, boxes, loft
+from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.tiles import TileBuilder, standing
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.semantics import Tag
+from simbev_ros.types import BoolArray, Float64Array
+
+_FAST_MPS = 80.0 / 3.6
+_FROM_STREET_M = 0.5
+_DROP_M, _DROP_WITHIN_M = 2.5, 8.0  # a drop is land so much lower so far beside the street
+_SHORTEST_M = 8.0
+_STEP_M, _POST_SPACING_M = 2.0, 4.0
+_BEAM_M, _TOP_M = 0.31, 0.75
+_ROOM_M = 0.35
+_BESIDE_M = 4.5
+
+_STEEL = Finish(Material.METAL, Tag.GUARD_RAIL, (146, 150, 153))
+# Cross-section of a W-beam (EN 1317 type A), outline in metres from its middle: away from the road, up.
+_PROFILE_M = np.array(
+    [[0.0, -0.155], [-0.08, -0.11], [-0.08, -0.06], [0.0, -0.02], [0.0, 0.02], [-0.08, 0.06], [-0.08, 0.11], [0.0, 0.155]]
+)
+
+
+def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
+    """Add the guard rails of a region; they are open where roads join."""
+    for line in _lines(ground):
+        rail = _rail(ground, line)
+        middle_m = shapely.get_coordinates(line.interpolate(0.5, normalized=True))[0]
+        claims.add(shapely.buffer(line, _ROOM_M, cap_style="flat"))
+        pose = standing(middle_m, 0.0)
+        tiles.place(rail.transformed(np.linalg.inv(pose)), pose)
+
+
+def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
+    """Where rails stand, the street on their left, each within one tile and straight enough."""
+    street = ground.streets[0].area
+    edge = shapely.buffer(street, _FROM_STREET_M).boundary
+    taken = shapely.union_all([shapely.buffer(street, 0.9 * _FROM_STREET_M), *ground.decks])
+    x0, y0, x1, y1 = ground.region.area.bounds
+    corners_m = np.stack(np.meshgrid(np.arange(x0, x1, TILE_M), np.arange(y0, y1, TILE_M)), axis=-1).reshape(-1, 2)
+    for tile in shapely.box(*corners_m.T, *(corners_m + TILE_M).T):
+        inside = shapely.line_merge(shapely.difference(shapely.intersection(edge, tile), taken))
+        for part in shapely.get_parts(inside):
+            yield from _needed(ground, part)
+
+
+def _needed(ground: RegionGround, line: shapely.LineString) -> Iterator[shapely.LineString]:
+    """The stretches of a line where there should be a rail."""
+    if line.geom_type != "LineString" or line.length < _SHORTEST_M:
+        return
+    stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
+    place_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
+    wanted = _beside_fast_roads(ground, place_m) | _beside_drops(ground, place_m)
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
+    for start, end in changes.reshape(-1, 2):
+        if stations_m[end - 1] - stations_m[start] >= _SHORTEST_M:
+            yield shapely.LineString(place_m[start:end])
+
+
+def _beside_fast_roads(ground: RegionGround, place_m: Float64Array) -> BoolArray:
+    """(N,) whether the road beside (N, 2) places is fast, and has no sidewalk there."""
+    box = shapely.box(*place_m.min(axis=0), *place_m.max(axis=0))
+    near = ground.network.layout.near(box, _BESIDE_M)
+    fast = [strip for strip in near.strips_of(LaneKind.DRIVING, level=0) if strip.speed_mps >= _FAST_MPS and not strip.junction]
+    points = shapely.points(place_m)
+    walks = shapely.dwithin(ground.streets[0].sidewalk, points, _BESIDE_M)
+    beside: BoolArray = shapely.dwithin(shapely.union_all(strip_polygons(fast)), points, _BESIDE_M)
+    return beside & ~walks
+
+
+def _beside_drops(ground: RegionGround, place_m: Float64Array) -> BoolArray:
+    """(N,) whether the land falls away on the right of a line through (N, 2) places."""
+    along = np.gradient(place_m, axis=0)
+    right = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    drop: BoolArray = ground.land_m(place_m) - ground.land_m(place_m + _DROP_WITHIN_M * right) > _DROP_M
+    return drop
+
+
+def _rail(ground: RegionGround, line: shapely.LineString) -> Mesh:
+    """Beam and posts along a line, in the map frame."""
+    stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
+    xy_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
+    height_m = ground.land_m(xy_m)
+    along = np.gradient(xy_m, axis=0)
+    right = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    ring_m = np.concatenate([_PROFILE_M, _PROFILE_M[::-1] - [0.012, 0.0]])
+    sections = np.empty((len(xy_m), len(ring_m), 3))
+    sections[..., :2] = xy_m[:, None] - ring_m[:, 0, None] * right[:, None] * -1.0
+    sections[..., 2] = (height_m + _TOP_M - _BEAM_M / 2.0)[:, None] + ring_m[:, 1]
+    post = slice(0, None, round(_POST_SPACING_M / _STEP_M))
+    center_m = np.column_stack([(xy_m + 0.12 * right)[post], height_m[post] + _TOP_M / 2.0 - 0.3])
+    posts = boxes(_STEEL, np.tile([0.1, 0.1, _TOP_M + 0.5], (len(center_m), 1)), center_m)
+    return Mesh.merged([loft(_STEEL, sections, caps=False), posts])

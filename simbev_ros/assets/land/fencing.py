@@ -1,0 +1,42 @@
+"""Fences, walls and hedges along lines: whole panels where there is room."""
+
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.ensemble import Base
+from simbev_ros.assets.land.yard import Yard, quad, yaw_of
+from simbev_ros.assets.street.barriers import PANEL_M, VARIANTS, panel
+from simbev_ros.types import Float64Array
+
+_HALF_WIDTH_M = {"hedge": 0.42, "high_hedge": 0.42}
+_THIN_M = 0.2
+
+
+def fence_line(
+    yard: Yard, kind: str, start_m: Float64Array, end_m: Float64Array, land: BaseGeometry, rng: np.random.Generator
+) -> None:
+    """Put panels of a kind in a straight line from one (2,) place to another, where they are free and on the land."""
+    step = end_m - start_m
+    length_m = float(np.hypot(*step))
+    count = int(length_m / PANEL_M[kind])
+    variant = int(rng.integers(VARIANTS))
+    if count == 0:
+        return
+    along, half_m = step / length_m, _HALF_WIDTH_M.get(kind, _THIN_M)
+    first_m = start_m + along * (length_m - count * PANEL_M[kind]) / 2.0
+    places = first_m + np.outer(np.arange(count) * PANEL_M[kind], along)
+    footprints = [quad(place, along, (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m)) for place in places]
+    fit = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
+    kept = [k for k in np.flatnonzero(fit).tolist() if yard.claims.is_free(footprints[k])]
+    yard.claims.add(*(footprints[k] for k in kept))
+    yard.ensemble.put(panel(kind, variant), places[kept], yaw_of(along), base=Base.ALONG_LAND)
+
+
+def fence_along(yard: Yard, kind: str, line: shapely.LineString, land: BaseGeometry, rng: np.random.Generator) -> None:
+    """The same along a bent line."""
+    corners = shapely.get_coordinates(line.simplify(0.3))
+    for start_m, end_m in pairwise(corners):
+        fence_line(yard, kind, start_m, end_m, land, rng)

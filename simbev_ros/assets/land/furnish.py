@@ -1,0 +1,78 @@
+"""Everything that stands in a region, and what covers its land: streets first, then buildings, gardens, plants."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from simbev_ros.assets.claims import Claims
+from simbev_ros.assets.land.blocks import Block, blocks_of, fast_roads, zones_of
+from simbev_ros.assets.land.campus import lay_out_campus
+from simbev_ros.assets.land.covers import Cover
+from simbev_ros.assets.land.farmland import lay_out_farmland
+from simbev_ros.assets.land.industry import lay_out_industry
+from simbev_ros.assets.land.parks import lay_out_park
+from simbev_ros.assets.land.prescribed import build_prescribed
+from simbev_ros.assets.land.suburb import lay_out_suburb
+from simbev_ros.assets.land.town import lay_out_town
+from simbev_ros.assets.land.woods import lay_out_woods
+from simbev_ros.assets.land.yard import Yard
+from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.static_scene import StreetLight
+from simbev_ros.assets.street.curbs import curb_lines
+from simbev_ros.assets.street.lights import put_lights
+from simbev_ros.assets.street.streetscape import (
+    put_bus_shelters,
+    put_cables,
+    put_name_signs,
+    put_signals,
+    put_signs,
+    put_small_things,
+    put_street_trees,
+)
+from simbev_ros.assets.tiles import TileBuilder
+
+_LAID_OUT: Mapping[str, Callable[[Yard, Block], None]] = {
+    "downtown": lay_out_town,
+    "residential": lay_out_town,
+    "suburb": lay_out_suburb,
+    "industrial": lay_out_industry,
+    "campus": lay_out_campus,
+    "farmland": lay_out_farmland,
+    "woods": lay_out_woods,
+    "park": lay_out_park,
+}
+
+
+class Furnishing(NamedTuple):
+    """What ``furnish_region`` leaves to be done: covers to be laid on the land, lights to be lit."""
+
+    covers: tuple[Cover, ...]
+    street_lights: tuple[StreetLight, ...]
+
+
+def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> Furnishing:
+    """Put everything that stands in a region into the tiles.
+
+    Args:
+        tiles: Receives the meshes.
+        claims: What is taken already, such as pillars and guard rails.
+        ground: What everything stands on.
+    """
+    yard = Yard(ground, tiles, claims)
+    claims.add(*(deck for deck in ground.decks if not deck.is_empty))
+    blocks = blocks_of(ground)
+    curbs = curb_lines(yard)
+    put_signals(yard)
+    put_signs(yard)
+    lights = tuple(put_lights(yard, curbs, fast_roads(ground)))
+    put_bus_shelters(yard, blocks)
+    prescribed = ground.network.features.buildings
+    if prescribed is not None:
+        build_prescribed(yard, prescribed, zones_of(ground))
+    for block in blocks:
+        _LAID_OUT[block.recipe.use](yard, block)
+    put_name_signs(yard, curbs)
+    put_street_trees(yard, curbs)
+    put_small_things(yard, curbs)
+    put_cables(yard, curbs)
+    yard.ensemble.place_all(tiles, ground)
+    return Furnishing(tuple(yard.covers), lights)

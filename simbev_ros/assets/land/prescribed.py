@@ -1,0 +1,73 @@
+"""Buildings that the map prescribes, on their outlines."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.architecture.outlines import outlined
+from simbev_ros.assets.architecture.walls import draw_wall
+from simbev_ros.assets.land.yard import Yard
+from simbev_ros.assets.tiles import standing
+from simbev_ros.maps.features import Footprint
+from simbev_ros.maps.surroundings import SurroundingsRecipe
+from simbev_ros.types import Float64Array
+
+_NEAR_M = 60.0
+_EAVES_M, _FOOT_M = 0.5, 0.3
+_WALLS = {
+    "industrial": ("metal", "concrete"),
+    "warehouse": ("metal", "concrete"),
+    "commercial": ("glass", "concrete", "brick"),
+    "office": ("glass", "concrete"),
+    "retail": ("plaster", "brick", "concrete"),
+    "barn": ("timber",),
+    "farm": ("timber", "brick"),
+    "house": ("brick", "plaster", "timber"),
+    "detached": ("brick", "plaster", "timber"),
+}
+_USUAL = ("brick", "plaster", "plaster", "concrete")
+_TALL_M = 28.0
+
+
+def build_prescribed(
+    yard: Yard,
+    buildings: Sequence[Footprint],
+    zones: Sequence[tuple[SurroundingsRecipe, BaseGeometry]],
+) -> None:
+    """Claim the outlines in and around a region, and build those whose middle it owns."""
+    if not buildings:
+        return
+    outlines = np.array([building.outline for building in buildings])
+    near = np.flatnonzero(shapely.intersects(yard.inside.buffer(_NEAR_M, join_style="mitre"), outlines))
+    yard.claims.add(*(outlines[row].buffer(_EAVES_M, join_style="mitre") for row in near))
+    yard.walls.extend(outlines[near])
+    owned = near[yard.ground.owns(shapely.get_coordinates(shapely.point_on_surface(outlines[near])))]
+    for row in owned.tolist():
+        _build(yard, buildings[row], zones)
+
+
+def _build(yard: Yard, building: Footprint, zones: Sequence[tuple[SurroundingsRecipe, BaseGeometry]]) -> None:
+    """Raise one building from the highest land along its walls."""
+    middle_m = np.array(building.outline.centroid.coords[0])
+    rng = yard.ground.stream(f"prescribed.{middle_m[0]:.1f}.{middle_m[1]:.1f}")
+    heights_m = _around_m(yard, building.outline)
+    recipe = next((recipe for recipe, area in zones if area.intersects(building.outline)), zones[-1][0])
+    local = shapely.transform(building.outline, lambda xy: xy - middle_m)
+    foundation_m = float(np.ptp(heights_m)) + _FOOT_M
+    mesh = outlined(local, building.height_m, foundation_m, draw_wall(_style(building, recipe, rng), rng), rng)
+    yard.tiles.place(mesh, standing(middle_m, float(heights_m.max())))
+
+
+def _around_m(yard: Yard, outline: shapely.Polygon) -> Float64Array:
+    """Heights of the land along the walls."""
+    return yard.ground.land_m(shapely.get_coordinates(shapely.segmentize(outline.exterior, 4.0)))
+
+
+def _style(building: Footprint, recipe: SurroundingsRecipe, rng: np.random.Generator) -> str:
+    """The recipe's style, or one that suits the building."""
+    if recipe.building_style != "mixed":
+        return recipe.building_style
+    choices = ("glass", "concrete") if building.height_m > _TALL_M else _WALLS.get(building.use, _USUAL)
+    return choices[int(rng.integers(len(choices)))]

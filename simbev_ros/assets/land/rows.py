@@ -1,0 +1,199 @@
+"""Buildings in rows along streets: each on a plot that is free, flat enough and inside its block."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.architecture.facades import BAY_M
+from simbev_ros.assets.architecture.houses import GARAGE_M
+from simbev_ros.assets.architecture.kinds import Kind, build, load_kinds
+from simbev_ros.assets.architecture.plot import Plot
+from simbev_ros.assets.land.blocks import Block, Frontage, left_of
+from simbev_ros.assets.land.yard import Yard, quad, yaw_of
+from simbev_ros.assets.tiles import standing
+from simbev_ros.config.draw import sample
+from simbev_ros.maps.surroundings import SurroundingsRecipe
+from simbev_ros.types import Float64Array
+
+FRONT_ROOM_M = 1.3
+"""Between setback line and front wall: room for steps, awnings, cornices and balconies."""
+
+_STEP_M = 1.5
+_BACK_ROOM_M = 0.6
+_BEYOND_M = 3.0
+_PARTY_GAP_M = 0.12
+_FOOT_M = 0.3
+_GARAGE_KINDS = ("villa", "farmhouse")
+
+ChooseKind = Callable[[float, np.random.Generator], str]
+"""From the height that a recipe wants and a generator to a kind of building."""
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A building in its place.
+
+    Attributes:
+        kind: Key of kinds.yaml.
+        plot: Its measures.
+        origin_m: (2,) middle of its front wall, map frame.
+        along: (2,) unit direction of its front, the building to its left.
+        footprint: Ledges, eaves and front room included.
+        setback_m: From the street's edge to the front room.
+    """
+
+    kind: str
+    plot: Plot
+    origin_m: Float64Array
+    along: Float64Array
+    footprint: shapely.Polygon
+    setback_m: float
+
+    def quad(self, x_m: tuple[float, float], y_m: tuple[float, float]) -> shapely.Polygon:
+        """A rectangle given in the building's frame."""
+        return quad(self.origin_m, self.along, x_m, y_m)
+
+    def place(self, x_m: float, y_m: float) -> Float64Array:
+        """(2,) place in the map frame of one in the building's."""
+        return np.asarray(self.origin_m + self.along * x_m + left_of(self.along) * y_m)
+
+    def shifted(self, along_m: float) -> "Site":
+        """The same site farther on along its front."""
+        step_m = self.along * along_m
+        footprint = shapely.transform(self.footprint, lambda xy: xy + step_m)
+        return replace(self, origin_m=self.origin_m + step_m, footprint=footprint)
+
+    @property
+    def yaw_rad(self) -> float:
+        """Of its front."""
+        return yaw_of(self.along)
+
+
+def build_rows(
+    yard: Yard, block: Block, choose: ChooseKind, rng: np.random.Generator, *, density: float | None = None
+) -> list[Site]:
+    """Fill the frontage of a block with buildings; those that stand are claimed and built."""
+    if yard.ground.network.features.buildings is not None:
+        return []
+    land = block.land.buffer(-0.15)
+    shapely.prepare(land)
+    share = block.recipe.building_density if density is None else density
+    sites = []
+    for line in block.frontage:
+        sites += list(_row(yard, line, land, block.recipe, choose, rng, share))
+    return sites
+
+
+def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Generator) -> Site | None:
+    """Claim and build a site if the land is flat enough there, and the map does not prescribe its buildings."""
+    if yard.ground.network.features.buildings is not None:
+        return None
+    kind = load_kinds()[site.kind]
+    low_m, high_m = _land_range_m(yard, site)
+    if high_m - low_m > kind.rise_m:
+        return None
+    plot = replace(site.plot, foundation_m=high_m - low_m + _FOOT_M)
+    mesh = build(site.kind, plot, kind.draw_wall(recipe.building_style, rng), rng)
+    yard.claims.add(site.footprint)
+    yard.walls.append(site.footprint)
+    yard.tiles.place(mesh, standing(site.origin_m, high_m, site.yaw_rad))
+    return replace(site, plot=plot)
+
+
+def site_at(
+    kind_name: str,
+    place_m: Float64Array,
+    along: Float64Array,
+    recipe: SurroundingsRecipe,
+    rng: np.random.Generator,
+    setback_m: float,
+    height_m: float,
+) -> Site:
+    """A site whose plot begins at a place on the street's edge."""
+    kind = load_kinds()[kind_name]
+    width_m, depth_m = (BAY_M * int(rng.integers(*span, endpoint=True)) for span in (kind.width, kind.depth))
+    garage = int(rng.choice([-1, 1])) if kind_name in _GARAGE_KINDS and rng.random() < 0.75 else 0
+    width_m += GARAGE_M * abs(garage)
+    origin_m = place_m + along * width_m / 2.0 + left_of(along) * (setback_m + FRONT_ROOM_M)
+    plot = Plot(width_m, depth_m, height_m, garage=garage)
+    return Site(kind_name, plot, origin_m, along, _footprint(kind, plot, origin_m, along), setback_m)
+
+
+def _row(
+    yard: Yard,
+    line: Frontage,
+    land: BaseGeometry,
+    recipe: SurroundingsRecipe,
+    choose: ChooseKind,
+    rng: np.random.Generator,
+    share: float,
+) -> Iterator[Site]:
+    """Buildings side by side from one end of a line to the other."""
+    s_m = 0.0
+    while s_m < line.length_m - 2 * BAY_M:
+        height_m = sample(recipe.building_height_m, rng)
+        name = choose(height_m, rng)
+        kind = load_kinds()[name]
+        if kind.height_m is not None:
+            height_m = float(rng.uniform(*kind.height_m))
+        setback_m = sample(recipe.building_setback_m, rng) + kind.setback_m
+        candidate = site_at(name, *line.chord(s_m, 2 * BAY_M), recipe, rng, setback_m, height_m)
+        wanted, gap_m = rng.random() < share, _gap_m(kind, rng)
+        found = _first_fit(yard, line, candidate, s_m, land)
+        if found is None:
+            s_m += BAY_M
+            continue
+        s_m, candidate = found
+        site = erect(yard, candidate, recipe, rng) if wanted else None
+        if site is not None:
+            yield site
+        s_m += candidate.plot.width_m + gap_m
+
+
+def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: BaseGeometry) -> tuple[float, Site] | None:
+    """Where along a line a site has room first, or one as narrow as its kind can be, and the site there."""
+    kind = load_kinds()[site.kind]
+    narrow = replace(site, plot=replace(site.plot, width_m=kind.width[0] * BAY_M + GARAGE_M * abs(site.plot.garage)))
+    for candidate in (site, narrow):
+        width_m = candidate.plot.width_m
+        for s_m in np.arange(from_m, line.length_m + _BEYOND_M - width_m, _STEP_M).tolist():
+            placed = _at(candidate, kind, *line.chord(s_m, width_m))
+            if _fits(yard, placed, land):
+                if candidate is site and s_m - from_m > kind.width[0] * BAY_M:
+                    break  # a narrow one would leave less of the street empty
+                return s_m, placed
+    return None
+
+
+def _at(site: Site, kind: Kind, place_m: Float64Array, along: Float64Array) -> Site:
+    """The same site, its plot beginning at another place."""
+    origin_m = place_m + along * site.plot.width_m / 2.0 + left_of(along) * (site.setback_m + FRONT_ROOM_M)
+    return replace(site, origin_m=origin_m, along=along, footprint=_footprint(kind, site.plot, origin_m, along))
+
+
+def _footprint(kind: Kind, plot: Plot, origin_m: Float64Array, along: Float64Array) -> shapely.Polygon:
+    half_m = plot.width_m / 2.0 + kind.verge_m
+    return quad(origin_m, along, (-half_m, half_m), (-FRONT_ROOM_M, plot.depth_m + _BACK_ROOM_M))
+
+
+def _fits(yard: Yard, site: Site, land: BaseGeometry) -> bool:
+    return bool(
+        land.contains(site.footprint) and yard.inside.contains(site.footprint) and yard.claims.is_free(site.footprint)
+    )
+
+
+def _land_range_m(yard: Yard, site: Site) -> tuple[float, float]:
+    """Lowest and highest land under the walls of a site."""
+    half_m, depth_m = site.plot.width_m / 2.0, site.plot.depth_m
+    x_m, y_m = np.meshgrid(np.linspace(-half_m, half_m, 5), np.linspace(-0.5, depth_m, 4))
+    places = site.origin_m + np.outer(x_m, site.along) + np.outer(y_m, left_of(site.along))
+    height_m = yard.ground.land_m(places)
+    return float(height_m.min()), float(height_m.max())
+
+
+def _gap_m(kind: Kind, rng: np.random.Generator) -> float:
+    """Room to the next building."""
+    return _PARTY_GAP_M if rng.random() < kind.party else float(rng.uniform(*kind.gap_m))

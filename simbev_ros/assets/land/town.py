@@ -1,0 +1,113 @@
+"""Downtown and residential blocks: rows of buildings, paved yards, front gardens, courtyards with trees or cars."""
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.architecture.facades import door_x_m
+from simbev_ros.assets.land.blocks import Block
+from simbev_ros.assets.land.covers import PATH_RISE_M
+from simbev_ros.assets.land.fencing import fence_line
+from simbev_ros.assets.land.parking import MODULE_M, parking_lot
+from simbev_ros.assets.land.parks import lay_out_park
+from simbev_ros.assets.land.planting import scatter
+from simbev_ros.assets.land.rows import FRONT_ROOM_M, Site, build_rows
+from simbev_ros.assets.land.yard import Yard, yaw_of
+from simbev_ros.assets.palette import pick_color
+from simbev_ros.assets.street.yard_things import dumpster
+
+_HIGHEST_HOUSE_M, _HIGHEST_APARTMENTS_M = 7.5, 24.0
+_YARD_DEPTH_M = 27.0
+_PARK_SHARE, _LARGEST_PARK_M2 = 0.13, 30_000.0
+_PATH_M, _GATE_M, _SHORTEST_BARRIER_M = 1.3, 1.1, 1.5
+_GARDEN_M2, _COURT_M2 = 230.0, 200.0
+
+
+def lay_out_town(yard: Yard, block: Block) -> None:
+    """Lay out a downtown or residential block; now and then a park."""
+    rng = yard.ground.stream(f"town.{block.name}")
+    downtown = block.recipe.use == "downtown"
+    if not downtown and block.frontage and block.land.area < _LARGEST_PARK_M2 and rng.random() < _PARK_SHARE:
+        lay_out_park(yard, block)
+        return
+    court = shapely.intersection(block.land.buffer(-_YARD_DEPTH_M), block.land) if downtown else block.land
+    yard.cover(court, "lawn", block.recipe.plants)
+    yard.cover(shapely.difference(block.land, court), "yard")
+    choose = _downtown_kind if downtown else _residential_kind
+    sites = build_rows(yard, block, choose, rng, density=block.recipe.building_density ** (0.4 if downtown else 1.0))
+    _pave_fronts(yard, block, sites)
+    for site in sites:
+        if site.kind == "town_house":
+            _fence_in(yard, block, site, rng)
+        elif rng.random() < block.recipe.furniture_density:
+            _put_waste(yard, block, site, rng)
+    if downtown and rng.random() < 0.5:
+        _court_parking(yard, block, rng)
+    density = block.recipe.plant_density
+    if density > 0.0:
+        land = court if downtown else block.land.buffer(-1.2)
+        scatter(yard, land, (_COURT_M2 if downtown else _GARDEN_M2) / density, block.recipe.plants, "garden", rng)
+
+
+def _downtown_kind(height_m: float, rng: np.random.Generator) -> str:
+    if height_m > _HIGHEST_APARTMENTS_M:
+        return "office"
+    return "shop" if height_m < _HIGHEST_HOUSE_M else "apartments"
+
+
+def _residential_kind(height_m: float, rng: np.random.Generator) -> str:
+    if height_m > _HIGHEST_APARTMENTS_M:
+        return "office"
+    if height_m < _HIGHEST_HOUSE_M + 3.0 * rng.random():
+        return "town_house" if rng.random() < 0.8 else "shop"
+    return "church" if rng.random() < 0.02 else "apartments"
+
+
+def _pave_fronts(yard: Yard, block: Block, sites: list[Site]) -> None:
+    """Paving from the sidewalk to the front: a path to a house's door, a forecourt before all else."""
+    paths = []
+    for site in sites:
+        half_m = site.plot.width_m / 2.0
+        x_m = door_x_m(site.plot.width_m)
+        house = site.kind == "town_house"
+        span_m = (x_m - _PATH_M / 2.0, x_m + _PATH_M / 2.0) if house else (-half_m, half_m)
+        paths.append(site.quad(span_m, (-(site.setback_m + FRONT_ROOM_M + 0.3), 0.0)))
+        if house:
+            yard.claims.add(paths[-1].buffer(0.2))
+    if block.recipe.use != "downtown":
+        yard.cover(shapely.intersection(shapely.union_all(paths), block.land), "yard", rise_m=PATH_RISE_M)
+
+
+def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
+    """A hedge, a fence or a wall along the front of a house's garden, open at the path."""
+    kind = ("hedge", "picket", "wall")[int(rng.integers(3))]
+    if rng.random() > 1.5 * block.recipe.fence_density:
+        return
+    y_m = -(site.setback_m + FRONT_ROOM_M) + 0.55
+    door_m, half_m = door_x_m(site.plot.width_m), site.plot.width_m / 2.0 + 0.5
+    for start_m, end_m in ((-half_m, door_m - _GATE_M), (door_m + _GATE_M, half_m)):
+        if end_m - start_m > _SHORTEST_BARRIER_M:
+            fence_line(yard, kind, site.place(start_m, y_m), site.place(end_m, y_m), block.land, rng)
+
+
+def _put_waste(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
+    """A waste container behind a building."""
+    place_m = site.place(rng.uniform(-0.3, 0.3) * site.plot.width_m, site.plot.depth_m + 1.7)
+    if yard.claim(shapely.Point(place_m).buffer(1.1, quad_segs=3), block.land):
+        color = pick_color(rng, "bins", 0.0)
+        yard.ensemble.put(dumpster(color), place_m, yaw_of(site.along) + np.pi / 2.0)
+
+
+def _court_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
+    """Cars' room in the middle of a large block."""
+    court = block.land.buffer(-_YARD_DEPTH_M + 6.0)
+    if court.is_empty or not block.frontage:
+        return
+    longest = max(block.frontage, key=lambda line: line.length_m)
+    _, along = longest.chord(0.0, longest.length_m)
+    middle = np.array(court.centroid.coords[0])
+    across = np.array([-along[1], along[0]])
+    for width_m in (52.0, 40.0, 29.0, 19.0):
+        depth_m = MODULE_M + 1.6
+        origin_m = middle - along * width_m / 2.0 - across * depth_m / 2.0
+        if parking_lot(yard, origin_m, along, width_m, depth_m, court):
+            return

@@ -1,0 +1,98 @@
+"""What a region is laid out with: who stands where, what has been put, what has been covered."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.claims import Claims
+from simbev_ros.assets.ensemble import Ensemble
+from simbev_ros.assets.land.covers import Cover, finish_of
+from simbev_ros.assets.primitives import Finish
+from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.tiles import TileBuilder
+from simbev_ros.types import Float64Array
+
+SIGNAL_CLEARANCE_M = 2.0
+"""Crowns keep so far from signal heads."""
+
+BORDER_M = 0.3
+"""Nothing stands closer to a region's border, so that nothing built on its other side can overlap it."""
+
+_SIGNALS_M = 20.0
+
+
+@dataclass(slots=True)
+class Yard:
+    """A region while it is laid out.
+
+    Attributes:
+        ground: What everything stands on.
+        tiles: Where single meshes go.
+        claims: Who stands where.
+        ensemble: Where repeated things go.
+        covers: What has been covered so far.
+        walls: Plans of buildings, which crowns keep clear of.
+        inside: The region without its border.
+        signals: Of the signal heads in and near the region.
+        edges: Of the pieces of the edges of streets and decks in the region.
+    """
+
+    ground: RegionGround
+    tiles: TileBuilder
+    claims: Claims
+    ensemble: Ensemble = field(default_factory=Ensemble)
+    covers: list[Cover] = field(default_factory=list)
+    walls: list[BaseGeometry] = field(default_factory=list)
+    inside: shapely.Polygon = field(init=False)
+    signals: shapely.STRtree = field(init=False)
+    edges: shapely.STRtree = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Derive the rest."""
+        ground = self.ground
+        self.inside = shapely.box(*(np.array(ground.region.area.bounds) + BORDER_M * np.array([1, 1, -1, -1])))
+        signals_m = np.array([signal.position_m[:2] for signal in ground.network.signals]).reshape(-1, 2)
+        signals = np.array(shapely.points(signals_m)).reshape(-1)
+        self.signals = shapely.STRtree(signals[shapely.dwithin(self.inside, signals, _SIGNALS_M)])
+        rims = [ground.streets[0].area.boundary, *(deck.boundary for deck in ground.decks if not deck.is_empty)]
+        self.edges = shapely.STRtree(_segments(shapely.intersection(shapely.union_all(rims), self.inside)))
+
+    def keep_off_trees(self) -> tuple[tuple[shapely.STRtree, float], ...]:
+        """What crowns keep clear of: buildings, signals and the edges of streets, each with an extra distance, metres.
+
+        To be asked for when all buildings of the land in question stand.
+        """
+        return (shapely.STRtree(self.walls), 0.0), (self.signals, SIGNAL_CLEARANCE_M), (self.edges, 0.0)
+
+    def cover(self, area: BaseGeometry, finish: Finish | str, landscape: str = "temperate", **how: float) -> None:
+        """Cover an area with a finish, or the one of a name."""
+        if not area.is_empty:
+            self.covers.append(Cover(area, finish_of(finish, landscape) if isinstance(finish, str) else finish, **how))
+
+    def claim(self, footprint: shapely.Polygon, land: BaseGeometry) -> bool:
+        """Claim a footprint that must lie on a piece of land within the region."""
+        return bool(self.inside.contains(footprint) and land.contains(footprint) and self.claims.claim(footprint))
+
+
+def quad(
+    origin: Float64Array, along: Float64Array, x_m: tuple[float, float], y_m: tuple[float, float]
+) -> shapely.Polygon:
+    """A rectangle in the frame of a (2,) origin and the (2,) unit direction of its x axis."""
+    across = np.array([-along[1], along[0]])
+    corners = ((x_m[0], y_m[0]), (x_m[1], y_m[0]), (x_m[1], y_m[1]), (x_m[0], y_m[1]))
+    return shapely.Polygon([origin + along * x + across * y for x, y in corners])
+
+
+def yaw_of(direction: Float64Array) -> float:
+    """Of a (2,) vector."""
+    return float(np.arctan2(direction[1], direction[0]))
+
+
+def _segments(lines: BaseGeometry) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
+    """The straight pieces that lines consist of."""
+    parts = shapely.get_parts(lines)
+    xy_m, part = shapely.get_coordinates(parts, return_index=True)
+    onward = part[1:] == part[:-1]
+    return np.atleast_1d(shapely.linestrings(np.stack([xy_m[:-1], xy_m[1:]], axis=1)[onward]))

@@ -1,0 +1,60 @@
+"""A region's scene as flat arrays in one file, and back."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.static_scene import RegionScene, StreetLight, Tile
+from simbev_ros.types import AnyArray
+
+
+def write_region(path: Path, scene: RegionScene) -> None:
+    """Write a scene of at least one tile."""
+    np.savez(path, allow_pickle=False, **dict(_arrays(scene)))
+
+
+def read_region(path: Path) -> RegionScene:
+    """Read it again, the same to the byte.
+
+    Raises:
+        ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile: The file is damaged.
+    """
+    with np.load(path, allow_pickle=False) as arrays:
+        columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
+        origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
+        owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
+    by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
+    for index, (row, name) in enumerate(owners):
+        by_tile[row][name] = Mesh(**{field: column[index] for field, column in columns.items()})
+    tiles = zip(origins_m, by_tile, levels, strict=True)
+    return RegionScene(
+        tuple(Tile(origin_m, meshes.pop(""), meshes, level) for origin_m, meshes, level in tiles),
+        tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
+    )
+
+
+def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
+    """All meshes end to end, and where each one belongs."""
+    meshes = [(row, name, mesh) for row, tile in enumerate(scene.tiles) for name, mesh in _named(tile)]
+    yield "origin_m", np.array([tile.origin_m for tile in scene.tiles])
+    yield "level", np.array([tile.level for tile in scene.tiles])
+    yield "street_light_m", np.array([light.position_m for light in scene.street_lights]).reshape(-1, 3)
+    yield "tile", np.array([row for row, _, _ in meshes])
+    yield "name", np.array([name for _, name, _ in meshes])
+    for field in fields(Mesh):
+        columns = [getattr(mesh, field.name) for _, _, mesh in meshes]
+        yield field.name, np.concatenate(columns)
+        yield f"{field.name}_count", np.array([len(column) for column in columns])
+
+
+def _named(tile: Tile) -> Iterator[tuple[str, Mesh]]:
+    """What is seen, without a name, then the surfaces."""
+    yield "", tile.mesh
+    yield from tile.surfaces.items()
+
+
+def _split(arrays: Mapping[str, AnyArray], name: str) -> list[AnyArray]:
+    return np.split(arrays[name], np.cumsum(arrays[f"{name}_count"])[:-1])

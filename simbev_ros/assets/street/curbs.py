@@ -1,0 +1,91 @@
+"""Lines beside carriageways that things stand along: on sidewalks, on the verges of roads without them, on decks."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.land.blocks import zones_of
+from simbev_ros.assets.land.yard import Yard
+from simbev_ros.maps.surroundings import SurroundingsRecipe
+from simbev_ros.types import Float64Array
+
+STATION_M = 0.5
+"""Distance of the places along a line."""
+
+_FROM_CURB_M, _FROM_EDGE_M, _ON_RIM_M = 0.55, 1.5, 0.2
+_KEEP_FROM_CROSSING_M = 2.0
+_KEEP_FROM_CORNER_M = 1.0
+_SHORTEST_M = 6.0
+_KEEP_FROM_WALK_M = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class CurbLine:
+    """A stretch of such a line.
+
+    Attributes:
+        place_m: (N, 2) places ``STATION_M`` apart.
+        yaw_rad: (N,) towards the road.
+        recipe: What the land here is like.
+        walk: Whether it lies on a sidewalk.
+        level: Of the road.
+    """
+
+    place_m: Float64Array
+    yaw_rad: Float64Array
+    recipe: SurroundingsRecipe
+    walk: bool
+    level: int = 0
+
+
+def curb_lines(yard: Yard) -> tuple[CurbLine, ...]:
+    """All lines in a region, always in the same order."""
+    zones = zones_of(yard.ground)
+    ground, streets = yard.ground, yard.ground.streets[0]
+    asphalt = shapely.union(streets.road, streets.shoulder)
+    crossings = shapely.buffer(streets.crosswalk, _KEEP_FROM_CROSSING_M)
+    walks: BaseGeometry = shapely.buffer(asphalt, _FROM_CURB_M).boundary.intersection(
+        shapely.buffer(streets.sidewalk, -0.3)
+    )
+    walks = shapely.difference(walks, crossings)
+    lines = list(_stretches(walks, asphalt, yard, zones, walk=True, level=0))
+    street = streets.area
+    verges: BaseGeometry = shapely.buffer(street, _FROM_EDGE_M, quad_segs=4).boundary
+    verges = shapely.difference(verges, shapely.buffer(streets.sidewalk, _KEEP_FROM_WALK_M, quad_segs=2))
+    verges = shapely.intersection(verges, ground.land)
+    lines += _stretches(verges, street, yard, zones, walk=False, level=0)
+    for level, deck in enumerate(ground.streets[1:], start=1):
+        area = deck.area
+        rim: BaseGeometry = shapely.buffer(area, _ON_RIM_M, join_style="mitre").boundary
+        others = [other.area for other in ground.streets[:level]]
+        rim = shapely.difference(rim, shapely.buffer(shapely.union_all(others[-1:]), 2.0))
+        lines += _stretches(rim, area, yard, zones, walk=False, level=level)
+    return tuple(lines)
+
+
+def _stretches(
+    lines: BaseGeometry,
+    road: BaseGeometry,
+    yard: Yard,
+    zones: Sequence[tuple[SurroundingsRecipe, BaseGeometry]],
+    *,
+    walk: bool,
+    level: int,
+) -> Iterator[CurbLine]:
+    """The lines within the region, zone by zone, as places."""
+    lines = shapely.intersection(lines, yard.inside)
+    if lines.is_empty or road.is_empty:
+        return
+    shapely.prepare(road)
+    for recipe, area in zones:
+        merged = shapely.line_merge(shapely.intersection(lines, area))
+        parts = [part for part in shapely.get_parts(merged) if part.length > _SHORTEST_M]
+        for part in sorted(parts, key=lambda part: part.coords[0]):
+            stations = np.arange(_KEEP_FROM_CORNER_M, part.length - _KEEP_FROM_CORNER_M, STATION_M)
+            points = shapely.line_interpolate_point(part, stations)
+            nearest = shapely.get_coordinates(shapely.shortest_line(points, road)).reshape(-1, 2, 2)
+            towards = nearest[:, 1] - nearest[:, 0]
+            yield CurbLine(nearest[:, 0], np.arctan2(towards[:, 1], towards[:, 0]), recipe, walk, level)

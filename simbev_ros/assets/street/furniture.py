@@ -1,0 +1,131 @@
+"""Street furniture. Frame: origin at the foot, x towards the road, z up. Each is made once and copied."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.palette import Color
+from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, lathe
+from simbev_ros.semantics import Tag
+
+FOOT_M = 0.25
+"""Feet reach so far into the ground, for slopes."""
+
+
+@lru_cache(maxsize=1)
+def bench() -> Mesh:
+    """A park bench, 1.8 m long, to be sat on facing x."""
+    wood, iron = Finish(Material.WOOD, Tag.STATIC, (124, 88, 56)), Finish(Material.METAL, Tag.STATIC, (52, 54, 56))
+    planks = np.array([[-0.15, 0.0, 0.45], [0.0, 0.0, 0.45], [0.15, 0.0, 0.45]])
+    back = np.array([[-0.27, 0.0, 0.62], [-0.29, 0.0, 0.79]])
+    legs = np.array([[0.0, -0.7, 0.215 - FOOT_M / 2.0], [0.0, 0.7, 0.215 - FOOT_M / 2.0]])
+    posts = np.array([[-0.27, -0.7, 0.65], [-0.27, 0.7, 0.65]])
+    return Mesh.merged(
+        [
+            boxes(wood, np.tile((0.13, 1.8, 0.04), (3, 1)), planks),
+            boxes(wood, np.tile((0.04, 1.8, 0.12), (2, 1)), back),
+            boxes(iron, np.tile((0.42, 0.06, 0.43 + FOOT_M), (2, 1)), legs),
+            boxes(iron, np.tile((0.05, 0.06, 0.45), (2, 1)), posts),
+        ]
+    )
+
+
+@lru_cache(maxsize=8)
+def litter_bin(color: Color) -> Mesh:
+    """A litter bin, 1 m high."""
+    metal = Finish(Material.METAL, Tag.STATIC, color)
+    profile = np.array([[0.2, -FOOT_M], [0.24, 0.05], [0.26, 0.82], [0.28, 0.88], [0.2, 1.0], [0.0, 1.03]])
+    return lathe(metal, profile, segments=8)
+
+
+@lru_cache(maxsize=1)
+def hydrant() -> Mesh:
+    """A fire hydrant, 0.8 m high."""
+    red = Finish(Material.METAL, Tag.STATIC, (176, 40, 32))
+    profile = np.array([[0.19, -FOOT_M], [0.19, 0.0], [0.12, 0.08], [0.12, 0.55], [0.16, 0.6], [0.06, 0.76]])
+    outlets = [cylinder(red, (0.0, -0.22, 0.42), (0.0, 0.22, 0.42), 0.06, segments=6)]
+    outlets.append(cylinder(red, (0.0, 0.0, 0.4), (0.21, 0.0, 0.4), 0.08, segments=8))
+    return Mesh.merged([lathe(red, profile, segments=8), *outlets])
+
+
+@lru_cache(maxsize=1)
+def bus_shelter() -> Mesh:
+    """A bus shelter of glass, 4 m along the road and 1.5 m deep, open towards x."""
+    steel, glass = Finish(Material.METAL, Tag.STATIC, (66, 70, 74)), Finish(Material.GLASS, Tag.STATIC, (150, 172, 178))
+    posts = np.array([[x, y, 1.2] for x in (-0.7, 0.6) for y in (-1.95, 1.95)])
+    sides = np.array([[-0.05, -1.95, 1.2], [-0.05, 1.95, 1.2]])
+    feet = np.array([[-0.42, -1.3, 0.225], [-0.42, 1.3, 0.225]])
+    return Mesh.merged(
+        [
+            box(Finish(Material.CONCRETE, Tag.STATIC, (140, 137, 130)), (1.8, 4.2, 0.62), (-0.05, 0.0, -0.29)),
+            box(steel, (1.7, 4.2, 0.12), (-0.05, 0.0, 2.46), bevel_m=0.04),
+            boxes(steel, np.tile((0.08, 0.08, 2.4), (4, 1)), posts),
+            box(glass, (0.03, 3.8, 1.9), (-0.7, 0.0, 1.2)),
+            boxes(glass, np.tile((1.2, 0.03, 1.9), (2, 1)), sides),
+            box(Finish(Material.PLASTIC, Tag.STATIC, (214, 176, 96)), (0.8, 0.08, 1.3), (-0.1, 1.95, 1.25)),
+            box(Finish(Material.WOOD, Tag.STATIC, (128, 96, 64)), (0.4, 3.0, 0.06), (-0.42, 0.0, 0.48)),
+            boxes(steel, np.tile((0.06, 0.06, 0.45), (2, 1)), feet),
+        ]
+    )
+
+
+@lru_cache(maxsize=1)
+def mailbox() -> Mesh:
+    """A mailbox on a post, 1.2 m high, its flap towards x."""
+    wood, tin = Finish(Material.WOOD, Tag.STATIC, (116, 92, 66)), Finish(Material.METAL, Tag.STATIC, (86, 94, 104))
+    flag = Finish(Material.METAL, Tag.STATIC, (186, 44, 36))
+    return Mesh.merged(
+        [
+            box(wood, (0.1, 0.1, 1.0 + FOOT_M), (0.0, 0.0, 0.5 - FOOT_M / 2.0)),
+            box(tin, (0.48, 0.2, 0.24), (0.0, 0.0, 1.1), bevel_m=0.05),
+            box(flag, (0.04, 0.02, 0.16), (0.1, 0.11, 1.2)),
+        ]
+    )
+
+
+@lru_cache(maxsize=1)
+def cabinet() -> Mesh:
+    """A cabinet of telephone or power, 1.2 m high."""
+    shell = Finish(Material.METAL, Tag.OTHER, (142, 148, 142))
+    foot = Finish(Material.CONCRETE, Tag.OTHER, (128, 126, 120))
+    return Mesh.merged(
+        [
+            box(foot, (0.4, 0.95, 0.12 + FOOT_M), (0.0, 0.0, 0.06 - FOOT_M / 2.0)),
+            box(shell, (0.36, 0.9, 1.05), (0.0, 0.0, 0.64), bevel_m=0.02),
+            box(shell, (0.42, 0.96, 0.06), (0.0, 0.0, 1.19)),
+        ]
+    )
+
+
+@lru_cache(maxsize=1)
+def bicycle_rack() -> Mesh:
+    """Three hoops, 2 m along y, and the bicycles that are locked to two of them."""
+    steel = Finish(Material.METAL, Tag.STATIC, (150, 153, 156))
+    y_m = (-0.8, 0.0, 0.8)
+    posts = np.array([(x, y, 0.3) for y in y_m for x in (-0.35, 0.35)])
+    rails = np.array([(0.0, y, 0.82) for y in y_m])
+    hoops = [
+        boxes(steel, np.tile((0.05, 0.05, 1.1), (6, 1)), posts),
+        boxes(steel, np.tile((0.75, 0.05, 0.05), (3, 1)), rails),
+    ]
+    bicycles = [_parked_bicycle(y + 0.16, color) for y, color in ((-0.8, (38, 60, 96)), (0.8, (120, 36, 34)))]
+    return Mesh.merged([*hoops, *bicycles])
+
+
+def _parked_bicycle(y_m: float, color: Color) -> Mesh:
+    """A bicycle along x, of few triangles."""
+    rubber, frame = Finish(Material.RUBBER, Tag.DYNAMIC, (28, 28, 30)), Finish(Material.METAL, Tag.DYNAMIC, color)
+    wheels = [
+        cylinder(rubber, (x, y_m - 0.025, 0.34), (x, y_m + 0.025, 0.34), 0.34, segments=10) for x in (-0.52, 0.52)
+    ]
+    bars = [
+        ((-0.52, 0.34), (-0.15, 0.8)),
+        ((-0.15, 0.8), (0.4, 0.78)),
+        ((-0.1, 0.32), (0.4, 0.78)),
+        ((0.4, 0.95), (0.52, 0.34)),
+    ]
+    tubes = [cylinder(frame, (a[0], y_m, a[1]), (b[0], y_m, b[1]), 0.025, segments=4) for a, b in bars]
+    saddle = box(rubber, (0.26, 0.14, 0.06), (-0.18, y_m, 0.9))
+    return Mesh.merged([*wheels, *tubes, saddle, box(frame, (0.05, 0.5, 0.04), (0.4, y_m, 0.98))])

@@ -1,0 +1,172 @@
+"""Furnishes the streets of a region: signals, signs, lights, shelters, name plates, trees, small things, cables."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.ensemble import Base
+from simbev_ros.assets.flora.species import draw_species, load_species
+from simbev_ros.assets.land.blocks import Block, left_of
+from simbev_ros.assets.land.planting import plant
+from simbev_ros.assets.land.yard import Yard, yaw_of
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.palette import pick_color
+from simbev_ros.assets.primitives import Finish, box
+from simbev_ros.assets.street.curbs import STATION_M, CurbLine
+from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter, cabinet, hydrant, litter_bin
+from simbev_ros.assets.street.poles import cables, utility_pole
+from simbev_ros.assets.street.signal_poles import signal_poles
+from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
+from simbev_ros.assets.tiles import standing
+from simbev_ros.semantics import Tag
+
+SIGNAL_CLEARANCE_M = 5.0
+"""Crowns keep so far from signal heads."""
+
+_SHELTERED_SHARE = 0.2
+_SMALL_THINGS_M = 20.0
+_TREE_LINED_SHARE = 0.6
+_POLE_SPACING_M = 42.0
+_POLED_USES = ("farmland", "suburb", "woods")
+_PIT = box(Finish(Material.SOIL, Tag.TERRAIN, (92, 76, 58)), (0.7, 1.4, 0.06), (0.0, 0.0, -0.018))
+
+
+def put_signals(yard: Yard) -> None:
+    """Add the signal poles that stand in the region."""
+    elevation = yard.ground.terrain.elevation
+    for mesh, map_from_pole in signal_poles(yard.ground):
+        yard.claims.add(shapely.Point(map_from_pole[:2, 3]).buffer(0.8, quad_segs=4))
+        level = int(elevation.level_at(map_from_pole[None, :3, 3])[0])
+        yard.tiles.place(mesh, map_from_pole, level)
+
+
+def put_signs(yard: Yard) -> None:
+    """Add the traffic signs of the map that stand in the region."""
+    signs = yard.ground.network.layout.signs
+    feet_m = np.array([sign.foot_m for sign in signs]).reshape(-1, 3)
+    owned = np.flatnonzero(yard.ground.owns(feet_m[:, :2]))
+    levels = yard.ground.terrain.elevation.level_at(feet_m[owned])
+    for row, level in zip(owned.tolist(), levels.tolist(), strict=True):
+        yard.claims.add(shapely.Point(feet_m[row, :2]).buffer(0.35, quad_segs=2))
+        pose = standing(feet_m[row, :2], float(feet_m[row, 2]), signs[row].yaw_rad)
+        yard.tiles.place(sign_mesh(signs[row]), pose, level)
+
+
+def put_bus_shelters(yard: Yard, blocks: Sequence[Block]) -> None:
+    """Shelters just behind the sidewalk, open to the street."""
+    for block in blocks:
+        if block.recipe.use in ("farmland", "woods"):
+            continue
+        rng = yard.ground.stream(f"shelters.{block.name}")
+        for line in block.frontage:
+            wanted = rng.random() < 2.0 * _SHELTERED_SHARE * block.recipe.furniture_density
+            if not wanted or not line.walk or line.length_m < 60.0:
+                continue
+            place_m, along = line.chord(line.length_m * rng.uniform(0.25, 0.75), 4.0)
+            place_m = place_m + left_of(along) * 1.1
+            if yard.claim(shapely.Point(place_m).buffer(2.4, quad_segs=4), yard.inside):
+                yard.ensemble.put(bus_shelter(), place_m, yaw_of(-left_of(along)))
+
+
+def put_name_signs(yard: Yard, curbs: Sequence[CurbLine]) -> None:
+    """Name plates at one corner of each junction that has sidewalks."""
+    walks = [curb for curb in curbs if curb.walk and len(curb.place_m)]
+    centers_m = np.array([junction.center_m[:2] for junction in yard.ground.network.junctions.values()]).reshape(-1, 2)
+    centers_m = centers_m[yard.ground.owns(centers_m)]
+    if not walks or len(centers_m) == 0:
+        return
+    places_m, yaws_rad = (np.concatenate([getattr(curb, name) for curb in walks]) for name in ("place_m", "yaw_rad"))
+    template = street_name_sign((28, 92, 64))
+    for center_m in centers_m:
+        distance_m = np.hypot(*(places_m - center_m).T)
+        for k in np.argsort(distance_m, kind="stable")[:12].tolist():
+            if distance_m[k] < 40.0 and yard.claims.claim(shapely.Point(places_m[k]).buffer(0.3, quad_segs=2)):
+                yard.ensemble.put(template, places_m[k], yaws_rad[k], base=Base.SIDEWALK)
+                break
+
+
+def put_street_trees(yard: Yard, curbs: Sequence[CurbLine]) -> None:
+    """Avenues: trees in pits, one species to a stretch of curb; crowns clear of buildings and signals."""
+    signals_m = np.array([signal.position_m[:2] for signal in yard.ground.network.signals]).reshape(-1, 2)
+    near_m = signals_m[_near(yard, signals_m)]
+    keep_off = [*yard.walls, *shapely.points(near_m)]
+    tree = shapely.STRtree(keep_off)
+    extra_m = np.repeat([0.0, SIGNAL_CLEARANCE_M], [len(yard.walls), len(near_m)])
+    for number, curb in enumerate(curbs):
+        rng = yard.ground.stream(f"street_trees.{number}")
+        lined = rng.random() < _TREE_LINED_SHARE * min(1.0, 2.0 * curb.recipe.plant_density)
+        if not curb.walk or not lined or curb.recipe.tree_spacing_m == 0.0:
+            continue
+        species = draw_species(curb.recipe.plants, "street", 1, rng)[0]
+        step = max(1, round(curb.recipe.tree_spacing_m / STATION_M))
+        chosen = np.arange(6, len(curb.place_m), step)
+        chosen = chosen[rng.random(len(chosen)) < 0.9]
+        reach_m = load_species()[species].reach_m
+        spot, thing = tree.query(shapely.points(curb.place_m[chosen]), predicate="dwithin", distance=SIGNAL_CLEARANCE_M)
+        gap_m = shapely.distance(shapely.points(curb.place_m[chosen[spot]]), tree.geometries[thing])
+        blocked = np.unique(spot[gap_m < np.maximum(reach_m, extra_m[thing])])
+        chosen = np.delete(chosen, blocked)
+        chosen = chosen[yard.claims.claim_discs(curb.place_m[chosen], np.full(len(chosen), 1.1))]
+        if len(chosen):
+            yard.ensemble.put(_PIT, curb.place_m[chosen], curb.yaw_rad[chosen], base=Base.SIDEWALK)
+            plant(yard, species, curb.place_m[chosen], rng, Base.SIDEWALK)
+
+
+def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
+    """Bins, hydrants, benches, racks and cabinets in the room that is left on sidewalks."""
+    rng = yard.ground.stream("small_things")
+    things: tuple[tuple[Mesh, float, float], ...] = (
+        (litter_bin(pick_color(rng, "bins", 0.0)), 0.35, 0.8),
+        (hydrant(), 0.3, 0.4),
+        (bench(), 1.0, 0.8),
+        (bicycle_rack(), 1.2, 0.5),
+        (cabinet(), 0.6, 0.35),
+    )
+    for curb in curbs:
+        if not curb.walk:
+            continue
+        every = round(_SMALL_THINGS_M / STATION_M)
+        for start in range(0, len(curb.place_m), every):
+            mesh, radius_m, share = things[int(rng.integers(len(things)))]
+            k = min(start + int(rng.integers(every)), len(curb.place_m) - 1)
+            wanted = rng.random() < share * curb.recipe.furniture_density
+            if wanted and yard.claims.claim(shapely.Point(curb.place_m[k]).buffer(radius_m, quad_segs=3)):
+                yard.ensemble.put(mesh, curb.place_m[k], curb.yaw_rad[k], base=Base.SIDEWALK)
+
+
+def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
+    """Utility poles with cables along one side of country roads."""
+    rng = yard.ground.stream("cables")
+    every = round(_POLE_SPACING_M / STATION_M)
+    taken = np.empty((0, 2))
+    for curb in curbs:
+        wanted = rng.random() < 0.75
+        if curb.walk or curb.level or curb.recipe.use not in _POLED_USES or len(curb.place_m) < 2 * every or not wanted:
+            continue
+        outward = -np.stack([np.cos(curb.yaw_rad), np.sin(curb.yaw_rad)], axis=1)
+        places_m, yaw_rad = (curb.place_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
+        if len(taken) and np.hypot(*(taken[:, None] - places_m).T).min() < _POLE_SPACING_M:
+            continue  # the other side of the road has some
+        free = [yard.claim(shapely.Point(place).buffer(0.4, quad_segs=2), yard.ground.land) for place in places_m]
+        yard.ensemble.put(utility_pole(), places_m[free], yaw_rad[free])
+        taken = np.concatenate([taken, places_m[free]])
+        _hang(yard, places_m[free])
+
+
+def _hang(yard: Yard, places_m: np.ndarray) -> None:
+    """Cables from each pole to the next one, where that is not too far."""
+    feet_m = np.column_stack([places_m, yard.ground.land_m(places_m)])
+    for foot_m, next_m in pairwise(feet_m):
+        step_m = next_m[:2] - foot_m[:2]
+        length_m = float(np.hypot(*step_m))
+        if length_m < 1.5 * _POLE_SPACING_M:
+            mesh = cables(foot_m, next_m, left_of(step_m / length_m))
+            yard.tiles.place(mesh, standing(foot_m[:2], float(foot_m[2])))
+
+
+def _near(yard: Yard, xy_m: np.ndarray) -> np.ndarray:
+    """(N,) which places lie in the region or close to it."""
+    return np.asarray(shapely.dwithin(yard.inside, shapely.points(xy_m), 2.0 * SIGNAL_CLEARANCE_M))

@@ -1,0 +1,132 @@
+"""What ``simbev map`` tells of a map, as JSON and as tables."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.maps.statistics import MapStatistics
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What stands and lies around one place, or everywhere.
+
+    Attributes:
+        seconds: Time to build or load it.
+        triangles: Of its meshes.
+        regions: How many regions it has.
+        of_regions: How many regions the map has.
+    """
+
+    seconds: float
+    triangles: int
+    regions: int
+    of_regions: int
+
+
+@dataclass(frozen=True, slots=True)
+class MapReport:
+    """All about a map.
+
+    Attributes:
+        spec: Which map.
+        statistics: What is in it.
+        datum: Where it lies.
+        notes: What was repaired or left out.
+        network_s: Time to build or load the roads.
+        surroundings: None where they were not asked for.
+    """
+
+    spec: MapSpec
+    statistics: MapStatistics
+    datum: MapDatum
+    notes: tuple[str, ...]
+    network_s: float
+    surroundings: Surroundings | None = None
+
+    def facts(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "name": self.spec.name,
+            "file": self.spec.path or None,
+            "seed": self.spec.seed,
+            "datum": asdict(self.datum),
+            **asdict(self.statistics),
+            "network_s": round(self.network_s, 2),
+            "surroundings": None if self.surroundings is None else asdict(self.surroundings),
+            "notes": list(self.notes),
+        }
+
+
+def map_table(report: MapReport) -> Table:
+    """One map, a line for each fact."""
+    figures = report.statistics
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    table.add_row("map", f"[bold]{escape(report.spec.name)}[/], seed {report.spec.seed}")
+    if report.spec.path:
+        table.add_row("file", escape(report.spec.path))
+    table.add_row("origin", f"{report.datum.latitude_deg:.6f}°, {report.datum.longitude_deg:.6f}°")
+    table.add_row("size", f"{figures.width_m:.0f} × {figures.depth_m:.0f} m")
+    lanes = ", ".join(f"{kind.replace('_', ' ')} {length_km:.1f} km" for kind, length_km in figures.lane_km.items())
+    table.add_row("lanes", lanes)
+    table.add_row("junctions", f"{figures.junctions}")
+    table.add_row("signals", f"{figures.signals} heads")
+    table.add_row("signs", f"{figures.signs}")
+    table.add_row("crosswalks", f"{figures.crosswalks}")
+    table.add_row("heights", f"{figures.lowest_m:.1f} to {figures.highest_m:.1f} m")
+    table.add_row("two levels", f"{figures.two_level_crossings} crossings")
+    land = [f"{figures.zones} zones", f"{figures.water_areas} pieces of water"]
+    if figures.prescribed_buildings is not None:
+        land.append(f"{figures.prescribed_buildings} buildings of the file")
+    table.add_row("land", ", ".join(land))
+    table.add_row("roads", f"ready after {report.network_s:.1f} s")
+    if (built := report.surroundings) is not None:
+        where = "" if built.regions == built.of_regions else f" of {built.regions} of {built.of_regions} regions"
+        table.add_row("surroundings", f"{built.triangles:,} triangles{where}, ready after {built.seconds:.1f} s")
+    for note in report.notes:
+        table.add_row("note", f"[yellow]{escape(note)}[/]")
+    return table
+
+
+def towns_table(reports: Sequence[MapReport]) -> Table:
+    """Several maps, a line for each."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("map")
+    for title in (
+        "size (m)",
+        "driving (km)",
+        "other lanes (km)",
+        "junctions",
+        "signals",
+        "signs",
+        "crosswalks",
+        "heights (m)",
+        "two levels",
+        "roads ready",
+    ):
+        table.add_column(title, justify="right", no_wrap=True)
+    for report in reports:
+        figures = report.statistics
+        driving_km = figures.lane_km.get("driving", 0.0)
+        table.add_row(
+            report.spec.name,
+            f"{figures.width_m:.0f} × {figures.depth_m:.0f}",
+            f"{driving_km:.1f}",
+            f"{sum(figures.lane_km.values()) - driving_km:.1f}",
+            f"{figures.junctions}",
+            f"{figures.signals}",
+            f"{figures.signs}",
+            f"{figures.crosswalks}",
+            f"{figures.lowest_m:.0f} to {figures.highest_m:.0f}",
+            f"{figures.two_level_crossings}",
+            f"{report.network_s:.1f} s",
+        )
+    return table

@@ -1,0 +1,132 @@
+"""Many dataclass instances as a few flat arrays, and back: what maps are stored as."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from enum import StrEnum
+from functools import cache
+from typing import Any, TypeVar, get_type_hints
+
+import numpy as np
+import shapely
+from pydantic import BaseModel
+
+from simbev_ros.types import AnyArray, Float64Array
+
+_T = TypeVar("_T")
+_Columns = dict[str, AnyArray]
+_NONE = -1  # number of rows of an array that is None
+
+
+def to_columns(kind: type[_T], items: Sequence[_T]) -> _Columns:
+    """Columns by field name, of instances of a dataclass.
+
+    Fields may be numbers, truth values, strings without line breaks, enums, tuples and sets of strings without tabs,
+    float64 arrays (of any length, or None; their other axes the same for all), polygons, pydantic models, and
+    dataclasses of these.
+    """
+    columns: _Columns = {"count": np.array(len(items))}
+    for name, codec in _codecs(kind).items():
+        written = codec.write([getattr(item, name) for item in items])
+        columns.update({f"{name}.{part}": column for part, column in written.items()})
+    return columns
+
+
+def from_columns(kind: type[_T], columns: Mapping[str, AnyArray]) -> list[_T]:
+    """The instances again; arrays are views of the columns.
+
+    Raises:
+        KeyError, ValueError: The columns are not those of this dataclass.
+    """
+    values = [codec.read(part_of(columns, name)) for name, codec in _codecs(kind).items()]
+    if any(len(column) != columns["count"] for column in values):
+        raise ValueError(f"columns of {kind.__name__} differ in length")
+    return list(map(kind, *values))
+
+
+def part_of(columns: Mapping[str, AnyArray], name: str) -> _Columns:
+    """The columns whose names start with ``name.``, without that."""
+    return {key.removeprefix(f"{name}."): column for key, column in columns.items() if key.startswith(f"{name}.")}
+
+
+@dataclass(frozen=True, slots=True)
+class _Codec:
+    """How values of one type become columns, and back."""
+
+    write: Callable[[Sequence[Any]], _Columns]
+    read: Callable[[Mapping[str, AnyArray]], Sequence[Any]]
+
+
+def _codecs(kind: Any) -> dict[str, _Codec]:
+    """Field name → codec."""
+    hints = get_type_hints(kind)
+    return {field.name: _codec(hints[field.name]) for field in fields(kind)}
+
+
+@cache
+def _codec(annotation: Any) -> _Codec:
+    """The codec of a type."""
+    if annotation in _CODECS:
+        return _CODECS[annotation]
+    if issubclass(annotation, StrEnum):
+        return _text(str, annotation)
+    if issubclass(annotation, BaseModel):
+        return _text(annotation.model_dump_json, annotation.model_validate_json)
+    if not is_dataclass(annotation):
+        raise TypeError(f"no columns for {annotation}")
+    kind: Any = annotation
+    return _Codec(lambda items: to_columns(kind, items), lambda columns: from_columns(kind, columns))
+
+
+def _numbers(dtype: type) -> _Codec:
+    """Values of one dtype."""
+    return _Codec(lambda values: {"value": np.array(values, dtype)}, lambda columns: columns["value"].tolist())
+
+
+def _text(encode: Callable[[Any], str], decode: Callable[[str], Any]) -> _Codec:
+    """Values as strings, each different one stored once, and shared when read."""
+
+    def write(values: Sequence[Any]) -> _Columns:
+        numbers: dict[str, int] = {}
+        row = [numbers.setdefault(encode(value), len(numbers)) for value in values]
+        return {"row": np.array(row, np.int32), "text": np.frombuffer("\n".join(numbers).encode(), np.uint8)}
+
+    def read(columns: Mapping[str, AnyArray]) -> Sequence[Any]:
+        rows = columns["row"].tolist()
+        different = [decode(text) for text in columns["text"].tobytes().decode().split("\n")] if rows else []
+        return [different[row] for row in rows]
+
+    return _Codec(write, read)
+
+
+def _write_arrays(values: Sequence[Float64Array | None]) -> _Columns:
+    """Arrays end to end, and how long each is."""
+    arrays = [value for value in values if value is not None]
+    tail = arrays[0].shape[1:] if arrays else ()
+    return {
+        "rows": np.array([_NONE if value is None else len(value) for value in values], np.int32),
+        "value": np.concatenate([np.empty((0, *tail)), *arrays]),
+    }
+
+
+def _read_arrays(columns: Mapping[str, AnyArray]) -> Sequence[Float64Array | None]:
+    rows, value = columns["rows"], columns["value"]
+    ends = np.cumsum(np.maximum(rows, 0)).tolist()
+    if (ends[-1] if ends else 0) != len(value):
+        raise ValueError("arrays are not as long as their parts")
+    pairs = zip(rows.tolist(), ends, strict=True)
+    return [None if count == _NONE else value[end - count : end] for count, end in pairs]
+
+
+_CODECS: dict[Any, _Codec] = {
+    float: _numbers(np.float64),
+    int: _numbers(np.int64),
+    bool: _numbers(np.bool_),
+    str: _text(str, str),
+    tuple[str, ...]: _text("\t".join, lambda text: tuple(text.split("\t")) if text else ()),
+    frozenset[str]: _text(
+        lambda items: "\t".join(sorted(items)), lambda text: frozenset(text.split("\t")) if text else frozenset()
+    ),
+    Float64Array: _Codec(_write_arrays, _read_arrays),
+    Float64Array | None: _Codec(_write_arrays, _read_arrays),
+    shapely.Polygon: _text(lambda polygon: shapely.to_wkb(polygon, hex=True), shapely.from_wkb),
+}

@@ -1,0 +1,22 @@
+"""The strips that cars drive on, with an index, for questions about the lane at a place."""
+
+from functools import cached_property
+
+from simbev_ros.maps.lane_index import LineIndex
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.polylines import Polylines
+
+
+class LaneStrips:
+    """Driving strips in the layout's order, and all strips by lane."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.strips = layout.strips_of(LaneKind.DRIVING)
+        self.by_lane: dict[str, Strip] = {strip.lane: strip for strip in layout.strips}
+        """One strip of each lane; they differ in place and level only."""
+
+    @cached_property
+    def index(self) -> LineIndex:
+        """Of the centre lines of ``strips``."""
+        return LineIndex(Polylines.of([strip.center_m for strip in self.strips]))

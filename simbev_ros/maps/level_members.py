@@ -1,0 +1,99 @@
+"""Which roads are on the level of a place, and which pass above or beneath it without a way from one to the other.
+
+Where the ego is on the ground, all that is on the ground belongs to its level. All else, and for an ego on a structure
+everything, belongs to its level if the way there along the roads (driven either way, lanes changed at will) is hardly
+longer than the straight line: at most 1.5 times as long and 25 m. So a bridge ahead on the ego's own road belongs, a
+deck above the ego does not, and for an ego on that deck the road beneath does not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.strip_pieces import StripPieces
+from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
+
+_DETOUR = 1.5
+_ALLOWANCE_M = 25.0
+_REACH_M = 150.0
+_PIECE_M = 6.0
+_HEIGHT_WEIGHT = 3.0  # metres in plan that a metre of height counts for, when the nearest road is looked for
+
+
+@dataclass(frozen=True)
+class LevelMembers:
+    """What belongs to the level of one place, within 150 m of it; what is further away does not, or is on the ground.
+
+    Attributes:
+        polygons: (N,) pieces of strips in plan, about 6 m long, shapely.
+        strip: (N,) id of the strip that each is of.
+        level: (N,) of the piece.
+        belongs: (N,) whether it is on the level of the place.
+        piece: (N,) index of each in ``LevelGraph.polygons``.
+    """
+
+    polygons: AnyArray
+    strip: AnyArray
+    level: Int64Array
+    belongs: BoolArray
+    piece: Int64Array
+    _centers: cKDTree
+
+    def holds(self, xyz_m: Float64Array) -> BoolArray:
+        """(M,) whether what stands at (M, 3) places of the map frame, on a road or beside it, is on the level."""
+        _, piece = self._centers.query(_weighted(xyz_m))
+        return np.asarray(self.belongs[piece], np.bool_)
+
+
+class LevelGraph:
+    """The roads around all structures of a map, as a graph of short pieces."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._pieces = StripPieces.of(_near_structures(layout.strips), _PIECE_M)
+        strips = self._pieces.strips
+        self._strip = np.array([strip.id for strip in strips], object)[self._pieces.row]
+        self._level = np.array([strip.level for strip in strips], np.int64)[self._pieces.row]
+        (first, second), _ = self._pieces.contacts(np.ones(len(self._pieces), bool))
+        way_m = np.linalg.norm(self._pieces.center_m[first] - self._pieces.center_m[second], axis=1)
+        self._ways = csr_array((way_m, (first, second)), shape=(len(self._level), len(self._level)))
+        self._centers = cKDTree(self._pieces.center_m[:, :2])
+
+    @property
+    def polygons(self) -> AnyArray:
+        """(P,) all pieces in plan, shapely."""
+        return self._pieces.polygons
+
+    def members(self, xyz_m: Float64Array) -> LevelMembers | None:
+        """What belongs to the level of a (3,) place, map frame; None: everything near, for no structure is."""
+        around = np.array(sorted(self._centers.query_ball_point(xyz_m[:2], _REACH_M)), np.int64)
+        if not self._level[around].any():
+            return None
+        center_m, level = self._pieces.center_m[around], self._level[around]
+        centers = cKDTree(_weighted(center_m))
+        here = int(centers.query(_weighted(xyz_m[None]))[1][0])
+        straight_m = np.linalg.norm(center_m - center_m[here], axis=1)
+        way_m = dijkstra(self._ways[around][:, around], indices=here, limit=_DETOUR * _REACH_M + _ALLOWANCE_M)
+        belongs = way_m <= _DETOUR * straight_m + _ALLOWANCE_M
+        if level[here] == 0:
+            belongs |= level == 0
+        return LevelMembers(self.polygons[around], self._strip[around], level, belongs, around, centers)
+
+
+def _near_structures(strips: Sequence[Strip]) -> list[Strip]:
+    """Those that may matter to a place near a structure."""
+    carried = np.array([strip.level > 0 for strip in strips], bool)
+    if not carried.any():
+        return []
+    pieces = StripPieces.of(strips, 4.0 * _PIECE_M)
+    near = pieces.within(2.0 * _REACH_M, np.flatnonzero(carried[pieces.row]))
+    return [strips[row] for row in np.unique(pieces.row[near]).tolist()]
+
+
+def _weighted(xyz_m: Float64Array) -> Float64Array:
+    """(N, 3) places with their height stretched, so that the nearest of them is rarely above or beneath."""
+    return np.asarray(xyz_m * np.array([1.0, 1.0, _HEIGHT_WEIGHT]), np.float64)

@@ -1,0 +1,188 @@
+"""Levels: which stretches of road are carried by structures, and how many layers lie beneath them.
+
+A stretch is on a structure if the map declares it, or where it passes over another road or over water. It reaches on
+along the road as far as the slope of an abutment needs, and ends at the same cross-section on all lanes side by side.
+Roads at the same height that overlap (merging ramps, the inside of junctions) are on one level.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import chain, pairwise
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from simbev_ros.maps.deck_ends import straight_cuts
+from simbev_ros.maps.features import Water
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.strip_pieces import StripPieces
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
+
+_PIECE_M = 4.0
+_COARSE_M = 24.0
+_CLEARANCE_M = 2.5
+_SHORTEST_ABUTMENT_M = 6.0
+_ABUTMENT_SLOPE = 1.5  # length per height
+_MOST_LEVELS = 8
+_BESIDE_M = 3.0
+
+
+def with_levels(layout: Layout, water: Sequence[Water] = ()) -> Layout:
+    """The same layout, its strips cut where their level changes, with the levels of all that is in it.
+
+    Args:
+        layout: Levels in it are ignored.
+        water: What roads cross on bridges.
+    """
+    flat = [_on_level(strip, 0) for strip in layout.strips]
+    concerned = _concerned(flat, water)
+    pieces = StripPieces.of([flat[row] for row in concerned], _PIECE_M)
+    level = _levels(pieces, water)
+    pieces, level = straight_cuts(pieces, level)
+    cut: list[tuple[Strip, ...]] = [(strip,) for strip in flat]
+    for row, stretches in zip(concerned, _cut(pieces, level), strict=True):
+        cut[row] = stretches
+    return replace(
+        layout,
+        strips=tuple(chain.from_iterable(cut)),
+        crosswalks=tuple(
+            replace(crosswalk, level=_level_at(pieces, level, np.mean(crosswalk.outline_m, axis=0)))
+            for crosswalk in layout.crosswalks
+        ),
+        stop_lines=tuple(
+            replace(line, level=_level_at(pieces, level, np.mean(line.ends_m, axis=0))) for line in layout.stop_lines
+        ),
+    )
+
+
+def _concerned(strips: Sequence[Strip], water: Sequence[Water]) -> list[int]:
+    """Rows of the strips that structures may carry, pass over or end on; the rest need no closer look."""
+    pieces = StripPieces.of(strips, _COARSE_M)
+    low_m, high_m = pieces.height_range_m
+    upper, lower = pieces.boxes_overlap()
+    apart = high_m[upper] - low_m[lower] > _CLEARANCE_M
+    upper, lower = upper[apart], lower[apart]
+    wet, above_water_m = _over_water(pieces, water)
+    rise_m = np.concatenate([[0.0], high_m[upper] - low_m[lower], above_water_m])
+    carried = np.concatenate([upper, lower, wet, np.flatnonzero(_declared(pieces))])
+    reach_m = float(_abutment_m(rise_m).max()) + _COARSE_M
+    rows: list[int] = np.unique(pieces.row[pieces.within(reach_m, carried)]).tolist()
+    return rows
+
+
+def _declared(pieces: StripPieces) -> BoolArray:
+    """(N,) whether the map says that a piece is on a structure."""
+    return np.array([strip.structure for strip in pieces.strips], bool)[pieces.row]
+
+
+def _levels(pieces: StripPieces, water: Sequence[Water]) -> Int64Array:
+    """(N,) level of each piece."""
+    declared = _declared(pieces)
+    upper, lower = pieces.stacked(_CLEARANCE_M)
+    rise_m = pieces.center_m[upper, 2] - pieces.center_m[lower, 2]
+    wet, above_water_m = _over_water(pieces, water)
+    level = np.zeros(len(pieces), np.int64)
+    if not (len(upper) or len(wet) or declared.any()):
+        return level
+    longest_m = float(_abutment_m(np.concatenate([rise_m, above_water_m, [0.0]])).max())
+    links = _links(pieces, np.concatenate([upper, wet, np.flatnonzero(declared)]), longest_m)
+    for number in range(1, _MOST_LEVELS + 1):
+        above = level[lower] >= number - 1
+        reach_m = np.full(len(pieces), -1.0)
+        if number == 1:
+            reach_m[declared] = 0.0
+            np.maximum.at(reach_m, wet, _abutment_m(above_water_m))
+        np.maximum.at(reach_m, upper[above], _abutment_m(rise_m[above]))
+        if reach_m.max() < 0.0:
+            break
+        carried = _extended(links, reach_m)
+        # What lies beneath a piece that is raised now stays where it is, unless it passes over something itself.
+        carried[lower[carried[upper] & (reach_m[lower] < 0.0)]] = False
+        level[carried] = number
+    return level
+
+
+def _abutment_m(rise_m: Float64Array) -> Float64Array:
+    """How far a structure reaches on beyond what it passes over, at a height above it."""
+    return np.maximum(_SHORTEST_ABUTMENT_M, _ABUTMENT_SLOPE * rise_m) + _PIECE_M / 2.0
+
+
+def _over_water(pieces: StripPieces, water: Sequence[Water]) -> tuple[Int64Array, Float64Array]:
+    """(K,) pieces that cross water and their (K,) height above it."""
+    number, piece = pieces.tree.query(np.array([each.area for each in water], object), predicate="intersects")
+    surface_m = np.array([each.surface_m for each in water], np.float64)
+    above_m = pieces.center_m[piece, 2] - surface_m[number]
+    return piece[above_m > 0.0], above_m[above_m > 0.0]
+
+
+def _links(pieces: StripPieces, sources: Int64Array, reach_m: float) -> coo_matrix:
+    """(N, N) ways along the road between pieces that touch, around those from which structures reach on."""
+    near = np.zeros(len(pieces), bool)
+    near[pieces.within(reach_m, sources)] = True
+    (first, second), way_m = pieces.contacts(near)
+    return coo_matrix((way_m, (first, second)), shape=(len(pieces), len(pieces)))
+
+
+def _extended(links: coo_matrix, reach_m: Float64Array) -> BoolArray:
+    """(N,) pieces within reach of another along the road; ``reach_m`` (N,): how far it carries, negative: not."""
+    count, longest_m = len(reach_m), float(reach_m.max())
+    sources = np.flatnonzero(reach_m >= 0.0)
+    # One more node from which each source is as far as its reach is short of the longest.
+    weight_m = np.concatenate([links.data, longest_m - reach_m[sources]]) + 1e-6
+    rows = np.concatenate([links.row, np.full(len(sources), count)])
+    columns = np.concatenate([links.col, sources])
+    graph = coo_matrix((weight_m, (rows, columns)), shape=(count + 1, count + 1)).tocsr()
+    within: BoolArray = dijkstra(graph, indices=count, limit=longest_m + 1e-3)[:count] < np.inf
+    return within
+
+
+def _cut(pieces: StripPieces, level: Int64Array) -> Iterator[tuple[Strip, ...]]:
+    """What becomes of each strip: it gets its level, or is cut where its level changes."""
+    changes = (np.diff(pieces.row, prepend=-1) != 0) | (np.diff(level, prepend=-1) != 0)
+    starts = np.flatnonzero(changes)
+    ends = np.append(starts[1:], len(pieces)) - 1
+    bounds = np.searchsorted(pieces.row[starts], np.arange(len(pieces.strips) + 1)).tolist()
+    for strip, (first, last) in zip(pieces.strips, pairwise(bounds), strict=True):
+        if last - first == 1:
+            yield (_on_level(strip, int(level[starts[first]])),)
+        else:
+            spans = range(first, last)
+            yield tuple(_stretch(pieces, int(starts[span]), int(ends[span]), level, span - first) for span in spans)
+
+
+def _on_level(strip: Strip, level: int) -> Strip:
+    """A strip on a level."""
+    return strip if strip.level == level else replace(strip, level=level)
+
+
+def _stretch(pieces: StripPieces, start: int, end: int, level: Int64Array, number: int) -> Strip:
+    """A part of a strip, from one of its pieces to another."""
+    row = int(pieces.row[start])
+    strip, start_m, end_m = pieces.strips[row], pieces.start_m[start], pieces.end_m[end]
+    first, second = pieces.lines.parameter(np.array([row, row]), np.array([start_m, end_m])) - pieces.lines.first[row]
+    at = np.concatenate([[first], np.arange(np.floor(first) + 1.0, np.ceil(second)), [second]])
+    points = np.arange(len(strip.left_m))
+    left_m, right_m = (
+        np.stack([np.interp(at, points, side[:, axis]) for axis in range(3)], axis=1)
+        for side in (strip.left_m, strip.right_m)
+    )
+    return replace(
+        strip,
+        id=f"{strip.id}@{number}",
+        left_m=left_m,
+        right_m=right_m,
+        s_start_m=strip.s_start_m + float(start_m),
+        level=int(level[start]),
+    )
+
+
+def _level_at(pieces: StripPieces, level: Int64Array, place_m: Float64Array) -> int:
+    """Level of the piece nearest to a (3,) place, in plan and in height; 0 away from roads."""
+    point = shapely.Point(place_m[:2])
+    near = pieces.tree.query(point, predicate="dwithin", distance=_BESIDE_M)
+    if len(near) == 0:
+        return 0
+    gap_m = shapely.distance(pieces.polygons[near], point) + np.abs(pieces.center_m[near, 2] - place_m[2])
+    return int(level[near[np.argmin(gap_m)]])

@@ -1,0 +1,85 @@
+"""Rasters of heights, and the membrane that fills one from the places where it is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from simbev_ros.types import BoolArray, Float64Array
+
+_SMALLEST = 4
+_STEPS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """Values at the nodes of a square lattice.
+
+    Attributes:
+        origin_m: (2,) place of node 0, 0, map frame.
+        spacing_m: Between nodes.
+        values: (I, J); the first index runs east, the second north.
+    """
+
+    origin_m: Float64Array
+    spacing_m: float
+    values: Float64Array
+
+    def linear(self, xy_m: Float64Array) -> Float64Array:
+        """(N,) linear on the two triangles of each square, which meet on its diagonal from south-west to north-east.
+
+        Beyond the raster as at its border.
+        """
+        last = np.array(self.values.shape) - 1
+        place = np.clip(self._place(xy_m), 0.0, last)
+        i, j = np.minimum(place.astype(np.int64), np.maximum(last - 1, 0)).T
+        u, v = place[:, 0] - i, place[:, 1] - j
+        east, north = np.minimum(i + 1, last[0]), np.minimum(j + 1, last[1])
+        a, b, c, d = (self.values[k] for k in ((i, j), (east, j), (east, north), (i, north)))
+        height: Float64Array = a + np.where(u >= v, u * (b - a) + v * (c - b), v * (d - a) + u * (c - d))
+        return height
+
+    def smooth(self, xy_m: Float64Array) -> Float64Array:
+        """(N,) cubic B-spline with the values as its coefficients: near them, and twice differentiable."""
+        value: Float64Array = map_coordinates(
+            self.values, self._place(xy_m).T, order=3, mode="nearest", prefilter=False
+        )
+        return value
+
+    def _place(self, xy_m: Float64Array) -> Float64Array:
+        return (np.asarray(xy_m, np.float64) - self.origin_m) / self.spacing_m
+
+
+def membrane(values: Float64Array, known: BoolArray) -> Float64Array:
+    """(I, J) values that are kept where known, and elsewhere hang between them like a membrane.
+
+    Pull-push (Gortler et al. 1996): averaged to half the resolution until little is left, then back, relaxed a few
+    steps at each scale. At least one value must be known.
+    """
+    if min(values.shape) <= _SMALLEST:
+        filled = np.where(known, values, values[known].mean())
+    else:
+        pads = [(0, size % 2) for size in values.shape]
+        weights = np.pad(known.astype(np.float64), pads)
+        sums = np.pad(np.where(known, values, 0.0), pads)
+        counts, sums = _summed(weights), _summed(sums)
+        half = membrane(sums / np.maximum(counts, 1.0), counts > 0.0)
+        finer = half.repeat(2, axis=0).repeat(2, axis=1)[: values.shape[0], : values.shape[1]]
+        filled = np.where(known, values, finer)
+    return relaxed(filled, ~known, _STEPS)
+
+
+def relaxed(values: Float64Array, free: BoolArray, steps: int) -> Float64Array:
+    """(I, J) values of which the free ones moved, ``steps`` times, to the mean of their four neighbours."""
+    for _ in range(steps):
+        around = np.pad(values, 1, mode="edge")
+        mean = (around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:]) / 4.0
+        values = np.where(free, mean, values)
+    return values
+
+
+def _summed(values: Float64Array) -> Float64Array:
+    """Sums of 2 × 2 blocks."""
+    rows = values[0::2] + values[1::2]
+    sums: Float64Array = rows[:, 0::2] + rows[:, 1::2]
+    return sums

@@ -1,0 +1,77 @@
+"""Where the borders of lanes lie in space: reference line, elevation, banking, lane offset and widths put together."""
+
+import numpy as np
+
+from simbev_ros.maps.opendrive.document import Road, Section
+from simbev_ros.types import BoolArray, Float64Array
+
+_BEFORE_M = 1e-6
+
+
+def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> Float64Array:
+    """Borders of the lanes of one side of a section.
+
+    Args:
+        road: The road.
+        section: One of its sections.
+        left: Which side.
+        s_m: (N,) distances within the section. At its end all records hold that hold just before it.
+
+    Returns:
+        (1 + L, N, 3) the centre line and the outer border of each of L lanes, map frame.
+    """
+    before_m = np.minimum(s_m, section.end_m - _BEFORE_M)
+    side = 1.0 if left else -1.0
+    steps_m = np.diff(lane_edges_m(section, s_m), axis=0) * side
+    offset_m = road.offset(before_m)
+    on_level = np.array([False, *(lane.on_level for lane in section.lanes)])
+    return _in_space(road, s_m, before_m, np.vstack([offset_m, steps_m]), on_level)
+
+
+def point_m(road: Road, s_m: float, t_m: float) -> Float64Array:
+    """(3,) map frame of a place at ``t_m`` to the left of the reference line, on the road's banked surface."""
+    s = np.array([s_m])
+    point: Float64Array = _in_space(road, s, s, np.array([[t_m]]), np.array([False]))[0, 0]
+    return point
+
+
+def lane_edges_m(section: Section, s_m: Float64Array) -> Float64Array:
+    """(1 + L, N) distances of a side's borders from the centre line, outward; never decreasing."""
+    ds_m = np.minimum(s_m, section.end_m - _BEFORE_M) - section.start_m
+    edges_m = [np.zeros(len(s_m))]
+    for lane in section.lanes:
+        outer_m = edges_m[-1] + lane.width(ds_m) if lane.width else np.abs(lane.border(ds_m))
+        edges_m.append(np.maximum(outer_m, edges_m[-1]))
+    return np.stack(edges_m)
+
+
+def _in_space(
+    road: Road, s_m: Float64Array, before_m: Float64Array, steps_m: Float64Array, on_level: BoolArray
+) -> Float64Array:
+    """(B, N, 3) points to the left of the reference line at the running sums of (B, N) signed steps.
+
+    Steps lie in the banked plane (OpenDRIVE 1.8, 10.5.2), those that are ``on_level`` lie level.
+    """
+    xy_m, normal, _ = road.plan(s_m)
+    roll_rad = np.where(on_level[:, None], 0.0, road.superelevation(before_m))
+    t_m = np.cumsum(steps_m, axis=0)
+    lift_m = _lift_m(road, before_m, t_m)
+    across_m = np.cumsum(steps_m * np.cos(roll_rad), axis=0) - lift_m * np.sin(roll_rad)
+    z_m = road.elevation(before_m) + np.cumsum(steps_m * np.sin(roll_rad), axis=0) + lift_m * np.cos(roll_rad)
+    return np.concatenate([xy_m + across_m[..., None] * normal, z_m[..., None]], axis=2)
+
+
+def _lift_m(road: Road, s_m: Float64Array, t_m: Float64Array) -> Float64Array:
+    """(B, N) heights above the banked plane, from crossfall and lateral shape, at (N,) s and (B, N) t."""
+    lift_m = np.zeros(t_m.shape)
+    for sign, fall in zip((1.0, -1.0), road.crossfall, strict=True):
+        lift_m -= np.maximum(sign * t_m, 0.0) * np.tan(fall(s_m))
+    if road.shape:
+        stations_m = np.array([shape.s_m for shape in road.shape])
+        heights_m = np.stack([shape.heights(t_m.ravel()).reshape(t_m.shape) for shape in road.shape])
+        at = np.interp(s_m, stations_m, np.arange(len(stations_m)))
+        low = np.minimum(at.astype(np.int64), len(stations_m) - 1)
+        high = np.minimum(low + 1, len(stations_m) - 1)
+        columns = np.arange(len(s_m))
+        lift_m += (1.0 - (at - low)) * heights_m[low, :, columns].T + (at - low) * heights_m[high, :, columns].T
+    return lift_m

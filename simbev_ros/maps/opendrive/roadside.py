@@ -1,0 +1,131 @@
+"""Where things stand beside the road: traffic signs, and the places of traffic lights."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import shapely
+
+from simbev_ros.maps.lane_kind import ROAD_KINDS
+from simbev_ros.maps.layout import Sign, SignalPlace, SignKind, Strip
+from simbev_ros.maps.opendrive.approaches import Approaches
+from simbev_ros.maps.opendrive.attributes import Notes
+from simbev_ros.maps.opendrive.borders import point_m
+from simbev_ros.maps.opendrive.document import LaneKey
+from simbev_ros.maps.opendrive.sides import reach_m
+from simbev_ros.maps.opendrive.signals import Signal
+from simbev_ros.types import Float64Array
+
+_CURB_TO_POST_M = 0.6
+_SAME_LEVEL_M = 3.0
+_HEAD_ABOVE_FOOT_M = 3.0
+_HEAD_BEFORE_POLE_M = 0.25
+_OVERHEAD_M = 2.5
+_HEAD_HEIGHT_M = 1.0
+_SAME_SIGN_M = 15.0
+_LARGEST_TURN_RAD = np.radians(75.0)
+
+
+class Carriageway:
+    """The road surface, to tell what stands on it."""
+
+    def __init__(self, strips: Sequence[Strip]) -> None:
+        self._strips = [strip for strip in strips if strip.kind in ROAD_KINDS]
+        outlines = [np.concatenate([strip.left_m[:, :2], strip.right_m[::-1, :2]]) for strip in self._strips]
+        self._tree = shapely.STRtree(shapely.make_valid([shapely.Polygon(outline_m) for outline_m in outlines]))
+
+    def has(self, place_m: Float64Array) -> bool:
+        """Whether a (3,) place is on a road of its level."""
+        below = self._tree.query(shapely.Point(place_m[:2]), predicate="intersects")
+        return any(np.abs(self._strips[k].left_m[:, 2] - place_m[2]).min() < _SAME_LEVEL_M for k in below)
+
+
+def signs_of(
+    signals: Iterable[Signal],
+    approaches: Approaches,
+    lane_ids: Mapping[LaneKey, Sequence[str]],
+    carriageway: Carriageway,
+    notes: Notes,
+) -> tuple[Sign, ...]:
+    """All signs on posts; what is painted only, or would stand on the road, has its post beside the road."""
+    found: list[Sign] = []
+    for signal in sorted(signals, key=lambda signal: signal.painted):
+        if signal.meaning not in list(SignKind):
+            continue
+        kind = SignKind(signal.meaning)
+        lanes = _lane_ids(signal, approaches, lane_ids)
+        if not lanes or (signal.painted and _is_repeated(kind, lanes, signal.position_m, found)):
+            continue
+        foot_m = foot_of(signal, carriageway, notes)
+        found.append(Sign(kind, foot_m, yaw_of(signal, approaches), lanes, signal.speed_mps))
+    return tuple(found)
+
+
+def signal_places_of(
+    signals: Iterable[Signal],
+    approaches: Approaches,
+    lane_ids: Mapping[LaneKey, Sequence[str]],
+    carriageway: Carriageway,
+    notes: Notes,
+) -> tuple[SignalPlace, ...]:
+    """All traffic lights for vehicles; those without a height of their own hang on a post."""
+    found = []
+    for signal in signals:
+        lanes = _lane_ids(signal, approaches, lane_ids) if signal.meaning == "traffic_light" else ()
+        if not lanes:
+            continue
+        foot_m, yaw_rad = foot_of(signal, carriageway, notes), yaw_of(signal, approaches)
+        if signal.bottom_m >= _OVERHEAD_M:
+            middle_m = signal.bottom_m + (signal.height_m or _HEAD_HEIGHT_M) / 2.0
+            head_m = signal.position_m + np.array([0.0, 0.0, middle_m])
+        else:
+            ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+            head_m = foot_m + _HEAD_BEFORE_POLE_M * ahead + np.array([0.0, 0.0, _HEAD_ABOVE_FOOT_M])
+        found.append(SignalPlace(foot_m, head_m, yaw_rad, lanes))
+    return tuple(found)
+
+
+def _lane_ids(signal: Signal, approaches: Approaches, lane_ids: Mapping[LaneKey, Sequence[str]]) -> tuple[str, ...]:
+    """Lanes of the traffic net that a signal is for: where traffic waits for it, or from the speed limit on."""
+    own = tuple(dict.fromkeys(lane_ids[key][0] for key in signal.lanes if key in lane_ids))
+    if own and signal.meaning == SignKind.SPEED_LIMIT:
+        return own
+    return tuple(dict.fromkeys(lane_ids[key][-1] for key in approaches.of(signal.lanes) if key in lane_ids))
+
+
+def _is_repeated(kind: SignKind, lanes: Sequence[str], place_m: Float64Array, signs: Sequence[Sign]) -> bool:
+    """Whether a sign with the same meaning for one of the lanes stands nearby."""
+    return any(
+        sign.kind is kind
+        and not set(lanes).isdisjoint(sign.lanes)
+        and np.linalg.norm(sign.foot_m[:2] - place_m[:2]) < _SAME_SIGN_M
+        for sign in signs
+    )
+
+
+def yaw_of(signal: Signal, approaches: Approaches) -> float:
+    """Direction in which a signal's face looks: along its axis towards the traffic that it is for.
+
+    Straight towards the traffic where the axis says otherwise by more than 75°.
+    """
+    traffic_rad = signal.traffic_rad
+    waiting = approaches.of(signal.lanes) if signal.meaning != SignKind.SPEED_LIMIT else ()
+    if waiting:
+        traffic_rad = float(np.angle(sum(np.exp(1j * approaches.heading_rad(key)) for key in waiting)))
+    turn_rad = (signal.axis_rad - traffic_rad + np.pi / 2.0) % np.pi - np.pi / 2.0
+    if abs(turn_rad) > _LARGEST_TURN_RAD:
+        turn_rad = 0.0
+    return float(np.angle(-np.exp(1j * (traffic_rad + turn_rad))))
+
+
+def foot_of(signal: Signal, carriageway: Carriageway, notes: Notes) -> Float64Array:
+    """(3,) foot of a signal's post: where it stands, or beside the road where that is on the road."""
+    if not carriageway.has(signal.position_m):
+        return signal.position_m
+    left = signal.forward == signal.road.left_hand
+    for on_left in (left, not left):
+        edge_m = reach_m(signal.road, signal.s_m, on_left, ROAD_KINDS)
+        beside_m = point_m(signal.road, signal.s_m, edge_m + (_CURB_TO_POST_M if on_left else -_CURB_TO_POST_M))
+        if not carriageway.has(beside_m):
+            return beside_m
+    notes.add("a signal stands on the road, and no place was found beside it", signal.road.element)
+    return signal.position_m

@@ -1,0 +1,93 @@
+"""At which distances along a road its borders must be known, so that straight lines between them are near enough."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from simbev_ros.maps.opendrive.borders import borders_m
+from simbev_ros.maps.opendrive.document import Road, Section
+from simbev_ros.types import Float64Array, Int64Array
+
+_SPACING_M = 5.0
+_TOLERANCE_M = 0.01
+_SHORTEST_STEP_M = 0.05
+_MOST_PARTS = 8
+_PROBES = np.array([0.25, 0.5, 0.75])
+
+
+def stations_m(road: Road) -> Float64Array:
+    """(N,) distances along a road at which its borders are to be known, ascending from 0 to its length.
+
+    They include all places where a record starts. Straight lines between the points there leave the borders by no more
+    than a tolerance, in plan and in height, unless closer than 5 cm.
+    """
+    bounds_m = sorted({0.0, road.length_m, *(section.start_m for section in road.sections)})
+    breaks_m = _breaks_m(road)
+    parts = []
+    for start_m, end_m in pairwise(bounds_m):
+        active = [
+            (section, left)
+            for left, sections in ((True, road.left), (False, road.right))
+            for section in sections
+            if section.start_m <= start_m < section.end_m
+        ]
+        inside_m = breaks_m[(breaks_m > start_m + _SHORTEST_STEP_M / 2) & (breaks_m < end_m - _SHORTEST_STEP_M / 2)]
+        parts.append(_refined_m(road, active, np.array([start_m, *inside_m, end_m])))
+    return np.unique(np.concatenate(parts))
+
+
+def _breaks_m(road: Road) -> Float64Array:
+    """Where something changes along a road, ascending, none nearer to another than 1 mm."""
+    cubics = (road.elevation, road.superelevation, road.offset, *road.crossfall)
+    of_sections = [
+        section.start_m
+        + np.concatenate([record.starts_m for lane in section.lanes for record in (lane.width, lane.border)])
+        for section in road.sections
+        if section.lanes
+    ]
+    cuts = [*(s_m for s_m, _ in road.speeds), *(s_m for bridge in road.bridges for s_m in bridge)]
+    for section in road.sections:
+        records = (*section.marks.values(), *(lane.speeds for lane in section.lanes))
+        cuts += [section.start_m + s_m for changes in records for s_m, _ in changes]
+    shape_m = [shape.s_m for shape in road.shape]
+    all_m = np.concatenate([road.plan.starts_m, *(cubic.starts_m for cubic in cubics), *of_sections, cuts, shape_m])
+    breaks_m = np.unique(all_m)
+    kept: Float64Array = breaks_m[np.concatenate([[True], np.diff(breaks_m) > 1e-3])]
+    return kept
+
+
+def _refined_m(road: Road, active: list[tuple[Section, bool]], nodes_m: Float64Array) -> Float64Array:
+    """The nodes and so many between them that borders are straight between neighbours, within the tolerance."""
+    nodes_m = _divided(nodes_m, np.ceil(np.diff(nodes_m) / _SPACING_M).astype(np.int64))
+    while active:
+        lengths_m = np.diff(nodes_m)
+        probes_m = nodes_m[:-1, None] + lengths_m[:, None] * _PROBES
+        order_m = np.concatenate([nodes_m, probes_m.ravel()])
+        lines = np.concatenate([borders_m(road, section, left, order_m) for section, left in active])
+        ends, probes = lines[:, : len(nodes_m)], lines[:, len(nodes_m) :].reshape(len(lines), -1, len(_PROBES), 3)
+        parts = np.ceil(np.sqrt(_deviation_m(ends, probes) / _TOLERANCE_M) - 1e-6)
+        parts = np.clip(np.minimum(parts, lengths_m / _SHORTEST_STEP_M), 1, _MOST_PARTS).astype(np.int64)
+        if np.all(parts == 1):
+            break
+        nodes_m = _divided(nodes_m, parts)
+    return nodes_m
+
+
+def _deviation_m(ends: Float64Array, probes: Float64Array) -> Float64Array:
+    """(N - 1,) how far (B, N - 1, P, 3) probes lie off the chords of (B, N, 3) ends, the most in plan or in height."""
+    chords = np.diff(ends, axis=1)
+    arms = probes - ends[:, :-1, None]
+    lengths_m = np.maximum(np.linalg.norm(chords[..., :2], axis=2), 1e-9)[..., None]
+    plan_m = np.abs(chords[..., None, 0] * arms[..., 1] - chords[..., None, 1] * arms[..., 0]) / lengths_m
+    height_m = np.abs(arms[..., 2] - chords[..., None, 2] * _PROBES)
+    deviation_m: Float64Array = np.maximum(plan_m, height_m).max(axis=(0, 2))
+    return deviation_m
+
+
+def _divided(nodes_m: Float64Array, parts: Int64Array) -> Float64Array:
+    """The nodes, with each interval divided into so many equal parts."""
+    parts = np.maximum(parts, 1)
+    interval = np.repeat(np.arange(len(parts)), parts)
+    within = np.arange(len(interval)) - np.repeat(np.cumsum(parts) - parts, parts)
+    inner_m = nodes_m[interval] + within / parts[interval] * np.diff(nodes_m)[interval]
+    return np.append(inner_m, nodes_m[-1])

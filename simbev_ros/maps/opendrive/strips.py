@@ -1,0 +1,138 @@
+"""The strips of the layout: one for each stretch of a lane on which paint, speed limit and structure stay the same."""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from itertools import groupby, pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Line, Paint, Strip
+from simbev_ros.maps.opendrive.attributes import Notes
+from simbev_ros.maps.opendrive.document import Document, LaneKey, LaneRecord, value_at
+from simbev_ros.maps.opendrive.lane_shapes import LaneShape
+from simbev_ros.maps.opendrive.links import LaneLinks
+
+_NARROWEST_M = 0.02
+_SHORTEST_M = 0.02
+_MIRRORED = {Paint.SOLID_BROKEN: Paint.BROKEN_SOLID, Paint.BROKEN_SOLID: Paint.SOLID_BROKEN}
+
+
+class _Traits(NamedTuple):
+    """What stays the same along a strip; paint as seen from inside the lane."""
+
+    inner: Line
+    outer: Line
+    speed_mps: float
+    structure: bool
+
+
+def strips_of(
+    document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes
+) -> tuple[Strip, ...]:
+    """All strips, in the order of the shapes."""
+    bare = {key: tuple(_lane(shape, notes)) for key, shape in shapes.items()}
+    kept = {key for key, strips in bare.items() if strips}
+    lanes = {LaneKey(road.id, section.index, lane.id): lane for road, section, lane in document.lanes()}
+    joined = []
+    for key in (key for key in bare if key in kept):
+        forward = shapes[key].runs_forward
+        higher, lower = (_beside(key, step, lanes, kept) for step in (1, -1))
+        left, right = (higher, lower) if forward else (lower, higher)
+        following = tuple(map(str, links.following(key, "end" if forward else "start", kept)))
+        joined += [replace(strip, left=left, right=right, following=following) for strip in bare[key]]
+    return tuple(joined)
+
+
+def _beside(key: LaneKey, step: int, lanes: Mapping[LaneKey, LaneRecord], kept: Collection[LaneKey]) -> str:
+    """The lane that touches another one on the side where lane ids are higher (step 1) or lower (-1), or ""."""
+    number = key.lane
+    while True:
+        number += step if number != -step else 2 * step
+        beside = key._replace(lane=number)
+        if beside in kept:
+            return str(beside)
+        if beside not in lanes or lanes[beside].kind is None:
+            return ""
+
+
+def _lane(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
+    """Strips of one lane of one section, without neighbours."""
+    stretches = tuple(_stretches(shape))
+    if not stretches:
+        detail = f"lane {shape.lane.id} of road {shape.road.id}"
+        notes.add("a lane without width or length is left out", shape.road.element, detail)
+    forward = shape.runs_forward
+    order = slice(None) if forward else slice(None, None, -1)
+    for count, (first, last, traits) in enumerate(stretches):
+        borders = [
+            (line[first : last + 1], paint)
+            for line, paint in ((shape.inner_m, traits.inner), (shape.outer_m, traits.outer))
+        ]
+        if (shape.lane.id > 0) == forward:
+            borders.reverse()
+        (left_m, left_line), (right_m, right_line) = borders
+        section, s_m = shape.section, shape.s_m
+        yield Strip(
+            id=f"{shape.key}/{count}",
+            lane=str(shape.key),
+            kind=shape.lane.kind or LaneKind.DRIVING,
+            left_m=np.ascontiguousarray(left_m[order]),
+            right_m=np.ascontiguousarray(right_m[order]),
+            s_start_m=float(s_m[first] - section.start_m if forward else section.end_m - s_m[last]),
+            left_line=left_line,
+            right_line=right_line,
+            road=shape.road.id,
+            section=section.index,
+            index=shape.lane.id,
+            junction=shape.road.junction,
+            speed_mps=traits.speed_mps,
+            structure=traits.structure,
+        )
+
+
+def _stretches(shape: LaneShape) -> Iterator[tuple[int, int, _Traits]]:
+    """First and last sample of each stretch on which the lane has a width and its traits are the same."""
+    s_m, width_m = shape.s_m, shape.width_m
+    cut = np.zeros(len(s_m), bool)
+    cut[np.clip(np.searchsorted(s_m, np.array(_changes_m(shape)) - 1e-3), 0, len(s_m) - 1)] = True
+    wide = np.maximum(width_m[:-1], width_m[1:]) > _NARROWEST_M
+    cut[1:-1] |= wide[1:] != wide[:-1]
+    cut[[0, -1]] = True
+    pieces = [
+        (first, last, _traits(shape, float(s_m[first] + s_m[last]) / 2.0) if wide[first] else None)
+        for first, last in pairwise(np.flatnonzero(cut).tolist())
+    ]
+    for traits, same in groupby(pieces, key=lambda piece: piece[2]):
+        run = list(same)
+        if traits is not None and s_m[run[-1][1]] - s_m[run[0][0]] >= _SHORTEST_M:
+            yield run[0][0], run[-1][1], traits
+
+
+def _changes_m(shape: LaneShape) -> list[float]:
+    """Where traits may change."""
+    marks, lane, road = shape.section.marks, shape.lane, shape.road
+    local = (marks.get(_inside(lane), ()), marks.get(lane.id, ()), lane.speeds)
+    in_section = [shape.section.start_m + ds_m for changes in local for ds_m, _ in changes]
+    return [*in_section, *(s_m for s_m, _ in road.speeds), *(s_m for bridge in road.bridges for s_m in bridge)]
+
+
+def _traits(shape: LaneShape, s_m: float) -> _Traits:
+    """Traits at a distance along the road.
+
+    The file describes paint from the lane that it belongs to outward, and on the centre line from left to right.
+    """
+    lane, road = shape.lane, shape.road
+    ds_m = s_m - shape.section.start_m
+    inner, outer = (
+        value_at(shape.section.marks.get(number, ()), ds_m) or Line() for number in (_inside(lane), lane.id)
+    )
+    if lane.id != 1:
+        inner = replace(inner, paint=_MIRRORED.get(inner.paint, inner.paint))
+    return _Traits(inner, outer, shape.speed_mps(s_m), any(start_m <= s_m < end_m for start_m, end_m in road.bridges))
+
+
+def _inside(lane: LaneRecord) -> int:
+    """Id of the lane whose outer border is this one's inner border."""
+    return lane.id - (1 if lane.id > 0 else -1)

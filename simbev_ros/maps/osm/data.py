@@ -1,0 +1,131 @@
+"""Reads OpenStreetMap XML: nodes, ways and multipolygons with their tags, in geographic coordinates."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from simbev_ros.errors import InputError
+from simbev_ros.maps.safe_xml import parse, place_of
+from simbev_ros.types import Float64Array
+
+Tags = Mapping[str, str]
+_MAX_TAG = 255
+"""Longest key or value that OpenStreetMap itself accepts."""
+
+
+class Way(NamedTuple):
+    """A line or, where it ends at its first node, an outline: indices of nodes, at least two."""
+
+    id: str
+    nodes: tuple[int, ...]
+    tags: Tags
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is an outline."""
+        return len(self.nodes) > 3 and self.nodes[0] == self.nodes[-1]
+
+
+class Multipolygon(NamedTuple):
+    """An area of several ways: parts of its outer and inner outlines in any order."""
+
+    outer: tuple[Way, ...]
+    inner: tuple[Way, ...]
+    tags: Tags
+
+
+@dataclass(frozen=True, slots=True)
+class OsmData:
+    """What is read of a file.
+
+    Attributes:
+        longitude_latitude_deg: (N, 2) of the nodes.
+        node_tags: Tags of those nodes that have some.
+        ways: In the order of the file.
+        multipolygons: In the order of the file, without those of which a part is missing.
+        notes: What was repaired.
+    """
+
+    longitude_latitude_deg: Float64Array
+    node_tags: Mapping[int, Tags]
+    ways: tuple[Way, ...]
+    multipolygons: tuple[Multipolygon, ...]
+    notes: tuple[str, ...]
+
+
+def read_osm(path: Path) -> OsmData:
+    """Read a file.
+
+    Raises:
+        InputError: It is not OpenStreetMap XML, or an id or coordinate in it is none.
+    """
+    root = parse(path, "osm")
+    nodes = _by_id(path, root, "node")
+    index = {identifier: number for number, identifier in enumerate(nodes)}
+    degrees = [(_degrees(path, node, "lon", 180.0), _degrees(path, node, "lat", 90.0)) for node in nodes.values()]
+    tags = {number: _tags(node) for number, node in enumerate(nodes.values()) if len(node)}
+    ways, lost = {}, 0
+    for identifier, element in _by_id(path, root, "way").items():
+        references = [reference.get("ref", "") for reference in element.findall("nd")]
+        known = [index[reference] for reference in references if reference in index]
+        lost += len(references) - len(known)
+        # A node that follows itself is no line.
+        line = [node for node, before in zip(known, [-1, *known], strict=False) if node != before]
+        if len(line) > 1:
+            ways[identifier] = Way(identifier, tuple(line), _tags(element))
+    notes = (f"{lost} places in ways are not in the file: the ways were cut short there",) if lost else ()
+    return OsmData(
+        np.array(degrees).reshape(-1, 2), tags, tuple(ways.values()), tuple(_multipolygons(path, root, ways)), notes
+    )
+
+
+def _by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:
+    """Elements that were not deleted, by id."""
+    found: dict[str, Element] = {}
+    for element in root.findall(tag):
+        if element.get("visible") == "false" or element.get("action") == "delete":
+            continue
+        identifier = element.get("id", "")
+        if not identifier.lstrip("-").isdecimal():
+            raise InputError(f"{place_of(path, element)}: {tag}: id: must be a whole number, not {identifier!r:.60}")
+        if identifier in found:
+            other = place_of(path, found[identifier])
+            raise InputError(f"{place_of(path, element)}: {tag} {identifier}: is there twice; the other is {other}")
+        found[identifier] = element
+    return found
+
+
+def _degrees(path: Path, node: Element, attribute: str, limit_deg: float) -> float:
+    text = node.get(attribute, "")
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not abs(value) <= limit_deg:
+        raise InputError(
+            f"{place_of(path, node)}: node {node.get('id')}: {attribute}: must be degrees between "
+            f"-{limit_deg:g} and {limit_deg:g}, not {text!r:.60}"
+        )
+    return value
+
+
+def _tags(element: Element) -> dict[str, str]:
+    return {tag.get("k", "")[:_MAX_TAG]: tag.get("v", "")[:_MAX_TAG] for tag in element.findall("tag")}
+
+
+def _multipolygons(path: Path, root: Element, ways: Mapping[str, Way]) -> Sequence[Multipolygon]:
+    found = []
+    for relation in _by_id(path, root, "relation").values():
+        tags = _tags(relation)
+        members = [member for member in relation.findall("member") if member.get("type") == "way"]
+        if tags.get("type") != "multipolygon" or any(member.get("ref") not in ways for member in members):
+            continue
+        parts = [(member.get("role"), ways[member.get("ref", "")]) for member in members]
+        inner = tuple(way for role, way in parts if role == "inner")
+        outer = tuple(way for role, way in parts if role != "inner")
+        found.append(Multipolygon(outer, inner, tags))
+    return found

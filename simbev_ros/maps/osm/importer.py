@@ -1,0 +1,84 @@
+"""From an OpenStreetMap file (.osm) to the parts of a map."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pyproj import Transformer
+
+from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.maps import netconvert
+from simbev_ros.maps.osm.data import read_osm
+from simbev_ros.maps.osm.heights import with_heights
+from simbev_ros.maps.osm.land import features_of
+from simbev_ros.maps.osm.netfile import middle_of, write_roads, write_types
+from simbev_ros.maps.osm.road_rules import road_tags
+from simbev_ros.maps.osm.roads import joined, roads_of
+from simbev_ros.maps.parts import MapParts
+
+_LARGEST_M = 30_000.0
+_OPTIONS = (
+    "--offset.disable-normalization=true",
+    "--osm.sidewalks=true",
+    "--osm.crossings=true",
+    "--osm.turn-lanes=true",
+    "--osm.bike-access=true",
+    "--osm.elevation=true",
+    "--default.sidewalk-width=2.2",
+    "--crossings.guess=true",
+    "--crossings.guess.speed-threshold=14",
+    "--walkingareas=true",
+    "--junctions.join=true",
+    "--tls.guess-signals=true",
+    "--tls.join=true",
+    "--tls.default-type=static",
+    "--roundabouts.guess=true",
+    "--ramps.guess=true",
+    "--no-turnarounds.except-deadend=true",
+    "--rectangular-lane-cut=true",
+    "--junctions.internal-link-detail=20",
+    "--junctions.corner-detail=8",
+    "--precision=4",
+)
+
+
+def import_osm(path: Path, work: Path) -> MapParts:
+    """Read a file.
+
+    Args:
+        path: The .osm file.
+        work: An empty folder for the files of the result.
+
+    Raises:
+        InputError: The file is not OpenStreetMap XML, something in it is wrong, or it has no roads for cars.
+    """
+    data = read_osm(path)
+    in_roads = sorted({node for way in data.ways if road_tags(way.tags) is not None for node in way.nodes})
+    if not in_roads:
+        raise InputError(f"{path}: has no roads")
+    datum = middle_of(data.longitude_latitude_deg[in_roads])
+    to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
+    xy_m = np.column_stack(to_map.transform(*data.longitude_latitude_deg.T))
+    extent_m = float(np.ptp(xy_m[in_roads], axis=0).max())
+    if not extent_m <= _LARGEST_M:
+        raise InputError(
+            f"{path}: its roads span {extent_m / 1000:.0f} km; at most {_LARGEST_M / 1000:.0f} km are read. "
+            "Cut out the part that is wanted"
+        )
+    roads, road_notes = roads_of(data, xy_m)
+    if all(road.way.walk for road in roads):
+        raise InputError(f"{path}: has no roads that cars may drive on")
+    features, land_notes = features_of(data, xy_m, roads)
+    divided, xyz_m, height_notes = with_heights(roads, xy_m)
+    raised = joined([replace(road, way=road.way.at_grade()) for road in divided])
+    source, types = work / "roads.osm", work / "types.typ.xml"
+    write_roads(source, raised, xyz_m, data.node_tags, datum)
+    write_types(types)
+    net, opendrive = work / "map.net.xml", work / "map.xodr"
+    options = [f"--osm-files={source}", f"--type-files={types}", f"--proj={datum.proj_string}", *_OPTIONS]
+    try:
+        netconvert.run(options, net, opendrive)
+    except SimulationError as error:
+        raise InputError(f"{path}: {error}") from None
+    notes = (*data.notes, *road_notes, *height_notes, *land_notes)
+    return MapParts(net, opendrive, datum, features, notes=notes)

@@ -1,0 +1,91 @@
+"""Roads as OpenStreetMap XML again, clean, with heights, and the types that netconvert reads it with."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement
+
+import numpy as np
+
+from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.osm.data import Tags
+from simbev_ros.maps.osm.road_rules import RoadRule, road_rules
+from simbev_ros.maps.osm.roads import OsmRoad
+from simbev_ros.types import Float64Array
+
+_NOT_ON_ROADS = (
+    "pedestrian tram rail_urban rail rail_electric rail_fast ship container cable_car subway aircraft wheelchair "
+    "scooter drone"
+)
+_NODE_KINDS = ("traffic_signals", "crossing")
+_BICYCLE_LANE_M = 1.6
+_APART_M = 0.03
+"""netconvert takes nodes in one place for one; so far apart are those of roads that cross at two levels."""
+
+
+def write_roads(
+    path: Path,
+    roads: Sequence[OsmRoad],
+    xyz_m: Float64Array,
+    node_tags: Mapping[int, Tags],
+    datum: MapDatum,
+) -> None:
+    """Write the roads; way k + 1 is road k.
+
+    Args:
+        path: Where to.
+        roads: The roads.
+        xyz_m: (N, 3) nodes, map frame.
+        node_tags: Tags of nodes.
+        datum: Of the map frame.
+    """
+    root = Element("osm", version="0.6")
+    used = sorted({node for road in roads for node in road.nodes})
+    taken = Counter[tuple[float, float]]()
+    for node in used:
+        x_m, y_m, _ = np.round(xyz_m[node], 2)
+        apart_m = _APART_M * taken[x_m, y_m]
+        taken[x_m, y_m] += 1
+        latitude, longitude, altitude_m = datum.geodetic_from_map(xyz_m[node] + np.array([apart_m, 0.0, 0.0]))
+        place = {"id": str(node + 1), "lat": f"{latitude:.10f}", "lon": f"{longitude:.10f}"}
+        element = SubElement(root, "node", place)
+        _tag(element, {"ele": f"{altitude_m - datum.altitude_m:.3f}"})
+        tags = node_tags.get(node, {})
+        if tags.get("highway") in _NODE_KINDS:
+            _tag(element, {key: tags[key] for key in ("highway", "crossing") if key in tags})
+    for index, road in enumerate(roads):
+        way = SubElement(root, "way", id=str(index + 1))
+        for node in road.nodes:
+            SubElement(way, "nd", ref=str(node + 1))
+        _tag(way, road.way.tags)
+    ElementTree(root).write(path, encoding="utf-8")
+
+
+def write_types(path: Path) -> None:
+    """Write what netconvert assumes of each class of roads."""
+    root = Element("types")
+    for kind, rule in road_rules().items():
+        SubElement(root, "type", {"id": f"highway.{kind}", **_type(rule)})
+    bicycle_lane = {"bikeLaneWidth": f"{_BICYCLE_LANE_M}", "allow": "bicycle"}
+    for side in ("lane", "opposite_lane"):
+        SubElement(root, "type", {"id": f"cycleway.{side}", **bicycle_lane})
+    ElementTree(root).write(path, encoding="utf-8")
+
+
+def _type(rule: RoadRule) -> dict[str, str]:
+    common = {"numLanes": "1", "speed": f"{rule.speed_kmh / 3.6:.2f}", "priority": str(rule.priority)}
+    if rule.walk:
+        return {**common, "oneway": "true", "width": "2", "allow": "pedestrian"}
+    forbidden = _NOT_ON_ROADS if rule.bicycles else f"{_NOT_ON_ROADS} bicycle moped"
+    return {**common, "oneway": "true" if rule.one_way else "false", "disallow": forbidden}
+
+
+def _tag(element: Element, tags: Tags) -> None:
+    for key, value in tags.items():
+        SubElement(element, "tag", k=key, v=value)
+
+
+def middle_of(longitude_latitude_deg: Float64Array) -> MapDatum:
+    """A datum in the middle of (N, 2) longitudes and latitudes, of few digits."""
+    longitude, latitude = np.round((longitude_latitude_deg.min(axis=0) + longitude_latitude_deg.max(axis=0)) / 2.0, 6)
+    return MapDatum(float(latitude), float(longitude), 0.0)

@@ -1,0 +1,94 @@
+"""Curves in plan: rounding corners, offsetting, joining smoothly. (N, 2) float64, map frame, metres."""
+
+import numpy as np
+
+from simbev_ros.maps.plan.lines import VERTEX_SPACING_M, at_stations, densified, length_m
+from simbev_ros.types import Float64Array
+
+_STRAIGHT_SPACING_M = 20.0
+
+
+def place_m(line_m: Float64Array, at_m: float) -> Float64Array:
+    """(2,) place at a distance from a line's start."""
+    return np.asarray(at_stations(line_m, np.array([at_m]))[0])
+
+
+def heading(line_m: Float64Array, at_m: float) -> Float64Array:
+    """(2,) unit vector along a line at a distance from its start."""
+    total_m = length_m(line_m)
+    ahead = place_m(line_m, min(at_m + 1.0, total_m)) - place_m(line_m, max(at_m - 1.0, 0.0))
+    return np.asarray(ahead / np.linalg.norm(ahead))
+
+
+def resampled(line_m: Float64Array, spacing_m: float = VERTEX_SPACING_M) -> Float64Array:
+    """The same line with evenly spaced vertices, ends kept."""
+    total_m = length_m(line_m)
+    return at_stations(line_m, np.linspace(0.0, total_m, max(2, round(total_m / spacing_m) + 1)))
+
+
+def right_of(line_m: Float64Array, offset_m: float | Float64Array, closed: bool = False) -> Float64Array:
+    """The line moved to its right (negative: left) by one or (N,) distances, along the normals of its vertices."""
+    ahead = np.gradient(line_m, axis=0)
+    if closed:
+        ahead[[0, -1]] = line_m[1] - line_m[-2]
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    return line_m + np.column_stack([ahead[:, 1], -ahead[:, 0]]) * np.reshape(offset_m, (-1, 1))
+
+
+def rounded(points_m: Float64Array, radius_m: float, closed: bool = False) -> Float64Array:
+    """A line through straight stretches and arcs that replace the corners of a polygon or polyline.
+
+    An arc is smaller than ``radius_m`` where the sides of its corner are too short for it. A closed line starts, and
+    ends with the same vertex, in the middle of its longest side.
+    """
+    corners = np.asarray(points_m, dtype=np.float64)
+    if closed:
+        sides_m = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+        corners = np.roll(corners, -1 - int(np.argmax(sides_m)), axis=0)
+        seam = (corners[-1] + corners[0]) / 2.0
+        corners = np.concatenate([[seam], corners, [seam]])
+    arcs = [_arc(*corners[index : index + 3], radius_m) for index in range(len(corners) - 2)]
+    return densified(np.concatenate([corners[:1], *arcs, corners[-1:]]), _STRAIGHT_SPACING_M)
+
+
+def _arc(before: Float64Array, corner: Float64Array, after: Float64Array, radius_m: float) -> Float64Array:
+    """Vertices of the arc that replaces a corner."""
+    back, ahead = before - corner, after - corner
+    back_m, ahead_m = np.linalg.norm(back), np.linalg.norm(ahead)
+    back, ahead = back / back_m, ahead / ahead_m
+    turn_rad = np.pi - np.arccos(np.clip(back @ ahead, -1.0, 1.0))
+    if turn_rad < 1e-3:
+        return corner[None, :]
+    tangent_m = min(radius_m * np.tan(turn_rad / 2.0), 0.49 * back_m, 0.49 * ahead_m)
+    radius_m = tangent_m / np.tan(turn_rad / 2.0)
+    middle = (back + ahead) / np.linalg.norm(back + ahead)
+    center = corner + middle * radius_m / np.cos(turn_rad / 2.0)
+    steps = max(2, int(np.ceil(radius_m * turn_rad / VERTEX_SPACING_M)))
+    angle = np.linspace(-0.5, 0.5, steps + 1)[:, None] * turn_rad
+    across = (ahead - back) / np.linalg.norm(ahead - back)
+    return np.asarray(center - radius_m * (np.cos(angle) * middle - np.sin(angle) * across))
+
+
+def joining(
+    start_m: Float64Array,
+    start_heading: Float64Array,
+    end_m: Float64Array,
+    end_heading: Float64Array,
+    handles: tuple[float, float] = (0.4, 0.4),
+) -> Float64Array:
+    """A smooth line between two places with given directions: a cubic Bezier curve.
+
+    Args:
+        start_m: (2,) place.
+        start_heading: (2,) unit vector.
+        end_m: (2,) place.
+        end_heading: (2,) unit vector.
+        handles: How far the curve keeps its first and its last direction, as shares of the distance.
+    """
+    span_m = float(np.linalg.norm(end_m - start_m))
+    control = np.stack(
+        [start_m, start_m + handles[0] * span_m * start_heading, end_m - handles[1] * span_m * end_heading, end_m]
+    )
+    t = np.linspace(0.0, 1.0, 200)[:, None]
+    weights = np.concatenate([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
+    return resampled(weights @ control)

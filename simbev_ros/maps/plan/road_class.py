@@ -1,0 +1,37 @@
+"""Cross-sections by name: where a recipe asks for a road class, it gives one of the table's, with changes, or all of it."""
+
+from functools import lru_cache
+from importlib.resources import files
+from typing import Annotated, Any
+
+import yaml
+from pydantic import BeforeValidator
+
+from simbev_ros.maps.plan.draft import RoadClass
+
+
+@lru_cache(maxsize=1)
+def road_classes() -> dict[str, RoadClass]:
+    """The table that ships."""
+    text = files("simbev_ros.maps.plan").joinpath("road_classes.yaml").read_text(encoding="utf-8")
+    return {name: RoadClass(**entry) for name, entry in yaml.safe_load(text).items()}
+
+
+def _by_name(value: Any) -> Any:
+    """The fields of a class that is given as ``street`` or as ``{like: street, lanes: 2}``."""
+    if isinstance(value, str):
+        return _known(value)
+    if isinstance(value, dict) and "like" in value:
+        changes = {name: entry for name, entry in value.items() if name != "like"}
+        return {**_known(value["like"]).model_dump(), **changes}
+    return value
+
+
+def _known(name: Any) -> RoadClass:
+    if name not in road_classes():
+        raise ValueError(f"no road class is called {name!r}; known: {', '.join(road_classes())}")
+    return road_classes()[name]
+
+
+NamedRoadClass = Annotated[RoadClass, BeforeValidator(_by_name)]
+"""``street``, ``{like: street, lanes: 2}``, or all fields of a RoadClass."""

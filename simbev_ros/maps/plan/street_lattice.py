@@ -1,0 +1,202 @@
+"""Streets of a region on a lattice: districts of cells, each filled with the streets that suit its use.
+
+A cell is a square of ``FINE`` × ``FINE`` lattice steps between the region's main roads, which run along the cells'
+borders. All streets run between neighbouring points of the lattice, so whatever meets, meets in a point.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+
+from simbev_ros.types import Float64Array
+
+FINE = 8
+"""Lattice steps along a cell's side."""
+
+Point = tuple[int, int]
+Step = tuple[Point, Point]
+
+
+@dataclass
+class Lattice:
+    """Streets as steps between lattice points.
+
+    Attributes:
+        cells: Cells along a side of the region.
+        steps: What runs between two neighbouring points, the lower one first.
+        shift: How far a point was moved off the lattice, in steps.
+    """
+
+    cells: int
+    steps: dict[Step, str] = field(default_factory=dict)
+    shift: dict[Point, Float64Array] = field(default_factory=dict)
+
+    def add(self, a: Point, b: Point, kind: str) -> None:
+        """Streets between two points on one line of the lattice; what is there already stays."""
+        count = max(abs(b[0] - a[0]), abs(b[1] - a[1]))
+        along = ((b[0] - a[0]) // count, (b[1] - a[1]) // count)
+        for k in range(count):
+            here = (a[0] + k * along[0], a[1] + k * along[1])
+            there = (here[0] + along[0], here[1] + along[1])
+            self.steps.setdefault((min(here, there), max(here, there)), kind)
+
+    def remove(self, a: Point, b: Point) -> None:
+        """No streets between two neighbouring points."""
+        self.steps.pop((min(a, b), max(a, b)), None)
+
+    def arms(self) -> dict[Point, list[Point]]:
+        """Neighbours that each point has a street to, in order."""
+        arms: dict[Point, list[Point]] = defaultdict(list)
+        for a, b in sorted(self.steps):
+            arms[a].append(b)
+            arms[b].append(a)
+        return arms
+
+    def places(self, chain: list[Point]) -> Float64Array:
+        """(N, 2) where a chain's line has its corners, in lattice steps."""
+        places = np.array([np.array(point) + self.shift.get(point, 0.0) for point in chain])
+        before, after = places[1:-1] - places[:-2], places[2:] - places[1:-1]
+        straight = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) < 1e-9
+        return np.asarray(places[~np.concatenate([[False], straight, [False]])])
+
+    def prune(self, *kinds: str) -> None:
+        """Remove dead ends of these kinds, from junction to end."""
+        while True:
+            arms = self.arms()
+            stubs = [s for s, kind in self.steps.items() if kind in kinds and 1 in (len(arms[s[0]]), len(arms[s[1]]))]
+            if not stubs:
+                return
+            for stub in stubs:
+                del self.steps[stub]
+
+    def keep_largest_part(self) -> None:
+        """Remove all that is not connected with most of it."""
+        points = sorted({point for step in self.steps for point in step})
+        index = {point: k for k, point in enumerate(points)}
+        pairs = np.array([(index[a], index[b]) for a, b in sorted(self.steps)])
+        graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+        label = connected_components(graph, directed=False)[1]
+        largest = np.argmax(np.bincount(label))
+        self.steps = {step: kind for step, kind in self.steps.items() if label[index[step[0]]] == largest}
+
+    def chains(self) -> list[tuple[str, list[Point]]]:
+        """Streets from junction to junction, or to a dead end or a change of kind; each step in one of them."""
+        arms = self.arms()
+        left = dict(sorted(self.steps.items()))
+        through = {point for point in arms if self._goes_through(point, arms[point])}
+        starts = [point for point in sorted(arms) if point not in through]
+        chains = []
+        for start in (*starts, *sorted(through)):
+            for neighbour in arms[start]:
+                if (min(start, neighbour), max(start, neighbour)) not in left:
+                    continue
+                chain = [start, neighbour]
+                kind = left.pop((min(start, neighbour), max(start, neighbour)))
+                while chain[-1] in through and chain[-1] != start:
+                    onward = next(point for point in arms[chain[-1]] if point != chain[-2])
+                    left.pop((min(chain[-1], onward), max(chain[-1], onward)))
+                    chain.append(onward)
+                chains.append((kind, chain))
+        return chains
+
+    def _goes_through(self, point: Point, arms: list[Point]) -> bool:
+        kinds = {self.steps[min(point, arm), max(point, arm)] for arm in arms}
+        return len(arms) == 2 and len(kinds) == 1
+
+
+def fill_downtown(lattice: Lattice, cell: Point, rng: np.random.Generator) -> None:
+    """A dense grid; some streets are left out, so that there are larger blocks."""
+    _fill_grid(lattice, cell, (1, 1), "downtown", 0.12, rng)
+
+
+def fill_residential(lattice: Lattice, cell: Point, rng: np.random.Generator) -> None:
+    """Long narrow blocks, lengthwise one way or the other."""
+    spacing = (1, 2) if rng.random() < 0.5 else (2, 1)
+    _fill_grid(lattice, cell, spacing, "residential", 0.1, rng)
+
+
+def fill_industrial(lattice: Lattice, cell: Point, rng: np.random.Generator) -> None:
+    """Large blocks."""
+    _fill_grid(lattice, cell, (2, 4) if rng.random() < 0.5 else (4, 2), "industrial", 0.0, rng)
+
+
+def _fill_grid(
+    lattice: Lattice, cell: Point, spacing: tuple[int, int], kind: str, left_out: float, rng: np.random.Generator
+) -> None:
+    corner = (cell[0] * FINE, cell[1] * FINE)
+    runs = []
+    for i in range(0, FINE + 1, spacing[0]):
+        for j in range(0, FINE, spacing[1]):
+            if 0 < i < FINE:
+                runs.append(((corner[0] + i, corner[1] + j), (corner[0] + i, corner[1] + j + spacing[1])))
+    for j in range(0, FINE + 1, spacing[1]):
+        for i in range(0, FINE, spacing[0]):
+            if 0 < j < FINE:
+                runs.append(((corner[0] + i, corner[1] + j), (corner[0] + i + spacing[0], corner[1] + j)))
+    for run, drawn in zip(runs, rng.random(len(runs)), strict=True):
+        if drawn >= left_out:
+            lattice.add(*run, kind)
+
+
+def fill_suburb(lattice: Lattice, cell: Point, rng: np.random.Generator) -> None:
+    """A collector road around the middle, loops and culs-de-sac off it: a random tree with a few more connections."""
+    corner = np.array([cell[0] * FINE, cell[1] * FINE])
+
+    def at(i: int, j: int) -> Point:
+        return int(corner[0] + i), int(corner[1] + j)
+
+    low, high = (int(value) for value in rng.permutation([2, 6]))
+    for a, b in (((0, low), (4, low)), ((4, low), (4, high)), ((4, high), (FINE, high))):
+        lattice.add(at(*a), at(*b), "collector")
+    for a, b in (((low, 0), (low, 2)), ((high, FINE), (high, 6)), ((0, high), (2, high)), ((FINE, low), (6, low))):
+        lattice.add(at(*a), at(*b), "suburb")
+    inner = [(i, j) for i in range(1, FINE) for j in range(1, FINE)]
+    index = {point: k for k, point in enumerate(inner)}
+    pairs = np.array(
+        [(index[a], index[b]) for a in inner for b in ((a[0] + 1, a[1]), (a[0], a[1] + 1)) if b in index]
+    )
+    cost = rng.uniform(0.5, 1.5, len(pairs))
+    taken = [(min(at(*inner[a]), at(*inner[b])), max(at(*inner[a]), at(*inner[b]))) in lattice.steps for a, b in pairs]
+    cost[taken] = 1e-3
+    tree = minimum_spanning_tree(coo_array((cost, (pairs[:, 0], pairs[:, 1])), shape=(len(inner),) * 2).tocsr())
+    for a, b in sorted(zip(*(ends.tolist() for ends in tree.nonzero()), strict=True)):
+        lattice.add(at(*inner[a]), at(*inner[b]), "suburb")
+    for a, b in pairs[rng.random(len(pairs)) < 0.1].tolist():
+        lattice.add(at(*inner[a]), at(*inner[b]), "suburb")
+    for point in inner:
+        lattice.shift[at(*point)] = rng.uniform(-0.22, 0.22, 2)
+
+
+def fill_village(lattice: Lattice, node: Point, rng: np.random.Generator) -> None:
+    """Lanes around a crossing of country roads, near a point where they cross."""
+    column, row = node
+    reach = int(rng.integers(2, 4))
+    for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+        if rng.random() < 0.75:
+            lattice.add((column + i, row), (column + i, row + j), "village")
+            lattice.add((column, row + j), (column + i, row + j), "village")
+            lattice.shift[column + i, row + j] = rng.uniform(-0.25, 0.25, 2)
+        if rng.random() < 0.5:
+            lattice.add((column + i * reach, row), (column + i * reach, row + j), "village")
+
+
+def fill_farmland(lattice: Lattice, cell: Point, rng: np.random.Generator) -> None:
+    """A farm track or two from a country road to a farmstead."""
+    for _ in range(int(rng.integers(0, 3))):
+        along, depth = int(rng.integers(3, FINE - 2)), int(rng.integers(2, 4))
+        lattice.add(
+            (cell[0] * FINE + along, cell[1] * FINE), (cell[0] * FINE + along, cell[1] * FINE + depth), "track"
+        )
+
+
+FILL = {
+    "downtown": fill_downtown,
+    "residential": fill_residential,
+    "suburb": fill_suburb,
+    "industrial": fill_industrial,
+    "farmland": fill_farmland,
+}
+"""How cells are filled; others stay empty."""

@@ -1,0 +1,152 @@
+"""A plan with heights as SUMO's plain XML: nodes and edges, before netconvert."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.plan.draft import RoadClass
+from simbev_ros.maps.plan.lines import beside, simplified
+from simbev_ros.maps.plan.plan import Link, Plan
+from simbev_ros.types import Float64Array
+
+_SMALLEST_RADIUS_M = 0.5
+_FASTEST_CROSSING_KMH = 60.0
+_ALLOWED = {LaneKind.SIDEWALK: {"allow": "pedestrian"}, LaneKind.BICYCLE: {"allow": "bicycle"}}
+_CLOSED = {"disallow": "all"}
+_ON_DRIVING = {"disallow": "pedestrian"}
+
+
+class _LaneType(NamedTuple):
+    kind: LaneKind
+    width_m: float
+
+
+def nodes_xml(plan: Plan, signalised: Sequence[bool], proj_string: str) -> str:
+    """SUMO's node file."""
+    root = ElementTree.Element("nodes")
+    ElementTree.SubElement(
+        root,
+        "location",
+        netOffset="0.00,0.00",
+        convBoundary="0,0,0,0",
+        origBoundary="0,0,0,0",
+        projParameter=proj_string,
+    )
+    for index, (place_m, links, lit) in enumerate(zip(plan.nodes_m, plan.links_at(), signalised, strict=True)):
+        x, y, z = place_m
+        ElementTree.SubElement(
+            root,
+            "node",
+            id=f"J{index}",
+            x=f"{x:.3f}",
+            y=f"{y:.3f}",
+            z=f"{z:.3f}",
+            type="traffic_light" if lit else "priority",
+            radius=f"{_radius_m(links):g}",
+        )
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _radius_m(links: Sequence[Link]) -> float:
+    """SUMO rounds the outer edge of the sidewalk; the curb lies one sidewalk's width further out."""
+    if len(links) < 3:
+        return _SMALLEST_RADIUS_M
+    return max(min(link.road.kind.corner_radius_m - link.road.kind.sidewalk_m for link in links), _SMALLEST_RADIUS_M)
+
+
+def edges_xml(plan: Plan) -> str:
+    """SUMO's edge file: one edge for each direction of each link."""
+    root = ElementTree.Element("edges")
+    for link in plan.links:
+        for identifier, start, end, line_m in _directions(link):
+            edge = ElementTree.SubElement(
+                root,
+                "edge",
+                {
+                    "id": identifier,
+                    "from": f"J{start}",
+                    "to": f"J{end}",
+                    "numLanes": str(len(_lanes(link.road.kind))),
+                    "priority": str(link.road.kind.priority),
+                    "speed": f"{link.road.kind.speed_kmh / 3.6:.3f}",
+                    "spreadType": "right",
+                    "shape": " ".join(f"{x:.3f},{y:.3f},{z:.3f}" for x, y, z in simplified(line_m)),
+                },
+            )
+            for index, lane in enumerate(_lanes(link.road.kind)):
+                ElementTree.SubElement(
+                    edge,
+                    "lane",
+                    {
+                        "index": str(index),
+                        "width": f"{lane.width_m:g}",
+                        "type": lane.kind.value,
+                        **(_ON_DRIVING if lane.kind is LaneKind.DRIVING else _ALLOWED.get(lane.kind, _CLOSED)),
+                    },
+                )
+            if link.structure:
+                ElementTree.SubElement(edge, "param", key="structure", value="bridge")
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def connections_xml(plan: Plan, signalised: Sequence[bool], width_m: float) -> str:
+    """SUMO's connection file: a crossing over each road with sidewalks at a junction, and lanes that begin."""
+    root = ElementTree.Element("connections")
+    for node, (links, lit) in enumerate(zip(plan.links_at(), signalised, strict=True)):
+        for link in links if len(links) > 2 else ():
+            kind = link.road.kind
+            if kind.sidewalk_m > 0.0 and not kind.one_way and kind.speed_kmh <= _FASTEST_CROSSING_KMH:
+                crossed = {"node": f"J{node}", "edges": f"{link.id} -{link.id}", "width": f"{width_m:g}"}
+                ElementTree.SubElement(root, "crossing", {**crossed, "priority": "true"})
+        for connection in _widening(node, links):
+            ElementTree.SubElement(root, "connection", connection)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _widening(node: int, links: Sequence[Link]) -> Iterator[dict[str, str]]:
+    """Connections where a one-way road goes on with more lanes: they begin on the right, SUMO would say on the left."""
+    coming = [link for link in links if link.end == node and link.road.kind.one_way]
+    going = [link for link in links if link.start == node and link.road.kind.one_way]
+    if len(links) != 2 or len(coming) != 1 or len(going) != 1:
+        return
+    first, last = (_first_driving(link.road.kind) for link in (coming[0], going[0]))
+    more = going[0].road.kind.lanes - coming[0].road.kind.lanes
+    for lane in range(going[0].road.kind.lanes if more > 0 else 0):
+        lanes = {"fromLane": str(first + max(lane - more, 0)), "toLane": str(last + lane)}
+        yield {"from": coming[0].id, "to": going[0].id, **lanes}
+
+
+def _first_driving(kind: RoadClass) -> int:
+    """Index of the rightmost driving lane."""
+    return [lane.kind for lane in _lanes(kind)].index(LaneKind.DRIVING)
+
+
+def _directions(link: Link) -> Iterator[tuple[str, int, int, Float64Array]]:
+    """Id, nodes and left border of each direction."""
+    if link.road.kind.one_way:
+        yield link.id, link.start, link.end, beside(link.line_m, _left_of_line_m(link.road.kind))
+    else:
+        yield link.id, link.start, link.end, link.line_m
+        yield f"-{link.id}", link.end, link.start, link.line_m[::-1]
+
+
+def _left_of_line_m(kind: RoadClass) -> float:
+    """How far a one-way road reaches to the left of its line."""
+    return kind.left_shoulder_m + (0.0 if kind.line_at == "left" else kind.lanes * kind.lane_width_m / 2.0)
+
+
+def _lanes(kind: RoadClass) -> list[_LaneType]:
+    """Lanes of one direction, from right to left."""
+    inner_m = (LaneKind.SHOULDER, kind.left_shoulder_m) if kind.one_way else (LaneKind.MEDIAN, kind.median_m / 2.0)
+    cross_section = [
+        (LaneKind.SIDEWALK, kind.sidewalk_m),
+        (LaneKind.SHOULDER, kind.shoulder_m),
+        (LaneKind.PARKING, kind.parking_m),
+        (LaneKind.BICYCLE, kind.bicycle_m),
+        *[(LaneKind.DRIVING, kind.lane_width_m)] * kind.lanes,
+        inner_m,
+    ]
+    return [_LaneType(lane, width_m) for lane, width_m in cross_section if width_m > 0.0]

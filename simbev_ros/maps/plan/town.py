@@ -1,0 +1,78 @@
+"""From a town's recipe to the parts of a map."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.maps import netconvert
+from simbev_ros.maps.features import MapFeatures, Water
+from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.plan.draft import Draft
+from simbev_ros.maps.plan.land import water_in, waters_of, zones_of
+from simbev_ros.maps.plan.noding import divide
+from simbev_ros.maps.plan.patterns import draw_patterns
+from simbev_ros.maps.plan.plan import Plan
+from simbev_ros.maps.plan.profile import Land, with_heights
+from simbev_ros.maps.plan.structures import with_structures
+from simbev_ros.maps.plan.sumo_xml import connections_xml, edges_xml, nodes_xml
+from simbev_ros.maps.recipe import TownRecipe
+from simbev_ros.maps.relief import relief_m
+from simbev_ros.types import Float64Array
+
+_SIGNAL_REACH_M = 10.0
+_FASTEST_SIGNAL_KMH = 75.0
+
+
+def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
+    """Draw a town, and let SUMO's netconvert build it.
+
+    Args:
+        recipe: What the town is like.
+        seed: Of all that the recipe leaves open; the same seed gives the same bytes.
+        work: An existing folder for the files.
+
+    Raises:
+        InputError: The recipe's roads cannot be built.
+        SimulationError: netconvert failed.
+    """
+    land = partial(relief_m, recipe.relief, seed)
+    draft = draw_patterns(recipe.patterns, recipe.name, seed)
+    water = _waters(recipe, draft, land)
+    plan = with_structures(with_heights(divide(draft), land, water), land)
+    lit = _signalised(plan, recipe, draft.signals_m)
+    nodes, edges, connections = (work / f"map.{part}.xml" for part in ("nod", "edg", "con"))
+    nodes.write_text(nodes_xml(plan, lit, recipe.datum.datum.proj_string), encoding="utf-8")
+    edges.write_text(edges_xml(plan), encoding="utf-8")
+    connections.write_text(connections_xml(plan, lit, recipe.crossing_width_m), encoding="utf-8")
+    net, opendrive = work / "map.net.xml", work / "map.xodr"
+    netconvert.convert(nodes, edges, connections, net, opendrive)
+    return MapParts(net, opendrive, recipe.datum.datum, _features(recipe, draft, water), notes=plan.notes)
+
+
+def _features(recipe: TownRecipe, draft: Draft, water: tuple[Water, ...]) -> MapFeatures:
+    zones = (*draft.zones, *zones_of(recipe.zones))
+    return MapFeatures(recipe.surroundings, zones, recipe.relief, water)
+
+
+def _waters(recipe: TownRecipe, draft: Draft, land: Land) -> tuple[Water, ...]:
+    return (*waters_of(recipe.water, land), *(water_in(area, land) for area in draft.water))
+
+
+def _signalised(plan: Plan, recipe: TownRecipe, wanted_m: Sequence[Float64Array]) -> list[bool]:
+    """(K,) which nodes have traffic lights."""
+    lit = []
+    for node, links in enumerate(plan.links_at()):
+        incoming = sum(
+            link.road.kind.lanes for link in links if not link.road.kind.one_way or link.end == node
+        )
+        by_rule = (
+            len(links) >= 3
+            and incoming >= recipe.signals_from_lanes
+            and all(link.road.kind.speed_kmh <= _FASTEST_SIGNAL_KMH for link in links)
+            and not any(link.road.kind.one_way for link in links)
+        )
+        by_wish = any(np.linalg.norm(plan.nodes_m[node][:2] - place_m) < _SIGNAL_REACH_M for place_m in wanted_m)
+        lit.append(by_rule or by_wish)
+    return lit

@@ -1,0 +1,27 @@
+"""Which approaches to junctions without traffic lights have to give way, or to stop first."""
+
+from collections import defaultdict
+
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import SignKind
+from simbev_ros.maps.sumo_net import SumoNet
+
+_MAJOR, _YIELDS, _STOPS = frozenset("M"), frozenset("m"), frozenset("sw")
+
+
+def minor_approaches(net: SumoNet) -> dict[str, SignKind]:
+    """Edge → its sign, STOP or YIELD, for each edge of which no movement has right of way; in the net's order.
+
+    An edge that only turns left against oncoming traffic yields too, but has other movements with right of way.
+    """
+    codes: dict[str, set[str]] = defaultdict(set)
+    for lane_id, lane_codes in net.right_of_way.items():
+        if net.lanes[lane_id].kind is LaneKind.DRIVING:
+            codes[net.lanes[lane_id].edge] |= lane_codes
+    approaches: dict[str, SignKind] = {}
+    for edge, edge_codes in codes.items():
+        if edge_codes & _STOPS:
+            approaches[edge] = SignKind.STOP
+        elif edge_codes & _YIELDS and not edge_codes & _MAJOR:
+            approaches[edge] = SignKind.YIELD
+    return approaches

@@ -1,0 +1,129 @@
+"""Reading XML that a user brought: bounded in size and depth, without entities, every element with its line.
+
+The standard library's expat, told to refuse what only attacks need, does all of it; a package such as defusedxml would
+add nothing but the refusal of entities, and knows neither lines nor limits.
+"""
+
+import stat
+from pathlib import Path
+from typing import NoReturn
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+from simbev_ros.errors import InputError
+
+_MAX_BYTES = 128 << 20
+_MAX_DEPTH = 64
+_MAX_ELEMENTS = 2_500_000
+_CHUNK_BYTES = 1 << 20
+
+
+class LinedElement(Element):
+    """An element that knows the line of the file, from 1, that it starts in."""
+
+    __slots__ = ("line",)
+    line: int
+
+
+def parse(path: Path, root_tag: str, max_bytes: int = _MAX_BYTES) -> Element:
+    """The root of an XML file.
+
+    Args:
+        path: A regular file.
+        root_tag: What its root element must be.
+        max_bytes: Larger files are refused unread.
+
+    Returns:
+        The root; it and all below it are ``LinedElement``s, see ``place_of``.
+
+    Raises:
+        InputError: The file cannot be read, is too large, is not well-formed, has a document type declaration, is too
+            deeply nested, or has another root.
+    """
+    check_readable(path, max_bytes)
+    reader = _Reader(path, root_tag)
+    try:
+        with path.open("rb") as stream:
+            while chunk := stream.read(_CHUNK_BYTES):
+                reader.parser.Parse(chunk, False)
+        reader.parser.Parse(b"", True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        hint = "; the file ends too early" if error.code in _ENDS_EARLY else ""
+        reader.refuse(f"not valid XML: {reason}{hint}", error.lineno, error.offset + 1)
+    except (LookupError, ValueError) as error:
+        reader.refuse(f"its encoding is not known: {error}", 1)
+    root: Element = reader.builder.close()
+    return root
+
+
+def place_of(path: Path, element: Element) -> str:
+    """``file:line`` of an element, for messages."""
+    return f"{path}:{element.line}" if isinstance(element, LinedElement) else str(path)
+
+
+_ENDS_EARLY = (
+    expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS],
+    expat.errors.codes[expat.errors.XML_ERROR_UNCLOSED_TOKEN],
+    expat.errors.codes[expat.errors.XML_ERROR_UNCLOSED_CDATA_SECTION],
+    expat.errors.codes[expat.errors.XML_ERROR_PARTIAL_CHAR],
+)
+
+
+def check_readable(path: Path, max_bytes: int = _MAX_BYTES) -> None:
+    """Raise InputError for what is no regular file, empty or too large; looks at its directory entry alone."""
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path}: is not a file")
+    if status.st_size == 0:
+        raise InputError(f"{path}: is empty")
+    if status.st_size > max_bytes:
+        raise InputError(
+            f"{path}: has {status.st_size / 2**20:.0f} MiB; at most {max_bytes / 2**20:.0f} MiB are read. "
+            "Cut out the part that is wanted"
+        )
+
+
+class _Reader:
+    """An expat parser that fills a tree."""
+
+    def __init__(self, path: Path, root_tag: str) -> None:
+        self.builder = TreeBuilder(element_factory=LinedElement)
+        self.parser = parser = expat.ParserCreate()
+        self._path, self._root_tag = path, root_tag
+        self._depth = self._elements = 0
+        parser.buffer_text = True
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self.builder.data
+        parser.StartDoctypeDeclHandler = self._doctype
+
+    def refuse(self, problem: str, line: int, column: int | None = None) -> NoReturn:
+        """Say what is wrong, and where."""
+        place = f"{self._path}:{line}" if column is None else f"{self._path}:{line}:{column}"
+        raise InputError(f"{place}: {problem}")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        line = self.parser.CurrentLineNumber
+        if self._elements == 0 and tag != self._root_tag:
+            self.refuse(f"the root element must be <{self._root_tag}>, not <{tag:.40}>", line)
+        self._depth += 1
+        self._elements += 1
+        if self._depth > _MAX_DEPTH:
+            self.refuse(f"elements are nested more than {_MAX_DEPTH} deep", line)
+        if self._elements > _MAX_ELEMENTS:
+            self.refuse(f"has more than {_MAX_ELEMENTS} elements", line)
+        element: LinedElement = self.builder.start(tag, attributes)  # type: ignore[assignment]
+        element.line = line
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self.builder.end(tag)
+
+    def _doctype(self, *_: object) -> None:
+        self.refuse("document type declarations (<!DOCTYPE>) are not accepted", self.parser.CurrentLineNumber)

@@ -1,0 +1,55 @@
+"""Water in the land: beds below its surface, banks beside it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from simbev_ros.maps.features import Water
+from simbev_ros.types import Float64Array
+
+_DEPTH_M = 3.0
+_BED_SLOPE = 0.45
+_BANK_SLOPE = 0.5
+_FREEBOARD_M = 0.25  # the land beside water is at least so much higher, so that nothing is flooded
+_BANK_M = (4.0, 24.0)  # between these distances the bank turns into the land as it is
+_SAMPLE_M = 1.0
+
+
+class Shores:
+    """The waters of a map."""
+
+    def __init__(self, waters: Sequence[Water]) -> None:
+        self._shores = [_Shore(water) for water in waters]
+
+    def carve(self, xy_m: Float64Array, land_m: Float64Array) -> Float64Array:
+        """(N,) heights of the land at (N, 2) points, of (N,) heights of the land as it were without water."""
+        for shore in self._shores:
+            low, high = shore.bounds_m[:2] - _BANK_M[1], shore.bounds_m[2:] + _BANK_M[1]
+            near = np.flatnonzero(((xy_m >= low) & (xy_m <= high)).all(axis=1))
+            if len(near):
+                land_m = land_m.copy()
+                land_m[near] = shore.carved(xy_m[near], land_m[near])
+        return land_m
+
+
+class _Shore:
+    """One water."""
+
+    def __init__(self, water: Water) -> None:
+        self.bounds_m: Float64Array = np.array(water.area.bounds)
+        self._area, self._surface_m = water.area, water.surface_m
+        shapely.prepare(self._area)
+        self._line = cKDTree(shapely.get_coordinates(shapely.segmentize(water.area.boundary, _SAMPLE_M)))
+
+    def carved(self, xy_m: Float64Array, land_m: Float64Array) -> Float64Array:
+        """As ``Shores.carve``."""
+        distance_m: Float64Array = self._line.query(xy_m)[0]
+        inside = shapely.contains_xy(self._area, xy_m[:, 0], xy_m[:, 1])
+        bed_m = np.minimum(land_m, self._surface_m - np.minimum(_BED_SLOPE * distance_m, _DEPTH_M))
+        top_m = self._surface_m + _FREEBOARD_M + _BANK_SLOPE * distance_m
+        bank_m = np.clip(land_m, self._surface_m + np.minimum(_FREEBOARD_M, _BED_SLOPE * distance_m), top_m)
+        share = np.clip((distance_m - _BANK_M[0]) / (_BANK_M[1] - _BANK_M[0]), 0.0, 1.0)
+        share = share**2 * (3.0 - 2.0 * share)
+        return np.where(inside, bed_m, bank_m + share * (land_m - bank_m))

@@ -1,0 +1,139 @@
+"""Places traffic signs where the map has none of its own: stop, yield and speed limit.
+
+An approach that gives way has its sign beside its stop or yield line. Speed limits stand where they begin to hold, and
+on long roads after a junction.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.layout import Layout, Sign, SignKind
+from simbev_ros.maps.network import Lane
+from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.right_of_way import minor_approaches
+from simbev_ros.maps.sumo_net import SumoNet
+from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.types import BoolArray, Float64Array
+
+_BESIDE_M = (0.7, 1.5, 2.5, 3.5, 4.5, 5.5)  # from the lane's edge to the post: the first place off all roads
+_BEFORE_END_M = 1.0
+_AFTER_START_M = 12.0
+_LONG_M = 250.0
+_SAME_SPEED_MPS = 0.3
+_SHORTEST_M = 5.0
+_SAME_HEIGHT_M = 2.5
+_CLEAR_M = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """A sign beside a lane, ``s_m`` from its start."""
+
+    kind: SignKind
+    lane: Lane
+    s_m: float
+    lanes: tuple[str, ...]
+    speed_mps: float = 0.0
+
+
+def place_signs(net: SumoNet, layout: Layout) -> tuple[Sign, ...]:
+    """Signs by rule, on the roads of a net.
+
+    Args:
+        net: Who gives way to whom, and how fast traffic may go.
+        layout: Where lanes lie; a sign that has no place off all roads is left out.
+    """
+    edges: dict[str, list[Lane]] = defaultdict(list)
+    for lane in net.lanes.values():
+        if not lane.junction and lane.kind is not LaneKind.SIDEWALK and lane.length_m > _SHORTEST_M:
+            edges[lane.edge].append(lane)
+    driven = {
+        edge: sorted(lanes, key=lambda lane: lane.index)
+        for edge, lanes in edges.items()
+        if any(lane.kind is LaneKind.DRIVING for lane in lanes)
+    }
+    return tuple(_off_the_road([*_priority_signs(net, driven), *_speed_signs(net, driven)], layout))
+
+
+def _priority_signs(net: SumoNet, edges: Mapping[str, list[Lane]]) -> Iterator[_Wanted]:
+    """One sign for each approach that gives way."""
+    for edge, kind in minor_approaches(net).items():
+        if edge in edges:
+            right = edges[edge][0]
+            yield _Wanted(kind, right, right.length_m - _BEFORE_END_M, _driving(edges[edge]))
+
+
+def _speed_signs(net: SumoNet, edges: Mapping[str, list[Lane]]) -> Iterator[_Wanted]:
+    """Signs where a limit begins to hold, and where drivers may want to be told again."""
+    sources, arms = _sources(net), _arms(net)
+    for edge, lanes in edges.items():
+        right, speed_mps = lanes[0], _speed_mps(lanes)
+        known = [_speed_mps(edges[source]) for source in sources[edge] if source in edges]
+        new = not known or any(abs(other_mps - speed_mps) > _SAME_SPEED_MPS for other_mps in known)
+        again = right.length_m > _LONG_M and arms[net.edge_ends[edge][0]] > 2
+        if (new or again) and right.length_m > 2.0 * _AFTER_START_M:
+            yield _Wanted(SignKind.SPEED_LIMIT, right, _AFTER_START_M, _driving(lanes), speed_mps)
+
+
+def _sources(net: SumoNet) -> dict[str, set[str]]:
+    """Edge → edges outside junctions that driving lanes lead from to it."""
+    sources: dict[str, set[str]] = defaultdict(set)
+    for lane in net.lanes.values():
+        if lane.kind is not LaneKind.DRIVING or lane.junction:
+            continue
+        ahead = list(lane.successors)
+        while ahead:
+            follower = net.lanes[ahead.pop()]
+            if follower.junction:
+                ahead.extend(follower.successors)
+            else:
+                sources[follower.edge].add(lane.edge)
+    return sources
+
+
+def _arms(net: SumoNet) -> Counter[str]:
+    """Junction → how many others it is joined to."""
+    joined = {frozenset(ends) for ends in net.edge_ends.values()}
+    return Counter(junction for ends in joined for junction in ends)
+
+
+def _driving(lanes: Sequence[Lane]) -> tuple[str, ...]:
+    return tuple(lane.id for lane in lanes if lane.kind is LaneKind.DRIVING)
+
+
+def _speed_mps(lanes: Sequence[Lane]) -> float:
+    return max(lane.speed_mps for lane in lanes if lane.kind is LaneKind.DRIVING)
+
+
+def _off_the_road(wanted: Sequence[_Wanted], layout: Layout) -> Iterator[Sign]:
+    """Each sign at the first place to the right of its lane that is on no road."""
+    if not wanted:
+        return
+    lines = Polylines.of([sign.lane.centerline_m for sign in wanted])
+    place = lines.parameter(np.arange(len(wanted)), np.array([sign.s_m for sign in wanted]))
+    heading = lines.headings(place)
+    right = np.column_stack([heading[:, 1], -heading[:, 0], np.zeros(len(wanted))])
+    beside_m = np.add.outer([sign.lane.width_m / 2.0 for sign in wanted], _BESIDE_M)
+    feet_m = lines.values(place)[:, None] + beside_m[..., None] * right[:, None]
+    free = ~_on_road(feet_m.reshape(-1, 3), layout).reshape(beside_m.shape)
+    yaws_rad = np.arctan2(-heading[:, 1], -heading[:, 0]).tolist()
+    for row, first in enumerate(np.argmax(free, axis=1).tolist()):
+        if free[row, first]:
+            sign = wanted[row]
+            yield Sign(sign.kind, feet_m[row, first], yaws_rad[row], sign.lanes, sign.speed_mps)
+
+
+def _on_road(places_m: Float64Array, layout: Layout) -> BoolArray:
+    """(N,) whether (N, 3) places are on what is paved for vehicles, or hardly beside it."""
+    strips = layout.strips_of(*ROAD_KINDS, LaneKind.SHOULDER)
+    tree = shapely.STRtree(strip_polygons(strips))
+    place, strip = tree.query(shapely.points(places_m[:, :2]), predicate="dwithin", distance=_CLEAR_M)
+    height_m = np.array([each.center_m[:, 2].mean() for each in strips])
+    occupied = np.zeros(len(places_m), bool)
+    occupied[place[np.abs(height_m[strip] - places_m[place, 2]) < _SAME_HEIGHT_M]] = True
+    return occupied

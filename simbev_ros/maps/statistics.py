@@ -1,0 +1,112 @@
+"""Figures of a map: how large it is and what is in it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.types import Float64Array
+
+_ONE_PLACE_M = 25.0
+_SMALLEST_M2 = 1.0
+_SPACING_M, _AROUND_M = 15.0, 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class MapStatistics:
+    """Figures of a map.
+
+    Attributes:
+        width_m: Extent of the roads from west to east.
+        depth_m: From south to north.
+        lane_km: Length of the lanes outside junctions, by kind.
+        junctions: Where lanes meet, dead ends left out.
+        signals: Heads of traffic lights.
+        signs: Traffic signs.
+        crosswalks: Marked crossings.
+        lowest_m: Lowest point of any lane, map frame.
+        highest_m: Highest point.
+        levels: 1 where no road passes over another or over water.
+        two_level_crossings: Places where roads pass over roads; carriageways of one road count once.
+        zones: Pieces of land with a character of their own.
+        prescribed_buildings: Buildings that the map's file has, else None: they are invented.
+        water_areas: Rivers, lakes, ponds.
+    """
+
+    width_m: float
+    depth_m: float
+    lane_km: dict[str, float]
+    junctions: int
+    signals: int
+    signs: int
+    crosswalks: int
+    lowest_m: float
+    highest_m: float
+    levels: int
+    two_level_crossings: int
+    zones: int
+    prescribed_buildings: int | None
+    water_areas: int
+
+
+def statistics_of(network: RoadNetwork) -> MapStatistics:
+    """The figures of a map."""
+    layout, features = network.layout, network.features
+    points_m = np.concatenate([strip.center_m for strip in layout.strips if strip.outline_m is None])
+    low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
+    return MapStatistics(
+        width_m=float(high_m[0] - low_m[0]),
+        depth_m=float(high_m[1] - low_m[1]),
+        lane_km=_lane_km(layout),
+        junctions=len(network.junctions),
+        signals=len(network.signals),
+        signs=len(layout.signs),
+        crosswalks=len(layout.crosswalks),
+        lowest_m=float(low_m[2]),
+        highest_m=float(high_m[2]),
+        levels=len(layout.levels),
+        two_level_crossings=_two_level_crossings(layout),
+        zones=len(features.zones),
+        prescribed_buildings=None if features.buildings is None else len(features.buildings),
+        water_areas=len(features.water),
+    )
+
+
+def busiest_place(network: RoadNetwork) -> Float64Array:
+    """(2,) place on a driving lane, map frame, that has the most lanes around it."""
+    places_m = network.waypoints(_SPACING_M).position_m[:, :2]
+    tree = cKDTree(places_m)
+    around = tree.query_ball_point(places_m, _AROUND_M, return_length=True)
+    busiest: Float64Array = places_m[int(np.argmax(around))]
+    return busiest
+
+
+def _lane_km(layout: Layout) -> dict[str, float]:
+    length_km = dict.fromkeys((kind.value for kind in LaneKind), 0.0)
+    for strip in layout.strips:
+        if not strip.junction:
+            length_km[strip.kind] += shapely.LineString(strip.center_m).length / 1000.0
+    return {kind: length for kind, length in length_km.items() if length > 0.0}
+
+
+def _two_level_crossings(layout: Layout) -> int:
+    """Clusters of places where the areas of driving lanes of different levels overlap."""
+    overlaps = []
+    for level in layout.levels[1:]:
+        upper = np.array([_area(strip) for strip in layout.strips_of(LaneKind.DRIVING, level=level)], dtype=object)
+        lower = [strip for strip in layout.strips_of(LaneKind.DRIVING) if strip.level < level]
+        tree = shapely.STRtree([_area(strip) for strip in lower])
+        above, below = tree.query(upper, predicate="intersects")
+        parts = shapely.intersection(upper[above], tree.geometries[below])
+        overlaps += [part for part in parts if part.area > _SMALLEST_M2]
+    merged = shapely.union_all(shapely.buffer(overlaps, _ONE_PLACE_M / 2.0)) if overlaps else shapely.MultiPolygon()
+    return len(shapely.get_parts(merged))
+
+
+def _area(strip: Strip) -> shapely.Polygon:
+    ring = np.concatenate([strip.left_m[:, :2], strip.right_m[::-1, :2]])
+    return shapely.buffer(shapely.Polygon(ring), 0.0)

@@ -1,0 +1,128 @@
+"""RoadNetworks on disk: the net, its OpenDRIVE twin, and all else as flat arrays in one file that loads fast."""
+
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.columns import from_columns, part_of, to_columns
+from simbev_ros.maps.features import Footprint, MapFeatures, Water, Zone
+from simbev_ros.maps.layout import Crosswalk, Layout, Sign, SignalPlace, StopLine, Strip
+from simbev_ros.maps.network import Junction, Lane, RoadNetwork, Signal
+from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
+from simbev_ros.types import AnyArray
+
+NET = "map.net.xml"
+OPENDRIVE = "map.xodr"
+_STORE = "network.npz"
+_HEADER = "header"
+
+
+def write_network(network: RoadNetwork, folder: Path) -> None:
+    """Write into a folder that holds the files ``NET`` and ``OPENDRIVE`` already."""
+    header = {
+        "name": network.name,
+        "datum": asdict(network.datum),
+        "notes": network.notes,
+        "corner_radius_m": network.layout.corner_radius_m,
+        "surroundings": network.features.surroundings.model_dump_json(),
+        "relief": network.features.relief.model_dump_json(),
+        "invents_buildings": network.features.buildings is None,
+        "bytes": {name: (folder / name).stat().st_size for name in (NET, OPENDRIVE)},
+    }
+    columns = {
+        f"{name}.{column}": array
+        for name, (kind, items) in _tables(network).items()
+        for column, array in to_columns(kind, items).items()
+    }
+    columns[_HEADER] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    np.savez(folder / _STORE, allow_pickle=False, **columns)
+
+
+def read_network(folder: Path, seed: int) -> RoadNetwork:
+    """Read it again.
+
+    Args:
+        folder: Where it was written.
+        seed: Of what the map leaves open.
+
+    Raises:
+        ValueError: The folder is damaged.
+    """
+    try:
+        with np.load(folder / _STORE, allow_pickle=False) as arrays:
+            header, columns = _header(arrays), {name: arrays[name] for name in arrays.files}
+        if any((folder / name).stat().st_size != count for name, count in header["bytes"].items()):
+            raise ValueError("a file has another length than when it was written")
+        return _network(folder, header, columns, seed)
+    except (OSError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{folder}: {error}") from error
+
+
+def read_datum(folder: Path) -> MapDatum:
+    """Only where the map lies on Earth; raises as ``read_network``."""
+    try:
+        with np.load(folder / _STORE, allow_pickle=False) as arrays:
+            return MapDatum(**_header(arrays)["datum"])
+    except (OSError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{folder}: {error}") from error
+
+
+def _header(arrays: Mapping[str, AnyArray]) -> dict[str, Any]:
+    header: dict[str, Any] = json.loads(arrays[_HEADER].tobytes())
+    return header
+
+
+def _tables(network: RoadNetwork) -> dict[str, tuple[type, Any]]:
+    """Name → type and instances, of all that is stored as columns."""
+    layout, features = network.layout, network.features
+    return {
+        "lanes": (Lane, tuple(network.lanes.values())),
+        "junctions": (Junction, tuple(network.junctions.values())),
+        "signals": (Signal, network.signals),
+        "strips": (Strip, layout.strips),
+        "crosswalks": (Crosswalk, layout.crosswalks),
+        "stop_lines": (StopLine, layout.stop_lines),
+        "signs": (Sign, layout.signs),
+        "signal_places": (SignalPlace, layout.signal_places),
+        "zones": (Zone, features.zones),
+        "water": (Water, features.water),
+        "buildings": (Footprint, features.buildings or ()),
+    }
+
+
+def _network(folder: Path, header: Mapping[str, Any], columns: Mapping[str, AnyArray], seed: int) -> RoadNetwork:
+    def table(name: str, kind: type) -> tuple[Any, ...]:
+        return tuple(from_columns(kind, part_of(columns, name)))
+
+    return RoadNetwork(
+        name=header["name"],
+        lanes={lane.id: lane for lane in table("lanes", Lane)},
+        junctions={junction.id: junction for junction in table("junctions", Junction)},
+        signals=table("signals", Signal),
+        datum=MapDatum(**header["datum"]),
+        net_path=folder / NET,
+        opendrive_path=folder / OPENDRIVE,
+        layout=Layout(
+            strips=table("strips", Strip),
+            crosswalks=table("crosswalks", Crosswalk),
+            stop_lines=table("stop_lines", StopLine),
+            signs=table("signs", Sign),
+            signal_places=table("signal_places", SignalPlace),
+            corner_radius_m=header["corner_radius_m"],
+        ),
+        features=MapFeatures(
+            surroundings=SurroundingsRecipe.model_validate_json(header["surroundings"]),
+            zones=table("zones", Zone),
+            relief=ReliefRecipe.model_validate_json(header["relief"]),
+            water=table("water", Water),
+            buildings=None if header["invents_buildings"] else table("buildings", Footprint),
+        ),
+        seed=seed,
+        notes=tuple(header["notes"]),
+    )

@@ -1,0 +1,174 @@
+"""The shape of the land: the roads' own plane on and beside them, smoothly into the relief away from them.
+
+Two steps. The whole map, coarsely: where roads are it has their height, elsewhere a membrane that hangs between them
+and, where there are hills, fades into those. ``Terrain.patch`` refines a rectangle of it: nodes on and beside streets
+lie exactly on the carriageway's plane, and a fixed number of relaxation steps smooths what lies around them. A node
+depends only on what lies within ``_REACH_M`` of it, so patches that overlap agree to the bit.
+
+Structures are ignored: beneath a bridge the land passes from one bank to the other.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import shapely
+
+from simbev_ros.maps.elevation import Elevation
+from simbev_ros.maps.features import MapFeatures
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Strip
+from simbev_ros.maps.membrane import Raster, membrane, relaxed
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.relief import relief_m
+from simbev_ros.maps.shore import Shores
+from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.types import BoolArray, Float64Array, UInt8Array
+
+NODE_M = 2.0
+"""Distance of a patch's nodes."""
+
+_COARSE_M, _MARGIN_M = 8.0, 512.0
+_FADE_M = (20.0, 220.0)  # between these distances from roads the land turns into the relief
+_VERGE_M = 5.5  # so far beside lanes lies the street, and the land in its plane; the gaps in a street are closed by 3 m
+_EDGE_M = 2.9  # what is so far beside lanes matters to their facets: the diagonal of nodes
+_SLOPE_M = 24.0  # so far beside streets the land is relaxed
+_STEPS = 32
+_REACH_M = 112.0  # of the steps, the slopes and the band that is relaxed
+_STEEPEST = 0.6  # of embankments and cuttings
+_CELL_M = 128.0
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A rectangle of land.
+
+    Attributes:
+        heights: At nodes ``NODE_M`` apart.
+        street: (I, J) which nodes lie on lanes, or near enough to matter there: exactly in the carriageway's plane.
+    """
+
+    heights: Raster
+    street: BoolArray
+
+
+class Terrain:
+    """The land of one map, without what stands on it or spans it."""
+
+    def __init__(self, network: RoadNetwork, elevation: Elevation | None = None) -> None:
+        """Takes seconds on the largest maps. ``elevation``: that of the network, to save its computation."""
+        self.elevation = Elevation(network.layout) if elevation is None else elevation
+        self._features, self._seed = network.features, network.seed
+        strips = network.layout.strips_of(*LaneKind, level=0)
+        places_m = np.concatenate([np.empty((0, 3)), *(_places(strip) for strip in strips)])
+        self.is_level = not (places_m[:, 2].any() or self._features.relief.amplitude_m or self._features.water)
+        if not self.is_level:
+            self._shores = Shores(self._features.water)
+            decks = [strip for strip in network.layout.strips if strip.level > 0]
+            self._lanes = tuple(shapely.STRtree(strip_polygons(parts)) for parts in (strips, decks))
+            self._above_relief = _above_relief(self._features, self._seed, places_m)
+
+    def height_m(self, xy_m: Float64Array) -> Float64Array:
+        """(N,) height of the land at (N, 2) points of the map frame, as patches have it."""
+        xy_m = np.asarray(xy_m, np.float64)
+        height_m = np.zeros(len(xy_m))
+        cells, of_point = np.unique(np.floor(xy_m / _CELL_M), axis=0, return_inverse=True)
+        for number, cell in enumerate(cells):
+            here = of_point.reshape(-1) == number
+            height_m[here] = self.patch(cell * _CELL_M, (cell + 1.0) * _CELL_M).heights.linear(xy_m[here])
+        return height_m
+
+    def far_m(self, xy_m: Float64Array) -> Float64Array:
+        """(N,) the same without detail, quickly: for land that is only seen from afar."""
+        if self.is_level:
+            return np.zeros(len(xy_m))
+        return relief_m(self._features.relief, self._seed, xy_m) + self._above_relief.smooth(xy_m)
+
+    def patch(self, low_m: Float64Array, high_m: Float64Array) -> Patch:
+        """Heights from (2,) ``low_m`` to ``high_m``, both multiples of ``NODE_M``."""
+        low_m = np.asarray(low_m, np.float64)
+        margin = round(_REACH_M / NODE_M)
+        count = np.round((high_m - low_m) / NODE_M).astype(int) + 1
+        shape = (int(count[0]) + 2 * margin, int(count[1]) + 2 * margin)
+        inner = (slice(margin, -margin), slice(margin, -margin))
+        if self.is_level:
+            return Patch(Raster(low_m, NODE_M, np.zeros(count)), np.full(count, False))
+        xy_m = (np.stack(np.indices(shape), axis=-1) - margin) * NODE_M + low_m
+        height_m, street = self._nodes(xy_m.reshape(-1, 2), shape)
+        return Patch(Raster(low_m, NODE_M, height_m[inner]), street[inner])
+
+    def _nodes(self, xy_m: Float64Array, shape: tuple[int, int]) -> tuple[Float64Array, BoolArray]:
+        """``shape`` heights at places row by row, and which of them are those of lanes."""
+        lanes, verges = self._on_streets(xy_m)
+        height_m = self.far_m(xy_m)
+        street = lanes | verges
+        height_m[street] = self.elevation.height_m(xy_m[street])
+        free = (_grown(street.reshape(shape), _SLOPE_M) & ~street.reshape(shape)).reshape(shape)
+        height_m = relaxed(height_m.reshape(shape), free, _STEPS).reshape(-1)
+        height_m = np.where(street, height_m, self._shores.carve(xy_m, height_m)).reshape(shape)
+        return _sloped(height_m, lanes.reshape(shape), round(_SLOPE_M / NODE_M)), lanes.reshape(shape)
+
+    def _on_streets(self, xy_m: Float64Array) -> tuple[BoolArray, BoolArray]:
+        """(N,) which of (N, 2) places lie on lanes on the ground or matter to them, and which on the verges beside."""
+        box = shapely.box(*(xy_m.min(axis=0) - _VERGE_M), *(xy_m.max(axis=0) + _VERGE_M))
+        lanes, decks = (shapely.union_all(tree.geometries[np.sort(tree.query(box))]) for tree in self._lanes)
+        verges = shapely.difference(shapely.buffer(lanes, _VERGE_M, quad_segs=4), decks)
+        edges = shapely.buffer(lanes, _EDGE_M, quad_segs=4)
+        shapely.prepare([verges, edges])
+        on_verges, on_lanes = (shapely.contains_xy(area, xy_m[:, 0], xy_m[:, 1]) for area in (verges, edges))
+        return on_lanes, on_verges
+
+
+def _places(strip: Strip) -> Float64Array:
+    """(N, 3) places along a strip's middle, closer than cells of the coarse raster."""
+    if strip.outline_m is not None:
+        return np.empty((0, 3))
+    line = shapely.segmentize(shapely.LineString(strip.center_m), _COARSE_M / 2.0)
+    return shapely.get_coordinates(line, include_z=True)
+
+
+def _above_relief(features: MapFeatures, seed: int, places_m: Float64Array) -> Raster:
+    """How much higher than the relief the land lies: as the roads do at (N, 3) places, and smooth between them."""
+    if len(places_m) == 0:
+        return Raster(np.zeros(2), _COARSE_M, np.zeros((1, 1)))
+    low_m = np.floor((places_m[:, :2].min(axis=0) - _MARGIN_M) / _COARSE_M) * _COARSE_M
+    shape = tuple(((places_m[:, :2].max(axis=0) + _MARGIN_M - low_m) // _COARSE_M).astype(int) + 1)
+    cell = np.ravel_multi_index(tuple(np.round((places_m[:, :2] - low_m) / _COARSE_M).astype(int).T), shape)
+    above_m = places_m[:, 2] - relief_m(features.relief, seed, places_m[:, :2])
+    count = np.bincount(cell, minlength=shape[0] * shape[1])
+    mean_m = np.bincount(cell, above_m, len(count)) / np.maximum(count, 1)
+    known = (count > 0).reshape(shape)
+    values_m = membrane(mean_m.reshape(shape), known)
+    if features.relief.amplitude_m:
+        distance_m = _COARSE_M * cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        share = np.clip((distance_m - _FADE_M[0]) / (_FADE_M[1] - _FADE_M[0]), 0.0, 1.0)
+        values_m = values_m * (1.0 - share**2 * (3.0 - 2.0 * share))
+    return Raster(low_m, _COARSE_M, values_m)
+
+
+def _grown(mask: BoolArray, by_m: float) -> BoolArray:
+    """The nodes of a mask and all within a distance."""
+    radius = round(by_m / NODE_M)
+    kernel: UInt8Array = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    return cv2.dilate(mask.astype(np.uint8), kernel, borderValue=0).astype(bool)
+
+
+def _sloped(height_m: Float64Array, lanes: BoolArray, steps: int) -> Float64Array:
+    """Heights between the cones that rise and fall from lanes as steeply as an embankment can.
+
+    Where lanes of different heights are too close for that, the cutting of the lower one reaches to the upper one.
+    """
+    low_m, high_m = np.where(lanes, height_m, -np.inf), np.where(lanes, height_m, np.inf)
+    for _ in range(steps):
+        low_m, high_m = -_lowered(-low_m), _lowered(high_m)
+    return np.where(lanes, height_m, np.clip(height_m, np.minimum(low_m, high_m), high_m))
+
+
+def _lowered(bound_m: Float64Array) -> Float64Array:
+    """Each bound no higher than a neighbour's plus the steepest rise from there."""
+    around = np.pad(bound_m, 1, mode="edge")
+    rows, columns = bound_m.shape
+    for step_i, step_j in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1)):
+        neighbour_m = around[1 + step_i : 1 + step_i + rows, 1 + step_j : 1 + step_j + columns]
+        bound_m = np.minimum(bound_m, neighbour_m + _STEEPEST * NODE_M * np.hypot(step_i, step_j))
+    return bound_m

@@ -1,0 +1,33 @@
+"""A moving average that has no lag of phase."""
+
+from collections import deque
+
+import numpy as np
+
+from simbev_ros.types import Float64Array
+
+
+class Window:
+    """The latest values of something, averaged around the middle one with weights that vanish at both ends."""
+
+    def __init__(self, half_ticks: int) -> None:
+        """For ``half_ticks`` values on each side of the middle one."""
+        self.half_ticks = half_ticks
+        weights = np.hanning(2 * half_ticks + 3)[1:-1]
+        self._weights = weights / weights.sum()
+        self._values: deque[Float64Array] = deque(maxlen=len(weights))
+
+    def add(self, values: Float64Array) -> None:
+        """Take the newest values; the first ones have been the same for ever."""
+        self._values.extend([values] * (1 if self._values else len(self._weights)))
+
+    @property
+    def middle(self) -> Float64Array:
+        """The values ``half_ticks`` before the newest ones."""
+        return self._values[self.half_ticks]
+
+    def average(self) -> Float64Array:
+        """The average around the middle; exactly the value itself where nothing changed."""
+        middle = self.middle
+        average: Float64Array = middle + np.tensordot(self._weights, np.stack(self._values) - middle, axes=1)
+        return average

@@ -1,0 +1,193 @@
+"""The OpenStreetMap importer: on a town whose coordinates are known (osm_sample.py), and on files that are wrong."""
+
+from pathlib import Path
+from xml.etree.ElementTree import parse
+
+import numpy as np
+import pytest
+import shapely
+from osm_sample import DATUM, SAMPLE, Point, Writer, sample
+
+from simbev_ros.errors import InputError
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import Lane
+from simbev_ros.maps.osm import import_osm
+from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.sumo_net import SumoNet, read_sumo_net
+from simbev_ros.types import Float64Array
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> MapParts:
+    return import_osm(SAMPLE, tmp_path_factory.mktemp("riverside"))
+
+
+@pytest.fixture(scope="module")
+def net(parts: MapParts) -> SumoNet:
+    return read_sumo_net(parts.net)
+
+
+def in_map(parts: MapParts, *places: Point) -> Float64Array:
+    """(N, 2) places of the sample in the map frame, by way of their longitude and latitude."""
+    geodetic = [DATUM.geodetic_from_map(np.array([*place, 0.0])) for place in places]
+    return np.array([parts.datum.map_from_geodetic(*place)[:2] for place in geodetic])
+
+
+def lanes_at(parts: MapParts, net: SumoNet, place: Point, kind: LaneKind, within_m: float = 6.0) -> list[Lane]:
+    point = shapely.Point(in_map(parts, place)[0])
+    lanes = [lane for lane in net.lanes.values() if lane.kind is kind and not lane.junction]
+    return [lane for lane in lanes if shapely.LineString(lane.centerline_m[:, :2]).distance(point) < within_m]
+
+
+def test_the_sample_is_what_its_script_writes() -> None:
+    assert SAMPLE.read_text(encoding="utf-8") == sample()
+
+
+def test_footprints_lie_where_their_coordinates_say(parts: MapParts) -> None:
+    corners_m = in_map(parts, (-105, 46), (-50, 46), (-50, 88), (-105, 88), (-92, 57), (-64, 77))
+    school = next(building for building in parts.features.buildings or () if building.outline.interiors)
+    outline_m = np.concatenate([np.array(ring.coords) for ring in (school.outline.exterior, *school.outline.interiors)])
+    nearest_m = np.linalg.norm(outline_m[None] - corners_m[:, None], axis=2).min(axis=1)
+    assert nearest_m.max() < 0.01
+    assert school.outline.area == pytest.approx(55 * 42 - 28 * 20, abs=0.5)
+    assert (school.use, school.height_m) == ("public", 10.5)
+
+
+def test_roads_lie_where_their_coordinates_say(parts: MapParts, net: SumoNet) -> None:
+    field_road = shapely.LineString(in_map(parts, (18, -250), (140, -256)))
+    lanes = lanes_at(parts, net, (60, -252.07), LaneKind.DRIVING)
+    assert len(lanes) == 2
+    for lane in lanes:
+        near = [point for point in shapely.points(lane.centerline_m[:, :2]) if 0 < field_road.project(point) < 122]
+        offsets_m = [point.distance(field_road) for point in near]
+        assert len(near) > 0
+        assert offsets_m == pytest.approx([lane.width_m / 2] * len(near), abs=0.02)
+
+
+def test_the_datum_is_the_nets_own_projection(parts: MapParts) -> None:
+    location = parse(parts.net).getroot().find("location")
+    assert location is not None
+    assert location.get("projParameter") == parts.datum.proj_string
+    assert location.get("netOffset") == "0.0000,0.0000"
+
+
+def test_a_bridge_over_the_motorway_is_high_enough_and_its_ramps_are_not_steep(parts: MapParts, net: SumoNet) -> None:
+    crossing_m = in_map(parts, (0, 393), (0, 409))
+    upper = lanes_at(parts, net, (0, 401), LaneKind.DRIVING, 4.0)
+    assert len(upper) == 2
+    for lane in upper:
+        line_m = lane.centerline_m[np.argsort(lane.centerline_m[:, 1])]
+        assert np.interp(crossing_m[:, 1], line_m[:, 1], line_m[:, 2]).min() > 6.0
+    steps = [np.diff(lane.centerline_m, axis=0) for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING]
+    lengths_m = [np.linalg.norm(step[:, :2], axis=1) for step in steps]
+    grades = [abs(s[:, 2]) / length for s, length in zip(steps, lengths_m, strict=True)]
+    assert max(g[length > 1.0].max(initial=0.0) for g, length in zip(grades, lengths_m, strict=True)) < 0.13
+    assert abs(lanes_at(parts, net, (-100, 0), LaneKind.DRIVING)[0].centerline_m[:, 2]).max() < 0.01
+
+
+def test_a_road_over_bridges_is_one_road(parts: MapParts, net: SumoNet) -> None:
+    for place, street in (((0.0, 401.0), (155.0, 355.0)), ((0.0, -120.0), (-220.0, -75.0))):
+        _, start_m, end_m = in_map(parts, place, (0, street[0]), (0, street[1]))
+        for lane in lanes_at(parts, net, place, LaneKind.DRIVING, 4.0):
+            assert lane.length_m > 0.8 * abs(end_m[1] - start_m[1])
+
+
+def test_sidewalks_are_on_the_sides_that_the_tags_name(parts: MapParts, net: SumoNet) -> None:
+    assert len(lanes_at(parts, net, (-75, 0), LaneKind.SIDEWALK, 12.0)) == 2
+    assert len(lanes_at(parts, net, (230, -56), LaneKind.SIDEWALK, 12.0)) == 1
+    assert lanes_at(parts, net, (140, -256), LaneKind.SIDEWALK, 12.0) == []
+    assert lanes_at(parts, net, (200, 409), LaneKind.SIDEWALK, 12.0) == []
+
+
+def test_one_way_streets_run_one_way(parts: MapParts, net: SumoNet) -> None:
+    for place, east in (((-220.0, 120.0), 1.0), ((-220.0, 220.0), -1.0), ((-100.0, 409.2), -1.0)):
+        lanes = lanes_at(parts, net, place, LaneKind.DRIVING)
+        assert {np.sign(lane.centerline_m[-1, 0] - lane.centerline_m[0, 0]) for lane in lanes} == {east}
+
+
+def test_lanes_signals_and_bicycle_lanes_are_those_of_the_tags(parts: MapParts, net: SumoNet) -> None:
+    assert len(lanes_at(parts, net, (-75, 0), LaneKind.DRIVING, 8.0)) == 4
+    assert len({link.programme for link in net.links}) == 3
+    assert len(lanes_at(parts, net, (0, -40), LaneKind.BICYCLE)) == 2
+    limits = {round(lane.speed_mps * 3.6) for lane in lanes_at(parts, net, (300, 60), LaneKind.DRIVING)}
+    assert limits == {30}
+
+
+def test_rails_are_left_out_and_paths_are_walked(parts: MapParts, net: SumoNet) -> None:
+    assert [lane for lane in net.lanes.values() if lane.centerline_m[:, 1].max() < in_map(parts, (0, -335))[0, 1]] == []
+    (path,) = lanes_at(parts, net, (250, 90), LaneKind.SIDEWALK)
+    assert path.width_m == 2.0
+
+
+def test_land_water_and_buildings_are_read(parts: MapParts) -> None:
+    features = parts.features
+    island, pond = (shapely.Point(place) for place in in_map(parts, (212, 44), (190, 45)))
+    wet = shapely.union_all([water.area for water in features.water])
+    assert wet.contains(pond) and not wet.contains(island)
+    assert wet.contains(shapely.Point(in_map(parts, (300, -215))[0])), "the canal, which is a line with a width"
+    uses = [
+        zone.surroundings.use
+        for zone in features.zones
+        if zone.area.contains(shapely.Point(in_map(parts, (170, 100))[0]))
+    ]
+    assert uses[-1] == "park", "the smallest zone holds"
+    assert {building.use for building in features.buildings or ()} >= {
+        "house",
+        "retail",
+        "industrial",
+        "church",
+        "barn",
+    }
+    outlines = [building.outline for building in features.buildings or ()]
+    assert shapely.union_all(outlines).area == pytest.approx(sum(outline.area for outline in outlines), rel=1e-4)
+
+
+def town(*streets: list[Point], tags: dict[str, str] | None = None) -> Writer:
+    writer = Writer()
+    for street in streets:
+        writer.way(street, {"highway": "residential"} if tags is None else tags)
+    return writer
+
+
+def imported(tmp_path: Path, text: str) -> MapParts:
+    path, work = tmp_path / "town.osm", tmp_path / "work"
+    path.write_text(text)
+    work.mkdir()
+    return import_osm(path, work)
+
+
+GOOD = town([(0, 0), (100, 0)], [(100, 0), (100, 80), (0, 80), (0, 0)]).text()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<osm></osm>", "has no roads"),
+        (town([(0, 0), (100, 0)], tags={"highway": "footway"}).text(), "has no roads that cars may drive on"),
+        (town([(0, 0), (100, 0)], tags={"building": "yes"}).text(), "has no roads"),
+        (town([(0, 0), (90_000, 0)]).text(), "its roads span 90 km; at most 30 km are read"),
+        (GOOD.replace('lat="52', 'lat="152', 1), "osm:3: node 1: lat: must be degrees between -90 and 90, not '152"),
+        (GOOD.replace('lon="7', 'lon="nan', 1), "town.osm:3: node 1: lon: must be degrees"),
+        (GOOD.replace('<node id="2"', '<node id="1"'), "osm:4: node 1: is there twice; the other is .*osm:3"),
+        (GOOD.replace('<way id="5000"', '<way id="x"'), "way: id: must be a whole number, not 'x'"),
+        (GOOD[:400], "not valid XML"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_a_map_is_refused_with_its_place(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        imported(tmp_path, text)
+
+
+def test_what_is_cut_off_or_not_connected_is_left_out_and_said(tmp_path: Path) -> None:
+    island = town([(0, 0), (200, 0), (200, 80)], [(0, 0), (0, 90)], [(500, 500), (560, 500)]).text()
+    parts = imported(tmp_path, island.replace('<nd ref="1"/>', '<nd ref="1"/><nd ref="77"/>', 1))
+    assert parts.notes[:2] == (
+        "1 places in ways are not in the file: the ways were cut short there",
+        "1 roads that are not connected with the rest were left out",
+    )
+    assert max(lane.centerline_m[:, :2].max() for lane in read_sumo_net(parts.net).lanes.values()) < 300
+
+
+def test_a_way_without_length_is_no_road(tmp_path: Path) -> None:
+    text = GOOD.replace("</osm>", ' <way id="7"><nd ref="1"/><nd ref="1"/><tag k="highway" v="primary"/></way></osm>')
+    assert len(read_sumo_net(imported(tmp_path, text).net).junctions) >= 2

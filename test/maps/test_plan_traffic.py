@@ -1,0 +1,68 @@
+"""Random traffic drives and walks through every town of ours: nobody gets stuck, nobody is hit."""
+
+from pathlib import Path
+
+import libsumo
+import numpy as np
+import pytest
+from numpy.random import Generator
+
+from simbev_ros.maps.plan.town import build_town
+from simbev_ros.maps.recipe import recipe_of
+
+VEHICLES = {"Blocks": 100, "Town01": 100, "Town02": 50, "Town03": 100, "Town05": 100, "Town10HD": 100, "Town15": 100}
+WALKERS = 100
+STEP_S, SPAWN_S, RUN_S = 0.1, 30.0, 60.0
+MOVING_MPS = 0.5
+
+
+@pytest.mark.parametrize("town", VEHICLES)
+def test_traffic_flows_without_teleports_collisions_and_lasting_jams(town: str, tmp_path: Path) -> None:
+    net = build_town(recipe_of(town), 0, tmp_path).net
+    options = f"--step-length {STEP_S} --no-step-log --no-warnings --collision.action warn --collision.check-junctions"
+    libsumo.start(["sumo", "-n", str(net), *options.split(), "--time-to-teleport", "85", "--seed", "1"])
+    try:
+        _populate(np.random.default_rng(0), VEHICLES[town])
+        start_m: dict[str, float] = {}
+        end_m: dict[str, float] = {}
+        teleports, crashes, walkers_hit = 0, set(), set()
+        for step in range(round((SPAWN_S + RUN_S) / STEP_S)):
+            libsumo.simulationStep()
+            teleports += libsumo.simulation.getStartingTeleportNumber()
+            for hit in libsumo.simulation.getCollisions():
+                if hit.colliderSpeed > MOVING_MPS:
+                    (walkers_hit if hit.type == "crossing" else crashes).add(hit.collider)
+            for vehicle in libsumo.vehicle.getIDList() if step * STEP_S >= SPAWN_S else ():
+                end_m[vehicle] = libsumo.vehicle.getDistance(vehicle)
+                start_m.setdefault(vehicle, end_m[vehicle])
+    finally:
+        libsumo.close()
+    assert (teleports, crashes) == (0, set())
+    assert len(walkers_hit) <= 1, "SUMO's walkers step out at green without a look at those who turn"
+    assert len(end_m) > 0.9 * VEHICLES[town], "there is room for all on the roads"
+    moved_m = np.array([end_m[vehicle] - start_m[vehicle] for vehicle in end_m])
+    assert np.mean(moved_m > 10.0) > 0.9, "nobody but those at a red light stands for a minute"
+
+
+def _populate(rng: Generator, vehicles: int) -> None:
+    """Vehicles and walkers from random to random edges, within the first seconds."""
+    edges = [edge for edge in libsumo.edge.getIDList() if not edge.startswith(":")]
+    driving = [edge for edge in edges if libsumo.simulation.findRoute(edge, edge, "DEFAULT_VEHTYPE").edges]
+    walking = [edge for edge in edges if "pedestrian" in libsumo.lane.getAllowed(f"{edge}_0")]
+    for number in range(vehicles):
+        route: list[str] = []
+        while len(route) < 8:
+            start = route.pop() if route else str(rng.choice(driving))
+            route += libsumo.simulation.findRoute(start, str(rng.choice(driving)), "DEFAULT_VEHTYPE").edges
+        libsumo.route.add(f"r{number}", route)
+        depart = f"{rng.uniform(0.0, SPAWN_S / 2.0):.1f}"
+        libsumo.vehicle.add(
+            f"v{number}", f"r{number}", depart=depart, departLane="best", departPos="random_free", departSpeed="0"
+        )
+    for number in range(WALKERS):
+        start, end = (str(edge) for edge in rng.choice(walking, 2))
+        stages = libsumo.simulation.findIntermodalRoute(start, end)
+        if stages and all(stage.edges for stage in stages):
+            libsumo.person.add(f"p{number}", start, 0.0, float(rng.uniform(0.0, SPAWN_S)))
+            for stage in stages:
+                libsumo.person.appendStage(f"p{number}", stage)

@@ -1,0 +1,63 @@
+"""Walks go on over what touches."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.random import stream
+from simbev_ros.scene.walks import WalkGraph
+
+
+@cache
+def blocks() -> RoadNetwork:
+    return load_network(MapSpec(name="Blocks"))
+
+
+def walkable(name: str, *successors: str, length_m: float = 100.0, kind: LaneKind = LaneKind.SIDEWALK) -> Lane:
+    line_m = np.array([[0.0, 0.0, 0.0], [length_m, 0.0, 0.0]])
+    return Lane(name, name.rsplit("_", 1)[0], 0, kind, line_m, 2.0, 2.0, "", successors)
+
+
+def network(*lanes: Lane) -> RoadNetwork:
+    return replace(blocks(), lanes={each.id: each for each in lanes})
+
+
+def test_walks_go_on_over_what_touches_and_do_not_turn_back_on_a_sidewalk() -> None:
+    graph = WalkGraph(blocks())
+    touching = {(a.edge, blocks().lanes[b].edge) for a in blocks().lanes.values() for b in a.successors}
+    touching |= {(b, a) for a, b in touching}
+    for index, start in enumerate(graph.sidewalks):
+        walk = graph.walk(start.edge, 1500.0, stream(2, f"test.{index}"))
+        assert all(pair in touching for pair in pairwise(walk))
+        assert all(a != c for a, b, c in zip(walk, walk[1:], walk[2:], strict=False) if not b.startswith(":"))
+        assert not walk[-1].startswith(":")
+
+
+def test_walks_set_out_in_both_directions() -> None:
+    graph = WalkGraph(blocks())
+    seconds = {graph.walk(graph.sidewalks[0].edge, 200.0, stream(seed, "test"))[1] for seed in range(20)}
+    assert len(seconds) == 2
+
+
+def test_a_walk_ends_where_nothing_can_be_reached() -> None:
+    assert WalkGraph(network(walkable("A_0"))).walk("A", 1000.0, stream(1, "test")) == ("A",)
+
+
+def test_sidewalks_that_touch_over_a_crossing_are_as_long_as_all_together() -> None:
+    graph = WalkGraph(
+        network(
+            walkable("A_0", ":c_0"),
+            walkable(":c_0", "B_0", kind=LaneKind.CROSSING),
+            walkable("B_0", length_m=60.0),
+            walkable("C_0", length_m=70.0),
+            replace(walkable("D_0"), classes=frozenset({"bicycle"})),
+        )
+    )
+    assert graph.component_m() == pytest.approx({"A": 160.0, "B": 160.0, "C": 70.0})

@@ -51,7 +51,14 @@ setup(
     ],
     extras_require={
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
-        "test": ["mypy>=1.15", "pytest>=8.3", "ruff>=0.9", "types-PyYAML", "types-shapely"],
+        "test": [
+            "carla>=0.9.16; python_version < '3.13' and sys_platform == 'linux' and platform_machine == 'x86_64'",
+            "mypy>=1.15",
+            "pytest>=8.3",
+            "ruff>=0.9",
+            "types-PyYAML",
+            "types-shapely",
+        ],
     },
     entry_points={
         "console_scripts": [

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from simbev_ros.annotation.levels import EgoLevel, on_ego_level
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE, WorldState, map_from_actors
 from simbev_ros.semantics import BOX_CLASSES
@@ -38,6 +39,7 @@ BOX_DTYPE = np.dtype(
         ("class", "u1"),  # index into BOX_CLASSES
         ("tag", "u1"),  # semantic Tag
         ("doors", "u1"),  # bit k: door k is open
+        ("on_ego_level", "u1"),  # 1: on a road of the ego's level; 0: on one that passes above or beneath it
     ]
 )
 """One row per box. Field names and order are those of /ego/boxes."""
@@ -46,12 +48,13 @@ _SHARED_COLUMNS = [name for name in BOX_DTYPE.names or () if name in (ACTOR_DTYP
 _NO_CLASS = 255
 
 
-def boxes(state: WorldState, radius_m: float) -> Table:
+def boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None = None) -> Table:
     """Boxes of all actors of a detection class within a radius of the ego, the ego itself left out.
 
     Args:
         state: The world now.
         radius_m: Largest distance between the centres of the ego's box and the other.
+        ego_level: The level that the ego is on; None: everything counts.
 
     Returns:
         (N,) ``BOX_DTYPE``, ascending id.
@@ -77,4 +80,5 @@ def boxes(state: WorldState, radius_m: float) -> Table:
     result["distance"] = distance_m[chosen]
     result["angle"] = np.arctan2(to_center_ego[:, 1], to_center_ego[:, 0])[chosen]
     result["class"] = classes[chosen]
+    result["on_ego_level"] = on_ego_level(state, ego_level)[chosen]
     return result

@@ -16,6 +16,7 @@ from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import DECK_DEPTH_M, DECK_OVERHANG_M, MARGIN_M, RegionGround
 from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array
 
 _SLAB_M = 0.4  # thickness of the deck where no girder is below
 _GIRDER_INSET_M = 1.3
@@ -46,7 +47,8 @@ def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> N
 def _joints(ground: RegionGround, level: int) -> BaseGeometry:
     """Lines across, where a structure's lanes go on as lanes of another level."""
     around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
-    own, other = [], []
+    own: list[Float64Array] = []
+    other: list[Float64Array] = []
     for strip in ground.network.layout.near(around, 0.0).strips:
         if strip.outline_m is None:
             ends = [np.stack([strip.left_m[k], strip.right_m[k]]) for k in (0, -1)]

@@ -94,7 +94,7 @@ def sheet(
 
 
 def faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m: float) -> Mesh:
-    """Upright faces, outward, where the rims of pieces lie on ``edges``, from one height above the ground to another."""
+    """Upright faces, outward, where rims of pieces lie on ``edges``, from one height above the ground to another."""
     rings, piece = shapely.get_rings(cut.pieces, return_index=True)
     xy_m, ring = shapely.get_coordinates(rings, return_index=True)
     follows = ring[1:] == ring[:-1]

@@ -62,8 +62,8 @@ class Ensemble:
         rows = np.empty((len(xy_m), 8))
         rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 7] = xy_m, yaw_rad, scale, rise_m
         rows[:, 4:7] = 1.0 if tint is None else tint
-        entry = self._copies.setdefault((id(mesh), base), _Copies(mesh, base))
-        entry.rows.append(rows)
+        if len(rows):
+            self._copies.setdefault((id(mesh), base), _Copies(mesh, base)).rows.append(rows)
 
     def place_all(self, tiles: TileBuilder, ground: RegionGround) -> None:
         """Put everything into the tiles, in the order in which meshes were first added."""

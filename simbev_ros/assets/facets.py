@@ -1,8 +1,8 @@
 """The ground as flat facets: a triangulation of a region that follows a raster of heights as closely as is needed.
 
 Leaves of a balanced quadtree (neighbours differ by one step at most), each cut into triangles that meet its neighbours'
-corners, so the surface is continuous (Von Herzen and Barr 1987). Which leaves there are depends only on heights within a
-tile's side of them, so regions that are built apart meet exactly.
+corners, so the surface is continuous (Von Herzen and Barr 1987). Which leaves there are depends only on heights within
+a tile's side of them, so regions that are built apart meet exactly.
 """
 
 from dataclasses import dataclass
@@ -47,9 +47,9 @@ class Facets:
         triangles = _triangles(raster.values, tolerance_m, margin=round(TILE_M / spacing_m))
         index = np.stack(np.unravel_index(triangles, raster.values.shape), axis=-1)
         xy_m = index * spacing_m + corner
-        slopes = np.stack(np.gradient(raster.values, spacing_m), axis=-1)
-        values = np.concatenate([raster.values[..., None], slopes], axis=-1).reshape(-1, 3)[triangles]
-        return cls._of(shapely.polygons(xy_m), _planes(xy_m, values))
+        east, north = np.gradient(raster.values, spacing_m)
+        values = np.stack([raster.values, east, north], axis=-1).reshape(-1, 3)[triangles]
+        return cls._of(np.asarray(shapely.polygons(xy_m), object), _planes(xy_m, values))
 
     @classmethod
     def _of(cls, polygons: np.ndarray[tuple[int], np.dtype[np.object_]], planes: Float64Array) -> "Facets":
@@ -79,13 +79,16 @@ def _triangles(node_m: Float64Array, tolerance_m: Float64Array, margin: int) -> 
         if step + 1 < len(merged):
             inner &= ~merged[step + 1].repeat(2, axis=0).repeat(2, axis=1)
         i, j = np.nonzero(whole & inner)
-        finer = [~whole[i, j - 1], ~whole[i + 1, j], ~whole[i, j + 1], ~whole[i - 1, j]] if step else [np.full(len(i), False)] * 4
-        found += _leaf_triangles(i * size, j * size, size, np.stack(finer, axis=1), shape)
+        around = ~whole & (step > 0)  # nothing is finer than the first step
+        finer = np.stack([around[i, j - 1], around[i + 1, j], around[i, j + 1], around[i - 1, j]], axis=1)
+        found += _leaf_triangles(i * size, j * size, size, finer, shape)
     return np.concatenate(found)
 
 
-def _leaf_triangles(i: Int64Array, j: Int64Array, size: int, finer: BoolArray, shape: tuple[int, ...]) -> list[Int64Array]:
-    """Triangles of leaves by their south-west nodes; (N, 4) whether the south, east, north, west neighbours are finer."""
+def _leaf_triangles(
+    i: Int64Array, j: Int64Array, size: int, finer: BoolArray, shape: tuple[int, ...]
+) -> list[Int64Array]:
+    """Triangles of leaves by their south-western nodes; (N, 4) which neighbours, from the south on, are finer."""
 
     def node(east: int, north: int) -> Int64Array:
         index: Int64Array = np.ravel_multi_index((i + east, j + north), shape)

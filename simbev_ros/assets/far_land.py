@@ -13,12 +13,13 @@ from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import LAND_HEIGHT_M
 from simbev_ros.assets.static_scene import Tile
 from simbev_ros.maps.features import MapFeatures
+from simbev_ros.maps.membrane import places_m
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region, regions_of
 from simbev_ros.maps.terrain import Terrain
 from simbev_ros.random import stream
 from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.types import Float64Array, Int32Array, Int64Array, UInt8Array
 
 _CELL_M = 64.0
 _FIELD_CELLS = 4
@@ -43,7 +44,7 @@ class FarLand:
     first: Region
     height_m: Float64Array
     cover: Int64Array
-    finish: np.ndarray[tuple[int, int], np.dtype[np.uint8]]
+    finish: UInt8Array
 
 
 def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
@@ -51,7 +52,7 @@ def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
     columns_rows = np.array(regions_of(network.layout))
     first = Region(*(columns_rows.min(axis=0) - _HORIZON).tolist())
     count = (np.ptp(columns_rows, axis=0) + 1 + 2 * _HORIZON) * round(REGION_M / _CELL_M)
-    corner_m = np.stack(np.indices(count + 1), axis=-1) * _CELL_M + np.array(first) * REGION_M
+    corner_m = places_m(np.array(first) * REGION_M, _CELL_M, count + 1)
     height_m = terrain.far_m(corner_m.reshape(-1, 2)).reshape(count + 1) + LAND_HEIGHT_M
     finishes = [_WATER]
     middle_m = (corner_m[:-1, :-1] + _CELL_M / 2.0).reshape(-1, 2)
@@ -75,9 +76,12 @@ def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: 
     """(N,) index into ``finishes``, which grows, of the cover at (N, 2) places."""
     field = np.floor(middle_m / (_FIELD_CELLS * _CELL_M)).astype(np.int64)
     cover = np.zeros(len(middle_m), np.int64)
-    zones = [(features.surroundings, np.full(len(middle_m), True))]
-    zones += [(zone.surroundings, shapely.contains_xy(zone.area, *middle_m.T)) for zone in features.zones]
-    for surroundings, inside in zones:
+    everywhere = shapely.box(*middle_m.min(axis=0) - 1.0, *middle_m.max(axis=0) + 1.0)
+    for surroundings, area in [
+        (features.surroundings, everywhere),
+        *((z.surroundings, z.area) for z in features.zones),
+    ]:
+        inside = shapely.contains_xy(area, middle_m[:, 0], middle_m[:, 1])
         if surroundings.use != "farmland":
             woods = surroundings.use == "woods"
             cover[inside] = _row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
@@ -86,7 +90,7 @@ def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: 
         crops = [draw_crop(surroundings.plants, stream(seed, f"far_land.{i}.{j}")) for i, j in keys.tolist()]
         cover[inside] = np.array([_row(crop, finishes) for crop in crops])[which.reshape(-1)]
     for water in features.water:
-        cover[shapely.contains_xy(water.area, *middle_m.T)] = 0
+        cover[shapely.contains_xy(water.area, middle_m[:, 0], middle_m[:, 1])] = 0
     return cover
 
 
@@ -103,8 +107,8 @@ def _tile(far: FarLand, region: Region, loaded: Collection[Region]) -> Tile:
     height_m = far.height_m[i : i + side + 1, j : j + side + 1]
     axis = np.arange(side + 1) * _CELL_M - REGION_M / 2.0
     corner_m = np.stack([*np.meshgrid(axis, axis, indexing="ij"), height_m], axis=-1)
-    slopes = np.stack(np.gradient(height_m, _CELL_M), axis=-1)
-    normals = np.concatenate([-slopes, np.ones((*height_m.shape, 1))], axis=-1)
+    east, north = np.gradient(height_m, _CELL_M)
+    normals = np.stack([-east, -north, np.ones_like(east)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     node = np.arange((side + 1) ** 2).reshape(side + 1, side + 1)
     quads = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], axis=-1).reshape(-1, 4)
@@ -119,7 +123,10 @@ def _tile(far: FarLand, region: Region, loaded: Collection[Region]) -> Tile:
     meshes += [
         _skirt(far, positions[line], int(cover[0]))
         for line, (east, north) in (
-            (node[:, 0], (0, -1)), (node[-1], (1, 0)), (node[::-1, -1], (0, 1)), (node[0, ::-1], (-1, 0)),
+            (node[:, 0], (0, -1)),
+            (node[-1], (1, 0)),
+            (node[::-1, -1], (0, 1)),
+            (node[0, ::-1], (-1, 0)),
         )
         if Region(region.column + east, region.row + north) in loaded
     ]
@@ -137,9 +144,7 @@ def _skirt(far: FarLand, line_m: Float64Array, row: int) -> Mesh:
     return _mesh(far, row, quads, np.tile(outward, (len(quads), 1)), faces)
 
 
-def _mesh(
-    far: FarLand, row: int, positions: Float64Array, normals: Float64Array, faces: np.ndarray[tuple[int, int], np.dtype[np.int32]]
-) -> Mesh:
+def _mesh(far: FarLand, row: int, positions: Float64Array, normals: Float64Array, faces: Int32Array) -> Mesh:
     material, tag, red, green, blue = far.finish[row].tolist()
     return Mesh.indexed(
         positions, faces, normals=normals, material=Material(material), tag=Tag(tag), color=(red, green, blue)

@@ -1,7 +1,6 @@
 """Lays the ground of a region: streets with their curbs, land, water; all of it follows the heights."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -12,15 +11,13 @@ from simbev_ros.assets.drape import faces, sheet
 from simbev_ros.assets.facets import Facets
 from simbev_ros.assets.land.covers import Cover
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, plate
+from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import CURB_HEIGHT_M as CURB_HEIGHT_M
 from simbev_ros.assets.region_ground import LAND_HEIGHT_M as LAND_HEIGHT_M
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.repairs import lay_road
-from simbev_ros.assets.tiles import TILE_M, TileBuilder
+from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 _CURB_WIDTH_M = 0.15
 _GRASSED_MEDIAN_M = 0.9  # medians at least twice as wide are green
@@ -101,93 +98,3 @@ def _too_steep(facets: Facets) -> BaseGeometry:
     area = shapely.buffer(shapely.union_all(facets.polygons[steep]), _ROUNDED_M)
     parts = shapely.get_parts(shapely.buffer(shapely.buffer(area, -2.0 * _ROUNDED_M), _ROUNDED_M + 0.3))
     return shapely.union_all(parts[shapely.area(parts) > _SMALLEST_PAVED_M2])
-
-
-# To go with its users: the whole town at once, level.
-_PATH_RISE_M = 0.01
-_HORIZON_M = 1500.0
-_OLD_ASPHALT = Finish(Material.ASPHALT, Tag.ROAD, (68, 69, 71))
-_YARD = Finish(Material.PAVING, Tag.GROUND, (138, 134, 127))
-
-
-@dataclass(frozen=True, slots=True)
-class GroundPlan:
-    """What covers the ground, map frame, metres; the areas share borders and nothing else.
-
-    Attributes:
-        road: Carriageway, under crossings too.
-        sidewalk: Up to the curb.
-        lawn: Green land.
-        yard: Paved land.
-    """
-
-    road: BaseGeometry
-    sidewalk: BaseGeometry
-    lawn: BaseGeometry
-    yard: BaseGeometry
-
-
-def lay_ground(tiles: TileBuilder, plan: GroundPlan) -> None:
-    """Add all of the ground to the tiles."""
-    curb = plan.sidewalk.intersection(plan.road.buffer(_CURB_WIDTH_M))
-    tiles.cover(plan.road, partial(plate, _OLD_ASPHALT, z_m=0.0))
-    tiles.cover(curb, partial(plate, _CURB, z_m=CURB_HEIGHT_M))
-    tiles.cover(plan.sidewalk.difference(curb), partial(plate, _PAVING, z_m=CURB_HEIGHT_M))
-    edges = plan.sidewalk.boundary
-    shapely.prepare(edges)
-    tiles.cover(plan.sidewalk, partial(_old_faces, _CURB, edges=edges, top_m=CURB_HEIGHT_M))
-    for land, finish in ((plan.lawn, LAWN), (plan.yard, _YARD)):
-        if land.is_empty:
-            continue
-        tiles.cover(land, partial(plate, finish, z_m=LAND_HEIGHT_M))
-        kerbless = land.boundary.intersection(plan.road.buffer(_CUT_TOLERANCE_M))
-        tiles.cover(land, partial(_old_faces, _VERGE, edges=kerbless, top_m=LAND_HEIGHT_M))
-    _lay_horizon(tiles, shapely.union_all([plan.lawn, plan.yard, plan.road, plan.sidewalk]))
-
-
-def pave(tiles: TileBuilder, area: BaseGeometry) -> None:
-    """Lay paths and forecourts on the lawns."""
-    tiles.cover(area, partial(plate, _YARD, z_m=LAND_HEIGHT_M + _PATH_RISE_M))
-
-
-def tile_aligned(bounds_m: Float64Array, margin_m: float) -> shapely.Polygon:
-    """The rectangle of whole tiles around (4,) bounds and a margin."""
-    low, high = np.floor((bounds_m[:2] - margin_m) / TILE_M), np.ceil((bounds_m[2:] + margin_m) / TILE_M)
-    return shapely.box(*(low * TILE_M), *(high * TILE_M))
-
-
-def _lay_horizon(tiles: TileBuilder, land: BaseGeometry) -> None:
-    """Grass from the end of the land to where it meets the sky: a frame of four quads."""
-    x0, y0, x1, y1 = land.bounds
-    inner = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    outer = inner + _HORIZON_M * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    corners = np.concatenate([np.column_stack([ring, np.full(4, LAND_HEIGHT_M)]) for ring in (inner, outer)])
-    here, following = np.arange(4), np.roll(np.arange(4), -1)
-    quads = np.stack([here, here + 4, following + 4, here, following + 4, following], axis=1)
-    frame = Mesh.flat(corners[quads.reshape(-1, 3)], material=LAWN.material, tag=LAWN.tag, color=LAWN.color)
-    tiles.place_apart(frame)
-
-
-def _old_faces(finish: Finish, piece: shapely.Polygon, edges: BaseGeometry, top_m: float) -> Mesh:
-    """Upright faces from the road up to the rim of a raised piece, where its rim is one of the given edges."""
-    piece = shapely.orient_polygons(piece)
-    rings = [np.asarray(ring.coords)[:, :2] for ring in (piece.exterior, *piece.interiors)]
-    starts, ends = np.concatenate([ring[:-1] for ring in rings]), np.concatenate([ring[1:] for ring in rings])
-    middles = shapely.points((starts + ends) / 2.0)
-    kept = shapely.dwithin(edges, middles, _CUT_TOLERANCE_M)
-    starts, ends = starts[kept], ends[kept]
-    corners = [
-        np.column_stack([xy, np.full(len(xy), z)]) for xy, z in ((starts, 0), (ends, 0), (ends, top_m), (starts, top_m))
-    ]
-    a, b, c, d = corners
-    lengths = np.linalg.norm(ends - starts, axis=1)
-    s = np.cumsum(lengths)
-    uv_a, uv_b = np.column_stack([s - lengths, a[:, 2]]), np.column_stack([s, b[:, 2]])
-    uv_c, uv_d = np.column_stack([s, c[:, 2]]), np.column_stack([s - lengths, d[:, 2]])
-    return Mesh.flat(
-        np.stack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)], axis=1).reshape(-1, 3, 3),
-        uv=np.stack([np.stack([uv_a, uv_b, uv_c], axis=1), np.stack([uv_a, uv_c, uv_d], axis=1)], axis=1),
-        material=finish.material,
-        tag=finish.tag,
-        color=finish.color,
-    )

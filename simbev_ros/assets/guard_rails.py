@@ -22,15 +22,15 @@ _FROM_STREET_M = 0.5
 _DROP_M, _DROP_WITHIN_M = 2.5, 8.0  # a drop is land so much lower so far beside the street
 _SHORTEST_M = 8.0
 _STEP_M, _POST_SPACING_M = 2.0, 4.0
-_BEAM_M, _TOP_M = 0.31, 0.75
+_TOP_M = 0.75
 _ROOM_M = 0.35
 _BESIDE_M = 4.5
 
 _STEEL = Finish(Material.METAL, Tag.GUARD_RAIL, (146, 150, 153))
-# Cross-section of a W-beam (EN 1317 type A), outline in metres from its middle: away from the road, up.
-_PROFILE_M = np.array(
-    [[0.0, -0.155], [-0.08, -0.11], [-0.08, -0.06], [0.0, -0.02], [0.0, 0.02], [-0.08, 0.06], [-0.08, 0.11], [0.0, 0.155]]
-)
+# Cross-section of a W-beam (EN 1317 type A) about its middle, from below: how far it stands back, and height.
+_BACK_M = np.array([0.0, 0.08, 0.08, 0.0, 0.0, 0.08, 0.08, 0.0])
+_UP_M = np.array([-0.155, -0.11, -0.06, -0.02, 0.02, 0.06, 0.11, 0.155])
+_THICKNESS_M = 0.012
 
 
 def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
@@ -40,7 +40,7 @@ def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) ->
         middle_m = shapely.get_coordinates(line.interpolate(0.5, normalized=True))[0]
         claims.add(shapely.buffer(line, _ROOM_M, cap_style="flat"))
         pose = standing(middle_m, 0.0)
-        tiles.place(rail.transformed(np.linalg.inv(pose)), pose)
+        tiles.place(rail.transformed(standing(-middle_m, 0.0)), pose)
 
 
 def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
@@ -73,17 +73,20 @@ def _beside_fast_roads(ground: RegionGround, place_m: Float64Array) -> BoolArray
     """(N,) whether the road beside (N, 2) places is fast, and has no sidewalk there."""
     box = shapely.box(*place_m.min(axis=0), *place_m.max(axis=0))
     near = ground.network.layout.near(box, _BESIDE_M)
-    fast = [strip for strip in near.strips_of(LaneKind.DRIVING, level=0) if strip.speed_mps >= _FAST_MPS and not strip.junction]
+    lanes = near.strips_of(LaneKind.DRIVING, level=0)
+    fast = [strip for strip in lanes if strip.speed_mps >= _FAST_MPS and not strip.junction]
     points = shapely.points(place_m)
     walks = shapely.dwithin(ground.streets[0].sidewalk, points, _BESIDE_M)
-    beside: BoolArray = shapely.dwithin(shapely.union_all(strip_polygons(fast)), points, _BESIDE_M)
-    return beside & ~walks
+    beside = shapely.dwithin(shapely.union_all(strip_polygons(fast)), points, _BESIDE_M)
+    return np.asarray(beside & ~walks)
 
 
 def _beside_drops(ground: RegionGround, place_m: Float64Array) -> BoolArray:
     """(N,) whether the land falls away on the right of a line through (N, 2) places."""
     along = np.gradient(place_m, axis=0)
-    right = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    right = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(
+        np.linalg.norm(along, axis=1, keepdims=True), 1e-9
+    )
     drop: BoolArray = ground.land_m(place_m) - ground.land_m(place_m + _DROP_WITHIN_M * right) > _DROP_M
     return drop
 
@@ -95,10 +98,11 @@ def _rail(ground: RegionGround, line: shapely.LineString) -> Mesh:
     height_m = ground.land_m(xy_m)
     along = np.gradient(xy_m, axis=0)
     right = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
-    ring_m = np.concatenate([_PROFILE_M, _PROFILE_M[::-1] - [0.012, 0.0]])
-    sections = np.empty((len(xy_m), len(ring_m), 3))
-    sections[..., :2] = xy_m[:, None] - ring_m[:, 0, None] * right[:, None] * -1.0
-    sections[..., 2] = (height_m + _TOP_M - _BEAM_M / 2.0)[:, None] + ring_m[:, 1]
+    back_m = np.concatenate([_BACK_M, _BACK_M[::-1] + _THICKNESS_M])
+    up_m = height_m + _TOP_M - _UP_M[-1]
+    sections = np.empty((len(xy_m), len(back_m), 3))
+    sections[..., :2] = xy_m[:, None] + back_m[:, None] * right[:, None]
+    sections[..., 2] = up_m[:, None] + np.concatenate([_UP_M, _UP_M[::-1]])
     post = slice(0, None, round(_POST_SPACING_M / _STEP_M))
     center_m = np.column_stack([(xy_m + 0.12 * right)[post], height_m[post] + _TOP_M / 2.0 - 0.3])
     posts = boxes(_STEEL, np.tile([0.1, 0.1, _TOP_M + 0.5], (len(center_m), 1)), center_m)

@@ -48,7 +48,8 @@ def _lines(ground: RegionGround, level: int) -> Iterator[shapely.LineString]:
     around = shapely.box(*shapely.buffer(ground.region.area, _SPACING_M).bounds)
     strips = ground.network.layout.near(around, 0.0).strips_of(LaneKind.DRIVING, level=level)
     lines = [shapely.LineString(strip.left_m[:, :2]) for strip in strips if abs(strip.index) == 1]
-    yield from sorted((line for line in lines if line.length > _SHORTEST_M), key=lambda line: (line.length, line.coords[0]))
+    lines = [line for line in lines if line.length > _SHORTEST_M]
+    yield from sorted(lines, key=lambda line: (line.length, line.coords[0]))
 
 
 def _stations(length_m: float) -> Float64Array:
@@ -62,7 +63,8 @@ def _row(line: shapely.LineString, s_m: float, deck: BaseGeometry, taken: BaseGe
     for shift_m in _SHIFTS_M:
         if not 0.0 < s_m + shift_m < line.length:
             continue
-        here, ahead = (shapely.get_coordinates(line.interpolate(s))[0] for s in (s_m + shift_m - 0.1, s_m + shift_m + 0.1))
+        at_m = s_m + shift_m + np.array([-0.1, 0.1])
+        here, ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
         across = np.array([here[1] - ahead[1], ahead[0] - here[0]]) / np.linalg.norm(ahead - here)
         width = shapely.intersection(shapely.LineString([here - 40.0 * across, here + 40.0 * across]), deck)
         chord = min(shapely.get_parts(width), key=lambda part: part.distance(shapely.Point(here)), default=None)
@@ -90,6 +92,11 @@ def _column(height_m: float) -> Mesh:
     """A round column with its head; origin at the foot."""
     shaft = cylinder(_CONCRETE, (0.0, 0.0, -_FOOT_M), (0.0, 0.0, height_m), _RADIUS_M, segments=14)
     head = cylinder(
-        _CONCRETE, (0.0, 0.0, height_m - 0.9), (0.0, 0.0, height_m), _RADIUS_M, end_radius_m=1.5 * _RADIUS_M, segments=14
+        _CONCRETE,
+        (0.0, 0.0, height_m - 0.9),
+        (0.0, 0.0, height_m),
+        _RADIUS_M,
+        end_radius_m=1.5 * _RADIUS_M,
+        segments=14,
     )
     return Mesh.merged([shaft, head])

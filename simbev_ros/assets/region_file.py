@@ -22,7 +22,7 @@ def read_region(path: Path) -> RegionScene:
     Raises:
         ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile: The file is damaged.
     """
-    with np.load(path, allow_pickle=False) as arrays:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
         origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
         owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))

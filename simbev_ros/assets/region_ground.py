@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.facets import TILE_M, Facets
 from simbev_ros.maps.features import Water
-from simbev_ros.maps.membrane import Raster
+from simbev_ros.maps.membrane import Raster, places_m
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region
 from simbev_ros.maps.surface import Surfaces, surfaces_of
@@ -31,7 +31,7 @@ MARGIN_M = 128.0
 """So far around a region its streets are known, so that what is built beside them does not end at the border."""
 
 _GRID_M = 0.001
-_STREET_TOLERANCE_M, _LAND_TOLERANCE_M = 0.008, 0.03
+_STREET_TOLERANCE_M, _LAND_TOLERANCE_M = 0.008, 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,8 @@ class RegionGround:
 
     def owns(self, xy_m: Float64Array) -> BoolArray:
         """(N,) which of (N, 2) places belong to this region and to no other."""
-        return (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
+        owned: BoolArray = (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
+        return owned
 
     def land_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of lawns and yards at (N, 2) points of the map frame, in or near the region."""
@@ -138,6 +139,6 @@ def _streets(network: RoadNetwork, level: int, around: shapely.Polygon) -> Stree
 
 def _deck_facets(terrain: Terrain, like: Raster, level: int) -> Facets:
     """The plane of a level's carriageway at the places of another raster's nodes."""
-    xy_m = np.stack(np.indices(like.values.shape), axis=-1) * NODE_M + like.origin_m
+    xy_m = places_m(like.origin_m, NODE_M, like.values.shape)
     height_m = terrain.elevation.height_m(xy_m.reshape(-1, 2), level).reshape(like.values.shape)
     return Facets.of(Raster(like.origin_m, NODE_M, height_m), np.full(like.values.shape, _STREET_TOLERANCE_M))

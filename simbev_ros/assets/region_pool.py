@@ -14,9 +14,7 @@ from simbev_ros.maps.region import Region
 from simbev_ros.maps.spec import MapSpec
 
 
-def build_regions(
-    spec: MapSpec, regions: Sequence[Region], cache_dir: Path | None, built: Callable[[], None]
-) -> None:
+def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | None, built: Callable[[], None]) -> None:
     """Fill the cache.
 
     Args:

@@ -44,12 +44,10 @@ def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, BaseGeometr
     rng = ground.stream(f"ground.repairs.{level}")
     patches = _rectangles(*_places(ground, level, _PATCH_SPACING_M, rng), rng)
     covers, _ = _places(ground, level, _COVER_SPACING_M, rng)
-    discs = shapely.buffer(shapely.points(covers), _COVER_RADIUS_M, quad_segs=3)
+    discs = np.asarray(shapely.buffer(shapely.points(covers), _COVER_RADIUS_M, quad_segs=3), object)
     newer = rng.random(len(patches)) < 0.6
     inside = shapely.box(*(np.array(ground.region.area.bounds) + _FROM_BORDER_M * np.array([1, 1, -1, -1])))
-    layers = [(_PATCH, patches[newer]), (_OLD_PATCH, patches[~newer])]
-    if level == 0:
-        layers.insert(0, (_COVER, discs))
+    layers = ((_COVER, discs if level == 0 else discs[:0]), (_PATCH, patches[newer]), (_OLD_PATCH, patches[~newer]))
     return [(finish, shapely.intersection(shapely.union_all(shapes), inside)) for finish, shapes in layers]
 
 

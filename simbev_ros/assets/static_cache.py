@@ -1,7 +1,6 @@
 """Static scenes on demand: each region is built once, alone, and then read from its file."""
 
 import hashlib
-import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -75,12 +74,12 @@ class StaticCache:
 
     def region(self, region: Region) -> RegionScene:
         """A region, built if it is not there; raises as ``load_static_scene``."""
-        build = partial(self._write, write=lambda path: write_region(path, self._built(region)))
+        build = partial(self._write, write=partial(self._write_region, region=region))
         return _read(self._path(region), read_region, build)
 
     def far_land(self) -> FarLand:
         """What lies beyond the regions; raises as ``load_static_scene``."""
-        build = partial(self._write, write=lambda path: np.savez(path, **asdict(far_land(self._network, self._terrain))))
+        build = partial(self._write, write=self._write_far_land)
         return _read(self._folder / "far_land.npz", _read_far_land, build)
 
     @cached_property
@@ -90,8 +89,11 @@ class StaticCache:
     def _path(self, region: Region) -> Path:
         return self._folder / f"{region.column}_{region.row}.npz"
 
-    def _built(self, region: Region) -> RegionScene:
-        return build_region(self._network, region, self._terrain)
+    def _write_region(self, path: Path, region: Region) -> None:
+        write_region(path, build_region(self._network, region, self._terrain))
+
+    def _write_far_land(self, path: Path) -> None:
+        np.savez(path, allow_pickle=False, **asdict(far_land(self._network, self._terrain)))
 
     def _write(self, path: Path, write: Callable[[Path], None]) -> None:
         """Write under another name, then rename: readers see all or nothing, and of several writers the last wins."""
@@ -116,7 +118,7 @@ def _read(path: Path, read: Callable[[Path], _T], build: Callable[[Path], None])
 
 
 def _read_far_land(path: Path) -> FarLand:
-    with np.load(path, allow_pickle=False) as arrays:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         first = Region(*arrays["first"].tolist())
         return FarLand(first, arrays["height_m"], arrays["cover"], arrays["finish"])
 

@@ -30,7 +30,6 @@ class TileBuilder:
     def __init__(self) -> None:
         self._seen: dict[_Key, list[Mesh]] = defaultdict(list)
         self._surfaces: dict[_Key, dict[str, list[Mesh]]] = defaultdict(lambda: defaultdict(list))
-        self._apart: list[Mesh] = []
 
     def place(self, mesh: Mesh, map_from_mesh: Float64Array, level: int = 0) -> None:
         """Add an object by its (4, 4) pose; the tile is that of the pose's origin."""
@@ -71,7 +70,7 @@ class TileBuilder:
     def drape(
         self, area: BaseGeometry, facets: Facets, *make: Callable[[Cut], Mesh], surface: str = "", level: int = 0
     ) -> None:
-        """Cut an area, which lies within what the facets cover, and add what each ``make`` builds of each tile's pieces.
+        """Cut an area, which the facets cover, and add what each ``make`` builds of the pieces in each tile.
 
         Args:
             area: Map frame, metres.
@@ -89,24 +88,9 @@ class TileBuilder:
             if meshes:
                 (self._surfaces[key][surface] if surface else self._seen[key]).extend(meshes)
 
-    def cover(self, area: BaseGeometry, make: Callable[[shapely.Polygon], Mesh], surface: str | None = None) -> None:
-        """Goes when all ground is draped."""
-        for (column, row), pieces in _cut(area).items():
-            tile_from_map = np.eye(4)
-            tile_from_map[:3, 3] = -_origin((0, column, row))
-            meshes = [make(piece).transformed(tile_from_map) for piece in pieces]
-            if surface:
-                self._surfaces[0, column, row][surface].extend(meshes)
-            else:
-                self._seen[0, column, row].extend(meshes)
-
-    def place_apart(self, mesh_map: Mesh) -> None:
-        """Goes with ``cover``."""
-        self._apart.append(mesh_map)
-
     def finish(self) -> tuple[Tile, ...]:
         """All tiles, by level, from south-west to north-east."""
-        tiles = tuple(
+        return tuple(
             Tile(
                 _origin(key),
                 Mesh.merged(self._seen[key]),
@@ -115,7 +99,6 @@ class TileBuilder:
             )
             for key in sorted({*self._seen, *self._surfaces})
         )
-        return (*tiles, *(Tile(np.zeros(3), mesh, {}) for mesh in self._apart))
 
 
 def _origin(key: _Key) -> Float64Array:

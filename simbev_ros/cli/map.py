@@ -30,7 +30,8 @@ from simbev_ros.types import Float64Array
 
 _WIDTH_IN_A_PIPE = 160
 _REACH_M = 300.0
-"""So far around a place its surroundings are built."""
+"""So far around a place its surroundings are built; of small maps, all."""
+_FEW_REGIONS = 9
 
 
 def map_(
@@ -102,7 +103,7 @@ def _explored(
     near = regions_of(network.layout, Reach((float(center_m[0]), float(center_m[1])), _REACH_M))
     if not near:
         raise InputError(f"--at {center_m[0]:g} {center_m[1]:g}: there is no road of {spec.name} near this place")
-    wanted = regions if everything else near
+    wanted = regions if everything or len(regions) <= _FEW_REGIONS else near
     started_s = time.perf_counter()
     prepare_regions(spec, network, wanted, console, cache_dir)
     seconds = time.perf_counter() - started_s
@@ -110,7 +111,8 @@ def _explored(
     triangles = sum(len(tile.mesh.triangles) for region in wanted for tile in cache.region(region).tiles)
     if out is not None:
         with console.status(f"pictures of {escape(spec.name)}"):
-            _write_pictures(network, load_static_scene(spec, network, cache_dir, regions=near), center_m, out)
+            shown = wanted if len(wanted) <= _FEW_REGIONS else near
+            _write_pictures(network, load_static_scene(spec, network, cache_dir, regions=shown), center_m, out)
     return replace(report, surroundings=Surroundings(seconds, triangles, len(wanted), len(regions)))
 
 

@@ -82,7 +82,7 @@ def map_table(report: MapReport) -> Table:
     table.add_row("signs", f"{figures.signs}")
     table.add_row("crosswalks", f"{figures.crosswalks}")
     table.add_row("heights", f"{figures.lowest_m:.1f} to {figures.highest_m:.1f} m")
-    table.add_row("two levels", f"{figures.two_level_crossings} crossings")
+    table.add_row("two-level crossings", f"{figures.two_level_crossings}")
     land = [f"{figures.zones} zones", f"{figures.water_areas} pieces of water"]
     if figures.prescribed_buildings is not None:
         land.append(f"{figures.prescribed_buildings} buildings of the file")

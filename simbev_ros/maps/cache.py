@@ -5,6 +5,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import version
 from importlib.resources import files
@@ -55,7 +56,7 @@ def folder_of(kind: str, name: str, key: bytes, build: Callable[[Path], None], c
 
 def discard(folder: Path) -> None:
     """Take a damaged folder out of the cache, at once for all who look."""
-    with tempfile.TemporaryDirectory(prefix=".damaged-", dir=folder.parent) as bin_:
+    with tempfile.TemporaryDirectory(prefix=".damaged-", dir=folder.parent) as bin_, suppress(FileNotFoundError):
         folder.rename(Path(bin_) / folder.name)
 
 

@@ -58,7 +58,7 @@ class LevelGraph:
         strips = self._pieces.strips
         self._strip = np.array([strip.id for strip in strips], object)[self._pieces.row]
         self._level = np.array([strip.level for strip in strips], np.int64)[self._pieces.row]
-        (first, second), _ = self._pieces.contacts(np.ones(len(self._pieces), bool))
+        first, second = self._pieces.contacts(np.arange(len(self._pieces)))
         way_m = np.linalg.norm(self._pieces.center_m[first] - self._pieces.center_m[second], axis=1)
         self._ways = csr_array((way_m, (first, second)), shape=(len(self._level), len(self._level)))
         self._centers = cKDTree(self._pieces.center_m[:, :2])
@@ -77,7 +77,9 @@ class LevelGraph:
         centers = cKDTree(_weighted(center_m))
         here = int(centers.query(_weighted(xyz_m[None]))[1][0])
         straight_m = np.linalg.norm(center_m - center_m[here], axis=1)
-        way_m = dijkstra(self._ways[around][:, around], indices=here, limit=_DETOUR * _REACH_M + _ALLOWANCE_M)
+        way_m = dijkstra(
+            self._ways[around][:, around], directed=False, indices=here, limit=_DETOUR * _REACH_M + _ALLOWANCE_M
+        )
         belongs = way_m <= _DETOUR * straight_m + _ALLOWANCE_M
         if level[here] == 0:
             belongs |= level == 0

@@ -86,21 +86,20 @@ def _levels(pieces: StripPieces, water: Sequence[Water]) -> Int64Array:
     level = np.zeros(len(pieces), np.int64)
     if not (len(upper) or len(wet) or declared.any()):
         return level
-    longest_m = float(_abutment_m(np.concatenate([rise_m, above_water_m, [0.0]])).max())
-    links = _links(pieces, np.concatenate([upper, wet, np.flatnonzero(declared)]), longest_m)
+    reach_m = np.zeros(len(pieces))
+    np.maximum.at(reach_m, np.concatenate([upper, wet]), _abutment_m(np.concatenate([rise_m, above_water_m])))
+    links = _links(pieces, np.concatenate([upper, wet, np.flatnonzero(declared)]), float(reach_m.max()))
+    sources = declared.copy()
+    sources[wet] = True
     for number in range(1, _MOST_LEVELS + 1):
-        above = level[lower] >= number - 1
-        reach_m = np.full(len(pieces), -1.0)
-        if number == 1:
-            reach_m[declared] = 0.0
-            np.maximum.at(reach_m, wet, _abutment_m(above_water_m))
-        np.maximum.at(reach_m, upper[above], _abutment_m(rise_m[above]))
-        if reach_m.max() < 0.0:
+        sources[upper[level[lower] >= number - 1]] = True
+        if not sources.any():
             break
-        carried = _extended(links, reach_m)
+        carried = _extended(links, np.where(sources, reach_m, -1.0))
         # What lies beneath a piece that is raised now stays where it is, unless it passes over something itself.
-        carried[lower[carried[upper] & (reach_m[lower] < 0.0)]] = False
+        carried[lower[carried[upper] & ~sources[lower]]] = False
         level[carried] = number
+        sources[:] = False
     return level
 
 
@@ -119,10 +118,8 @@ def _over_water(pieces: StripPieces, water: Sequence[Water]) -> tuple[Int64Array
 
 def _links(pieces: StripPieces, sources: Int64Array, reach_m: float) -> coo_matrix:
     """(N, N) ways along the road between pieces that touch, around those from which structures reach on."""
-    near = np.zeros(len(pieces), bool)
-    near[pieces.within(reach_m, sources)] = True
-    (first, second), way_m = pieces.contacts(near)
-    return coo_matrix((way_m, (first, second)), shape=(len(pieces), len(pieces)))
+    first, second = pieces.contacts(pieces.within(reach_m, sources))
+    return coo_matrix((pieces.ways_m(first, second), (first, second)), shape=(len(pieces), len(pieces)))
 
 
 def _extended(links: coo_matrix, reach_m: Float64Array) -> BoolArray:
@@ -134,7 +131,7 @@ def _extended(links: coo_matrix, reach_m: Float64Array) -> BoolArray:
     rows = np.concatenate([links.row, np.full(len(sources), count)])
     columns = np.concatenate([links.col, sources])
     graph = coo_matrix((weight_m, (rows, columns)), shape=(count + 1, count + 1)).tocsr()
-    within: BoolArray = dijkstra(graph, indices=count, limit=longest_m + 1e-3)[:count] < np.inf
+    within: BoolArray = dijkstra(graph, directed=False, indices=count, limit=longest_m + 1e-3)[:count] < np.inf
     return within
 
 

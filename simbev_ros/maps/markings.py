@@ -91,7 +91,8 @@ def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[tuple[Border,
             continue
         kind, inset_m = MarkingKind.LANE, 0.0
         if neighbour is None or neighbour.kind not in _ASPHALT:
-            kind, inset_m = MarkingKind.EDGE, _INSET_M + line.width_m / 2.0
+            kind = MarkingKind.EDGE
+            inset_m = 0.0 if strip.junction else _INSET_M + line.width_m / 2.0
         elif neighbour.kind is LaneKind.SHOULDER or strip.kind is LaneKind.SHOULDER:
             kind = MarkingKind.EDGE
         elif neighbour.left == strip.lane and strip.left == neighbour.lane:

@@ -1,5 +1,6 @@
 """Rasters of heights, and the membrane that fills one from the places where it is known."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,12 @@ class Raster:
 
     def _place(self, xy_m: Float64Array) -> Float64Array:
         return (np.asarray(xy_m, np.float64) - self.origin_m) / self.spacing_m
+
+
+def places_m(origin_m: Float64Array, spacing_m: float, shape: Sequence[int]) -> Float64Array:
+    """(I, J, 2) places of the nodes of a raster of ``shape`` I, J."""
+    axes = [start + spacing_m * np.arange(count) for start, count in zip(origin_m, shape, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
 def membrane(values: Float64Array, known: BoolArray) -> Float64Array:

@@ -6,7 +6,6 @@ import resource
 import subprocess
 from collections.abc import Sequence
 from functools import lru_cache
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -40,11 +39,6 @@ def sumo_home() -> Path:
     if spec is None or not spec.submodule_search_locations:
         raise SimulationError("SUMO is not installed: the package eclipse-sumo is missing")
     return Path(next(iter(spec.submodule_search_locations)))
-
-
-def fingerprint() -> str:
-    """What, besides its input, decides netconvert's output."""
-    return "\n".join((version("eclipse-sumo"), *_OPTIONS))
 
 
 def convert(nodes: Path, edges: Path, connections: Path, net: Path, opendrive: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
-from simbev_ros.maps.layout import Layout, Sign, SignKind
+from simbev_ros.maps.layout import Layout, Sign, SignKind, Strip
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.polylines import Polylines
 from simbev_ros.maps.right_of_way import minor_approaches
@@ -26,7 +26,7 @@ _AFTER_START_M = 12.0
 _LONG_M = 250.0
 _SAME_SPEED_MPS = 0.3
 _SHORTEST_M = 5.0
-_SAME_HEIGHT_M = 2.5
+_SAME_HEIGHT_M = 2.0
 _CLEAR_M = 0.3
 
 
@@ -46,7 +46,7 @@ def place_signs(net: SumoNet, layout: Layout) -> tuple[Sign, ...]:
 
     Args:
         net: Who gives way to whom, and how fast traffic may go.
-        layout: Where lanes lie; a sign that has no place off all roads is left out.
+        layout: Where lanes lie; a sign that can stand nowhere beside its lane is left out.
     """
     edges: dict[str, list[Lane]] = defaultdict(list)
     for lane in net.lanes.values():
@@ -111,7 +111,7 @@ def _speed_mps(lanes: Sequence[Lane]) -> float:
 
 
 def _off_the_road(wanted: Sequence[_Wanted], layout: Layout) -> Iterator[Sign]:
-    """Each sign at the first place to the right of its lane that is on no road."""
+    """Each sign at the first place to the right of its lane where it can stand."""
     if not wanted:
         return
     lines = Polylines.of([sign.lane.centerline_m for sign in wanted])
@@ -120,7 +120,7 @@ def _off_the_road(wanted: Sequence[_Wanted], layout: Layout) -> Iterator[Sign]:
     right = np.column_stack([heading[:, 1], -heading[:, 0], np.zeros(len(wanted))])
     beside_m = np.add.outer([sign.lane.width_m / 2.0 for sign in wanted], _BESIDE_M)
     feet_m = lines.values(place)[:, None] + beside_m[..., None] * right[:, None]
-    free = ~_on_road(feet_m.reshape(-1, 3), layout).reshape(beside_m.shape)
+    free = _fit_to_stand(feet_m, lines.values(place), layout)
     yaws_rad = np.arctan2(-heading[:, 1], -heading[:, 0]).tolist()
     for row, first in enumerate(np.argmax(free, axis=1).tolist()):
         if free[row, first]:
@@ -128,12 +128,24 @@ def _off_the_road(wanted: Sequence[_Wanted], layout: Layout) -> Iterator[Sign]:
             yield Sign(sign.kind, feet_m[row, first], yaws_rad[row], sign.lanes, sign.speed_mps)
 
 
-def _on_road(places_m: Float64Array, layout: Layout) -> BoolArray:
-    """(N,) whether (N, 3) places are on what is paved for vehicles, or hardly beside it."""
-    strips = layout.strips_of(*ROAD_KINDS, LaneKind.SHOULDER)
+def _fit_to_stand(feet_m: Float64Array, lanes_m: Float64Array, layout: Layout) -> BoolArray:
+    """(N, K) whether (N, K, 3) places are off the road and, beside (N, 3) lanes on structures, on a sidewalk."""
+    feet = np.asarray(feet_m.reshape(-1, 3), np.float64)
+    on_road = _touched(feet, layout.strips_of(*ROAD_KINDS, LaneKind.SHOULDER)).reshape(feet_m.shape[:2])
+    carried = [strip for strip in layout.strips if strip.level > 0]
+    aloft = _touched(lanes_m, carried)
+    on_deck = _touched(feet, [strip for strip in carried if strip.kind is LaneKind.SIDEWALK])
+    return ~on_road & (~aloft[:, None] | on_deck.reshape(feet_m.shape[:2]))
+
+
+def _touched(places_m: Float64Array, strips: Sequence[Strip]) -> BoolArray:
+    """(N,) whether (N, 3) places are on one of some strips, or hardly beside it."""
     tree = shapely.STRtree(strip_polygons(strips))
-    place, strip = tree.query(shapely.points(places_m[:, :2]), predicate="dwithin", distance=_CLEAR_M)
-    height_m = np.array([each.center_m[:, 2].mean() for each in strips])
-    occupied = np.zeros(len(places_m), bool)
-    occupied[place[np.abs(height_m[strip] - places_m[place, 2]) < _SAME_HEIGHT_M]] = True
-    return occupied
+    points = np.asarray(shapely.points(places_m[:, :2]), object)
+    place, strip = tree.query(points, predicate="dwithin", distance=_CLEAR_M)
+    low_m, high_m = (np.array([end(each.center_m[:, 2]) for each in strips], np.float64) for end in (np.min, np.max))
+    height_m = places_m[place, 2]
+    touched = np.zeros(len(places_m), bool)
+    near = (height_m > low_m[strip] - _SAME_HEIGHT_M) & (height_m < high_m[strip] + _SAME_HEIGHT_M)
+    touched[place[near]] = True
+    return touched

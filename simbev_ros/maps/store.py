@@ -2,7 +2,8 @@
 
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -54,22 +55,33 @@ def read_network(folder: Path, seed: int) -> RoadNetwork:
     Raises:
         ValueError: The folder is damaged.
     """
-    try:
-        with np.load(folder / _STORE, allow_pickle=False) as arrays:
+    with _complaints(folder):
+        with _arrays(folder) as arrays:
             header, columns = _header(arrays), {name: arrays[name] for name in arrays.files}
         if any((folder / name).stat().st_size != count for name, count in header["bytes"].items()):
             raise ValueError("a file has another length than when it was written")
         return _network(folder, header, columns, seed)
-    except (OSError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{folder}: {error}") from error
 
 
 def read_datum(folder: Path) -> MapDatum:
     """Only where the map lies on Earth; raises as ``read_network``."""
+    with _complaints(folder), _arrays(folder) as arrays:
+        return MapDatum(**_header(arrays)["datum"])
+
+
+@contextmanager
+def _arrays(folder: Path) -> Iterator[Any]:
+    """The file of arrays, opened."""
+    with (folder / _STORE).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        yield arrays
+
+
+@contextmanager
+def _complaints(folder: Path) -> Iterator[None]:
+    """Whatever reading a damaged folder ends in, as one error."""
     try:
-        with np.load(folder / _STORE, allow_pickle=False) as arrays:
-            return MapDatum(**_header(arrays)["datum"])
-    except (OSError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        yield
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"{folder}: {error}") from error
 
 

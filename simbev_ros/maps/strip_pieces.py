@@ -134,32 +134,23 @@ class StripPieces:
         crossing = _overlap_m2(self.polygons[upper], self.polygons[lower]) > _OVERLAP_M2
         return np.stack([upper[crossing], lower[crossing]])
 
-    def contacts(self, among: BoolArray) -> tuple[Int64Array, Float64Array]:
-        """Pieces that touch at the same height, of those chosen by (N,) ``among``.
-
-        Returns:
-            (2, K) pairs, each in both orders, and the (K,) way from one to the other along the road (m): none from a
-            piece to one beside it or, in junctions, across it.
-        """
-        chosen = np.flatnonzero(among)
-        bounds_m = shapely.bounds(self.polygons[chosen]) + _TOUCHING_M * np.array([-1.0, -1.0, 1.0, 1.0])
-        first, second = chosen[
-            shapely.STRtree(np.asarray(shapely.box(*bounds_m.T), object)).query(self.polygons[chosen])
-        ]
+    def contacts(self, among: Int64Array) -> Int64Array:
+        """(2, K) pairs of pieces that touch at the same height, each once, of those that ``among`` names."""
+        bounds_m = shapely.bounds(self.polygons[among]) + _TOUCHING_M * np.array([-1.0, -1.0, 1.0, 1.0])
+        boxes = np.asarray(shapely.box(*bounds_m.T), object)
+        first, second = among[shapely.STRtree(boxes).query(self.polygons[among])]
         level = np.abs(self.center_m[first, 2] - self.center_m[second, 2]) < _SAME_HEIGHT_M
         first, second = first[level & (first < second)], second[level & (first < second)]
         touching = shapely.dwithin(self.polygons[first], self.polygons[second], _TOUCHING_M)
-        first, second = first[touching], second[touching]
-        way_m = self._way_m(first, second)
-        return np.stack([np.append(first, second), np.append(second, first)]), np.append(way_m, way_m)
+        return np.stack([first[touching], second[touching]])
 
     def parallel(self, piece: Int64Array, direction: Float64Array) -> BoolArray:
         """(K,) whether pieces run along (K, 2) unit vectors or (2,) one, either way, within 20°."""
         along: BoolArray = np.abs(np.sum(self.heading[piece] * direction, axis=1)) > np.cos(np.radians(20.0))
         return along
 
-    def _way_m(self, first: Int64Array, second: Int64Array) -> Float64Array:
-        """As the second result of ``contacts``."""
+    def ways_m(self, first: Int64Array, second: Int64Array) -> Float64Array:
+        """(K,) ways along the road between pieces that touch: none to one beside it or, in junctions, across it."""
         step_m = self.center_m[second, :2] - self.center_m[first, :2]
         ahead_m = [np.abs(np.sum(step_m * self.heading[piece], axis=1)) for piece in (first, second)]
         way_m = np.maximum(*ahead_m)

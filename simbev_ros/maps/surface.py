@@ -17,11 +17,12 @@ from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.layout import Crosswalk, Layout, Strip
 from simbev_ros.types import AnyArray
 
-_SMALLEST_CLOSING_M = 0.3
+_ROAD_CLOSING_M = 0.3  # where lanes are all there is
+_WALK_CLOSING_M = 0.75
+_MIDDLE_CLOSING_M = 1.0  # between the medians or inner shoulders of both directions
 _GRID_M = 0.001
 _SPECK_M2 = 0.01
 _WALK_KINDS = (LaneKind.SIDEWALK, LaneKind.WALKING_AREA)
-_FIXED_KINDS = (LaneKind.MEDIAN, LaneKind.SHOULDER, LaneKind.SIDEWALK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +52,14 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
         level: Which level.
         area: A rectangle: give what is inside of it only, which is the same as that part of the whole.
     """
-    closing_m = max(layout.corner_radius_m, _SMALLEST_CLOSING_M)
     if area is not None:
-        layout = layout.near(area, 4.0 * closing_m)
+        layout = layout.near(area, 4.0 * max(layout.corner_radius_m, _MIDDLE_CLOSING_M))
     crosswalks = crosswalk_polygons([each for each in layout.crosswalks if each.level == level])
     road = _road(layout, level, crosswalks)
-    shoulder = _without(_union(layout, level, LaneKind.SHOULDER), road)
+    shoulder = _without(_joined(layout.strips_of(LaneKind.SHOULDER, level=level)), road)
     paved = shapely.union(road, shoulder)
     sidewalk = _without(_walks(layout, level, paved), paved)
-    median = _without(_union(layout, level, LaneKind.MEDIAN), shapely.union(paved, sidewalk))
+    median = _without(_joined(layout.strips_of(LaneKind.MEDIAN, level=level)), shapely.union(paved, sidewalk))
     crosswalk = shapely.intersection(shapely.union_all(crosswalks), road)
     parts = road, shoulder, sidewalk, median, crosswalk
     return Surfaces(*(_polygons(part if area is None else shapely.intersection(part, area)) for part in parts))
@@ -107,25 +107,28 @@ def crosswalk_polygons(crosswalks: Sequence[Crosswalk]) -> AnyArray:
 def _road(layout: Layout, level: int, crosswalks: AnyArray) -> BaseGeometry:
     """The carriageway; closing may fill what no strip outside junctions claims for something else."""
     lanes = strip_polygons(layout.strips_of(*ROAD_KINDS, level=level))
-    rounded = layout.corner_radius_m > _SMALLEST_CLOSING_M
-    bare = shapely.union_all([*lanes, *crosswalks] if rounded else lanes)
-    fixed = [strip for strip in layout.strips_of(*_FIXED_KINDS, level=level) if not strip.junction]
-    claimed = shapely.difference(shapely.union_all(strip_polygons(fixed)), bare)
-    closed = _closed(bare, layout.corner_radius_m)
-    return shapely.difference(closed, claimed, grid_size=_GRID_M)
+    bare = shapely.union_all([*lanes, *crosswalks] if layout.corner_radius_m else lanes)
+    outside = [strip for strip in layout.strips if strip.level == level and not strip.junction]
+    shoulders, medians, sidewalks = (
+        [strip for strip in outside if strip.kind is kind]
+        for kind in (LaneKind.SHOULDER, LaneKind.MEDIAN, LaneKind.SIDEWALK)
+    )
+    claimed = shapely.union_all([_joined(shoulders), _joined(medians), *strip_polygons(sidewalks)])
+    closed = _closed(bare, max(layout.corner_radius_m, _ROAD_CLOSING_M))
+    return shapely.difference(closed, shapely.difference(claimed, bare), grid_size=_GRID_M)
+
+
+def _joined(strips: Sequence[Strip]) -> BaseGeometry:
+    """Strips of one kind, and what is left between those of two directions."""
+    return _closed(shapely.union_all(strip_polygons(strips)), _MIDDLE_CLOSING_M)
 
 
 def _walks(layout: Layout, level: int, paved: BaseGeometry) -> BaseGeometry:
     """Sidewalks and walking areas, and the corners between them and what is paved."""
-    walks = _union(layout, level, *_WALK_KINDS)
-    street = _closed(shapely.union(walks, paved), layout.corner_radius_m)
-    reach_m = max(layout.corner_radius_m, _SMALLEST_CLOSING_M)
-    return _polygons(shapely.intersection(street, shapely.buffer(walks, reach_m)))
-
-
-def _union(layout: Layout, level: int, *kinds: LaneKind) -> BaseGeometry:
-    """The area of all strips of some kinds."""
-    return shapely.union_all(strip_polygons(layout.strips_of(*kinds, level=level)))
+    walks = shapely.union_all(strip_polygons(layout.strips_of(*_WALK_KINDS, level=level)))
+    closing_m = max(layout.corner_radius_m, _WALK_CLOSING_M)
+    street = _closed(shapely.union(walks, paved), closing_m)
+    return _polygons(shapely.intersection(street, shapely.buffer(walks, closing_m)))
 
 
 def _without(surface: BaseGeometry, others: BaseGeometry) -> BaseGeometry:
@@ -135,7 +138,6 @@ def _without(surface: BaseGeometry, others: BaseGeometry) -> BaseGeometry:
 
 def _closed(area: BaseGeometry, radius_m: float) -> BaseGeometry:
     """The area with narrow gaps and inner corners filled (morphological closing), on a millimetre grid."""
-    radius_m = max(radius_m, _SMALLEST_CLOSING_M)
     grown = shapely.buffer(area, radius_m, quad_segs=12)
     closed = shapely.union(shapely.buffer(grown, -radius_m, quad_segs=12), area)
     return shapely.set_precision(shapely.simplify(closed, 2 * _GRID_M), _GRID_M)

@@ -8,6 +8,7 @@ depends only on what lies within ``_REACH_M`` of it, so patches that overlap agr
 Structures are ignored: beneath a bridge the land passes from one bank to the other.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -18,12 +19,12 @@ from simbev_ros.maps.elevation import Elevation
 from simbev_ros.maps.features import MapFeatures
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.layout import Strip
-from simbev_ros.maps.membrane import Raster, membrane, relaxed
+from simbev_ros.maps.membrane import Raster, membrane, places_m, relaxed
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.relief import relief_m
 from simbev_ros.maps.shore import Shores
 from simbev_ros.maps.surface import strip_polygons
-from simbev_ros.types import BoolArray, Float64Array, UInt8Array
+from simbev_ros.types import BoolArray, Float64Array
 
 NODE_M = 2.0
 """Distance of a patch's nodes."""
@@ -60,7 +61,7 @@ class Terrain:
         self.elevation = Elevation(network.layout) if elevation is None else elevation
         self._features, self._seed = network.features, network.seed
         strips = network.layout.strips_of(*LaneKind, level=0)
-        places_m = np.concatenate([np.empty((0, 3)), *(_places(strip) for strip in strips)])
+        places_m = _places(strips)
         self.is_level = not (places_m[:, 2].any() or self._features.relief.amplitude_m or self._features.water)
         if not self.is_level:
             self._shores = Shores(self._features.water)
@@ -93,7 +94,7 @@ class Terrain:
         inner = (slice(margin, -margin), slice(margin, -margin))
         if self.is_level:
             return Patch(Raster(low_m, NODE_M, np.zeros(count)), np.full(count, False))
-        xy_m = (np.stack(np.indices(shape), axis=-1) - margin) * NODE_M + low_m
+        xy_m = places_m(low_m - margin * NODE_M, NODE_M, shape)
         height_m, street = self._nodes(xy_m.reshape(-1, 2), shape)
         return Patch(Raster(low_m, NODE_M, height_m[inner]), street[inner])
 
@@ -119,12 +120,10 @@ class Terrain:
         return on_lanes, on_verges
 
 
-def _places(strip: Strip) -> Float64Array:
-    """(N, 3) places along a strip's middle, closer than cells of the coarse raster."""
-    if strip.outline_m is not None:
-        return np.empty((0, 3))
-    line = shapely.segmentize(shapely.LineString(strip.center_m), _COARSE_M / 2.0)
-    return shapely.get_coordinates(line, include_z=True)
+def _places(strips: Sequence[Strip]) -> Float64Array:
+    """(N, 3) places along the middles of strips, closer than cells of the coarse raster."""
+    lines = [shapely.LineString(strip.center_m) for strip in strips if strip.outline_m is None]
+    return shapely.get_coordinates(shapely.segmentize(np.array(lines, object), _COARSE_M / 2.0), include_z=True)
 
 
 def _above_relief(features: MapFeatures, seed: int, places_m: Float64Array) -> Raster:
@@ -149,8 +148,8 @@ def _above_relief(features: MapFeatures, seed: int, places_m: Float64Array) -> R
 def _grown(mask: BoolArray, by_m: float) -> BoolArray:
     """The nodes of a mask and all within a distance."""
     radius = round(by_m / NODE_M)
-    kernel: UInt8Array = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    return cv2.dilate(mask.astype(np.uint8), kernel, borderValue=0).astype(bool)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel, borderValue=0), bool)
 
 
 def _sloped(height_m: Float64Array, lanes: BoolArray, steps: int) -> Float64Array:

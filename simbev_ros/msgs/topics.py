@@ -83,6 +83,7 @@ def annotation_topics(spec: SceneSpec) -> Iterator[Topic]:
     yield Topic(agent_topic(agent, "bev/color"), "sensor_msgs/msg/Image")
     yield Topic(agent_topic(agent, "boxes"), "sensor_msgs/msg/PointCloud2")
     yield Topic(agent_topic(agent, "boxes/markers"), "visualization_msgs/msg/MarkerArray")
+    yield Topic(agent_topic(agent, "hd_map"), "std_msgs/msg/String")
 
 
 def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:

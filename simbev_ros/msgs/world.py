@@ -9,6 +9,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
+from simbev_ros.maps.hd_map import lane_record
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs.stamps import header, stamp_of
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
@@ -31,6 +33,13 @@ def signals_message(state: WorldState) -> PointCloud2:
 def weather_message(state: WorldState) -> String:
     """The weather as JSON, with the stamp that a String lacks."""
     return String(data=json.dumps({"stamp_ns": state.stamp_ns, **state.weather.model_dump()}))
+
+
+def hd_map_message(network: RoadNetwork, state: WorldState) -> String:
+    """The record of the lane under the ego as JSON, with the stamp that a String lacks."""
+    ego = state.ego
+    record = lane_record(network, np.array([ego["x"], ego["y"], ego["z"]], np.float64), float(ego["yaw"]))
+    return String(data=json.dumps({"stamp_ns": state.stamp_ns, **record}))
 
 
 def stamp_of_weather(message: String) -> int:

@@ -88,7 +88,8 @@ class MapPlan:
                 self._fill([area], colors[_NAMES[strip.kind]])
         for name in ("road", "main_road", "motorway"):
             chosen = [k for k, strip in enumerate(strips) if driven[k] and _class_of(strip) == name]
-            self._fill([areas[k] for k in chosen], colors[name])
+            for k in chosen:  # one by one: in one call areas that overlap would cancel each other
+                self._fill([areas[k]], colors[name])
             lines = [self._pixels(strips[k].center_m[:, :2]) for k in chosen]
             self._outline(lines, colors[name], _OVERSAMPLING, closed=False)  # seen even where lanes are thinner
 

@@ -116,12 +116,19 @@ def _with_shadows(picture: UInt8Array, height_m: Float32Array, cell_m: float) ->
     run = _SUN[:2] / np.abs(_SUN[:2]).max()
     rise_m = cell_m * float(np.linalg.norm(run)) * _SUN[2] / float(np.linalg.norm(_SUN[:2]))
     shadow = np.zeros(height_m.shape, bool)
-    ground_m = np.nan_to_num(height_m, neginf=0.0)
-    low_m = float(np.percentile(ground_m, 1))
-    for step in range(1, int(min(_TALLEST_M, float(ground_m.max()) - low_m) / rise_m) + 1):
-        column, row = round(step * run[0]), round(-step * run[1])
-        towards = np.roll(ground_m, (-row, -column), axis=(0, 1))
-        shadow |= towards > ground_m + step * rise_m + 0.1
-    factor = np.where(shadow, _SHADOW, 1.0).astype(np.float32)
-    factor = cv2.GaussianBlur(factor, (0, 0), 1.0)
+    known_m = height_m[np.isfinite(height_m)]
+    tallest_m = min(_TALLEST_M, float(np.ptp(known_m))) if known_m.size else 0.0
+    for step in range(1, int(tallest_m / rise_m) + 1):
+        east, south = round(step * run[0]), round(-step * run[1])
+        here, there = _overlap(height_m.shape, south, east)
+        shadow[here] |= height_m[there] > height_m[here] + step * rise_m + 0.1
+    factor = cv2.GaussianBlur(np.where(shadow, _SHADOW, 1.0), (0, 0), 1.0)
     return np.asarray(picture * factor[..., None] ** (1.0 / 1.6), np.uint8)
+
+
+def _overlap(shape: tuple[int, ...], rows: int, columns: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Of a picture and itself moved up and left by so many pixels: what of the one lies on what of the other."""
+    shifts = (rows, columns)
+    here = tuple(slice(max(0, -shift), size - max(0, shift)) for shift, size in zip(shifts, shape, strict=True))
+    there = tuple(slice(max(0, shift), size - max(0, -shift)) for shift, size in zip(shifts, shape, strict=True))
+    return here, there

@@ -25,7 +25,7 @@ _MOST_PLACES = 400
 _STRAIGHT_M = 45.0
 _NEAR_M, _FAR_M = 7.0, 90.0
 _CELL_M = 2.0
-_SUN_BESIDE_DEG = 52.0  # the sun stands behind the camera, so far to the side
+_SUN_BESIDE_DEG = 26.0  # the sun stands behind the camera, so far to the side
 
 
 def street_place(network: RoadNetwork, tiles: Sequence[Tile], center_m: Float64Array) -> tuple[Float64Array, float]:
@@ -80,7 +80,7 @@ def _fair_weather(yaw_rad: float) -> Weather:
         wetness=0,
         wind_intensity=10,
         sun_azimuth_deg=(np.degrees(yaw_rad) + 180.0 - _SUN_BESIDE_DEG) % 360.0,
-        sun_altitude_deg=38,
+        sun_altitude_deg=46,
         fog_density=0,
         fog_distance_m=0,
         fog_falloff=1,

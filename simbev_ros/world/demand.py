@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint
-from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.streets import Streets
 from simbev_ros.scene.walks import WalkGraph
 from simbev_ros.world.cast import blueprint_of
+from simbev_ros.world.tracks import Tracks
 
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
@@ -61,6 +62,8 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
     """
     duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
     streets = Streets(network)
+    start_edges = {network.lanes[vehicle.start.lane].edge for vehicle in spec.vehicles}
+    tracks = Tracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
     fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
     root = ElementTree.Element("routes")
     edges: set[str] = set()
@@ -69,7 +72,8 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
         way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
         route = streets.for_class(blueprint.sumo_class).route(vehicle.start.lane, way_m, rng)
-        start_m = _sumo_position_m(network, vehicle.start)
+        lane = network.lanes[vehicle.start.lane]
+        start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
         edges.update(route)
         _add_vehicle(root, vehicle_name(index), vehicle, blueprint, route, start_m)
     walks = WalkGraph(network)
@@ -78,16 +82,10 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
         lane = network.lanes[pedestrian.start.lane]
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(rng.uniform(-1.0, 1.0))
         walk = walks.walk(lane.edge, duration_s * pedestrian.max_speed_mps, rng)
-        start_m = _sumo_position_m(network, pedestrian.start)
+        start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         edges.update(walk)
         _add_pedestrian(root, pedestrian_name(index), pedestrian, walk, start_m, side_m)
     return Demand(ElementTree.tostring(root, encoding="unicode"), edges)
-
-
-def _sumo_position_m(network: RoadNetwork, start: WaypointSpec) -> float:
-    """A place in SUMO's measure, in which all lanes of an edge are equally long, whatever their shapes."""
-    lane = network.lanes[start.lane]
-    return min(start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
 
 
 def _add_vehicle(

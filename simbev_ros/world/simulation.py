@@ -18,8 +18,10 @@ from simbev_ros.world.curves import bend_speeds
 from simbev_ros.world.demand import demand_of
 from simbev_ros.world.net_crop import cropped_net
 from simbev_ros.world.signals import SignalHeads, programmes, programmes_xml
+from simbev_ros.world.tracks import Tracks
 from simbev_ros.world.traffic import Traffic
 
+_ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
@@ -43,7 +45,7 @@ class Simulation:
         self._signal_heads = SignalHeads(network.signals, cycles, spec.tick_ns)
         demand = demand_of(spec, network)
         part = cropped_net(net, demand.edges)
-        lanes = [lane for lane in network.lanes.values() if lane.edge in part.edges]
+        lanes = [each for each in network.lanes.values() if each.edge in part.edges and each.kind not in _ON_FOOT]
         signals = programmes_xml([cycle for cycle in cycles if cycle.id in part.lights], spec.tick_ns)
         with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
             inputs = {"scene.net.xml": part.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
@@ -51,7 +53,7 @@ class Simulation:
                 Path(folder, name).write_text(text, encoding="utf-8")
             files = [Path(folder, name) for name in inputs]
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
-            self._traffic = Traffic(files, spec.tick_ns, spec.seed, bend_speeds(lanes), closed)
+            self._traffic = Traffic(files, spec.tick_ns, spec.seed, bend_speeds(lanes), Tracks(lanes), closed)
         try:
             self._actors = Actors(spec, network, self._traffic)
         except BaseException:

@@ -11,6 +11,7 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.demand import index_of, pedestrian_name, vehicle_name
+from simbev_ros.world.tracks import Tracks
 
 _NS_PER_MS = 1_000_000
 _OPTIONS = {
@@ -29,6 +30,8 @@ _OPTIONS = {
     "duration-log.disable": "true",
 }
 _LARGEST_SEED = 2**31 - 1
+_PLACE_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
+_VEHICLE_VARIABLES = (*_PLACE_VARIABLES, libsumo.VAR_SIGNALS)
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
@@ -63,6 +66,7 @@ class Traffic:
         tick_ns: int,
         seed: int,
         speeds_mps: Mapping[str, float],
+        tracks: Tracks,
         closed_lanes: Iterable[str] = (),
     ) -> None:
         """Load a net and its traffic, and place all vehicles and pedestrians at time 0.
@@ -72,6 +76,7 @@ class Traffic:
             tick_ns: Length of a step; whole milliseconds.
             seed: Of SUMO's own random numbers.
             speeds_mps: Lane id → speed limit that takes the place of the net's.
+            tracks: All lanes that a vehicle may get onto.
             closed_lanes: Ids of lanes that nobody may use, whatever the net says.
 
         Raises:
@@ -84,6 +89,7 @@ class Traffic:
         inputs = dict(zip(("net-file", "route-files", "additional-files"), map(str, files), strict=True))
         own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _LARGEST_SEED)}
         options = {**_OPTIONS, **inputs, **own}
+        self._tracks = tracks
         self._open = Traffic._running = True
         try:
             libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
@@ -100,7 +106,7 @@ class Traffic:
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
         for name in self._vehicle_names:
-            libsumo.vehicle.subscribe(name, [libsumo.VAR_POSITION3D, libsumo.VAR_SIGNALS])
+            libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
         for name in self._pedestrian_names:
             libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
 
@@ -123,8 +129,10 @@ class Traffic:
         vehicles = libsumo.vehicle.getAllSubscriptionResults()
         pedestrians = libsumo.person.getAllSubscriptionResults()
         try:
+            rows = [vehicles[name] for name in self._vehicle_names]
+            lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _PLACE_VARIABLES)
             return TrafficSample(
-                _points([vehicles[name][libsumo.VAR_POSITION3D] for name in self._vehicle_names]),
+                self._tracks.places_m(lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)),
                 np.array([vehicles[name][libsumo.VAR_SIGNALS] for name in self._vehicle_names], np.int64),
                 _points([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
             )

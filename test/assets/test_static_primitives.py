@@ -2,12 +2,19 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.assets.buildings import STYLES, Plot
-from simbev_ros.assets.furniture import bench, bus_shelter, fence, garden_wall, hydrant, litter_bin, street_light
+from simbev_ros.assets.architecture.kinds import build, load_kinds
+from simbev_ros.assets.architecture.outlines import outlined
+from simbev_ros.assets.architecture.plot import Plot
+from simbev_ros.assets.architecture.walls import STYLES, draw_wall
+from simbev_ros.assets.flora.species import VARIANTS, load_species, reach_m, stock
 from simbev_ros.assets.materials import Material, load_materials
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, box, cylinder, ellipsoid, extrusion, lathe, plate, tube
-from simbev_ros.assets.signs import speed_sign
+from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, ellipsoid, extrusion, lathe, plate, tube
+from simbev_ros.assets.street.barriers import PANEL_M, panel
+from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter, cabinet, hydrant, litter_bin, mailbox
+from simbev_ros.assets.street.poles import mast, street_light, utility_pole
+from simbev_ros.assets.street.signs import speed_sign, stop_sign, street_name_sign, yield_sign
+from simbev_ros.assets.street.yard_things import container, dumpster, hay_bale, pallets, trailer, wheelie_bin, wood_pile
 from simbev_ros.semantics import Tag
 
 FINISH = Finish(Material.PLAIN, Tag.STATIC, (10, 20, 30))
@@ -37,6 +44,15 @@ def prism_m3(sides: int, radius_m: float, height_m: float) -> float:
     return sides / 2.0 * radius_m**2 * np.sin(2.0 * np.pi / sides) * height_m
 
 
+WINDOWED = [
+    Material.FACADE,
+    Material.BRICK_FACADE,
+    Material.TIMBER_FACADE,
+    Material.CONCRETE_FACADE,
+    Material.METAL_FACADE,
+    Material.OFFICE_GLASS,
+    Material.SHOPFRONT,
+]
 RING = shapely.box(0, 0, 4, 3).difference(shapely.box(1, 1, 2, 2))
 SOLIDS = {
     "box": (box(FINISH, (1, 2, 3), (7, 8, 9)), 6.0),
@@ -86,40 +102,101 @@ def test_a_plate_covers_its_polygon_and_faces_up() -> None:
     assert (mesh.vertices[:, 2] == 1.5).all()
 
 
-@pytest.mark.parametrize("style", STYLES)
-@pytest.mark.parametrize("wall", ["brick", "plaster", "glass"])
-def test_buildings_are_closed_and_fill_their_plot(style: str, wall: str) -> None:
-    for seed, height_m in enumerate((4.0, 9.0, 21.0, 45.0)):
-        mesh = STYLES[style](Plot(15.0, 12.0, height_m), np.random.default_rng(seed), wall)
+def test_many_boxes_are_the_same_as_one_by_one() -> None:
+    sizes_m, centers_m = np.array([[1.0, 2, 3], [4, 5, 6]]), np.array([[0.0, 0, 0], [9, 8, 7]])
+    together = boxes(FINISH, sizes_m, centers_m)
+    alone = Mesh.merged(
+        [box(FINISH, tuple(size), tuple(center)) for size, center in zip(sizes_m, centers_m, strict=True)]
+    )
+    assert is_closed(together)
+    assert volume_m3(together) == pytest.approx(6.0 + 120.0)
+    np.testing.assert_array_equal(together.vertices[together.triangles], alone.vertices[alone.triangles])
+
+
+def test_copies_are_what_transforming_one_by_one_gives() -> None:
+    mesh = cylinder(FINISH, (0, 0, 0), (0.3, 0.2, 1.0), 0.4)
+    turn = np.radians(30.0)
+    turned = np.array(
+        [[np.cos(turn), -np.sin(turn), 0, 4], [np.sin(turn), np.cos(turn), 0, 5], [0, 0, 1, 6], [0, 0, 0, 1]]
+    )
+    mirrored = np.diag([-2.0, 2.0, 2.0, 1.0])
+    copies = mesh.copies(np.stack([turned, mirrored]), tint=np.array([[1.0, 1, 1], [0.5, 2.0, 100.0]]))
+    for copy, pose in zip(copies, (turned, mirrored), strict=True):
+        expected = mesh.transformed(pose)
+        np.testing.assert_allclose(copy.vertices, expected.vertices, atol=1e-5)
+        np.testing.assert_allclose(copy.normals, expected.normals, atol=1e-5)
+        assert faces_agree_with_normals(copy)
+    assert copies[1].color[0].tolist() == [5, 40, 255]
+
+
+@pytest.mark.parametrize("name", load_kinds())
+def test_buildings_of_every_kind_are_closed_and_reach_from_their_foundation_to_their_eaves(name: str) -> None:
+    kind = load_kinds()[name]
+    for seed, style in enumerate(STYLES):
+        rng = np.random.default_rng(seed)
+        bays = rng.integers(*kind.width, endpoint=True), rng.integers(*kind.depth, endpoint=True)
+        height_m = rng.uniform(*(kind.height_m or (5.0, 45.0)))
+        plot = Plot(3.0 * bays[0], 3.0 * bays[1], height_m, foundation_m=1.5)
+        mesh = build(name, plot, kind.draw_wall(style, rng), rng)
         assert is_closed(mesh)
         assert faces_agree_with_normals(mesh)
-        assert volume_m3(mesh) > 15.0 * 12.0 * 2.5
         assert (mesh.tag == Tag.BUILDING).all()
+        low_m, high_m = mesh.bounds_m
+        assert low_m[2] == pytest.approx(-1.5)
+        assert high_m[2] > 0.9 * min(height_m, 8.0)
+        assert max(-low_m[0], high_m[0]) < plot.width_m / 2.0 + kind.verge_m + 1e-4
+        assert low_m[1] > -kind.front_m - 1e-4
+        assert high_m[1] < plot.depth_m + 0.6 + 1e-4
 
 
 @pytest.mark.parametrize("style", STYLES)
 def test_windows_divide_every_wall_evenly(style: str) -> None:
-    mesh = STYLES[style](Plot(18.0, 12.0, 20.0), np.random.default_rng(5), "plaster")
-    for material in (Material.FACADE, Material.OFFICE_GLASS, Material.SHOPFRONT):
-        corners = mesh.triangles[mesh.material[mesh.triangles[:, 0]] == material]
-        spans = np.ptp(mesh.uv[corners], axis=1)
+    rng = np.random.default_rng(5)
+    for name in ("town_house", "apartments", "office", "shop", "lecture_block"):
+        mesh = build(name, Plot(18.0, 12.0, 20.0), draw_wall(style, rng), rng)
+        walls = mesh.triangles[np.isin(mesh.material[mesh.triangles[:, 0]], WINDOWED)]
+        uv = mesh.uv[walls]
+        spans = np.ptp(uv[uv.min(axis=(1, 2)) >= 0.0], axis=1)
+        assert len(spans) > 0
         np.testing.assert_allclose(spans / 3.0, np.round(spans / 3.0), atol=1e-5)
         assert (spans >= 3.0).all()
 
 
+COURT = shapely.box(0, 0, 40, 30).difference(shapely.box(10, 8, 28, 20))
+
+
+@pytest.mark.parametrize("outline", [COURT, shapely.box(0, 0, 12, 9), shapely.Point(0, 0).buffer(15, quad_segs=3)])
+def test_a_prescribed_building_fills_its_outline_to_its_height(outline: shapely.Polygon) -> None:
+    rng = np.random.default_rng(1)
+    mesh = outlined(outline, 12.0, 0.8, draw_wall("brick", rng), rng)
+    assert is_closed(mesh)
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    plan = shapely.union_all([shapely.Polygon(triangle[:, :2]).buffer(1e-6) for triangle in corners])
+    assert plan.buffer(1e-3).covers(outline)
+    assert outline.buffer(0.5, join_style="mitre").covers(plan)  # steps, eaves
+    assert mesh.bounds_m[0, 2] == pytest.approx(-0.8)
+    assert mesh.bounds_m[1, 2] == pytest.approx(12.0, abs=0.9)
+
+
 def test_furniture_is_closed() -> None:
-    for mesh in (
-        bench(),
-        bus_shelter(),
-        fence(5.0),
-        garden_wall(4.0, (1, 2, 3)),
-        hydrant(),
-        litter_bin((1, 2, 3)),
-        street_light(),
-        speed_sign(30),
-    ):
+    color = (1, 2, 3)
+    street = [bench(), bus_shelter(), hydrant(), litter_bin(color), mailbox(), cabinet(), bicycle_rack()]
+    poles = [street_light(), mast(), utility_pole()]
+    signs = [speed_sign(30), speed_sign(120), stop_sign(), yield_sign(), street_name_sign(color)]
+    yard = [trailer(color), container(color), dumpster(color), wheelie_bin(color), pallets(), hay_bale(), wood_pile()]
+    for mesh in (*street, *poles, *signs, *yard, *(panel(kind, 0) for kind in PANEL_M)):
         assert is_closed(mesh)
         assert faces_agree_with_normals(mesh)
+
+
+@pytest.mark.parametrize("name", load_species())
+def test_a_plant_stands_upright_on_its_foot(name: str) -> None:
+    for variant in range(VARIANTS):
+        mesh = stock(name, variant)
+        assert mesh.vertices[:, 2].min() < 0.05
+        assert mesh.vertices[:, 2].max() > 0.3
+        assert np.hypot(*mesh.vertices[:, :2].mean(axis=0)) < 0.5 * reach_m(name)
+        assert (mesh.tag == Tag.VEGETATION).all()
 
 
 def test_every_material_has_plausible_properties() -> None:

@@ -105,7 +105,7 @@ def test_wrong_command_line(
     assert "Traceback" not in error
 
 
-@pytest.mark.parametrize("verb", ["demo", "run", "info", "preview", "doctor", "bench"])
+@pytest.mark.parametrize("verb", ["demo", "run", "info", "preview", "map", "doctor", "bench"])
 def test_help_has_an_example(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, verb: str) -> None:
     monkeypatch.setattr(sys, "argv", ["simbev", verb, "--help"])
     with pytest.raises(SystemExit) as ended:

@@ -45,4 +45,6 @@ def test_streets_have_one_or_two_lanes_each_way_and_sidewalks_on_both_sides(bloc
             kinds.setdefault(lane.edge, Counter())[lane.kind] += 1
     assert {count[LaneKind.DRIVING] for count in kinds.values()} == {1, 2}
     assert {count[LaneKind.SIDEWALK] for count in kinds.values()} == {1}
-    assert all(edge[2:] + edge[:2] in kinds for edge in kinds)
+    opposite = {strip.road: strip.left for strip in blocks.layout.strips if strip.index == -1 and not strip.junction}
+    assert opposite.keys() == kinds.keys()
+    assert all(blocks.lanes[lane].edge in kinds for lane in opposite.values()), "every street leads both ways"

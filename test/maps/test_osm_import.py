@@ -182,8 +182,8 @@ def test_what_is_cut_off_or_not_connected_is_left_out_and_said(tmp_path: Path) -
     island = town([(0, 0), (200, 0), (200, 80)], [(0, 0), (0, 90)], [(500, 500), (560, 500)]).text()
     parts = imported(tmp_path, island.replace('<nd ref="1"/>', '<nd ref="1"/><nd ref="77"/>', 1))
     assert parts.notes[:2] == (
-        "1 places in ways are not in the file: the ways were cut short there",
-        "1 roads that are not connected with the rest were left out",
+        "places of ways that are not in the file, where the ways were cut short: 1",
+        "roads that are not connected with the rest were left out: 1",
     )
     assert max(lane.centerline_m[:, :2].max() for lane in read_sumo_net(parts.net).lanes.values()) < 300
 
@@ -191,3 +191,50 @@ def test_what_is_cut_off_or_not_connected_is_left_out_and_said(tmp_path: Path) -
 def test_a_way_without_length_is_no_road(tmp_path: Path) -> None:
     text = GOOD.replace("</osm>", ' <way id="7"><nd ref="1"/><nd ref="1"/><tag k="highway" v="primary"/></way></osm>')
     assert len(read_sumo_net(imported(tmp_path, text).net).junctions) >= 2
+
+
+def heights_at(parts: MapParts, *places: Point) -> list[list[float]]:
+    """Heights, from low to high, of the road lanes that pass each place."""
+    lanes = [lane for lane in read_sumo_net(parts.net).lanes.values() if lane.kind is LaneKind.DRIVING]
+    points = [shapely.Point(place) for place in in_map(parts, *places)]
+    lines = [shapely.LineString(lane.centerline_m) for lane in lanes]
+    return [
+        sorted({round(line.interpolate(line.project(point)).z, 1) for line in lines if line.distance(point) < 3.0})
+        for point in points
+    ]
+
+
+def test_roads_on_three_layers_pass_above_each_other(tmp_path: Path) -> None:
+    writer, road = Writer(), {"highway": "primary"}
+    writer.way([(-300, 0), (300, 0)], road)
+    writer.way([(0, -300), (0, 300)], {**road, "bridge": "yes", "layer": "1"})
+    writer.way([(-300, -300), (300, 300)], {**road, "bridge": "viaduct", "layer": "2"})
+    writer.way([(-300, 0), (-300, -300), (0, -300)], road)
+    parts = imported(tmp_path, writer.text())
+    ((low, middle, high),) = heights_at(parts, (0, 0))
+    assert low == 0.0 and middle >= 5.9 and high - middle >= 5.9
+
+
+def test_an_underpass_dips_and_a_long_tunnel_is_left_out(tmp_path: Path) -> None:
+    writer, road = Writer(), {"highway": "primary"}
+    writer.way([(-300, 0), (300, 0)], road)
+    writer.way([(0, -300), (0, -30)], road)
+    writer.way([(0, -30), (0, 30)], {**road, "tunnel": "yes"})
+    writer.way([(0, 30), (0, 300), (300, 0)], road)
+    writer.way([(-200, -300), (-200, 300)], {**road, "tunnel": "yes", "layer": "-2"})
+    parts = imported(tmp_path, writer.text())
+    low, high = heights_at(parts, (0, 0))[0]
+    assert (low, high) == (pytest.approx(-6.2, abs=0.2), 0.0)
+    assert "tunnels longer than 120 m were left out: 1" in parts.notes
+    assert heights_at(parts, (-200, 0), (-200, 150)) == [[0.0], []]
+
+
+def test_streams_pass_below_roads_that_have_no_bridge_and_steps_are_no_road(tmp_path: Path) -> None:
+    writer = town([(0, 0), (300, 0)], [(300, 0), (300, 200)])
+    writer.way([(100, -80), (100, 80)], {"waterway": "stream"})
+    writer.way([(0, 0), (0, 60), (300, 60)], {"highway": "steps"})
+    parts = imported(tmp_path, writer.text())
+    wet = shapely.union_all([water.area for water in parts.features.water])
+    bank, road = (shapely.Point(place) for place in in_map(parts, (100, 40), (100, 0)))
+    assert wet.contains(bank) and wet.distance(road) > 5.0
+    assert heights_at(parts, (150, 60)) == [[]]

@@ -90,7 +90,7 @@ def test_every_lane_leads_on_but_those_that_end_beside_a_motorway(net: Net) -> N
 
 
 def test_lanes_meet_at_one_height_in_junctions(net: Net) -> None:
-    for a, b, via in net.links:
+    for a, _, via in net.links:
         if net.kind[a] == "driving" and via:
             assert abs(net.line_m[a][-1, 2] - net.line_m[via][0, 2]) < 0.02, a
     for lane in net.driving(internal=False):

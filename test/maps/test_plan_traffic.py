@@ -44,11 +44,21 @@ def test_traffic_flows_without_teleports_collisions_and_lasting_jams(town: str, 
     assert np.mean(moved_m > 10.0) > 0.9, "nobody but those at a red light stands for a minute"
 
 
+def _allowed(edge: str) -> set[str]:
+    """Who may use some lane of an edge."""
+    lanes = [f"{edge}_{index}" for index in range(libsumo.edge.getLaneNumber(edge))]
+    allowed: set[str] = set()
+    for lane in lanes:
+        only = set(libsumo.lane.getAllowed(lane))
+        allowed |= only or {"passenger", "pedestrian"} - set(libsumo.lane.getDisallowed(lane))
+    return allowed
+
+
 def _populate(rng: Generator, vehicles: int) -> None:
     """Vehicles and walkers from random to random edges, within the first seconds."""
     edges = [edge for edge in libsumo.edge.getIDList() if not edge.startswith(":")]
-    driving = [edge for edge in edges if libsumo.simulation.findRoute(edge, edge, "DEFAULT_VEHTYPE").edges]
-    walking = [edge for edge in edges if "pedestrian" in libsumo.lane.getAllowed(f"{edge}_0")]
+    driving = [edge for edge in edges if "passenger" in _allowed(edge)]
+    walking = [edge for edge in edges if "pedestrian" in _allowed(edge)]
     for number in range(vehicles):
         route: list[str] = []
         while len(route) < 8:

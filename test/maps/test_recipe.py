@@ -33,14 +33,17 @@ def test_unknown_town_is_refused() -> None:
         ({"patterns": [{"pattern": "rood"}]}, r"does not match any of the expected tags: 'grid'"),
         (
             {"patterns": [{**MINIMAL["patterns"][0], "road": "strasse"}]},
-            r"no road class is called 'strasse'; known: lane, street",
+            r"no road class is called 'strasse'; known: path, lane, street",
         ),
         (
             {"patterns": [{"pattern": "grid", "columns": 4, "rows": 4, "block_m": 100, "wide_east_west": [0]}]},
             "wide_east_west: must lie between 1 and 3, not 0",
         ),
         ({"water": [{"line_m": [[0, 0], [1, 1]], "outline_m": [[0, 0], [1, 0], [1, 1]]}]}, "either line_m"),
-        ({"zones": [{"circle_m": [0, 0, 5], "rectangle_m": [0, 0, 1, 1], "surroundings": {}}]}, "exactly one of circle_m"),
+        (
+            {"zones": [{"circle_m": [0, 0, 5], "polygon_m": [[0, 0], [1, 0], [1, 1]], "surroundings": {}}]},
+            "exactly one",
+        ),
     ],
 )
 def test_wrong_field_is_refused_by_name(change: dict[str, Any], message: str) -> None:

@@ -34,7 +34,7 @@ def test_a_head_shows_the_straightest_link_of_its_lane(blocks: RoadNetwork) -> N
 
 def test_poles_stand_on_the_sidewalk(blocks: RoadNetwork) -> None:
     feet = shapely.buffer(shapely.points([signal.pole_m[:2] for signal in blocks.signals]), 0.3)
-    assert shapely.contains(sidewalk_surface(blocks), feet).all()
+    assert shapely.contains(sidewalk_surface(blocks.layout), feet).all()
 
 
 def test_heads_face_the_drivers_who_wait_at_their_line(blocks: RoadNetwork) -> None:

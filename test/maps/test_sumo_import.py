@@ -102,17 +102,18 @@ def test_a_net_far_from_its_origin_is_moved_to_it(grid: str, imported: Import) -
 
 
 LANE = r'(<lane id="A0B0_0"[^>]*?)'
+LOST = "connections with lanes that are not there were left out: 1 (A0X7_0)"
 
 
 @pytest.mark.parametrize(
     ("pattern", "replacement", "message"),
     [
-        (r'<edge id="A0B0"', '<edge id="A0A1"', r"net\.xml:\d+: edge A0A1: is there twice; the other is .*net\.xml:\d+"),
+        (r'<edge id="A0B0"', '<edge id="A0A1"', r"xml:\d+: edge A0A1: is there twice; the other is .*xml:\d+"),
         (r'from="A0" to="B0"', 'from="A0" to="X"', r"net\.xml:\d+: edge A0B0: to: there is no junction 'X'"),
         (LANE + r' shape="[^"]*"', r"\1", r"net\.xml:\d+: lane A0B0_0: shape: needs at least two points"),
         (LANE + r' shape="[^"]*"', r'\1 shape="1,2 nan,3"', r"net\.xml:\d+: lane A0B0_0: shape: must be points x,y"),
         (LANE + r' shape="[^"]*"', r'\1 shape="1,2 3 4,5"', r"net\.xml:\d+: lane A0B0_0: shape: must be points x,y"),
-        (LANE + r' speed="[^"]*"', r'\1 speed="fast"', r"net\.xml:\d+: lane A0B0_0: speed: must be a number, not 'fast'"),
+        (LANE + r' speed="[^"]*"', r'\1 speed="fast"', r"xml:\d+: lane A0B0_0: speed: must be a number, not 'fast'"),
         (LANE, r'\1 width="5000"', r"net\.xml:\d+: lane A0B0_0: width: is above 30 m"),
         (r'fromLane="0"', 'fromLane="one"', r"net\.xml:\d+: connection: fromLane: must be a number, not 'one'"),
         (r'x="100\.00"', 'x="1e300"', r"net\.xml:\d+: junction B0: x: must be a number, not '1e300'"),
@@ -137,8 +138,7 @@ def test_what_is_wrong_is_said_with_its_place(
         (LANE, r'\1 width="0"', "lanes without width were made 3.2 m wide: 1 (A0B0_0)"),
         (LANE, r'\1 width="-3"', "lanes without width were made 3.2 m wide: 1 (A0B0_0)"),
         (LANE + r' speed="[^"]*"', r'\1 speed="0"', "lanes with a speed limit of 0 were given 13.89 m/s: 1 (A0B0_0)"),
-        (r'(<connection from=)"A0B0"', r'\1"A0X7"', "connections with lanes that are not there were left out: 1 (A0X7_0)"),
-        (r'<edge id="(A1A0|A0A1|A0B0|B0A0)".*?</edge>', "", ""),
+        (r'(<connection from=)"A0B0"', r'\1"A0X7"', LOST),
     ],
 )  # fmt: skip
 def test_what_can_be_mended_is_mended_and_said(
@@ -147,7 +147,7 @@ def test_what_can_be_mended_is_mended_and_said(
     text = re.sub(pattern, replacement, grid, flags=re.DOTALL)
     assert text != grid
     parts = imported(text)
-    assert note in (*parts.notes, "")
+    assert note in parts.notes
     assert kinds(read_sumo_net(parts.net))[LaneKind.DRIVING] >= 76
 
 

@@ -1,24 +1,28 @@
 import numpy as np
 import pytest
 import shapely
-from shapely import MultiPolygon
+from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
 from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.markings import MarkingKind, lane_markings
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.levels import with_levels
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.recipe import recipe_of
-from simbev_ros.maps.surface import crossing_polygons, lane_polygon, road_surface, sidewalk_surface
+from simbev_ros.maps.surface import (
+    Surfaces,
+    crosswalk_polygons,
+    drivable_area,
+    road_surface,
+    strip_polygons,
+    surfaces_of,
+)
 from simbev_ros.types import Float64Array
 
-
-@pytest.fixture(scope="module")
-def road(blocks: RoadNetwork) -> MultiPolygon:
-    return road_surface(blocks)
+_BLOCKS_LEFT = 4 * 4 - 2
 
 
 @pytest.fixture(scope="module")
-def sidewalk(blocks: RoadNetwork, road: MultiPolygon) -> MultiPolygon:
-    return sidewalk_surface(blocks, road)
+def surfaces(blocks: RoadNetwork) -> Surfaces:
+    return surfaces_of(blocks.layout)
 
 
 def _points_beside(blocks: RoadNetwork, kind: LaneKind, left_m: float) -> Float64Array:
@@ -33,28 +37,27 @@ def _points_beside(blocks: RoadNetwork, kind: LaneKind, left_m: float) -> Float6
     return middles_m
 
 
-def test_road_has_no_hole_but_the_blocks(road: MultiPolygon, sidewalk: MultiPolygon) -> None:
-    streets = recipe_of("Blocks").streets
-    blocks_left = streets.columns * streets.rows - streets.merged_blocks
-    assert road.is_valid
-    assert len(road.geoms) == 1
-    assert len(road.geoms[0].interiors) == blocks_left
-    assert sidewalk.is_valid
-    assert len(sidewalk.geoms) == blocks_left + 1, "one around each block and one outside the ring"
+def test_road_has_no_hole_but_the_blocks(surfaces: Surfaces) -> None:
+    assert surfaces.road.is_valid
+    assert len(surfaces.road.geoms) == 1
+    assert len(surfaces.road.geoms[0].interiors) == _BLOCKS_LEFT
+    assert surfaces.sidewalk.is_valid
+    assert len(surfaces.sidewalk.geoms) == _BLOCKS_LEFT + 1, "one around each block and one outside the ring"
 
 
-def test_road_covers_every_lane_and_adds_only_corners(blocks: RoadNetwork, road: MultiPolygon) -> None:
-    lanes = shapely.union_all([lane_polygon(lane) for lane in blocks.lanes_of(LaneKind.DRIVING)])
-    assert shapely.difference(lanes, road).area < 1e-3 * lanes.area
-    assert lanes.area <= road.area < 1.03 * lanes.area
-    street_lanes = [lane_polygon(lane).area for lane in blocks.lanes_of(LaneKind.DRIVING) if not lane.junction]
-    straight = [lane.length_m * lane.width_m for lane in blocks.lanes_of(LaneKind.DRIVING) if not lane.junction]
-    assert sum(street_lanes) == pytest.approx(sum(straight), rel=1e-4)
+def test_road_covers_every_lane_and_adds_only_corners(blocks: RoadNetwork, surfaces: Surfaces) -> None:
+    strips = blocks.layout.strips_of(LaneKind.DRIVING)
+    lanes = shapely.union_all(strip_polygons(strips))
+    assert shapely.difference(lanes, surfaces.road).area < 1e-3 * lanes.area
+    assert lanes.area <= surfaces.road.area < 1.03 * lanes.area
+    streets = [lane for lane in blocks.lanes_of(LaneKind.DRIVING) if not lane.junction]
+    straight_m2 = sum(lane.length_m * lane.width_m for lane in streets)
+    outside = [strip for strip in strips if not strip.junction]
+    assert shapely.area(strip_polygons(outside)).sum() == pytest.approx(straight_m2, rel=1e-4)
 
 
-def test_road_and_sidewalk_share_no_area_and_leave_no_gap(
-    blocks: RoadNetwork, road: MultiPolygon, sidewalk: MultiPolygon
-) -> None:
+def test_road_and_sidewalk_share_no_area_and_leave_no_gap(blocks: RoadNetwork, surfaces: Surfaces) -> None:
+    road, sidewalk = surfaces.road, surfaces.sidewalk
     assert shapely.intersection(road, sidewalk).area == 0.0
     beyond_curb = shapely.points(_points_beside(blocks, LaneKind.SIDEWALK, 0.01))
     before_curb = shapely.points(_points_beside(blocks, LaneKind.SIDEWALK, -0.01))
@@ -65,58 +68,47 @@ def test_road_and_sidewalk_share_no_area_and_leave_no_gap(
     assert sum(len(part.interiors) for part in shapely.get_parts(both)) == len(sidewalk.geoms) - 1
 
 
-def test_crossings_lie_on_the_road_from_curb_to_curb(
-    blocks: RoadNetwork, road: MultiPolygon, sidewalk: MultiPolygon
-) -> None:
-    crossings = np.array(crossing_polygons(blocks))
-    assert len(crossings) == len(blocks.lanes_of(LaneKind.CROSSING)) > 50
-    assert shapely.area(shapely.difference(crossings, road)).max() < 1e-2
+def test_crosswalks_lie_on_the_road_from_curb_to_curb(blocks: RoadNetwork, surfaces: Surfaces) -> None:
+    crosswalks = crosswalk_polygons(blocks.layout.crosswalks)
+    assert len(crosswalks) == len(blocks.lanes_of(LaneKind.CROSSING)) > 50
+    assert shapely.area(shapely.difference(crosswalks, surfaces.road)).max() < 1e-2
     ends = np.array([lane.centerline_m[[0, -1], :2] for lane in blocks.lanes_of(LaneKind.CROSSING)]).reshape(-1, 2)
-    assert shapely.distance(shapely.points(ends), sidewalk).max() < 0.3
+    assert shapely.distance(shapely.points(ends), surfaces.sidewalk).max() < 0.3
+    assert surfaces.crosswalk.area == pytest.approx(shapely.area(crosswalks).sum(), rel=1e-3)
 
 
-def test_paint_is_on_the_road_and_never_on_other_paint(blocks: RoadNetwork, road: MultiPolygon) -> None:
-    paint = np.array([marking.polygon for marking in lane_markings(blocks)])
-    assert shapely.is_valid(paint).all()
-    assert shapely.area(shapely.difference(paint, road)).max() < 1e-3
-    assert shapely.union_all(paint).area == pytest.approx(shapely.area(paint).sum(), rel=1e-6)
+def test_window_shows_what_the_whole_shows_there(blocks: RoadNetwork, surfaces: Surfaces) -> None:
+    window = shapely.box(-140.3, -77.7, 31.1, 60.9)
+    part = surfaces_of(blocks.layout, 0, window)
+    for name in Surfaces.__slots__:
+        whole = shapely.intersection(getattr(surfaces, name), window)
+        other = shapely.symmetric_difference(getattr(part, name), whole)
+        assert shapely.buffer(other, -0.002).is_empty, f"{name} differs by more than 4 mm"
 
 
-def test_inside_junctions_only_crosswalks_are_painted(blocks: RoadNetwork) -> None:
-    inside = shapely.union_all(
-        [lane_polygon(lane) for lane in blocks.lanes_of(LaneKind.DRIVING) if lane.junction], grid_size=0.001
-    )
-    crossings = shapely.union_all(crossing_polygons(blocks))
-    for marking in lane_markings(blocks):
-        if marking.kind is MarkingKind.CROSSWALK:
-            assert shapely.difference(marking.polygon, crossings).area < 1e-6
-        else:
-            # Turning lanes begin askew, so their corners reach a little way back beside the end of the centre line.
-            assert shapely.intersection(marking.polygon, inside).area < 0.03
+def _as(kind: LaneKind, strip: Strip) -> Strip:
+    return Strip(**{**{name: getattr(strip, name) for name in Strip.__slots__}, "kind": kind})
 
 
-def test_center_lines_part_opposite_directions_and_dashes_the_same(blocks: RoadNetwork) -> None:
-    painted = {
-        kind: shapely.union_all([marking.polygon for marking in lane_markings(blocks) if marking.kind is kind])
-        for kind in MarkingKind
-    }
-    edges: dict[str, int] = {}
-    for lane in blocks.lanes_of(LaneKind.DRIVING):
-        if not lane.junction:
-            edges[lane.edge] = edges.get(lane.edge, 0) + 1
-    streets_m = sum(blocks.lanes[f"{edge}_1"].length_m for edge in edges) / 2.0
-    assert painted[MarkingKind.CENTER].area == pytest.approx(2 * 0.12 * streets_m, rel=0.01)
-    two_lanes_m = sum(blocks.lanes[f"{edge}_1"].length_m for edge, lanes in edges.items() if lanes == 2)
-    assert painted[MarkingKind.LANE].area == pytest.approx(0.12 * two_lanes_m * 3.0 / 9.0, rel=0.1)
-    assert painted[MarkingKind.EDGE].is_empty, "no one-way street"
+def test_narrow_medians_and_shoulders_are_not_filled_by_the_road() -> None:
+    lanes = side_by_side(5, name="a", start_m=(0, 0), end_m=(50, 0), height=level_ground)
+    kinds = (LaneKind.DRIVING, LaneKind.MEDIAN, LaneKind.DRIVING, LaneKind.SHOULDER, LaneKind.SIDEWALK)
+    strips = [_as(kind, lane) for kind, lane in zip(kinds, lanes, strict=True)]
+    for corner_radius_m in (0.0, 3.0):
+        found = surfaces_of(Layout(tuple(strips), (), (), (), corner_radius_m=corner_radius_m))
+        assert found.road.area == pytest.approx(2 * 50 * 3.5, abs=0.1)
+        for part in (found.median, found.shoulder, found.sidewalk):
+            assert part.area == pytest.approx(50 * 3.5, abs=0.1)
 
 
-def test_each_signalised_approach_has_one_stop_line_across_its_lanes(blocks: RoadNetwork) -> None:
-    stops = [marking.polygon for marking in lane_markings(blocks) if marking.kind is MarkingKind.STOP]
-    approaches: dict[str, list[str]] = {}
-    for signal in blocks.signals:
-        approaches.setdefault(blocks.lanes[signal.lane].edge, []).append(signal.lane)
-    assert len(stops) == len(approaches)
-    for lanes in approaches.values():
-        before_end = [blocks.pose_on_lane(lane, blocks.lanes[lane].length_m - 0.5)[0] for lane in lanes]
-        assert any(shapely.contains_xy(stop, np.array(before_end)[:, :2]).all() for stop in stops)
+def test_levels_have_surfaces_of_their_own_that_meet_at_the_deck_ends() -> None:
+    under = straight("under", (0, -100), (0, 100), level_ground)
+    over = side_by_side(2, name="over", start_m=(-100, 0), end_m=(100, 0), height=lambda xy_m: np.full(len(xy_m), 6.0))
+    layout = with_levels(layout_of_strips(under, *over))
+    ground, deck = road_surface(layout, 0), road_surface(layout, 1)
+    assert ground.contains(shapely.Point(0, 0))
+    assert deck.contains(shapely.Point(0, 0))
+    assert deck.area + ground.area == pytest.approx(200 * 3.5 + 2 * 200 * 3.5, abs=0.1)
+    deck_ends = shapely.intersection(deck.boundary, ground.boundary)
+    assert deck_ends.length == pytest.approx(2 * 7.0, abs=0.02)
+    assert drivable_area(layout).area == pytest.approx(200 * 3.5 + 2 * 200 * 3.5 - 3.5 * 7.0, abs=0.1)

@@ -1,5 +1,7 @@
 """Messages carry arrays without loss; offsets are those that consumers expect."""
 
+import json
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
@@ -11,18 +13,22 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.annotation.boxes import BOX_DTYPE
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.scenario import WeatherConfig
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, image_message
 from simbev_ros.msgs.markers import box_markers
 from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised, time_message
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.msgs.transforms import serialised_transforms, static_transforms
-from simbev_ros.msgs.world import odometry_message
+from simbev_ros.msgs.world import hd_map_message, odometry_message
 from simbev_ros.scene.draw import draw_scene, planned_scenes
-from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
+from simbev_ros.scene.draw_weather import draw_weather
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 
 STAMP_NS = 7_204_050_000_001
@@ -140,3 +146,18 @@ def test_every_sensor_hangs_on_base_link_and_cameras_have_an_optical_frame() -> 
     back = next(transform for transform in static_transforms(spec) if transform.child_frame_id == "ego/cam_back")
     assert abs(back.transform.rotation.z) == pytest.approx(1.0), "it looks back"
     assert back.transform.translation.x == -1.0
+
+
+def test_the_record_of_the_egos_lane_carries_the_stamp_and_names_the_lane() -> None:
+    network = load_network(MapSpec(name="Blocks"))
+    strip = next(strip for strip in network.layout.strips if strip.kind is LaneKind.DRIVING and not strip.junction)
+    before, after = strip.center_m[:2]
+    row = np.zeros(1, ACTOR_DTYPE)
+    row["id"], row["yaw"] = EGO_ID, np.arctan2(*(after - before)[1::-1])
+    row["x"], row["y"], row["z"] = (before + after) / 2.0
+    weather = draw_weather(WeatherConfig(), 0, hilly=False)
+    message = hd_map_message(network, WorldState(STAMP_NS, 0, EGO_ID, row, np.zeros(0, SIGNAL_DTYPE), weather))
+    assert stamp_of_serialised(serialize_message(message), "std_msgs/msg/String") == STAMP_NS
+    record = json.loads(message.data)
+    assert (record["id"], record["lane_type"]) == (strip.lane, "Driving")
+    assert record["transform"]["location"] == pytest.approx(((before + after) / 2.0).tolist(), abs=0.01)

@@ -45,6 +45,7 @@ class Kind(Model):
     walls: dict[str, float]
     gap_m: tuple[float, float]
     party: float = Field(ge=0, le=1)
+    front_m: float
     setback_m: float
     verge_m: float
     rise_m: float

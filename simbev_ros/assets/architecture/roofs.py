@@ -18,7 +18,7 @@ from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color, shaded
-from simbev_ros.assets.primitives import box, boxes, cylinder, extrusion, solid
+from simbev_ros.assets.primitives import box, boxes, extrusion, solid
 from simbev_ros.types import Float64Array
 
 OVERHANG_M = 0.45
@@ -104,8 +104,7 @@ def flat_roof(rng: np.random.Generator, width_m: float, depth_m: float, roof_m: 
     pieces.append(box(built(Material.PLASTER, shaded(trim, 0.9)), stair_m, (x_m, y_m, roof_m + stair_m[2] / 2.0)))
     pieces.append(roof_units(rng, int(rng.integers(1, 4)), width_m, depth_m, roof_m))
     vent = (rng.uniform(-0.4, 0.4) * (width_m - 3.0), rng.uniform(0.25, 0.75) * depth_m)
-    pipe = built(Material.METAL, (150, 152, 153))
-    pieces.append(cylinder(pipe, (*vent, roof_m), (*vent, roof_m + 1.6), 0.16, segments=6))
+    pieces.append(box(built(Material.METAL, (150, 152, 153)), (0.3, 0.3, 1.6), (*vent, roof_m + 0.8)))
     return pieces
 
 

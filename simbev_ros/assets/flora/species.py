@@ -45,7 +45,6 @@ class Species(Model):
     """Room that a plant needs; explained in species.yaml."""
 
     room_m: float
-    reach_m: float
 
 
 @lru_cache(maxsize=1)
@@ -66,6 +65,13 @@ def draw_species(landscape: str, place: str, count: int, rng: np.random.Generato
 def stock(species: str, variant: int) -> Mesh:
     """One of the ready-grown plants of a species, the same on every map."""
     return _GROWN[species](stream(variant, f"flora.{species}"))
+
+
+@lru_cache(maxsize=128)
+def reach_m(species: str) -> float:
+    """Radius of the widest crown in the stock of a species."""
+    crowns = [stock(species, variant).vertices[:, :2] for variant in range(VARIANTS)]
+    return float(max(np.hypot(*crown.T).max() for crown in crowns))
 
 
 @lru_cache(maxsize=1)

@@ -1,6 +1,6 @@
 """Divides the land of a region into blocks: one use each, with the lines along which they front streets."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,12 +13,16 @@ from simbev_ros.maps.layout import Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import BoolArray, Float64Array
 
-_SMALLEST_M2 = 40.0
+_SPECK_M2, _SMALLEST_M2 = 0.01, 40.0
 _STRAIGHT_M, _SHORTEST_SIDE_M = 0.35, 6.0
 _BEND_RAD = np.radians(22.0)
 _NEAR_M = 0.7
 _FAST_MPS, _FAST_M = 22.3, 22.0
 _WALK_SHARE = 0.2
+_BEYOND_M = 14.0
+
+Zones = Sequence[tuple[SurroundingsRecipe, BaseGeometry]]
+"""Characters of the land and where they hold, together the whole region."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +32,12 @@ class Frontage:
     Attributes:
         line: Map frame, metres.
         walk: Whether the street has a sidewalk here.
+        beyond: Whether it lies across the region's border, but so close that only this side has room for buildings.
     """
 
     line: shapely.LineString
     walk: bool
+    beyond: bool = False
 
     @property
     def length_m(self) -> float:
@@ -78,7 +84,7 @@ def left_of(direction: Float64Array) -> Float64Array:
     return np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
 
 
-def zones_of(ground: RegionGround) -> list[tuple[SurroundingsRecipe, BaseGeometry]]:
+def zones_of(ground: RegionGround) -> Zones:
     """The zones' parts of a region; where zones overlap, the last one holds."""
     rest: BaseGeometry = ground.region.area
     found = []
@@ -104,19 +110,26 @@ def fast_roads(ground: RegionGround) -> BaseGeometry:
     return shapely.buffer(shapely.union_all(lines), _FAST_M, quad_segs=4)
 
 
-def blocks_of(ground: RegionGround) -> tuple[Block, ...]:
-    """All blocks of a region, from west to east."""
-    fast = fast_roads(ground)
-    street, walk = ground.streets[0].area, ground.streets[0].sidewalk
-    for geometry in (street, walk, fast):
-        shapely.prepare(geometry)
+def blocks_of(ground: RegionGround, zones: Zones, fast: BaseGeometry) -> tuple[Block, ...]:
+    """All blocks of a region, from west to east.
+
+    Args:
+        ground: The region.
+        zones: ``zones_of`` it.
+        fast: ``fast_roads`` around it.
+    """
+    around = shapely.buffer(ground.region.area, _BEYOND_M, join_style="mitre")
+    wide = shapely.difference(around, shapely.union_all([ground.streets[0].area, *(w.area for w in ground.water)]))
+    open_lands = [shapely.orient_polygons(part) for part in shapely.get_parts(wide) if part.area > _SMALLEST_M2]
+    lines = [_frontage(land, ground, fast) for land in open_lands]
     blocks = []
-    for recipe, area in zones_of(ground):
+    tree = shapely.STRtree(open_lands)
+    for recipe, area in zones:
         parts = shapely.get_parts(shapely.intersection(ground.land, area, grid_size=0.001))
-        for part in parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]:
-            land = shapely.orient_polygons(part)
-            frontage = _frontage(land, ground, (street, walk, fast)) if land.area > _SMALLEST_M2 else ()
-            blocks.append(Block(land, recipe, frontage))
+        for part in parts[shapely.area(parts) > _SPECK_M2]:
+            around_it = tree.query(part.representative_point(), predicate="within")
+            own = lines[around_it[0]] if len(around_it) and part.area > _SMALLEST_M2 else ()
+            blocks.append(Block(shapely.orient_polygons(part), recipe, _usual(_clipped(own, part, ground))))
     return tuple(sorted(blocks, key=lambda block: block.land.representative_point().coords[0]))
 
 
@@ -125,26 +138,46 @@ def _carriageway(strip: Strip) -> tuple[str, int, bool]:
     return strip.road, strip.section, strip.index > 0
 
 
-def _frontage(
-    land: shapely.Polygon, ground: RegionGround, nearby: tuple[BaseGeometry, BaseGeometry, BaseGeometry]
-) -> tuple[Frontage, ...]:
-    """Lines along streets: those with sidewalks, or all where there are hardly any."""
-    street, walk, fast = nearby
+def _frontage(land: shapely.Polygon, ground: RegionGround, fast: BaseGeometry) -> tuple[Frontage, ...]:
+    """Lines of a piece of land along streets that are no motorways."""
+    street, walk = ground.streets[0].area, ground.streets[0].sidewalk
+    for geometry in (street, walk, fast):
+        shapely.prepare(geometry)
     lines: list[Frontage] = []
-    border = ground.region.area.exterior
     for ring in (land.exterior, *land.interiors):
         corners = shapely.get_coordinates(ring.simplify(_STRAIGHT_M))
         starts, ends = corners[:-1], corners[1:]
         middles = shapely.points((starts + ends) / 2.0)
         fronts: BoolArray = np.asarray(shapely.dwithin(street, middles, _NEAR_M)) & ~shapely.intersects(fast, middles)
-        fronts &= shapely.distance(border, middles) > _NEAR_M
         fronts &= np.hypot(*(ends - starts).T) >= _SHORTEST_SIDE_M
         walks: BoolArray = np.asarray(shapely.dwithin(walk, middles, _NEAR_M))
         lines += [Frontage(line, bool(walks[first])) for first, line in _chains(corners, fronts, walks)]
-    walk_m = sum(line.length_m for line in lines if line.walk)
-    if walk_m > _WALK_SHARE * sum(line.length_m for line in lines):
-        lines = [line for line in lines if line.walk]
     return tuple(lines)
+
+
+def _clipped(lines: Sequence[Frontage], land: shapely.Polygon, ground: RegionGround) -> Iterator[Frontage]:
+    """The stretches of lines along a block, and those just beyond the region's border that only it can front."""
+    square = ground.region.area
+    beside = shapely.buffer(land, _NEAR_M, quad_segs=2)
+    touches = land.distance(square.exterior) < _NEAR_M
+    opposite = shapely.difference(shapely.buffer(land, _BEYOND_M, quad_segs=2), square) if touches else shapely.Point()
+    for line in lines:
+        for reach, beyond in ((shapely.intersection(beside, square), False), (opposite, True)):
+            stretch = shapely.line_merge(shapely.intersection(line.line, reach))
+            for part in shapely.get_parts(stretch):
+                if part.geom_type == "LineString" and part.length > _SHORTEST_SIDE_M:
+                    onward = line.line.project(shapely.Point(part.coords[0])) < line.line.project(
+                        shapely.Point(part.coords[-1])
+                    )
+                    yield Frontage(part if onward else part.reverse(), line.walk, beyond)
+
+
+def _usual(lines: Iterable[Frontage]) -> tuple[Frontage, ...]:
+    """Those with sidewalks, or all where there are hardly any."""
+    every = tuple(lines)
+    walks = tuple(line for line in every if line.walk)
+    enough = sum(line.length_m for line in walks) > _WALK_SHARE * sum(line.length_m for line in every)
+    return walks if enough else every
 
 
 def _chains(corners: Float64Array, kept: BoolArray, walks: BoolArray) -> Iterator[tuple[int, shapely.LineString]]:

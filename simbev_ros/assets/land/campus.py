@@ -8,7 +8,7 @@ from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.parking import MODULE_M, parking_lot
 from simbev_ros.assets.land.planting import scatter
-from simbev_ros.assets.land.rows import FRONT_ROOM_M, Site, build_rows, erect, site_at
+from simbev_ros.assets.land.rows import Site, build_rows, erect, site_at
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.street.furniture import bench, bicycle_rack
 from simbev_ros.config.draw import sample
@@ -64,7 +64,7 @@ def _inner_buildings(yard: Yard, block: Block, rng: np.random.Generator) -> list
 
 def _paths(yard: Yard, site: Site) -> list[shapely.Polygon]:
     """A plaza before the entrance, and a path from it to the street."""
-    edge_m = -(site.setback_m + FRONT_ROOM_M + 0.3)
+    edge_m = site.street_m - 0.3
     ways = [site.quad((-_PATH_M / 2.0, _PATH_M / 2.0), (edge_m, -_PLAZA_M + 0.5))] if edge_m < -_PLAZA_M else []
     ways.append(site.quad((-8.0, 8.0), (max(edge_m, -_PLAZA_M), -0.2)))
     yard.claims.add(*ways[:-1])
@@ -73,7 +73,7 @@ def _paths(yard: Yard, site: Site) -> list[shapely.Polygon]:
 
 def _furnish(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
     """Benches and racks beside the entrance, a hedge along the front."""
-    front_m = -min(4.5, site.setback_m + FRONT_ROOM_M - 1.2)
+    front_m = max(-4.5, site.street_m + 1.2)
     for mesh, x_m, turn_rad in ((bench(), 6.5, np.pi / 2.0), (bench(), -6.5, np.pi / 2.0), (bicycle_rack(), 10.0, 0.0)):
         place_m = site.place(x_m, front_m)
         room = shapely.Point(place_m).buffer(1.25, quad_segs=2)

@@ -50,7 +50,7 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
     """Cover the block with fields; returns them, and (N, 2) places of the trees between them."""
     angle_rad = float(stream(yard.ground.network.seed, "fields").uniform(0.0, np.pi / 2.0))
     along = np.array([np.cos(angle_rad), np.sin(angle_rad)])
-    soil = block.land.buffer(-_VERGE_M)
+    soil = shapely.difference(block.land, yard.near_streets(_VERGE_M))
     shapely.prepare(soil)
     fields: list[BaseGeometry] = []
     rows: list[Float64Array] = []

@@ -57,17 +57,17 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
         claims: What is taken already, such as pillars and guard rails.
         ground: What everything stands on.
     """
-    yard = Yard(ground, tiles, claims)
+    zones, fast = zones_of(ground), fast_roads(ground)
+    yard = Yard(ground, tiles, claims, fast)
     claims.add(*(deck for deck in ground.decks if not deck.is_empty))
-    blocks = blocks_of(ground)
-    curbs = curb_lines(yard)
+    blocks, curbs = blocks_of(ground, zones, fast), curb_lines(yard, zones)
     put_signals(yard)
     put_signs(yard)
-    lights = tuple(put_lights(yard, curbs, fast_roads(ground)))
+    lights = tuple(put_lights(yard, curbs, fast))
     put_bus_shelters(yard, blocks)
     prescribed = ground.network.features.buildings
     if prescribed is not None:
-        build_prescribed(yard, prescribed, zones_of(ground))
+        build_prescribed(yard, prescribed, zones)
     for block in blocks:
         _LAID_OUT[block.recipe.use](yard, block)
     put_name_signs(yard, curbs)

@@ -24,7 +24,7 @@ def lay_out_industry(yard: Yard, block: Block) -> None:
     """Lay out a block of works."""
     rng = yard.ground.stream(f"industry.{block.name}")
     front = shapely.union_all([shapely.buffer(line.line, _YARD_M, cap_style="flat") for line in block.frontage])
-    paved = shapely.intersection(block.land.buffer(-_VERGE_M), front)
+    paved = shapely.intersection(shapely.difference(block.land, yard.near_streets(_VERGE_M)), front)
     yard.cover(shapely.difference(block.land, paved), "lawn", block.recipe.plants)
     yard.cover(paved, "asphalt" if rng.random() < 0.6 else "concrete")
     for line in block.frontage:

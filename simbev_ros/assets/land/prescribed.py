@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.architecture.outlines import outlined
 from simbev_ros.assets.architecture.walls import draw_wall
+from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.tiles import standing
 from simbev_ros.maps.features import Footprint
@@ -34,7 +34,7 @@ _TALL_M = 28.0
 def build_prescribed(
     yard: Yard,
     buildings: Sequence[Footprint],
-    zones: Sequence[tuple[SurroundingsRecipe, BaseGeometry]],
+    zones: Zones,
 ) -> None:
     """Claim the outlines in and around a region, and build those whose middle it owns."""
     if not buildings:
@@ -48,7 +48,7 @@ def build_prescribed(
         _build(yard, buildings[row], zones)
 
 
-def _build(yard: Yard, building: Footprint, zones: Sequence[tuple[SurroundingsRecipe, BaseGeometry]]) -> None:
+def _build(yard: Yard, building: Footprint, zones: Zones) -> None:
     """Raise one building from the highest land along its walls."""
     middle_m = np.array(building.outline.centroid.coords[0])
     rng = yard.ground.stream(f"prescribed.{middle_m[0]:.1f}.{middle_m[1]:.1f}")

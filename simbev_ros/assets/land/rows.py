@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import shapely
@@ -18,12 +19,10 @@ from simbev_ros.config.draw import sample
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
-FRONT_ROOM_M = 1.3
-"""Between setback line and front wall: room for steps, awnings, cornices and balconies."""
-
 _STEP_M = 1.5
 _BACK_ROOM_M = 0.6
 _BEYOND_M = 3.0
+_PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # back from a street across the region's border, into the region
 _PARTY_GAP_M = 0.12
 _FOOT_M = 0.3
 _GARAGE_KINDS = ("villa", "farmhouse")
@@ -42,7 +41,7 @@ class Site:
         origin_m: (2,) middle of its front wall, map frame.
         along: (2,) unit direction of its front, the building to its left.
         footprint: Ledges, eaves and front room included.
-        setback_m: From the street's edge to the front room.
+        setback_m: From the street's edge to the room before the front.
     """
 
     kind: str
@@ -65,6 +64,11 @@ class Site:
         step_m = self.along * along_m
         footprint = shapely.transform(self.footprint, lambda xy: xy + step_m)
         return replace(self, origin_m=self.origin_m + step_m, footprint=footprint)
+
+    @property
+    def street_m(self) -> float:
+        """Where the street's edge is, along the y axis of the building's frame."""
+        return -(self.setback_m + load_kinds()[self.kind].front_m)
 
     @property
     def yaw_rad(self) -> float:
@@ -117,7 +121,7 @@ def site_at(
     width_m, depth_m = (BAY_M * int(rng.integers(*span, endpoint=True)) for span in (kind.width, kind.depth))
     garage = int(rng.choice([-1, 1])) if kind_name in _GARAGE_KINDS and rng.random() < 0.75 else 0
     width_m += GARAGE_M * abs(garage)
-    origin_m = place_m + along * width_m / 2.0 + left_of(along) * (setback_m + FRONT_ROOM_M)
+    origin_m = place_m + along * width_m / 2.0 + left_of(along) * (setback_m + kind.front_m)
     plot = Plot(width_m, depth_m, height_m, garage=garage)
     return Site(kind_name, plot, origin_m, along, _footprint(kind, plot, origin_m, along), setback_m)
 
@@ -157,12 +161,14 @@ def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: Base
     """Where along a line a site has room first, or one as narrow as its kind can be, and the site there."""
     kind = load_kinds()[site.kind]
     narrow = replace(site, plot=replace(site.plot, width_m=kind.width[0] * BAY_M + GARAGE_M * abs(site.plot.garage)))
-    for candidate in (site, narrow):
+    pushed_m = _PUSHES_M if line.beyond else (0.0,)
+    for candidate, push_m in product((site, narrow), pushed_m):
+        candidate = replace(candidate, setback_m=site.setback_m + push_m)
         width_m = candidate.plot.width_m
         for s_m in np.arange(from_m, line.length_m + _BEYOND_M - width_m, _STEP_M).tolist():
             placed = _at(candidate, kind, *line.chord(s_m, width_m))
             if _fits(yard, placed, land):
-                if candidate is site and s_m - from_m > kind.width[0] * BAY_M:
+                if candidate.plot is site.plot and s_m - from_m > kind.width[0] * BAY_M:
                     break  # a narrow one would leave less of the street empty
                 return s_m, placed
     return None
@@ -170,13 +176,13 @@ def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: Base
 
 def _at(site: Site, kind: Kind, place_m: Float64Array, along: Float64Array) -> Site:
     """The same site, its plot beginning at another place."""
-    origin_m = place_m + along * site.plot.width_m / 2.0 + left_of(along) * (site.setback_m + FRONT_ROOM_M)
+    origin_m = place_m + along * site.plot.width_m / 2.0 + left_of(along) * (site.setback_m + kind.front_m)
     return replace(site, origin_m=origin_m, along=along, footprint=_footprint(kind, site.plot, origin_m, along))
 
 
 def _footprint(kind: Kind, plot: Plot, origin_m: Float64Array, along: Float64Array) -> shapely.Polygon:
     half_m = plot.width_m / 2.0 + kind.verge_m
-    return quad(origin_m, along, (-half_m, half_m), (-FRONT_ROOM_M, plot.depth_m + _BACK_ROOM_M))
+    return quad(origin_m, along, (-half_m, half_m), (-kind.front_m, plot.depth_m + _BACK_ROOM_M))
 
 
 def _fits(yard: Yard, site: Site, land: BaseGeometry) -> bool:

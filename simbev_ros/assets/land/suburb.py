@@ -11,7 +11,7 @@ from simbev_ros.assets.land.blocks import Block
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.planting import scatter
-from simbev_ros.assets.land.rows import FRONT_ROOM_M, Site, build_rows
+from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.furniture import mailbox
@@ -48,7 +48,7 @@ def _kind(height_m: float, rng: np.random.Generator) -> str:
 
 def _ways(yard: Yard, site: Site) -> list[shapely.Polygon]:
     """Driveway and path to the door, claimed."""
-    front_m = -(site.setback_m + FRONT_ROOM_M + 0.3)
+    front_m = site.street_m - 0.3
     door_m = door_x_m(house_width_m(site.plot)) + house_x_m(site.plot)
     ways = [site.quad((door_m - _PATH_M / 2.0, door_m + _PATH_M / 2.0), (front_m, -0.3))]
     if site.kind != "villa":
@@ -63,7 +63,7 @@ def _ways(yard: Yard, site: Site) -> list[shapely.Polygon]:
 def _garden(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
     """Barriers around a plot, a mailbox at its gate, bins beside the house."""
     half_m, depth_m = site.plot.width_m / 2.0 + _SIDE_M, site.plot.depth_m + _GARDEN_DEPTH_M
-    edge_m = -(site.setback_m + FRONT_ROOM_M)
+    edge_m = site.street_m
     if rng.random() < block.recipe.fence_density:
         kind = _FRONT_BARRIERS[int(rng.integers(len(_FRONT_BARRIERS)))]
         fence_line(yard, kind, site.place(-half_m, edge_m + 0.7), site.place(half_m, edge_m + 0.7), block.land, rng)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.architecture.facades import door_x_m
 from simbev_ros.assets.land.blocks import Block
@@ -10,7 +11,7 @@ from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.parking import MODULE_M, parking_lot
 from simbev_ros.assets.land.parks import lay_out_park
 from simbev_ros.assets.land.planting import scatter
-from simbev_ros.assets.land.rows import FRONT_ROOM_M, Site, build_rows
+from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import dumpster
@@ -19,7 +20,8 @@ _HIGHEST_HOUSE_M, _HIGHEST_APARTMENTS_M = 7.5, 24.0
 _YARD_DEPTH_M = 27.0
 _PARK_SHARE, _LARGEST_PARK_M2 = 0.13, 30_000.0
 _PATH_M, _GATE_M, _SHORTEST_BARRIER_M = 1.3, 1.1, 1.5
-_GARDEN_M2, _COURT_M2 = 230.0, 200.0
+_GARDEN_M2, _COURT_M2, _PLAZA_M2 = 230.0, 200.0, 260.0
+_LARGEST_COURT_M2 = 40_000.0
 
 
 def lay_out_town(yard: Yard, block: Block) -> None:
@@ -29,7 +31,7 @@ def lay_out_town(yard: Yard, block: Block) -> None:
     if not downtown and block.frontage and block.land.area < _LARGEST_PARK_M2 and rng.random() < _PARK_SHARE:
         lay_out_park(yard, block)
         return
-    court = shapely.intersection(block.land.buffer(-_YARD_DEPTH_M), block.land) if downtown else block.land
+    court = _court(yard, block, _YARD_DEPTH_M) if downtown else block.land
     yard.cover(court, "lawn", block.recipe.plants)
     yard.cover(shapely.difference(block.land, court), "yard")
     choose = _downtown_kind if downtown else _residential_kind
@@ -40,12 +42,20 @@ def lay_out_town(yard: Yard, block: Block) -> None:
             _fence_in(yard, block, site, rng)
         elif rng.random() < block.recipe.furniture_density:
             _put_waste(yard, block, site, rng)
-    if downtown and rng.random() < 0.5:
+    if downtown and block.land.area < _LARGEST_COURT_M2 and rng.random() < 0.5:
         _court_parking(yard, block, rng)
     density = block.recipe.plant_density
     if density > 0.0:
-        land = court if downtown else block.land.buffer(-1.2)
-        scatter(yard, land, (_COURT_M2 if downtown else _GARDEN_M2) / density, block.recipe.plants, "garden", rng)
+        green, m2_per_plant = (court, _COURT_M2) if downtown else (block.land.buffer(-1.2), _GARDEN_M2)
+        scatter(yard, green, m2_per_plant / density, block.recipe.plants, "garden", rng)
+        if downtown:
+            plaza = shapely.difference(block.land.buffer(-1.5), court)
+            scatter(yard, plaza, _PLAZA_M2 / density, block.recipe.plants, "street", rng)
+
+
+def _court(yard: Yard, block: Block, depth_m: float) -> BaseGeometry:
+    """The land so far from streets."""
+    return shapely.difference(block.land, yard.near_streets(depth_m))
 
 
 def _downtown_kind(height_m: float, rng: np.random.Generator) -> str:
@@ -70,7 +80,7 @@ def _pave_fronts(yard: Yard, block: Block, sites: list[Site]) -> None:
         x_m = door_x_m(site.plot.width_m)
         house = site.kind == "town_house"
         span_m = (x_m - _PATH_M / 2.0, x_m + _PATH_M / 2.0) if house else (-half_m, half_m)
-        paths.append(site.quad(span_m, (-(site.setback_m + FRONT_ROOM_M + 0.3), 0.0)))
+        paths.append(site.quad(span_m, (site.street_m - 0.3, 0.0)))
         if house:
             yard.claims.add(paths[-1].buffer(0.2))
     if block.recipe.use != "downtown":
@@ -82,7 +92,7 @@ def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) ->
     kind = ("hedge", "picket", "wall")[int(rng.integers(3))]
     if rng.random() > 1.5 * block.recipe.fence_density:
         return
-    y_m = -(site.setback_m + FRONT_ROOM_M) + 0.55
+    y_m = site.street_m + 0.55
     door_m, half_m = door_x_m(site.plot.width_m), site.plot.width_m / 2.0 + 0.5
     for start_m, end_m in ((-half_m, door_m - _GATE_M), (door_m + _GATE_M, half_m)):
         if end_m - start_m > _SHORTEST_BARRIER_M:
@@ -99,7 +109,7 @@ def _put_waste(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -
 
 def _court_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
     """Cars' room in the middle of a large block."""
-    court = block.land.buffer(-_YARD_DEPTH_M + 6.0)
+    court = _court(yard, block, _YARD_DEPTH_M - 6.0)
     if court.is_empty or not block.frontage:
         return
     longest = max(block.frontage, key=lambda line: line.length_m)

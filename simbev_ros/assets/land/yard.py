@@ -33,6 +33,7 @@ class Yard:
         claims: Who stands where.
         ensemble: Where repeated things go.
         covers: What has been covered so far.
+        fast: Where motorways are, with the land beside them that is kept open.
         walls: Plans of buildings, which crowns keep clear of.
         inside: The region without its border.
         signals: Of the signal heads in and near the region.
@@ -42,12 +43,14 @@ class Yard:
     ground: RegionGround
     tiles: TileBuilder
     claims: Claims
+    fast: BaseGeometry
     ensemble: Ensemble = field(default_factory=Ensemble)
     covers: list[Cover] = field(default_factory=list)
     walls: list[BaseGeometry] = field(default_factory=list)
     inside: shapely.Polygon = field(init=False)
     signals: shapely.STRtree = field(init=False)
     edges: shapely.STRtree = field(init=False)
+    _near_streets: dict[float, BaseGeometry] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Derive the rest."""
@@ -58,6 +61,14 @@ class Yard:
         self.signals = shapely.STRtree(signals[shapely.dwithin(self.inside, signals, _SIGNALS_M)])
         rims = [ground.streets[0].area.boundary, *(deck.boundary for deck in ground.decks if not deck.is_empty)]
         self.edges = shapely.STRtree(_segments(shapely.intersection(shapely.union_all(rims), self.inside)))
+
+    def near_streets(self, distance_m: float) -> BaseGeometry:
+        """Streets on the ground and what lies within a distance of them, in the region."""
+        if distance_m not in self._near_streets:
+            square = shapely.buffer(self.ground.region.area, distance_m, join_style="mitre")
+            street = shapely.intersection(self.ground.streets[0].area, square)
+            self._near_streets[distance_m] = shapely.buffer(street, distance_m, quad_segs=4)
+        return self._near_streets[distance_m]
 
     def keep_off_trees(self) -> tuple[tuple[shapely.STRtree, float], ...]:
         """What crowns keep clear of: buildings, signals and the edges of streets, each with an extra distance, metres.

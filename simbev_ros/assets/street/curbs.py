@@ -1,13 +1,13 @@
 """Lines beside carriageways that things stand along: on sidewalks, on the verges of roads without them, on decks."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.land.blocks import zones_of
+from simbev_ros.assets.land.blocks import Zones, left_of
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
@@ -41,9 +41,8 @@ class CurbLine:
     level: int = 0
 
 
-def curb_lines(yard: Yard) -> tuple[CurbLine, ...]:
+def curb_lines(yard: Yard, zones: Zones) -> tuple[CurbLine, ...]:
     """All lines in a region, always in the same order."""
-    zones = zones_of(yard.ground)
     ground, streets = yard.ground, yard.ground.streets[0]
     asphalt = shapely.union(streets.road, streets.shoulder)
     crossings = shapely.buffer(streets.crosswalk, _KEEP_FROM_CROSSING_M)
@@ -70,7 +69,7 @@ def _stretches(
     lines: BaseGeometry,
     road: BaseGeometry,
     yard: Yard,
-    zones: Sequence[tuple[SurroundingsRecipe, BaseGeometry]],
+    zones: Zones,
     *,
     walk: bool,
     level: int,
@@ -85,7 +84,12 @@ def _stretches(
         parts = [part for part in shapely.get_parts(merged) if part.length > _SHORTEST_M]
         for part in sorted(parts, key=lambda part: part.coords[0]):
             stations = np.arange(_KEEP_FROM_CORNER_M, part.length - _KEEP_FROM_CORNER_M, STATION_M)
-            points = shapely.line_interpolate_point(part, stations)
-            nearest = shapely.get_coordinates(shapely.shortest_line(points, road)).reshape(-1, 2, 2)
-            towards = nearest[:, 1] - nearest[:, 0]
-            yield CurbLine(nearest[:, 0], np.arctan2(towards[:, 1], towards[:, 0]), recipe, walk, level)
+            places, onward = (
+                shapely.get_coordinates(shapely.line_interpolate_point(part, at_m))
+                for at_m in (stations, stations + STATION_M)
+            )
+            left = left_of(onward - places)
+            half_way = len(places) // 2
+            sides = shapely.points(places[half_way] + np.array([[1.0], [-1.0]]) * left[half_way])
+            towards = left if np.argmin(shapely.distance(road, sides)) == 0 else -left
+            yield CurbLine(places, np.arctan2(towards[:, 1], towards[:, 0]), recipe, walk, level)

@@ -7,9 +7,9 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.ensemble import Base
-from simbev_ros.assets.flora.species import draw_species, load_species
+from simbev_ros.assets.flora.species import draw_species, reach_m
 from simbev_ros.assets.land.blocks import Block, left_of
-from simbev_ros.assets.land.planting import plant
+from simbev_ros.assets.land.planting import has_room, plant
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
@@ -22,13 +22,11 @@ from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
 from simbev_ros.assets.tiles import standing
 from simbev_ros.semantics import Tag
-
-SIGNAL_CLEARANCE_M = 5.0
-"""Crowns keep so far from signal heads."""
+from simbev_ros.types import Float64Array
 
 _SHELTERED_SHARE = 0.2
 _SMALL_THINGS_M = 20.0
-_TREE_LINED_SHARE = 0.6
+_TREE_LINED_SHARE, _TREE_ROOM_M = 0.6, 1.1
 _POLE_SPACING_M = 42.0
 _POLED_USES = ("farmland", "suburb", "woods")
 _PIT = box(Finish(Material.SOIL, Tag.TERRAIN, (92, 76, 58)), (0.7, 1.4, 0.06), (0.0, 0.0, -0.018))
@@ -90,29 +88,19 @@ def put_name_signs(yard: Yard, curbs: Sequence[CurbLine]) -> None:
 
 def put_street_trees(yard: Yard, curbs: Sequence[CurbLine]) -> None:
     """Avenues: trees in pits, one species to a stretch of curb; crowns clear of buildings and signals."""
-    signals_m = np.array([signal.position_m[:2] for signal in yard.ground.network.signals]).reshape(-1, 2)
-    near_m = signals_m[_near(yard, signals_m)]
-    keep_off = [*yard.walls, *shapely.points(near_m)]
-    tree = shapely.STRtree(keep_off)
-    extra_m = np.repeat([0.0, SIGNAL_CLEARANCE_M], [len(yard.walls), len(near_m)])
     for number, curb in enumerate(curbs):
         rng = yard.ground.stream(f"street_trees.{number}")
         lined = rng.random() < _TREE_LINED_SHARE * min(1.0, 2.0 * curb.recipe.plant_density)
         if not curb.walk or not lined or curb.recipe.tree_spacing_m == 0.0:
             continue
         species = draw_species(curb.recipe.plants, "street", 1, rng)[0]
-        step = max(1, round(curb.recipe.tree_spacing_m / STATION_M))
-        chosen = np.arange(6, len(curb.place_m), step)
+        chosen = np.arange(6, len(curb.place_m), max(1, round(curb.recipe.tree_spacing_m / STATION_M)))
         chosen = chosen[rng.random(len(chosen)) < 0.9]
-        reach_m = load_species()[species].reach_m
-        spot, thing = tree.query(shapely.points(curb.place_m[chosen]), predicate="dwithin", distance=SIGNAL_CLEARANCE_M)
-        gap_m = shapely.distance(shapely.points(curb.place_m[chosen[spot]]), tree.geometries[thing])
-        blocked = np.unique(spot[gap_m < np.maximum(reach_m, extra_m[thing])])
-        chosen = np.delete(chosen, blocked)
-        chosen = chosen[yard.claims.claim_discs(curb.place_m[chosen], np.full(len(chosen), 1.1))]
-        if len(chosen):
-            yard.ensemble.put(_PIT, curb.place_m[chosen], curb.yaw_rad[chosen], base=Base.SIDEWALK)
-            plant(yard, species, curb.place_m[chosen], rng, Base.SIDEWALK)
+        crown_m = np.full(len(chosen), reach_m(species))
+        chosen = chosen[has_room(yard, curb.place_m[chosen], crown_m, beside_street=True)]
+        chosen = chosen[yard.claims.claim_discs(curb.place_m[chosen], np.full(len(chosen), _TREE_ROOM_M))]
+        yard.ensemble.put(_PIT, curb.place_m[chosen], curb.yaw_rad[chosen], base=Base.SIDEWALK)
+        plant(yard, species, curb.place_m[chosen], rng, Base.SIDEWALK)
 
 
 def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
@@ -133,7 +121,8 @@ def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
             mesh, radius_m, share = things[int(rng.integers(len(things)))]
             k = min(start + int(rng.integers(every)), len(curb.place_m) - 1)
             wanted = rng.random() < share * curb.recipe.furniture_density
-            if wanted and yard.claims.claim(shapely.Point(curb.place_m[k]).buffer(radius_m, quad_segs=3)):
+            room = shapely.Point(curb.place_m[k]).buffer(radius_m, quad_segs=3)
+            if wanted and yard.claim(room, yard.inside):
                 yard.ensemble.put(mesh, curb.place_m[k], curb.yaw_rad[k], base=Base.SIDEWALK)
 
 
@@ -142,6 +131,8 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
     rng = yard.ground.stream("cables")
     every = round(_POLE_SPACING_M / STATION_M)
     taken = np.empty((0, 2))
+    open_land = shapely.difference(yard.ground.land, yard.fast)
+    shapely.prepare(open_land)
     for curb in curbs:
         wanted = rng.random() < 0.75
         if curb.walk or curb.level or curb.recipe.use not in _POLED_USES or len(curb.place_m) < 2 * every or not wanted:
@@ -150,13 +141,13 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         places_m, yaw_rad = (curb.place_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
         if len(taken) and np.hypot(*(taken[:, None] - places_m).T).min() < _POLE_SPACING_M:
             continue  # the other side of the road has some
-        free = [yard.claim(shapely.Point(place).buffer(0.4, quad_segs=2), yard.ground.land) for place in places_m]
+        free = [yard.claim(shapely.Point(place).buffer(0.4, quad_segs=2), open_land) for place in places_m]
         yard.ensemble.put(utility_pole(), places_m[free], yaw_rad[free])
         taken = np.concatenate([taken, places_m[free]])
         _hang(yard, places_m[free])
 
 
-def _hang(yard: Yard, places_m: np.ndarray) -> None:
+def _hang(yard: Yard, places_m: Float64Array) -> None:
     """Cables from each pole to the next one, where that is not too far."""
     feet_m = np.column_stack([places_m, yard.ground.land_m(places_m)])
     for foot_m, next_m in pairwise(feet_m):
@@ -165,8 +156,3 @@ def _hang(yard: Yard, places_m: np.ndarray) -> None:
         if length_m < 1.5 * _POLE_SPACING_M:
             mesh = cables(foot_m, next_m, left_of(step_m / length_m))
             yard.tiles.place(mesh, standing(foot_m[:2], float(foot_m[2])))
-
-
-def _near(yard: Yard, xy_m: np.ndarray) -> np.ndarray:
-    """(N,) which places lie in the region or close to it."""
-    return np.asarray(shapely.dwithin(yard.inside, shapely.points(xy_m), 2.0 * SIGNAL_CLEARANCE_M))

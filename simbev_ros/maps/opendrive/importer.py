@@ -10,7 +10,6 @@ from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.layout import Crosswalk, Layout
 from simbev_ros.maps.opendrive.approaches import Approaches
 from simbev_ros.maps.opendrive.attributes import Notes
@@ -48,12 +47,12 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     moved = recentre(root, notes)
     document = read_document(path, root, notes)
     links = LaneLinks(document)
-    shapes = {shape.key: shape for shape in lane_shapes(document)}
+    shapes = {shape.key: shape for shape in lane_shapes(document, notes)}
     strips = strips_of(document, shapes, links, notes)
-    if not any(strip.kind is LaneKind.DRIVING for strip in strips):
+    traffic = traffic_of(document, shapes, links, notes)
+    if not traffic.is_drivable:
         reasons = "".join(f"; {sentence}" for sentence in notes.sentences()[:3])
         raise InputError(f"{place_of(path, root)}: it has no lane that can be driven on{reasons}")
-    traffic = traffic_of(document, shapes, links, notes)
     approaches = Approaches(document, shapes, links)
     signals = read_signals(document, notes)
     crosswalks = crosswalks_of(document, notes)

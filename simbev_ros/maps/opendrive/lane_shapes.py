@@ -3,13 +3,18 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.borders import borders_m, lane_edges_m
 from simbev_ros.maps.opendrive.document import Document, LaneKey, LaneRecord, Road, Section, value_at
 from simbev_ros.maps.opendrive.stations import stations_m
 from simbev_ros.maps.opendrive.tables import DEFAULT_SPEEDS_MPS
 from simbev_ros.types import Float64Array
 
+_BOUNDS_M = (100e3, 100e3, 10e3)
+_WIDEST_M = 200.0
 _FOOTWAYS = (LaneKind.SIDEWALK, LaneKind.MEDIAN)
 
 
@@ -48,15 +53,32 @@ class LaneShape:
         return own_mps or value_at(self.road.speeds, s_m) or DEFAULT_SPEEDS_MPS["default"]
 
 
-def lane_shapes(document: Document) -> Iterator[LaneShape]:
-    """Shapes of the lanes that are in use: by road, left side first, by section, from the centre line outward."""
+def lane_shapes(document: Document, notes: Notes) -> Iterator[LaneShape]:
+    """Shapes of the lanes that are in use: by road, left side first, by section, from the centre line outward.
+
+    Roads that lie out of all bounds are left out, with a note.
+    """
     for road in document.roads.values():
-        road_s_m = stations_m(road)
-        for left, sections in ((True, road.left), (False, road.right)):
-            for section in sections:
-                s_m = road_s_m[(road_s_m >= section.start_m) & (road_s_m <= section.end_m)]
-                if section.lanes and len(s_m) > 1:
-                    yield from _of_section(road, section, left, s_m)
+        shapes = list(_of_road(road))
+        if all(_is_sane(shape) for shape in shapes):
+            yield from shapes
+        else:
+            notes.add("a road that is out of bounds or far too wide is left out", road.element, f"road {road.id}")
+
+
+def _is_sane(shape: LaneShape) -> bool:
+    """Whether a lane is where roads can be."""
+    points_m = np.concatenate([shape.inner_m, shape.outer_m])
+    return bool(np.all(np.abs(points_m) < _BOUNDS_M) and np.all(shape.width_m < _WIDEST_M))
+
+
+def _of_road(road: Road) -> Iterator[LaneShape]:
+    road_s_m = stations_m(road)
+    for left, sections in ((True, road.left), (False, road.right)):
+        for section in sections:
+            s_m = road_s_m[(road_s_m >= section.start_m) & (road_s_m <= section.end_m)]
+            if section.lanes and len(s_m) > 1:
+                yield from _of_section(road, section, left, s_m)
 
 
 def _of_section(road: Road, section: Section, left: bool, s_m: Float64Array) -> Iterator[LaneShape]:

@@ -24,10 +24,10 @@ def crosswalks_of(document: Document, notes: Notes) -> tuple[Crosswalk, ...]:
             continue
         try:
             outline_m = _outline_m(road, element)
+            across = road.plan(np.array([number(element, "s")]))[1][0]
         except Malformed as problem:
             notes.add("a crosswalk that cannot be read is left out", element, str(problem))
             continue
-        across = road.plan(np.array([number(element, "s")]))[1][0]
         found.append(Crosswalk(outline_m, _walking_axis(outline_m, across)))
     return tuple(found)
 
@@ -79,10 +79,10 @@ def _outline_m(road: Road, element: Element, fewest: int = 3) -> Float64Array:
         local = [(number(c, "u"), number(c, "v"), number(c, "z", 0.0)) for c in corners]
         corners_m = _from_local(road, element, np.reshape(local, (-1, 3)))
     following_m = np.roll(corners_m, -1, axis=0)
-    corners_m = corners_m[np.linalg.norm(following_m - corners_m, axis=1) > _SAME_CORNER_M]
-    if len(corners_m) < fewest:
+    distinct_m: Float64Array = corners_m[np.linalg.norm(following_m - corners_m, axis=1) > _SAME_CORNER_M]
+    if len(distinct_m) < fewest:
         raise Malformed(element, f"its outline has fewer than {fewest} corners")
-    return corners_m
+    return distinct_m
 
 
 def _from_local(road: Road, element: Element, local_m: Float64Array) -> Float64Array:
@@ -96,9 +96,9 @@ def _from_local(road: Road, element: Element, local_m: Float64Array) -> Float64A
 
 def _place_m(road: Road, element: Element, height: str) -> Float64Array:
     """(3,) map frame of an element's s and t, so much above the road as another attribute says."""
-    return point_m(road, number(element, "s"), number(element, "t")) + np.array(
-        [0.0, 0.0, number(element, height, 0.0)]
-    )
+    place_m = point_m(road, number(element, "s"), number(element, "t"))
+    place_m[2] += number(element, height, 0.0)
+    return place_m
 
 
 def _walking_axis(outline_m: Float64Array, across: Float64Array) -> Float64Array:

@@ -17,6 +17,7 @@ from simbev_ros.types import Float64Array
 _BEFORE_END_M = 0.5
 _MARGIN_M = 0.25
 _NEAR_M = 12.0
+_SHORTEST_M = 1.0
 
 
 def signalled_stop_lines(signals: Iterable[Signal]) -> tuple[StopLine, ...]:
@@ -60,10 +61,11 @@ def implied_stop_lines(
         left = sections[0][1] - sections[0][0]
         order = np.argsort(corners_m[:, :2] @ left[:2])
         ends_m = corners_m[order[[0, -1]]]
-        direction = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
-        if not np.any(np.linalg.norm(known_m - ends_m.mean(axis=0), axis=1) < _NEAR_M):
-            ends_m = ends_m + _MARGIN_M * np.stack([direction, -direction])
-            found.append(StopLine(ends_m, yields=all(yields[key] for key in group)))
+        length_m = np.linalg.norm(ends_m[1] - ends_m[0])
+        is_known = np.any(np.linalg.norm(known_m - ends_m.mean(axis=0), axis=1) < _NEAR_M)
+        if not is_known and length_m > _SHORTEST_M:
+            margin_m = _MARGIN_M * (ends_m[1] - ends_m[0]) / length_m
+            found.append(StopLine(ends_m + np.stack([margin_m, -margin_m]), yields=all(yields[key] for key in group)))
     return tuple(found)
 
 

@@ -100,6 +100,11 @@ class Traffic:
             ends.setdefault(edge.end, []).append(edge.inner_m[-1])
         return {node: np.mean(ends_m, axis=0) for node, ends_m in ends.items()}
 
+    @property
+    def is_drivable(self) -> bool:
+        """Whether there is a lane for vehicles."""
+        return any(lane.kind is LaneKind.DRIVING for edge in self.edges for lane in edge.lanes)
+
 
 def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes) -> Traffic:
     """The edges and connections of the largest part of the roads that hangs together."""
@@ -127,7 +132,7 @@ def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: L
     for connection in connections:
         nodes.join(by_id[connection.start[0]].end, by_id[connection.goal[0]].start)
     joined = [replace(edge, start=nodes.name(edge.start), end=nodes.name(edge.end)) for edge in edges]
-    return _without_loops(_mainland(joined, connections, notes))
+    return _without_loops(_mainland(joined, connections, notes)) if joined else Traffic((), ())
 
 
 def _edge(road: Road, chain: Sequence[Cell], nodes: Nodes) -> TrafficEdge:

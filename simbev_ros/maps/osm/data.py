@@ -1,5 +1,6 @@
 """Reads OpenStreetMap XML: nodes, ways and multipolygons with their tags, in geographic coordinates."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from simbev_ros.types import Float64Array
 Tags = Mapping[str, str]
 _MAX_TAG = 255
 """Longest key or value that OpenStreetMap itself accepts."""
+_FOOT_M = 0.3048
 
 
 class Way(NamedTuple):
@@ -77,10 +79,16 @@ def read_osm(path: Path) -> OsmData:
         line = [node for node, before in zip(known, [-1, *known], strict=False) if node != before]
         if len(line) > 1:
             ways[identifier] = Way(identifier, tuple(line), _tags(element))
-    notes = (f"{lost} places in ways are not in the file: the ways were cut short there",) if lost else ()
+    notes = (f"places of ways that are not in the file, where the ways were cut short: {lost}",) if lost else ()
     return OsmData(
         np.array(degrees).reshape(-1, 2), tags, tuple(ways.values()), tuple(_multipolygons(path, root, ways)), notes
     )
+
+
+def metres(text: str) -> float:
+    """A length such as ``12``, ``12.5 m`` or ``40'``; 0 where it is none."""
+    match = re.fullmatch(r"(\d{1,4}(?:\.\d{1,3})?) ?(m|')?", text.strip())
+    return 0.0 if match is None else float(match[1]) * (_FOOT_M if match[2] == "'" else 1.0)
 
 
 def _by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:

@@ -41,14 +41,14 @@ def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tu
     ways = [replace(road, nodes=road.nodes[::-1]) if road.way.reverse else road for road in ways]
     tunnels = [road for road in ways if road.way.tunnel and _length_m(road, xy_m) > _LONGEST_UNDERPASS_M]
     if tunnels:
-        notes.append(f"{len(tunnels)} tunnels longer than {_LONGEST_UNDERPASS_M:.0f} m were left out")
+        notes.append(f"tunnels longer than {_LONGEST_UNDERPASS_M:.0f} m were left out: {len(tunnels)}")
         ways = [road for road in ways if road not in tunnels]
     ways = _without_stairs(ways, xy_m)
     roads = joined(list(_divided(ways)))
     roads = [road for road in roads if _length_m(road, xy_m) > 0.5]
     kept = _connected(roads, xy_m)
     if len(kept) < len(roads):
-        notes.append(f"{len(roads) - len(kept)} roads that are not connected with the rest were left out")
+        notes.append(f"roads that are not connected with the rest were left out: {len(roads) - len(kept)}")
     return tuple(kept), tuple(notes)
 
 

@@ -32,33 +32,35 @@ def right_of(line_m: Float64Array, offset_m: float | Float64Array, closed: bool 
     if closed:
         ahead[[0, -1]] = line_m[1] - line_m[-2]
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    return line_m + np.column_stack([ahead[:, 1], -ahead[:, 0]]) * np.reshape(offset_m, (-1, 1))
+    moved: Float64Array = line_m + np.column_stack([ahead[:, 1], -ahead[:, 0]]) * np.reshape(offset_m, (-1, 1))
+    return moved
 
 
 def rounded(points_m: Float64Array, radius_m: float, closed: bool = False) -> Float64Array:
     """A line through straight stretches and arcs that replace the corners of a polygon or polyline.
 
     An arc is smaller than ``radius_m`` where the sides of its corner are too short for it. A closed line starts, and
-    ends with the same vertex, in the middle of its longest side.
+    ends with the same vertex, at the beginning of its longest side.
     """
     corners = np.asarray(points_m, dtype=np.float64)
     if closed:
         sides_m = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
         corners = np.roll(corners, -1 - int(np.argmax(sides_m)), axis=0)
-        seam = (corners[-1] + corners[0]) / 2.0
-        corners = np.concatenate([[seam], corners, [seam]])
-    arcs = [_arc(*corners[index : index + 3], radius_m) for index in range(len(corners) - 2)]
-    return densified(np.concatenate([corners[:1], *arcs, corners[-1:]]), _STRAIGHT_SPACING_M)
+        corners = np.concatenate([corners[-1:], corners, corners[:1]])
+    arcs = [_arc(corners[index : index + 3], radius_m) for index in range(len(corners) - 2)]
+    ends = (arcs[-1][-1:], np.empty((0, 2))) if closed else (corners[:1], corners[-1:])
+    return densified(np.concatenate([ends[0], *arcs, ends[1]]), _STRAIGHT_SPACING_M)
 
 
-def _arc(before: Float64Array, corner: Float64Array, after: Float64Array, radius_m: float) -> Float64Array:
-    """Vertices of the arc that replaces a corner."""
+def _arc(corners_m: Float64Array, radius_m: float) -> Float64Array:
+    """Vertices of the arc that replaces the middle one of three corners."""
+    before, corner, after = corners_m
     back, ahead = before - corner, after - corner
     back_m, ahead_m = np.linalg.norm(back), np.linalg.norm(ahead)
     back, ahead = back / back_m, ahead / ahead_m
     turn_rad = np.pi - np.arccos(np.clip(back @ ahead, -1.0, 1.0))
     if turn_rad < 1e-3:
-        return corner[None, :]
+        return corners_m[1:2]
     tangent_m = min(radius_m * np.tan(turn_rad / 2.0), 0.49 * back_m, 0.49 * ahead_m)
     radius_m = tangent_m / np.tan(turn_rad / 2.0)
     middle = (back + ahead) / np.linalg.norm(back + ahead)

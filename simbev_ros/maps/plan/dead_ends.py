@@ -15,14 +15,14 @@ _SPEED_KMH = 20.0
 
 
 def with_turning_circles(plan: Plan) -> Plan:
-    """The plan with a one-way circle around each node at which a road ends.
+    """The plan with a one-way circle around each node at which a road ends; footpaths may end anywhere.
 
     Raises:
         InputError: A one-way road leads nowhere, or a dead end is too short for a circle.
     """
     nodes_m, links = list(plan.nodes_m), {link.id: link for link in plan.links}
     for node, touching in enumerate(plan.links_at()):
-        if len(touching) != 1:
+        if len(touching) != 1 or touching[0].road.kind.lanes == 0:
             continue
         link = links[touching[0].id]
         if link.road.kind.one_way:
@@ -62,6 +62,6 @@ def _circle(link: Link, node: int, far: int, center_m: np.ndarray) -> list[Link]
     halves = []
     for name, start, end, start_rad in (("out", node, far, entry_rad), ("back", far, node, entry_rad + np.pi)):
         line_m = arc(center_m, _RADIUS_M, start_rad, np.pi)
-        road = DraftRoad(f"{link.id}.{name}", kind, line_m, link.road.layer)
+        road = DraftRoad(f"{link.id}.{'start' if link.start == node else 'end'}.{name}", kind, line_m, link.road.layer)
         halves.append(Link(road.name, road, start, end, line_m))
     return halves

@@ -19,7 +19,9 @@ class DistrictsRecipe(Model):
     woods: int = Field(14, ge=0)
 
 
-def draw_districts(recipe: DistrictsRecipe, cells: int, center: tuple[float, float], rng: np.random.Generator) -> dict[Cell, str]:
+def draw_districts(
+    recipe: DistrictsRecipe, cells: int, center: tuple[float, float], rng: np.random.Generator
+) -> dict[Cell, str]:
     """The use of each cell: downtown in the middle, then houses, suburbs; industry on one side; woods far out.
 
     Args:
@@ -32,14 +34,14 @@ def draw_districts(recipe: DistrictsRecipe, cells: int, center: tuple[float, flo
     distance = {cell: float(np.linalg.norm(place)) + rng.uniform(0.0, 0.7) for cell, place in places.items()}
     core = {cell: float(np.max(np.abs(place))) for cell, place in places.items()}
     free = sorted(places, key=lambda cell: (core[cell], distance[cell]))
-    districts = {cell: "downtown" for cell in free[: recipe.downtown]}
+    districts = dict.fromkeys(free[: recipe.downtown], "downtown")
     free = sorted((cell for cell in free if cell not in districts), key=lambda cell: distance[cell])
-    districts |= {cell: "residential" for cell in free[: recipe.residential]}
+    districts |= dict.fromkeys(free[: recipe.residential], "residential")
     free = free[recipe.residential :]
     angle = rng.uniform(0.0, 2.0 * np.pi)
     toward = 2.6 * np.array([np.cos(angle), np.sin(angle)])
     free = sorted(free, key=lambda cell: float(np.linalg.norm(places[cell] - toward)))
-    districts |= {cell: "industrial" for cell in free[: recipe.industrial]}
+    districts |= dict.fromkeys(free[: recipe.industrial], "industrial")
     free = sorted(free[recipe.industrial :], key=lambda cell: distance[cell])
     city = free[: recipe.suburb + recipe.park]
     parks = {int(index) for index in rng.permutation(len(city))[: recipe.park]}
@@ -48,5 +50,5 @@ def draw_districts(recipe: DistrictsRecipe, cells: int, center: tuple[float, flo
     angle = rng.uniform(0.0, 2.0 * np.pi)
     toward = cells / 2.0 * np.array([np.cos(angle), np.sin(angle)])
     rest = sorted(rest, key=lambda cell: float(np.linalg.norm(places[cell] - toward)) + rng.uniform(0.0, 3.0))
-    districts |= {cell: "woods" for cell in rest[: recipe.woods]}
-    return districts | {cell: "farmland" for cell in rest[recipe.woods :]}
+    districts |= dict.fromkeys(rest[: recipe.woods], "woods")
+    return districts | dict.fromkeys(rest[recipe.woods :], "farmland")

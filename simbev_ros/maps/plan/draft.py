@@ -18,7 +18,7 @@ from simbev_ros.types import Float64Array
 class RoadClass(Model):
     """A cross-section, the same for both directions of a two-way road."""
 
-    lanes: int = Field(1, ge=1, le=6, description="driving lanes per direction")
+    lanes: int = Field(1, ge=0, le=6, description="driving lanes per direction; 0: a footpath")
     one_way: bool = False
     lane_width_m: float = Field(3.5, ge=2.5, le=5)
     speed_kmh: float = Field(50.0, gt=0, le=140)
@@ -29,7 +29,7 @@ class RoadClass(Model):
     left_shoulder_m: float = Field(0.0, ge=0, le=5, description="one-way roads: left of the lanes; 0: none")
     median_m: float = Field(0.0, ge=0, le=20, description="between the directions; 0: a painted line")
     line_at: Literal["middle", "left"] = Field(
-        "middle", description="left: a one-way road's line is the left edge of its driving lanes; lanes end on the right"
+        "middle", description="left: a one-way road's line is the left edge of its driving lanes"
     )
     priority: int = Field(1, ge=1, le=12, description="at junctions the higher one has right of way")
     corner_radius_m: float = Field(6.0, ge=1, le=20, description="of the curb at junctions")
@@ -40,7 +40,7 @@ class DraftRoad:
     """One road.
 
     Roads of one layer meet where they cross in plan, and where one ends on another. Roads of different layers pass over
-    and under each other, the higher layer above, and meet only where they share a vertex of both lines (within 0.5 m).
+    and under each other, the higher layer above, and meet only where one ends at a vertex of the other (within 0.5 m).
 
     Attributes:
         name: Unique in its draft.

@@ -1,5 +1,6 @@
 """The grid pattern: streets along irregular lines, inside a ring road without dead ends."""
 
+from itertools import pairwise
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
@@ -135,9 +136,9 @@ def _append_line(
     left_out: set[tuple[_Node, _Node]],
 ) -> None:
     """Append the streets along one line of the grid, one for each stretch without gap."""
-    gaps = [index for index, pair in enumerate(zip(nodes, nodes[1:], strict=False), start=1) if pair in left_out]
+    gaps = [index for index, pair in enumerate(pairwise(nodes), start=1) if pair in left_out]
     bounds = [0, *gaps, len(nodes)]
-    for number, (first, last) in enumerate(zip(bounds, bounds[1:], strict=False)):
+    for number, (first, last) in enumerate(pairwise(bounds)):
         if last - first > 1:
             line_m = np.array([places[node] for node in nodes[first:last]])
             draft.roads.append(DraftRoad(f"{name}.{number}", kind, line_m))

@@ -58,7 +58,7 @@ def _ramp_kind(way: Carriageway) -> RoadClass:
         lane_width_m=way.kind.lane_width_m,
         speed_kmh=min(_RAMP_SPEED_KMH, way.kind.speed_kmh),
         shoulder_m=1.5,
-        priority=max(way.kind.priority - 2, 1),
+        priority=1,
     )
 
 
@@ -81,26 +81,11 @@ def _gore_m(way: Carriageway, at_m: float, line_m: Float64Array) -> float:
     return float(stations_m(line_m)[far[0]]) if len(far) else length_m(line_m)
 
 
-def crossing_station_m(line_m: Float64Array, other_m: Float64Array) -> tuple[float, float]:
-    """Distances from the starts of two lines to where they first cross, along the first.
-
-    Raises:
-        ValueError: They do not cross.
-    """
-    start, step = line_m[:-1, None], np.diff(line_m, axis=0)[:, None]
-    other, other_step = other_m[None, :-1], np.diff(other_m, axis=0)[None]
-    between = other - start
-    area = step[..., 0] * other_step[..., 1] - step[..., 1] * other_step[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (between[..., 0] * other_step[..., 1] - between[..., 1] * other_step[..., 0]) / area
-        other_share = (between[..., 0] * step[..., 1] - between[..., 1] * step[..., 0]) / area
-    hits = np.argwhere((share >= 0) & (share < 1) & (other_share >= 0) & (other_share < 1))
-    if len(hits) == 0:
-        raise ValueError("the lines do not cross")
-    row, column = hits[0]
-    row_m, column_m = stations_m(line_m), stations_m(other_m)
-    return (
-        float(row_m[row] + share[row, column] * (row_m[row + 1] - row_m[row])),
-        float(column_m[column] + other_share[row, column] * (column_m[column + 1] - column_m[column])),
-    )
-
+def crossing_stations_m(line_m: Float64Array, other_m: Float64Array) -> tuple[float, float] | None:
+    """Distances from the starts of two lines to where they first cross, along the first; None where they do not."""
+    line, other = shapely.LineString(line_m), shapely.LineString(other_m)
+    places = [shapely.Point(place) for place in shapely.get_coordinates(shapely.intersection(line, other))]
+    if not places:
+        return None
+    first = min(places, key=line.project)
+    return float(line.project(first)), float(other.project(first))

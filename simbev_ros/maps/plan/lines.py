@@ -24,8 +24,8 @@ def length_m(line_m: Float64Array) -> float:
 
 
 def densified(line_m: Float64Array, spacing_m: float = VERTEX_SPACING_M) -> Float64Array:
-    """The same line with vertices at most a spacing apart."""
-    return shapely.get_coordinates(shapely.segmentize(shapely.LineString(line_m), spacing_m))
+    """The same line with vertices at most a spacing apart, or a tenth more."""
+    return shapely.get_coordinates(shapely.segmentize(shapely.LineString(line_m), 1.1 * spacing_m))
 
 
 def at_stations(line_m: Float64Array, at_m: Float64Array) -> Float64Array:

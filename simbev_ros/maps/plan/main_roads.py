@@ -1,5 +1,7 @@
 """Main roads of a region, along the borders of its cells."""
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -47,10 +49,10 @@ def _motorway_borders(course: tuple[Point, ...]) -> set[Border]:
     """Borders of cells along which the motorway runs."""
     ends = [*course, course[0]] if len(course) > 2 else list(course)
     borders = set()
-    for (i, j), (k, m) in zip(ends[:-1], ends[1:], strict=True):
+    for (i, j), (k, m) in pairwise(ends):
         count = max(abs(k - i), abs(m - j))
         points = [(i + (k - i) * step // count, j + (m - j) * step // count) for step in range(count + 1)]
-        borders |= {(min(a, b), max(a, b)) for a, b in zip(points[:-1], points[1:], strict=True)}
+        borders |= {(min(a, b), max(a, b)) for a, b in pairwise(points)}
     return borders
 
 

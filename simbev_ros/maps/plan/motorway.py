@@ -1,19 +1,21 @@
-"""The motorway pattern: two carriageways along a line, and roads that cross it at another height, with or without ramps.
+"""The motorway pattern: two carriageways along a line, and roads that cross it above or below, with or without ramps.
 
-A closed motorway may cross itself once (a figure of eight); an open one ends as a two-way road of as many lanes.
+A motorway may cross itself, as in a figure of eight; an open one ends as a two-way road of as many lanes.
 """
 
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
+from simbev_ros.errors import InputError
 from simbev_ros.maps.plan.carriageway import Carriageway, Interval
 from simbev_ros.maps.plan.curves import place_m, right_of, rounded
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
-from simbev_ros.maps.plan.interchange import crossing_station_m, half_diamond
+from simbev_ros.maps.plan.interchange import crossing_stations_m, half_diamond
 from simbev_ros.maps.plan.lines import length_m, part, stations_m
 from simbev_ros.maps.plan.road_class import NamedRoadClass
 from simbev_ros.types import Float64Array
@@ -109,8 +111,7 @@ class DualCarriageway:
         for change in lane_changes:
             for way, interval in zip(self.ways, self._intervals(change.start_m, change.end_m), strict=True):
                 way.lanes.append(interval._replace(value=change.lanes))
-        if self._closed:
-            self._raise_at_own_crossing()
+        self._raise_at_own_crossing()
 
     @property
     def half_width_m(self) -> float:
@@ -118,8 +119,15 @@ class DualCarriageway:
         return self._kind.median_m / 2.0 + self._kind.lanes * self._kind.lane_width_m
 
     def cross(self, draft: Draft, name: str, kind: RoadClass, line_m: Float64Array, *, over: bool, ramps: bool) -> None:
-        """Append a road that crosses the axis once, divided where its layer changes or ramps meet it."""
-        axis_at_m, road_at_m = crossing_station_m(self.axis_m, line_m)
+        """Append a road that crosses the axis once, divided where its layer changes or ramps meet it.
+
+        Raises:
+            InputError: It does not cross the axis.
+        """
+        crossing = crossing_stations_m(self.axis_m, line_m)
+        if crossing is None:
+            raise InputError(f"road {name}: does not cross its motorway")
+        axis_at_m, road_at_m = crossing
         beside_m = self.half_width_m + (_TERMINAL_M if ramps else _BRIDGE_M)
         cuts_m = (road_at_m - beside_m, road_at_m + beside_m)
         if not over:
@@ -130,6 +138,8 @@ class DualCarriageway:
             if end_m - start_m > 1.0:
                 layer = 1 if over and piece == 1 else 0
                 draft.roads.append(DraftRoad(f"{name}.{piece}", kind, part(line_m, start_m, end_m), layer))
+        if ramps and kind.lanes > 1:
+            draft.signals_m.extend(place_m(line_m, cut_m) for cut_m in cuts_m)
         if ramps:
             self._add_ramps(draft, name, axis_at_m, [place_m(line_m, cut_m) for cut_m in cuts_m])
 
@@ -162,7 +172,9 @@ class DualCarriageway:
         for way, reverse in zip(self.ways, (False, True), strict=True):
             along_m = stations_m(way.line_m)[:: -1 if reverse else 1]
             bounds_m = (end_m, start_m) if reverse else (start_m, end_m)
-            first_m, last_m = (float(np.interp(at_m % total_m, self._stations_m, along_m)) for at_m in bounds_m)
+            if self._closed:
+                bounds_m = (bounds_m[0] % total_m, bounds_m[1] % total_m)
+            first_m, last_m = (float(np.interp(at_m, self._stations_m, along_m)) for at_m in bounds_m)
             ends.append(Interval(first_m, last_m + way.length_m * (last_m < first_m)))
         return ends[0], ends[1]
 
@@ -173,11 +185,9 @@ class DualCarriageway:
 
     def _raise_at_own_crossing(self) -> None:
         """Where the motorway crosses itself, its later part passes over the earlier one."""
-        half = len(self.axis_m) // 2
-        try:
-            _, later_m = crossing_station_m(self.axis_m[: half + 1], self.axis_m[half:])
-        except ValueError:
-            return
-        center_m = self._stations_m[half] + later_m
+        segments = shapely.linestrings(np.stack([self.axis_m[:-1], self.axis_m[1:]], axis=1))
+        earlier, later = shapely.STRtree(segments).query(segments, predicate="crosses")
         reach_m = 2.0 * self.half_width_m + _BRIDGE_M
-        self._lift(center_m - reach_m, center_m + reach_m)
+        for index in np.unique(np.maximum(earlier, later)).tolist():
+            center_m = float(np.mean(self._stations_m[index : index + 2]))
+            self._lift(center_m - reach_m, center_m + reach_m)

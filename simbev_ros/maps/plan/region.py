@@ -3,8 +3,6 @@
 All is planned on a lattice of straight lines, then warped onto the land; motorways get their interchanges there.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -18,18 +16,18 @@ from simbev_ros.maps.plan.districts import Cell, DistrictsRecipe, draw_districts
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import length_m
 from simbev_ros.maps.plan.main_roads import add_main_roads
-from simbev_ros.maps.plan.motorway import DualCarriageway, MotorwayClass
+from simbev_ros.maps.plan.motorway import DualCarriageway, LaneChange, MotorwayClass
+from simbev_ros.maps.plan.region_ground import Ground, draw_ground, draw_lake, draw_river
 from simbev_ros.maps.plan.road_class import NamedRoadClass
 from simbev_ros.maps.plan.street_lattice import FILL, FINE, Lattice, Point, fill_village
-from simbev_ros.maps.plan.warp import draw_warp
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 _CLEAR_OF_MOTORWAY_M = 190.0
 _CLEAR_OF_WATER_M = 45.0
 _VILLAGE_RADIUS_M = 330.0
 _RADIUS_M = {"downtown": 20.0, "residential": 30.0, "country": 350.0}
 _OTHER_RADIUS_M = 60.0
+_NARROW_M = 350.0  # in which an open motorway's ends have no more lanes than the road that they become
 _TRUNK_STEPS = 3  # of the lattice, from the end of an open motorway to the region's outermost roads
 
 
@@ -80,41 +78,9 @@ class Region(Model):
     zones: RegionZones
 
 
-@dataclass(frozen=True, slots=True)
-class _Ground:
-    """Where lattice points lie on the map: lines at (cells + 1,) places along each axis, then warped.
-
-    Attributes:
-        column_m: (cells + 1,) x of the cells' borders.
-        row_m: (cells + 1,) y.
-        sweep: The wide part of the warp, for motorways.
-        bend: The whole warp.
-    """
-
-    column_m: Float64Array
-    row_m: Float64Array
-    sweep: Callable[[Float64Array], Float64Array]
-    bend: Callable[[Float64Array], Float64Array]
-
-    def straight(self, lattice_points: Float64Array) -> Float64Array:
-        """(N, 2) places before the warp of (N, 2) lattice points."""
-        at = np.asarray(lattice_points, np.float64) / FINE
-        lines = np.arange(len(self.column_m))
-        return np.column_stack([np.interp(at[:, 0], lines, self.column_m), np.interp(at[:, 1], lines, self.row_m)])
-
-    def line(self, lattice_points: Float64Array, radius_m: float) -> Float64Array:
-        """(N, 2) line on the map along lattice points, its corners rounded."""
-        return self.bend(resampled(rounded(self.straight(lattice_points), radius_m), 10.0))
-
-    def area(self, lattice_points: Float64Array) -> shapely.Polygon:
-        """The area on the map within a polygon of lattice points."""
-        outline = shapely.segmentize(shapely.Polygon(self.straight(lattice_points)), 60.0)
-        return shapely.transform(outline, self.bend)
-
-
 def draw(pattern: Region, draft: Draft, rng: np.random.Generator) -> None:
     """Append a region: roads, zones and water."""
-    ground = _draw_ground(pattern, rng)
+    ground = draw_ground(pattern.size_m, pattern.cells, pattern.bend_m, rng)
     middle = pattern.cells / 2.0 + rng.uniform(-0.6, 0.6, 2)
     districts = draw_districts(pattern.districts, pattern.cells, (float(middle[0]), float(middle[1])), rng)
     course = _motorway_course(pattern, rng)
@@ -125,29 +91,16 @@ def draw(pattern: Region, draft: Draft, rng: np.random.Generator) -> None:
         if use in FILL:
             FILL[use](lattice, cell, rng)
     villages = _add_villages(pattern, lattice, districts, nodes, rng)
-    draft.water.extend(_draw_water(pattern, ground, districts, rng))
+    if pattern.river_width_m > 0.0:
+        draft.water.append(draw_river(ground, pattern.river_width_m, rng))
+    shores = [cell for cell, use in sorted(districts.items()) if use in ("park", "woods")]
+    for index in sorted(rng.permutation(len(shores))[: pattern.lakes].tolist()):
+        draft.water.append(draw_lake(ground, shores[index], rng))
     _clear(lattice, ground, motorway, draft.water)
     _append_roads(pattern, lattice, ground, motorway, draft, rng)
     if len(course) == 2:
         _append_trunk_roads(pattern, ground, course, motorway, draft)
     draft.zones.extend(_zones(pattern, ground, districts, villages))
-
-
-def _draw_ground(pattern: Region, rng: np.random.Generator) -> _Ground:
-    """Cells are larger far from the middle; streets of the middle stay straight."""
-    far = np.abs(np.arange(pattern.cells) + 0.5 - pattern.cells / 2.0) / (pattern.cells / 2.0)
-    lines = []
-    for _ in range(2):
-        widths = (1.0 + 0.35 * far) * rng.uniform(0.88, 1.12, pattern.cells)
-        lines.append((np.concatenate([[0.0], np.cumsum(widths)]) / np.sum(widths) - 0.5) * pattern.size_m)
-    wide = draw_warp(rng, pattern.bend_m, 0.3 * pattern.size_m)
-    middling, narrow = draw_warp(rng, 85.0, 1500.0), draw_warp(rng, 14.0, 480.0)
-
-    def bend(points_m: Float64Array) -> Float64Array:
-        outside = np.clip(np.linalg.norm(points_m, axis=1) / (0.13 * pattern.size_m) - 1.0, 0.0, 1.0)[:, None]
-        return wide(points_m + outside * (narrow(middling(points_m)) - points_m))
-
-    return _Ground(lines[0], lines[1], wide, bend)
 
 
 def _motorway_course(pattern: Region, rng: np.random.Generator) -> tuple[Point, ...]:
@@ -159,22 +112,29 @@ def _motorway_course(pattern: Region, rng: np.random.Generator) -> tuple[Point, 
     return ((column, 0), (column, pattern.cells))
 
 
-def _motorway(pattern: Region, ground: _Ground, course: tuple[Point, ...]) -> DualCarriageway:
+def _motorway(pattern: Region, ground: Ground, course: tuple[Point, ...]) -> DualCarriageway:
     corners = np.array(course, dtype=np.float64) * FINE
     closed = len(course) > 2
     if not closed:
         corners[:, 1] += [_TRUNK_STEPS, -_TRUNK_STEPS]
     straight_m = rounded(ground.straight(corners), pattern.motorway_radius_m, closed)
-    return DualCarriageway("motorway", pattern.motorway, ground.sweep(resampled(straight_m, 10.0)))
+    axis_m = ground.sweep(resampled(straight_m, 10.0))
+    whole_m = length_m(axis_m)
+    narrows = ((0.0, _NARROW_M), (whole_m - _NARROW_M, whole_m))
+    changes = tuple(LaneChange(start_m=start, end_m=end, lanes=_trunk_lanes(pattern)) for start, end in narrows)
+    return DualCarriageway("motorway", pattern.motorway, axis_m, () if closed else changes)
+
+
+def _trunk_lanes(pattern: Region) -> int:
+    return min(pattern.motorway.lanes, 2)
 
 
 def _append_trunk_roads(
-    pattern: Region, ground: _Ground, course: tuple[Point, ...], motorway: DualCarriageway, draft: Draft
+    pattern: Region, ground: Ground, course: tuple[Point, ...], motorway: DualCarriageway, draft: Draft
 ) -> None:
     """Two-way roads that lead on from the ends of an open motorway to the region's outermost roads."""
-    kind = RoadClass(
-        lanes=pattern.motorway.lanes, lane_width_m=pattern.motorway.lane_width_m, speed_kmh=80.0, shoulder_m=2.0, priority=8
-    )
+    width_m = pattern.motorway.lane_width_m
+    kind = RoadClass(lanes=_trunk_lanes(pattern), lane_width_m=width_m, speed_kmh=80.0, shoulder_m=2.0, priority=8)
     ends_m = ground.bend(ground.straight(np.array(course) * FINE))
     for number, (axis_m, end_m) in enumerate(zip((motorway.axis_m[::-1], motorway.axis_m), ends_m, strict=True)):
         ahead = heading(axis_m, length_m(axis_m))
@@ -198,27 +158,7 @@ def _add_villages(
     return points
 
 
-def _draw_water(
-    pattern: Region, ground: _Ground, districts: dict[Cell, str], rng: np.random.Generator
-) -> list[shapely.Polygon]:
-    """A river from west to east beside the city's middle, and lakes in parks and woods."""
-    areas = []
-    if pattern.river_width_m > 0.0:
-        row = (pattern.cells // 2 + int(rng.choice([-2, 1])) + 0.5) * FINE
-        column = np.linspace(-0.2 * FINE, (pattern.cells + 0.2) * FINE, 12 * pattern.cells)
-        swing = 1.6 * np.sin(column / FINE * 2.3 + rng.uniform(0.0, 6.0)) + 0.8 * np.sin(column / FINE * 5.1)
-        course = shapely.LineString(ground.line(np.column_stack([column, row + swing]), _OTHER_RADIUS_M))
-        areas.append(shapely.simplify(course.buffer(pattern.river_width_m / 2.0, cap_style="flat"), 0.3))
-    cells = [cell for cell, use in sorted(districts.items()) if use in ("park", "woods")]
-    for index in sorted(rng.permutation(len(cells))[: pattern.lakes].tolist()):
-        angle = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
-        waves = sum(rng.uniform(0.0, 0.25 / k) * np.sin(k * angle + rng.uniform(0.0, 6.0)) for k in (2, 3, 4))
-        shore = np.column_stack([np.cos(angle), np.sin(angle)]) * (1.0 + waves)[:, None] * rng.uniform(1.2, 2.2)
-        areas.append(ground.area((np.array(cells[index]) + 0.5) * FINE + shore))
-    return areas
-
-
-def _clear(lattice: Lattice, ground: _Ground, motorway: DualCarriageway, water: list[shapely.Polygon]) -> None:
+def _clear(lattice: Lattice, ground: Ground, motorway: DualCarriageway, water: list[shapely.Polygon]) -> None:
     """Remove streets that are too near to a motorway or to water; main roads cross both."""
     kept_clear = shapely.union_all(
         [
@@ -229,7 +169,7 @@ def _clear(lattice: Lattice, ground: _Ground, motorway: DualCarriageway, water: 
     steps = [step for step in lattice.steps if not _is_main(step)]
     ends = [ground.bend(ground.straight(np.array(step))) for step in steps]
     hit = shapely.intersects(kept_clear, shapely.linestrings(np.array(ends)))
-    for step, meets in zip(steps, hit.tolist(), strict=True):
+    for step, meets in zip(steps, np.atleast_1d(hit), strict=True):
         if meets:
             lattice.remove(*step)
     lattice.prune("downtown", "residential", "industrial")
@@ -245,7 +185,7 @@ def _is_main(step: tuple[Point, Point]) -> bool:
 def _append_roads(
     pattern: Region,
     lattice: Lattice,
-    ground: _Ground,
+    ground: Ground,
     motorway: DualCarriageway,
     draft: Draft,
     rng: np.random.Generator,
@@ -266,7 +206,7 @@ def _append_roads(
     motorway.append_to(draft)
 
 
-def _zones(pattern: Region, ground: _Ground, districts: dict[Cell, str], villages: list[Point]) -> list[Zone]:
+def _zones(pattern: Region, ground: Ground, districts: dict[Cell, str], villages: list[Point]) -> list[Zone]:
     """One zone per connected area of one use, then villages."""
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     zones = []

@@ -37,10 +37,10 @@ class Road(Model):
     layer: int = Field(0, ge=-2, le=3)
     elevated_m: float = Field(0.0, ge=0, le=20)
     passes: tuple[Pass, ...] = ()
-    signals_m: tuple[Place, ...] = Field((), description="junctions of it that have traffic lights whatever the rule says")
+    signals_m: tuple[Place, ...] = Field((), description="junctions with traffic lights whatever the rule says")
 
 
-def draw(pattern: Road, draft: Draft, rng: np.random.Generator) -> None:  # noqa: ARG001
+def draw(pattern: Road, draft: Draft, rng: np.random.Generator) -> None:
     """Append the road, divided where its layer changes; nothing of it is random."""
     points_m = np.array(pattern.points_m)
     if pattern.curve == "spline":

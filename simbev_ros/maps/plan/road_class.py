@@ -1,4 +1,4 @@
-"""Cross-sections by name: where a recipe asks for a road class, it gives one of the table's, with changes, or all of it."""
+"""Cross-sections by name: a recipe gives a road class as one of the table's, as one with changes, or in full."""
 
 from functools import lru_cache
 from importlib.resources import files

@@ -26,7 +26,7 @@ class Roundabout(Model):
     road: NamedRoadClass = Field(default_factory=lambda: road_classes()["circle"])
 
 
-def draw(pattern: Roundabout, draft: Draft, rng: np.random.Generator) -> None:  # noqa: ARG001
+def draw(pattern: Roundabout, draft: Draft, rng: np.random.Generator) -> None:
     """Cut the draft's roads at the ring and append the ring; nothing of it is random."""
     center_m = np.array(pattern.center_m)
     ring_m = arc(center_m, pattern.radius_m, -np.pi / 2.0, 2.0 * np.pi)

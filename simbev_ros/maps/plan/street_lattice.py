@@ -16,6 +16,8 @@ from simbev_ros.types import Float64Array
 FINE = 8
 """Lattice steps along a cell's side."""
 
+_LOOPS = 0.1  # share of a suburb's steps that close a loop
+
 Point = tuple[int, int]
 Step = tuple[Point, Point]
 
@@ -103,8 +105,12 @@ class Lattice:
         return chains
 
     def _goes_through(self, point: Point, arms: list[Point]) -> bool:
+        """Streets end where others meet them, and change their kind on straight stretches only."""
+        if len(arms) != 2:
+            return False
         kinds = {self.steps[min(point, arm), max(point, arm)] for arm in arms}
-        return len(arms) == 2 and len(kinds) == 1
+        turns = arms[0][0] != arms[1][0] and arms[0][1] != arms[1][1]
+        return len(kinds) == 1 or turns
 
 
 def fill_downtown(lattice: Lattice, cell: Point, rng: np.random.Generator) -> None:
@@ -142,32 +148,42 @@ def _fill_grid(
 
 
 def fill_suburb(lattice: Lattice, cell: Point, rng: np.random.Generator) -> None:
-    """A collector road around the middle, loops and culs-de-sac off it: a random tree with a few more connections."""
-    corner = np.array([cell[0] * FINE, cell[1] * FINE])
-
-    def at(i: int, j: int) -> Point:
-        return int(corner[0] + i), int(corner[1] + j)
-
+    """A collector road through the middle, winding streets, loops and culs-de-sac off it."""
+    corner = (cell[0] * FINE, cell[1] * FINE)
     low, high = (int(value) for value in rng.permutation([2, 6]))
-    for a, b in (((0, low), (4, low)), ((4, low), (4, high)), ((4, high), (FINE, high))):
-        lattice.add(at(*a), at(*b), "collector")
-    for a, b in (((low, 0), (low, 2)), ((high, FINE), (high, 6)), ((0, high), (2, high)), ((FINE, low), (6, low))):
-        lattice.add(at(*a), at(*b), "suburb")
-    inner = [(i, j) for i in range(1, FINE) for j in range(1, FINE)]
-    index = {point: k for k, point in enumerate(inner)}
-    pairs = np.array(
-        [(index[a], index[b]) for a in inner for b in ((a[0] + 1, a[1]), (a[0], a[1] + 1)) if b in index]
-    )
-    cost = rng.uniform(0.5, 1.5, len(pairs))
-    taken = [(min(at(*inner[a]), at(*inner[b])), max(at(*inner[a]), at(*inner[b]))) in lattice.steps for a, b in pairs]
-    cost[taken] = 1e-3
-    tree = minimum_spanning_tree(coo_array((cost, (pairs[:, 0], pairs[:, 1])), shape=(len(inner),) * 2).tocsr())
-    for a, b in sorted(zip(*(ends.tolist() for ends in tree.nonzero()), strict=True)):
-        lattice.add(at(*inner[a]), at(*inner[b]), "suburb")
-    for a, b in pairs[rng.random(len(pairs)) < 0.1].tolist():
-        lattice.add(at(*inner[a]), at(*inner[b]), "suburb")
+    collector = (((0, low), (4, low)), ((4, low), (4, high)), ((4, high), (FINE, high)))
+    entries = (((low, 0), (low, 2)), ((high, FINE), (high, 6)), ((0, high), (2, high)), ((FINE, low), (6, low)))
+    for kind, runs in (("collector", collector), ("suburb", entries)):
+        for a, b in runs:
+            lattice.add(_moved(a, corner), _moved(b, corner), kind)
+    inner = [(corner[0] + i, corner[1] + j) for i in range(1, FINE) for j in range(1, FINE)]
+    for a, b in _drawn_tree(lattice, inner, rng):
+        lattice.add(a, b, "suburb")
     for point in inner:
-        lattice.shift[at(*point)] = rng.uniform(-0.22, 0.22, 2)
+        lattice.shift[point] = rng.uniform(-0.22, 0.22, 2)
+
+
+def _moved(point: Point, by: Point) -> Point:
+    return point[0] + by[0], point[1] + by[1]
+
+
+def _drawn_tree(lattice: Lattice, points: list[Point], rng: np.random.Generator) -> list[Step]:
+    """Steps of a random tree over points that are there, along what runs between them already, and a few more."""
+    index = {point: number for number, point in enumerate(points)}
+    steps = [
+        (point, neighbour)
+        for point in points
+        for neighbour in ((point[0] + 1, point[1]), (point[0], point[1] + 1))
+        if neighbour in index
+    ]
+    cost = rng.uniform(0.5, 1.5, len(steps))
+    cost[[step in lattice.steps for step in steps]] = 1e-3
+    ends = np.array([(index[a], index[b]) for a, b in steps])
+    graph = coo_array((cost, (ends[:, 0], ends[:, 1])), shape=(len(points), len(points)))
+    rows, columns = minimum_spanning_tree(graph.tocsr()).nonzero()
+    tree = {(points[a], points[b]) for a, b in zip(rows.tolist(), columns.tolist(), strict=True)}
+    more = rng.random(len(steps)) < _LOOPS
+    return [step for step, extra in zip(steps, more.tolist(), strict=True) if extra or step in tree]
 
 
 def fill_village(lattice: Lattice, node: Point, rng: np.random.Generator) -> None:
@@ -187,9 +203,7 @@ def fill_farmland(lattice: Lattice, cell: Point, rng: np.random.Generator) -> No
     """A farm track or two from a country road to a farmstead."""
     for _ in range(int(rng.integers(0, 3))):
         along, depth = int(rng.integers(3, FINE - 2)), int(rng.integers(2, 4))
-        lattice.add(
-            (cell[0] * FINE + along, cell[1] * FINE), (cell[0] * FINE + along, cell[1] * FINE + depth), "track"
-        )
+        lattice.add((cell[0] * FINE + along, cell[1] * FINE), (cell[0] * FINE + along, cell[1] * FINE + depth), "track")
 
 
 FILL = {

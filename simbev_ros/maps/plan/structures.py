@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -48,6 +49,6 @@ def _pieces(link: Link, land: Land) -> Iterator[tuple[float, float, bool]]:
         if station_m - bounds[-1] >= _SHORTEST_M and along_m[-1] - station_m >= _SHORTEST_M:
             bounds.append(float(station_m))
     bounds.append(float(along_m[-1]))
-    for start_m, end_m in zip(bounds, bounds[1:], strict=False):
+    for start_m, end_m in pairwise(bounds):
         inside = (along_m >= start_m) & (along_m <= end_m)
         yield start_m, end_m, bool(np.mean(raised[inside]) > 0.5)

@@ -4,11 +4,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-import numpy as np
-
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.plan.draft import RoadClass
 from simbev_ros.maps.plan.lines import beside, simplified
+from simbev_ros.maps.plan.merges import lane_pairs
 from simbev_ros.maps.plan.plan import Link, Plan
 from simbev_ros.types import Float64Array
 
@@ -92,36 +91,28 @@ def edges_xml(plan: Plan) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def connections_xml(plan: Plan, signalised: Sequence[bool], width_m: float) -> str:
+def connections_xml(plan: Plan, width_m: float) -> str:
     """SUMO's connection file: a crossing over each road with sidewalks at a junction, and lanes that begin."""
     root = ElementTree.Element("connections")
-    for node, (links, lit) in enumerate(zip(plan.links_at(), signalised, strict=True)):
+    for node, links in enumerate(plan.links_at()):
         for link in links if len(links) > 2 else ():
             kind = link.road.kind
             if kind.sidewalk_m > 0.0 and not kind.one_way and kind.speed_kmh <= _FASTEST_CROSSING_KMH:
                 crossed = {"node": f"J{node}", "edges": f"{link.id} -{link.id}", "width": f"{width_m:g}"}
                 ElementTree.SubElement(root, "crossing", {**crossed, "priority": "true"})
-        for connection in _widening(node, links):
-            ElementTree.SubElement(root, "connection", connection)
+        first = {link.id: _first_driving(link.road.kind) for link in links}
+        for pair in lane_pairs(node, links):
+            lanes = {
+                "fromLane": str(first[pair.coming] + pair.coming_lane),
+                "toLane": str(first[pair.going] + pair.going_lane),
+            }
+            ElementTree.SubElement(root, "connection", {"from": pair.coming, "to": pair.going, **lanes})
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _widening(node: int, links: Sequence[Link]) -> Iterator[dict[str, str]]:
-    """Connections where a one-way road goes on with more lanes: they begin on the right, SUMO would say on the left."""
-    coming = [link for link in links if link.end == node and link.road.kind.one_way]
-    going = [link for link in links if link.start == node and link.road.kind.one_way]
-    if len(links) != 2 or len(coming) != 1 or len(going) != 1:
-        return
-    first, last = (_first_driving(link.road.kind) for link in (coming[0], going[0]))
-    more = going[0].road.kind.lanes - coming[0].road.kind.lanes
-    for lane in range(going[0].road.kind.lanes if more > 0 else 0):
-        lanes = {"fromLane": str(first + max(lane - more, 0)), "toLane": str(last + lane)}
-        yield {"from": coming[0].id, "to": going[0].id, **lanes}
-
-
 def _first_driving(kind: RoadClass) -> int:
-    """Index of the rightmost driving lane."""
-    return [lane.kind for lane in _lanes(kind)].index(LaneKind.DRIVING)
+    """Index of the rightmost driving lane; 0 for footpaths."""
+    return next((index for index, lane in enumerate(_lanes(kind)) if lane.kind is LaneKind.DRIVING), 0)
 
 
 def _directions(link: Link) -> Iterator[tuple[str, int, int, Float64Array]]:

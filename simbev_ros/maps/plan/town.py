@@ -45,7 +45,7 @@ def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
     nodes, edges, connections = (work / f"map.{part}.xml" for part in ("nod", "edg", "con"))
     nodes.write_text(nodes_xml(plan, lit, recipe.datum.datum.proj_string), encoding="utf-8")
     edges.write_text(edges_xml(plan), encoding="utf-8")
-    connections.write_text(connections_xml(plan, lit, recipe.crossing_width_m), encoding="utf-8")
+    connections.write_text(connections_xml(plan, recipe.crossing_width_m), encoding="utf-8")
     net, opendrive = work / "map.net.xml", work / "map.xodr"
     netconvert.convert(nodes, edges, connections, net, opendrive)
     return MapParts(net, opendrive, recipe.datum.datum, _features(recipe, draft, water), notes=plan.notes)
@@ -64,9 +64,7 @@ def _signalised(plan: Plan, recipe: TownRecipe, wanted_m: Sequence[Float64Array]
     """(K,) which nodes have traffic lights."""
     lit = []
     for node, links in enumerate(plan.links_at()):
-        incoming = sum(
-            link.road.kind.lanes for link in links if not link.road.kind.one_way or link.end == node
-        )
+        incoming = sum(link.road.kind.lanes for link in links if not link.road.kind.one_way or link.end == node)
         by_rule = (
             len(links) >= 3
             and incoming >= recipe.signals_from_lanes

@@ -40,12 +40,12 @@ class Viaduct(MotorwayClass):
     closed: bool = True
     elevated_m: float = Field(7.5, gt=0, le=20)
     elevated_within_m: tuple[float, float, float, float] | None = Field(
-        None, description="west, south, east, north: on pillars in there, on the ground elsewhere; everywhere by default"
+        None, description="west, south, east, north: on pillars there, on the ground elsewhere; none: everywhere"
     )
     diamonds: tuple[Diamond, ...] = ()
 
 
-def draw(pattern: Viaduct, draft: Draft, rng: np.random.Generator) -> None:  # noqa: ARG001
+def draw(pattern: Viaduct, draft: Draft, rng: np.random.Generator) -> None:
     """Append both carriageways and their ramps; nothing of it is random.
 
     Raises:

@@ -1,0 +1,153 @@
+"""Labels at a crossing at two levels: a road along x climbs onto a deck above a road along y; checked cell by cell."""
+
+import numpy as np
+import pytest
+from synthetic_world import EGO_ID, actor, box_model, mesh, sheet, world
+
+from simbev_ros.annotation.bev import BevAnnotator
+from simbev_ros.annotation.boxes import boxes
+from simbev_ros.annotation.levels import Levels, on_ego_level
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.static_scene import StaticScene, Tile
+from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.scene.blueprints import blueprint_index
+from simbev_ros.scene.state import WorldState
+from simbev_ros.semantics import BEV_CLASSES, Tag
+from simbev_ros.types import BoolArray, Float64Array, Table
+
+GRID = BevGrid(rows=240, columns=240, cell_m=0.5)
+CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
+SEDAN = blueprint_index()["vehicle.sedan"]
+MODELS = [CAR] * (SEDAN + 1)
+DECK_M, RAMP_M, HEIGHT_M = 20.0, 150.0, 6.0
+
+WEST, DECK, EAST = ([-RAMP_M, -4], [-DECK_M, 4]), ([-DECK_M, -4], [DECK_M, 4]), ([DECK_M, -4], [RAMP_M, 4])
+BELOW = [-3, -150], [3, 150]
+KERB = 0.8  # asphalt reaches so far beyond the lanes of the lower road
+WALK = [3.8, -150], [6, 150]  # on the lower road's right
+DASHES = [([x, -0.1], [x + 3, 0.1]) for x in np.arange(-140.0, 140.0, 10.0)]  # on the upper road
+Rectangle = tuple[list[float], list[float]]
+
+
+def height_m(x: Float64Array) -> Float64Array:
+    """Of the upper road: 0 to the west, then a ramp, level on the deck, down again to the east."""
+    return HEIGHT_M * np.clip((RAMP_M - np.abs(x)) / (RAMP_M - DECK_M), 0.0, 1.0)
+
+
+def strip(name: str, rectangle: Rectangle, level: int = 0, kind: LaneKind = LaneKind.DRIVING) -> Strip:
+    (x0, y0), (x1, y1) = rectangle
+    if kind is LaneKind.DRIVING and y1 - y0 < 10:  # along x
+        x = np.linspace(x0, x1, 21)
+        sides = [np.column_stack([x, np.full(21, y), height_m(x)]) for y in (y1, y0)]
+    else:
+        y = np.linspace(y0, y1, 21)
+        sides = [np.column_stack([np.full(21, x), y, np.zeros(21)]) for x in (x0, x1)]
+    return Strip(name, name, kind, *sides, level=level)
+
+
+def crossing() -> tuple[Levels, BevAnnotator]:
+    layout = Layout(
+        (
+            strip("west", WEST),
+            strip("deck", DECK, level=1),
+            strip("east", EAST),
+            strip("below", BELOW),
+            strip("walk", WALK, kind=LaneKind.SIDEWALK),
+        ),
+        (),
+        (),
+        (),
+    )
+    wide = [BELOW[0][0] - KERB, BELOW[0][1]], [BELOW[1][0] + KERB, BELOW[1][1]]
+    ground = [mesh(sheet(*each), Tag.ROAD) for each in (WEST, EAST, wide)]
+    ground += [mesh(sheet(*WALK, 0.12), Tag.SIDEWALK)]
+    ground += [mesh(sheet(*dash), Tag.ROAD_LINE) for dash in DASHES if abs(dash[0][0] + 1.5) > DECK_M]
+    deck = [mesh(sheet(*DECK, HEIGHT_M), Tag.ROAD)]
+    deck += [mesh(sheet(*dash, HEIGHT_M), Tag.ROAD_LINE) for dash in DASHES if abs(dash[0][0] + 1.5) < DECK_M]
+    origin_m = np.zeros(3)
+    tiles = Tile(origin_m, Mesh.merged(ground), {}), Tile(origin_m, Mesh.merged(deck), {}, level=1)
+    return Levels(layout), BevAnnotator(StaticScene(tiles, ()), MODELS)
+
+
+def car(identity: int, x: float, y: float, z: float, yaw: float = 0.0) -> Table:
+    return actor(CAR, SEDAN, id=identity, x=x, y=y, z=z, yaw=yaw)
+
+
+OTHERS = car(8, 12.0, 1.0, HEIGHT_M), car(9, 0.5, 30.0, 0.0, 1.57), car(10, 0.0, 2.0, 0.0, 1.57)
+ON_DECK, ON_LOWER = {8}, {9, 10}
+EGOS = {
+    "beneath": car(EGO_ID, -1.2, -25.0, 0.0, 1.4),
+    "on the deck": car(EGO_ID, -6.0, -1.5, HEIGHT_M, 0.13),
+    "on the way up": car(EGO_ID, -55.0, -1.5, float(height_m(np.float64(-55.0))), -0.08),
+}
+
+
+def centers_m(state: WorldState) -> Float64Array:
+    """(rows, columns, 2) cell centres in the map frame."""
+    yaw = float(state.ego["yaw"])
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    return GRID.centers_ego @ turn.T + [state.ego["x"], state.ego["y"]]
+
+
+def inside(points_m: Float64Array, *rectangles: Rectangle) -> BoolArray:
+    return np.any([np.all((points_m >= low) & (points_m <= high), axis=-1) for low, high in rectangles], axis=0)
+
+
+def under(points_m: Float64Array, rows: Table) -> BoolArray:
+    """Cells below cars."""
+    covered = np.zeros(points_m.shape[:2], bool)
+    for row in rows:
+        c, s = np.cos(row["yaw"]), np.sin(row["yaw"])
+        local = (points_m - [row["x"], row["y"]]) @ np.array([[c, -s], [s, c]])
+        covered |= np.all(np.abs(local) <= [2.0, 1.0], axis=-1)
+    return covered
+
+
+@pytest.mark.parametrize("place", EGOS)
+def test_every_cell_is_labelled_with_what_lies_on_the_egos_level_only(place: str) -> None:
+    levels, annotator = crossing()
+    state = world(EGOS[place], *OTHERS)
+    labels = annotator.labels(state, GRID, levels.of_ego(state))
+    points_m = centers_m(state)
+    wide = [BELOW[0][0] - KERB, BELOW[0][1]], [BELOW[1][0] + KERB, BELOW[1][1]]
+    upper = {"beneath": [WEST, EAST], "on the deck": [WEST, DECK, EAST], "on the way up": [WEST, DECK, EAST]}[place]
+    lower = [] if place == "on the deck" else [wide]
+    dashes = [dash for dash in DASHES if place != "beneath" or abs(dash[0][0] + 1.5) > DECK_M]
+    cars = {"beneath": ON_LOWER, "on the deck": ON_DECK, "on the way up": ON_DECK | ON_LOWER}[place] | {EGO_ID}
+    expected = {
+        "road": inside(points_m, *upper, *lower),
+        "sidewalk": inside(points_m, *([WALK] if lower else [])) if lower else np.zeros(points_m.shape[:2], bool),
+        "road_line": inside(points_m, *dashes),
+        "car": under(points_m, state.actors[np.isin(state.actors["id"], sorted(cars))]),
+    }
+    for name in BEV_CLASSES:
+        found = labels >> BEV_CLASSES.index(name) & 1 == 1
+        wanted = expected.get(name, np.zeros_like(found))
+        assert np.array_equal(found, wanted), f"{name}: {np.argwhere(found != wanted)[:5]}"
+
+
+@pytest.mark.parametrize(
+    ("place", "ids"), [("beneath", ON_LOWER), ("on the deck", ON_DECK), ("on the way up", ON_DECK | ON_LOWER)]
+)
+def test_boxes_of_all_levels_are_there_and_say_whether_they_are_on_the_egos(place: str, ids: set[int]) -> None:
+    levels, _ = crossing()
+    state = world(EGOS[place], *OTHERS)
+    found = boxes(state, 120.0, levels.of_ego(state))
+    assert list(found["id"]) == [8, 9, 10]
+    assert set(found["id"][found["on_ego_level"] == 1].tolist()) == ids
+
+
+def test_a_rider_is_where_the_bicycle_is() -> None:
+    levels, _ = crossing()
+    bicycle, rider = car(11, 0.0, 0.0, HEIGHT_M), actor(CAR, SEDAN, id=12, parent=11, x=0.0, y=0.0, z=2.0)
+    state = world(EGOS["on the deck"], bicycle, rider)
+    assert on_ego_level(state, levels.of_ego(state)).tolist() == [True, True, True]
+
+
+def test_far_from_structures_everything_counts() -> None:
+    levels, _ = crossing()
+    state = world(car(EGO_ID, 0.0, 900.0, 0.0), *OTHERS)
+    assert levels.of_ego(state) is None
+    assert boxes(state, 2000.0, None)["on_ego_level"].all()

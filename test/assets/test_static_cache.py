@@ -1,0 +1,100 @@
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_maps import hilly_road
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.region_pool import build_regions
+from simbev_ros.assets.static_cache import StaticCache, load_static_scene
+from simbev_ros.assets.static_scene import RegionScene, StaticScene
+from simbev_ros.errors import InputError
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.region import Region, regions_of
+from simbev_ros.maps.spec import MapSpec
+
+SPEC = MapSpec(name="analytic", seed=0)
+EAST, WEST = Region(0, 0), Region(-1, 0)
+
+
+def as_bytes(scene: RegionScene | StaticScene) -> bytes:
+    parts = [repr(scene.street_lights).encode()]
+    for tile in scene.tiles:
+        parts += [tile.origin_m.tobytes(), bytes([tile.level])]
+        for name, mesh in {"": tile.mesh, **tile.surfaces}.items():
+            parts += [name.encode(), *(getattr(mesh, field.name).tobytes() for field in fields(Mesh))]
+    return b"".join(parts)
+
+
+@pytest.fixture(scope="module")
+def network() -> RoadNetwork:
+    return hilly_road()
+
+
+@pytest.fixture(scope="module")
+def cache_dir(network: RoadNetwork, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With both regions of the road's northern side in it."""
+    folder = tmp_path_factory.mktemp("cache")
+    for region in (WEST, EAST):
+        StaticCache(SPEC, network, folder).region(region)
+    return folder
+
+
+def test_a_region_from_the_cache_has_the_bytes_of_one_built_alone_elsewhere(
+    network: RoadNetwork, cache_dir: Path, tmp_path: Path
+) -> None:
+    built = StaticCache(SPEC, network, tmp_path).region(EAST)
+    cache = StaticCache(SPEC, network, cache_dir)
+    assert cache.missing([WEST, EAST, Region(0, -1)]) == (Region(0, -1),)
+    assert as_bytes(cache.region(EAST)) == as_bytes(built)
+    assert sum(len(tile.mesh.triangles) for tile in built.tiles) > 1000
+
+
+def test_other_seeds_have_other_surroundings(network: RoadNetwork, cache_dir: Path) -> None:
+    assert StaticCache(MapSpec(name="analytic", seed=1), network, cache_dir).missing([EAST]) == (EAST,)
+
+
+def test_street_lamps_are_counted_through_whatever_is_loaded(network: RoadNetwork, cache_dir: Path) -> None:
+    for regions in ((EAST,), (WEST, EAST)):
+        scene = load_static_scene(SPEC, network, cache_dir, regions=regions)
+        assert len(scene.street_lights) > 2 * len(regions)
+        for index, light in enumerate(scene.street_lights):
+            lamps = [
+                tile.mesh.vertices[(tile.mesh.material == Material.STREET_LAMP) & (tile.mesh.uv[:, 0] == index)]
+                + tile.origin_m
+                for tile in scene.tiles
+            ]
+            assert np.linalg.norm(np.concatenate(lamps).mean(axis=0) - light.position_m) < 0.1
+
+
+def test_a_damaged_file_is_built_again(network: RoadNetwork, cache_dir: Path) -> None:
+    cache = StaticCache(SPEC, network, cache_dir)
+    whole = as_bytes(cache.region(WEST))
+    [path] = cache_dir.glob("surroundings/*/-1_0.npz")
+    content = path.read_bytes()
+    for damaged in (content[: len(content) // 2], b"", content[:1000] + b"\1" * 64 + content[1064:]):
+        path.write_bytes(damaged)
+        assert as_bytes(cache.region(WEST)) == whole
+    assert path.read_bytes() == content
+
+
+def test_a_cache_that_cannot_be_written_is_reported(network: RoadNetwork, tmp_path: Path) -> None:
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    with pytest.raises(InputError, match="cache of surroundings .*cannot be written"):
+        StaticCache(SPEC, network, blocker).region(EAST)
+
+
+def test_regions_built_in_parallel_are_those_built_one_by_one(tmp_path: Path) -> None:
+    spec = MapSpec(name="Blocks", seed=0)
+    network = load_network(spec, tmp_path)
+    regions = regions_of(network.layout)[:2]
+    done: list[None] = []
+    build_regions(spec, regions, tmp_path, lambda: done.append(None))
+    assert len(done) == 2
+    assert StaticCache(spec, network, tmp_path).missing(regions) == ()
+    alone = StaticCache(spec, network, tmp_path / "alone")
+    assert as_bytes(StaticCache(spec, network, tmp_path).region(regions[1])) == as_bytes(alone.region(regions[1]))

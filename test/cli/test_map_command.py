@@ -1,0 +1,147 @@
+"""``simbev map``: figures of a map, pictures of it, and files that are no maps."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from simbev_ros.cli.main import app, main
+
+STREETS = """<osm version="0.6">
+ <node id="1" lat="50.0" lon="8.0"/> <node id="2" lat="50.0" lon="8.002"/>
+ <node id="3" lat="50.001" lon="8.001"/> <node id="4" lat="50.0" lon="8.001"/>
+ <way id="1"><nd ref="1"/><nd ref="4"/><nd ref="2"/><tag k="highway" v="tertiary"/></way>
+ <way id="2"><nd ref="4"/><nd ref="3"/><tag k="highway" v="residential"/></way>
+</osm>"""
+LAUGHS = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>\n<osm>&b;</osm>'
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture
+def streets(tmp_path: Path) -> Path:
+    path = tmp_path / "two streets.osm"
+    path.write_text(STREETS)
+    return path
+
+
+def simbev_map(*arguments: object) -> str:
+    result = CliRunner().invoke(app, ["map", *map(str, arguments)], catch_exceptions=False)
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def test_json_has_the_figures_of_the_map(streets: Path) -> None:
+    facts = json.loads(simbev_map(streets, "--json"))
+    assert (facts["name"], facts["file"], facts["two_level_crossings"]) == ("two_streets", str(streets), 0)
+    assert facts["datum"]["latitude_deg"] == pytest.approx(50.0005)
+    assert facts["width_m"] == pytest.approx(143.4, abs=6.0)
+    assert facts["lane_km"]["driving"] == pytest.approx(2 * (0.1434 + 0.1112), abs=0.05)
+    assert facts["surroundings"]["triangles"] > 100
+    assert facts["notes"] == ["it has no buildings: they are invented"]
+
+
+@pytest.mark.gl
+def test_pictures_are_taken_from_above_and_from_the_street(streets: Path, tmp_path: Path) -> None:
+    text = simbev_map(streets, "--out", tmp_path / "pictures/two.png")
+    assert "two_streets" in text and "it has no buildings: they are invented" in text
+    sizes = {path.name: cv2.imread(str(path)).shape for path in (tmp_path / "pictures").iterdir()}
+    assert sizes == {"two-above.png": (900, 1812, 3), "two-street.png": (900, 1600, 3)}
+    assert all(cv2.imread(str(path)).std() > 10.0 for path in (tmp_path / "pictures").iterdir())
+
+
+def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object) -> str:
+    """The message with which ``simbev map`` ends with exit code 2."""
+    monkeypatch.setattr(sys, "argv", ["simbev", "map", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    return error
+
+
+@pytest.mark.parametrize(("suffix", "root"), [(".xodr", "OpenDRIVE"), (".osm", "osm"), (".net.xml", "net")])
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is empty"),
+        ("<{root}>\n <a b='", ":2:2: not valid XML: unclosed token; the file ends too early"),
+        (LAUGHS, ":1: document type declarations (<!DOCTYPE>) are not accepted"),
+        ("<map/>", ":1: the root element must be <"),
+        ("<{root}>" + "<a>" * 99_999, ":1: elements are nested more than 64 deep"),
+        ("\0\0\0", ":1:1: not valid XML"),
+    ],
+)
+def test_files_that_are_no_maps_are_refused(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    suffix: str,
+    root: str,
+    content: str,
+    message: str,
+) -> None:
+    path = tmp_path / f"bad{suffix}"
+    path.write_text(content.replace("{root}", root))
+    error = refused(capsys, monkeypatch, path)
+    assert f"{path}" in error.replace("\n", "") and message in error
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Atlantis", "no map is called 'Atlantis'; towns: Blocks, Town01"),
+        ("Atlantis", "files end in .xodr, .osm, .osm.xml, .net.xml"),
+        ("nowhere.osm", "nowhere.osm: cannot be read: No such file or directory"),
+    ],
+)
+def test_unknown_maps_are_refused(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str, message: str
+) -> None:
+    assert message in refused(capsys, monkeypatch, name)
+
+
+def test_a_folder_is_no_map(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    folder = tmp_path / "folder.osm"
+    folder.mkdir()
+    assert "folder.osm: is not a file" in refused(capsys, monkeypatch, folder)
+
+
+def test_a_place_without_roads_is_refused(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, streets: Path
+) -> None:
+    assert "--at 9000 0: there is no road of two_streets near" in refused(
+        capsys, monkeypatch, streets, "--at", "9000", "0"
+    )
+
+
+def test_a_file_of_200_mib_is_refused_at_once_in_little_memory(tmp_path: Path) -> None:
+    path = tmp_path / "huge.osm"
+    with path.open("wb") as stream:
+        stream.write(b"<osm>")
+        stream.truncate(200 << 20)
+    script = """if True:
+        import resource
+        from simbev_ros.cli.main import main
+        try:
+            main()
+        finally:
+            print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"""
+    command = [sys.executable, "-c", script, "map", str(path)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 2
+    assert "huge.osm: has 200 MiB; at most 128 MiB are read" in result.stderr
+    assert int(result.stdout) < 1 << 20, "KiB at the most"

@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+from road_strips import layout_of_strips, level_ground, straight
+
+from simbev_ros.maps.layout import Layout
+from simbev_ros.maps.level_members import LevelGraph
+from simbev_ros.maps.levels import with_levels
+from simbev_ros.types import Float64Array
+
+
+def _arched(xy_m: Float64Array) -> Float64Array:
+    """A road that rises to 7 m over the origin from 100 m before, and falls again."""
+    return np.asarray(np.maximum(7.0 - 0.07 * np.abs(xy_m[:, 0]), 0.0))
+
+
+@pytest.fixture(scope="module")
+def crossing() -> Layout:
+    under = straight("under", (0, -140), (0, 140), level_ground)
+    over = straight("over", (-140, 0), (140, 0), _arched)
+    joint = straight("joint", (-141, 0.0), (-141, 140.0), level_ground)  # the way from one road to the other
+    joint_2 = straight("joint_2", (-142, 140.0), (2, 140.0), level_ground)
+    return with_levels(layout_of_strips(under, over, joint, joint_2))
+
+
+_UNDER, _DECK, _RAMP = [0.0, 0.0, 0.0], [0.0, 0.0, 7.0], [-70.0, 0.0, 2.1]
+_BESIDE = [0.0, 60.0, 0.0]
+
+
+def test_deck_above_does_not_belong_to_an_ego_on_the_ground(crossing: Layout) -> None:
+    members = LevelGraph(crossing).members(np.array(_UNDER))
+    assert members is not None
+    assert members.holds(np.array([_UNDER, _BESIDE, _RAMP, _DECK])).tolist() == [True, True, True, False]
+    assert set(members.strip[~members.belongs]) == {strip.id for strip in crossing.strips if strip.level == 1}
+
+
+def test_road_beneath_does_not_belong_to_an_ego_on_the_deck(crossing: Layout) -> None:
+    members = LevelGraph(crossing).members(np.array(_DECK))
+    assert members is not None
+    assert members.holds(np.array([_UNDER, _BESIDE, _RAMP, _DECK])).tolist() == [False, False, True, True]
+
+
+def test_bridge_ahead_on_the_egos_own_road_belongs(crossing: Layout) -> None:
+    members = LevelGraph(crossing).members(np.array(_RAMP))
+    assert members is not None
+    assert members.holds(np.array([_DECK, _RAMP, _UNDER])).tolist() == [True, True, True], "both ends are on the ground"
+
+
+def test_without_structures_near_there_is_nothing_to_tell_apart(crossing: Layout) -> None:
+    assert LevelGraph(layout_of_strips(straight("a", (0, 0), (9, 0), level_ground))).members(np.zeros(3)) is None
+    assert LevelGraph(crossing).members(np.array([500.0, 0.0, 0.0])) is None

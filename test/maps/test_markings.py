@@ -1,0 +1,140 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from road_strips import layout_of_strips, level_ground, side_by_side, straight
+
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Crosswalk, Layout, Line, Paint, PaintColor, StopLine, Strip
+from simbev_ros.maps.levels import with_levels
+from simbev_ros.maps.markings import Marking, MarkingKind, lane_markings
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.surface import crosswalk_polygons, road_surface, strip_polygons
+
+
+@pytest.fixture(scope="module")
+def markings(blocks: RoadNetwork) -> tuple[Marking, ...]:
+    return lane_markings(blocks.layout)
+
+
+def _area_m2(markings: tuple[Marking, ...], *kinds: MarkingKind) -> float:
+    return sum(marking.polygon.area for marking in markings if marking.kind in kinds)
+
+
+def test_paint_is_on_the_road_and_never_on_other_paint(blocks: RoadNetwork, markings: tuple[Marking, ...]) -> None:
+    paint = np.array([marking.polygon for marking in markings])
+    assert shapely.is_valid(paint).all()
+    assert shapely.area(shapely.difference(paint, road_surface(blocks.layout))).max() < 1e-3
+    assert shapely.union_all(paint).area == pytest.approx(shapely.area(paint).sum(), rel=1e-6)
+
+
+def test_inside_junctions_only_crosswalks_are_painted(blocks: RoadNetwork, markings: tuple[Marking, ...]) -> None:
+    inside = [strip for strip in blocks.layout.strips_of(LaneKind.DRIVING) if strip.junction]
+    junctions = shapely.union_all(strip_polygons(inside), grid_size=0.001)
+    crossings = shapely.union_all(crosswalk_polygons(blocks.layout.crosswalks))
+    for marking in markings:
+        if marking.kind is MarkingKind.CROSSWALK:
+            assert shapely.difference(marking.polygon, crossings).area < 1e-6
+        else:
+            # Turning lanes begin askew, so their corners reach a little way back beside the end of the centre line.
+            assert shapely.intersection(marking.polygon, junctions).area < 0.03
+
+
+def test_window_shows_what_the_whole_shows_there(blocks: RoadNetwork, markings: tuple[Marking, ...]) -> None:
+    window = shapely.box(-140.3, -77.7, 31.1, 60.9)
+    part = lane_markings(blocks.layout, 0, window)
+    for kind in MarkingKind:
+        whole = shapely.union_all([each.polygon for each in markings if each.kind is kind])
+        seen = shapely.union_all([each.polygon for each in part if each.kind is kind])
+        assert shapely.symmetric_difference(seen, shapely.intersection(whole, window)).area < 1e-3, kind
+
+
+def test_center_lines_part_opposite_directions_and_dashes_the_same(
+    blocks: RoadNetwork, markings: tuple[Marking, ...]
+) -> None:
+    driving = [strip for strip in blocks.layout.strips_of(LaneKind.DRIVING) if not strip.junction]
+    steps_m = {strip.lane: np.linalg.norm(np.diff(strip.left_m, axis=0), axis=1) for strip in driving}
+    length_m = {lane: float(steps.sum()) for lane, steps in steps_m.items()}
+    centers_m = sum(length_m[strip.lane] for strip in driving if strip.left_line.color is PaintColor.YELLOW) / 2.0
+    assert _area_m2(markings, MarkingKind.CENTER) == pytest.approx(2 * 0.12 * centers_m, rel=0.02)
+    dashed_m = sum(length_m[strip.lane] for strip in driving if strip.left_line.paint is Paint.BROKEN)
+    assert _area_m2(markings, MarkingKind.LANE) == pytest.approx(0.12 * dashed_m * 3.0 / 9.0, rel=0.1)
+    assert _area_m2(markings, MarkingKind.EDGE) == 0.0, "curbs on both sides"
+
+
+def _painted(paint: Paint, **line: object) -> Layout:
+    """Two lanes to the east, with paint between them that both of them name, and a third that is far away."""
+    left, right = side_by_side(2, name="a", start_m=(0, 0), end_m=(40, 0), height=level_ground)
+    line_between = Line(paint, **line)  # type: ignore[arg-type]
+    left = replace(left, right_line=line_between, right=right.lane)
+    mirrored = {Paint.SOLID_BROKEN: Paint.BROKEN_SOLID, Paint.BROKEN_SOLID: Paint.SOLID_BROKEN}.get(paint, paint)
+    right = replace(right, left_line=replace(line_between, paint=mirrored), left=left.lane)
+    return layout_of_strips(left, right, straight("b", (0, 50), (40, 50), level_ground))
+
+
+_BORDER_Y_M = -1.75
+
+
+@pytest.mark.parametrize(
+    ("paint", "left_share", "right_share"),
+    [
+        (Paint.SOLID_SOLID, 1.0, 1.0),
+        (Paint.SOLID_BROKEN, 1.0, 12.0 / 40.0),
+        (Paint.BROKEN_SOLID, 12.0 / 40.0, 1.0),
+        (Paint.BROKEN_BROKEN, 12.0 / 40.0, 12.0 / 40.0),
+    ],
+)
+def test_double_lines_are_seen_from_the_left_lane_outward(paint: Paint, left_share: float, right_share: float) -> None:
+    paints = [marking.polygon for marking in lane_markings(_painted(paint, width_m=0.1))]
+    for share, y_m in ((left_share, _BORDER_Y_M + 0.1), (right_share, _BORDER_Y_M - 0.1)):
+        line = shapely.box(0, y_m - 0.05, 40, y_m + 0.05)
+        assert shapely.union_all(paints).intersection(line).area == pytest.approx(share * 4.0, rel=1e-6)
+    assert shapely.union_all(paints).area == pytest.approx((left_share + right_share) * 4.0, rel=1e-6)
+
+
+def test_single_lines_lie_on_the_border_in_their_color() -> None:
+    (solid,) = lane_markings(_painted(Paint.SOLID, color=PaintColor.BLUE, width_m=0.2))
+    assert solid.polygon.equals(shapely.box(0, _BORDER_Y_M - 0.1, 40, _BORDER_Y_M + 0.1))
+    assert (solid.kind, solid.color) == (MarkingKind.LANE, PaintColor.BLUE)
+    dots = lane_markings(_painted(Paint.BOTTS_DOTS))
+    assert len(dots) == 32, "every 1.2 m of 38"
+    assert lane_markings(_painted(Paint.CURB)) == lane_markings(_painted(Paint.NONE)) == ()
+
+
+def test_lines_that_two_overlapping_roads_draw_a_little_apart_are_painted_once() -> None:
+    road = replace(straight("a", (0, 0), (40, 0), level_ground), left_line=Line(Paint.BROKEN))
+    in_junction = straight("b", (-3, 0.1), (43, 0.1), level_ground)
+    in_junction = replace(in_junction, left_line=Line(Paint.BROKEN), junction="j")
+    alone, both = lane_markings(layout_of_strips(road)), lane_markings(layout_of_strips(in_junction, road))
+    assert shapely.union_all([mark.polygon for mark in both]).equals(shapely.union_all([m.polygon for m in alone]))
+
+
+def test_lines_stop_at_crosswalks_and_stop_lines_are_bars_or_teeth() -> None:
+    crosswalk = Crosswalk(np.array([[18.0, -9, 0], [22, -9, 0], [22, 5, 0], [18, 5, 0]]), np.array([0.0, 1.0]))
+    ends_m = np.array([[30.0, -1.5, 0], [30, 1.5, 0]])
+    for yields, kind, shape in ((False, MarkingKind.STOP, (29.8, 30.2)), (True, MarkingKind.YIELD, (29.5, 30.2))):
+        layout = replace(_painted(Paint.SOLID), crosswalks=(crosswalk,), stop_lines=(StopLine(ends_m, yields=yields),))
+        markings = lane_markings(layout)
+        lines = shapely.union_all([mark.polygon for mark in markings if mark.kind is MarkingKind.LANE])
+        assert lines.area == pytest.approx(36.0 * 0.12)
+        bars = [mark.polygon.bounds for mark in markings if mark.kind is kind]
+        assert (min(bar[0] for bar in bars), max(bar[2] for bar in bars)) == pytest.approx(shape)
+        assert len(bars) == (4 if yields else 1)
+
+
+def test_paint_belongs_to_the_level_of_its_road() -> None:
+    under = replace(straight("under", (0, -60), (0, 60), level_ground), left_line=Line(Paint.SOLID))
+    over = replace(
+        straight("over", (-60, 0), (60, 0), lambda xy_m: np.full(len(xy_m), 6.0)), left_line=Line(Paint.SOLID)
+    )
+    layout = with_levels(layout_of_strips(under, over))
+    ground, deck = (shapely.union_all([m.polygon for m in lane_markings(layout, level)]) for level in (0, 1))
+    assert ground.area + deck.area == pytest.approx(2 * 120 * 0.12, rel=1e-3)
+    assert deck.bounds[1] > 1.0, "only the deck's line, just inside of its left border"
+    assert _decks(layout) == pytest.approx(deck.area / 0.12 * 3.5, rel=1e-3)
+
+
+def _decks(layout: Layout) -> float:
+    decks: list[Strip] = [strip for strip in layout.strips if strip.level == 1]
+    return float(shapely.area(strip_polygons(decks)).sum())

@@ -1,0 +1,29 @@
+import numpy as np
+
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.region import Reach, Region, regions_of, regions_within
+
+
+def layout_of_line(line_m: list[list[float]]) -> Layout:
+    left_m = np.array(line_m)
+    return Layout((Strip("a", "a", LaneKind.DRIVING, left_m, left_m - [0.0, 3.0, 0.0]),), (), (), ())
+
+
+def test_regions_are_half_open_squares_from_the_origin() -> None:
+    assert regions_within(np.array([-1.0, 0.0, 511.0, 511.0])) == (Region(-1, 0), Region(0, 0))
+    assert Region(-1, 2).area.bounds == (-512.0, 1024.0, 0.0, 1536.0)
+
+
+def test_a_map_has_the_regions_around_its_roads_and_no_others() -> None:
+    layout = layout_of_line([[200.0, 300.0, 0.0], [300.0, 300.0, 0.0]])
+    assert regions_of(layout) == (Region(0, 0),)
+    layout = layout_of_line([[200.0, 300.0, 0.0], [450.0, 300.0, 0.0]])
+    assert regions_of(layout) == (Region(0, 0), Region(1, 0))
+
+
+def test_a_scene_has_the_regions_in_its_reach() -> None:
+    x = np.arange(0.0, 5000.0, 50.0)
+    layout = layout_of_line([[value, 256.0, 0.0] for value in x])
+    reached = regions_of(layout, Reach((2600.0, 256.0), 600.0))
+    assert reached == (Region(3, 0), Region(4, 0), Region(5, 0), Region(6, 0))

@@ -1,0 +1,75 @@
+"""Scenes on maps that come as files: named in a configuration, drawn, driven for ten seconds."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import InputError
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.netconvert import sumo_home
+from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes
+from simbev_ros.scene.state import WorldState
+from simbev_ros.world.simulation import Simulation
+
+SAMPLE = Path(__file__).parents[1] / "maps/data/riverside.osm"
+CONFIG = """scenes: [{map: maps/%s, train: 1}]
+rig: {sensors: [{type: imu, name: imu}]}
+time: {tick_s: 0.1, warm_up_s: 1, duration_s: 10}
+traffic: {vehicles: 25, pedestrians: 25, spawn_radius_m: 300, reckless_probability: 0}
+"""
+
+
+def configured(folder: Path, map_name: str) -> PlannedScene:
+    """The scene of a configuration in ``folder`` whose map lies in its folder ``maps``."""
+    (folder / "config.yaml").write_text(CONFIG % map_name)
+    (planned,) = planned_scenes(load_scenario(folder / "config.yaml"))
+    return planned
+
+
+def map_file(folder: Path, options: str) -> str:
+    """Makes ``maps/<name>``, by netgenerate or from the sample; gives the name."""
+    (folder / "maps").mkdir()
+    if options == "sample":
+        (folder / "maps/riverside.osm").symlink_to(SAMPLE)
+        return "riverside.osm"
+    command = [sumo_home() / "bin/netgenerate", *options.split(), "-o", folder / "maps/made by sumo.net.xml"]
+    subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
+    return "made by sumo.net.xml"
+
+
+def driven(folder: Path, planned: PlannedScene) -> list[WorldState]:
+    network = load_network(planned.map, folder / "cache")
+    spec = draw_scene(load_scenario(folder / "config.yaml"), planned, network)
+    with Simulation(spec, network) as simulation:
+        return [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
+
+
+@pytest.mark.parametrize("options", ["sample", "--grid", "--spider", "--rand --rand.iterations 40 --seed 4"])
+def test_a_scene_on_a_file_spawns_and_drives(tmp_path: Path, options: str) -> None:
+    planned = configured(tmp_path, map_file(tmp_path, options))
+    assert re.fullmatch(r"riverside|made_by_sumo", planned.map.name)
+    states = driven(tmp_path, planned)
+    first, last = states[0].actors, states[-1].actors
+    assert np.array_equal(first["id"], last["id"])
+    assert len(first) >= 45
+    moved_m = np.hypot(last["x"] - first["x"], last["y"] - first["y"])
+    assert np.mean(moved_m > 3.0) > 0.7
+    speeds_mps = np.array([np.hypot(state.actors["vx"], state.actors["vy"]) for state in states])
+    assert speeds_mps.max() < 45.0
+
+
+def test_a_file_that_changed_since_the_scene_was_drawn_is_refused(tmp_path: Path) -> None:
+    planned = configured(tmp_path, map_file(tmp_path, "--grid --grid.number 3"))
+    path = tmp_path / "maps/made by sumo.net.xml"
+    path.write_text(path.read_text() + "\n")
+    with pytest.raises(InputError, match=r"made by sumo\.net\.xml: has changed since the scene was drawn"):
+        load_network(planned.map, tmp_path / "cache")
+
+
+def test_a_map_that_is_not_there_is_refused_with_its_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"config\.yaml:1: scenes\[0\]\.map: no such file: .*maps/my\.xodr"):
+        configured(tmp_path, "my.xodr")

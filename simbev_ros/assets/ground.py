@@ -1,5 +1,6 @@
 """Lays the ground of a region: streets with their curbs, land, water; all of it follows the heights."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial
 
@@ -20,7 +21,7 @@ from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.semantics import Tag
 
 _CURB_WIDTH_M = 0.15
-_GRASSED_MEDIAN_M = 0.9  # medians at least twice as wide are green
+_GREEN_M = 0.9  # medians at least twice as wide are green
 _STEEPEST, _ROUNDED_M, _SMALLEST_PAVED_M2 = 0.8, 0.9, 15.0
 _RIM_M = 1.5  # so far the land goes on below the water's surface
 _CUT_TOLERANCE_M = 0.002  # plans lie on a millimetre grid, and what is cut from them too
@@ -46,20 +47,36 @@ def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
 
 def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
     """Add what lies between the streets on the ground; slopes that are too steep for earth are paved with stone."""
-    decks = shapely.union_all(ground.decks)
-    steep = _too_steep(ground.land_facets)
-    open_land = shapely.difference(ground.land, decks)
-    held = shapely.intersection(open_land, steep)
-    rest = shapely.difference(open_land, steep)
+    facets, decks = ground.land_facets, shapely.union_all(ground.decks)
+    steep = shapely.difference(_too_steep(facets), decks)
+    bare = shapely.union(decks, steep)
+    shapely.prepare([ground.land, bare])
+    for (finish, rise_m, yaw_rad), parts in _by_looks(covers).items():
+        parts[:] = [part if ground.land.covers(part) else part & ground.land for part in parts]
+        parts[:] = [part - bare if bare.intersects(part) else part for part in parts]
+        lain = partial(sheet, finish=finish, rise_m=LAND_HEIGHT_M + rise_m, yaw_rad=yaw_rad)
+        tiles.drape(shapely.GeometryCollection(parts), facets, lain)
+    paved = partial(sheet, finish=_STONE, rise_m=LAND_HEIGHT_M)
+    tiles.drape(shapely.intersection(ground.land, steep), facets, paved)
+    covered = partial(paved, ceiling_m=ground.soffit_m)
+    tiles.drape(shapely.intersection(ground.land, decks), facets, covered)
+    _lay_verges(tiles, ground, shapely.difference(ground.land, decks))
+
+
+def _by_looks(covers: Sequence[Cover]) -> dict[tuple[Finish, float, float], list[BaseGeometry]]:
+    """Areas of covers that look the same."""
+    by_looks = defaultdict(list)
     for cover in covers:
-        lain = partial(sheet, finish=cover.finish, rise_m=LAND_HEIGHT_M + cover.rise_m, yaw_rad=cover.yaw_rad)
-        tiles.drape(shapely.intersection(cover.area, rest), ground.land_facets, lain)
-    tiles.drape(held, ground.land_facets, partial(sheet, finish=_STONE, rise_m=LAND_HEIGHT_M))
-    covered = partial(sheet, finish=_STONE, rise_m=LAND_HEIGHT_M, ceiling_m=ground.soffit_m)
-    tiles.drape(shapely.intersection(ground.land, decks), ground.land_facets, covered)
-    edges = shapely.intersection(open_land.boundary, shapely.buffer(ground.streets[0].area, _CUT_TOLERANCE_M))
+        by_looks[cover.finish, cover.rise_m, cover.yaw_rad].append(cover.area)
+    return by_looks
+
+
+def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) -> None:
+    """Faces from the street up to the land, where there is no sidewalk that hides them."""
+    street = shapely.difference(ground.streets[0].area, ground.streets[0].sidewalk)
+    edges = shapely.intersection(land.boundary, shapely.buffer(street, _CUT_TOLERANCE_M))
     verge = partial(faces, finish=_VERGE, edges=edges, bottom_m=0.0, top_m=LAND_HEIGHT_M)
-    tiles.drape(shapely.intersection(open_land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
+    tiles.drape(shapely.intersection(land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
 
 
 def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
@@ -83,13 +100,15 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
     marked = partial(sheet, finish=_CROSSWALK, rise_m=0.0)
     tiles.drape(crosswalk, facets, marked, surface="crosswalk", level=level)
     paved = shapely.buffer(shapely.union(streets.road, streets.shoulder), _CURB_WIDTH_M)
-    for raised, finish in ((sidewalk, _PAVING), (median, LAWN if level == 0 else _PAVING)):
-        curb = shapely.intersection(raised, paved)
-        edges = shapely.difference(raised.boundary, shapely.buffer(region.boundary, _CUT_TOLERANCE_M))
-        sides = partial(faces, finish=_CURB, edges=edges, bottom_m=0.0, top_m=CURB_HEIGHT_M)
-        tiles.drape(curb, facets, partial(sheet, finish=_CURB, rise_m=CURB_HEIGHT_M), sides, level=level)
-        top = shapely.difference(raised, curb)
-        tiles.drape(top, facets, partial(sheet, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
+    green = shapely.buffer(shapely.buffer(median, -_GREEN_M), _GREEN_M) if level == 0 else shapely.Polygon()
+    raised = shapely.union(sidewalk, median)
+    edges = shapely.difference(raised.boundary, shapely.buffer(region.boundary, _CUT_TOLERANCE_M))
+    sides = partial(faces, finish=_CURB, edges=edges, bottom_m=0.0, top_m=CURB_HEIGHT_M)
+    curb = shapely.intersection(raised, paved)
+    lawn = shapely.intersection(shapely.difference(raised, curb), green)
+    paving = shapely.difference(raised, shapely.union(curb, lawn))
+    for area, finish in ((curb, _CURB), (paving, _PAVING), (lawn, LAWN)):
+        tiles.drape(area, facets, partial(sheet, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
 
 
 def _too_steep(facets: Facets) -> BaseGeometry:

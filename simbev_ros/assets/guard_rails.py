@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.claims import Claims
 from simbev_ros.assets.facets import TILE_M
@@ -44,41 +45,41 @@ def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) ->
 
 
 def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
-    """Where rails stand, the street on their left, each within one tile and straight enough."""
+    """Where rails stand, the street on their left, each within one tile."""
     street = ground.streets[0].area
     edge = shapely.buffer(street, _FROM_STREET_M).boundary
     taken = shapely.union_all([shapely.buffer(street, 0.9 * _FROM_STREET_M), *ground.decks])
+    fast = _beside_fast_roads(ground)
+    shapely.prepare(fast)
     x0, y0, x1, y1 = ground.region.area.bounds
     corners_m = np.stack(np.meshgrid(np.arange(x0, x1, TILE_M), np.arange(y0, y1, TILE_M)), axis=-1).reshape(-1, 2)
     for tile in shapely.box(*corners_m.T, *(corners_m + TILE_M).T):
         inside = shapely.line_merge(shapely.difference(shapely.intersection(edge, tile), taken))
         for part in shapely.get_parts(inside):
-            yield from _needed(ground, part)
+            if part.geom_type == "LineString" and part.length >= _SHORTEST_M:
+                yield from _needed(ground, part, fast)
 
 
-def _needed(ground: RegionGround, line: shapely.LineString) -> Iterator[shapely.LineString]:
+def _needed(ground: RegionGround, line: shapely.LineString, fast: BaseGeometry) -> Iterator[shapely.LineString]:
     """The stretches of a line where there should be a rail."""
-    if line.geom_type != "LineString" or line.length < _SHORTEST_M:
-        return
     stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
     place_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
-    wanted = _beside_fast_roads(ground, place_m) | _beside_drops(ground, place_m)
+    wanted = shapely.contains_xy(fast, place_m[:, 0], place_m[:, 1]) | _beside_drops(ground, place_m)
     changes = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
     for start, end in changes.reshape(-1, 2):
         if stations_m[end - 1] - stations_m[start] >= _SHORTEST_M:
             yield shapely.LineString(place_m[start:end])
 
 
-def _beside_fast_roads(ground: RegionGround, place_m: Float64Array) -> BoolArray:
-    """(N,) whether the road beside (N, 2) places is fast, and has no sidewalk there."""
-    box = shapely.box(*place_m.min(axis=0), *place_m.max(axis=0))
-    near = ground.network.layout.near(box, _BESIDE_M)
-    lanes = near.strips_of(LaneKind.DRIVING, level=0)
+def _beside_fast_roads(ground: RegionGround) -> BaseGeometry:
+    """What is near a fast road, and near no sidewalk."""
+    lanes = ground.network.layout.near(ground.region.area, _BESIDE_M).strips_of(LaneKind.DRIVING, level=0)
     fast = [strip for strip in lanes if strip.speed_mps >= _FAST_MPS and not strip.junction]
-    points = shapely.points(place_m)
-    walks = shapely.dwithin(ground.streets[0].sidewalk, points, _BESIDE_M)
-    beside = shapely.dwithin(shapely.union_all(strip_polygons(fast)), points, _BESIDE_M)
-    return np.asarray(beside & ~walks)
+    near, walks = (
+        shapely.buffer(area, _BESIDE_M, quad_segs=4)
+        for area in (shapely.union_all(strip_polygons(fast)), ground.streets[0].sidewalk if fast else shapely.Polygon())
+    )
+    return shapely.difference(near, walks)
 
 
 def _beside_drops(ground: RegionGround, place_m: Float64Array) -> BoolArray:

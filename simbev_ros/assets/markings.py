@@ -3,6 +3,7 @@
 from collections import defaultdict
 from functools import partial
 
+import numpy as np
 import shapely
 
 from simbev_ros.assets.drape import sheet
@@ -36,7 +37,15 @@ def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
         for mark in lane_markings(ground.network.layout, level, ground.region.area):
             by_color[mark.color].append(mark.polygon)
         asphalt = shapely.union(ground.streets[level].road, ground.streets[level].shoulder)
+        shapely.prepare(asphalt)
         for color, polygons in by_color.items():
-            paint = shapely.intersection(shapely.union_all(polygons), asphalt)
+            paint = np.array(polygons, object)
+            beyond = ~shapely.contains(asphalt, paint)
+            paint[beyond] = shapely.intersection(paint[beyond], asphalt)
             finish = Finish(Material.MARKING, Tag.ROAD_LINE, _COLORS[color])
-            tiles.drape(paint, facets, partial(sheet, finish=finish, rise_m=DECAL_HEIGHT_M), level=level)
+            tiles.drape(
+                shapely.GeometryCollection(list(paint)),
+                facets,
+                partial(sheet, finish=finish, rise_m=DECAL_HEIGHT_M),
+                level=level,
+            )

@@ -27,11 +27,11 @@ DECK_DEPTH_M = 1.1
 DECK_OVERHANG_M = 0.45
 """Structures reach so far beyond the streets that they carry."""
 
-MARGIN_M = 128.0
+MARGIN_M = 64.0
 """So far around a region its streets are known, so that what is built beside them does not end at the border."""
 
 _GRID_M = 0.001
-_STREET_TOLERANCE_M, _LAND_TOLERANCE_M = 0.008, 0.02
+_STREET_TOLERANCE_M, _LAND_TOLERANCE_M = 0.011, 0.02
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,23 +32,28 @@ def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facet
     road = shapely.intersection(ground.streets[level].road, ground.region.area)
     if road.is_empty:
         return
-    rest: BaseGeometry = road
-    for finish, area in _repairs(ground, level):
-        tiles.drape(shapely.intersection(rest, area), facets, partial(sheet, finish=finish, rise_m=0.0), level=level)
-        rest = shapely.difference(rest, area)
-    tiles.drape(rest, facets, partial(sheet, finish=_ASPHALT, rise_m=0.0), level=level)
+    repairs = _repairs(ground, level)
+    rest = shapely.difference(road, shapely.union_all([area for _, area in repairs]))
+    for finish, area in ((_ASPHALT, rest), *((finish, shapely.intersection(road, area)) for finish, area in repairs)):
+        tiles.drape(area, facets, partial(sheet, finish=finish, rise_m=0.0), level=level)
 
 
 def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, BaseGeometry]]:
-    """Areas of other looks; where they overlap the first one holds."""
+    """Areas of other looks that do not overlap."""
     rng = ground.stream(f"ground.repairs.{level}")
     patches = _rectangles(*_places(ground, level, _PATCH_SPACING_M, rng), rng)
     covers, _ = _places(ground, level, _COVER_SPACING_M, rng)
     discs = np.asarray(shapely.buffer(shapely.points(covers), _COVER_RADIUS_M, quad_segs=3), object)
     newer = rng.random(len(patches)) < 0.6
-    inside = shapely.box(*(np.array(ground.region.area.bounds) + _FROM_BORDER_M * np.array([1, 1, -1, -1])))
+    inside: BaseGeometry = shapely.box(
+        *(np.array(ground.region.area.bounds) + _FROM_BORDER_M * np.array([1, 1, -1, -1]))
+    )
     layers = ((_COVER, discs if level == 0 else discs[:0]), (_PATCH, patches[newer]), (_OLD_PATCH, patches[~newer]))
-    return [(finish, shapely.intersection(shapely.union_all(shapes), inside)) for finish, shapes in layers]
+    repairs: list[tuple[Finish, BaseGeometry]] = []
+    for finish, shapes in layers:
+        inside = shapely.difference(inside, shapely.union_all([area for _, area in repairs]))
+        repairs.append((finish, shapely.intersection(shapely.union_all(shapes), inside)))
+    return repairs
 
 
 def _places(

@@ -108,7 +108,7 @@ def _origin(key: _Key) -> Float64Array:
 
 def _cut(area: BaseGeometry) -> dict[tuple[int, int], np.ndarray[tuple[int], np.dtype[np.object_]]]:
     """The area's polygons in each tile that it touches."""
-    parts = shapely.get_parts(area)
+    parts = shapely.get_parts(shapely.get_parts(area))  # collections hold multipolygons
     parts = parts[shapely.area(parts) > 0.0]
     shapely.prepare(parts)
     low, high = np.floor(shapely.bounds(parts).reshape(-1, 2, 2) / TILE_M).astype(int).swapaxes(0, 1)

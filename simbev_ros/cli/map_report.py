@@ -83,10 +83,9 @@ def map_table(report: MapReport) -> Table:
     table.add_row("crosswalks", f"{figures.crosswalks}")
     table.add_row("heights", f"{figures.lowest_m:.1f} to {figures.highest_m:.1f} m")
     table.add_row("two-level crossings", f"{figures.two_level_crossings}")
-    land = [f"{figures.zones} zones", f"{figures.water_areas} pieces of water"]
-    if figures.prescribed_buildings is not None:
-        land.append(f"{figures.prescribed_buildings} buildings of the file")
-    table.add_row("land", ", ".join(land))
+    table.add_row("zones, waters", f"{figures.zones}, {figures.water_areas}")
+    invented = figures.prescribed_buildings is None
+    table.add_row("buildings", "invented" if invented else f"{figures.prescribed_buildings}, as in the file")
     table.add_row("roads", f"ready after {report.network_s:.1f} s")
     if (built := report.surroundings) is not None:
         where = "" if built.regions == built.of_regions else f" of {built.regions} of {built.of_regions} regions"

@@ -20,6 +20,7 @@ _OPTIONS = (
     "--junctions.corner-detail=8",
     "--geometry.max-grade.fix=false",
     "--tls.crossing-clearance.time=15",
+    "--tls.allred.time=2",
     "--precision=4",
 )
 _TIMEOUT_S = 120.0

@@ -24,7 +24,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.relief import relief_m
 from simbev_ros.maps.shore import Shores
 from simbev_ros.maps.surface import strip_polygons
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 NODE_M = 2.0
 """Distance of a patch's nodes."""
@@ -32,7 +32,8 @@ NODE_M = 2.0
 _COARSE_M, _MARGIN_M = 8.0, 512.0
 _FADE_M = (20.0, 220.0)  # between these distances from roads the land turns into the relief
 _VERGE_M = 5.5  # so far beside lanes lies the street, and the land in its plane; the gaps in a street are closed by 3 m
-_EDGE_M = 2.9  # what is so far beside lanes matters to their facets: the diagonal of nodes
+_EDGE_M = 3.2  # what is so far beside lanes matters to their facets: the diagonal of nodes, and a pixel
+_PIXEL_M = 0.5
 _SLOPE_M = 24.0  # so far beside streets the land is relaxed
 _STEPS = 32
 _REACH_M = 112.0  # of the steps, the slopes and the band that is relaxed
@@ -95,29 +96,37 @@ class Terrain:
         if self.is_level:
             return Patch(Raster(low_m, NODE_M, np.zeros(count)), np.full(count, False))
         xy_m = places_m(low_m - margin * NODE_M, NODE_M, shape)
-        height_m, street = self._nodes(xy_m.reshape(-1, 2), shape)
+        height_m, street = self._nodes(xy_m, shape)
         return Patch(Raster(low_m, NODE_M, height_m[inner]), street[inner])
 
     def _nodes(self, xy_m: Float64Array, shape: tuple[int, int]) -> tuple[Float64Array, BoolArray]:
-        """``shape`` heights at places row by row, and which of them are those of lanes."""
-        lanes, verges = self._on_streets(xy_m)
-        height_m = self.far_m(xy_m)
-        street = lanes | verges
+        """``shape`` heights at nodes, and which of them are those of lanes."""
+        lanes, verges = self._on_streets(xy_m[0, 0], shape)
+        street, flat_xy_m = lanes | verges, xy_m.reshape(-1, 2)
+        height_m = self.far_m(flat_xy_m).reshape(shape)
         height_m[street] = self.elevation.height_m(xy_m[street])
-        free = (_grown(street.reshape(shape), _SLOPE_M) & ~street.reshape(shape)).reshape(shape)
-        height_m = relaxed(height_m.reshape(shape), free, _STEPS).reshape(-1)
-        height_m = np.where(street, height_m, self._shores.carve(xy_m, height_m)).reshape(shape)
-        return _sloped(height_m, lanes.reshape(shape), round(_SLOPE_M / NODE_M)), lanes.reshape(shape)
+        height_m = relaxed(height_m, _grown(street, _SLOPE_M) & ~street, _STEPS)
+        carved_m = self._shores.carve(flat_xy_m, height_m.reshape(-1)).reshape(shape)
+        return _sloped(np.where(street, height_m, carved_m), lanes, round(_SLOPE_M / NODE_M)), lanes
 
-    def _on_streets(self, xy_m: Float64Array) -> tuple[BoolArray, BoolArray]:
-        """(N,) which of (N, 2) places lie on lanes on the ground or matter to them, and which on the verges beside."""
-        box = shapely.box(*(xy_m.min(axis=0) - _VERGE_M), *(xy_m.max(axis=0) + _VERGE_M))
-        lanes, decks = (shapely.union_all(tree.geometries[np.sort(tree.query(box))]) for tree in self._lanes)
-        verges = shapely.difference(shapely.buffer(lanes, _VERGE_M, quad_segs=4), decks)
-        edges = shapely.buffer(lanes, _EDGE_M, quad_segs=4)
-        shapely.prepare([verges, edges])
-        on_verges, on_lanes = (shapely.contains_xy(area, xy_m[:, 0], xy_m[:, 1]) for area in (verges, edges))
-        return on_lanes, on_verges
+    def _on_streets(self, low_m: Float64Array, shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
+        """Which nodes, the first at (2,) ``low_m``, lie on lanes on the ground or matter to them; which on verges."""
+        box = shapely.box(*low_m, *(low_m + NODE_M * np.array(shape)))
+        lanes, decks = (tree.geometries[np.sort(tree.query(box))] for tree in self._lanes)
+        to_lanes_m = _distances_m(lanes, low_m, shape)
+        beside = (to_lanes_m <= _VERGE_M) & (_distances_m(decks, low_m, shape) > 0.0)
+        return to_lanes_m <= _EDGE_M, beside
+
+
+def _distances_m(polygons: AnyArray, low_m: Float64Array, shape: tuple[int, int]) -> Float64Array:
+    """``shape`` distances of nodes from polygons, to a pixel; the first node lies at (2,) ``low_m``."""
+    scale = round(NODE_M / _PIXEL_M)
+    away = np.full((shape[0] * scale, shape[1] * scale), 1, np.uint8)
+    for polygon in shapely.get_parts(polygons):
+        place = (shapely.get_coordinates(polygon.exterior) - low_m) / _PIXEL_M
+        cv2.fillPoly(away, [np.round(place[:, ::-1] * 256.0).astype(np.int32)], 0, shift=8)
+    distance = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::scale, ::scale]
+    return _PIXEL_M * np.asarray(distance, np.float64)
 
 
 def _places(strips: Sequence[Strip]) -> Float64Array:

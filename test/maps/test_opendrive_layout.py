@@ -91,6 +91,13 @@ def test_strips_are_cut_where_paint_changes_but_not_where_it_is_said_again(tmp_p
     assert [(s.s_start_m, s.right_line.paint) for s in layout.strips] == [(0.0, Paint.SOLID), (50.0, Paint.BROKEN)]
 
 
+def test_paint_that_changes_at_once_holds_from_the_start(tmp_path: Path) -> None:
+    marks = mark("solid") + mark("broken", 0.01)
+    lane = sample.lane(-1, inner=sample.width(3.0) + marks)
+    (strip,) = built(tmp_path, sample.straight_road(sections=sample.section(lane))).layout.strips
+    assert strip.right_line.paint is Paint.BROKEN
+
+
 def test_speed_limits_come_from_the_lane_else_the_road_else_its_type(tmp_path: Path) -> None:
     more = '<type s="0" type="town"><speed max="30" unit="mph"/></type><type s="60" type="motorway"/>'
     slow = sample.lane(-2, inner=sample.width(3.0) + '<speed sOffset="10" max="20" unit="km/h"/>')

@@ -1,10 +1,14 @@
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import shapely
 
 from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import SignalPlace, Strip
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.signals import place_signals
+from simbev_ros.maps.sumo_net import read_sumo_net
 from simbev_ros.maps.surface import sidewalk_surface
 
 
@@ -62,3 +66,36 @@ def test_arms_over_wide_approaches_clear_trucks_and_posts_stand_low(blocks: Road
             assert reach_m > 1.5
             assert signal.position_m[2] > 5.0
     assert set(lanes_of_approach.values()) == {1, 2}
+
+
+def test_places_that_the_map_names_are_used_and_the_rest_follows_the_rule(blocks: RoadNetwork) -> None:
+    net = read_sumo_net(blocks.net_path)
+    wide = [signal for signal in blocks.signals if np.linalg.norm(signal.position_m[:2] - signal.pole_m[:2]) > 1.5]
+    straight = next(
+        link for link in net.links if link.lane == wide[0].lane and link.direction == "s" and link.link == wide[0].link
+    )
+    other = next(link for link in net.links if link.lane != straight.lane and link.direction in "lr")
+    place = SignalPlace(np.array([1.0, 2, 3]), np.array([1.0, 2, 9]), 0.25, (other.lane, straight.lane))
+    idle = SignalPlace(np.zeros(3), np.ones(3), 0.0, ("no such lane",))
+    signals = place_signals(net, replace(blocks.layout, signal_places=(place, idle)))
+    here = [signal for signal in signals if signal.position_m is place.head_m]
+    assert [(signal.programme, signal.link, signal.lane) for signal in here] == [
+        (straight.programme, straight.link, straight.lane)
+    ], "one head for both lanes, which shows the straightest movement"
+    rest = {signal.lane for signal in blocks.signals} - {other.lane, straight.lane}
+    assert {signal.lane for signal in signals if all(signal is not each for each in here)} == rest
+
+
+def test_poles_stand_on_the_carriageways_plane_of_their_level(blocks: RoadNetwork) -> None:
+    def lifted(strip: Strip) -> Strip:
+        left_m, right_m = (
+            side + np.array([0.0, 0.0, 1.0]) * (5.0 + 0.02 * side[:, :1] - 0.03 * side[:, 1:2])
+            for side in (strip.left_m, strip.right_m)
+        )
+        return replace(strip, left_m=left_m, right_m=right_m)
+
+    hills = replace(blocks.layout, strips=tuple(map(lifted, blocks.layout.strips)))
+    for signal in place_signals(read_sumo_net(blocks.net_path), hills):
+        ground_m = 5.0 + 0.02 * signal.pole_m[0] - 0.03 * signal.pole_m[1]
+        assert abs(signal.pole_m[2] - ground_m) < 1e-6
+        assert 2.5 < signal.position_m[2] - ground_m < 6.0

@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.land.blocks import Block, Frontage, left_of
+from simbev_ros.assets.land.blocks import Block, left_of
 from simbev_ros.assets.land.covers import PATH_RISE_M, draw_crop
 from simbev_ros.assets.land.fencing import fence_along
 from simbev_ros.assets.land.planting import plant_mixed, random_places, scatter
@@ -33,8 +33,7 @@ _FARMSTEAD = (
 def lay_out_farmland(yard: Yard, block: Block) -> None:
     """Lay out fields, farmsteads where streets are, and what stands between them."""
     rng = yard.ground.stream(f"farmland.{block.name}")
-    for line in block.frontage:
-        _put_farmsteads(yard, block, line, rng)
+    _put_farmsteads(yard, block, rng)
     fields, rows = _plow(yard, block)
     yard.cover(shapely.difference(block.land, shapely.union_all(fields)), "meadow", block.recipe.plants)
     for line in block.frontage:
@@ -104,11 +103,16 @@ def _plant_rows(yard: Yard, block: Block, places: Float64Array, rng: np.random.G
     plant_mixed(yard, places[~big], block.recipe.plants, "low", rng)
 
 
-def _put_farmsteads(yard: Yard, block: Block, line: Frontage, rng: np.random.Generator) -> None:
-    """Farms along a road, each with its yard."""
-    for at_m in np.arange(rng.uniform(20.0, _FARM_SPACING_M), line.length_m - _FARM_LENGTH_M, _FARM_SPACING_M):
-        if rng.random() < block.recipe.building_density:
-            _farmstead(yard, block, *line.chord(float(at_m), _FARM_LENGTH_M), rng)
+def _put_farmsteads(yard: Yard, block: Block, rng: np.random.Generator) -> None:
+    """Farms along the roads of a block, each with its yard."""
+    at_m = rng.uniform(0.2, 0.8) * _FARM_SPACING_M
+    for line in block.frontage:
+        while at_m < line.length_m:
+            start_m = min(at_m, line.length_m - _FARM_LENGTH_M)
+            if rng.random() < block.recipe.building_density and start_m > 0.0:
+                _farmstead(yard, block, *line.chord(start_m, _FARM_LENGTH_M), rng)
+            at_m += _FARM_SPACING_M
+        at_m -= line.length_m
 
 
 def _farmstead(yard: Yard, block: Block, place_m: Float64Array, along: Float64Array, rng: np.random.Generator) -> None:

@@ -101,24 +101,26 @@ def cabinet() -> Mesh:
 
 @lru_cache(maxsize=1)
 def bicycle_rack() -> Mesh:
-    """Three hoops, 2 m along y, and the bicycles that are locked to two of them."""
+    """Two hoops in a row along y, and the bicycles that are locked to them."""
     steel = Finish(Material.METAL, Tag.STATIC, (150, 153, 156))
-    y_m = (-0.8, 0.0, 0.8)
-    posts = np.array([(x, y, 0.3) for y in y_m for x in (-0.35, 0.35)])
+    y_m = (-1.05, 1.05)
+    posts = np.array([(0.0, y + side, 0.3) for y in y_m for side in (-0.35, 0.35)])
     rails = np.array([(0.0, y, 0.82) for y in y_m])
     hoops = [
-        boxes(steel, np.tile((0.05, 0.05, 1.1), (6, 1)), posts),
-        boxes(steel, np.tile((0.75, 0.05, 0.05), (3, 1)), rails),
+        boxes(steel, np.tile((0.05, 0.05, 1.1), (4, 1)), posts),
+        boxes(steel, np.tile((0.05, 0.75, 0.05), (2, 1)), rails),
     ]
-    bicycles = [_parked_bicycle(y + 0.16, color) for y, color in ((-0.8, (38, 60, 96)), (0.8, (120, 36, 34)))]
+    bicycles = [_parked_bicycle(y, color) for y, color in zip(y_m, ((38, 60, 96), (120, 36, 34)), strict=True)]
     return Mesh.merged([*hoops, *bicycles])
 
 
 def _parked_bicycle(y_m: float, color: Color) -> Mesh:
-    """A bicycle along x, of few triangles."""
+    """A bicycle along y, beside its hoop, of few triangles."""
     rubber, frame = Finish(Material.RUBBER, Tag.DYNAMIC, (28, 28, 30)), Finish(Material.METAL, Tag.DYNAMIC, color)
+    x_m = -0.14
     wheels = [
-        cylinder(rubber, (x, y_m - 0.025, 0.34), (x, y_m + 0.025, 0.34), 0.34, segments=10) for x in (-0.52, 0.52)
+        cylinder(rubber, (x_m - 0.025, y_m + side, 0.34), (x_m + 0.025, y_m + side, 0.34), 0.34, segments=10)
+        for side in (-0.52, 0.52)
     ]
     bars = [
         ((-0.52, 0.34), (-0.15, 0.8)),
@@ -126,6 +128,9 @@ def _parked_bicycle(y_m: float, color: Color) -> Mesh:
         ((-0.1, 0.32), (0.4, 0.78)),
         ((0.4, 0.95), (0.52, 0.34)),
     ]
-    tubes = [cylinder(frame, (a[0], y_m, a[1]), (b[0], y_m, b[1]), 0.025, segments=4) for a, b in bars]
-    saddle = box(rubber, (0.26, 0.14, 0.06), (-0.18, y_m, 0.9))
-    return Mesh.merged([*wheels, *tubes, saddle, box(frame, (0.05, 0.5, 0.04), (0.4, y_m, 0.98))])
+    tubes = [
+        cylinder(frame, (x_m, y_m + start, low), (x_m, y_m + end, high), 0.025, segments=4)
+        for (start, low), (end, high) in bars
+    ]
+    saddle = box(rubber, (0.14, 0.26, 0.06), (x_m, y_m - 0.18, 0.9))
+    return Mesh.merged([*wheels, *tubes, saddle, box(frame, (0.46, 0.05, 0.04), (x_m, y_m + 0.4, 0.98))])

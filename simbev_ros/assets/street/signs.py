@@ -18,7 +18,7 @@ _BACK = Finish(Material.METAL, Tag.TRAFFIC_SIGN, _STEEL)
 _RED, _WHITE, _BLACK = (
     Finish(Material.PLATE, Tag.TRAFFIC_SIGN, color) for color in ((190, 28, 32), (240, 240, 238), (20, 20, 22))
 )
-_FACE_Z_M, _ROOT_M = 2.45, -0.5
+_FACE_Z_M, _ROOT_M = 2.6, -0.5
 _LAYER_M = 0.006
 _LOOKS_ALONG_X = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -63,7 +63,7 @@ def yield_sign() -> Mesh:
     turn = np.array([-0.5, 1.0 / 6.0, 5.0 / 6.0]) * np.pi
     triangle = shapely.Polygon(np.column_stack([np.cos(turn), np.sin(turn)]))
     return Mesh.merged(
-        [_post(), _plate(_BACK, triangle, 0.5, 0), _plate(_RED, triangle, 0.52, 1), _plate(_WHITE, triangle, 0.33, 2)]
+        [_post(), _plate(_BACK, triangle, 0.45, 0), _plate(_RED, triangle, 0.47, 1), _plate(_WHITE, triangle, 0.29, 2)]
     )
 
 

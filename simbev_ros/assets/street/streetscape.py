@@ -110,7 +110,7 @@ def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         (litter_bin(pick_color(rng, "bins", 0.0)), 0.35, 0.8),
         (hydrant(), 0.3, 0.4),
         (bench(), 1.0, 0.8),
-        (bicycle_rack(), 1.2, 0.5),
+        (bicycle_rack(), 1.9, 0.5),
         (cabinet(), 0.6, 0.35),
     )
     for curb in curbs:

@@ -22,7 +22,7 @@ _End = tuple[str, str, str]
 
 
 def planned_crossings(
-    crosswalks: Sequence[Crosswalk], traffic: Traffic, lit: Collection[str]
+    crosswalks: Sequence[Crosswalk], traffic: Traffic, lit: Collection[str], left_hand: bool
 ) -> tuple[PlannedCrossing, ...]:
     """Crossings at crosswalks that lie across one arm of a junction, and on all arms of junctions that have none.
 
@@ -30,6 +30,7 @@ def planned_crossings(
         crosswalks: Those of the file.
         traffic: The roads.
         lit: Nodes with traffic lights; at others nobody crosses fast roads but on the file's crosswalks.
+        left_hand: Traffic keeps to the left.
     """
     places_m = traffic.places_m()
     found: dict[tuple[str, frozenset[str]], PlannedCrossing] = {}
@@ -40,7 +41,7 @@ def planned_crossings(
         if arms:
             (node, _), edges = max(arms.items(), key=lambda arm: (len(arm[1]), arm[0]))
             line_m, width_m = middle_line(crosswalk)
-            line_m = _with_left(line_m, places_m[node])
+            line_m = _directed(line_m, places_m[node], left_hand)
             found.setdefault((node, frozenset(edges)), PlannedCrossing(node, tuple(sorted(edges)), line_m, width_m))
     marked = {node for node, _ in found}
     return (*found.values(), *(crossing for crossing in _by_rule(traffic, lit) if crossing.node not in marked))
@@ -60,10 +61,11 @@ def _by_rule(traffic: Traffic, lit: Collection[str]) -> Iterator[PlannedCrossing
                 yield PlannedCrossing(node, tuple(edge.id for edge in edges), None, _WIDTH_M)
 
 
-def _with_left(line_m: Float64Array, place_m: Float64Array) -> Float64Array:
-    """The (2, 3) line in that direction in which a place is on its left, as netconvert wants it."""
-    along_m, arm_m = (line_m[1] - line_m[0])[:2], (place_m - line_m.mean(axis=0))[:2]
-    return line_m if along_m[0] * arm_m[1] - along_m[1] * arm_m[0] > 0.0 else line_m[::-1]
+def _directed(line_m: Float64Array, junction_m: Float64Array, left_hand: bool) -> Float64Array:
+    """The (2, 3) line in that direction in which netconvert wants it."""
+    along_m, arm_m = (line_m[1] - line_m[0])[:2], (junction_m - line_m.mean(axis=0))[:2]
+    junction_is_left = along_m[0] * arm_m[1] - along_m[1] * arm_m[0] > 0.0
+    return line_m if junction_is_left != left_hand else line_m[::-1]
 
 
 def middle_line(crosswalk: Crosswalk) -> tuple[Float64Array, float]:

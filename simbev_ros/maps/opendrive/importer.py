@@ -4,13 +4,14 @@ The layout is read from the file itself, by its geometry; the traffic net is mad
 drive where lanes lie.
 """
 
-import codecs
 import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps.layout import Crosswalk, Layout
+from simbev_ros.maps.layout import Layout
 from simbev_ros.maps.opendrive.approaches import Approaches
 from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.crossings import crosswalks_of_net, planned_crossings
@@ -57,9 +58,12 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     signals = read_signals(document, notes)
     crosswalks = crosswalks_of(document, notes)
     stop_lines = (*stop_lines_of(document, notes), *signalled_stop_lines(signals))
-    right_of_way = _right_of_way(signals, approaches, traffic, crosswalks)
+    left_hand = _left_hand(document)
+    edges, lit = _marked_edges(signals, approaches, traffic)
+    crossings = planned_crossings(crosswalks, traffic, lit, left_hand)
+    right_of_way = RightOfWay(lit, edges["yield"], edges["stop"], crossings)
     try:
-        net = build_net(traffic, right_of_way, _left_hand(document), work)
+        net = build_net(traffic, right_of_way, left_hand, work)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
     carriageway, lane_ids = Carriageway(strips), traffic.lane_ids()
@@ -75,24 +79,16 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     return MapParts(net, opendrive, datum, features_of(strips), layout, notes.sentences())
 
 
-def _right_of_way(
-    signals: tuple[Signal, ...], approaches: Approaches, traffic: Traffic, crosswalks: tuple[Crosswalk, ...]
-) -> RightOfWay:
-    """What signals and signs say about the ends of edges."""
-    edges = {edge.id: edge for edge in traffic.edges}
-    ends: dict[str, set[str]] = {}
+def _marked_edges(
+    signals: Iterable[Signal], approaches: Approaches, traffic: Traffic
+) -> tuple[Mapping[str, set[str]], set[str]]:
+    """Meaning of signals → edges at whose end they are in force; and the nodes with traffic lights."""
     lane_ids = traffic.lane_ids()
+    marked: dict[str, set[str]] = defaultdict(set)
     for signal in signals:
         for key in approaches.of(signal.lanes):
-            for lane_id in lane_ids.get(key, ())[-1:]:
-                ends.setdefault(signal.meaning, set()).add(lane_id.rsplit("_", 1)[0])
-    lit = {edges[edge].end for edge in ends.get("traffic_light", ())}
-    return RightOfWay(
-        lit=lit,
-        yielding=ends.get("yield", set()),
-        stopping=ends.get("stop", set()),
-        crossings=planned_crossings(crosswalks, traffic, lit),
-    )
+            marked[signal.meaning].update(lane_id.rsplit("_", 1)[0] for lane_id in lane_ids.get(key, ())[-1:])
+    return marked, {edge.end for edge in traffic.edges if edge.id in marked["traffic_light"]}
 
 
 def _left_hand(document: Document) -> bool:
@@ -103,10 +99,13 @@ def _left_hand(document: Document) -> bool:
 def _write(path: Path, document: Document, moved: bool, work: Path) -> Path:
     """The file as UTF-8: as it is, if it is UTF-8 and was not moved."""
     target = work / "map.xodr"
-    data = path.read_bytes()
-    declared = re.match(rb"""\s*<\?xml[^>]*encoding=["']([^"']+)""", data)
-    if moved or (declared and declared[1].upper() not in (b"UTF-8", b"US-ASCII", b"ASCII")):
-        ElementTree(document.root).write(target, encoding="utf-8", xml_declaration=True)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        text = ""
+    declared = re.match(r"""\s*<\?xml[^>]*encoding=["']([^"']+)""", text)
+    if text and not moved and (declared is None or declared[1].upper() in ("UTF-8", "US-ASCII", "ASCII")):
+        target.write_text(text, encoding="utf-8")
     else:
-        target.write_bytes(data.removeprefix(codecs.BOM_UTF8))
+        ElementTree(document.root).write(target, encoding="utf-8", xml_declaration=True)
     return target

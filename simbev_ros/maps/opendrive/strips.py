@@ -96,7 +96,7 @@ def _stretches(shape: LaneShape) -> Iterator[tuple[int, int, _Traits]]:
     """First and last sample of each stretch on which the lane has a width and its traits are the same."""
     s_m, width_m = shape.s_m, shape.width_m
     cut = np.zeros(len(s_m), bool)
-    cut[np.clip(np.searchsorted(s_m, np.array(_changes_m(shape)) - 1e-3), 0, len(s_m) - 1)] = True
+    cut[np.searchsorted((s_m[1:] + s_m[:-1]) / 2.0, _changes_m(shape))] = True
     wide = np.maximum(width_m[:-1], width_m[1:]) > _NARROWEST_M
     cut[1:-1] |= wide[1:] != wide[:-1]
     cut[[0, -1]] = True

@@ -41,8 +41,8 @@ class PlannedCrossing:
     Attributes:
         node: The junction.
         edges: What is crossed.
-        line_m: (2, 3) where a crosswalk of the file lies, from curb to curb, the junction on its left; None: where
-            netconvert wants it.
+        line_m: (2, 3) where a crosswalk of the file lies, from curb to curb, the junction on its left, in left-hand
+            traffic on its right; None: where netconvert wants it.
         width_m: Of the crossing.
     """
 

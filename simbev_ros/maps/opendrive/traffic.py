@@ -108,6 +108,8 @@ class Traffic:
 
 def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes) -> Traffic:
     """The edges and connections of the largest part of the roads that hangs together."""
+    if any(shape.lane.reversed for shape in shapes.values()):
+        notes.add("traffic keeps off lanes whose direction is reversed")
     nodes = Nodes(document)
     chains = [
         (road, chain)

@@ -185,7 +185,7 @@ class DualCarriageway:
 
     def _raise_at_own_crossing(self) -> None:
         """Where the motorway crosses itself, its later part passes over the earlier one."""
-        segments = shapely.linestrings(np.stack([self.axis_m[:-1], self.axis_m[1:]], axis=1))
+        segments = np.asarray(shapely.linestrings(np.stack([self.axis_m[:-1], self.axis_m[1:]], axis=1)))
         earlier, later = shapely.STRtree(segments).query(segments, predicate="crosses")
         reach_m = 2.0 * self.half_width_m + _BRIDGE_M
         for index in np.unique(np.maximum(earlier, later)).tolist():

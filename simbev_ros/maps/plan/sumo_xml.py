@@ -95,11 +95,9 @@ def connections_xml(plan: Plan, width_m: float) -> str:
     """SUMO's connection file: a crossing over each road with sidewalks at a junction, and lanes that begin."""
     root = ElementTree.Element("connections")
     for node, links in enumerate(plan.links_at()):
-        for link in links if len(links) > 2 else ():
-            kind = link.road.kind
-            if kind.sidewalk_m > 0.0 and not kind.one_way and kind.speed_kmh <= _FASTEST_CROSSING_KMH:
-                crossed = {"node": f"J{node}", "edges": f"{link.id} -{link.id}", "width": f"{width_m:g}"}
-                ElementTree.SubElement(root, "crossing", {**crossed, "priority": "true"})
+        for link in _crossed(links):
+            crossed = {"node": f"J{node}", "edges": f"{link.id} -{link.id}", "width": f"{width_m:g}"}
+            ElementTree.SubElement(root, "crossing", {**crossed, "priority": "true"})
         first = {link.id: _first_driving(link.road.kind) for link in links}
         for pair in lane_pairs(node, links):
             lanes = {
@@ -108,6 +106,18 @@ def connections_xml(plan: Plan, width_m: float) -> str:
             }
             ElementTree.SubElement(root, "connection", {"from": pair.coming, "to": pair.going, **lanes})
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _crossed(links: Sequence[Link]) -> Sequence[Link]:
+    """Roads at a junction that people cross; one where a footpath ends beside a road."""
+    if len(links) < 3:
+        return ()
+    crossed = [link for link in links if _has_crossings(link.road.kind)]
+    return crossed[:1] if sum(link.road.kind.lanes > 0 for link in links) == 2 else crossed
+
+
+def _has_crossings(kind: RoadClass) -> bool:
+    return kind.sidewalk_m > 0.0 and not kind.one_way and kind.speed_kmh <= _FASTEST_CROSSING_KMH
 
 
 def _first_driving(kind: RoadClass) -> int:

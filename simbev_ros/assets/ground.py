@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.drape import faces, sheet
 from simbev_ros.assets.facets import Facets
-from simbev_ros.assets.land.covers import Cover
+from simbev_ros.assets.land.covers import Cover, finish_of
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import CURB_HEIGHT_M as CURB_HEIGHT_M
@@ -22,7 +22,9 @@ from simbev_ros.semantics import Tag
 
 _CURB_WIDTH_M = 0.15
 _GREEN_M = 0.9  # medians at least twice as wide are green
-_STEEPEST, _ROUNDED_M, _SMALLEST_PAVED_M2 = 0.8, 0.9, 15.0
+_HELD_BY_STONE = ((0.8, 3.0), (1.3, 0.3))  # slopes, if the land is so steep over at least so many metres
+_EMBANKMENT = (0.33, 2.5)
+_ROUNDED_M = 0.9
 _RIM_M = 1.5  # so far the land goes on below the water's surface
 _CUT_TOLERANCE_M = 0.002  # plans lie on a millimetre grid, and what is cut from them too
 
@@ -46,20 +48,22 @@ def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
 
 
 def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
-    """Add what lies between the streets on the ground; slopes that are too steep for earth are paved with stone."""
+    """Add what lies between the streets on the ground; on slopes grass, and stone where they are too steep for that."""
     facets, decks = ground.land_facets, shapely.union_all(ground.decks)
-    steep = shapely.difference(_too_steep(facets), decks)
-    bare = shapely.union(decks, steep)
+    walls = [_steeper_than(facets, slope, narrowest_m) for slope, narrowest_m in _HELD_BY_STONE]
+    stone = shapely.difference(shapely.union_all(walls), decks)
+    grass = shapely.difference(_steeper_than(facets, *_EMBANKMENT), shapely.union(decks, stone))
+    bare = shapely.union_all([decks, stone, grass])
     shapely.prepare([ground.land, bare])
     for (finish, rise_m, yaw_rad), parts in _by_looks(covers).items():
         parts[:] = [part if ground.land.covers(part) else part & ground.land for part in parts]
         parts[:] = [part - bare if bare.intersects(part) else part for part in parts]
         lain = partial(sheet, finish=finish, rise_m=LAND_HEIGHT_M + rise_m, yaw_rad=yaw_rad)
         tiles.drape(shapely.GeometryCollection(parts), facets, lain)
-    paved = partial(sheet, finish=_STONE, rise_m=LAND_HEIGHT_M)
-    tiles.drape(shapely.intersection(ground.land, steep), facets, paved)
-    covered = partial(paved, ceiling_m=ground.soffit_m)
-    tiles.drape(shapely.intersection(ground.land, decks), facets, covered)
+    lawn = finish_of("lawn", ground.network.features.surroundings.plants)
+    for area, finish, ceiling_m in ((stone, _STONE, None), (grass, lawn, None), (decks, _STONE, ground.soffit_m)):
+        lain = partial(sheet, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
+        tiles.drape(shapely.intersection(ground.land, area), facets, lain)
     _lay_verges(tiles, ground, shapely.difference(ground.land, decks))
 
 
@@ -111,9 +115,9 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
         tiles.drape(area, facets, partial(sheet, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
 
 
-def _too_steep(facets: Facets) -> BaseGeometry:
-    """Where facets are steeper than earth can be, rounded off."""
-    steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > _STEEPEST
-    area = shapely.buffer(shapely.union_all(facets.polygons[steep]), _ROUNDED_M)
-    parts = shapely.get_parts(shapely.buffer(shapely.buffer(area, -2.0 * _ROUNDED_M), _ROUNDED_M + 0.3))
-    return shapely.union_all(parts[shapely.area(parts) > _SMALLEST_PAVED_M2])
+def _steeper_than(facets: Facets, slope: float, narrowest_m: float) -> BaseGeometry:
+    """Where facets are steeper than a slope, rounded off, without what is narrow."""
+    steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > slope
+    area = shapely.buffer(shapely.union_all(facets.polygons[steep]), _ROUNDED_M, quad_segs=3)
+    inset_m = _ROUNDED_M + narrowest_m / 2.0
+    return shapely.buffer(shapely.buffer(area, -inset_m, quad_segs=3), inset_m - _ROUNDED_M / 2.0, quad_segs=3)

@@ -76,9 +76,9 @@ class RegionGround:
             land = Facets.of(patch.heights, np.where(patch.street, _STREET_TOLERANCE_M, _LAND_TOLERANCE_M))
         decks = [
             _deck_facets(terrain, patch.heights, level) if street.area.intersects(region.area) else None
-            for level, street in enumerate(streets)
+            for level, street in enumerate(streets[1:], start=1)
         ]
-        return cls(network, region, terrain, streets, water, (land, *decks[1:]), patch.heights)
+        return cls(network, region, terrain, streets, water, (land, *decks), patch.heights)
 
     @cached_property
     def land(self) -> BaseGeometry:

@@ -14,14 +14,15 @@ from typing import TypeVar
 import numpy as np
 
 from simbev_ros.assets.build import build_region
-from simbev_ros.assets.far_land import FarLand, far_land, far_tiles
+from simbev_ros.assets.facets import TILE_M
+from simbev_ros.assets.far_land import FarLand, cells_of, far_land, far_tiles
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.region_file import read_region, write_region
 from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Tile
 from simbev_ros.errors import InputError
 from simbev_ros.maps.cache import default_cache_dir
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.region import Region, regions_of
+from simbev_ros.maps.region import Reach, Region, regions_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.terrain import Terrain
 
@@ -34,7 +35,7 @@ def load_static_scene(
     network: RoadNetwork,
     cache_dir: Path | None = None,
     *,
-    regions: Sequence[Region] | None = None,
+    reach: Reach | None = None,
 ) -> StaticScene:
     """The static scene of a map.
 
@@ -42,20 +43,20 @@ def load_static_scene(
         spec: The map.
         network: Its roads, from ``load_network``.
         cache_dir: Where regions that were built once are kept; ``default_cache_dir()`` when omitted.
-        regions: Only these; the whole map when omitted.
+        reach: Only tiles that it touches; the whole map when omitted.
 
     Raises:
         InputError: The cache cannot be written.
     """
     cache = StaticCache(spec, network, cache_dir)
-    regions = regions_of(network.layout) if regions is None else regions
+    far = cache.far_land()
     tiles: list[Tile] = []
     lights: list[StreetLight] = []
-    for region in regions:
+    for region in regions_of(network.layout, reach):
         scene = cache.region(region)
-        tiles += [_renumbered(tile, len(lights)) for tile in scene.tiles]
+        tiles += [_renumbered(tile, len(lights)) for tile in scene.tiles if reach is None or _touches(reach, tile)]
         lights += scene.street_lights
-    return StaticScene((*tiles, *far_tiles(cache.far_land(), frozenset(regions))), tuple(lights))
+    return StaticScene((*tiles, *far_tiles(far, cells_of(far, tiles))), tuple(lights))
 
 
 class StaticCache:
@@ -121,6 +122,10 @@ def _read_far_land(path: Path) -> FarLand:
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         first = Region(*arrays["first"].tolist())
         return FarLand(first, arrays["height_m"], arrays["cover"], arrays["finish"])
+
+
+def _touches(reach: Reach, tile: Tile) -> bool:
+    return bool(reach.touches(tile.origin_m[None, :2] - TILE_M / 2.0, TILE_M)[0])
 
 
 def _renumbered(tile: Tile, first: int) -> Tile:

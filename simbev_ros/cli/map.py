@@ -100,7 +100,8 @@ def _explored(
     report, network = _roads(spec, cache_dir, console)
     center_m = busiest_place(network) if at_m is None else np.array(at_m)
     regions = regions_of(network.layout)
-    near = regions_of(network.layout, Reach((float(center_m[0]), float(center_m[1])), _REACH_M))
+    reach = Reach((float(center_m[0]), float(center_m[1])), _REACH_M)
+    near = regions_of(network.layout, reach)
     if not near:
         raise InputError(f"--at {center_m[0]:g} {center_m[1]:g}: there is no road of {spec.name} near this place")
     wanted = regions if everything or len(regions) <= _FEW_REGIONS else near
@@ -111,8 +112,8 @@ def _explored(
     triangles = sum(len(tile.mesh.triangles) for region in wanted for tile in cache.region(region).tiles)
     if out is not None:
         with console.status(f"pictures of {escape(spec.name)}"):
-            shown = wanted if len(wanted) <= _FEW_REGIONS else near
-            _write_pictures(network, load_static_scene(spec, network, cache_dir, regions=shown), center_m, out)
+            shown = None if len(regions) <= _FEW_REGIONS else reach
+            _write_pictures(network, load_static_scene(spec, network, cache_dir, reach=shown), center_m, out)
     return replace(report, surroundings=Surroundings(seconds, triangles, len(wanted), len(regions)))
 
 

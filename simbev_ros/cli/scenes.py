@@ -22,7 +22,7 @@ from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.layout import partial_of, scene_folder
 from simbev_ros.scene.draw import draw_scene, planned_scenes
-from simbev_ros.scene.reach import reach_of
+from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -53,8 +53,8 @@ def _build_surroundings(specs: Sequence[SceneSpec], console: Console) -> None:
     """Fill the cache on disk, so that the nodes, which all need the static scene, find it there."""
     for map_spec in dict.fromkeys(spec.map for spec in specs):
         network = load_network(map_spec)
-        reaches = [regions_of(network.layout, reach_of(spec, network)) for spec in specs if spec.map == map_spec]
-        prepare_regions(map_spec, network, tuple(dict.fromkeys(chain.from_iterable(reaches))), console)
+        seen = [regions_of(network.layout, loaded_reach(spec, network)) for spec in specs if spec.map == map_spec]
+        prepare_regions(map_spec, network, tuple(dict.fromkeys(chain.from_iterable(seen))), console)
 
 
 def prepare_regions(

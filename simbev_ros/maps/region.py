@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.layout import Layout
-from simbev_ros.types import Float64Array
+from simbev_ros.types import BoolArray, Float64Array
 
 REGION_M = 512.0
 """Side of a region; a whole number of mesh tiles."""
@@ -32,10 +32,16 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """A circle that a scene can see of: (2,) centre in the map frame, and radius."""
+    """The circle of a map that a scene can see: (2,) centre in the map frame, and radius."""
 
     center_m: tuple[float, float]
     radius_m: float
+
+    def touches(self, low_m: Float64Array, side_m: float) -> BoolArray:
+        """(N,) which squares it touches, of (N, 2) south-western corners and a side."""
+        gap_m = np.clip(self.center_m, low_m, np.asarray(low_m) + side_m) - self.center_m
+        touched: BoolArray = np.hypot(gap_m[:, 0], gap_m[:, 1]) <= self.radius_m
+        return touched
 
 
 def regions_within(bounds_m: Float64Array) -> tuple[Region, ...]:
@@ -49,8 +55,6 @@ def regions_of(layout: Layout, reach: Reach | None = None) -> tuple[Region, ...]
     places_m = np.concatenate([np.empty((0, 2)), *(strip.left_m[:, :2] for strip in layout.strips)])
     corners = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]]) * OUTSKIRTS_M
     squares = np.unique(np.floor((places_m[:, None] + corners).reshape(-1, 2) / REGION_M).astype(int), axis=0)
-    regions = [Region(column, row) for column, row in squares.tolist()]
     if reach is not None:
-        center = shapely.Point(reach.center_m)
-        regions = [region for region in regions if region.area.distance(center) <= reach.radius_m]
-    return tuple(regions)
+        squares = squares[reach.touches(squares * REGION_M, REGION_M)]
+    return tuple(Region(column, row) for column, row in squares.tolist())

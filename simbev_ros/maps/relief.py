@@ -1,5 +1,7 @@
 """The shape of the land far from roads: smooth random hills, the same for the same map and seed."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from simbev_ros.maps.surroundings import ReliefRecipe
@@ -9,18 +11,49 @@ from simbev_ros.types import Float64Array
 _WAVES = 24
 
 
-def relief_m(recipe: ReliefRecipe, seed: int, xy_m: Float64Array) -> Float64Array:
-    """(N,) heights of the undisturbed land at (N, 2) points of the map frame; 0 on average, twice differentiable.
+@dataclass(frozen=True, slots=True)
+class Relief:
+    """Heights of the undisturbed land; 0 on average, twice differentiable.
 
     A sum of plane waves in random directions, of wavelengths around the recipe's, each as high as it is long; three
     standard deviations of the sum are the recipe's amplitude.
+
+    Attributes:
+        wave_number: (2, W) radians per metre along x and y.
+        phase_rad: (W,).
+        amplitude_m: (W,).
     """
-    if recipe.amplitude_m == 0.0:
-        return np.zeros(len(xy_m))
-    rng = stream(seed, "map.relief")
-    wavelength_m = recipe.wavelength_m * 2.0 ** rng.uniform(-1.0, 1.0, _WAVES)
-    angle_rad, phase_rad = rng.uniform(0.0, 2.0 * np.pi, (2, _WAVES))
-    wave_number = 2.0 * np.pi / wavelength_m * np.stack([np.cos(angle_rad), np.sin(angle_rad)])
-    weight = wavelength_m / np.sqrt(np.sum(wavelength_m**2) / 2.0)
-    height: Float64Array = np.sin(np.asarray(xy_m) @ wave_number + phase_rad) @ weight
-    return np.asarray(recipe.amplitude_m / 3.0 * height)
+
+    wave_number: Float64Array
+    phase_rad: Float64Array
+    amplitude_m: Float64Array
+
+    @classmethod
+    def of(cls, recipe: ReliefRecipe, seed: int) -> "Relief":
+        """The hills of a map's seed."""
+        if recipe.amplitude_m == 0.0:
+            return cls(np.zeros((2, 0)), np.zeros(0), np.zeros(0))
+        rng = stream(seed, "map.relief")
+        wavelength_m = recipe.wavelength_m * 2.0 ** rng.uniform(-1.0, 1.0, _WAVES)
+        angle_rad, phase_rad = rng.uniform(0.0, 2.0 * np.pi, (2, _WAVES))
+        wave_number = 2.0 * np.pi / wavelength_m * np.stack([np.cos(angle_rad), np.sin(angle_rad)])
+        share = wavelength_m / np.sqrt(np.sum(wavelength_m**2) / 2.0)
+        return cls(wave_number, phase_rad, recipe.amplitude_m / 3.0 * share)
+
+    def height_m(self, xy_m: Float64Array) -> Float64Array:
+        """(N,) heights at (N, 2) points of the map frame."""
+        height_m: Float64Array = np.sin(np.asarray(xy_m) @ self.wave_number + self.phase_rad) @ self.amplitude_m
+        return height_m
+
+    def grid_m(self, x_m: Float64Array, y_m: Float64Array) -> Float64Array:
+        """(X, Y) heights at all pairs of (X,) and (Y,) coordinates, by sin(a + b) = sin a cos b + cos a sin b."""
+        along_x_rad = np.outer(self.wave_number[0], x_m) + self.phase_rad[:, None]
+        along_y_rad = np.outer(self.wave_number[1], y_m)
+        sin_x, cos_x = self.amplitude_m[:, None] * np.sin(along_x_rad), self.amplitude_m[:, None] * np.cos(along_x_rad)
+        sin_y, cos_y = np.sin(along_y_rad), np.cos(along_y_rad)
+        height_m = np.zeros((len(x_m), len(y_m)))
+        # No matrix product: its rounding may depend on the grid's size, and grids that overlap must agree to the bit.
+        for wave in range(len(self.amplitude_m)):
+            height_m += np.multiply.outer(sin_x[wave], cos_y[wave])
+            height_m += np.multiply.outer(cos_x[wave], sin_y[wave])
+        return height_m

@@ -10,11 +10,10 @@ from simbev_ros.maps.features import Water
 from simbev_ros.types import Float64Array
 
 _DEPTH_M = 3.0
-_BED_SLOPE = 0.45
-_BANK_SLOPE = 0.5
+_BANK_SLOPE = 0.5  # above and below the surface, so that the water ends in a smooth line
 _FREEBOARD_M = 0.25  # the land beside water is at least so much higher, so that nothing is flooded
 _BANK_M = (4.0, 24.0)  # between these distances the bank turns into the land as it is
-_SAMPLE_M = 1.0
+_SAMPLE_M = 0.25
 
 
 class Shores:
@@ -47,9 +46,9 @@ class _Shore:
         """As ``Shores.carve``."""
         distance_m: Float64Array = self._line.query(xy_m)[0]
         inside = shapely.contains_xy(self._area, xy_m[:, 0], xy_m[:, 1])
-        bed_m = np.minimum(land_m, self._surface_m - np.minimum(_BED_SLOPE * distance_m, _DEPTH_M))
-        top_m = self._surface_m + _FREEBOARD_M + _BANK_SLOPE * distance_m
-        bank_m = np.clip(land_m, self._surface_m + np.minimum(_FREEBOARD_M, _BED_SLOPE * distance_m), top_m)
+        bed_m = np.minimum(land_m, self._surface_m - np.minimum(_BANK_SLOPE * distance_m, _DEPTH_M))
+        rise_m = _BANK_SLOPE * distance_m
+        bank_m = self._surface_m + np.clip(land_m - self._surface_m, np.minimum(_FREEBOARD_M, rise_m), rise_m)
         share = np.clip((distance_m - _BANK_M[0]) / (_BANK_M[1] - _BANK_M[0]), 0.0, 1.0)
         share = share**2 * (3.0 - 2.0 * share)
         return np.where(inside, bed_m, bank_m + share * (land_m - bank_m))

@@ -16,12 +16,11 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.elevation import Elevation
-from simbev_ros.maps.features import MapFeatures
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.layout import Strip
 from simbev_ros.maps.membrane import Raster, membrane, places_m, relaxed
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.relief import relief_m
+from simbev_ros.maps.relief import Relief
 from simbev_ros.maps.shore import Shores
 from simbev_ros.maps.surface import strip_polygons
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
@@ -60,7 +59,8 @@ class Terrain:
     def __init__(self, network: RoadNetwork, elevation: Elevation | None = None) -> None:
         """Takes seconds on the largest maps. ``elevation``: that of the network, to save its computation."""
         self.elevation = Elevation(network.layout) if elevation is None else elevation
-        self._features, self._seed = network.features, network.seed
+        self._features = network.features
+        self._relief = Relief.of(self._features.relief, network.seed)
         strips = network.layout.strips_of(*LaneKind, level=0)
         places_m = _places(strips)
         self.is_level = not (places_m[:, 2].any() or self._features.relief.amplitude_m or self._features.water)
@@ -68,7 +68,7 @@ class Terrain:
             self._shores = Shores(self._features.water)
             decks = [strip for strip in network.layout.strips if strip.level > 0]
             self._lanes = tuple(shapely.STRtree(strip_polygons(parts)) for parts in (strips, decks))
-            self._above_relief = _above_relief(self._features, self._seed, places_m)
+            self._above_relief = _above_relief(self._relief, places_m)
 
     def height_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of the land at (N, 2) points of the map frame, as patches have it."""
@@ -84,7 +84,7 @@ class Terrain:
         """(N,) the same without detail, quickly: for land that is only seen from afar."""
         if self.is_level:
             return np.zeros(len(xy_m))
-        return relief_m(self._features.relief, self._seed, xy_m) + self._above_relief.smooth(xy_m)
+        return self._relief.height_m(xy_m) + self._above_relief.smooth(xy_m)
 
     def patch(self, low_m: Float64Array, high_m: Float64Array) -> Patch:
         """Heights from (2,) ``low_m`` to ``high_m``, both multiples of ``NODE_M``."""
@@ -103,7 +103,9 @@ class Terrain:
         """``shape`` heights at nodes, and which of them are those of lanes."""
         lanes, verges = self._on_streets(xy_m[0, 0], shape)
         street, flat_xy_m = lanes | verges, xy_m.reshape(-1, 2)
-        height_m = self.far_m(flat_xy_m).reshape(shape)
+        height_m = self._relief.grid_m(xy_m[:, 0, 0], xy_m[0, :, 1]) + self._above_relief.smooth(flat_xy_m).reshape(
+            shape
+        )
         height_m[street] = self.elevation.height_m(xy_m[street])
         height_m = relaxed(height_m, _grown(street, _SLOPE_M) & ~street, _STEPS)
         carved_m = self._shores.carve(flat_xy_m, height_m.reshape(-1)).reshape(shape)
@@ -135,19 +137,19 @@ def _places(strips: Sequence[Strip]) -> Float64Array:
     return shapely.get_coordinates(shapely.segmentize(np.array(lines, object), _COARSE_M / 2.0), include_z=True)
 
 
-def _above_relief(features: MapFeatures, seed: int, places_m: Float64Array) -> Raster:
+def _above_relief(relief: Relief, places_m: Float64Array) -> Raster:
     """How much higher than the relief the land lies: as the roads do at (N, 3) places, and smooth between them."""
     if len(places_m) == 0:
         return Raster(np.zeros(2), _COARSE_M, np.zeros((1, 1)))
     low_m = np.floor((places_m[:, :2].min(axis=0) - _MARGIN_M) / _COARSE_M) * _COARSE_M
     shape = tuple(((places_m[:, :2].max(axis=0) + _MARGIN_M - low_m) // _COARSE_M).astype(int) + 1)
     cell = np.ravel_multi_index(tuple(np.round((places_m[:, :2] - low_m) / _COARSE_M).astype(int).T), shape)
-    above_m = places_m[:, 2] - relief_m(features.relief, seed, places_m[:, :2])
+    above_m = places_m[:, 2] - relief.height_m(places_m[:, :2])
     count = np.bincount(cell, minlength=shape[0] * shape[1])
     mean_m = np.bincount(cell, above_m, len(count)) / np.maximum(count, 1)
     known = (count > 0).reshape(shape)
     values_m = membrane(mean_m.reshape(shape), known)
-    if features.relief.amplitude_m:
+    if len(relief.amplitude_m):
         distance_m = _COARSE_M * cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         share = np.clip((distance_m - _FADE_M[0]) / (_FADE_M[1] - _FADE_M[0]), 0.0, 1.0)
         values_m = values_m * (1.0 - share**2 * (3.0 - 2.0 * share))

@@ -3,9 +3,41 @@
 from functools import cache
 
 ALL_CLASSES = frozenset(
-    "private emergency authority army vip pedestrian passenger hov taxi bus coach delivery truck trailer motorcycle "
-    "moped bicycle evehicle tram rail_urban rail rail_electric rail_fast ship container cable_car subway aircraft "
-    "wheelchair scooter drone custom1 custom2".split()
+    [
+        "private",
+        "emergency",
+        "authority",
+        "army",
+        "vip",
+        "pedestrian",
+        "passenger",
+        "hov",
+        "taxi",
+        "bus",
+        "coach",
+        "delivery",
+        "truck",
+        "trailer",
+        "motorcycle",
+        "moped",
+        "bicycle",
+        "evehicle",
+        "tram",
+        "rail_urban",
+        "rail",
+        "rail_electric",
+        "rail_fast",
+        "ship",
+        "container",
+        "cable_car",
+        "subway",
+        "aircraft",
+        "wheelchair",
+        "scooter",
+        "drone",
+        "custom1",
+        "custom2",
+    ]
 )
 """All of SUMO's."""
 

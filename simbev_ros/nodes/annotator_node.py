@@ -1,5 +1,7 @@
 """The annotator node: bird's-eye-view grids, boxes and the lane under the ego at every tick."""
 
+import math
+
 import shapely
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import Image, PointCloud2
@@ -43,7 +45,8 @@ class AnnotatorNode(Participant):
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the topics."""
-        static = self._surroundings.changed(spec)
+        grid = spec.annotation.bev.grid
+        static = self._surroundings.changed(spec, math.hypot(grid.rows, grid.columns) * grid.cell_m / 2.0)
         if static is not None:
             self._bev = BevAnnotator(static, load_models())
         self._network = load_network(spec.map)

@@ -16,6 +16,8 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import map_from_sensor
 
+_BESIDE_EGO_M = 20.0  # sensors may be mounted so far from it
+
 
 class _Mounted(NamedTuple):
     lidar: Lidar
@@ -34,12 +36,13 @@ class LidarNode(Participant):
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
-        static = self._surroundings.changed(spec)
+        lidars = spec.rig.of_type(Lidar)
+        static = self._surroundings.changed(spec, max((lidar.range_m for lidar in lidars), default=0.0) + _BESIDE_EGO_M)
         if static is not None:
             self._rays = RayScene(static, load_models())
         self._mounted = []
         recorded = []
-        for lidar in spec.rig.of_type(Lidar):
+        for lidar in lidars:
             period = spec.period_ticks(lidar.rate_hz)
             model = LidarModel(lidar, spec.seed, turn_s=period * spec.tick_ns / NS_PER_S)
             self._mounted.append(_Mounted(lidar, model, period))

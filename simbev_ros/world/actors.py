@@ -13,13 +13,14 @@ from simbev_ros.types import Float64Array, Table
 from simbev_ros.world.cast import cast_of
 from simbev_ros.world.footing import Footing
 from simbev_ros.world.ground import Ground
-from simbev_ros.world.motion import Motion, Pursuit
+from simbev_ros.world.motion import Motion, Pursuit, Steady
 from simbev_ros.world.table import ActorTable
 from simbev_ros.world.traffic import Traffic, TrafficSample
 
 _LOGGER = logging.getLogger(__name__)
 _HALF_WINDOW_S = 0.35
 _GROUND_MARGIN_M = 50.0
+_MOST_CHANGE_MPS2 = 30.0  # more, before averaging, is a jump of SUMO's between lanes that do not meet, and no driving
 _HURRY = 1.3  # highest speed of a pedestrian that makes up for a sideways jump of SUMO's, over its usual highest
 
 
@@ -37,6 +38,7 @@ class Actors:
         sample = traffic.sample()
         self._ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
         fastest_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
+        self._steady = Steady(sample.front_m, _MOST_CHANGE_MPS2 * tick_s**2)
         self._pursuit = Pursuit(sample.pedestrian_m, _HURRY * fastest_mps * tick_s)
         cast = cast_of(spec, traffic.vehicles, traffic.pedestrians)
         self._motion = Motion(
@@ -69,7 +71,7 @@ class Actors:
         """
         pedestrian_m = self._pursuit.advance(sample.pedestrian_m)
         points = np.zeros((len(sample.front_m) + len(pedestrian_m), 4))
-        points[:, :3] = np.concatenate([sample.front_m, pedestrian_m])
+        points[:, :3] = np.concatenate([self._steady.advance(sample.front_m), pedestrian_m])
         points[len(sample.front_m) :, 3] = self._ground.raised_m(pedestrian_m)
         return points
 

@@ -18,7 +18,7 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _NEAR_IN_HEIGHT_M = 1.25  # half the clearance that makes two roads two levels
 _OVERHANG_M = 0.5  # wheels may stand so far beside the lanes of a structure
-_CELL_M = 128.0
+_CELL_M = 512.0
 
 
 class Ground:

@@ -17,6 +17,7 @@ from simbev_ros.world.footing import Contacts, Footing
 from simbev_ros.world.window import Window
 
 _GRAVITY_MPS2 = 9.81
+_MAKING_UP = 0.1  # metres to the side or along, per metre driven
 _SETTLING = 0.4  # heights are averaged over so much of the window of the points: long enough for springs
 
 
@@ -185,6 +186,32 @@ class Pursuit:
         share = np.minimum(1.0, self._reach_m / np.maximum(distance_m, 1e-9))
         self._position_m = np.where((share < 1.0)[:, None], self._position_m + share[:, None] * way_m, target_m)
         return self._position_m
+
+
+class Steady:
+    """Points that follow targets as vehicles can: where a target jumps, they go on and make up for it on their way."""
+
+    def __init__(self, target_m: Float64Array, most_change_m: float) -> None:
+        """At the (G, 3) targets, at rest; by ``most_change_m`` at most the way of a tick differs from the last one."""
+        self._target_m = target_m
+        self._most_change_m = most_change_m
+        self._step_m = np.zeros((len(target_m), 2))
+        self._offset_m = np.zeros((len(target_m), 2))
+
+    def advance(self, target_m: Float64Array) -> Float64Array:
+        """(G, 3) points one tick later; exactly the targets of those that did not jump lately."""
+        step_m = (target_m - self._target_m)[:, :2]
+        change_m = step_m - self._step_m
+        share = self._most_change_m / np.maximum(np.linalg.norm(change_m, axis=1), 1e-9)
+        possible_m = np.where((share < 1.0)[:, None], self._step_m + share[:, None] * change_m, step_m)
+        offset_m = self._offset_m + (possible_m - step_m)
+        distance_m = np.linalg.norm(offset_m, axis=1)
+        made_up_m = np.minimum(distance_m, _MAKING_UP * np.linalg.norm(possible_m, axis=1))
+        self._offset_m = offset_m * (1.0 - made_up_m / np.maximum(distance_m, 1e-9))[:, None]
+        self._target_m, self._step_m = target_m, possible_m
+        point_m = target_m.copy()
+        point_m[:, :2] += self._offset_m
+        return point_m
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:

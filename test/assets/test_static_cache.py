@@ -13,7 +13,7 @@ from simbev_ros.assets.static_scene import RegionScene, StaticScene
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.region import Region, regions_of
+from simbev_ros.maps.region import Reach, Region, regions_of
 from simbev_ros.maps.spec import MapSpec
 
 SPEC = MapSpec(name="analytic", seed=0)
@@ -57,17 +57,20 @@ def test_other_seeds_have_other_surroundings(network: RoadNetwork, cache_dir: Pa
     assert StaticCache(MapSpec(name="analytic", seed=1), network, cache_dir).missing([EAST]) == (EAST,)
 
 
-def test_street_lamps_are_counted_through_whatever_is_loaded(network: RoadNetwork, cache_dir: Path) -> None:
-    for regions in ((EAST,), (WEST, EAST)):
-        scene = load_static_scene(SPEC, network, cache_dir, regions=regions)
-        assert len(scene.street_lights) > 2 * len(regions)
-        for index, light in enumerate(scene.street_lights):
-            lamps = [
-                tile.mesh.vertices[(tile.mesh.material == Material.STREET_LAMP) & (tile.mesh.uv[:, 0] == index)]
-                + tile.origin_m
-                for tile in scene.tiles
-            ]
-            assert np.linalg.norm(np.concatenate(lamps).mean(axis=0) - light.position_m) < 0.1
+@pytest.mark.parametrize("reach", [None, Reach((150.0, 100.0), 200.0)])
+def test_street_lamps_carry_the_index_of_their_light(
+    network: RoadNetwork, cache_dir: Path, reach: Reach | None
+) -> None:
+    scene = load_static_scene(SPEC, network, cache_dir, reach=reach)
+    seen = set()
+    for tile in scene.tiles:
+        lamps = tile.mesh.material == Material.STREET_LAMP
+        for index in np.unique(tile.mesh.uv[lamps, 0]).astype(int):
+            own_m = tile.mesh.vertices[lamps & (tile.mesh.uv[:, 0] == index)] + tile.origin_m
+            assert np.linalg.norm(own_m.mean(axis=0) - scene.street_lights[index].position_m) < 0.1
+            seen.add(index)
+    assert len(seen) > 5
+    assert (len(seen) == len(scene.street_lights)) == (reach is None)
 
 
 def test_a_damaged_file_is_built_again(network: RoadNetwork, cache_dir: Path) -> None:
@@ -84,7 +87,7 @@ def test_a_damaged_file_is_built_again(network: RoadNetwork, cache_dir: Path) ->
 def test_a_cache_that_cannot_be_written_is_reported(network: RoadNetwork, tmp_path: Path) -> None:
     blocker = tmp_path / "file"
     blocker.write_text("")
-    with pytest.raises(InputError, match="cache of surroundings .*cannot be written"):
+    with pytest.raises(InputError, match=r"cache of surroundings .*cannot be written"):
         StaticCache(SPEC, network, blocker).region(EAST)
 
 
@@ -98,3 +101,16 @@ def test_regions_built_in_parallel_are_those_built_one_by_one(tmp_path: Path) ->
     assert StaticCache(spec, network, tmp_path).missing(regions) == ()
     alone = StaticCache(spec, network, tmp_path / "alone")
     assert as_bytes(StaticCache(spec, network, tmp_path).region(regions[1])) == as_bytes(alone.region(regions[1]))
+
+
+def test_only_tiles_in_reach_are_loaded_and_land_goes_on_beyond_them(network: RoadNetwork, cache_dir: Path) -> None:
+    reach = Reach((160.0, 160.0), 100.0)
+    scene = load_static_scene(SPEC, network, cache_dir, reach=reach)
+    squares = [tile.origin_m[:2] for tile in scene.tiles if np.abs(tile.mesh.vertices[:, :2]).max() < 200.0]
+    near = [
+        place for place in squares if np.hypot(*(np.clip([160.0, 160.0], place - 32.0, place + 32.0) - 160.0)) <= 100.0
+    ]
+    assert len(squares) == len(near) > 8
+    bounds = np.array([tile.mesh.bounds_m + tile.origin_m for tile in scene.tiles])
+    assert bounds[:, 0, :2].min() < -2000.0
+    assert bounds[:, 1, :2].max() > 2500.0

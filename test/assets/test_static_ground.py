@@ -10,7 +10,7 @@ import pytest
 import shapely
 from analytic_maps import crossing, ground_tiles, hilly_road, level_street, merged, river
 
-from simbev_ros.assets.far_land import far_land, far_tiles
+from simbev_ros.assets.far_land import cells_of, far_land, far_tiles
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.region_ground import CURB_HEIGHT_M, DECK_DEPTH_M, LAND_HEIGHT_M, RegionGround
 from simbev_ros.assets.static_scene import Tile
@@ -197,15 +197,16 @@ def test_level_ground_is_not_cut_up() -> None:
 
 def test_no_gap_shows_between_loaded_land_and_the_land_beyond() -> None:
     case = built(hilly_road)
-    far = tuple(far_tiles(far_land(case.network, case.ground.terrain), frozenset([HOME])))
-    mesh = merged([*case.tiles, *far])
+    near = [tile for tile in case.tiles if tile.origin_m[0] < 400.0]  # their border is not that of a region
+    land = far_land(case.network, case.ground.terrain)
+    mesh = merged([*near, *far_tiles(land, cells_of(land, near))])
     rng = np.random.default_rng(5)
-    eye_m = np.column_stack([rng.uniform(50.0, 460.0, (4000, 2)), np.zeros(4000)])
+    eye_m = np.column_stack([rng.uniform((20.0, 20.0), (370.0, 490.0), (4000, 2)), np.zeros(4000)])
     eye_m[:, 2] = case.ground.land_m(eye_m[:, :2]) + 1.6
     for angle_rad in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
         direction = (float(np.cos(angle_rad)), float(np.sin(angle_rad)), -0.02)
         distance_m, _ = cast(mesh, eye_m, direction)
         assert np.isfinite(distance_m).all()
-    border_m = np.column_stack([np.full(500, 512.5), np.linspace(0.5, 511.5, 500)])
+    border_m = np.column_stack([np.full(500, 384.5), np.linspace(0.5, 511.5, 500)])
     beyond_m, _ = top_of(mesh, border_m)
     assert np.abs(beyond_m - case.ground.terrain.height_m(border_m) - LAND_HEIGHT_M).max() < 1.5

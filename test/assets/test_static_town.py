@@ -9,7 +9,7 @@ import numpy as np
 import open3d
 import pytest
 import shapely
-from analytic_maps import hilly_road
+from analytic_maps import crossing, hilly_road
 
 from simbev_ros.assets.build import build_region
 from simbev_ros.assets.claims import Claims
@@ -269,6 +269,21 @@ def test_street_lamps_carry_the_index_of_their_light() -> None:
     for index, light in enumerate(lights):
         own = (mesh.material == Material.STREET_LAMP) & (mesh.uv[:, 0] == index)
         assert np.linalg.norm(mesh.vertices[own].mean(axis=0) - light.position_m) < 0.1
+
+
+def test_lights_of_a_bridge_stand_on_its_deck_and_those_below_on_the_land() -> None:
+    road = crossing()
+    surroundings = features("residential", street_light_spacing_m=25, building_density=0).surroundings
+    built = furnished(replace(road, features=replace(road.features, surroundings=surroundings)))
+    ground, elevation = built.ground, built.ground.terrain.elevation
+    feet_m = np.array(
+        [placed.foot_m for placed in built.objects if (placed.mesh.material == Material.STREET_LAMP).any()]
+    )
+    up = np.asarray(shapely.dwithin(ground.decks[1], shapely.points(feet_m[:, :2]), 0.01))
+    assert up.sum() >= 2
+    assert (~up).sum() > 3
+    np.testing.assert_allclose(feet_m[up, 2], elevation.height_m(feet_m[up, :2], 1), atol=1e-6)
+    np.testing.assert_allclose(feet_m[~up, 2], ground.sidewalk_m(feet_m[~up, :2]), atol=0.05)
 
 
 def test_a_recipe_without_lights_and_trees_has_none() -> None:

@@ -10,7 +10,19 @@ from numpy.random import Generator
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 
-VEHICLES = {"Blocks": 100, "Town01": 100, "Town02": 30, "Town03": 100, "Town05": 100, "Town10HD": 100, "Town15": 100}
+VEHICLES = {
+    "Blocks": 100,
+    "Town01": 100,
+    "Town02": 30,
+    "Town03": 100,
+    "Town04": 150,
+    "Town05": 100,
+    "Town06": 150,
+    "Town07": 40,
+    "Town10HD": 100,
+    "Town13": 150,
+    "Town15": 100,
+}
 WALKERS = 100  # in small towns no more than two for each vehicle
 STEP_S, SPAWN_S, RUN_S = 0.1, 30.0, 60.0
 MOVING_MPS = 0.5

@@ -4,7 +4,7 @@ from analytic_maps import crossing, hilly_road, level_street, river
 
 from simbev_ros.maps.elevation import Elevation
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.relief import relief_m
+from simbev_ros.maps.relief import Relief
 from simbev_ros.maps.terrain import Terrain
 from simbev_ros.types import Float64Array
 
@@ -27,7 +27,7 @@ def test_land_lies_in_the_plane_of_the_roads_on_the_ground() -> None:
 def test_far_from_roads_land_is_the_relief() -> None:
     network = hilly_road()
     places_m = np.array([[-400.0, 700.0], [0.0, -600.0], [900.0, 30.0]])
-    expected_m = relief_m(network.features.relief, network.seed, places_m)
+    expected_m = Relief.of(network.features.relief, network.seed).height_m(places_m)
     np.testing.assert_allclose(Terrain(network).height_m(places_m), expected_m, atol=1e-6)
 
 

@@ -1,30 +1,55 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from analytic_maps import level_street
 
-from simbev_ros.scene.reach import reach_of
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout
+from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.scene.reach import loaded_reach, reach_of
 from simbev_ros.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
 
 
-def scene(ticks: int, s_m: float) -> SceneSpec:
-    ego = VehicleSpec.model_construct(start=WaypointSpec(lane="a.1", s_m=s_m), speed_factor=1.1)
-    return SceneSpec.model_construct(vehicles=(ego,), warm_up_ticks=20, ticks=ticks, tick_ns=50_000_000)
+def long_road() -> RoadNetwork:
+    """A slow edge of 200 m that leads to a fast one of 9 km with two lanes; only the right one can be entered."""
+    slow, right, left = (
+        lane("slow", "slow", 0, 0.0, 200.0, 10.0, ("right",)),
+        lane("right", "fast", 0, 200.0, 9200.0, 20.0, ()),
+        lane("left", "fast", 1, 200.0, 9200.0, 40.0, ()),
+    )
+    strips = [
+        replace(strip, id=f"{strip.id}{k}", left_m=strip.left_m + np.array([512.0 * k, 0.0, 0.0]))
+        for k in range(18)
+        for strip in level_street().layout.strips
+    ]
+    lanes = {each.id: each for each in (slow, right, left)}
+    return replace(level_street(), lanes=lanes, layout=Layout(tuple(strips), (), (), ()))
+
+
+def lane(name: str, edge: str, index: int, start: float, end: float, speed: float, following: tuple[str, ...]) -> Lane:
+    x = np.arange(start, end + 1.0, 10.0)
+    line_m = np.column_stack([x, np.full(len(x), 3.5 * index), np.zeros(len(x))])
+    return Lane(name, edge, index, LaneKind.DRIVING, line_m, 3.5, speed, "", following)
+
+
+def scene(ticks: int, factor: float = 1.0) -> SceneSpec:
+    ego = VehicleSpec.model_construct(start=WaypointSpec(lane="slow", s_m=0.0), speed_factor=factor)
+    return SceneSpec.model_construct(vehicles=(ego,), warm_up_ticks=100, ticks=ticks, tick_ns=50_000_000)
 
 
 def test_a_scene_reaches_as_far_as_its_ego_can_drive_and_see() -> None:
-    reach = reach_of(scene(ticks=40, s_m=100.0), level_street())
-    assert reach.center_m == pytest.approx((140.0, 257.75))
-    assert reach.radius_m == pytest.approx(30.0 * 1.1 * 3.0 + 500.0)
+    short, long = (reach_of(scene(ticks), long_road(), view_m=100.0) for ticks in (100, 900))
+    assert short.center_m == (0.0, 0.0)
+    assert short.radius_m == pytest.approx(10.0 * 10.0 + 100.0, abs=45.0)
+    assert long.radius_m == pytest.approx(200.0 + 30.0 * 40.0 + 100.0, abs=45.0)
 
 
-def test_no_scene_reaches_beyond_its_map_and_what_is_seen_from_there() -> None:
-    reach = reach_of(scene(ticks=4000, s_m=100.0), level_street())
-    assert reach.radius_m == pytest.approx(328.0 + 500.0, abs=5.0)
+def test_who_drives_faster_than_allowed_gets_farther() -> None:
+    reach = reach_of(scene(900, factor=1.25), long_road(), view_m=100.0)
+    assert reach.radius_m == pytest.approx(200.0 + (62.5 - 20.0) * 40.0 + 100.0, abs=45.0)
 
 
-def test_it_is_the_fastest_road_that_counts() -> None:
-    network = level_street()
-    faster = {name: replace(lane, speed_mps=60.0) for name, lane in network.lanes.items() if name == "a.2"}
-    reach = reach_of(scene(ticks=40, s_m=100.0), replace(network, lanes={**network.lanes, **faster}))
-    assert reach.radius_m == pytest.approx(60.0 * 1.1 * 3.0 + 500.0)
+def test_small_maps_are_loaded_whole() -> None:
+    assert loaded_reach(scene(100), level_street()) is None
+    assert loaded_reach(scene(100), long_road(), 80.0) == reach_of(scene(100), long_road(), 80.0)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from simbev_ros.world.footing import Contacts
-from simbev_ros.world.motion import Bodies, Motion, Pursuit
+from simbev_ros.world.motion import Bodies, Motion, Pursuit, Steady
 
 TICK_S = 0.05
 
@@ -103,3 +103,28 @@ def test_a_pursuer_runs_at_its_limit_until_it_arrives():
     assert ways_m[0] == pytest.approx([0.1, 0.05])
     assert ways_m[1] == pytest.approx([0.2, 0.05])
     assert ways_m[2] == [0.25, 0.05]
+
+
+def test_a_target_that_jumps_aside_is_followed_like_a_change_of_lanes():
+    way_m = np.cumsum(np.minimum(0.05 * np.arange(160), 1.2))
+    jump = int(np.argmax(way_m > 80.0))
+    target_m = np.stack([way_m, np.where(np.arange(160) >= jump, 3.5, 0.0), np.zeros(160)], axis=-1)[:, None]
+    steady = Steady(target_m[0], 0.08)
+    points_m = np.array([steady.advance(each)[0] for each in target_m])
+    assert np.array_equal(points_m[:jump], target_m[:jump, 0])
+    assert np.abs(np.diff(points_m[:, 1])).max() < 0.25
+    np.testing.assert_allclose(points_m[-1], target_m[-1, 0], atol=1e-6)
+    _, states = drive(body(), points_m)
+    assert np.abs([state.acceleration_mps2[0, 1] for state in states]).max() < 10.0
+
+
+def test_who_turns_a_sharp_corner_follows_it_and_who_stands_stays():
+    corner_m = np.concatenate([[[0.5 * k, 0.0, 0.0] for k in range(20)], [[9.5, 0.5 * k, 0.0] for k in range(1, 60)]])
+    steady = Steady(corner_m[:1], 0.08)
+    points_m = np.array([steady.advance(each[None])[0] for each in corner_m])
+    assert np.linalg.norm(points_m - corner_m, axis=1).max() < 2.5
+    assert np.array_equal(points_m[-1], corner_m[-1])
+    standing_m = np.concatenate([corner_m[:22], np.repeat(corner_m[21:22], 30, axis=0)])
+    steady = Steady(standing_m[:1], 0.08)
+    points_m = np.array([steady.advance(each[None])[0] for each in standing_m])
+    assert np.array_equal(points_m[-1], points_m[-10])

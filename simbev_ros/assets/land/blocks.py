@@ -20,6 +20,7 @@ _NEAR_M = 0.7
 _FAST_MPS, _FAST_M = 22.3, 22.0
 _WALK_SHARE = 0.2
 _BEYOND_M = 14.0
+_LARGEST_ISLAND_M2 = 8000.0
 
 Zones = Sequence[tuple[SurroundingsRecipe, BaseGeometry]]
 """Characters of the land and where they hold, together the whole region."""
@@ -71,6 +72,11 @@ class Block:
     land: shapely.Polygon
     recipe: SurroundingsRecipe
     frontage: tuple[Frontage, ...]
+
+    @property
+    def is_island(self) -> bool:
+        """Whether it is a small piece of land amid streets that nobody walks to, such as the middle of a roundabout."""
+        return self.land.area < _LARGEST_ISLAND_M2 and not any(line.walk for line in self.frontage)
 
     @property
     def name(self) -> str:

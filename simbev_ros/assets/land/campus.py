@@ -74,15 +74,11 @@ def _paths(yard: Yard, site: Site) -> list[shapely.Polygon]:
 def _furnish(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
     """Benches and racks beside the entrance, a hedge along the front."""
     front_m = max(-4.5, site.street_m + 1.2)
-    for mesh, x_m, turn_rad in (
-        (bench(), 6.5, np.pi / 2.0),
-        (bench(), -6.5, np.pi / 2.0),
-        (bicycle_rack(), 10.5, np.pi / 2.0),
-    ):
+    for mesh, x_m in ((bench(), 6.5), (bench(), -6.5), (bicycle_rack(), 10.5)):
         place_m = site.place(x_m, front_m)
         room = shapely.Point(place_m).buffer(1.9, quad_segs=2)
         if rng.random() < 1.4 * block.recipe.furniture_density and yard.claim(room, block.land):
-            yard.ensemble.put(mesh, place_m, site.yaw_rad - turn_rad)
+            yard.ensemble.put(mesh, place_m, site.yaw_rad - np.pi / 2.0)
     if rng.random() < 0.8 * block.recipe.fence_density:
         half_m = site.plot.width_m / 2.0
         for start_m, end_m in ((-half_m, -9.0), (9.0, half_m)):

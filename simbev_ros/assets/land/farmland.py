@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.land.blocks import Block, left_of
+from simbev_ros.assets.land.blocks import Block, Frontage, left_of
 from simbev_ros.assets.land.covers import PATH_RISE_M, draw_crop
 from simbev_ros.assets.land.fencing import fence_along
 from simbev_ros.assets.land.planting import plant_mixed, random_places, scatter
@@ -20,6 +20,7 @@ _MARGIN_M, _VERGE_M = 1.2, 3.2
 _SMALLEST_M2 = 300.0
 _HEDGEROW_SHARE, _TREE_SPACING_M = 0.3, 4.5
 _FARM_SPACING_M, _FARM_LENGTH_M = 420.0, 64.0
+_AVENUE_SHARE, _AVENUE_SPACING_M = 0.3, 11.0
 _BALED_SHARE, _M2_PER_BALE = 0.12, 900.0
 # Kind, place along the street and away from it of a farmstead's buildings.
 _FARMSTEAD = (
@@ -41,7 +42,9 @@ def lay_out_farmland(yard: Yard, block: Block) -> None:
             inner = line.line.offset_curve(_VERGE_M - 0.8)
             if inner.geom_type == "LineString":
                 fence_along(yard, "field", inner, block.land, rng)
-    if rows:
+        if rng.random() < _AVENUE_SHARE and block.recipe.plant_density > 0.0:
+            _plant_avenue(yard, block, line, rng)
+    if rows and block.recipe.plant_density > 0.0:
         _plant_rows(yard, block, np.concatenate(rows), rng)
 
 
@@ -97,10 +100,18 @@ def _put_bales(yard: Yard, field: BaseGeometry, rng: np.random.Generator) -> Non
 
 def _plant_rows(yard: Yard, block: Block, places: Float64Array, rng: np.random.Generator) -> None:
     """Trees of few triangles and bushes; full-grown ones are seen near roads only."""
-    places = places[rng.random(len(places)) < 1.5 * block.recipe.plant_density]
+    places = places[rng.random(len(places)) < 0.4 + 0.6 * block.recipe.plant_density]
     big = rng.random(len(places)) < 0.45
     plant_mixed(yard, places[big], block.recipe.plants, "deep", rng)
     plant_mixed(yard, places[~big], block.recipe.plants, "low", rng)
+
+
+def _plant_avenue(yard: Yard, block: Block, line: Frontage, rng: np.random.Generator) -> None:
+    """A row of full-grown trees along a road, with gaps."""
+    places, along = line.stations(_AVENUE_SPACING_M, from_m=3.0)
+    places = places + left_of(along) * rng.uniform(4.0, 5.0, (len(places), 1))
+    places = places[rng.random(len(places)) < 0.85]
+    plant_mixed(yard, places[shapely.contains_xy(block.land, places)], block.recipe.plants, "street", rng)
 
 
 def _put_farmsteads(yard: Yard, block: Block, rng: np.random.Generator) -> None:

@@ -9,6 +9,7 @@ from simbev_ros.assets.land.campus import lay_out_campus
 from simbev_ros.assets.land.covers import Cover
 from simbev_ros.assets.land.farmland import lay_out_farmland
 from simbev_ros.assets.land.industry import lay_out_industry
+from simbev_ros.assets.land.island import lay_out_island
 from simbev_ros.assets.land.parks import lay_out_park
 from simbev_ros.assets.land.prescribed import build_prescribed
 from simbev_ros.assets.land.suburb import lay_out_suburb
@@ -42,6 +43,9 @@ _LAID_OUT: Mapping[str, Callable[[Yard, Block], None]] = {
 }
 
 
+_OPEN_USES = ("farmland", "woods", "park")
+
+
 class Furnishing(NamedTuple):
     """What ``furnish_region`` leaves to be done: covers to be laid on the land, lights to be lit."""
 
@@ -69,7 +73,9 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     if prescribed is not None:
         build_prescribed(yard, prescribed, zones)
     for block in blocks:
-        _LAID_OUT[block.recipe.use](yard, block)
+        built_on = block.recipe.use not in _OPEN_USES
+        lay_out = lay_out_island if built_on and block.is_island else _LAID_OUT[block.recipe.use]
+        lay_out(yard, block)
     put_name_signs(yard, curbs)
     put_street_trees(yard, curbs)
     put_small_things(yard, curbs)

@@ -114,7 +114,7 @@ def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         (cabinet(), 0.6, 0.35),
     )
     for curb in curbs:
-        if not curb.walk:
+        if not curb.walk or curb.recipe.use in ("farmland", "woods"):
             continue
         every = round(_SMALL_THINGS_M / STATION_M)
         for start in range(0, len(curb.place_m), every):

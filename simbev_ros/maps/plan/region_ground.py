@@ -33,8 +33,7 @@ class Ground:
     def straight(self, lattice_points: Float64Array) -> Float64Array:
         """(N, 2) places before the warp of (N, 2) lattice points."""
         at = np.asarray(lattice_points, np.float64) / FINE
-        lines = np.arange(len(self.column_m))
-        return np.column_stack([np.interp(at[:, 0], lines, self.column_m), np.interp(at[:, 1], lines, self.row_m)])
+        return np.column_stack([_along(self.column_m, at[:, 0]), _along(self.row_m, at[:, 1])])
 
     def line(self, lattice_points: Float64Array, radius_m: float) -> Float64Array:
         """(N, 2) line on the map along lattice points, its corners rounded."""
@@ -44,6 +43,12 @@ class Ground:
         """The area on the map within a polygon of lattice points."""
         outline = shapely.segmentize(shapely.Polygon(self.straight(lattice_points)), 60.0)
         return shapely.transform(outline, self.bend)
+
+
+def _along(lines_m: Float64Array, at: Float64Array) -> Float64Array:
+    """Places between lines, and up to one cell beyond the outermost ones."""
+    padded_m = np.concatenate([2.0 * lines_m[:1] - lines_m[1:2], lines_m, 2.0 * lines_m[-1:] - lines_m[-2:-1]])
+    return np.asarray(np.interp(at, np.arange(-1, len(lines_m) + 1), padded_m))
 
 
 def draw_ground(size_m: float, cells: int, bend_m: float, rng: np.random.Generator) -> Ground:

@@ -1,7 +1,6 @@
 """From a town's recipe to the parts of a map."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from simbev_ros.maps.plan.profile import Land, with_heights
 from simbev_ros.maps.plan.structures import with_structures
 from simbev_ros.maps.plan.sumo_xml import connections_xml, edges_xml, nodes_xml
 from simbev_ros.maps.recipe import TownRecipe
-from simbev_ros.maps.relief import relief_m
+from simbev_ros.maps.relief import Relief
 from simbev_ros.types import Float64Array
 
 _SIGNAL_REACH_M = 10.0
@@ -37,7 +36,7 @@ def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
         InputError: The recipe's roads cannot be built.
         SimulationError: netconvert failed.
     """
-    land = partial(relief_m, recipe.relief, seed)
+    land = Relief.of(recipe.relief, seed).height_m
     draft = draw_patterns(recipe.patterns, recipe.name, seed)
     water = _waters(recipe, draft, land)
     plan = with_structures(with_heights(divide(draft), land, water), land)

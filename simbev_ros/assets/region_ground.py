@@ -84,7 +84,8 @@ class RegionGround:
     def land(self) -> BaseGeometry:
         """What is neither street on the ground nor water, in plan, within the region."""
         taken = [self.streets[0].area, *(water.area for water in self.water)]
-        return shapely.difference(self.region.area, shapely.union_all(taken))
+        parts = shapely.get_parts(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
+        return shapely.MultiPolygon(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON].tolist())
 
     @property
     def land_facets(self) -> Facets:

@@ -31,6 +31,7 @@ from simbev_ros.world.simulation import Simulation
 pytestmark = pytest.mark.gl
 
 TICKS = (0, 25, 50)
+WHEELS_BELOW_M = 0.9
 CAMERAS = [
     Camera(
         type="camera",
@@ -163,6 +164,8 @@ def test_flow_is_the_reprojection_of_the_hit_point(moments: list[Moment], index:
         rigid = (hits.object_id == 0) | np.isin(hits.tag, [Tag.CAR, Tag.TRUCK, Tag.BUS])
         chosen = _off_silhouettes(moment, index).ravel() & rigid & np.isfinite(hits.range_m)
         points = apply(now, _pixel_rays(camera)[chosen] * _depth_of(hits, camera).ravel()[chosen, None])
+        chosen[chosen] = on_body = (hits.object_id[chosen] == 0) | (points[:, 2] > WHEELS_BELOW_M)
+        points = points[on_body]
         points_before = _where_before(points, hits.object_id[chosen], moment)
         optical_before = apply(inverse(before), points_before)
         seen = optical_before[:, 2] > 0.5

@@ -97,9 +97,15 @@ def zones_of(ground: RegionGround) -> Zones:
     for zone in reversed(ground.network.features.zones):
         if rest.is_empty or not zone.area.intersects(rest):
             continue
-        found.append((zone.surroundings, shapely.intersection(rest, zone.area)))
-        rest = shapely.difference(rest, zone.area)
+        found.append((zone.surroundings, _polygons(shapely.intersection(rest, zone.area))))
+        rest = _polygons(shapely.difference(rest, zone.area))
     return [*found, (ground.network.features.surroundings, rest)]
+
+
+def _polygons(area: BaseGeometry) -> shapely.MultiPolygon:
+    """Its two-dimensional parts: areas that share a border also meet in lines."""
+    parts = shapely.get_parts(area)
+    return shapely.MultiPolygon(list(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]))
 
 
 def fast_roads(ground: RegionGround) -> BaseGeometry:

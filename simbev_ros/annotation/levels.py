@@ -1,6 +1,5 @@
 """What counts where roads pass above each other: surfaces and actors on roads of the ego's level."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -13,9 +12,10 @@ from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.layout import Layout
 from simbev_ros.maps.level_members import LevelGraph, LevelMembers
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import BoolArray, Float32Array, Int64Array
+from simbev_ros.types import BoolArray, Int64Array
 
 _BESIDE_M = 5.0  # surfaces that belong to a road, such as the corners of junctions, reach no further beyond its lanes
+_ELSEWHERE = np.uint8(255)
 
 
 class Levels:
@@ -23,21 +23,32 @@ class Levels:
 
     def __init__(self, layout: Layout) -> None:
         self._graph = LevelGraph(layout)
-        self._pieces = [_footprint(polygon) for polygon in self._graph.polygons]
+        parts = [_footprint(polygon) for polygon in self._graph.polygons]
+        self._areas = merged(parts)
+        self._piece = np.repeat(np.arange(len(parts)), [len(part.triangles) for part in parts])
 
     def of_ego(self, state: WorldState) -> "EgoLevel | None":
         """The level that the ego is on now; None: everything around it counts."""
         ego = state.ego
         members = self._graph.members(np.array([ego["x"], ego["y"], ego["z"]], np.float64))
-        return None if members is None or members.belongs.all() else EgoLevel(members, self._pieces)
+        if members is None or members.belongs.all():
+            return None
+        return EgoLevel(members, self._areas, self._piece)
 
 
 @dataclass(frozen=True, slots=True)
 class EgoLevel:
-    """The roads that belong to the ego's level and those that do not; the areas of all pieces of the graph."""
+    """The roads that belong to the ego's level and those that do not; the areas of all pieces of the graph.
+
+    Attributes:
+        members: Which is which.
+        areas: Triangles of all pieces.
+        piece: (T,) the piece that each triangle is of.
+    """
 
     members: LevelMembers
-    pieces: Sequence[Footprint]
+    areas: Footprint
+    piece: Int64Array
 
     def excluded(self, level: int, state: WorldState, grid: BevGrid) -> BoolArray | None:
         """(rows, columns) whether a cell's surface on some level does not count; None: all do.
@@ -48,18 +59,21 @@ class EgoLevel:
         on_level = members.level == level
         if members.belongs[on_level].all():
             return None
-        away_m = self._distances_m(members.piece[on_level & ~members.belongs], state, grid)
-        own_m = self._distances_m(members.piece[on_level & members.belongs], state, grid)
-        excluded: BoolArray = (away_m < own_m) & (away_m <= _BESIDE_M)
+        plane = np.full(int(self.piece.max()) + 1, _ELSEWHERE)
+        plane[members.piece[on_level]] = members.belongs[on_level]
+        plane_of_triangle = plane[self.piece]
+        chosen = np.flatnonzero(plane_of_triangle != _ELSEWHERE)
+        areas = Footprint(self.areas.points_m, self.areas.triangles[chosen], plane_of_triangle[chosen])
+        away, own = areas.covers(state, grid, 2)
+        away &= ~own
+        if not away.any():
+            return None
+        covered = own | away
+        distance_cells, nearest = cv2.distanceTransformWithLabels(
+            (~covered).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+        )
+        excluded: BoolArray = away[covered][nearest - 1] & (distance_cells * grid.cell_m <= _BESIDE_M)
         return excluded
-
-    def _distances_m(self, pieces: Int64Array, state: WorldState, grid: BevGrid) -> Float32Array:
-        """(rows, columns) distance of each cell to the nearest one in pieces of road; infinite where there is none."""
-        covered = merged([self.pieces[piece] for piece in pieces.tolist()]).covers(state, grid, 1)[0]
-        if not covered.any():
-            return np.full(covered.shape, np.inf, np.float32)
-        cells = cv2.distanceTransform((~covered).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        return np.asarray(cells * grid.cell_m, np.float32)
 
 
 def on_ego_level(state: WorldState, level: EgoLevel | None) -> BoolArray:

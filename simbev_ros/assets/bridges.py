@@ -20,7 +20,9 @@ from simbev_ros.types import Float64Array
 
 _SLAB_M = 0.4  # thickness of the deck where no girder is below
 _GIRDER_INSET_M = 1.3
-_PARAPET_M = 0.9
+_PARAPET_M = 0.8
+_RAIL_M, _RAIL_DEPTH_M, _RAIL_WIDTH_M = 1.14, 0.07, 0.1  # a handrail on the parapets
+_POST_SPACING_M, _POST_M = 2.4, 0.045
 _SLIVER_M = 0.5
 _SMALLEST_M2 = 1.5  # less is no parapet but a gap between surfaces
 _SAME_PLACE_M = 0.6
@@ -28,6 +30,7 @@ _ABUTMENT_AT_M, _ABUTMENT_DEPTH_M, _ABUTMENT_HEIGHT_M = 2.2, 0.8, 9.0
 _FROM_LOWER_ROAD_M = 1.0
 
 _CONCRETE = Finish(Material.CONCRETE, Tag.BRIDGE, (160, 158, 152))
+_RAIL = Finish(Material.METAL, Tag.BRIDGE, (92, 97, 98))
 _UNDERSIDE = Finish(Material.CONCRETE, Tag.BRIDGE, (140, 138, 133))
 _ABUTMENT = Finish(Material.CONCRETE, Tag.WALL, (150, 147, 140))
 
@@ -77,6 +80,26 @@ def _build_deck(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fa
         (girder, [partial(sheet, finish=_UNDERSIDE, rise_m=-DECK_DEPTH_M, downward=True), sides]),
         (shapely.intersection(deck, across), [ends]),
     ):
+        tiles.drape(shapely.intersection(area, region), facets, *makes)
+    _build_rail(tiles, deck, parapet, region, facets)
+
+
+def _build_rail(
+    tiles: TileBuilder, deck: BaseGeometry, parapet: BaseGeometry, region: BaseGeometry, facets: Facets
+) -> None:
+    """A handrail on posts along the middle of the parapets."""
+    middle = shapely.buffer(deck, DECK_OVERHANG_M / 2.0, join_style="mitre").boundary
+    lines = shapely.get_parts(shapely.line_merge(shapely.intersection(middle, parapet)))
+    lines = lines[shapely.length(lines) > _POST_SPACING_M]
+    places = [shapely.line_interpolate_point(line, np.arange(0.6, line.length, _POST_SPACING_M)) for line in lines]
+    posts = shapely.union_all([square for some in places for square in shapely.buffer(some, _POST_M, quad_segs=1)])
+    rail = shapely.union_all(shapely.buffer(lines, _RAIL_WIDTH_M / 2.0, cap_style="flat", join_style="mitre"))
+    under_m = _RAIL_M - _RAIL_DEPTH_M
+    top = partial(sheet, finish=_RAIL, rise_m=_RAIL_M)
+    bottom = partial(sheet, finish=_RAIL, rise_m=under_m, downward=True)
+    sides = partial(faces, finish=_RAIL, edges=rail.boundary, bottom_m=under_m, top_m=_RAIL_M)
+    stems = partial(faces, finish=_RAIL, edges=posts.boundary, bottom_m=_PARAPET_M, top_m=under_m)
+    for area, makes in ((rail, [top, bottom, sides]), (posts, [stems])):
         tiles.drape(shapely.intersection(area, region), facets, *makes)
 
 

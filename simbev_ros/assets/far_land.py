@@ -28,7 +28,7 @@ _HORIZON = 5
 """So many regions around those that are loaded."""
 _SKIRT_M = 10.0
 _WOODS = Finish(Material.GRASS, Tag.TERRAIN, (56, 68, 42))
-_WATER = Finish(Material.WATER, Tag.WATER, (46, 74, 78))
+_WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 
 
 @dataclass(frozen=True, slots=True)

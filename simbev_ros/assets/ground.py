@@ -32,8 +32,8 @@ _SHOULDER = Finish(Material.ASPHALT, Tag.GROUND, (86, 86, 86))
 _CURB = Finish(Material.CONCRETE, Tag.SIDEWALK, (158, 156, 150))
 _PAVING = Finish(Material.PAVING, Tag.SIDEWALK, (148, 143, 135))
 _VERGE = Finish(Material.SOIL, Tag.TERRAIN, (96, 82, 62))
-_STONE = Finish(Material.PAVING, Tag.WALL, (138, 133, 124))
-_WATER = Finish(Material.WATER, Tag.WATER, (46, 74, 78))
+_STONE = Finish(Material.PAVING, Tag.WALL, (114, 110, 102))
+_WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 _CROSSWALK = Finish(Material.PLAIN, Tag.ROAD, (255, 255, 255))
 
 LAWN = Finish(Material.GRASS, Tag.TERRAIN, (88, 104, 60))
@@ -86,7 +86,7 @@ def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) ->
 def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
     """Add the surfaces of water, and the land below their edges."""
     for water in ground.water:
-        area = shapely.intersection(water.area, ground.region.area)
+        area = ground.within(water.area)
         tiles.drape(area, Facets.level(ground.region), partial(sheet, finish=_WATER, rise_m=water.surface_m))
         rim = shapely.difference(area, shapely.union(shapely.buffer(water.area, -_RIM_M), ground.streets[0].area))
         tiles.drape(rim, ground.land_facets, partial(sheet, finish=_VERGE, rise_m=LAND_HEIGHT_M))
@@ -96,8 +96,7 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
     """The streets of one level; those on structures have tiles of their own."""
     streets, region = ground.streets[level], ground.region.area
     shoulder, sidewalk, median, crosswalk = (
-        shapely.intersection(part, region)
-        for part in (streets.shoulder, streets.sidewalk, streets.median, streets.crosswalk)
+        ground.within(part) for part in (streets.shoulder, streets.sidewalk, streets.median, streets.crosswalk)
     )
     lay_road(tiles, ground, level, facets)
     tiles.drape(shoulder, facets, partial(sheet, finish=_SHOULDER, rise_m=0.0), level=level)

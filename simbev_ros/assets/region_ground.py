@@ -84,8 +84,11 @@ class RegionGround:
     def land(self) -> BaseGeometry:
         """What is neither street on the ground nor water, in plan, within the region."""
         taken = [self.streets[0].area, *(water.area for water in self.water)]
-        parts = shapely.get_parts(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
-        return shapely.MultiPolygon(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON].tolist())
+        return _polygons(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
+
+    def within(self, area: BaseGeometry) -> shapely.MultiPolygon:
+        """The part of an area that lies in the region."""
+        return _polygons(shapely.intersection(area, self.region.area))
 
     @property
     def land_facets(self) -> Facets:
@@ -143,3 +146,9 @@ def _deck_facets(terrain: Terrain, like: Raster, level: int) -> Facets:
     xy_m = places_m(like.origin_m, NODE_M, like.values.shape)
     height_m = terrain.elevation.height_m(xy_m.reshape(-1, 2), level).reshape(like.values.shape)
     return Facets.of(Raster(like.origin_m, NODE_M, height_m), np.full(like.values.shape, _STREET_TOLERANCE_M))
+
+
+def _polygons(area: BaseGeometry) -> shapely.MultiPolygon:
+    """Its two-dimensional parts: what only touches a region or another area meets it in points and lines."""
+    parts = shapely.get_parts(area)
+    return shapely.MultiPolygon(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON].tolist())

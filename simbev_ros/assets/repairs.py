@@ -19,7 +19,7 @@ from simbev_ros.types import Float64Array
 _ASPHALT = Finish(Material.ASPHALT, Tag.ROAD, (68, 69, 71))
 _PATCH = Finish(Material.ASPHALT, Tag.ROAD, (54, 55, 57))
 _OLD_PATCH = Finish(Material.ASPHALT, Tag.ROAD, (80, 79, 77))
-_COVER = Finish(Material.METAL, Tag.ROAD, (62, 60, 58))
+_COVER = Finish(Material.PLAIN, Tag.ROAD, (56, 53, 50))  # cast iron, dull with dirt
 
 _PATCH_SPACING_M, _COVER_SPACING_M = 110.0, 90.0  # along lanes, on average
 _PATCH_LENGTH_M, _PATCH_WIDTH_M = (1.5, 7.0), (0.8, 2.2)
@@ -29,7 +29,7 @@ _FROM_BORDER_M = 5.0  # nothing of it crosses a region's border
 
 def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
     """Add the carriageway of a level."""
-    road = shapely.intersection(ground.streets[level].road, ground.region.area)
+    road = ground.within(ground.streets[level].road)
     if road.is_empty:
         return
     repairs = _repairs(ground, level)

@@ -119,7 +119,8 @@ def _explored(
 
 def _write_pictures(network: RoadNetwork, static: StaticScene, center_m: Float64Array, out: Path) -> None:
     from simbev_ros.viz.map_picture import above, write_picture
-    from simbev_ros.viz.street_view import street_place, street_view
+    from simbev_ros.viz.street_place import street_place
+    from simbev_ros.viz.street_view import street_view
 
     write_picture(out.with_name(f"{out.stem}-above.png"), above(network, static, center_m))
     place = street_place(network, static.tiles, center_m)

@@ -91,7 +91,7 @@ def map_table(report: MapReport) -> Table:
         where = "" if built.regions == built.of_regions else f" of {built.regions} of {built.of_regions} regions"
         table.add_row("surroundings", f"{built.triangles:,} triangles{where}, ready after {built.seconds:.1f} s")
     for note in report.notes:
-        table.add_row("note", f"[yellow]{escape(note)}[/]")
+        table.add_row("note", f"[dim]{escape(note)}[/]")
     return table
 
 

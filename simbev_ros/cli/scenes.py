@@ -37,7 +37,7 @@ def play_scenes(
         InputError: a scene cannot be drawn, or its bag cannot be written.
         GraphError: a node died or fell silent.
     """
-    specs = drawn_scenes(scenario)
+    specs = drawn_scenes(scenario, console)
     if dataset is not None:
         check_writable(dataset, specs)
     _build_surroundings(specs, console)
@@ -74,11 +74,20 @@ def prepare_regions(
         build_regions(spec, missing, cache_dir, lambda: bars.advance(task))
 
 
-def drawn_scenes(scenario: Scenario) -> list[SceneSpec]:
-    """All scenes that a configuration asks for."""
+def drawn_scenes(scenario: Scenario, console: Console) -> list[SceneSpec]:
+    """All scenes that a configuration asks for; says what had to be repaired in their maps."""
     planned = list(planned_scenes(scenario))
-    networks = {scene.map: load_network(scene.map) for scene in planned}
+    networks = {spec: _roads(spec, console) for spec in dict.fromkeys(scene.map for scene in planned)}
     return [draw_scene(scenario, scene, networks[scene.map]) for scene in planned]
+
+
+def _roads(spec: MapSpec, console: Console) -> RoadNetwork:
+    """A map's roads, and on the console its notes."""
+    with console.status(f"roads of {escape(spec.name)}"):
+        network = load_network(spec)
+    for note in network.notes:
+        console.print(f"map {spec.name}: {note}", style="dim", markup=False, highlight=False, soft_wrap=True)
+    return network
 
 
 def check_writable(dataset: Path, specs: Sequence[SceneSpec]) -> None:

@@ -33,8 +33,8 @@ class GraphTiming:
 
 def timed_graph(scenario: Scenario, dataset: Path | None) -> GraphTiming:
     """Play the first scene in lockstep and time it from the second tick on."""
-    spec = drawn_scenes(scenario)[0]
     console = Console(stderr=True)
+    spec = drawn_scenes(scenario, console)[0]
     start: tuple[float, int, dict[str, float]] | None = None
     with raising_interrupts(), GraphSession(scenario, dataset=dataset) as session, scene_progress(spec, console) as bar:
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.layout import Layout, Strip
 from simbev_ros.maps.polylines import Polylines
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _SAMPLED = tuple(kind for kind in LaneKind if kind not in (LaneKind.WALKING_AREA, LaneKind.CROSSING))
 _SPACING_M = 4.0
@@ -18,6 +18,11 @@ _PRODUCTS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))  # axes
 _MANY = 20_000  # points that are worth a second thread
 _AT_ONCE = 1 << 18  # points, which bounds the memory that a query needs
 _STRIPS_AT_ONCE = 4096
+_FIT_REACH_M = 6.0  # about as far as strips cross each other in junctions
+_FIT_NEIGHBOURS = 40
+_FITS_AT_ONCE = 1 << 14
+_APART_M = 0.5  # roads that are so far one above the other are hardly one surface
+_TILT_M = 2.0  # a sample's slope counts as much as its height would at this distance
 
 
 class Elevation:
@@ -26,6 +31,9 @@ class Elevation:
     Modified Shepard interpolation (Franke and Nielson 1980): near every sample of a strip the road is the plane through
     its two borders; a point's height is the mean of its nearest samples' planes, with weights that vanish at the
     farthest of them, so the surface is continuous, exact on planes, and goes on beside the road as the road lies.
+
+    In junctions strips lie across each other, and few maps put them all at one height. So the planes there are fitted
+    to all samples around first; else the road would jump from one strip to the next every metre or two.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -61,10 +69,14 @@ class _Samples:
     def __init__(self, strips: Sequence[Strip]) -> None:
         sampled = [strip for strip in strips if strip.outline_m is None]
         parts = [_planes(sampled[at : at + _STRIPS_AT_ONCE]) for at in range(0, len(sampled), _STRIPS_AT_ONCE)]
-        self._xyz_m = np.concatenate([np.empty((0, 3)), *(places_m for places_m, _ in parts)])
-        self._slope = np.concatenate([np.empty((0, 2)), *(slopes for _, slopes in parts)])
+        self._xyz_m = np.concatenate([np.empty((0, 3)), *(places_m for places_m, _, _ in parts)])
+        self._slope = np.concatenate([np.empty((0, 2)), *(slopes for _, slopes, _ in parts)])
+        self._in_junction = np.concatenate([np.empty(0, bool), *(inside for _, _, inside in parts)])
         self._level = not (self._xyz_m[:, 2].any() or self._slope.any())
         self._tree = cKDTree(self._xyz_m[:, :2])
+        # Large maps have many junctions, of which one scene sees few: planes are fitted when they are first asked for.
+        self._plane = np.column_stack([self._xyz_m[:, 2], self._slope])
+        self._as_given = np.ones(len(self._xyz_m), bool)
 
     def height_m(self, xy_m: Float64Array) -> Float64Array:
         """As ``Elevation.height_m``."""
@@ -72,15 +84,41 @@ class _Samples:
             return np.zeros(len(xy_m))
         count = min(_NEIGHBOURS, len(self._xyz_m))
         distance_m, index = self._tree.query(xy_m, k=range(1, count + 1), workers=_workers(xy_m))
+        self._fit(np.unique(index[self._as_given[index]]))
         weight = np.maximum(distance_m[:, -1:], 1e-3) - distance_m
         weight /= distance_m + _SOFTENING_M
         weight *= weight
         weight[:, 0] += 1e-12  # where all neighbours are equally far
-        plane_m = self._xyz_m[index, 2]
+        plane_m = self._plane[index, 0]
         for axis in range(2):
-            plane_m += (np.asarray(xy_m)[:, None, axis] - self._xyz_m[index, axis]) * self._slope[index, axis]
+            plane_m += (np.asarray(xy_m)[:, None, axis] - self._xyz_m[index, axis]) * self._plane[index, 1 + axis]
         height_m: Float64Array = np.sum(weight * plane_m, axis=1) / np.sum(weight, axis=1)
         return height_m
+
+    def _fit(self, rows: Int64Array) -> None:
+        """Fit the planes at samples near junctions to the samples around; others stay as they are."""
+        count = min(_FIT_NEIGHBOURS, len(self._xyz_m))
+        for at in range(0, len(rows), _FITS_AT_ONCE):
+            row = rows[at : at + _FITS_AT_ONCE]
+            distance_m, index = self._tree.query(self._xyz_m[row, :2], k=range(1, count + 1), workers=_workers(row))
+            near = np.any(self._in_junction[index] & (distance_m < _FIT_REACH_M), axis=1)
+            self._plane[row[near]] = self._fitted(row[near], distance_m[near], index[near])
+            self._as_given[row] = False
+
+    def _fitted(self, row: Int64Array, distance_m: Float64Array, index: Int64Array) -> Float64Array:
+        """(M, 3) heights and slopes of the planes that fit (M, K) samples best, in the least squares."""
+        offset_m, slope = self._xyz_m[index] - self._xyz_m[row, None], self._slope[index]
+        apart_m = offset_m[:, :, 2] - np.sum(slope * offset_m[:, :, :2], axis=2)
+        reach_m = np.clip(distance_m[:, -1:], 1e-3, _FIT_REACH_M)
+        weight = np.maximum(1.0 - (distance_m / reach_m) ** 2, 0.0) / (1.0 + (apart_m / _APART_M) ** 2)
+        weight[:, 0] += 1e-6  # where all of them are equally far
+        weight /= weight.sum(axis=1, keepdims=True)
+        mean_m = np.einsum("ij,ijk->ik", weight, offset_m)
+        spread_m2 = np.einsum("ij,ijk,ijl->ikl", weight, offset_m, offset_m) - mean_m[:, :, None] * mean_m[:, None]
+        both = spread_m2[:, :2, 2] + _TILT_M**2 * np.einsum("ij,ijk->ik", weight, slope)
+        tilt = np.linalg.solve(spread_m2[:, :2, :2] + _TILT_M**2 * np.eye(2), both[:, :, None])[:, :, 0]
+        height_m = self._xyz_m[row, 2] + mean_m[:, 2] - np.sum(tilt * mean_m[:, :2], axis=1)
+        return np.column_stack([height_m, tilt])
 
     def distance_m(self, xy_m: Float64Array) -> Float64Array:
         """As ``Elevation.distance_m``."""
@@ -90,13 +128,13 @@ class _Samples:
         return distance_m
 
 
-def _workers(points: Float64Array) -> int:
+def _workers(points: AnyArray) -> int:
     """How many threads a query is worth; -1: one per core."""
     return -1 if len(points) > _MANY else 1
 
 
-def _planes(strips: Sequence[Strip]) -> tuple[Float64Array, Float64Array]:
-    """(N, 3) places along the centre lines of strips and the (N, 2) slope of the road there, in metres per metre."""
+def _planes(strips: Sequence[Strip]) -> tuple[Float64Array, Float64Array, BoolArray]:
+    """(N, 3) places along the centre lines of strips, the (N, 2) slope of the road there, whether in a junction."""
     lines = Polylines.of([strip.center_m for strip in strips])
     left_m, right_m = (
         np.concatenate([np.empty((0, 3)), *sides_m])
@@ -111,4 +149,4 @@ def _planes(strips: Sequence[Strip]) -> tuple[Float64Array, Float64Array]:
     xx, xy, yy, xz, yz = (along[:, a] * along[:, b] + across[:, a] * across[:, b] for a, b in _PRODUCTS)
     xx, yy = xx + 1e-9, yy + 1e-9
     slope = np.column_stack([yy * xz - xy * yz, xx * yz - xy * xz]) / (xx * yy - xy * xy)[:, None]
-    return middle_m, slope
+    return middle_m, slope, np.array([bool(strip.junction) for strip in strips])[row]

@@ -20,9 +20,11 @@ from simbev_ros.maps.layout import Layout, Strip
 from simbev_ros.maps.strip_pieces import StripPieces
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
+CLEARANCE_M = 2.5
+"""Roads that overlap with more height between them pass above each other."""
+
 _PIECE_M = 4.0
 _COARSE_M = 24.0
-_CLEARANCE_M = 2.5
 _SHORTEST_ABUTMENT_M = 6.0
 _ABUTMENT_SLOPE = 1.5  # length per height
 _MOST_LEVELS = 8
@@ -62,7 +64,7 @@ def _concerned(strips: Sequence[Strip], water: Sequence[Water]) -> list[int]:
     pieces = StripPieces.of(strips, _COARSE_M)
     low_m, high_m = pieces.height_range_m
     upper, lower = pieces.boxes_overlap()
-    apart = high_m[upper] - low_m[lower] > _CLEARANCE_M
+    apart = high_m[upper] - low_m[lower] > CLEARANCE_M
     upper, lower = upper[apart], lower[apart]
     wet, above_water_m = _over_water(pieces, water)
     rise_m = np.concatenate([[0.0], high_m[upper] - low_m[lower], above_water_m])
@@ -80,7 +82,7 @@ def _declared(pieces: StripPieces) -> BoolArray:
 def _levels(pieces: StripPieces, water: Sequence[Water]) -> Int64Array:
     """(N,) level of each piece."""
     declared = _declared(pieces)
-    upper, lower = pieces.stacked(_CLEARANCE_M)
+    upper, lower = pieces.stacked(CLEARANCE_M)
     rise_m = pieces.center_m[upper, 2] - pieces.center_m[lower, 2]
     wet, above_water_m = _over_water(pieces, water)
     level = np.zeros(len(pieces), np.int64)

@@ -25,6 +25,7 @@ _OPTIONS = (
 )
 _TIMEOUT_S = 120.0
 _MAX_MEMORY_BYTES = 6 << 30
+_LONGEST_REASON = 400
 
 
 @lru_cache(maxsize=1)
@@ -81,10 +82,19 @@ def run(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
     except OSError as error:
         raise SimulationError(f"netconvert could not run: {error}") from error
     if result.returncode != 0 or not (net.is_file() and opendrive.is_file()):
-        raise SimulationError(f"netconvert failed with exit code {result.returncode}: {result.stderr.strip()}")
+        raise SimulationError(f"netconvert failed with exit code {result.returncode}: {_reason(result.stderr)}")
     for path in (net, opendrive):
         path.write_text(_without_time(path.read_text(encoding="utf-8")), encoding="utf-8")
     return result.stderr
+
+
+def _reason(stderr: str) -> str:
+    """What went wrong, in a line: its first error, and how many more there are."""
+    errors = [line.removeprefix("Error: ") for line in stderr.splitlines() if line.startswith("Error: ")]
+    if not errors:
+        return " ".join(stderr.split())[-_LONGEST_REASON:] or "it said nothing"
+    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    return f"{errors[0]:.{_LONGEST_REASON}}{more}"
 
 
 def _limit_memory() -> None:

@@ -1,7 +1,7 @@
 """Which paint belongs on which border of a lane, where the map does not say.
 
 After MUTCD 2009, sections 3B.01 to 3B.07: yellow parts directions and bounds one-way carriageways on the left, white
-parts lanes of one direction and bounds them on the right.
+parts lanes of one direction and bounds them on the right. Where traffic keeps to the left, all of it is mirrored.
 """
 
 from collections.abc import Sequence

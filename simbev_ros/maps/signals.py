@@ -2,7 +2,7 @@
 
 An approach of one lane has a post at the near side, right of the stop line. A wider approach has a mast, whose arm
 carries one head above each lane: at the far side, right of the street that leads straight on, or at the near side where
-none does.
+none does. Where traffic keeps to the left, they stand on the left.
 """
 
 from collections import defaultdict
@@ -50,7 +50,7 @@ def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
     by_rule = [
         Signal(position_m, yaw_rad, pole_m, main[lane.id].programme, main[lane.id].link, lane.id)
         for approach in approaches.values()
-        for lane, position_m, yaw_rad, pole_m in _placed(sorted(approach, key=lambda lane: lane.index), net.lanes)
+        for lane, position_m, yaw_rad, pole_m in _placed(sorted(approach, key=lambda lane: lane.index), net)
     ]
     signals += _grounded(by_rule, Elevation(layout)) if by_rule else []
     return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
@@ -88,37 +88,42 @@ def _main_links(links: Sequence[ControlledLink]) -> dict[str, ControlledLink]:
     return main
 
 
-def _placed(
-    approach: Sequence[Lane], lanes: Mapping[str, Lane]
-) -> Iterator[tuple[Lane, Float64Array, float, Float64Array]]:
-    """Each lane of an approach (from right to left) with its head's position, the yaw of its lamps and its pole."""
-    curb_m, heading = _curb(approach[0], -1)
-    exit_lane = _straight_exit(approach, lanes) if len(approach) > 1 else None
+def _placed(approach: Sequence[Lane], net: SumoNet) -> Iterator[tuple[Lane, Float64Array, float, Float64Array]]:
+    """Each lane of an approach (from the curb inward) with its head's position, the yaw of its lamps and its pole."""
+    curb_side = -1.0 if net.left_hand else 1.0
+    curb_m, heading = _curb(approach[0], -1, curb_side)
+    exit_lane = _straight_exit(approach, net.lanes) if len(approach) > 1 else None
     if exit_lane is not None:
-        curb_m, heading = _curb(exit_lane, 0)
+        curb_m, heading = _curb(exit_lane, 0, curb_side)
         curb_m = curb_m + _FAR_SIDE_SETBACK_M * heading
-    left = np.array([-heading[1], heading[0], 0.0])
-    pole_m = curb_m - _CURB_TO_POLE_M * left
+    inward = curb_side * np.array([-heading[1], heading[0], 0.0])
+    pole_m = curb_m - _CURB_TO_POLE_M * inward
     yaw_rad = float(np.arctan2(-heading[1], -heading[0]))
-    left_borders_m = accumulate(lane.width_m for lane in approach)
-    for lane, left_border_m in zip(approach, left_borders_m, strict=True):
-        foot_m = pole_m if len(approach) == 1 else curb_m + (left_border_m - lane.width_m / 2.0) * left
+    inner_borders_m = accumulate(lane.width_m for lane in approach)
+    for lane, inner_border_m in zip(approach, inner_borders_m, strict=True):
+        foot_m = pole_m if len(approach) == 1 else curb_m + (inner_border_m - lane.width_m / 2.0) * inward
         height_m = _POST_HEAD_HEIGHT_M if len(approach) == 1 else _ARM_HEAD_HEIGHT_M
         yield lane, foot_m - _HEAD_BEFORE_POLE_M * heading + [0.0, 0.0, height_m], yaw_rad, pole_m
 
 
-def _curb(lane: Lane, end: int) -> tuple[Float64Array, Float64Array]:
-    """(3,) right border of a lane and (3,) level unit vector in driving direction, at its start (0) or end (-1)."""
+def _curb(lane: Lane, end: int, side: float) -> tuple[Float64Array, Float64Array]:
+    """(3,) right (1) or left (-1) border of a lane, (3,) level unit vector along it, at its start (0) or end (-1)."""
+    heading = _heading(lane, end)
+    return lane.centerline_m[end] + side * lane.width_m / 2.0 * np.array([heading[1], -heading[0], 0.0]), heading
+
+
+def _heading(lane: Lane, end: int) -> Float64Array:
+    """(3,) level unit vector in driving direction, at its start (0) or end (-1)."""
     step_m = np.diff(lane.centerline_m, axis=0)[end] * [1.0, 1.0, 0.0]
-    heading = step_m / np.linalg.norm(step_m)
-    return lane.centerline_m[end] + lane.width_m / 2.0 * np.array([heading[1], -heading[0], 0.0]), heading
+    heading: Float64Array = step_m / np.linalg.norm(step_m)
+    return heading
 
 
 def _straight_exit(approach: Sequence[Lane], lanes: Mapping[str, Lane]) -> Lane | None:
     """The rightmost driving lane of the street that leads on most nearly straight, or None if all turn off."""
-    _, heading_in = _curb(approach[0], -1)
+    heading_in = _heading(approach[0], -1)
     exits = {lane.edge: lane for start in approach for lane in _beyond_junction(start, lanes)}
-    bends_rad = {edge: float(np.arccos(np.clip(_curb(lane, 0)[1] @ heading_in, -1, 1))) for edge, lane in exits.items()}
+    bends_rad = {edge: float(np.arccos(np.clip(_heading(lane, 0) @ heading_in, -1, 1))) for edge, lane in exits.items()}
     straightest = min(bends_rad, key=lambda edge: bends_rad[edge], default=None)
     if straightest is None or bends_rad[straightest] > _MOST_BENT_RAD:
         return None

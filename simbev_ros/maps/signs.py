@@ -57,7 +57,8 @@ def place_signs(net: SumoNet, layout: Layout) -> tuple[Sign, ...]:
         for edge, lanes in edges.items()
         if any(lane.kind is LaneKind.DRIVING for lane in lanes)
     }
-    return tuple(_off_the_road([*_priority_signs(net, driven), *_speed_signs(net, driven)], layout))
+    curb_side = -1.0 if net.left_hand else 1.0
+    return tuple(_off_the_road([*_priority_signs(net, driven), *_speed_signs(net, driven)], layout, curb_side))
 
 
 def _priority_signs(net: SumoNet, edges: Mapping[str, list[Lane]]) -> Iterator[_Wanted]:
@@ -110,16 +111,16 @@ def _speed_mps(lanes: Sequence[Lane]) -> float:
     return max(lane.speed_mps for lane in lanes if lane.kind is LaneKind.DRIVING)
 
 
-def _off_the_road(wanted: Sequence[_Wanted], layout: Layout) -> Iterator[Sign]:
-    """Each sign at the first place to the right of its lane where it can stand."""
+def _off_the_road(wanted: Sequence[_Wanted], layout: Layout, curb_side: float) -> Iterator[Sign]:
+    """Each sign at the first place beside its lane, on the right (1) or left (-1), where it can stand."""
     if not wanted:
         return
     lines = Polylines.of([sign.lane.centerline_m for sign in wanted])
     place = lines.parameter(np.arange(len(wanted)), np.array([sign.s_m for sign in wanted]))
     heading = lines.headings(place)
-    right = np.column_stack([heading[:, 1], -heading[:, 0], np.zeros(len(wanted))])
+    outward = curb_side * np.column_stack([heading[:, 1], -heading[:, 0], np.zeros(len(wanted))])
     beside_m = np.add.outer([sign.lane.width_m / 2.0 for sign in wanted], _BESIDE_M)
-    feet_m = lines.values(place)[:, None] + beside_m[..., None] * right[:, None]
+    feet_m = lines.values(place)[:, None] + beside_m[..., None] * outward[:, None]
     free = _fit_to_stand(feet_m, lines.values(place), layout)
     yaws_rad = np.arctan2(-heading[:, 1], -heading[:, 0]).tolist()
     for row, first in enumerate(np.argmax(free, axis=1).tolist()):

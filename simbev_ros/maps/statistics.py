@@ -79,6 +79,10 @@ def statistics_of(network: RoadNetwork) -> MapStatistics:
 def busiest_place(network: RoadNetwork) -> Float64Array:
     """(2,) place on a driving lane, map frame, that has the most lanes around it."""
     places_m = network.waypoints(_SPACING_M).position_m[:, :2]
+    if len(places_m) == 0:  # all lanes are too short for a vehicle to start on
+        places_m = np.array(
+            [lane.centerline_m[0, :2] for lane in network.lanes.values() if lane.kind is LaneKind.DRIVING]
+        )
     tree = cKDTree(places_m)
     around = tree.query_ball_point(places_m, _AROUND_M, return_length=True)
     busiest: Float64Array = places_m[int(np.argmax(around))]

@@ -33,6 +33,7 @@ _OPTIONS = (
 _GUESS_SIDEWALKS = ("--sidewalks.guess=true", "--sidewalks.guess.min-speed=1", "--sidewalks.guess.max-speed=14")
 _GUESS_CROSSINGS = ("--crossings.guess=true", "--crossings.guess.speed-threshold=14")
 _FAR_M = 20_000.0
+_LARGEST_M = 100_000.0
 _HIGH_M = 50.0
 _EXACT_M = 0.01
 _UNKNOWN = MapDatum(0.0, 0.0, 0.0)
@@ -79,6 +80,12 @@ def _place_in_map_frame(path: Path, root: Element, file: NetFile, notes: list[st
     """Move the net's coordinates into a map frame at its own origin, or at its middle where that is far away."""
     location = root.find("location")
     low_m, high_m = file.extent_m()
+    extent_m = float((high_m - low_m).max())
+    if extent_m > _LARGEST_M:
+        raise InputError(
+            f"{path}: its edges span {extent_m / 1000:.0f} km; at most {_LARGEST_M / 1000:.0f} km are read. "
+            "Cut out the part that is wanted"
+        )
     middle_m = np.round((low_m + high_m) / 2.0)
     origin_m = np.where(np.abs(middle_m) > (_FAR_M, _FAR_M, _HIGH_M), middle_m, 0.0)
     if origin_m.any():

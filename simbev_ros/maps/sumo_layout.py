@@ -25,7 +25,7 @@ _STOP_LINE_MARGIN_M = 0.25  # clear of the curb, and of the centre lines
 
 @dataclass(frozen=True, slots=True)
 class _Edge:
-    """Lanes side by side, from right to left, and those of the other direction beside them, from right to left too."""
+    """Lanes side by side, from the curb inward, and those of the other direction beside them, likewise."""
 
     lanes: list[Lane]
     opposite: list[Lane]
@@ -38,6 +38,12 @@ class _Borders:
 
     left_m: Mapping[str, Float64Array]
     right_m: Mapping[str, Float64Array]
+    left_hand: bool
+
+    @property
+    def inner_m(self) -> Mapping[str, Float64Array]:
+        """Those on the side of oncoming traffic."""
+        return self.right_m if self.left_hand else self.left_m
 
 
 def layout_of(net: SumoNet) -> Layout:
@@ -62,7 +68,7 @@ def _borders(net: SumoNet) -> _Borders:
     half_m = np.array([lane.width_m for lane in lanes])[lines.row] / 2.0
     left, right = (lines.split(lines.beside(side * half_m)) for side in (1.0, -1.0))
     ids = list(net.lanes)
-    return _Borders(dict(zip(ids, left, strict=True)), dict(zip(ids, right, strict=True)))
+    return _Borders(dict(zip(ids, left, strict=True)), dict(zip(ids, right, strict=True)), net.left_hand)
 
 
 def _edges(net: SumoNet, borders: _Borders) -> dict[str, _Edge]:
@@ -82,7 +88,7 @@ def _edges(net: SumoNet, borders: _Borders) -> dict[str, _Edge]:
 
 
 def _opposites(net: SumoNet, lanes: Mapping[str, Sequence[Lane]], borders: _Borders) -> dict[str, str]:
-    """Edge → the edge back between the same junctions whose left border is the same line."""
+    """Edge → the edge back between the same junctions whose inner border is the same line."""
     back: dict[tuple[str, str], list[str]] = defaultdict(list)
     for edge, ends in net.edge_ends.items():
         if edge in lanes:
@@ -91,7 +97,7 @@ def _opposites(net: SumoNet, lanes: Mapping[str, Sequence[Lane]], borders: _Bord
     if not pairs:
         return {}
     border = {
-        edge: shapely.LineString(borders.left_m[lanes[edge][-1].id]) for edge in {e for pair in pairs for e in pair}
+        edge: shapely.LineString(borders.inner_m[lanes[edge][-1].id]) for edge in {e for pair in pairs for e in pair}
     }
     middles = shapely.line_interpolate_point([border[edge] for edge, _ in pairs], 0.5, normalized=True)
     others = np.array([border[other] for _, other in pairs])
@@ -117,11 +123,14 @@ def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
     """The strips of one edge; those inside junctions bear no paint."""
     lanes = edge.lanes
     painted = not lanes[0].junction
-    between = [line_between(right, left) if painted else Line() for right, left in pairwise(lanes)]
-    right_lines = [right_edge_line(lanes, edge.opposite) if painted else Line(), *between]
-    left_lines = [*between, left_line(lanes, edge.opposite) if painted else Line()]
+    between = [line_between(outer, inner) if painted else Line() for outer, inner in pairwise(lanes)]
+    outer_lines = [right_edge_line(lanes, edge.opposite) if painted else Line(), *between]
+    inner_lines = [*between, left_line(lanes, edge.opposite) if painted else Line()]
     ids = [lane.id for lane in lanes]
-    lefts, rights = [*ids[1:], edge.opposite[-1].id if edge.opposite else ""], ["", *ids[:-1]]
+    inners, outers = [*ids[1:], edge.opposite[-1].id if edge.opposite else ""], ["", *ids[:-1]]
+    (right_lines, rights), (left_lines, lefts) = (outer_lines, outers), (inner_lines, inners)
+    if borders.left_hand:
+        (right_lines, rights), (left_lines, lefts) = (left_lines, lefts), (right_lines, rights)
     for place, lane in enumerate(lanes):
         yield Strip(
             id=lane.id,
@@ -132,7 +141,7 @@ def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
             left_line=left_lines[place],
             right_line=right_lines[place],
             road=lane.edge,
-            index=place - len(lanes),
+            index=-place - 1 if borders.left_hand else place - len(lanes),
             junction=lane.junction,
             speed_mps=lane.speed_mps,
             structure=edge.carried,
@@ -162,7 +171,8 @@ def _stop_lines(net: SumoNet, edges: Mapping[str, _Edge], borders: _Borders) -> 
         for is_driving, group in groupby(edge.lanes, key=lambda lane: lane.kind is LaneKind.DRIVING):
             side_by_side = list(group)
             if is_driving:
-                ends_m = _across(borders.right_m[side_by_side[0].id], borders.left_m[side_by_side[-1].id])
+                right, left = (-1, 0) if borders.left_hand else (0, -1)
+                ends_m = _across(borders.right_m[side_by_side[right].id], borders.left_m[side_by_side[left].id])
                 yield StopLine(ends_m, yields=not halts and minor[name] is SignKind.YIELD)
 
 

@@ -49,6 +49,7 @@ class SumoNet:
         structures: Ids of the edges that the file declares to be bridges.
         right_of_way: Lane id → SUMO's codes of its movements outside traffic lights: M has right of way, m yields, s
             stops first, w stops as all others do, = yields to the right.
+        left_hand: Traffic keeps to the left: the lanes of an edge are numbered from left to right.
     """
 
     lanes: dict[str, Lane]
@@ -57,6 +58,7 @@ class SumoNet:
     edge_ends: dict[str, tuple[str, str]] = field(default_factory=dict)
     structures: frozenset[str] = frozenset()
     right_of_way: dict[str, frozenset[str]] = field(default_factory=dict)
+    left_hand: bool = False
 
 
 def read_sumo_net(path: Path) -> SumoNet:
@@ -75,6 +77,7 @@ def read_sumo_net(path: Path) -> SumoNet:
 class _Content:
     """Attributes of the file's elements: edges with their lanes, declared structures, junctions, connections."""
 
+    left_hand: bool
     edges: list[tuple[dict[str, str], list[dict[str, str]]]] = field(default_factory=list)
     structures: set[str] = field(default_factory=set)
     junctions: list[dict[str, str]] = field(default_factory=list)
@@ -83,9 +86,9 @@ class _Content:
 
 def _read(path: Path) -> _Content:
     """Go through the file once, keeping no element."""
-    content = _Content()
     events = ElementTree.iterparse(path, events=("start", "end"))
     _, root = next(events)
+    content = _Content(left_hand=root.get("lefthand") in ("true", "1"))
     for event, element in events:
         if event == "start" or element.tag not in ("edge", "junction", "connection"):
             continue
@@ -122,7 +125,8 @@ def _net(content: _Content) -> SumoNet:
         if junction.get("type") not in ("internal", "dead_end")
     }
     right_of_way = _right_of_way(content.connections)
-    return SumoNet(lanes, junctions, links, edge_ends, frozenset(content.structures), right_of_way)
+    structures = frozenset(content.structures)
+    return SumoNet(lanes, junctions, links, edge_ends, structures, right_of_way, content.left_hand)
 
 
 def _links(connections: Sequence[Mapping[str, str]], lanes: Mapping[str, Lane]) -> Iterator[ControlledLink]:

@@ -66,8 +66,9 @@ class NetFile:
         self._lost_connections()
 
     def extent_m(self) -> tuple[Float64Array, Float64Array]:
-        """(3,) lowest and highest coordinates of the lanes outside junctions."""
-        points = np.concatenate([self._points(lane, "shape") for lane in self.lanes()])
+        """(3,) lowest and highest coordinates of the junctions and of the lanes outside them."""
+        lanes_m = [self._points(lane, "shape") for lane in self.lanes()]
+        points = np.concatenate([*lanes_m, *(self._position(junction) for junction in self._junctions.values())])
         return points.min(axis=0), points.max(axis=0)
 
     def move(self, map_from_net: Callable[[Float64Array], Float64Array]) -> None:
@@ -88,7 +89,7 @@ class NetFile:
     def _places(self) -> Iterator[tuple[Element, str, Float64Array]]:
         """Elements, the attribute of a shape ("" for a position), and its (N, 3) points."""
         for junction in self._junctions.values():
-            yield junction, "", np.array([[self._number(junction, axis, 0.0) for axis in "xyz"]])
+            yield junction, "", self._position(junction)
         for element in (*self._junctions.values(), *self._edges.values(), *self._root.iter("lane")):
             if element.get("shape"):
                 yield element, "shape", self._points(element, "shape")
@@ -169,6 +170,10 @@ class NetFile:
 
     def _remove(self, elements: Set[Element]) -> None:
         self._root[:] = [child for child in self._root if child not in elements]
+
+    def _position(self, junction: Element) -> Float64Array:
+        """(1, 3) of a junction."""
+        return np.array([[self._number(junction, axis, 0.0) for axis in "xyz"]])
 
     def _points(self, element: Element, attribute: str) -> Float64Array:
         """(N, 3) points of "x,y x,y" or "x,y,z x,y,z"; an empty array where there are none."""

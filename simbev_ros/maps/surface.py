@@ -56,7 +56,7 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
         layout = layout.near(area, 4.0 * max(layout.corner_radius_m, _MIDDLE_CLOSING_M))
     crosswalks = crosswalk_polygons([each for each in layout.crosswalks if each.level == level])
     road = _road(layout, level, crosswalks)
-    shoulder = _without(_joined(layout.strips_of(LaneKind.SHOULDER, level=level)), road)
+    shoulder = _without(_shoulders(layout, level, road), road)
     paved = shapely.union(road, shoulder)
     sidewalk = _without(_walks(layout, level, paved), paved)
     median = _without(_joined(layout.strips_of(LaneKind.MEDIAN, level=level)), shapely.union(paved, sidewalk))
@@ -118,6 +118,16 @@ def _road(layout: Layout, level: int, crosswalks: AnyArray) -> BaseGeometry:
     return shapely.difference(closed, shapely.difference(claimed, bare), grid_size=_GRID_M)
 
 
+def _shoulders(layout: Layout, level: int, road: BaseGeometry) -> BaseGeometry:
+    """Shoulders; where lanes are all there is, also what is left between them and lanes that begin and end there."""
+    shoulders = _joined(layout.strips_of(LaneKind.SHOULDER, level=level))
+    if not layout.corner_radius_m or shoulders.is_empty:
+        return shoulders
+    beside = shapely.intersection(road, shapely.buffer(shoulders, 2.0 * _MIDDLE_CLOSING_M))
+    others = strip_polygons(layout.strips_of(*_WALK_KINDS, LaneKind.MEDIAN, level=level))
+    return _without(_closed(shapely.union(shoulders, beside), _MIDDLE_CLOSING_M), shapely.union_all(others))
+
+
 def _joined(strips: Sequence[Strip]) -> BaseGeometry:
     """Strips of one kind, and what is left between those of two directions."""
     return _closed(shapely.union_all(strip_polygons(strips)), _MIDDLE_CLOSING_M)
@@ -131,16 +141,16 @@ def _walks(layout: Layout, level: int, paved: BaseGeometry) -> BaseGeometry:
     return _polygons(shapely.intersection(street, shapely.buffer(walks, closing_m)))
 
 
-def _without(surface: BaseGeometry, others: BaseGeometry) -> BaseGeometry:
-    """What is left of a surface."""
-    return shapely.difference(surface, others, grid_size=_GRID_M)
+def _without(surface: BaseGeometry, others: BaseGeometry) -> MultiPolygon:
+    """What is left of a surface; the lines that a difference may leave besides, no later one would take."""
+    return _polygons(shapely.difference(surface, others, grid_size=_GRID_M))
 
 
-def _closed(area: BaseGeometry, radius_m: float) -> BaseGeometry:
+def _closed(area: BaseGeometry, radius_m: float) -> MultiPolygon:
     """The area with narrow gaps and inner corners filled (morphological closing), on a millimetre grid."""
     grown = shapely.buffer(area, radius_m, quad_segs=12)
     closed = shapely.union(shapely.buffer(grown, -radius_m, quad_segs=12), area)
-    return shapely.set_precision(shapely.simplify(closed, 2 * _GRID_M), _GRID_M)
+    return _polygons(shapely.set_precision(shapely.simplify(closed, 2 * _GRID_M), _GRID_M))
 
 
 def _valid(polygons: Sequence[shapely.Polygon]) -> AnyArray:

@@ -5,18 +5,26 @@ import pytest
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
 from simbev_ros.maps.elevation import Elevation
-from simbev_ros.maps.layout import Layout
+from simbev_ros.maps.layout import Layout, Strip
 from simbev_ros.maps.levels import with_levels
 from simbev_ros.types import Float64Array
+
+_LIFT_M = 0.2
 
 
 def _banked_slope(xy_m: Float64Array) -> Float64Array:
     return 7.0 + 0.06 * xy_m[:, 0] - 0.04 * xy_m[:, 1]
 
 
-def test_banked_slope_is_exact_on_the_road_and_beside_it() -> None:
+def _in_junction(strips: list[Strip]) -> list[Strip]:
+    return [replace(strip, junction="J") for strip in strips]
+
+
+@pytest.mark.parametrize("junction", [False, True])
+def test_banked_slope_is_exact_on_the_road_and_beside_it(junction: bool) -> None:
     roads = side_by_side(3, name="a", start_m=(0, 0), end_m=(150, 40), height=_banked_slope)
     roads += side_by_side(2, name="b", start_m=(80, -60), end_m=(60, 90), height=_banked_slope)
+    roads = _in_junction(roads) if junction else roads
     xy_m = np.random.default_rng(0).uniform([-30, -80], [180, 110], (2000, 2))
     assert Elevation(layout_of_strips(*roads)).height_m(xy_m) == pytest.approx(_banked_slope(xy_m), abs=1e-6)
 
@@ -38,6 +46,33 @@ def test_surface_has_no_steps_even_where_roads_disagree() -> None:
         along_m = np.linspace(-40.0, 60.0, count)
         steps_m.append(np.abs(np.diff(elevation.height_m(np.column_stack([40.0 + 0.3 * along_m, along_m])))).max())
     assert steps_m[1] < 0.15 * steps_m[0], "ten times finer samples, steps about ten times as small"
+
+
+def test_roads_that_disagree_where_they_cross_in_a_junction_meet_without_humps() -> None:
+    high = _in_junction(
+        side_by_side(4, name="a", start_m=(-40, 7), end_m=(40, 7), height=lambda xy_m: _LIFT_M + 0 * xy_m[:, 0])
+    )
+    low = _in_junction(side_by_side(4, name="b", start_m=(-7, -40), end_m=(-7, 40), height=level_ground))
+    elevation = Elevation(layout_of_strips(*high, *low))
+    along_m = np.arange(-30.0, 30.0, 0.25)
+    for beside_m in (-5.0, -1.7, 0.0, 1.7, 5.0):
+        for axis, own_m in ((0, _LIFT_M), (1, 0.0)):
+            places_m = np.full((len(along_m), 2), beside_m)
+            places_m[:, axis] = along_m
+            height_m = elevation.height_m(places_m)
+            bend_m = height_m[8:] - 2.0 * height_m[4:-4] + height_m[:-8]
+            assert np.abs(bend_m).max() < 0.03, "over a metre before and behind, with 0.2 m between both roads"
+            assert -0.01 < height_m.min() < height_m.max() < _LIFT_M + 0.01
+            assert height_m[[0, -1]] == pytest.approx([own_m, own_m], abs=1e-9)
+
+
+def test_heights_are_the_same_to_the_bit_whatever_was_asked_before() -> None:
+    roads = side_by_side(3, name="a", start_m=(-50, 4), end_m=(50, -9), height=_banked_slope)
+    roads += side_by_side(2, name="b", start_m=(3, -50), end_m=(-8, 50), height=level_ground)
+    layout = layout_of_strips(*_in_junction(roads))
+    xy_m = np.random.default_rng(2).uniform(-40, 40, (300, 2))
+    at_once, one_by_one = Elevation(layout).height_m(xy_m), Elevation(layout)
+    assert [one_by_one.height_m(xy_m[[place]])[0] for place in range(299, -1, -1)] == at_once[::-1].tolist()
 
 
 def test_levels_are_told_apart_by_height() -> None:

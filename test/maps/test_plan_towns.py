@@ -33,6 +33,7 @@ TOWNS = (
 FREE_HEIGHT_M, DECK_M = 5.5, 1.0
 STEEPEST, STEEPEST_MOTORWAY, MOTORWAY_MPS = 0.08, 0.05, 20.0
 KINK_PER_5M = 0.01
+FASTEST_CYCLING_MPS = 70.0 / 3.6
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,41 @@ def test_lanes_meet_at_one_height_in_junctions(net: Net) -> None:
     for lane in net.driving(internal=False):
         for junction, end in zip(net.ends[net.edge[lane]], (0, -1), strict=True):
             assert abs(net.line_m[lane][end, 2] - net.junctions[junction][2]) < 0.3, (lane, junction)
+
+
+def test_nobody_is_led_aside_where_a_road_goes_on(net: Net) -> None:
+    for a, b, via in net.links:
+        if net.kind[a] != "driving" or not via:
+            continue
+        before, after = unit(net.line_m[a][-1] - net.line_m[a][-2]), unit(net.line_m[b][1] - net.line_m[b][0])
+        step_m = (net.line_m[b][0] - net.line_m[a][-1])[:2]
+        middle = unit(before + after)
+        aside_m = abs(middle[0] * step_m[1] - middle[1] * step_m[0])
+        if before @ after > np.cos(np.radians(30.0)):
+            assert aside_m < 0.5 or aside_m < np.tan(np.radians(20.0)) * (middle @ step_m), (a, b)
+
+
+def test_lanes_of_a_road_end_side_by_side(net: Net) -> None:
+    lanes: dict[str, list[NDArray[np.float64]]] = {}
+    for lane in net.driving(internal=False):
+        lanes.setdefault(net.edge[lane], []).append(net.line_m[lane])
+    for edge, lines_m in lanes.items():
+        for end, inner in ((0, 1), (-1, -2)):
+            along = unit(lines_m[0][end] - lines_m[0][inner])
+            assert np.ptp([line_m[end, :2] @ along for line_m in lines_m]) < 0.3, edge
+
+
+def test_nobody_rides_a_bicycle_or_walks_on_fast_roads(net: Net) -> None:
+    lanes = ElementTree.parse(net.parts.net).getroot().iterfind("edge/lane[@type='driving']")
+    closed = {lane.attrib["id"]: set(lane.get("disallow", "").split()) for lane in lanes}
+    fast = {lane for lane in closed if net.speed_mps[lane] > FASTEST_CYCLING_MPS + 0.01}
+    assert all({"bicycle", "pedestrian"} <= closed[lane] for lane in fast)
+    assert not any("bicycle" in closed[lane] for lane in closed.keys() - fast)
+
+
+def unit(step_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direction in plan."""
+    return np.asarray(step_m[:2] / np.linalg.norm(step_m[:2]))
 
 
 def test_grades_and_vertical_curves_are_those_of_roads(net: Net) -> None:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -99,6 +101,16 @@ def test_narrow_medians_and_shoulders_are_not_filled_by_the_road() -> None:
         assert found.road.area == pytest.approx(2 * 50 * 3.5, abs=0.1)
         for part in (found.median, found.shoulder, found.sidewalk):
             assert part.area == pytest.approx(50 * 3.5, abs=0.1)
+
+
+def test_paving_has_no_gap_where_a_lane_begins_in_place_of_the_shoulder() -> None:
+    lane = straight("lane", (-50, 0), (50, 0), level_ground)
+    shoulder = _as(LaneKind.SHOULDER, straight("shoulder", (-50, -3.5), (0, -3.5), level_ground))
+    new_lane = straight("new", (1, -3.5), (50, -3.5), level_ground)
+    surfaces = surfaces_of(replace(layout_of_strips(lane, shoulder, new_lane), corner_radius_m=3.0))
+    paved = shapely.union(surfaces.road, surfaces.shoulder)
+    assert shapely.difference(shapely.box(-50, -5.25, 50, 1.75), paved).area < 0.2, "but for a notch at the edge"
+    assert paved.area == pytest.approx(surfaces.road.area + surfaces.shoulder.area) == pytest.approx(700.0, abs=0.2)
 
 
 def test_levels_have_surfaces_of_their_own_that_meet_at_the_deck_ends() -> None:

@@ -21,7 +21,7 @@ _SHORTEST_SIDE_M = 30.0
 _M2_PER_PLANT = 75.0
 _SMALLEST_M2 = 900.0
 _WATER_RISE_M, _LEVEL_M = 0.02, 0.25
-_WATER = Finish(Material.WATER, Tag.WATER, (46, 74, 78))
+_WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 _RIM = Finish(Material.CONCRETE, Tag.STATIC, (142, 138, 130))
 
 

@@ -10,18 +10,20 @@ from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.static_scene import StreetLight
 from simbev_ros.assets.street.curbs import CurbLine
+from simbev_ros.assets.street.light_places import Lanes, light_places
 from simbev_ros.assets.street.poles import MAST_LAMP_AT_M, STREET_LAMP_AT_M, mast, street_light, with_lamp_index
 from simbev_ros.assets.tiles import standing
 from simbev_ros.geometry.transforms import apply
-from simbev_ros.types import Float64Array
+from simbev_ros.types import Float64Array, Int64Array
 
-_STAGGER = 0.9
+_SPACING_OF_A_SIDE = 1.7  # the two sides of a street share its lights
 _MAST_SPACING = 1.6
+_APART = 0.6  # of the spacing: lights of other curbs may be so close
 _ROOM_M = 0.3
 
 
 def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Iterator[StreetLight]:
-    """Lights of a region, staggered on the two sides: each keeps a distance from those across the street too.
+    """Lights of a region, staggered on the two sides.
 
     Args:
         yard: The region.
@@ -29,6 +31,7 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Ite
         fast: Where motorways are.
     """
     occupied = np.empty((0, 3))
+    lanes = [Lanes.of(yard.ground, level) for level in range(len(yard.ground.streets))]
     shapely.prepare(fast)
     for curb in curbs:
         spacing_m = curb.recipe.street_light_spacing_m
@@ -36,8 +39,11 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Ite
             continue
         is_fast = bool(shapely.intersects_xy(fast, *curb.place_m[len(curb.place_m) // 2]))
         mesh, lamp_at_m = (mast(), MAST_LAMP_AT_M) if is_fast else (street_light(), STREET_LAMP_AT_M)
-        apart_m = _STAGGER * spacing_m * (_MAST_SPACING if is_fast else 1.0)
-        for k in _spaced(curb.place_m, occupied[occupied[:, 2] == curb.level, :2], apart_m, yard, curb.level):
+        spacing_m *= _MAST_SPACING if is_fast else 1.0
+        for choice in light_places(yard.ground, curb, lanes[curb.level], _SPACING_OF_A_SIDE * spacing_m):
+            k = _first_free(yard, curb, choice, occupied[occupied[:, 2] == curb.level, :2], _APART * spacing_m)
+            if k is None:
+                continue
             place_m = curb.place_m[k]
             pose = standing(place_m, _foot_m(yard, curb, place_m), float(curb.yaw_rad[k]))
             yard.tiles.place(with_lamp_index(mesh, (Material.STREET_LAMP,), len(occupied)), pose, curb.level)
@@ -46,21 +52,15 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Ite
             yield StreetLight((float(x_m), float(y_m), float(z_m)))
 
 
-def _spaced(place_m: Float64Array, occupied_m: Float64Array, apart_m: float, yard: Yard, level: int) -> Iterator[int]:
-    """Which places of a line are taken, from its start on: free ones as far as wanted from all taken before."""
-    near = shapely.STRtree(np.array(shapely.points(occupied_m)).reshape(-1))
-    close, _ = near.query(shapely.points(place_m), predicate="dwithin", distance=apart_m)
-    open_ = np.full(len(place_m), True)
-    open_[close] = False
-    last_m = None
-    for k in np.flatnonzero(open_).tolist():
-        if last_m is not None and float(np.hypot(*(place_m[k] - last_m))) < apart_m:
+def _first_free(yard: Yard, curb: CurbLine, choice: Int64Array, occupied_m: Float64Array, apart_m: float) -> int | None:
+    """The first of some places of a curb that has room, and is as far as wanted from all lights before."""
+    for k in choice.tolist():
+        place_m = curb.place_m[k]
+        if np.any(np.hypot(*(occupied_m - place_m).T) < apart_m):
             continue
-        disc = shapely.Point(place_m[k]).buffer(_ROOM_M, quad_segs=2)
-        if level == 0 and not yard.claims.claim(disc):
-            continue
-        last_m = place_m[k]
-        yield k
+        if curb.level or yard.claims.claim(shapely.Point(place_m).buffer(_ROOM_M, quad_segs=2)):
+            return int(k)
+    return None
 
 
 def _foot_m(yard: Yard, curb: CurbLine, place_m: Float64Array) -> float:

@@ -18,6 +18,7 @@ from simbev_ros.maps.safe_xml import place_of
 _LENGTH_TOLERANCE_M = 0.01
 _LONGEST_ROAD_M = 200e3
 _LONGEST_MAP_M = 20e6
+_MOST_ROADS = 50_000
 _SHORTEST_M = 1e-3
 
 
@@ -30,9 +31,12 @@ def read_document(path: Path, root: Element, notes: Notes) -> Document:
         notes: Told what was repaired or left out.
 
     Raises:
-        InputError: It is of another major version, or its roads are too long.
+        InputError: It is of another major version, or its roads are too many or too long.
     """
     _check_version(path, root)
+    count = sum(1 for _ in root.iterfind("road"))
+    if count > _MOST_ROADS:
+        raise InputError(f"{path}: has {count} roads; at most {_MOST_ROADS} are read. Cut out the part that is wanted")
     roads: dict[str, Road] = {}
     for element in root.findall("road"):
         try:

@@ -67,8 +67,11 @@ def signal_places_of(
     carriageway: Carriageway,
     notes: Notes,
 ) -> tuple[SignalPlace, ...]:
-    """All traffic lights for vehicles; those without a height of their own hang on a post."""
-    found = []
+    """All traffic lights for vehicles; those without a height of their own hang on a post.
+
+    Several at one place, as SUMO writes one for each arrow, are one head.
+    """
+    found: dict[tuple[float, ...], SignalPlace] = {}
     for signal in signals:
         lanes = _lane_ids(signal, approaches, lane_ids) if signal.meaning == "traffic_light" else ()
         if not lanes:
@@ -80,8 +83,10 @@ def signal_places_of(
         else:
             ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
             head_m = foot_m + _HEAD_BEFORE_POLE_M * ahead + np.array([0.0, 0.0, _HEAD_ABOVE_FOOT_M])
-        found.append(SignalPlace(foot_m, head_m, yaw_rad, lanes))
-    return tuple(found)
+        place = (*np.round(head_m, 1).tolist(), round(yaw_rad, 1))
+        others = found[place].lanes if place in found else ()
+        found[place] = SignalPlace(foot_m, head_m, yaw_rad, tuple(dict.fromkeys((*others, *lanes))))
+    return tuple(found.values())
 
 
 def _lane_ids(signal: Signal, approaches: Approaches, lane_ids: Mapping[LaneKey, Sequence[str]]) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from simbev_ros.maps.osm.roads import joined, roads_of
 from simbev_ros.maps.parts import MapParts
 
 _LARGEST_M = 30_000.0
+_LONGEST_M = 4e6
 _OPTIONS = (
     "--offset.disable-normalization=true",
     "--osm.sidewalks=true",
@@ -53,7 +54,8 @@ def import_osm(path: Path, work: Path) -> MapParts:
         InputError: The file is not OpenStreetMap XML, something in it is wrong, or it has no roads for cars.
     """
     data = read_osm(path)
-    in_roads = sorted({node for way in data.ways if road_tags(way.tags) is not None for node in way.nodes})
+    lines = [np.array(way.nodes) for way in data.ways if road_tags(way.tags) is not None]
+    in_roads = sorted({node for line in lines for node in line.tolist()})
     if not in_roads:
         raise InputError(f"{path}: has no roads")
     datum = middle_of(data.longitude_latitude_deg[in_roads])
@@ -63,6 +65,12 @@ def import_osm(path: Path, work: Path) -> MapParts:
     if not extent_m <= _LARGEST_M:
         raise InputError(
             f"{path}: its roads span {extent_m / 1000:.0f} km; at most {_LARGEST_M / 1000:.0f} km are read. "
+            "Cut out the part that is wanted"
+        )
+    length_m = sum(float(np.hypot(*np.diff(xy_m[line], axis=0).T).sum()) for line in lines)
+    if length_m > _LONGEST_M:
+        raise InputError(
+            f"{path}: its roads are {length_m / 1000:.0f} km long; at most {_LONGEST_M / 1000:.0f} km are read. "
             "Cut out the part that is wanted"
         )
     roads, road_notes = roads_of(data, xy_m)

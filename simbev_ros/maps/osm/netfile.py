@@ -87,5 +87,10 @@ def _tag(element: Element, tags: Tags) -> None:
 
 def middle_of(longitude_latitude_deg: Float64Array) -> MapDatum:
     """A datum in the middle of (N, 2) longitudes and latitudes, of few digits."""
-    longitude, latitude = np.round((longitude_latitude_deg.min(axis=0) + longitude_latitude_deg.max(axis=0)) / 2.0, 6)
-    return MapDatum(float(latitude), float(longitude), 0.0)
+    first_deg = longitude_latitude_deg[0, 0]
+    degrees = longitude_latitude_deg.copy()
+    # From -180 to 180 degrees east of the first, so that a town may lie on both sides of the antimeridian.
+    degrees[:, 0] = (degrees[:, 0] - first_deg + 180.0) % 360.0 - 180.0
+    longitude, latitude = (degrees.min(axis=0) + degrees.max(axis=0)) / 2.0
+    longitude = (longitude + first_deg + 180.0) % 360.0 - 180.0
+    return MapDatum(round(float(latitude), 6), round(float(longitude), 6), 0.0)

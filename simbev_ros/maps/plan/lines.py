@@ -9,6 +9,7 @@ from simbev_ros.types import Float64Array
 VERTEX_SPACING_M = 5.0
 """Distance between vertices of curves."""
 
+_NEAR_END_M = 15.0
 _LARGEST_BEND_RAD = np.radians(7.5)
 
 
@@ -78,10 +79,15 @@ def arc(center_m: Float64Array, radius_m: float, start_rad: float, turn_rad: flo
 
 
 def simplified(line_m: Float64Array, tolerance_m: float = 0.01) -> Float64Array:
-    """The (N, 3) line without vertices that say nothing, in plan or in height."""
+    """The (N, 3) line without vertices that say nothing, in plan or in height, but for one near each end.
+
+    netconvert cuts a road across the segment of its nearest vertex in plan, which, were there none near the end, might
+    belong to the other end of a loop.
+    """
     along_m = stations_m(line_m)
     kept = np.zeros(len(line_m), bool)
     kept[[0, -1]] = True
+    kept[np.abs(along_m[:, None] - [_NEAR_END_M, along_m[-1] - _NEAR_END_M]).argmin(axis=0)] = True
     for flat_m in (line_m[:, :2], np.column_stack([along_m, line_m[:, 2]])):
         corners = shapely.get_coordinates(shapely.simplify(shapely.LineString(flat_m), tolerance_m))
         kept[cKDTree(flat_m).query(corners)[1]] = True

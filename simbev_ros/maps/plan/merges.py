@@ -23,7 +23,8 @@ class LanePair(NamedTuple):
 def lane_pairs(node: int, links: Sequence[Link]) -> Iterator[LanePair]:
     """Lanes that follow each other at a node of one-way roads, as many before it as after, or with lanes that begin.
 
-    New lanes begin on the right. Nothing is said of other nodes.
+    New lanes begin on the right, with no lane before them: vehicles change over to them as to any other lane, where one
+    that led there within the node would take them a lane's width aside in a metre. Nothing is said of other nodes.
     """
     coming = _from_right_to_left(node, [link for link in links if link.end == node])
     going = _from_right_to_left(node, [link for link in links if link.start == node])
@@ -34,8 +35,8 @@ def lane_pairs(node: int, links: Sequence[Link]) -> Iterator[LanePair]:
     )
     more = len(after) - len(before)
     if more == 0 or (more > 0 and len(links) == 2):
-        for index, lane in enumerate(after):
-            yield LanePair(*before[max(index - more, 0)], *lane)
+        for coming_lane, going_lane in zip(before, after[more:], strict=True):
+            yield LanePair(*coming_lane, *going_lane)
 
 
 def _from_right_to_left(node: int, links: list[Link]) -> list[Link]:

@@ -13,9 +13,10 @@ from simbev_ros.types import Float64Array
 
 _SMALLEST_RADIUS_M = 0.5
 _FASTEST_CROSSING_KMH = 60.0
+_FASTEST_CYCLING_KMH = 70.0
 _ALLOWED = {LaneKind.SIDEWALK: {"allow": "pedestrian"}, LaneKind.BICYCLE: {"allow": "bicycle"}}
 _CLOSED = {"disallow": "all"}
-_ON_DRIVING = {"disallow": "pedestrian"}
+_ON_STREETS, _ON_FAST_ROADS = ({"disallow": classes} for classes in ("pedestrian", "pedestrian bicycle"))
 
 
 class _LaneType(NamedTuple):
@@ -83,12 +84,19 @@ def edges_xml(plan: Plan) -> str:
                         "index": str(index),
                         "width": f"{lane.width_m:g}",
                         "type": lane.kind.value,
-                        **(_ON_DRIVING if lane.kind is LaneKind.DRIVING else _ALLOWED.get(lane.kind, _CLOSED)),
+                        **_permissions(lane.kind, link.road.kind.speed_kmh),
                     },
                 )
             if link.structure:
                 ElementTree.SubElement(edge, "param", key="structure", value="bridge")
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _permissions(lane: LaneKind, speed_kmh: float) -> dict[str, str]:
+    """Who may use a lane: nobody walks on driving lanes, and nobody rides a bicycle on those of fast roads."""
+    if lane is LaneKind.DRIVING:
+        return _ON_STREETS if speed_kmh <= _FASTEST_CYCLING_KMH else _ON_FAST_ROADS
+    return _ALLOWED.get(lane, _CLOSED)
 
 
 def connections_xml(plan: Plan, width_m: float) -> str:

@@ -32,9 +32,9 @@ vec3 paving(vec3 albedo, vec2 uv, vec4 coarse, vec4 fine, float size) {
 }
 
 vec3 grass(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine) {
-    float dry = smoothstep(0.35, 1.0, coarse.r * 0.6 + middle.a * 0.4);
-    vec3 color = mix(albedo, albedo * vec3(1.55, 1.22, 0.85), dry * 0.7);
-    return color * (0.62 + 0.45 * fine.g + 0.35 * middle.b);
+    float dry = smoothstep(0.45, 1.0, coarse.r * 0.6 + middle.a * 0.4);
+    vec3 color = mix(albedo * vec3(0.86, 0.84, 0.8), albedo * vec3(1.16, 0.98, 0.82), dry);
+    return color * (0.50 + 0.55 * fine.g + 0.35 * middle.b);
 }
 
 // Rows of plants with bare soil between them; from afar only their mean is left.

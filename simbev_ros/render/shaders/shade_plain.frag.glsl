@@ -28,14 +28,14 @@ void main() {
     } else if (p.material == MATERIAL_FOLIAGE) {
         vec2 place = flat_place(p.position + noise_origin.xyz, abs(p.normal));
         vec4 clump = noise_at(place / 8.0, p.size / 8.0);
-        vec4 leaf = noise_at(place / 2.0, p.size / 2.0);
-        float gap = smoothstep(0.18, 0.62, leaf.g * 0.55 + leaf.b * 0.45);
-        s.albedo *= (0.38 + 0.85 * gap) * (0.75 + 0.5 * clump.b);
-        s.albedo.r *= 0.85 + 0.5 * clump.a;
-        s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 1.1 + (clump.bar - 0.5) * 0.5);
+        vec4 leaf = noise_at(place / 2.6, p.size / 2.6);
+        float depth = 0.55 * leaf.g + 0.45 * leaf.b;  // 0 between the leaves, 1 at their tips
+        s.albedo *= (0.62 + 0.58 * smoothstep(0.15, 0.75, depth)) * (0.86 + 0.28 * clump.b);
+        s.albedo *= vec3(0.86 + 0.26 * clump.a, 0.98, 0.9);
+        s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 0.9 + (clump.bar - 0.5) * 0.9);
         s.roughness = 1.0;
         s.specular = 0.0;
-        s.translucency = 0.5;
+        s.translucency = 0.6;
     } else if (p.material == MATERIAL_BARK || p.material == MATERIAL_WOOD) {
         s.albedo *= 0.7 + 0.6 * noise_at(p.uv * vec2(3.0, 0.5), p.size * 3.0).b;
     } else if (p.material == MATERIAL_ROOF) {

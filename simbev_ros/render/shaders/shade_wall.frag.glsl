@@ -66,9 +66,15 @@ vec3 goods_on_display(vec2 uv, float height, float size) {
     vec2 cell = floor(uv / vec2(0.23, 0.34));
     vec3 color = 0.15 + 0.35 * random(cell + 99.0) + 0.3 * vec3(random(cell), random(cell + 333.0), random(cell + 777.0));
     float seen = clamp(1.2 - size * 4.0, 0.0, 1.0);
-    float stocked = step(height, 0.9 + 0.9 * random(vec2(cell.x, 5.0))) * seen;
-    float back = 0.30 + 0.25 * height / 2.5 + 0.15 * noise_at(uv / 6.0, size / 6.0).r;
-    return mix(vec3(0.9, 0.8, 0.65) * back, color, stocked * 0.5);
+    float stocked = step(height, 0.7 + 0.9 * random(vec2(cell.x, 5.0))) * seen;
+    float back = 0.10 + 0.16 * height / 2.5 + 0.12 * noise_at(uv / 6.0, size / 6.0).r;
+    return mix(vec3(0.9, 0.82, 0.7) * back, color * 0.5, stocked * 0.4);
+}
+
+// Shops' fascias: dark green, navy, burgundy, charcoal or cream.
+vec3 sign_tone(float pick) {
+    vec3 dark = pick < 0.25 ? vec3(0.025, 0.09, 0.06) : pick < 0.5 ? vec3(0.03, 0.06, 0.15) : vec3(0.22, 0.035, 0.04);
+    return pick < 0.7 ? dark : pick < 0.87 ? vec3(0.045, 0.045, 0.05) : vec3(0.5, 0.44, 0.34);
 }
 
 void main() {
@@ -93,9 +99,9 @@ void main() {
     wall = punched ? mix(wall, vec3(0.55, 0.53, 0.49), sill * above_ground) : wall;
     vec3 panel = p.albedo * 0.35;
     wall = p.material == MATERIAL_OFFICE_GLASS ? mix(panel, wall, 0.35) : wall;
-    vec3 sign_color = mix(vec3(0.5, 0.08, 0.06), vec3(0.05, 0.16, 0.34), random(vec2(bay.x, seed)));
+    vec3 sign_color = sign_tone(random(vec2(floor(bay.x / 3.0), floor(seed * 64.0) + 41.0)));
     float sign = p.material == MATERIAL_SHOPFRONT ? within(place, vec2(-1.0, 2.52), vec2(4.0, 2.9), p.size) : 0.0;
-    wall = mix(wall, sign_color * (0.7 + 0.6 * other), sign);
+    wall = mix(wall, sign_color, sign);
     vec3 frame = punched ? vec3(0.62, 0.61, 0.58) : vec3(0.07, 0.075, 0.08);
 
     float curtain = step(0.55, pick) * span_cover(place.y, o.high.y - (0.25 + 0.9 * other), o.high.y, p.size);

@@ -1,0 +1,326 @@
+"""Where Town04's motorway crosses itself: roads, cars and people of each level are labelled on their level only.
+
+The truth is told by height alone: near the crossing the upper road lies far above the lower one, on its ramps too.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import shapely
+from synthetic_world import EGO_ID, actor, world
+
+from simbev_ros.annotation.bev import BevAnnotator
+from simbev_ros.annotation.boxes import boxes
+from simbev_ros.annotation.levels import Levels
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.static_cache import load_static_scene
+from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.config.rig import Camera, Lidar
+from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.level_members import LevelGraph
+from simbev_ros.maps.region import Reach
+from simbev_ros.maps.source import map_spec
+from simbev_ros.raycast.scene import RayScene
+from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.renderer import Renderer
+from simbev_ros.scene.blueprints import blueprint_index
+from simbev_ros.scene.state import WorldState
+from simbev_ros.semantics import BEV_CLASSES, Tag
+from simbev_ros.sensors.lidar import LidarModel
+from simbev_ros.sensors.mount import map_from_sensor
+from simbev_ros.types import BoolArray, Float64Array, Table
+
+SPEC = map_spec("Town04")
+REACH = Reach((0.0, 0.0), 70.0)
+CARLA_TOWN04 = Path(__file__).parents[2].parent / "shared/maps/carla/Town04.xodr"
+GRID = BevGrid(rows=320, columns=320, cell_m=0.25)
+MODELS = load_models()
+CAMERA = Camera(type="camera", name="front", pose={"x_m": 0.3, "z_m": 1.6}, width_px=320, height_px=180)
+LIDAR = Lidar(type="lidar", name="lidar", pose={"z_m": 1.8}, channels=32, columns=512)
+BETWEEN_M = 2.5  # the roads of the two levels are further apart
+FINE = BevGrid(rows=600, columns=600, cell_m=0.1)  # people are small
+PLACES = ("on the deck", "on the ramp", "beneath the deck", "before the deck")
+UPPER = PLACES[:2]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """The map around it.
+
+    Attributes:
+        static: Its meshes.
+        levels: What is to be tested.
+        upper: Driving strips on the deck and of the same roads.
+        lower: Those that pass beneath.
+        deck: What structures cover in plan.
+        between_m: A height that parts the two levels.
+        others: Cars and people on both, in the middle and on the upper road's ramp.
+    """
+
+    static: StaticScene
+    levels: Levels
+    upper: list[Strip]
+    lower: list[Strip]
+    deck: shapely.Geometry
+    between_m: float
+    others: Table
+
+
+def area_of(strip: Strip) -> shapely.Polygon:
+    return shapely.Polygon(np.concatenate([strip.left_m, strip.right_m[::-1]])[:, :2]).buffer(0.0)
+
+
+@pytest.fixture(scope="module")
+def crossing() -> Crossing:
+    network = load_network(SPEC)
+    static = load_static_scene(SPEC, network, reach=REACH)
+    layout = network.layout.near(shapely.Point(REACH.center_m).buffer(150.0), 0.0)
+    near = [s for s in layout.strips if area_of(s).distance(shapely.Point(REACH.center_m)) < REACH.radius_m]
+    deck = shapely.union_all([area_of(strip) for strip in near if strip.level > 0])
+    driving = [strip for strip in near if strip.kind is LaneKind.DRIVING]
+    roads = {strip.road for strip in driving if strip.level > 0}
+    upper = [strip for strip in driving if strip.road in roads]
+    lower = [strip for strip in driving if strip.road not in roads and area_of(strip).intersects(deck)]
+    heights_m = [np.concatenate([dense_m(strip) for strip in strips])[:, 2] for strips in (upper, lower)]
+    assert heights_m[0].min() - heights_m[1].max() > BETWEEN_M
+    between_m = float(heights_m[0].min() + heights_m[1].max()) / 2.0
+    others = actors_on(layout, upper, lower, deck)
+    return Crossing(static, Levels(layout), upper, lower, deck, between_m, others)
+
+
+def dense_m(strip: Strip, place_m: tuple[float, float] = REACH.center_m, near_m: float = 70.0) -> Float64Array:
+    """(N, 3) places along the middle of a strip, a metre apart, of those near the crossing."""
+    center_m = strip.center_m
+    way_m = np.cumsum([0.0, *np.linalg.norm(np.diff(center_m, axis=0), axis=1)])
+    at_m = np.arange(0.5, way_m[-1], 1.0)
+    places_m = np.stack([np.interp(at_m, way_m, center_m[:, axis]) for axis in range(3)], axis=1)
+    return places_m[np.linalg.norm(places_m[:, :2] - place_m, axis=1) < near_m]
+
+
+def on(strip: Strip, index: int, model: str, identity: int) -> Table:
+    """An actor on one of a strip's places."""
+    places_m = dense_m(strip)
+    index = min(index % len(places_m), len(places_m) - 2)
+    x, y, z = places_m[index]
+    step_m = places_m[index + 1] - places_m[index]
+    blueprint = blueprint_index()[model]
+    yaw, pitch = np.arctan2(step_m[1], step_m[0]), -np.arctan2(step_m[2], np.hypot(*step_m[:2]))
+    return actor(MODELS[blueprint], blueprint, id=identity, x=x, y=y, z=z, yaw=yaw, pitch=pitch)
+
+
+def beneath(strip: Strip, deck: shapely.Geometry) -> int:
+    """Number of the place on a strip where it first crosses the middle of a structure."""
+    middle = shapely.get_parts(area_of(strip) & deck)[0].centroid
+    return int(np.argmin(shapely.distance(shapely.points(dense_m(strip)[:, :2]), middle)))
+
+
+def actors_on(layout: Layout, upper: list[Strip], lower: list[Strip], deck: shapely.Geometry) -> Table:
+    """Cars on every lane above and beneath, people on the shoulders, cars on the upper road before the deck."""
+    above = [strip for strip in upper if strip.level > 0]
+    shoulders = layout.strips_of(LaneKind.SHOULDER)
+    roads = {strip.road for strip in lower}
+    rows = [on(strip, 15 + 9 * k, "vehicle.sedan", 100 + k) for k, strip in enumerate(above)]
+    rows += [on(strip, beneath(strip, deck), "vehicle.sedan", 200 + k) for k, strip in enumerate(lower)]
+    rows += [on(strip, 5 * k, "vehicle.sedan", 300 + k) for k, strip in enumerate(upper) if strip.level == 0]
+    walks = [strip for strip in shoulders if strip.level > 0]
+    places = [(strip, index) for strip in walks if len(dense_m(strip)) > 35 for index in (4, 30)]
+    rows += [on(strip, index, "pedestrian.man", 400 + k) for k, (strip, index) in enumerate(places)]
+    walks = [strip for strip in shoulders if strip.road in roads and area_of(strip).intersects(deck)]
+    places = [(strip, beneath(strip, deck) + ahead) for strip in walks for ahead in (-1, 0, 1)]
+    rows += [on(strip, index, "pedestrian.woman", 500 + k) for k, (strip, index) in enumerate(places)]
+    return np.concatenate(rows)
+
+
+def state_of(crossing: Crossing, place: str) -> WorldState:
+    deck = next(strip for strip in crossing.upper if strip.level > 0)
+    under = crossing.lower[0]
+    if place == "on the deck":
+        ego = on(deck, beneath(deck, crossing.deck), "vehicle.sedan", EGO_ID)
+    elif place == "on the ramp":
+        ramps = [strip for strip in crossing.upper if strip.level == 0 and strip.road == deck.road]
+        ramp = min(ramps, key=lambda strip: float(np.linalg.norm(strip.center_m[-1] - deck.center_m[0])))
+        ego = on(ramp, len(dense_m(ramp)) - 12, "vehicle.sedan", EGO_ID)
+    else:
+        index = beneath(under, crossing.deck) - (0 if place == "beneath the deck" else 30)
+        ego = on(under, index, "vehicle.sedan", EGO_ID)
+    ego["yaw"] += 0.07  # so that no line runs along between the centres of cells
+    free = np.hypot(crossing.others["x"] - ego["x"], crossing.others["y"] - ego["y"]) > 5.0
+    return world(ego, crossing.others[free])
+
+
+def centers_m(state: WorldState, grid: BevGrid = GRID) -> Float64Array:
+    """(rows, columns, 2) cell centres in the map frame."""
+    c, s = np.cos(float(state.ego["yaw"])), np.sin(float(state.ego["yaw"]))
+    return grid.centers_ego @ np.array([[c, s], [-s, c]]) + [state.ego["x"], state.ego["y"]]
+
+
+def covered(points_m: Float64Array, corners_m: Float64Array) -> BoolArray:
+    """Which points of the plane lie in any of (T, 3, 3) triangles."""
+    flat = shapely.polygons(corners_m[:, :, :2])
+    flat = flat[shapely.area(flat) > 0.0]
+    inside = np.zeros(points_m.shape[:-1], bool)
+    inside.flat[shapely.STRtree(flat).query(shapely.points(points_m.reshape(-1, 2)), predicate="intersects")[0]] = True
+    return inside
+
+
+def triangles(static: StaticScene, tag: Tag, *levels: int) -> Float64Array:
+    """(T, 3, 3) corners, map frame, of what carries a tag in the tiles of some levels."""
+    return np.concatenate(
+        [
+            tile.mesh.vertices[tile.mesh.triangles[tile.mesh.triangle_tag == tag]].astype(np.float64) + tile.origin_m
+            for tile in static.tiles
+            if tile.level in levels
+        ]
+    )
+
+
+def labels_at(crossing: Crossing, state: WorldState, grid: BevGrid = GRID) -> dict[str, BoolArray]:
+    ego_level = crossing.levels.of_ego(state)
+    labels = BevAnnotator(crossing.static, MODELS).labels(state, grid, ego_level)
+    return {name: labels >> bit & 1 == 1 for bit, name in enumerate(BEV_CLASSES)}
+
+
+def counting(crossing: Crossing, state: WorldState, place: str) -> set[int]:
+    """Ids of those on the ego's level."""
+    actors = state.actors
+    above = actors["z"] > crossing.between_m
+    on_deck = above & shapely.contains_xy(crossing.deck, actors["x"], actors["y"])
+    return set(actors["id"][above if place in UPPER else ~on_deck].tolist())
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_roads_and_lines_are_those_of_the_egos_level(crossing: Crossing, place: str) -> None:
+    state = state_of(crossing, place)
+    labels, points_m = labels_at(crossing, state), centers_m(state)
+    for tag, name in ((Tag.ROAD, "road"), (Tag.ROAD_LINE, "road_line")):
+        corners_m = triangles(crossing.static, tag, 0, 1)
+        above = corners_m[:, :, 2].mean(axis=1) > crossing.between_m
+        if place in UPPER:
+            expected = covered(points_m, corners_m[above])
+        else:
+            expected = covered(points_m, triangles(crossing.static, tag, 0))
+        asked = np.ones(expected.shape, bool)
+        if place == "on the ramp":  # away from the deck the lower road is on the ground as the ego is
+            gap_m = shapely.distance(shapely.points(points_m), crossing.deck)
+            expected |= covered(points_m, corners_m[~above]) & (gap_m > 0.0)
+            asked = (gap_m == 0.0) | (gap_m > 8.0)
+        assert expected.mean() > (0.1 if name == "road" else 0.001)
+        assert (labels[name] != expected)[asked].mean() < 2e-4, name
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_cars_and_people_are_labelled_on_their_level(crossing: Crossing, place: str) -> None:
+    state = state_of(crossing, place)
+    labels, points_m = labels_at(crossing, state, FINE), centers_m(state, FINE)
+    counts = counting(crossing, state, place)
+    for tag, name, core_m in ((Tag.CAR, "car", (1.6, 0.6)), (Tag.PEDESTRIAN, "pedestrian", (0.06, 0.12))):
+        whole, cores = np.zeros((2, *points_m.shape[:2]), bool)
+        for row in state.actors[(state.actors["tag"] == tag) & np.isin(state.actors["id"], sorted(counts))]:
+            c, s = np.cos(row["yaw"]), np.sin(row["yaw"])
+            local = np.abs((points_m - [row["x"], row["y"]]) @ np.array([[c, -s], [s, c]]))
+            whole |= (local <= np.array([row["length"], row["width"]]) / 2.0 + 0.05).all(axis=-1)
+            cores |= (local <= core_m).all(axis=-1)
+        assert cores.any()
+        assert not (labels[name] & ~whole).any()
+        assert not (cores & ~labels[name]).any()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_boxes_say_who_is_on_the_egos_level(crossing: Crossing, place: str) -> None:
+    state = state_of(crossing, place)
+    found = boxes(state, 200.0, crossing.levels.of_ego(state))
+    counts = counting(crossing, state, place)
+    assert set(found["id"].tolist()) | {EGO_ID} == set(state.actors["id"].tolist())
+    assert set(found["id"][found["on_ego_level"] == 1].tolist()) == counts - {EGO_ID}
+    assert {0, 1} == set(found["on_ego_level"].tolist())
+
+
+@pytest.mark.parametrize(
+    ("source", "place_m"),
+    [
+        ("Town04", (0.0, 0.0)),
+        ("Town05", (-10.0, 0.0)),
+        pytest.param(
+            str(CARLA_TOWN04),
+            (5.0, -27.0),
+            marks=pytest.mark.skipif(not CARLA_TOWN04.is_file(), reason="CARLA's maps are not here"),
+        ),
+    ],
+)
+def test_both_carriageways_above_belong_together_and_so_do_both_beneath(
+    source: str, place_m: tuple[float, float]
+) -> None:
+    layout = load_network(map_spec(source)).layout.near(shapely.Point(place_m).buffer(200.0), 0.0)
+    graph = LevelGraph(layout)
+    driving = [strip for strip in layout.strips_of(LaneKind.DRIVING) if len(dense_m(strip, place_m, 30.0))]
+    decks = [strip for strip in driving if strip.level > 0]
+    deck = shapely.union_all([area_of(strip) for strip in decks])
+    above_m, beneath_m = (
+        np.concatenate([dense_m(strip, place_m, 30.0) for strip in strips])
+        for strips in (decks, [strip for strip in driving if strip.level == 0 and area_of(strip).intersects(deck)])
+    )
+    beneath_m = beneath_m[shapely.contains_xy(deck, *beneath_m[:, :2].T)]
+    assert above_m[:, 2].min() - beneath_m[:, 2].max() > 4.0
+    for own_m, other_m in ((above_m, beneath_m), (beneath_m, above_m)):
+        for ego_m in own_m[:: len(own_m) // 7]:
+            members = graph.members(ego_m)
+            assert members is not None
+            assert members.holds(own_m).all()
+            assert not members.holds(other_m).any()
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("place", ["on the deck", "beneath the deck"])
+def test_camera_and_rays_see_the_same_there(crossing: Crossing, place: str) -> None:
+    state = state_of(crossing, place)
+    renderer, rays = Renderer(crossing.static, MODELS), RayScene(crossing.static, MODELS)
+    view = CameraView(CAMERA.model, CAMERA.pose.ego_from_sensor, CAMERA.modalities)
+    image = renderer.render([view], RenderFrame(state, state))[0]
+    renderer.close()
+    pose = map_from_sensor(CAMERA.pose, state) @ SENSOR_FROM_OPTICAL
+    rows, columns = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
+    directions = CAMERA.model.rays(np.stack([columns.ravel(), rows.ravel()], axis=1)) @ pose[:3, :3].T
+    length = np.linalg.norm(directions, axis=1)
+    rays.update(state, pose[:3, 3], 2000.0, state.ego_ids)
+    hits = rays.cast(pose[None, :3, 3], directions / length[:, None])
+    depth_m = (hits.range_m / length).reshape(rows.shape)
+    tag = np.where(np.isfinite(hits.range_m), hits.tag, Tag.SKY).reshape(rows.shape)
+    flat = np.ones(rows.shape, bool)
+    for each in (image.depth, depth_m):
+        disparity = 1.0 / np.maximum(each, 0.01).astype(np.float64)
+        flat &= np.abs(cv2.Laplacian(disparity, cv2.CV_64F, ksize=3)) < 0.01 * np.maximum(disparity, 1e-4)
+    for each in (image.semantic, tag.astype(np.uint8)):
+        flat &= cv2.dilate(each, np.ones((3, 3), np.uint8)) == cv2.erode(each, np.ones((3, 3), np.uint8))
+    seen = flat & np.isfinite(depth_m)
+    assert seen.mean() > 0.2
+    assert (np.abs(image.depth[seen] - depth_m[seen]) < 0.002 + 0.001 * depth_m[seen]).mean() >= 0.999
+    assert (image.semantic[flat] == tag[flat]).mean() >= 0.999
+    assert {Tag.ROAD, Tag.ROAD_LINE, Tag.SKY, Tag.CAR, Tag.BRIDGE} <= set(tag.ravel().tolist())
+
+
+@pytest.mark.parametrize("place", ["on the deck", "beneath the deck"])
+def test_lidar_points_of_the_egos_level_lie_in_cells_of_their_class(crossing: Crossing, place: str) -> None:
+    state = state_of(crossing, place)
+    labels, pose = labels_at(crossing, state), map_from_sensor(LIDAR.pose, state)
+    rays = RayScene(crossing.static, MODELS)
+    rays.update(state, pose[:3, 3], LIDAR.range_m, state.ego_ids)
+    points = LidarModel(LIDAR, 1, 0.05).scan(rays, state).semantic_points
+    points_map = apply(pose, np.stack([points["x"], points["y"], points["z"]], axis=1).astype(np.float64))
+    c, s = np.cos(float(state.ego["yaw"])), np.sin(float(state.ego["yaw"]))
+    points_ego = (points_map[:, :2] - [state.ego["x"], state.ego["y"]]) @ np.array([[c, -s], [s, c]])
+    cells = np.rint(GRID.cells_from_ego(points_ego)).astype(np.int64)
+    within = ((cells >= 0) & (cells < [GRID.rows, GRID.columns])).all(axis=1)
+    counts = np.isin(points["object_id"], [0, *counting(crossing, state, place)])
+    level = (points_map[:, 2] > crossing.between_m) == (place in UPPER)
+    for tag, name in ((Tag.ROAD, "road"), (Tag.CAR, "car")):
+        mine = cells[(points["tag"] == tag) & within & counts & level]
+        near = cv2.dilate(labels[name].astype(np.uint8), np.ones((3, 3), np.uint8)) == 1
+        assert len(mine) > (1000 if name == "road" else 50)
+        assert near[mine[:, 0], mine[:, 1]].mean() > 0.999

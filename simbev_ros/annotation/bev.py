@@ -95,11 +95,11 @@ class BevAnnotator:
 def _labels(
     footprints: Sequence[Footprint], counts: Sequence[BoolArray], state: WorldState, grid: BevGrid
 ) -> UInt16Array:
-    """(rows, columns) bits of the planes that cover each cell; ``counts``: in which cells each footprint does."""
+    """(rows, columns) bits of the planes that cover each cell; ``counts``: where each does, the first all over."""
     group = np.repeat(np.arange(len(footprints)), [len(each.planes) for each in footprints])
+    # Every plane takes its time: what counts everywhere is drawn into those of the first, and empty ones are left out.
     group[np.array([each is _EVERYWHERE for each in counts])[group]] = 0
     everything = merged(footprints)
-    # Every plane that is drawn takes its time: those of no triangle are left out.
     drawn, planes = np.unique(group * len(BEV_CLASSES) + everything.planes, return_inverse=True)
     numbered = Footprint(everything.points_m, everything.triangles, planes.astype(np.uint8))
     labels = np.zeros((grid.rows, grid.columns), np.uint16)

@@ -1,6 +1,7 @@
 """``simbev map``: what is in a map, and how it looks."""
 
 import json
+import math
 import tempfile
 import time
 from contextlib import nullcontext
@@ -32,6 +33,7 @@ _WIDTH_IN_A_PIPE = 160
 _REACH_M = 300.0
 """So far around a place its surroundings are built; of small maps, all."""
 _FEW_REGIONS = 9
+_VIEW_WITHIN_M = 260.0
 
 
 def map_(
@@ -113,15 +115,20 @@ def _explored(
     if out is not None:
         with console.status(f"pictures of {escape(spec.name)}"):
             shown = None if len(regions) <= _FEW_REGIONS else reach
-            _write_pictures(network, load_static_scene(spec, network, cache_dir, reach=shown), center_m, out)
+            static = load_static_scene(spec, network, cache_dir, reach=shown)
+            within_m = _VIEW_WITHIN_M if shown or at_m else math.inf
+            _write_pictures(network, static, center_m, within_m, out)
     return replace(report, surroundings=Surroundings(seconds, triangles, len(wanted), len(regions)))
 
 
-def _write_pictures(network: RoadNetwork, static: StaticScene, center_m: Float64Array, out: Path) -> None:
+def _write_pictures(
+    network: RoadNetwork, static: StaticScene, center_m: Float64Array, within_m: float, out: Path
+) -> None:
+    """From above, around a place, and from the street, the best view within a distance of that place."""
     from simbev_ros.viz.map_picture import above, write_picture
     from simbev_ros.viz.street_place import street_place
     from simbev_ros.viz.street_view import street_view
 
     write_picture(out.with_name(f"{out.stem}-above.png"), above(network, static, center_m))
-    place = street_place(network, static.tiles, center_m)
+    place = street_place(network, static.tiles, center_m, within_m)
     write_picture(out.with_name(f"{out.stem}-street.png"), street_view(network, static, *place))

@@ -1,7 +1,7 @@
 """Where to take a picture from the street: a place and a direction with much to see and nothing in the way.
 
 Things are squares in plan with the height of their top. A view is a row of sectors; in each, buildings hide what is
-behind them, and each kind of thing scores by the share of sectors that it is seen in, buildings also by how high they rise.
+behind them. Each kind of thing scores by the share of sectors that it is seen in, buildings also by how high they rise.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,6 @@ from simbev_ros.types import BoolArray, Float64Array
 
 _SPACING_M = 8.0
 _MOST_PLACES = 500
-_WITHIN_M = 260.0  # of large maps only what is so near is there in detail
 _CELL_M = 2.0
 _HALF_VIEW_RAD = np.radians(34.0)
 _ASIDE_RAD = np.radians([0.0, 22.0, -22.0])  # turned so far from the lane's direction
@@ -44,15 +43,17 @@ class _Cells(NamedTuple):
     tag: np.ndarray[tuple[int], np.dtype[np.uint8]]
 
 
-def street_place(network: RoadNetwork, tiles: Sequence[Tile], center_m: Float64Array) -> tuple[Float64Array, float]:
+def street_place(
+    network: RoadNetwork, tiles: Sequence[Tile], center_m: Float64Array, within_m: float
+) -> tuple[Float64Array, float]:
     """Where to stand: (3,) a place on a driving lane in the map frame, and the direction to look in, radians.
 
-    The best of those around (2,) ``center_m``: with an open view and much of what is worth seeing.
+    The best of those within a distance of (2,) ``center_m``: with an open view and much of what is worth seeing.
     """
     waypoints = network.waypoints(_SPACING_M)
-    near = np.flatnonzero(np.linalg.norm(waypoints.position_m[:, :2] - center_m, axis=1) < _WITHIN_M)
+    near = np.flatnonzero(np.linalg.norm(waypoints.position_m[:, :2] - center_m, axis=1) < within_m)
     near = near[:: max(1, -(-len(near) // _MOST_PLACES))]
-    cells = _cells([tile for tile in tiles if np.hypot(*(tile.origin_m[:2] - center_m)) < _WITHIN_M + _FAR_M])
+    cells = _cells([tile for tile in tiles if np.hypot(*(tile.origin_m[:2] - center_m)) < within_m + _FAR_M])
     tree = cKDTree(cells.xy_m)
     best, best_score = (waypoints.position_m[near[0]], float(waypoints.yaw_rad[near[0]])), -np.inf
     for k in near.tolist():

@@ -28,7 +28,8 @@ _OTHER_ROAD_M, _OVERHEAD_M, _UNDER_M = (
     4.0,
     38.0,
 )  # structures so far aside or so far above are not the one that one stands on
-_WORTH = {Tag.BUILDING: 1.1, Tag.VEGETATION: 0.8, Tag.BRIDGE: 1.3, Tag.WATER: 1.6, Tag.TRAFFIC_LIGHT: 0.8}
+_WATER_M = 65.0  # from further away hardly any of it is seen
+_WORTH = {Tag.BUILDING: 1.1, Tag.VEGETATION: 0.8, Tag.BRIDGE: 1.9, Tag.WATER: 1.6, Tag.TRAFFIC_LIGHT: 0.8}
 _RISE_WORTH, _TALL = 0.9, 0.45  # of buildings that rise by an angle of this tangent in all sectors
 _OPEN_WORTH, _OPEN_M = 1.2, 90.0
 _ALONG_WORTH = 0.35
@@ -82,6 +83,7 @@ def _score(place_m: Float64Array, yaw_rad: float, aside_rad: float, cells: _Cell
     shown = in_view & (distance_m < wall_m[sector] + 2.0 * _CELL_M)
     is_other = (from_road_m > _OTHER_ROAD_M) | (cells.top_m > place_m[2] + _OVERHEAD_M)
     shown &= (cells.tag != Tag.BRIDGE) | is_other
+    shown &= (cells.tag != Tag.WATER) | (distance_m < _WATER_M)
     far = shown & (distance_m > _NEAR_M)
     rise = np.zeros(_SECTORS)
     tall = far & walls

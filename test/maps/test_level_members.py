@@ -39,10 +39,10 @@ def test_road_beneath_does_not_belong_to_an_ego_on_the_deck(crossing: Layout) ->
     assert members.holds(np.array([_UNDER, _BESIDE, _RAMP, _DECK])).tolist() == [False, False, True, True]
 
 
-def test_bridge_ahead_on_the_egos_own_road_belongs(crossing: Layout) -> None:
+def test_bridge_ahead_on_the_egos_own_road_belongs_and_what_passes_beneath_it_does_not(crossing: Layout) -> None:
     members = LevelGraph(crossing).members(np.array(_RAMP))
     assert members is not None
-    assert members.holds(np.array([_DECK, _RAMP, _UNDER])).tolist() == [True, True, True], "both ends are on the ground"
+    assert members.holds(np.array([_DECK, _RAMP, _UNDER, _BESIDE])).tolist() == [True, True, False, True]
 
 
 def test_without_structures_near_there_is_nothing_to_tell_apart(crossing: Layout) -> None:

@@ -17,11 +17,11 @@ from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.static_scene import Tile
 from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.features import MapFeatures, Water
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.land.features import MapFeatures, Water
+from simbev_ros.maps.land.surroundings import ReliefRecipe, SurroundingsRecipe
 from simbev_ros.maps.network import Lane, RoadNetwork
-from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.types import Float64Array
 
 STREET = ((LaneKind.SIDEWALK, 2.5), (LaneKind.DRIVING, 3.5), (LaneKind.DRIVING, 3.5), (LaneKind.SIDEWALK, 2.5))

@@ -9,8 +9,8 @@ import shapely
 from simbev_ros.annotation.footprint import Footprint, merged
 from simbev_ros.assets.primitives import triangulate
 from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.maps.layout import Layout
-from simbev_ros.maps.level_members import LevelGraph, LevelMembers
+from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.maps.roads.level_members import LevelGraph, LevelMembers
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Int64Array
 

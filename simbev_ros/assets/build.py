@@ -9,9 +9,9 @@ from simbev_ros.assets.markings import paint_markings
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.static_scene import RegionScene
 from simbev_ros.assets.tiles import TileBuilder
+from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region
-from simbev_ros.maps.terrain import Terrain
 
 
 def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> RegionScene:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from simbev_ros.maps.membrane import Raster
+from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.maps.region import Region
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 

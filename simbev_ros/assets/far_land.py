@@ -13,11 +13,11 @@ from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import LAND_HEIGHT_M
 from simbev_ros.assets.static_scene import Tile
-from simbev_ros.maps.features import MapFeatures
-from simbev_ros.maps.membrane import places_m
+from simbev_ros.maps.land.features import MapFeatures
+from simbev_ros.maps.land.membrane import places_m
+from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region, regions_of
-from simbev_ros.maps.terrain import Terrain
 from simbev_ros.random import stream
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array

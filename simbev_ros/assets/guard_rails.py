@@ -13,8 +13,8 @@ from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import Finish, boxes, loft
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.tiles import TileBuilder, standing
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array
 

@@ -11,8 +11,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.tiles import TileBuilder
-from simbev_ros.maps.layout import PaintColor
-from simbev_ros.maps.markings import lane_markings
+from simbev_ros.maps.roads.layout import PaintColor
+from simbev_ros.maps.roads.markings import lane_markings
 from simbev_ros.semantics import Tag
 
 DECAL_HEIGHT_M = 0.005

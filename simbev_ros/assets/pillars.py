@@ -11,7 +11,7 @@ from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import Finish, cylinder
 from simbev_ros.assets.region_ground import DECK_DEPTH_M, RegionGround
 from simbev_ros.assets.tiles import TileBuilder, standing
-from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 

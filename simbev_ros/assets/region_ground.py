@@ -8,12 +8,12 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.facets import TILE_M, Facets
-from simbev_ros.maps.features import Water
-from simbev_ros.maps.membrane import Raster, places_m
+from simbev_ros.maps.land.features import Water
+from simbev_ros.maps.land.membrane import Raster, places_m
+from simbev_ros.maps.land.terrain import NODE_M, Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region
-from simbev_ros.maps.surface import Surfaces, surfaces_of
-from simbev_ros.maps.terrain import NODE_M, Terrain
+from simbev_ros.maps.roads.surface import Surfaces, surfaces_of
 from simbev_ros.random import stream
 from simbev_ros.types import BoolArray, Float64Array
 

@@ -12,7 +12,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.tiles import TileBuilder
-from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 

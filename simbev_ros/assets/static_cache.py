@@ -21,10 +21,10 @@ from simbev_ros.assets.region_file import read_region, write_region
 from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Tile
 from simbev_ros.errors import InputError
 from simbev_ros.maps.cache import default_cache_dir
+from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.terrain import Terrain
 
 _DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
 _T = TypeVar("_T")

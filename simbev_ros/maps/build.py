@@ -10,21 +10,21 @@ from typing import TypeVar
 
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.cache import code_version, default_cache_dir, discard, folder_of
-from simbev_ros.maps.levels import with_levels
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
-from simbev_ros.maps.signals import place_signals
-from simbev_ros.maps.signs import place_signs
+from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.signals import place_signals
+from simbev_ros.maps.roads.signs import place_signs
 from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.store import NET, OPENDRIVE, read_datum, read_network, write_network
-from simbev_ros.maps.sumo_import import import_sumo
-from simbev_ros.maps.sumo_layout import layout_of
-from simbev_ros.maps.sumo_net import read_sumo_net
+from simbev_ros.maps.sumo.importer import import_sumo
+from simbev_ros.maps.sumo.layout import layout_of
+from simbev_ros.maps.sumo.net import read_sumo_net
 
 _IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {
     ".xodr": import_opendrive,

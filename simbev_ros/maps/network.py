@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.elevation import Elevation
-from simbev_ros.maps.features import MapFeatures
-from simbev_ros.maps.lane_index import LineIndex
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.lane_strips import LaneStrips
-from simbev_ros.maps.layout import Layout
-from simbev_ros.maps.level_members import LevelGraph
-from simbev_ros.maps.polylines import Polylines
-from simbev_ros.maps.vehicle_class import ALL_CLASSES
+from simbev_ros.maps.land.features import MapFeatures
+from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.lane_index import LineIndex
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_strips import LaneStrips
+from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.maps.roads.level_members import LevelGraph
+from simbev_ros.maps.roads.polylines import Polylines
+from simbev_ros.maps.sumo.vehicle_class import ALL_CLASSES
 from simbev_ros.types import Float64Array, Int64Array
 
 

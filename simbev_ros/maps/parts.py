@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.features import MapFeatures
-from simbev_ros.maps.layout import Layout
+from simbev_ros.maps.land.features import MapFeatures
+from simbev_ros.maps.roads.layout import Layout
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from simbev_ros.maps.layout import Layout
+from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.types import BoolArray, Float64Array
 
 REGION_M = 512.0

@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.types import Float64Array
 
 _ONE_PLACE_M = 25.0

@@ -9,8 +9,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
-from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.hd_map import lane_record
 from simbev_ros.msgs.stamps import header, stamp_of
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState

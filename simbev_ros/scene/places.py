@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.maps.network import Lane
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.spec import WaypointSpec
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 

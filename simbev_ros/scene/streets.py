@@ -10,9 +10,9 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _LANES_IN_A_JUNCTION = 20  # more never follow each other inside of one; bounds the search in a broken net

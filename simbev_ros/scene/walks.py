@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from simbev_ros.maps.lane_kind import WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.lane_kind import WALKABLE_KINDS, LaneKind
 
 _MOST_REACHED = 300  # bounds the search for a walk's destination on large maps
 _WALKER = "pedestrian"

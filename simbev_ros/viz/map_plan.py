@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 import yaml
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Strip
+from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.terrain import Terrain
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
 from simbev_ros.viz.canvas import Color
 

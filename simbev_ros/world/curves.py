@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import Lane
+from simbev_ros.maps.roads.lane_kind import LaneKind
 
 _LATERAL_MPS2 = 2.0  # for a driver who keeps to the speed limit; others differ with the square of their speed factor
 _CHORD_M = 6.0

@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.ground import CURB_HEIGHT_M
-from simbev_ros.maps.elevation import Elevation
-from simbev_ros.maps.layout import Layout
-from simbev_ros.maps.surface import sidewalk_surface, strip_polygons
+from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _NEAR_IN_HEIGHT_M = 1.25  # half the clearance that makes two roads two levels

@@ -9,8 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.world.actors import Actors

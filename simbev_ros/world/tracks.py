@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.network import Lane
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import Float64Array, Int64Array
 
 _SPACING_M = 1.0

@@ -10,8 +10,8 @@ from simbev_ros.annotation.levels import Levels, on_ego_level
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, Tile
 from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.scene.blueprints import blueprint_index
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES, Tag

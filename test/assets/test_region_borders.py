@@ -6,9 +6,9 @@ import pytest
 
 from simbev_ros.assets.build import build_region
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.terrain import Terrain
 
 ROAD = """<road id="{number}" length="{length_m}" junction="-1"><link/><planView>
 <geometry s="0" x="0" y="{y_m}" hdg="0" length="{length_m}"><line/></geometry></planView>

@@ -21,14 +21,14 @@ from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.static_scene import RegionScene
 from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.features import Footprint, MapFeatures, Zone
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Sign, SignKind
+from simbev_ros.maps.land.features import Footprint, MapFeatures, Zone
+from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Sign, SignKind
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.maps.terrain import Terrain
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array
 

@@ -22,10 +22,10 @@ from simbev_ros.config.rig import Camera, Lidar
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
-from simbev_ros.maps.level_members import LevelGraph
 from simbev_ros.maps.region import Reach
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.level_members import LevelGraph
 from simbev_ros.maps.source import map_spec
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.render.frame import CameraView, RenderFrame

@@ -9,13 +9,13 @@ import shapely
 from pyproj import CRS
 
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps import netconvert
 from simbev_ros.maps.build import load_datum, load_network
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import known_maps
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.surface import road_surface
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.surface import road_surface
+from simbev_ros.maps.sumo import netconvert
 
 _BUILD_AND_PRINT_FOLDER = """
 import sys

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
-from simbev_ros.maps.elevation import Elevation
-from simbev_ros.maps.layout import Layout, Strip
-from simbev_ros.maps.levels import with_levels
+from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.levels import with_levels
 from simbev_ros.types import Float64Array
 
 _LIFT_M = 0.2

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from road_strips import level_ground, straight
 
-from simbev_ros.maps.lane_index import LineIndex
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.lane_index import LineIndex
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.polylines import Polylines
 
 
 def test_nearest_lane_agrees_with_brute_force(blocks: RoadNetwork) -> None:

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from road_strips import layout_of_strips, level_ground, straight
 
-from simbev_ros.maps.layout import Layout
-from simbev_ros.maps.level_members import LevelGraph
-from simbev_ros.maps.levels import with_levels
+from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.maps.roads.level_members import LevelGraph
+from simbev_ros.maps.roads.levels import with_levels
 from simbev_ros.types import Float64Array
 
 

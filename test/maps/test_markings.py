@@ -5,12 +5,12 @@ import pytest
 import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Crosswalk, Layout, Line, Paint, PaintColor, StopLine, Strip
-from simbev_ros.maps.levels import with_levels
-from simbev_ros.maps.markings import Marking, MarkingKind, lane_markings
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.surface import crosswalk_polygons, road_surface, strip_polygons
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, Paint, PaintColor, StopLine, Strip
+from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.markings import Marking, MarkingKind, lane_markings
+from simbev_ros.maps.roads.surface import crosswalk_polygons, road_surface, strip_polygons
 
 
 @pytest.fixture(scope="module")

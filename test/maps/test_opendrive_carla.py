@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.maps.layout import Paint, Strip
-from simbev_ros.maps.levels import with_levels
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
-from simbev_ros.maps.surface import drivable_area
+from simbev_ros.maps.roads.layout import Paint, Strip
+from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.surface import drivable_area
 from simbev_ros.types import BoolArray, Float64Array
 
 carla: ModuleType = pytest.importorskip("carla")

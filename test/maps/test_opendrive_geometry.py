@@ -9,7 +9,6 @@ import xodr_sample as sample
 from scipy.integrate import quad
 from scipy.special import fresnel
 
-from simbev_ros.maps.layout import Strip
 from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.document import Document
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
@@ -17,6 +16,7 @@ from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.plan_view import clothoid, parametric_cubic
 from simbev_ros.maps.opendrive.reader import read_document
 from simbev_ros.maps.opendrive.strips import strips_of
+from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.safe_xml import parse
 from simbev_ros.types import Float64Array
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import xodr_sample as sample
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Line, Paint, PaintColor, SignKind
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
-from simbev_ros.maps.sumo_net import read_sumo_net
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Line, Paint, PaintColor, SignKind
+from simbev_ros.maps.sumo.net import read_sumo_net
 
 BOTH = sample.section(sample.lane(1), sample.lane(-1))
 

@@ -10,11 +10,11 @@ import pytest
 import shapely
 import xodr_sample as sample
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.netconvert import sumo_home
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
-from simbev_ros.maps.sumo_net import SumoNet, read_sumo_net
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
+from simbev_ros.maps.sumo.netconvert import sumo_home
 
 _MAPS = Path(__file__).parents[2].parent / "shared" / "maps" / "carla"
 

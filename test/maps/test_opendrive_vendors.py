@@ -11,11 +11,11 @@ from xodr_sample import LINE, cubic, geometry, lane, linked, road, section, widt
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
-from simbev_ros.maps.netconvert import sumo_home
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.draw import draw_scene, planned_scenes
 from simbev_ros.world.simulation import Simulation
 

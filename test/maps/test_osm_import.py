@@ -9,11 +9,11 @@ import shapely
 from osm_sample import DATUM, SAMPLE, Point, Writer, sample
 
 from simbev_ros.errors import InputError
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.osm import import_osm
 from simbev_ros.maps.parts import MapParts
-from simbev_ros.maps.sumo_net import SumoNet, read_sumo_net
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
 from simbev_ros.types import Float64Array
 
 

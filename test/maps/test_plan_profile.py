@@ -4,7 +4,7 @@ import shapely
 from scipy.optimize import LinearConstraint, minimize
 from scipy.sparse import csc_array, csr_array
 
-from simbev_ros.maps.features import Water
+from simbev_ros.maps.land.features import Water
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import at_stations, stations_m
 from simbev_ros.maps.plan.noding import divide

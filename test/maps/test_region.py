@@ -1,8 +1,8 @@
 import numpy as np
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
 from simbev_ros.maps.region import Reach, Region, regions_of, regions_within
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
 
 
 def layout_of_line(line_m: list[list[float]]) -> Layout:

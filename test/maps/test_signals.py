@@ -4,12 +4,12 @@ from xml.etree import ElementTree
 import numpy as np
 import shapely
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import SignalPlace, Strip
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.signals import place_signals
-from simbev_ros.maps.sumo_net import read_sumo_net
-from simbev_ros.maps.surface import sidewalk_surface
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import SignalPlace, Strip
+from simbev_ros.maps.roads.signals import place_signals
+from simbev_ros.maps.roads.surface import sidewalk_surface
+from simbev_ros.maps.sumo.net import read_sumo_net
 
 
 def test_each_driving_lane_into_a_signalised_junction_has_one_head(blocks: RoadNetwork) -> None:

@@ -11,11 +11,11 @@ import pytest
 from pyproj import Transformer
 
 from simbev_ros.errors import InputError
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.netconvert import sumo_home
 from simbev_ros.maps.parts import MapParts
-from simbev_ros.maps.sumo_import import import_sumo
-from simbev_ros.maps.sumo_net import SumoNet, read_sumo_net
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.sumo.importer import import_sumo
+from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
+from simbev_ros.maps.sumo.netconvert import sumo_home
 
 UTM = "+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
 Import = Callable[[str], MapParts]

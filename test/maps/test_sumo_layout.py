@@ -3,12 +3,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Paint, PaintColor, SignKind, Strip
-from simbev_ros.maps.right_of_way import minor_approaches
-from simbev_ros.maps.signs import place_signs
-from simbev_ros.maps.sumo_layout import layout_of
-from simbev_ros.maps.sumo_net import SumoNet, read_sumo_net
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Paint, PaintColor, SignKind, Strip
+from simbev_ros.maps.roads.signs import place_signs
+from simbev_ros.maps.sumo.layout import layout_of
+from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
+from simbev_ros.maps.sumo.right_of_way import minor_approaches
 
 _NET = """<net version="1.20">
   <edge id=":J_0" function="internal"><lane id=":J_0_0" index="0" speed="9" length="10" shape="100,-1.75 110,-1.75"/>

@@ -5,9 +5,9 @@ import pytest
 import sumolib
 
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.sumo_net import read_sumo_net
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.sumo.net import read_sumo_net
 
 _NET = """<net version="1.20">
   <edge id=":B_0" function="internal"><lane id=":B_0_0" index="0" speed="5" length="8" shape="50,0,2 58,0,2.5"/></edge>

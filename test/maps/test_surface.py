@@ -5,11 +5,11 @@ import pytest
 import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
-from simbev_ros.maps.levels import with_levels
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.surface import (
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.surface import (
     Surfaces,
     crosswalk_polygons,
     drivable_area,

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from analytic_maps import crossing, hilly_road, level_street, river
 
-from simbev_ros.maps.elevation import Elevation
+from simbev_ros.maps.land.relief import Relief
+from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.relief import Relief
-from simbev_ros.maps.terrain import Terrain
+from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.types import Float64Array
 
 BEND_M = 0.01  # of the road between nodes 2 m apart

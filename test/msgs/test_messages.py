@@ -17,7 +17,7 @@ from simbev_ros.config.scenario import WeatherConfig
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, image_message
 from simbev_ros.msgs.markers import box_markers

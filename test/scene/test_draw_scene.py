@@ -10,8 +10,8 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Traffic, WeatherConfig
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.lane_kind import WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.roads.lane_kind import WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes

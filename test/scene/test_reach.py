@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from analytic_maps import level_street
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout
 from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.scene.reach import loaded_reach, reach_of
 from simbev_ros.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
 

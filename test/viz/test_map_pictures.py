@@ -8,12 +8,12 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.features import Footprint, MapFeatures, Water, Zone
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.land.features import Footprint, MapFeatures, Water, Zone
+from simbev_ros.maps.land.surroundings import SurroundingsRecipe
 from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.statistics import statistics_of
-from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.semantics import Tag
 from simbev_ros.viz.map_plan import MapPlan, palette
 from simbev_ros.viz.orthophoto import orthophoto

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from world_scenes import lane
 
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import Lane
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.world.curves import bend_speeds
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.geometry.transforms import rotations_from_rpy
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.world.footing import Contacts, Footing
 from simbev_ros.world.ground import CURB_HEIGHT_M, Ground
 from simbev_ros.world.motion import Bodies, Motion

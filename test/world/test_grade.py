@@ -11,11 +11,11 @@ from world_scenes import TICK_S, blocks, scene
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.config.rig import Camera, Imu, Lidar, Pose, Rig
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.maps.levels import with_levels
-from simbev_ros.maps.netconvert import sumo_home
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.sumo_layout import layout_of
-from simbev_ros.maps.sumo_net import read_sumo_net
+from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.sumo.layout import layout_of
+from simbev_ros.maps.sumo.net import read_sumo_net
+from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.msgs.transforms import ego_transform, static_transforms
 from simbev_ros.msgs.world import odometry_message
 from simbev_ros.raycast.scene import RayScene

@@ -10,7 +10,7 @@ import pytest
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.netconvert import sumo_home
+from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation

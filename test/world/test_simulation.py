@@ -12,7 +12,7 @@ from world_scenes import TICK_S, blocks, busy_run, of_kind, run, scene
 
 from simbev_ros.assets.ground import CURB_HEIGHT_M
 from simbev_ros.errors import SimulationError
-from simbev_ros.maps.surface import surfaces_of
+from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.simulation import Simulation

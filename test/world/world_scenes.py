@@ -7,8 +7,8 @@ import numpy as np
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Annotation
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec

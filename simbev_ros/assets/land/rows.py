@@ -16,7 +16,7 @@ from simbev_ros.assets.land.blocks import Block, Frontage, left_of
 from simbev_ros.assets.land.yard import Yard, quad, yaw_of
 from simbev_ros.assets.tiles import standing
 from simbev_ros.config.draw import sample
-from simbev_ros.maps.surroundings import SurroundingsRecipe
+from simbev_ros.maps.land.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 _STEP_M = 1.5

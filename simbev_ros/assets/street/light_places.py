@@ -9,8 +9,8 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.street.curbs import CurbLine
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import Float64Array, Int64Array
 
 _BESIDE_M = 14.0

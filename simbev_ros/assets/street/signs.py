@@ -9,7 +9,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color
 from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, extrusion
-from simbev_ros.maps.layout import Sign, SignKind
+from simbev_ros.maps.roads.layout import Sign, SignKind
 from simbev_ros.semantics import Tag
 
 _STEEL = (104, 108, 111)

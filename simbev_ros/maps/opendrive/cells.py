@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.opendrive.document import Contact, LaneKey, Road, Section
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.tables import NO_TRAFFIC
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import BoolArray, Float64Array
 
 _NARROWEST_M = {LaneKind.DRIVING: 2.0, LaneKind.BICYCLE: 0.8, LaneKind.SIDEWALK: 0.8}

@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 import numpy as np
 import shapely
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Crosswalk
 from simbev_ros.maps.opendrive.sumo_xml import PlannedCrossing
 from simbev_ros.maps.opendrive.traffic import Traffic, TrafficEdge
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Crosswalk
 from simbev_ros.types import Float64Array
 
 _WIDTH_M = 3.0

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 from xml.etree.ElementTree import Element
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Line
 from simbev_ros.maps.opendrive.cubics import Cubics
 from simbev_ros.maps.opendrive.plan_view import PlanView
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Line
 
 _T = TypeVar("_T")
 Contact = Literal["start", "end"]

@@ -11,7 +11,6 @@ from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps.layout import Layout
 from simbev_ros.maps.opendrive.approaches import Approaches
 from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.crossings import crosswalks_of_net, planned_crossings
@@ -30,6 +29,7 @@ from simbev_ros.maps.opendrive.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.opendrive.surroundings import features_of
 from simbev_ros.maps.opendrive.traffic import Traffic, traffic_of
 from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.safe_xml import parse, place_of
 
 

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
-from simbev_ros.maps.layout import Line, Paint
 from simbev_ros.maps.opendrive.attributes import Malformed, Notes, integer, number
 from simbev_ros.maps.opendrive.cubics import Cubics
 from simbev_ros.maps.opendrive.document import LaneRecord, Section
 from simbev_ros.maps.opendrive.tables import LANE_KINDS, PAINT_COLORS, PAINT_WIDTHS_M, PAINTS, SPEED_UNITS_MPS
+from simbev_ros.maps.roads.layout import Line, Paint
 
 _T = TypeVar("_T")
 _WIDEST_PAINT_M = 1.0

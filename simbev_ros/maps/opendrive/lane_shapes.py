@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.borders import borders_m, lane_edges_m
 from simbev_ros.maps.opendrive.document import Document, LaneKey, LaneRecord, Road, Section, value_at
 from simbev_ros.maps.opendrive.stations import stations_m
 from simbev_ros.maps.opendrive.tables import DEFAULT_SPEEDS_MPS
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
 _BOUNDS_M = (100e3, 100e3, 10e3)

@@ -5,11 +5,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.maps.layout import Crosswalk, StopLine
 from simbev_ros.maps.opendrive.attributes import Malformed, Notes, number
 from simbev_ros.maps.opendrive.borders import point_m
 from simbev_ros.maps.opendrive.document import Document, Road
 from simbev_ros.maps.opendrive.sides import drives_forward_at
+from simbev_ros.maps.roads.layout import Crosswalk, StopLine
 from simbev_ros.types import Float64Array
 
 _ELONGATED = 1.3

@@ -5,14 +5,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import shapely
 
-from simbev_ros.maps.lane_kind import ROAD_KINDS
-from simbev_ros.maps.layout import Sign, SignalPlace, SignKind, Strip
 from simbev_ros.maps.opendrive.approaches import Approaches
 from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.borders import point_m
 from simbev_ros.maps.opendrive.document import LaneKey
 from simbev_ros.maps.opendrive.sides import reach_m
 from simbev_ros.maps.opendrive.signals import Signal
+from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
+from simbev_ros.maps.roads.layout import Sign, SignalPlace, SignKind, Strip
 from simbev_ros.types import Float64Array
 
 _CURB_TO_POST_M = 0.6

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.opendrive.borders import lane_edges_m
 from simbev_ros.maps.opendrive.document import LaneKey, LaneRecord, Road, Section
+from simbev_ros.maps.roads.lane_kind import LaneKind
 
 
 def sections_at(road: Road, s_m: float) -> list[Section]:

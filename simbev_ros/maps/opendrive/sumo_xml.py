@@ -8,10 +8,10 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
 
-from simbev_ros.maps import netconvert
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.opendrive.tables import RESERVED
 from simbev_ros.maps.opendrive.traffic import Traffic, TrafficLane
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.sumo import netconvert
 from simbev_ros.types import Float64Array
 
 _OPTIONS = (

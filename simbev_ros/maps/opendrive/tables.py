@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import yaml
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Paint, PaintColor
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Paint, PaintColor
 
 _TABLES: Final[dict[str, Any]] = yaml.safe_load((files(__package__) / "tables.yaml").read_text(encoding="utf-8"))
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from simbev_ros.maps.islands import on_mainland
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.cells import Cell, carries_traffic, chains_of
 from simbev_ros.maps.opendrive.document import Contact, Document, LaneKey, Road
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import OTHER, LaneLinks
 from simbev_ros.maps.opendrive.nodes import Nodes
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
 
 _MOST_ROADS_THROUGH = 8

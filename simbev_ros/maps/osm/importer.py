@@ -7,7 +7,6 @@ import numpy as np
 from pyproj import Transformer
 
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps import netconvert
 from simbev_ros.maps.osm.data import read_osm
 from simbev_ros.maps.osm.heights import with_heights
 from simbev_ros.maps.osm.land import features_of
@@ -15,6 +14,7 @@ from simbev_ros.maps.osm.netfile import middle_of, write_roads, write_types
 from simbev_ros.maps.osm.road_rules import road_tags
 from simbev_ros.maps.osm.roads import joined, roads_of
 from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.sumo import netconvert
 
 _LARGEST_M = 30_000.0
 _LONGEST_M = 4e6

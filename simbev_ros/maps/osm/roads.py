@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from simbev_ros.maps.islands import on_mainland
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
+from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
 
 _LONGEST_UNDERPASS_M = 120.0

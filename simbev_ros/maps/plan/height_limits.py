@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 
-from simbev_ros.maps.features import Water
+from simbev_ros.maps.land.features import Water
 from simbev_ros.maps.plan.crossings import crossings_of
 from simbev_ros.maps.plan.gores import gores_of
 from simbev_ros.maps.plan.node_planes import NODE_UNKNOWNS, Planes

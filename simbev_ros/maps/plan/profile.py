@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import dijkstra
 
-from simbev_ros.maps.features import Water
+from simbev_ros.maps.land.features import Water
 from simbev_ros.maps.plan.height_limits import Limits, bends_of, gradient_limits, limits_of
 from simbev_ros.maps.plan.lines import densified, length_m
 from simbev_ros.maps.plan.node_planes import NODE_UNKNOWNS, heights_from_unknowns, planes_of

@@ -10,7 +10,8 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.maps.features import Zone
+from simbev_ros.maps.land.features import Zone
+from simbev_ros.maps.land.surroundings import SurroundingsRecipe
 from simbev_ros.maps.plan.curves import heading, joining, resampled, rounded
 from simbev_ros.maps.plan.districts import Cell, DistrictsRecipe, draw_districts
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
@@ -20,7 +21,6 @@ from simbev_ros.maps.plan.motorway import DualCarriageway, LaneChange, MotorwayC
 from simbev_ros.maps.plan.region_ground import Ground, draw_ground, draw_lake, draw_river
 from simbev_ros.maps.plan.road_class import NamedRoadClass
 from simbev_ros.maps.plan.street_lattice import FILL, FINE, Lattice, Point, fill_village
-from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _CLEAR_OF_MOTORWAY_M = 190.0
 _CLEAR_OF_WATER_M = 45.0

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from simbev_ros.maps.lane_kind import LaneKind
 from simbev_ros.maps.plan.draft import RoadClass
 from simbev_ros.maps.plan.lines import beside, simplified
 from simbev_ros.maps.plan.merges import lane_pairs
 from simbev_ros.maps.plan.plan import Link, Plan
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
 _SMALLEST_RADIUS_M = 0.5

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.maps import netconvert
-from simbev_ros.maps.features import MapFeatures, Water
+from simbev_ros.maps.land.features import MapFeatures, Water
+from simbev_ros.maps.land.relief import Relief
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.draft import Draft
 from simbev_ros.maps.plan.land import water_in, waters_of, zones_of
@@ -17,7 +17,7 @@ from simbev_ros.maps.plan.profile import Land, with_heights
 from simbev_ros.maps.plan.structures import with_structures
 from simbev_ros.maps.plan.sumo_xml import connections_xml, edges_xml, nodes_xml
 from simbev_ros.maps.recipe import TownRecipe
-from simbev_ros.maps.relief import Relief
+from simbev_ros.maps.sumo import netconvert
 from simbev_ros.types import Float64Array
 
 _SIGNAL_REACH_M = 10.0

@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from simbev_ros.errors import InputError
-from simbev_ros.maps.islands import on_mainland
 from simbev_ros.maps.safe_xml import place_of
+from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
 
 _NARROWEST_M = 0.2

@@ -2,9 +2,9 @@
 
 from collections import defaultdict
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import SignKind
-from simbev_ros.maps.sumo_net import SumoNet
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import SignKind
+from simbev_ros.maps.sumo.net import SumoNet
 
 _MAJOR, _YIELDS, _STOPS = frozenset("M"), frozenset("m"), frozenset("sw")
 

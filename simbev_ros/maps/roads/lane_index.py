@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import Float64Array, Int64Array
 
 _REACH_M = 12.0  # lines so much further than the nearest one in plan are looked at too

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
-from simbev_ros.maps.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
 _Item = TypeVar("_Item")

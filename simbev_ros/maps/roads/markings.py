@@ -10,10 +10,10 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from simbev_ros.maps.bands import Border, painted_bands
-from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
-from simbev_ros.maps.layout import Crosswalk, Layout, Paint, PaintColor, Strip
-from simbev_ros.maps.surface import crosswalk_polygons
+from simbev_ros.maps.roads.bands import Border, painted_bands
+from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.roads.layout import Crosswalk, Layout, Paint, PaintColor, Strip
+from simbev_ros.maps.roads.surface import crosswalk_polygons
 from simbev_ros.types import AnyArray, Float64Array
 
 _REACH_M = 10.0  # paint in an area depends on lanes no further from it

@@ -8,13 +8,13 @@ from itertools import groupby, pairwise
 import numpy as np
 import shapely
 
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Crosswalk, Layout, Line, SignKind, StopLine, Strip
 from simbev_ros.maps.network import Lane
-from simbev_ros.maps.paint_rules import left_line, line_between, right_edge_line
-from simbev_ros.maps.polylines import Polylines
-from simbev_ros.maps.right_of_way import minor_approaches
-from simbev_ros.maps.sumo_net import SumoNet
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, SignKind, StopLine, Strip
+from simbev_ros.maps.roads.paint_rules import left_line, line_between, right_edge_line
+from simbev_ros.maps.roads.polylines import Polylines
+from simbev_ros.maps.sumo.net import SumoNet
+from simbev_ros.maps.sumo.right_of_way import minor_approaches
 from simbev_ros.types import Float64Array
 
 _CORNER_RADIUS_M = 3.0

@@ -17,9 +17,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from simbev_ros.maps.layout import Layout, Strip
-from simbev_ros.maps.levels import CLEARANCE_M
-from simbev_ros.maps.strip_pieces import StripPieces
+from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.levels import CLEARANCE_M
+from simbev_ros.maps.roads.strip_pieces import StripPieces
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _DETOUR = 1.5

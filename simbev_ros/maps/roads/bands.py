@@ -7,8 +7,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.maps.layout import Paint
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.layout import Paint
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _DASH_M, _DASH_GAP_M = 3.0, 6.0

@@ -14,10 +14,10 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from simbev_ros.maps.deck_ends import straight_cuts
-from simbev_ros.maps.features import Water
-from simbev_ros.maps.layout import Layout, Strip
-from simbev_ros.maps.strip_pieces import StripPieces
+from simbev_ros.maps.land.features import Water
+from simbev_ros.maps.roads.deck_ends import straight_cuts
+from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.strip_pieces import StripPieces
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 CLEARANCE_M = 2.5

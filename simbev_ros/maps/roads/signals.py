@@ -12,11 +12,11 @@ from itertools import accumulate
 
 import numpy as np
 
-from simbev_ros.maps.elevation import Elevation
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, SignalPlace
 from simbev_ros.maps.network import Lane, Signal
-from simbev_ros.maps.sumo_net import ControlledLink, SumoNet
+from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, SignalPlace
+from simbev_ros.maps.sumo.net import ControlledLink, SumoNet
 from simbev_ros.types import Float64Array
 
 _CURB_TO_POLE_M = 0.6

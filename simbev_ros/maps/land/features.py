@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import shapely
 
-from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
+from simbev_ros.maps.land.surroundings import ReliefRecipe, SurroundingsRecipe
 
 
 @dataclass(frozen=True, slots=True)

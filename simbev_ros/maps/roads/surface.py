@@ -13,8 +13,8 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
-from simbev_ros.maps.layout import Crosswalk, Layout, Strip
+from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.roads.layout import Crosswalk, Layout, Strip
 from simbev_ros.types import AnyArray
 
 _ROAD_CLOSING_M = 0.3  # where lanes are all there is

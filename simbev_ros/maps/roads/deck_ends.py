@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from simbev_ros.maps.strip_pieces import StripPieces
+from simbev_ros.maps.roads.strip_pieces import StripPieces
 from simbev_ros.types import Float64Array, Int64Array
 
 _SIDE_BY_SIDE_M = 2.0  # largest gap between lanes that share a deck end

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
-from simbev_ros.maps.layout import Layout, Sign, SignKind, Strip
 from simbev_ros.maps.network import Lane
-from simbev_ros.maps.polylines import Polylines
-from simbev_ros.maps.right_of_way import minor_approaches
-from simbev_ros.maps.sumo_net import SumoNet
-from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.roads.layout import Layout, Sign, SignKind, Strip
+from simbev_ros.maps.roads.polylines import Polylines
+from simbev_ros.maps.roads.surface import strip_polygons
+from simbev_ros.maps.sumo.net import SumoNet
+from simbev_ros.maps.sumo.right_of_way import minor_approaches
 from simbev_ros.types import BoolArray, Float64Array
 
 _BESIDE_M = (0.7, 1.5, 2.5, 3.5, 4.5, 5.5)  # from the lane's edge to the post: the first place off all roads

@@ -2,10 +2,10 @@
 
 from functools import cached_property
 
-from simbev_ros.maps.lane_index import LineIndex
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Layout, Strip
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.lane_index import LineIndex
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.polylines import Polylines
 
 
 class LaneStrips:

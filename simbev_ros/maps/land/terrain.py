@@ -15,14 +15,14 @@ import cv2
 import numpy as np
 import shapely
 
-from simbev_ros.maps.elevation import Elevation
-from simbev_ros.maps.lane_kind import LaneKind
-from simbev_ros.maps.layout import Strip
-from simbev_ros.maps.membrane import Raster, membrane, places_m, relaxed
+from simbev_ros.maps.land.membrane import Raster, membrane, places_m, relaxed
+from simbev_ros.maps.land.relief import Relief
+from simbev_ros.maps.land.shore import Shores
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.relief import Relief
-from simbev_ros.maps.shore import Shores
-from simbev_ros.maps.surface import strip_polygons
+from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Strip
+from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 NODE_M = 2.0

@@ -6,9 +6,9 @@ parts lanes of one direction and bounds them on the right. Where traffic keeps t
 
 from collections.abc import Sequence
 
-from simbev_ros.maps.lane_kind import ROAD_KINDS, LaneKind
-from simbev_ros.maps.layout import Line, Paint, PaintColor
 from simbev_ros.maps.network import Lane
+from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.roads.layout import Line, Paint, PaintColor
 
 _NO_LINE = Line()
 _CURB = Line(Paint.CURB)

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from simbev_ros.maps.layout import Strip
-from simbev_ros.maps.polylines import Polylines
+from simbev_ros.maps.roads.layout import Strip
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _TOUCHING_M = 0.3

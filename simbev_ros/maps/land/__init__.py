@@ -1,0 +1,1 @@
+"""The land beside the roads: relief, water, zones, heights."""

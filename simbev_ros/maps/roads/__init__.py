@@ -1,0 +1,1 @@
+"""The roads as they lie on the ground: strips, levels, heights, surfaces, paint, signs."""

@@ -1,0 +1,1 @@
+"""SUMO nets: built, repaired, read."""

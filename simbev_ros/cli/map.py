@@ -30,7 +30,7 @@ from simbev_ros.maps.statistics import busiest_place, statistics_of
 from simbev_ros.types import Float64Array
 
 _WIDTH_IN_A_PIPE = 160
-_REACH_M = 300.0
+_REACH_M = 400.0
 """So far around a place its surroundings are built; of small maps, all."""
 _FEW_REGIONS = 9
 _VIEW_WITHIN_M = 260.0

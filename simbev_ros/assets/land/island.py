@@ -6,7 +6,7 @@ from simbev_ros.assets.land.blocks import Block
 from simbev_ros.assets.land.planting import scatter
 from simbev_ros.assets.land.yard import Yard
 
-_FROM_STREET_M, _M2_PER_PLANT = 2.5, 130.0
+_FROM_STREET_M, _M2_PER_PLANT = 2.5, 45.0
 
 
 def lay_out_island(yard: Yard, block: Block) -> None:

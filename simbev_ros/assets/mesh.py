@@ -155,10 +155,6 @@ class Mesh:
             for v, n, c, det in zip(vertices, normals, colors, handedness, strict=True)
         ]
 
-    def with_part(self, part: int) -> "Mesh":
-        """The same mesh, all of it moved by rigid part ``part``."""
-        return replace(self, part=np.full(len(self.vertices), part, np.uint8))
-
     @property
     def triangle_tag(self) -> UInt8Array:
         """(T,) semantic tag per triangle."""

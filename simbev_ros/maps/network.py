@@ -14,7 +14,6 @@ from simbev_ros.maps.roads.lane_index import LineIndex
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import Layout
-from simbev_ros.maps.roads.level_members import LevelGraph
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.vehicle_class import ALL_CLASSES
 from simbev_ros.types import Float64Array, Int64Array
@@ -153,11 +152,6 @@ class RoadNetwork:
     def lane_strips(self) -> LaneStrips:
         """Where cars drive, on the ground."""
         return LaneStrips(self.layout)
-
-    @cached_property
-    def level_graph(self) -> LevelGraph:
-        """Tells which roads are on the level of a place."""
-        return LevelGraph(self.layout)
 
     @property
     def opendrive(self) -> str:

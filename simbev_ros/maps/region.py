@@ -1,6 +1,5 @@
 """Regions: squares that a map's surroundings are built, stored and loaded by, each without knowledge of the others."""
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -42,12 +41,6 @@ class Reach:
         gap_m = np.clip(self.center_m, low_m, np.asarray(low_m) + side_m) - self.center_m
         touched: BoolArray = np.hypot(gap_m[:, 0], gap_m[:, 1]) <= self.radius_m
         return touched
-
-
-def regions_within(bounds_m: Float64Array) -> tuple[Region, ...]:
-    """Regions that touch (4,) bounds x0, y0, x1, y1, from south-west to north-east."""
-    low_x, low_y, high_x, high_y = (math.floor(value / REGION_M) for value in bounds_m)
-    return tuple(Region(column, row) for column in range(low_x, high_x + 1) for row in range(low_y, high_y + 1))
 
 
 def regions_of(layout: Layout, reach: Reach | None = None) -> tuple[Region, ...]:

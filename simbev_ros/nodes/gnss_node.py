@@ -4,7 +4,7 @@ from sensor_msgs.msg import NavSatFix
 
 from simbev_ros.config.rig import Gnss
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.build import load_network
+from simbev_ros.maps.build import load_datum
 from simbev_ros.msgs.motion import fix_message
 from simbev_ros.msgs.topics import Topic
 from simbev_ros.nodes.participant import Participant
@@ -22,7 +22,7 @@ class GnssNode(Participant):
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Find out where the map lies on Earth."""
-        self._datum = load_network(spec.map).datum
+        self._datum = load_datum(spec.map)
         names = [f"/{spec.rig.agent}/{gnss.name}/fix" for gnss in spec.rig.of_type(Gnss)]
         for name in names:
             self.advertise(Topic(name, "sensor_msgs/msg/NavSatFix", sensor=True), NavSatFix)

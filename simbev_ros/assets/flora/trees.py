@@ -51,20 +51,12 @@ def spruce(rng: np.random.Generator) -> Mesh:
 
 def pine(rng: np.random.Generator) -> Mesh:
     """A pine with a bare red trunk and a crown high up, about 12 m high."""
-    color, height_m = pick_color(rng, "needles", 0.1), rng.uniform(10.5, 13.5)
-    lean = rng.normal(0.0, 0.3, 2)
-    spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.5, height_m * 0.5], [*lean, height_m * 0.82]])
-    middle = np.array([*lean, height_m * 0.8])
-    return Mesh.merged([trunk(rng, spine, 0.22, 0.1), crown(rng, middle, np.array([2.0, 2.0, 2.2]), 8, color)])
+    return _high_crowned(rng, 0.1, (10.5, 13.5), 0.8, (0.22, 0.1), (2.0, 2.0, 2.2), 8)
 
 
 def stone_pine(rng: np.random.Generator) -> Mesh:
     """An umbrella pine, about 9 m high."""
-    color, height_m = pick_color(rng, "needles", 0.12), rng.uniform(8.0, 10.5)
-    lean = rng.normal(0.0, 0.35, 2)
-    spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.4, height_m * 0.5], [*lean, height_m * 0.85]])
-    middle = np.array([*lean, height_m * 0.86])
-    return Mesh.merged([trunk(rng, spine, 0.24, 0.13), crown(rng, middle, np.array([3.2, 3.2, 1.1]), 11, color)])
+    return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.1), 11)
 
 
 def cypress(rng: np.random.Generator) -> Mesh:
@@ -198,3 +190,20 @@ def _tapered(color: Color, rows_m: Float64Array) -> Mesh:
     first, last = np.array([[0, 3, 2], [0, 2, 1]]), np.array([[0, 1, 2], [0, 2, 3]]) + 4 * (count - 1)
     faces = np.concatenate([sides, first, last])[:, ::-1].astype(np.int32)
     return solid(leaves(color), rows_m.reshape(-1, 3), faces, crease_deg=40.0)
+
+
+def _high_crowned(
+    rng: np.random.Generator,
+    variety: float,
+    heights_m: tuple[float, float],
+    crown_at: float,
+    trunk_m: tuple[float, float],
+    crown_m: tuple[float, float, float],
+    clumps: int,
+) -> Mesh:
+    """A needle tree with a leaning bare trunk of two radii, and its crown around a share of its height."""
+    color, height_m = pick_color(rng, "needles", variety), rng.uniform(*heights_m)
+    lean = rng.normal(0.0, 0.3, 2)
+    spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.5, height_m * 0.5], [*lean, height_m * (crown_at + 0.01)]])
+    middle = np.array([*lean, height_m * crown_at])
+    return Mesh.merged([trunk(rng, spine, *trunk_m), crown(rng, middle, np.array(crown_m), clumps, color)])

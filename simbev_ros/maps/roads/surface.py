@@ -75,16 +75,6 @@ def sidewalk_surface(layout: Layout, level: int = 0, area: shapely.Polygon | Non
     return surfaces_of(layout, level, area).sidewalk
 
 
-def shoulder_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
-    """As ``Surfaces.shoulder``."""
-    return surfaces_of(layout, level, area).shoulder
-
-
-def median_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
-    """As ``Surfaces.median``."""
-    return surfaces_of(layout, level, area).median
-
-
 def drivable_area(layout: Layout) -> MultiPolygon:
     """The carriageways of all levels, one on the other, in plan."""
     return _polygons(shapely.union_all([road_surface(layout, level) for level in layout.levels]))

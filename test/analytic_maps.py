@@ -1,6 +1,7 @@
 """Maps of a road or two whose shape is given by a formula, and their ground, built without what stands on it."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from simbev_ros.maps.land.surroundings import ReliefRecipe, SurroundingsRecipe
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.levels import with_levels
 from simbev_ros.types import Float64Array
 
 STREET = ((LaneKind.SIDEWALK, 2.5), (LaneKind.DRIVING, 3.5), (LaneKind.DRIVING, 3.5), (LaneKind.SIDEWALK, 2.5))
@@ -51,6 +53,21 @@ def crossing(clearance_m: float = 7.0) -> RoadNetwork:
         return clearance_m * np.exp(-(((x - 256.0) / 110.0) ** 4))
 
     return _network([*lower, *_bridge("up", (20.0, 226.0, 286.0, 492.0), 256.0, height_m, MOTORWAY)])
+
+
+def stack() -> RoadNetwork:
+    """A viaduct along x, 12 m high, above a bridge along y, 6 m high, above a street at height 0 askew to both."""
+
+    def along(start_m: tuple[float, float], end_m: tuple[float, float], top_m: float, flat_m: float) -> Float64Array:
+        plan_m = np.linspace(start_m, end_m, 201)
+        from_middle_m = np.linalg.norm(plan_m - 256.0, axis=1)
+        return np.column_stack([plan_m, top_m * np.clip(1.0 - (from_middle_m - flat_m) / 150.0, 0.0, 1.0)])
+
+    viaduct = _road("viaduct", along((-150, 256), (662, 256), 12.0, 250.0), MOTORWAY)
+    bridge = _road("bridge", along((256, -100), (256, 612), 6.0, 150.0), STREET)
+    street = _road("street", along((40, 40), (472, 472), 0.0, 0.0), STREET)
+    network = _network([*(replace(strip, structure=True) for strip in viaduct), *bridge, *street])
+    return replace(network, layout=with_levels(network.layout))
 
 
 def river() -> RoadNetwork:

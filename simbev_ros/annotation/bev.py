@@ -18,7 +18,7 @@ from simbev_ros.assets.static_scene import StaticScene, Tile
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array, UInt16Array
+from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array, UInt16Array
 
 _CLASS_OF_TAG = {
     Tag.ROAD: "road",
@@ -35,7 +35,6 @@ _CLASS_OF_TAG = {
 """Classes that are seen; hazard and crosswalk come from the tiles' surfaces."""
 
 _NO_CLASS = 255
-_EVERYWHERE: BoolArray = np.ones((1, 1), bool)
 _PLANE_OF_TAG = np.full(256, _NO_CLASS, np.uint8)
 for _tag, _name in _CLASS_OF_TAG.items():
     _PLANE_OF_TAG[_tag] = BEV_CLASSES.index(_name)
@@ -67,12 +66,11 @@ class BevAnnotator:
         """
         radius_m = float(np.hypot(grid.rows, grid.columns)) * grid.cell_m / 2.0
         tiles = self._tiles_within(np.array([state.ego["x"], state.ego["y"]]), radius_m)
-        footprints, counts = [self._actors_within(state, radius_m, ego_level)], [_EVERYWHERE]
-        for level in np.unique(self._levels[tiles]).tolist():
-            excluded = None if ego_level is None else ego_level.excluded(level, state, grid)
-            footprints.append(merged([self._tiles[tile] for tile in tiles[self._levels[tiles] == level].tolist()]))
-            counts.append(_EVERYWHERE if excluded is None else ~excluded)
-        return _labels(footprints, counts, state, grid)
+        footprints = [self._actors_within(state, radius_m, ego_level)]
+        for tile in tiles.tolist():
+            ground, level = self._tiles[tile], int(self._levels[tile])
+            footprints.append(ground if ego_level is None else ego_level.counting(ground, level))
+        return _labels(merged(footprints), state, grid)
 
     def _tiles_within(self, ego_m: Float64Array, radius_m: float) -> Int64Array:
         """Indices of tiles whose bounds touch the circle around the grid."""
@@ -92,20 +90,13 @@ class BevAnnotator:
         return Footprint(posed.vertices[:, :2] + origin_m[:2], posed.triangles, planes)
 
 
-def _labels(
-    footprints: Sequence[Footprint], counts: Sequence[BoolArray], state: WorldState, grid: BevGrid
-) -> UInt16Array:
-    """(rows, columns) bits of the planes that cover each cell; ``counts``: where each does, the first all over."""
-    group = np.repeat(np.arange(len(footprints)), [len(each.planes) for each in footprints])
-    # Every plane takes its time: what counts everywhere is drawn into those of the first, and empty ones are left out.
-    group[np.array([each is _EVERYWHERE for each in counts])[group]] = 0
-    everything = merged(footprints)
-    drawn, planes = np.unique(group * len(BEV_CLASSES) + everything.planes, return_inverse=True)
+def _labels(everything: Footprint, state: WorldState, grid: BevGrid) -> UInt16Array:
+    """(rows, columns) bits of the planes that cover each cell."""
+    drawn, planes = np.unique(everything.planes, return_inverse=True)  # every plane takes its time, empty ones too
     numbered = Footprint(everything.points_m, everything.triangles, planes.astype(np.uint8))
     labels = np.zeros((grid.rows, grid.columns), np.uint16)
-    for number, plane in zip(drawn.tolist(), numbered.covers(state, grid, len(drawn)), strict=True):
-        group_of_plane, bit = divmod(number, len(BEV_CLASSES))
-        labels |= (plane & counts[group_of_plane]).astype(np.uint16) << np.uint16(bit)
+    for bit, plane in zip(drawn.tolist(), numbered.covers(state, grid, len(drawn)), strict=True):
+        labels |= plane.astype(np.uint16) << np.uint16(bit)
     return labels
 
 

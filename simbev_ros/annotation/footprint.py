@@ -4,20 +4,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from simbev_ros.annotation.raster import covered_cells
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
+from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Footprint:
-    """(V, 2) points in metres, map frame, (T, 3) indices, and (T,) the plane that each triangle counts for."""
+    """(V, 2) points in metres, map frame, (T, 3) indices, and (T,) the plane that each triangle counts for.
+
+    Footprints are told apart by identity, so that what is known of one can be kept beside it.
+    """
 
     points_m: Float64Array
     triangles: Int32Array
     planes: UInt8Array
+
+    @property
+    def polygons(self) -> AnyArray:
+        """(T,) the triangles, shapely."""
+        return np.asarray(shapely.polygons(self.points_m[self.triangles]), object)
+
+    def only(self, triangles: BoolArray) -> "Footprint":
+        """Those of the triangles that (T,) marks, and the points that they use."""
+        used, indices = np.unique(self.triangles[triangles], return_inverse=True)
+        return Footprint(self.points_m[used], indices.reshape(-1, 3).astype(np.int32), self.planes[triangles])
 
     def covers(self, state: WorldState, grid: BevGrid, planes: int) -> BoolArray:
         """(planes, rows, columns) whether the centre of each cell around the ego lies in a triangle of the plane."""

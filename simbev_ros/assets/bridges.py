@@ -26,6 +26,7 @@ _POST_SPACING_M, _POST_M = 2.4, 0.045
 _SLIVER_M = 0.5
 _SMALLEST_M2 = 1.5  # less is no parapet but a gap between surfaces
 _SAME_PLACE_M = 0.6
+_SEAM_M = 0.01
 _ABUTMENT_AT_M, _ABUTMENT_DEPTH_M, _ABUTMENT_HEIGHT_M = 2.2, 0.8, 9.0
 _FROM_LOWER_ROAD_M = 1.0
 
@@ -41,21 +42,24 @@ def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> N
         if level == 0 or facets is None:
             continue
         claims.add(ground.decks[level])
-        joints = _joints(ground, level)
-        _build_deck(tiles, ground, level, facets, joints)
-        _build_abutments(tiles, ground, level, facets, joints)
+        landings, seams = (_joints(ground, level, onto_ground) for onto_ground in (True, False))
+        _build_deck(tiles, ground, level, facets, landings, seams)
+        _build_abutments(tiles, ground, level, facets, landings)
         put_pillars(tiles, ground, level)
 
 
-def _joints(ground: RegionGround, level: int) -> BaseGeometry:
-    """Lines across, where a structure's lanes go on as lanes of another level."""
+def _joints(ground: RegionGround, level: int, onto_ground: bool) -> BaseGeometry:
+    """Lines across, where a structure's lanes go on as lanes on the ground, or else on a structure of another level."""
     around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
     own: list[Float64Array] = []
     other: list[Float64Array] = []
     for strip in ground.network.layout.near(around, 0.0).strips:
         if strip.outline_m is None:
             ends = [np.stack([strip.left_m[k], strip.right_m[k]]) for k in (0, -1)]
-            (own if strip.level == level else other).extend(ends)
+            if strip.level == level:
+                own.extend(ends)
+            elif (strip.level == 0) == onto_ground:
+                other.extend(ends)
     if not own or not other:
         return shapely.MultiLineString()
     own_m, other_m = np.stack(own), np.stack(other)
@@ -63,17 +67,27 @@ def _joints(ground: RegionGround, level: int) -> BaseGeometry:
     return shapely.union_all(shapely.linestrings(own_m[gap_m < _SAME_PLACE_M, :, :2]))
 
 
-def _build_deck(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets, joints: BaseGeometry) -> None:
-    """Parapets along the edges, the slab below and the girder below that."""
+def _build_deck(
+    tiles: TileBuilder,
+    ground: RegionGround,
+    level: int,
+    facets: Facets,
+    landings: BaseGeometry,
+    seams: BaseGeometry,
+) -> None:
+    """Parapets along the edges, the slab below and the girder below that; at seams the next structure goes on."""
     region, deck = ground.region.area, ground.streets[level].area
-    across = shapely.buffer(joints, DECK_OVERHANG_M + 0.01, cap_style="flat")
+    across = shapely.buffer(shapely.union(landings, seams), DECK_OVERHANG_M + 0.01, cap_style="flat")
     rims = shapely.get_parts(shapely.difference(ground.decks[level], shapely.union(deck, across)))
     parapet = shapely.union_all(rims[shapely.area(rims) > _SMALLEST_M2])
     slab = shapely.union(deck, parapet)
-    girder = shapely.buffer(slab, -_GIRDER_INSET_M, join_style="mitre")
+    onward = shapely.buffer(seams, 2.0 * _GIRDER_INSET_M, cap_style="flat")
+    girder: BaseGeometry = shapely.buffer(shapely.union(slab, onward), -_GIRDER_INSET_M, join_style="mitre")
+    girder = shapely.intersection(girder, slab)
     walls = partial(faces, finish=_CONCRETE, edges=parapet.boundary, bottom_m=-_SLAB_M, top_m=_PARAPET_M)
-    sides = partial(faces, finish=_UNDERSIDE, edges=girder.boundary, bottom_m=-DECK_DEPTH_M, top_m=-_SLAB_M)
-    ends = partial(faces, finish=_UNDERSIDE, edges=joints, bottom_m=-DECK_DEPTH_M, top_m=0.0)
+    beside = shapely.difference(girder.boundary, shapely.buffer(seams, _SEAM_M))
+    sides = partial(faces, finish=_UNDERSIDE, edges=beside, bottom_m=-DECK_DEPTH_M, top_m=-_SLAB_M)
+    ends = partial(faces, finish=_UNDERSIDE, edges=landings, bottom_m=-DECK_DEPTH_M, top_m=0.0)
     for area, makes in (
         (parapet, [partial(sheet, finish=_CONCRETE, rise_m=_PARAPET_M), walls]),
         (shapely.difference(slab, girder), [partial(sheet, finish=_UNDERSIDE, rise_m=-_SLAB_M, downward=True)]),

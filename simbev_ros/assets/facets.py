@@ -26,11 +26,13 @@ class Facets:
         polygons: (F,) shapely polygons, map frame.
         planes: (F, 3, 3) rows: height, its slope to the east, its slope to the north; each the weights of x, y, 1. The
             slopes are the smooth surface's, for shading.
+        tile: (F, 2) column and row of the tile that each lies in.
         tree: Of the polygons.
     """
 
     polygons: np.ndarray[tuple[int], np.dtype[np.object_]]
     planes: Float64Array
+    tile: Int64Array
     tree: shapely.STRtree
 
     @classmethod
@@ -53,7 +55,9 @@ class Facets:
 
     @classmethod
     def _of(cls, polygons: np.ndarray[tuple[int], np.dtype[np.object_]], planes: Float64Array) -> "Facets":
-        return cls(polygons, planes, shapely.STRtree(polygons))
+        low_m, high_m = np.split(shapely.bounds(polygons), 2, axis=1)
+        tile = np.floor((low_m + high_m) / (2.0 * TILE_M)).astype(np.int64)
+        return cls(polygons, planes, tile, shapely.STRtree(polygons))
 
     def at(self, facet: Int64Array, xy_m: Float64Array) -> Float64Array:
         """(N, 3) height and slopes at (N, 2) points, each on the facet of an (N,) index."""
@@ -131,11 +135,11 @@ def _misfit(node_m: Float64Array, tolerance_m: Float64Array, size: int) -> Float
 
 def _largest(values: Float64Array, size: int) -> Float64Array:
     """The largest of (I, J) values in each block, its border included."""
-    count_i, count_j = (values.shape[0] - 1) // size, (values.shape[1] - 1) // size
-    views = (values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:])
-    blocks = [view.reshape(count_i, size, count_j, size).max(axis=(1, 3)) for view in views]
-    largest: Float64Array = np.max(blocks, axis=0)
-    return largest
+    for _ in range(2):
+        values = np.maximum(values[:-1], values[1:]).T
+    for _ in range(2 * size.bit_length() - 2):
+        values = np.maximum(values[0::2], values[1::2]).T
+    return values
 
 
 def _between(rows: Float64Array, share: Float64Array) -> Float64Array:

@@ -24,7 +24,7 @@ _CURB_WIDTH_M = 0.15
 _GREEN_M = 0.9  # medians at least twice as wide are green
 _HELD_BY_STONE = ((0.8, 3.0), (1.3, 0.3))  # slopes, if the land is so steep over at least so many metres
 _EMBANKMENT = (0.33, 2.5)
-_ROUNDED_M = 0.9
+_ROUNDED_M, _PATCH_M2 = 0.9, 15.0
 _RIM_M = 1.5  # so far the land goes on below the water's surface
 _CUT_TOLERANCE_M = 0.002  # plans lie on a millimetre grid, and what is cut from them too
 
@@ -103,7 +103,7 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
     marked = partial(sheet, finish=_CROSSWALK, rise_m=0.0)
     tiles.drape(crosswalk, facets, marked, surface="crosswalk", level=level)
     paved = shapely.buffer(shapely.union(streets.road, streets.shoulder), _CURB_WIDTH_M)
-    green = shapely.buffer(shapely.buffer(median, -_GREEN_M), _GREEN_M) if level == 0 else shapely.Polygon()
+    green = shapely.buffer(shapely.buffer(streets.median, -_GREEN_M), _GREEN_M) if level == 0 else shapely.Polygon()
     raised = shapely.union(sidewalk, median)
     edges = shapely.difference(raised.boundary, shapely.buffer(region.boundary, _CUT_TOLERANCE_M))
     sides = partial(faces, finish=_CURB, edges=edges, bottom_m=0.0, top_m=CURB_HEIGHT_M)
@@ -115,8 +115,10 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
 
 
 def _steeper_than(facets: Facets, slope: float, narrowest_m: float) -> BaseGeometry:
-    """Where facets are steeper than a slope, rounded off, without what is narrow."""
+    """Where facets are steeper than a slope, rounded off, without what is narrow or small."""
     steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > slope
     area = shapely.buffer(shapely.union_all(facets.polygons[steep]), _ROUNDED_M, quad_segs=3)
     inset_m = _ROUNDED_M + narrowest_m / 2.0
-    return shapely.buffer(shapely.buffer(area, -inset_m, quad_segs=3), inset_m - _ROUNDED_M / 2.0, quad_segs=3)
+    opened = shapely.buffer(shapely.buffer(area, -inset_m, quad_segs=3), inset_m - _ROUNDED_M / 2.0, quad_segs=3)
+    parts = shapely.get_parts(opened)
+    return shapely.MultiPolygon(parts[shapely.area(parts) > _PATCH_M2].tolist())

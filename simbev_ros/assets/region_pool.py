@@ -3,19 +3,24 @@
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from pathlib import Path
 
 from simbev_ros.assets.static_cache import StaticCache
+from simbev_ros.errors import SimulationError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Region
 from simbev_ros.maps.spec import MapSpec
 
+_ENDED = 1
+
 
 def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | None, built: Callable[[], None]) -> None:
-    """Fill the cache.
+    """Fill the cache. Whatever ends this early, an interrupt too, ends the work on all cores and leaves nothing half.
 
     Args:
         spec: The map.
@@ -25,6 +30,7 @@ def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | No
 
     Raises:
         InputError: The cache cannot be written.
+        SimulationError: A process was killed, as happens when memory runs out.
     """
     workers = min(len(regions), os.cpu_count() or 1)
     if workers <= 1:
@@ -33,23 +39,56 @@ def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | No
             built()
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_leave_interrupts_to_parent) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_end_when_told) as pool:
         try:
-            for done in as_completed([pool.submit(_build, spec, region, cache_dir) for region in regions]):
+            for done in as_completed([pool.submit(_build_in_worker, spec, region, cache_dir) for region in regions]):
                 done.result()
                 built()
-        except BaseException:
+        except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            if isinstance(error, BrokenProcessPool):
+                raise SimulationError(
+                    f"map {spec.name}: a process that built its surroundings was killed; is there memory enough? "
+                    "What was built before is kept"
+                ) from None
             raise
 
 
-def _leave_interrupts_to_parent() -> None:
+def _end_when_told() -> None:
+    """In a worker: Ctrl-C is the parent's business; SIGTERM ends it in order, and so does the parent's death."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise SystemExit(_ENDED)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "a worker has a parent"
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _build_in_worker(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:
+    try:
+        _build(spec, region, cache_dir)
+    except SystemExit:
+        os._exit(_ENDED)  # files are tidied up; a pool would go on with the next region
 
 
 def _build(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:
     """Build one region, in whatever process."""
-    _cache(spec, cache_dir).region(region)
+    try:
+        _cache(spec, cache_dir).region(region)
+    except Exception as error:
+        error.add_note(f"while building region {region.column}_{region.row} of map {spec.path or spec.name}")
+        raise
 
 
 @lru_cache(maxsize=1)

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.drape import sheet
 from simbev_ros.assets.facets import Facets
@@ -33,27 +32,28 @@ def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facet
     if road.is_empty:
         return
     repairs = _repairs(ground, level)
-    rest = shapely.difference(road, shapely.union_all([area for _, area in repairs]))
+    rest = shapely.difference(road, shapely.MultiPolygon([part for _, area in repairs for part in area.geoms]))
     for finish, area in ((_ASPHALT, rest), *((finish, shapely.intersection(road, area)) for finish, area in repairs)):
         tiles.drape(area, facets, partial(sheet, finish=finish, rise_m=0.0), level=level)
 
 
-def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, BaseGeometry]]:
+def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, shapely.MultiPolygon]]:
     """Areas of other looks that do not overlap."""
     rng = ground.stream(f"ground.repairs.{level}")
     patches = _rectangles(*_places(ground, level, _PATCH_SPACING_M, rng), rng)
     covers, _ = _places(ground, level, _COVER_SPACING_M, rng)
     discs = np.asarray(shapely.buffer(shapely.points(covers), _COVER_RADIUS_M, quad_segs=3), object)
     newer = rng.random(len(patches)) < 0.6
-    inside: BaseGeometry = shapely.box(
-        *(np.array(ground.region.area.bounds) + _FROM_BORDER_M * np.array([1, 1, -1, -1]))
-    )
-    layers = ((_COVER, discs if level == 0 else discs[:0]), (_PATCH, patches[newer]), (_OLD_PATCH, patches[~newer]))
-    repairs: list[tuple[Finish, BaseGeometry]] = []
-    for finish, shapes in layers:
-        inside = shapely.difference(inside, shapely.union_all([area for _, area in repairs]))
-        repairs.append((finish, shapely.intersection(shapely.union_all(shapes), inside)))
-    return repairs
+    inside = shapely.box(*(np.array(ground.region.area.bounds) + _FROM_BORDER_M * np.array([1, 1, -1, -1])))
+    shapes = np.concatenate([discs if level == 0 else discs[:0], patches])
+    earlier, later = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    free = shapely.contains(inside, shapes)
+    free[later[earlier < later]] = False
+    layer = np.concatenate([np.zeros(len(shapes) - len(patches), int), np.where(newer, 1, 2)])
+    return [
+        (finish, shapely.MultiPolygon(list(shapes[free & (layer == number)])))
+        for number, finish in enumerate((_COVER, _PATCH, _OLD_PATCH))
+    ]
 
 
 def _places(

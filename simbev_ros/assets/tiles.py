@@ -5,10 +5,9 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.drape import Cut, cut_to_facets
+from simbev_ros.assets.drape import ByTile, Cut, cut_to_facets
 from simbev_ros.assets.facets import TILE_M, Facets
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
@@ -68,25 +67,22 @@ class TileBuilder:
             self._seen[0, column, row].append(copy)
 
     def drape(
-        self, area: BaseGeometry, facets: Facets, *make: Callable[[Cut], Mesh], surface: str = "", level: int = 0
+        self, area: BaseGeometry, facets: Facets, *make: Callable[[Cut], ByTile], surface: str = "", level: int = 0
     ) -> None:
-        """Cut an area, which the facets cover, and add what each ``make`` builds of the pieces in each tile.
+        """Cut an area, which the facets cover, and add what each ``make`` builds of the pieces.
 
         Args:
             area: Map frame, metres.
             facets: The ground that it lies on.
-            make: From pieces to their mesh in the map frame.
+            make: From pieces to their meshes.
             surface: Name of the surface that is labelled only; empty for what is seen.
             level: That of the roads it belongs to.
         """
-        for (column, row), polygons in _cut(area).items():
-            key = (level, column, row)
-            cut = cut_to_facets(polygons, facets)
-            tile_from_map = np.eye(4)
-            tile_from_map[:3, 3] = -_origin(key)
-            meshes = [mesh.transformed(tile_from_map) for mesh in (build(cut) for build in make) if len(mesh.triangles)]
-            if meshes:
-                (self._surfaces[key][surface] if surface else self._seen[key]).extend(meshes)
+        cut = cut_to_facets(area, facets)
+        for build in make:
+            for (column, row), mesh in build(cut).items():
+                key = (level, column, row)
+                (self._surfaces[key][surface] if surface else self._seen[key]).append(mesh)
 
     def finish(self) -> tuple[Tile, ...]:
         """All tiles, by level, from south-west to north-east."""
@@ -104,27 +100,3 @@ class TileBuilder:
 def _origin(key: _Key) -> Float64Array:
     """(3,) middle of a tile, map frame."""
     return np.array([(key[1] + 0.5) * TILE_M, (key[2] + 0.5) * TILE_M, 0.0])
-
-
-def _cut(area: BaseGeometry) -> dict[tuple[int, int], np.ndarray[tuple[int], np.dtype[np.object_]]]:
-    """The area's polygons in each tile that it touches."""
-    parts = shapely.get_parts(shapely.get_parts(area))  # collections hold multipolygons
-    parts = parts[shapely.area(parts) > 0.0]
-    shapely.prepare(parts)
-    low, high = np.floor(shapely.bounds(parts).reshape(-1, 2, 2) / TILE_M).astype(int).swapaxes(0, 1)
-    spans = high - low + 1
-    which = np.repeat(np.arange(len(parts)), spans.prod(axis=1))
-    within = np.arange(len(which)) - np.repeat(np.cumsum(spans.prod(axis=1)) - spans.prod(axis=1), spans.prod(axis=1))
-    index = low[which] + np.stack([within // spans[which, 1], within % spans[which, 1]], axis=1)
-    squares = shapely.box(*(index * TILE_M).T, *((index + 1) * TILE_M).T)
-    touched = shapely.intersects(parts[which], squares)
-    which, index, squares = which[touched], index[touched], squares[touched]
-    inside, alone = shapely.contains(parts[which], squares), (spans == 1).all(axis=1)[which]
-    pieces = np.where(inside, squares, parts[which])
-    crossing = ~inside & ~alone
-    pieces[crossing] = shapely.intersection(pieces[crossing], squares[crossing])
-    pieces, origin = shapely.get_parts(pieces, return_index=True)
-    kept = shapely.get_type_id(pieces) == shapely.GeometryType.POLYGON
-    pieces, index = pieces[kept], index[origin[kept]]
-    tiles, of_piece = np.unique(index, axis=0, return_inverse=True)
-    return {(int(i), int(j)): pieces[of_piece.reshape(-1) == number] for number, (i, j) in enumerate(tiles)}

@@ -1,5 +1,6 @@
 """The ``simbev`` command: one verb a file. Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
 
+import os
 import sys
 
 import typer
@@ -13,8 +14,11 @@ from simbev_ros.cli.info import info
 from simbev_ros.cli.map import map_
 from simbev_ros.cli.preview import preview
 from simbev_ros.cli.run import run
-from simbev_ros.errors import SimbevError
-from simbev_ros.graph.interrupts import Interrupted
+from simbev_ros.errors import InputError, SimbevError
+from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
+
+_TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
+_LONGEST = 300
 
 app = typer.Typer(
     name="simbev",
@@ -47,14 +51,30 @@ def main() -> None:
     """Entry point: run a verb and turn errors into messages and exit codes."""
     stderr = Console(stderr=True, soft_wrap=True)
     try:
-        app(standalone_mode=True)
-    except SimbevError as error:
-        stderr.print("[bold red]error:[/]", end=" ")
-        stderr.print(str(error), markup=False, highlight=False)
-        sys.exit(error.exit_code)
+        with raising_interrupts():
+            app(standalone_mode=True)
     except (Interrupted, KeyboardInterrupt):
         stderr.print("interrupted")
         sys.exit(130)
+    except Exception as error:
+        if os.environ.get(_TRACEBACK_VARIABLE) and not isinstance(error, InputError):
+            raise
+        stderr.print("[bold red]error:[/]", end=" ")
+        stderr.print(_message(error), markup=False, highlight=False)
+        sys.exit(error.exit_code if isinstance(error, SimbevError) else SimbevError.exit_code)
+
+
+def _message(error: Exception) -> str:
+    """What the user is told; of errors that nobody foresaw, also in the middle of what."""
+    if isinstance(error, SimbevError):
+        return str(error)
+    while_what = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
+    if isinstance(error, MemoryError):
+        return f"memory ran out{while_what}"
+    return (
+        f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_LONGEST}}{while_what}\n"
+        f"Please report it. With {_TRACEBACK_VARIABLE}=1 the traceback is shown"
+    )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from simbev_ros.assets.region_pool import build_regions
 from simbev_ros.assets.static_cache import StaticCache
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import InputError
-from simbev_ros.graph.interrupts import raising_interrupts
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
@@ -41,7 +40,7 @@ def play_scenes(
     if dataset is not None:
         check_writable(dataset, specs)
     _build_surroundings(specs, console)
-    with raising_interrupts(), GraphSession(scenario, live=live, dataset=dataset, domain=domain) as session:
+    with GraphSession(scenario, live=live, dataset=dataset, domain=domain) as session:
         console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
         for spec in specs:
             with scene_progress(spec, console) as progress:

@@ -8,7 +8,6 @@ from rich.console import Console
 
 from simbev_ros.cli.scenes import drawn_scenes, scene_progress
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.graph.interrupts import raising_interrupts
 from simbev_ros.graph.session import GraphSession
 
 
@@ -36,7 +35,7 @@ def timed_graph(scenario: Scenario, dataset: Path | None) -> GraphTiming:
     console = Console(stderr=True)
     spec = drawn_scenes(scenario, console)[0]
     start: tuple[float, int, dict[str, float]] | None = None
-    with raising_interrupts(), GraphSession(scenario, dataset=dataset) as session, scene_progress(spec, console) as bar:
+    with GraphSession(scenario, dataset=dataset) as session, scene_progress(spec, console) as bar:
 
         def progress(tick: int | None) -> None:
             nonlocal start

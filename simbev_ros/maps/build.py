@@ -1,8 +1,10 @@
 """Maps on demand: a MapSpec in, a RoadNetwork out, built once and then taken from a cache on disk."""
 
+import gc
 import logging
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -74,7 +76,24 @@ def _folder(spec: MapSpec, cache_dir: Path) -> Path:
     source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
     key = f"{spec.name}\n{source}\n".encode() + code_version()
     parts_of = _imported(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
-    return folder_of("maps", spec.name, key, partial(_build, spec, parts_of), cache_dir)
+    try:
+        with _no_collection():
+            return folder_of("maps", spec.name, key, partial(_build, spec, parts_of), cache_dir)
+    except Exception as error:
+        error.add_note(f"while building the roads of map {spec.path or spec.name}")
+        raise
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Without searches for garbage in cycles: a build makes millions of objects that stay, and next to no cycles."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def _imported(spec: MapSpec) -> Callable[[Path], MapParts]:

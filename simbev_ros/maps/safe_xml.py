@@ -55,8 +55,7 @@ def parse(path: Path, root_tag: str, max_bytes: int = _MAX_BYTES) -> Element:
         reader.refuse(f"not valid XML: {reason}{hint}", error.lineno, error.offset + 1)
     except (LookupError, ValueError) as error:
         reader.refuse(f"its encoding is not known: {error}", 1)
-    root: Element = reader.builder.close()
-    return root
+    return reader.close()
 
 
 def place_of(path: Path, element: Element) -> str:
@@ -107,6 +106,13 @@ class _Reader:
         """Say what is wrong, and where."""
         place = f"{self._path}:{line}" if column is None else f"{self._path}:{line}:{column}"
         raise InputError(f"{place}: {problem}")
+
+    def close(self) -> Element:
+        """The root; the tree is let go, which the parser and its handlers would hold for each other."""
+        parser, root = self.parser, self.builder.close()
+        parser.StartElementHandler = parser.EndElementHandler = parser.CharacterDataHandler = None
+        parser.StartDoctypeDeclHandler = None
+        return root
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         line = self.parser.CurrentLineNumber

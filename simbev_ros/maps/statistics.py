@@ -9,11 +9,14 @@ from scipy.spatial import cKDTree
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.surface import FAST_MPS
 from simbev_ros.types import Float64Array
 
 _ONE_PLACE_M = 25.0
 _SMALLEST_M2 = 1.0
 _SPACING_M, _AROUND_M = 15.0, 180.0
+_FAST_WEIGHT = 0.2
+_USE_WEIGHT = {"downtown": 2.0, "industrial": 0.5, "farmland": 0.5, "woods": 0.5}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +80,20 @@ def statistics_of(network: RoadNetwork) -> MapStatistics:
 
 
 def busiest_place(network: RoadNetwork) -> Float64Array:
-    """(2,) place on a driving lane, map frame, that has the most lanes around it."""
-    places_m = network.waypoints(_SPACING_M).position_m[:, :2]
-    if len(places_m) == 0:  # all lanes are too short for a vehicle to start on
-        places_m = np.array(
-            [lane.centerline_m[0, :2] for lane in network.lanes.values() if lane.kind is LaneKind.DRIVING]
-        )
-    tree = cKDTree(places_m)
-    around = tree.query_ball_point(places_m, _AROUND_M, return_length=True)
+    """(2,) place on a driving lane, map frame, with the most lanes around it; downtown counts most, motorways least."""
+    waypoints = network.waypoints(_SPACING_M)
+    places_m, lanes = waypoints.position_m[:, :2], [network.lanes[lane] for lane in waypoints.lane]
+    if not lanes:  # all are too short for a vehicle to start on
+        lanes = [lane for lane in network.lanes.values() if lane.kind is LaneKind.DRIVING]
+        places_m = np.array([lane.centerline_m[0, :2] for lane in lanes])
+    weight = np.full(len(places_m), _USE_WEIGHT.get(network.features.surroundings.use, 1.0))
+    for zone in network.features.zones:
+        weight[shapely.contains_xy(zone.area, places_m)] = _USE_WEIGHT.get(zone.surroundings.use, 1.0)
+    weight[[lane.speed_mps > FAST_MPS for lane in lanes]] = _FAST_WEIGHT
+    around = np.zeros(len(places_m))
+    for each in np.unique(weight).tolist():
+        tree = cKDTree(places_m[weight == each])
+        around += each * tree.query_ball_point(places_m, _AROUND_M, return_length=True)
     busiest: Float64Array = places_m[int(np.argmax(around))]
     return busiest
 

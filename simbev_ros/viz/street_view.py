@@ -13,6 +13,7 @@ from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, SignalStat
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, UInt8Array
+from simbev_ros.viz.street_traffic import bystanders
 
 _WIDTH_PX, _HEIGHT_PX = 1600, 900
 _FIELD_OF_VIEW_RAD = np.radians(72.0)
@@ -22,7 +23,7 @@ _SUN_BESIDE_DEG = 26.0  # the sun stands behind the camera, so far to the side
 
 
 def street_view(network: RoadNetwork, static: StaticScene, place_m: Float64Array, yaw_rad: float) -> UInt8Array:
-    """(900, 1600, 3) uint8 RGB of what a driver sees there, signals on green.
+    """(900, 1600, 3) uint8 RGB of what a driver sees there, signals on green, with others on the road.
 
     Raises:
         RenderError: OpenGL is not usable here.
@@ -33,9 +34,10 @@ def street_view(network: RoadNetwork, static: StaticScene, place_m: Float64Array
     ego["x"], ego["y"], ego["z"] = behind_m
     ego["yaw"], ego["id"], ego["tag"] = yaw_rad, EGO_ID, Tag.CAR
     ego["blueprint"] = next(k for k, model in enumerate(models) if model.tag == Tag.CAR)
+    actors = np.concatenate([ego, bystanders(network, place_m, EGO_ID + 1)])
     signals = np.zeros(len(network.signals), SIGNAL_DTYPE)
     signals["state"] = SignalState.GREEN
-    world = WorldState(0, 0, EGO_ID, ego, signals, _fair_weather(yaw_rad))
+    world = WorldState(0, 0, EGO_ID, actors, signals, _fair_weather(yaw_rad))
     camera = PinholeCamera.from_field_of_view(_WIDTH_PX, _HEIGHT_PX, float(_FIELD_OF_VIEW_RAD))
     pose = matrices_from_xyz_rpy(np.array([_BEHIND_M, 0.0, _EYE_M]), np.zeros(3))
     renderer = Renderer(static, models)

@@ -20,7 +20,8 @@ from simbev_ros.types import BoolArray, Float64Array, Table
 GRID = BevGrid(rows=240, columns=240, cell_m=0.5)
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
 SEDAN = blueprint_index()["vehicle.sedan"]
-MODELS = [CAR] * (SEDAN + 1)
+TRUCK, PERSON = box_model(Tag.TRUCK, (8.0, 2.5, 3.0)), box_model(Tag.PEDESTRIAN, (1.1, 1.3, 1.8))
+MODELS = [*[CAR] * (SEDAN + 1), TRUCK, PERSON]
 DECK_M, RAMP_M, HEIGHT_M = 20.0, 150.0, 6.0
 
 WEST, DECK, EAST = ([-RAMP_M, -4], [-DECK_M, 4]), ([-DECK_M, -4], [DECK_M, 4]), ([DECK_M, -4], [RAMP_M, 4])
@@ -29,6 +30,11 @@ KERB = 0.8  # asphalt reaches so far beyond the lanes of the lower road
 WALK = [3.8, -150], [6, 150]  # on the lower road's right
 DASHES = [([x, -0.1], [x + 3, 0.1]) for x in np.arange(-140.0, 140.0, 10.0)]  # on the upper road
 Rectangle = tuple[list[float], list[float]]
+SURFACES: dict[str, tuple[list[Rectangle], list[Rectangle]]] = {
+    "crosswalk": ([([-3, 10], [3, 13])], [([11, -4], [14, 4])]),
+    "hazard": ([([-2, -3], [2, 3]), ([-2, -30], [2, -26])], [([-9, -3], [-6, 3])]),
+}
+"""Of the lower road, and of the deck."""
 
 
 def height_m(x: Float64Array) -> Float64Array:
@@ -67,7 +73,11 @@ def crossing() -> tuple[Levels, BevAnnotator]:
     deck = [mesh(sheet(*DECK, HEIGHT_M), Tag.ROAD)]
     deck += [mesh(sheet(*dash, HEIGHT_M), Tag.ROAD_LINE) for dash in DASHES if abs(dash[0][0] + 1.5) < DECK_M]
     origin_m = np.zeros(3)
-    tiles = Tile(origin_m, Mesh.merged(ground), {}), Tile(origin_m, Mesh.merged(deck), {}, level=1)
+    surfaces = [
+        {name: Mesh.merged([mesh(sheet(*each), Tag.ROAD) for each in areas[level]]) for name, areas in SURFACES.items()}
+        for level in (0, 1)
+    ]
+    tiles = Tile(origin_m, Mesh.merged(ground), surfaces[0]), Tile(origin_m, Mesh.merged(deck), surfaces[1], level=1)
     return Levels(layout), BevAnnotator(StaticScene(tiles, ()), MODELS)
 
 
@@ -75,9 +85,21 @@ def car(identity: int, x: float, y: float, z: float, yaw: float = 0.0) -> Table:
     return actor(CAR, SEDAN, id=identity, x=x, y=y, z=z, yaw=yaw)
 
 
-CUT_M = 6.0  # pieces of the lower road that lie under the deck end here
-OTHERS = car(8, 12.0, 1.0, HEIGHT_M), car(9, 0.5, 30.0, 0.0, 1.57), car(10, 0.0, 2.0, 0.0, 1.57)
-ON_DECK, ON_LOWER, FAR_ON_LOWER = {8}, {9, 10}, {9}
+def truck(identity: int, x: float, y: float, z: float, yaw: float = 0.0) -> Table:
+    return actor(TRUCK, SEDAN + 1, id=identity, x=x, y=y, z=z, yaw=yaw)
+
+
+def person(identity: int, x: float, y: float, z: float) -> Table:
+    return actor(PERSON, SEDAN + 2, id=identity, x=x, y=y, z=z)
+
+
+CUT_M = 4.0  # where a deck on the ego's level begins to hide the lower road
+OTHERS = (
+    *(car(8, 12.0, 1.0, HEIGHT_M), car(9, 0.5, 30.0, 0.0, 1.57), car(10, 0.0, 2.0, 0.0, 1.57)),
+    *(truck(11, 5.0, 2.3, HEIGHT_M), truck(12, -1.4, -2.0, 0.0, 1.57), truck(13, 1.4, -45.0, 0.0, 1.57)),
+    *(person(14, 18.0, -3.0, HEIGHT_M), person(15, 5.0, 1.0, 0.12), person(16, 5.0, 22.0, 0.12)),
+)
+ON_DECK, ON_LOWER, FAR_ON_LOWER = {8, 11, 14}, {9, 10, 12, 13, 15, 16}, {9, 13, 16}
 EGOS = {
     "beneath": car(EGO_ID, -1.2, -25.0, 0.0, 1.4),
     "on the deck": car(EGO_ID, -6.0, -1.5, HEIGHT_M, 0.13),
@@ -97,12 +119,12 @@ def inside(points_m: Float64Array, *rectangles: Rectangle) -> BoolArray:
 
 
 def under(points_m: Float64Array, rows: Table) -> BoolArray:
-    """Cells below cars."""
+    """Cells below actors."""
     covered = np.zeros(points_m.shape[:2], bool)
     for row in rows:
         c, s = np.cos(row["yaw"]), np.sin(row["yaw"])
         local = (points_m - [row["x"], row["y"]]) @ np.array([[c, -s], [s, c]])
-        covered |= np.all(np.abs(local) <= [2.0, 1.0], axis=-1)
+        covered |= np.all(np.abs(local) <= [row["length"] / 2.0, row["width"] / 2.0], axis=-1)
     return covered
 
 
@@ -116,19 +138,23 @@ def test_every_cell_is_labelled_with_what_lies_on_the_egos_level_only(place: str
     upper = {"beneath": [WEST, EAST], "on the deck": [WEST, DECK, EAST], "on the way up": [WEST, DECK, EAST]}[place]
     away_m = {"beneath": 0.0, "on the deck": np.inf, "on the way up": CUT_M}[place]
     lower = np.abs(points_m[..., 1]) > away_m
-    asked = np.abs(np.abs(points_m[..., 1]) - away_m) > GRID.cell_m  # beside lanes, ends are as exact as cells are
     dashes = [dash for dash in DASHES if place != "beneath" or abs(dash[0][0] + 1.5) > DECK_M]
-    cars = {"beneath": ON_LOWER, "on the deck": ON_DECK, "on the way up": ON_DECK | FAR_ON_LOWER}[place] | {EGO_ID}
+    ids = {"beneath": ON_LOWER, "on the deck": ON_DECK, "on the way up": ON_DECK | FAR_ON_LOWER}[place] | {EGO_ID}
     expected = {
         "road": inside(points_m, *upper) | (inside(points_m, wide) & lower),
         "sidewalk": inside(points_m, WALK) & lower,
         "road_line": inside(points_m, *dashes),
-        "car": under(points_m, state.actors[np.isin(state.actors["id"], sorted(cars))]),
     }
+    for name, (below, above) in SURFACES.items():
+        expected[name] = inside(points_m, *below) & lower | inside(points_m, *above) & (place != "beneath")
+    counted = state.actors[np.isin(state.actors["id"], sorted(ids))]
+    for name, tag in (("car", Tag.CAR), ("truck", Tag.TRUCK), ("pedestrian", Tag.PEDESTRIAN)):
+        expected[name] = under(points_m, counted[counted["tag"] == tag])
+        assert expected[name].any()
     for name in BEV_CLASSES:
         found = labels >> BEV_CLASSES.index(name) & 1 == 1
         wanted = expected.get(name, np.zeros_like(found))
-        assert not (wrong := (found != wanted) & asked).any(), f"{name}: {np.argwhere(wrong)[:5]}"
+        assert not (wrong := found != wanted).any(), f"{name}: {np.argwhere(wrong)[:5]}"
 
 
 @pytest.mark.parametrize(
@@ -138,7 +164,7 @@ def test_boxes_of_all_levels_are_there_and_say_whether_they_are_on_the_egos(plac
     levels, _ = crossing()
     state = world(EGOS[place], *OTHERS)
     found = boxes(state, 120.0, levels.of_ego(state))
-    assert list(found["id"]) == [8, 9, 10]
+    assert list(found["id"]) == list(range(8, 17))
     assert set(found["id"][found["on_ego_level"] == 1].tolist()) == ids
 
 

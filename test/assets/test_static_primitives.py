@@ -199,6 +199,12 @@ def test_a_plant_stands_upright_on_its_foot(name: str) -> None:
         assert (mesh.tag == Tag.VEGETATION).all()
 
 
+@pytest.mark.parametrize("name", load_species())
+def test_plants_cost_few_triangles(name: str) -> None:
+    most = 60 if name.startswith("light") or name in ("thicket",) else 410
+    assert max(len(stock(name, variant).triangles) for variant in range(VARIANTS)) <= most
+
+
 def test_every_material_has_plausible_properties() -> None:
     table = load_materials()
     for column in (table.roughness, table.metallic, table.specular, table.lidar_reflectance):

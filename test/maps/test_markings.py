@@ -138,3 +138,25 @@ def test_paint_belongs_to_the_level_of_its_road() -> None:
 def _decks(layout: Layout) -> float:
     decks: list[Strip] = [strip for strip in layout.strips if strip.level == 1]
     return float(shapely.area(strip_polygons(decks)).sum())
+
+
+@pytest.mark.parametrize(
+    ("corner_radius_m", "turn", "gap_m", "joined"),
+    [
+        (3.0, 0.05, 3.0, True),
+        (3.0, 0.6, 3.0, False),
+        (3.0, 0.05, 8.0, False),
+        (0.0, 0.05, 3.0, False),
+    ],
+)
+def test_edge_lines_go_on_over_nodes_where_the_road_does(
+    corner_radius_m: float, turn: float, gap_m: float, joined: bool
+) -> None:
+    end_m = (30.0 + gap_m + 20.0 * np.cos(turn), 20.0 * np.sin(turn))
+    lanes = straight("a", (0, 0), (30, 0), level_ground), straight("b", (30 + gap_m, 0), end_m, level_ground)
+    strips = [replace(lane, right_line=Line(Paint.SOLID)) for lane in lanes]
+    markings = lane_markings(replace(layout_of_strips(*strips), corner_radius_m=corner_radius_m))
+    assert {marking.kind for marking in markings} == {MarkingKind.EDGE}
+    line = shapely.union_all([marking.polygon for marking in markings])
+    assert line.area == pytest.approx(0.12 * (50.0 + joined * gap_m), abs=0.06)
+    assert line.intersects(shapely.box(30.2, -2.0, 29.8 + gap_m, 0.0)) == joined

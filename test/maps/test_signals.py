@@ -87,14 +87,14 @@ def test_places_that_the_map_names_are_used_and_the_rest_follows_the_rule(blocks
 
 
 def test_poles_stand_on_the_carriageways_plane_of_their_level(blocks: RoadNetwork) -> None:
-    def lifted(strip: Strip) -> Strip:
+    def tilted(strip: Strip) -> Strip:
         left_m, right_m = (
-            side + np.array([0.0, 0.0, 1.0]) * (5.0 + 0.02 * side[:, :1] - 0.03 * side[:, 1:2])
+            np.column_stack([side[:, :2], 5.0 + 0.02 * side[:, 0] - 0.03 * side[:, 1]])
             for side in (strip.left_m, strip.right_m)
         )
         return replace(strip, left_m=left_m, right_m=right_m)
 
-    hills = replace(blocks.layout, strips=tuple(map(lifted, blocks.layout.strips)))
+    hills = replace(blocks.layout, strips=tuple(map(tilted, blocks.layout.strips)))
     for signal in place_signals(read_sumo_net(blocks.net_path), hills):
         ground_m = 5.0 + 0.02 * signal.pole_m[0] - 0.03 * signal.pole_m[1]
         assert abs(signal.pole_m[2] - ground_m) < 1e-6

@@ -97,7 +97,7 @@ def test_minor_approach_has_a_line_and_a_sign(
     assert [line.yields for line in layout.stop_lines] == ([] if yields is None else [yields])
     if sign is None:
         return
-    assert layout.stop_lines[0].ends_m == pytest.approx(np.array([[106.25, -10.5, 0], [103.75, -10.5, 0]]))
+    assert layout.stop_lines[0].ends_m == pytest.approx(np.array([[106.25, -10.5, 0], [103.75, -10.5, 0]]), abs=1e-3)
     found = [each for each in place_signs(net, layout) if each.kind is sign]
     assert len(found) == 1
     assert found[0].foot_m == pytest.approx([105 + 1.5 + 0.7, -11.0, 0.0])

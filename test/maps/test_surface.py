@@ -113,6 +113,30 @@ def test_paving_has_no_gap_where_a_lane_begins_in_place_of_the_shoulder() -> Non
     assert paved.area == pytest.approx(surfaces.road.area + surfaces.shoulder.area) == pytest.approx(700.0, abs=0.2)
 
 
+def test_shoulders_go_on_over_nodes() -> None:
+    lane = straight("lane", (-50, 0), (50, 0), level_ground)
+    node = replace(straight("node", (-1.5, 0), (1.5, 0), level_ground), junction="node")
+    shoulders = [
+        _as(LaneKind.SHOULDER, straight(name, (from_m, -3.5), (to_m, -3.5), level_ground))
+        for name, from_m, to_m in (("a", -50, -1.5), ("b", 1.5, 50))
+    ]
+    surfaces = surfaces_of(replace(layout_of_strips(lane, node, *shoulders), corner_radius_m=3.0))
+    assert surfaces.shoulder.area == pytest.approx(100 * 3.5, abs=1.5), "but for a notch at the edge"
+    assert surfaces.road.area == pytest.approx(100 * 3.5, abs=0.01)
+
+
+@pytest.mark.parametrize(("speed_mps", "is_road"), [(30.0, False), (14.0, True)])
+def test_between_a_motorway_and_its_ramp_nobody_drives(speed_mps: float, is_road: bool) -> None:
+    main = replace(straight("main", (-60, 0), (60, 0), level_ground), speed_mps=speed_mps)
+    ramp = straight("ramp", (-60, -4.0), (60, -16.0), level_ground)
+    shoulder = _as(LaneKind.SHOULDER, straight("shoulder", (-20, -3.5), (60, -3.5), level_ground))
+    surfaces = surfaces_of(replace(layout_of_strips(main, ramp, shoulder), corner_radius_m=3.0))
+    gore = shapely.box(-40, -3.0, -30, -2.0)
+    assert surfaces.road.contains(gore) == is_road
+    assert surfaces.shoulder.contains(gore) != is_road
+    assert surfaces.road.area > 2 * 120 * 3.5 - 1.0
+
+
 def test_levels_have_surfaces_of_their_own_that_meet_at_the_deck_ends() -> None:
     under = straight("under", (0, -100), (0, 100), level_ground)
     over = side_by_side(2, name="over", start_m=(-100, 0), end_m=(100, 0), height=lambda xy_m: np.full(len(xy_m), 6.0))

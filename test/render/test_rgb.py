@@ -3,8 +3,10 @@
 import hashlib
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from render_scene import NOON, box, car, plane, world
@@ -70,6 +72,35 @@ def test_the_hidden_ego_casts_its_shadow(renderer: Renderer) -> None:
     weather = NOON.model_copy(update={"sun_azimuth_deg": 90.0, "sun_altitude_deg": 45.0})
     there = photograph(renderer, world({**EGO, "x": 10.0}, weather=weather))
     assert brightness(there, (0.0, -1.6, 0.0)) < 0.7 * brightness(there, (0.0, 1.6, 0.0))
+
+
+def test_leaves_look_alike_on_both_sides_and_other_faces_do_not() -> None:
+    seen = {}
+    for material in (Material.FOLIAGE, Material.WOOD):
+        leaf = plane(3.0, 20.0, Tag.VEGETATION, material)
+        turned = replace(leaf, triangles=np.ascontiguousarray(leaf.triangles[:, ::-1]))
+        sides = []
+        for mesh in (leaf, turned):
+            renderer = Renderer(StaticScene((Tile(np.zeros(3), mesh, {}),), ()), [car()])
+            sides.append(brightness(photograph(renderer, world(EGO)), (0.0, 0.0, 20.0)))
+            renderer.close()
+        seen[material] = sides
+    assert seen[Material.FOLIAGE][0] == seen[Material.FOLIAGE][1]
+    assert seen[Material.WOOD][0] > 1.3 * seen[Material.WOOD][1]
+
+
+def test_stars_are_not_seen_through_clouds() -> None:
+    renderer = Renderer(StaticScene((Tile(np.zeros(3), plane(1.0, 0.0, Tag.ROAD, Material.ASPHALT), {}),), ()), [car()])
+    up = matrices_from_xyz_rpy(np.array([0.0, 0.0, 2.0]), np.array([0.0, -np.pi / 2, 0.0]))
+    bright = []
+    for cloudiness in (0.0, 100.0):
+        weather = NIGHT.model_copy(update={"cloudiness": cloudiness})
+        sky = photograph(renderer, world(EGO, weather=weather), up).astype(float).mean(axis=2)
+        blurred = cv2.blur(sky, (9, 9))
+        bright.append(int((sky > blurred + 12.0).sum()))
+    renderer.close()
+    assert bright[0] > 20
+    assert bright[1] == 0
 
 
 def test_night_is_darker_than_dusk_and_dusk_than_day(renderer: Renderer) -> None:

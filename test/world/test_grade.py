@@ -12,6 +12,7 @@ from simbev_ros.assets.catalogue import load_models
 from simbev_ros.config.rig import Camera, Imu, Lidar, Pose, Rig
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.levels import with_levels
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import read_sumo_net
@@ -46,9 +47,15 @@ def road(tmp_path_factory: pytest.TempPathFactory) -> RoadNetwork:
     command = [sumo_home() / "bin" / "netconvert", "-n", nodes, "-e", edges, "-o", net]
     subprocess.run([*command, "--offset.disable-normalization"], check=True, capture_output=True)
     content = read_sumo_net(net)
-    return replace(
-        blocks(), lanes=content.lanes, junctions={}, signals=(), layout=with_levels(layout_of(content)), net_path=net
-    )
+    layout = with_levels(layout_of(content))
+    layout = replace(layout, strips=tuple(map(level_across, layout.strips)))
+    return replace(blocks(), lanes=content.lanes, junctions={}, signals=(), layout=layout, net_path=net)
+
+
+def level_across(strip: Strip) -> Strip:
+    """Without crossfall."""
+    left_m, right_m = (np.column_stack([side[:, :2], GRADE * side[:, 0]]) for side in (strip.left_m, strip.right_m))
+    return replace(strip, left_m=left_m, right_m=right_m)
 
 
 @pytest.fixture(scope="module")

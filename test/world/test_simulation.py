@@ -13,6 +13,7 @@ from world_scenes import TICK_S, blocks, busy_run, of_kind, run, scene
 from simbev_ros.assets.ground import CURB_HEIGHT_M
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.roads.surface import surfaces_of
+from simbev_ros.maps.sumo.crossfall import CROSSFALL
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.simulation import Simulation
@@ -58,8 +59,9 @@ def test_ticks_run_from_minus_the_warm_up_to_the_last_recorded_one():
 
 def test_everybody_starts_at_rest_at_the_place_that_was_drawn():
     spec, actors = busy_run()
-    names = ("vx", "vy", "vz", "ax", "ay", "az", "wx", "wy", "wz", "steer", "wheel", "gait", "roll")
+    names = ("vx", "vy", "vz", "ax", "ay", "az", "wx", "wy", "wz", "steer", "wheel", "gait")
     assert all(np.all(actors[0][name] == 0.0) for name in names)
+    assert np.abs(actors[0]["roll"]).max() == pytest.approx(np.arctan(CROSSFALL), rel=0.2)
     for vehicle, row in zip(spec.vehicles, actors[0], strict=False):
         place, yaw_rad = blocks().pose_on_lane(vehicle.start.lane, vehicle.start.s_m)
         front = xyz(row) + row["length"] / 2 * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
@@ -149,7 +151,7 @@ def test_pedestrians_stay_on_sidewalks_and_crossings_at_their_height():
     points = np.stack([people["x"], people["y"]], axis=-1)[::10].reshape(-1, 2)
     assert shapely.contains_xy(walkable, points).all()
     deep, z = shapely.contains_xy(sidewalk.buffer(-1.0), points), people["z"][::10].ravel()
-    assert np.all(z[deep] == CURB_HEIGHT_M)
+    assert z[deep] == pytest.approx(blocks().elevation.height_m(points[deep]) + CURB_HEIGHT_M, abs=0.01)
     on_road = shapely.contains_xy(surfaces.road.buffer(-1.5), points)
     assert np.all(z[on_road] < 0.02)
 

@@ -2,25 +2,31 @@
 
 import numpy as np
 
-from simbev_ros.assets.flora.crowns import ROOT_M, clump, leaves
+from simbev_ros.assets.flora.crowns import ROOT_M, ball, blossom, leaves
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import pick_color, shaded
 from simbev_ros.assets.primitives import lathe, loft, tube
+from simbev_ros.types import Float64Array
 
 
 def bush(rng: np.random.Generator) -> Mesh:
     """A bush, about 1.2 m high."""
-    return _shrub(rng, "hedges", count=3, size_m=0.6)
+    return _shrub(rng, "hedges", np.array([0.95, 0.8, 0.75]))
 
 
 def oleander(rng: np.random.Generator) -> Mesh:
     """A taller bush of warm lands, about 2 m high, some in flower."""
-    return _shrub(rng, "flowers" if rng.random() < 0.35 else "olive_leaves", count=4, size_m=0.85)
+    radii_m = np.array([1.25, 1.1, 1.15])
+    leafage = _shrub(rng, "olive_leaves", radii_m)
+    if rng.random() < 0.65:
+        return leafage
+    middle_m, color = np.array([0.0, 0.0, 0.85 * radii_m[2]]), pick_color(rng, "flowers", 0.15)
+    return Mesh.merged([leafage, blossom(rng, middle_m, radii_m, 24, color)])
 
 
 def scrub(rng: np.random.Generator) -> Mesh:
     """A low grey shrub of dry lands, about 0.8 m high."""
-    return _shrub(rng, "dry_leaves", count=2, size_m=0.5)
+    return _shrub(rng, "dry_leaves", np.array([0.75, 0.65, 0.5]))
 
 
 def cactus(rng: np.random.Generator) -> Mesh:
@@ -50,16 +56,15 @@ def agave(rng: np.random.Generator) -> Mesh:
 def thicket(rng: np.random.Generator) -> Mesh:
     """A piece of a distant wood, about 10 m high and 12 m wide: to be seen from afar only."""
     color = pick_color(rng, "needles" if rng.random() < 0.3 else "broad_leaves", 0.1)
-    sizes = rng.uniform((3.5, 3.5, 4.0), (6.0, 6.0, 8.0), (3, 3))
-    spots = np.column_stack([rng.uniform(-5.0, 5.0, (3, 2)), sizes[:, 2] * rng.uniform(0.4, 0.8, 3)])
+    sizes = rng.uniform((3.5, 3.5, 4.0), (6.0, 6.0, 8.0), (2, 3))
+    spots = np.column_stack([rng.uniform(-4.0, 4.0, (2, 2)), sizes[:, 2] * rng.uniform(0.5, 0.8, 2)])
     roots = np.array([0.0, 0.0, -4.0])
-    tones = rng.uniform(0.7, 1.0, 3)
-    return Mesh.merged(
-        [
-            clump(rng, spot, size, roots, shaded(color, tone))
-            for spot, size, tone in zip(spots, sizes, tones, strict=True)
-        ]
-    )
+    tones = rng.uniform(0.75, 1.0, 2)
+    balls = [
+        ball(rng, spot, size, roots, 10, shaded(color, tone), cover=0.15)
+        for spot, size, tone in zip(spots, sizes, tones, strict=True)
+    ]
+    return Mesh.merged(balls)
 
 
 def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> Mesh:
@@ -74,12 +79,8 @@ def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> M
     return loft(leaves(pick_color(rng, "hedges", 0.1)), sections, crease_deg=60.0)
 
 
-def _shrub(rng: np.random.Generator, palette: str, count: int, size_m: float) -> Mesh:
-    """A few balls of leaves close together."""
-    color = pick_color(rng, palette, 0.15)
-    centers = np.column_stack(
-        [rng.normal(0.0, 0.53 * size_m, (count, 2)), rng.uniform(0.58 * size_m, 1.1 * size_m, count)]
-    )
-    radii = rng.uniform(0.83 * size_m, 1.17 * size_m, count)
-    foot = np.array([0.0, 0.0, 0.1])
-    return Mesh.merged([clump(rng, center, radius, foot, color) for center, radius in zip(centers, radii, strict=True)])
+def _shrub(rng: np.random.Generator, palette: str, radii_m: Float64Array) -> Mesh:
+    """A ball of leaves that sits on the ground."""
+    radii_m = radii_m * rng.uniform(0.85, 1.15, 3)
+    middle_m, foot_m = np.array([0.0, 0.0, 0.75 * radii_m[2]]), np.array([0.0, 0.0, 0.1])
+    return ball(rng, middle_m, radii_m, foot_m, 40, pick_color(rng, palette, 0.15), cover=0.8)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.assets.flora.crowns import ROOT_M, clump, crown, leaves, trunk
+from simbev_ros.assets.flora.crowns import ROOT_M, ball, crown, foliage, leaves, trunk
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color, pick_color, shaded
 from simbev_ros.assets.primitives import lathe, solid
@@ -11,63 +11,52 @@ from simbev_ros.types import Float64Array
 
 def round_tree(rng: np.random.Generator) -> Mesh:
     """A broad-leaved street tree, about 9 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.9, radius_m=2.3, clumps=10)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.9, radius_m=2.3, sprigs=224)
 
 
 def tall_tree(rng: np.random.Generator) -> Mesh:
     """A tall, slender broad-leaved tree, about 13 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=4.2, radius_m=1.9, clumps=11)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=4.2, radius_m=1.9, sprigs=236)
 
 
 def small_tree(rng: np.random.Generator) -> Mesh:
     """A young or ornamental tree, about 5 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, clumps=7)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, sprigs=180)
 
 
 def birch(rng: np.random.Generator) -> Mesh:
     """A light-leaved tree, about 10 m high."""
     color = pick_color(rng, "light_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, clumps=8)
+    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=196)
 
 
 def olive(rng: np.random.Generator) -> Mesh:
     """A gnarled tree with grey-green leaves, about 4.5 m high."""
     color = pick_color(rng, "olive_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.7, clumps=8, stoutness=0.045)
+    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.7, sprigs=196, stoutness=0.045)
 
 
 def spruce(rng: np.random.Generator) -> Mesh:
-    """A spruce, about 11 m high: skirts of branches around a straight trunk."""
-    color = pick_color(rng, "needles", 0.1)
-    height_m, layers, around = rng.uniform(9.5, 12.5), 6, 10
-    pieces = [trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, height_m * 0.6]]), 0.2, 0.08)]
-    for layer in range(layers):
-        low_m = 1.1 + (height_m - 1.6) * (layer / layers)
-        reach_m = 0.27 * (height_m - low_m) * rng.uniform(0.9, 1.1) + 0.15
-        top_m = min(height_m, low_m + reach_m * 1.15 + 0.9)
-        pieces.append(_skirt(rng, shaded(color, rng.uniform(0.88, 1.12)), reach_m, (low_m, top_m), around))
-    return Mesh.merged(pieces)
+    """A spruce, about 11 m high: tiers of drooping branches around a straight trunk."""
+    return _spruce(rng, height_m=rng.uniform(9.5, 12.5), reach_m=2.6, tiers=9, sprigs=208, cover=12.0)
 
 
 def pine(rng: np.random.Generator) -> Mesh:
     """A pine with a bare red trunk and a crown high up, about 12 m high."""
-    return _high_crowned(rng, 0.1, (10.5, 13.5), 0.8, (0.22, 0.1), (2.0, 2.0, 2.2), 8)
+    return _high_crowned(rng, 0.1, (10.5, 13.5), 0.8, (0.22, 0.1), (2.0, 2.0, 2.2), 200)
 
 
 def stone_pine(rng: np.random.Generator) -> Mesh:
     """An umbrella pine, about 9 m high."""
-    return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.1), 11)
+    return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.1), 260)
 
 
 def cypress(rng: np.random.Generator) -> Mesh:
     """A slender dark column, about 9 m high."""
     color, height_m = pick_color(rng, "needles", 0.1), rng.uniform(7.5, 11.0)
-    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.2]]), 0.14, 0.12)
-    profile = np.array([[0.3, 0.5], [0.8, 1.6], [0.9, 0.4 * height_m], [0.55, 0.75 * height_m], [0.0, height_m]])
-    profile[1:-1, 0] *= rng.uniform(0.85, 1.15, 3)
-    column = lathe(leaves(color), profile, segments=8, crease_deg=80.0)
-    column.uv[:] *= 1.4
-    return Mesh.merged([stem, column])
+    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.2]]), 0.14, 0.12, segments=3)
+    middle, radii = np.array([0.0, 0.0, 0.5 + height_m / 2.0]), np.array([0.8, 0.8, height_m / 2.0])
+    return Mesh.merged([stem, ball(rng, middle, radii, middle * [1.0, 1.0, 0.0], 76, color, rise=1.5, cover=0.8)])
 
 
 def palm(rng: np.random.Generator) -> Mesh:
@@ -89,7 +78,7 @@ def acacia(rng: np.random.Generator) -> Mesh:
         pieces.append(trunk(rng, np.array([[0.0, 0.0, ROOT_M], [*out * 0.3, height_m * 0.4], tip]), 0.15, 0.06, 4))
         top = np.array([*out * 1.2, height_m * rng.uniform(0.8, 0.95)])
         size_m = np.array([1.7, 1.7, 0.55]) * rng.uniform(0.85, 1.15)
-        pieces.append(clump(rng, top, size_m, np.array([0.0, 0.0, height_m * 0.6]), color, detail=1))
+        pieces.append(ball(rng, top, size_m, np.array([0.0, 0.0, height_m * 0.6]), 70, color, cover=0.7))
     return Mesh.merged(pieces)
 
 
@@ -100,13 +89,7 @@ def light_broad_leaved(rng: np.random.Generator) -> Mesh:
 
 def light_spruce(rng: np.random.Generator) -> Mesh:
     """A spruce of few triangles, about 11 m high."""
-    color, height_m = pick_color(rng, "needles", 0.12), rng.uniform(9.5, 13.5)
-    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.6]]), 0.2, 0.18, segments=3)
-    skirts = [
-        _skirt(rng, color, 2.4, (1.0, height_m * 0.66), 6),
-        _skirt(rng, color, 1.5, (height_m * 0.5, height_m), 6),
-    ]
-    return Mesh.merged([stem, *skirts])
+    return _spruce(rng, height_m=rng.uniform(9.5, 13.5), reach_m=2.4, tiers=5, sprigs=30, cover=7.0)
 
 
 def light_olive(rng: np.random.Generator) -> Mesh:
@@ -129,41 +112,42 @@ def _broad_leaved(
     height_m: float,
     trunk_m: float,
     radius_m: float,
-    clumps: int,
+    sprigs: int,
     stoutness: float = 0.018,
 ) -> Mesh:
-    """Trunk, a core of leaves and clumps around it."""
+    """Trunk, a core of leaves and sprigs around it."""
     height_m *= rng.uniform(0.9, 1.15)
     middle = np.array([*rng.normal(0.0, 0.15, 2), (height_m + trunk_m) / 2.0])
     radii = np.array([radius_m, radius_m, (height_m - trunk_m) / 2.0])
     spine = np.array([[0, 0, ROOT_M], [*rng.normal(0, 0.06, 2), trunk_m * 0.6], middle - [0, 0, radii[2] * 0.2]])
     thickness_m = stoutness * height_m
     stem = trunk(rng, spine, thickness_m, thickness_m * 0.45)
-    return Mesh.merged([stem, crown(rng, middle, radii, clumps, color)])
+    return Mesh.merged([stem, crown(rng, middle, radii, sprigs, color)])
 
 
 def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, height_m: float) -> Mesh:
     """A three-sided stem and one irregular ball of leaves."""
     middle = np.array([*rng.normal(0.0, 0.2, 2), height_m - radii_m[2]])
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], middle]), 0.2, 0.12, segments=3)
-    ball = clump(rng, middle, radii_m, middle - [0.0, 0.0, radii_m[2]], color, irregularity=0.2)
-    return Mesh.merged([stem, ball])
+    return Mesh.merged([stem, ball(rng, middle, radii_m, middle - [0.0, 0.0, radii_m[2]], 9, color, cover=0.2)])
 
 
-def _skirt(rng: np.random.Generator, color: Color, reach_m: float, z_m: tuple[float, float], around: int) -> Mesh:
-    """A cone of branches with a jagged rim, between two heights."""
-    low_m, top_m = z_m
-    rings = np.array([(0.12 * reach_m, low_m + 0.35 * reach_m), (reach_m, low_m), (0.0, top_m)])
-    skirt = lathe(leaves(color), rings, segments=around, crease_deg=25.0)
-    jag = np.where(np.arange(around) % 2, 0.72, 1.0) * rng.uniform(0.88, 1.12, around)
-    rim = np.hypot(skirt.vertices[:, 0], skirt.vertices[:, 1]) > 0.9 * reach_m
-    spoke = np.round(np.arctan2(skirt.vertices[:, 1], skirt.vertices[:, 0]) / (2.0 * np.pi) * around).astype(int)
-    skirt.vertices[rim, :2] *= jag[spoke[rim] % around, None]
-    skirt.vertices[rim, 2] = low_m + (1.0 - jag[spoke[rim] % around]) * 0.8 * reach_m
-    skirt.uv[:] = skirt.vertices[:, :2] * 1.6
-    turn_rad = rng.uniform(0.0, 2.0 * np.pi)
-    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
-    return skirt.transformed(np.array([[cosine, -sine, 0, 0], [sine, cosine, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))
+def _spruce(rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float) -> Mesh:
+    """A cone of needles, and tiers of sprigs, of an area of about half ``cover`` times the reach times the height."""
+    color, low_m = pick_color(rng, "needles", 0.1), rng.uniform(0.9, 1.3)
+    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, low_m + 0.5]]), 0.2, 0.18, segments=3)
+    profile = np.array([[0.0, low_m + 0.5], [0.72 * reach_m, low_m + 0.3], [0.0, height_m]])
+    core = lathe(leaves(shaded(color, 0.6)), profile, segments=5, crease_deg=80.0)
+    turn_rad = np.arange(sprigs) * np.pi * (3.0 - 5.0**0.5) + rng.uniform(0.0, 0.5, sprigs)
+    around = np.stack([np.cos(turn_rad), np.sin(turn_rad)], axis=1)
+    rise = 1.0 - np.sqrt((np.arange(sprigs) + 0.5) / sprigs)  # evenly over the cone, then gathered into tiers
+    rise = (np.floor(rise * tiers) + rng.uniform(0.2, 0.5, sprigs)) / tiers
+    out_m = (reach_m * (1.0 - rise) * rng.uniform(0.6, 0.85, sprigs))[:, None]
+    spots_m = np.column_stack([around * out_m, low_m + (height_m - low_m) * rise])
+    outward, hanging = (np.column_stack([around, np.full(sprigs, rise)]) / np.hypot(1.0, rise) for rise in (0.6, -0.6))
+    length_m = np.sqrt(cover * reach_m * height_m / sprigs) * (1.2 - rise)
+    middle_m = np.array([0.0, 0.0, low_m])
+    return Mesh.merged([stem, core, foliage(rng, spots_m, outward, hanging, middle_m, length_m, color)])
 
 
 def _frond(rng: np.random.Generator, color: Color, turn_rad: float, root_m: Float64Array) -> Mesh:
@@ -199,11 +183,11 @@ def _high_crowned(
     crown_at: float,
     trunk_m: tuple[float, float],
     crown_m: tuple[float, float, float],
-    clumps: int,
+    sprigs: int,
 ) -> Mesh:
     """A needle tree with a leaning bare trunk of two radii, and its crown around a share of its height."""
     color, height_m = pick_color(rng, "needles", variety), rng.uniform(*heights_m)
     lean = rng.normal(0.0, 0.3, 2)
     spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.5, height_m * 0.5], [*lean, height_m * (crown_at + 0.01)]])
     middle = np.array([*lean, height_m * crown_at])
-    return Mesh.merged([trunk(rng, spine, *trunk_m), crown(rng, middle, np.array(crown_m), clumps, color)])
+    return Mesh.merged([trunk(rng, spine, *trunk_m), crown(rng, middle, np.array(crown_m), sprigs, color)])

@@ -67,8 +67,9 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
                 continue
             x_m = low_m[0] + np.array([from_, to]) * _FIELD_M[0] + [_MARGIN_M, -_MARGIN_M]
             y_m = low_m[1] + np.array([_MARGIN_M, _FIELD_M[1] - _MARGIN_M])
-            plan = shapely.intersection(soil, quad(np.zeros(2), along, tuple(x_m), tuple(y_m)))
-            if plan.area > _SMALLEST_M2:
+            whole = quad(np.zeros(2), along, tuple(x_m), tuple(y_m))
+            plan = shapely.intersection(soil, whole)
+            if plan.area > _SMALLEST_M2 or (plan.area > 0.0 and not yard.inside.contains(whole)):
                 fields.append(plan)
                 yard.cover(plan, crop, yaw_rad=angle_rad + (np.pi / 2.0) * (split < 1.0))
                 _put_bales(yard, plan, rng)

@@ -23,6 +23,7 @@ from simbev_ros.assets.street.lights import put_lights
 from simbev_ros.assets.street.streetscape import (
     put_bus_shelters,
     put_cables,
+    put_median_trees,
     put_name_signs,
     put_signals,
     put_signs,
@@ -78,6 +79,7 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
         lay_out(yard, block)
     put_name_signs(yard, curbs)
     put_street_trees(yard, curbs)
+    put_median_trees(yard, zones)
     put_small_things(yard, curbs)
     put_cables(yard, curbs)
     yard.ensemble.place_all(tiles, ground)

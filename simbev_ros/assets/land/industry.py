@@ -14,6 +14,7 @@ from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import container, dumpster, pallets, trailer
+from simbev_ros.random import stream
 
 _VERGE_M, _YARD_M = 2.6, 46.0
 _GATE_SPACING_M, _GATE_M = 55.0, 9.0
@@ -26,7 +27,9 @@ def lay_out_industry(yard: Yard, block: Block) -> None:
     front = shapely.union_all([shapely.buffer(line.line, _YARD_M, cap_style="flat") for line in block.frontage])
     paved = shapely.intersection(shapely.difference(block.land, yard.near_streets(_VERGE_M)), front)
     yard.cover(shapely.difference(block.land, paved), "lawn", block.recipe.plants)
-    yard.cover(paved, "asphalt" if rng.random() < 0.6 else "concrete")
+    # The same all over a map, for the border of a region may run through a yard.
+    is_asphalt = stream(yard.ground.network.seed, "industry.paving").random() < 0.6
+    yard.cover(paved, "asphalt" if is_asphalt else "concrete")
     for line in block.frontage:
         _put_gates(yard, block, line, rng)
     sites = build_rows(yard, block, _kind, rng)

@@ -92,8 +92,9 @@ def quad(
 ) -> shapely.Polygon:
     """A rectangle in the frame of a (2,) origin and the (2,) unit direction of its x axis."""
     across = np.array([-along[1], along[0]])
-    corners = ((x_m[0], y_m[0]), (x_m[1], y_m[0]), (x_m[1], y_m[1]), (x_m[0], y_m[1]))
-    return shapely.Polygon([origin + along * x + across * y for x, y in corners])
+    corners = np.array([(x_m[0], y_m[0]), (x_m[1], y_m[0]), (x_m[1], y_m[1]), (x_m[0], y_m[1])])
+    rectangle: shapely.Polygon = shapely.polygons(origin + corners[:, :1] * along + corners[:, 1:] * across)
+    return rectangle
 
 
 def yaw_of(direction: Float64Array) -> float:

@@ -27,15 +27,12 @@ class Lanes(NamedTuple):
     @classmethod
     def of(cls, ground: RegionGround, level: int) -> "Lanes":
         """Those in and near a region."""
-        strips = [
-            strip
-            for strip in ground.network.layout.near(ground.region.area, 2.0 * _BESIDE_M).strips_of(
-                LaneKind.DRIVING, level=level
-            )
-            if not strip.junction
-        ]
+        reach_m = 2.0 * _BESIDE_M
+        near = ground.network.layout.near(ground.region.area, reach_m).strips_of(LaneKind.DRIVING, level=level)
+        strips = [strip for strip in near if not strip.junction]
+        around = shapely.buffer(ground.region.area, reach_m, join_style="mitre")
         lines: list[BaseGeometry] = [shapely.LineString(strip.center_m[:, :2]) for strip in strips]
-        return cls(shapely.STRtree(strip_polygons(strips)), np.array(lines, object))
+        return cls(shapely.STRtree(shapely.intersection(strip_polygons(strips), around)), np.array(lines, object))
 
 
 def light_places(ground: RegionGround, curb: CurbLine, lanes: Lanes, spacing_m: float) -> Iterator[Int64Array]:

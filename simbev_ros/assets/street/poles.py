@@ -73,12 +73,10 @@ def cables(foot_m: Float64Array, next_foot_m: Float64Array, across: Float64Array
     share = np.linspace(0.0, 1.0, 6)
     line = share[:, None] * (next_foot_m - foot_m) + [0.0, 0.0, CABLE_AT_M]
     line[:, 2] -= 4.0 * _SAG * share * (1.0 - share) * float(np.linalg.norm(next_foot_m - foot_m))
-    return Mesh.merged(
-        [
-            tube(black, line + np.array([*(across * out_m), 0.0]), 0.02, segments=3, crease_deg=180.0)
-            for out_m in _CABLE_OUT_M
-        ]
-    )
+    cable = tube(black, line, 0.02, segments=3, crease_deg=180.0)
+    poses = np.tile(np.eye(4), (len(_CABLE_OUT_M), 1, 1))
+    poses[:, :2, 3] = np.outer(_CABLE_OUT_M, across)
+    return Mesh.merged(cable.copies(poses))
 
 
 def _light(lamp_at_m: tuple[float, float, float], radius_m: float) -> Mesh:

@@ -8,7 +8,7 @@ import shapely
 
 from simbev_ros.assets.ensemble import Base
 from simbev_ros.assets.flora.species import draw_species, reach_m
-from simbev_ros.assets.land.blocks import Block, left_of
+from simbev_ros.assets.land.blocks import Block, Zones, left_of
 from simbev_ros.assets.land.planting import has_room, plant
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.materials import Material
@@ -21,12 +21,15 @@ from simbev_ros.assets.street.poles import cables, utility_pole
 from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
 from simbev_ros.assets.tiles import standing
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.random import stream
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
 _SHELTERED_SHARE = 0.2
 _SMALL_THINGS_M = 20.0
 _TREE_LINED_SHARE, _TREE_ROOM_M = 0.6, 1.1
+_MEDIAN_M, _MEDIAN_SPACING, _CLEAR_OF_END_M = 2.6, 1.5, 14.0
 _POLE_SPACING_M = 42.0
 _POLED_USES = ("farmland", "suburb", "woods")
 _PIT = box(Finish(Material.SOIL, Tag.TERRAIN, (92, 76, 58)), (0.7, 1.4, 0.06), (0.0, 0.0, -0.018))
@@ -101,6 +104,27 @@ def put_street_trees(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         chosen = chosen[yard.claims.claim_discs(curb.place_m[chosen], np.full(len(chosen), _TREE_ROOM_M))]
         yard.ensemble.put(_PIT, curb.place_m[chosen], curb.yaw_rad[chosen], base=Base.SIDEWALK)
         plant(yard, species, curb.place_m[chosen], rng, Base.SIDEWALK)
+
+
+def put_median_trees(yard: Yard, zones: Zones) -> None:
+    """A row of trees along the middle of green medians, clear of their ends."""
+    ground = yard.ground
+    green = shapely.buffer(ground.streets[0].median, -_MEDIAN_M / 2.0)
+    shapely.prepare(green)
+    for strip in ground.network.layout.near(ground.region.area, 0.0).strips_of(LaneKind.MEDIAN, level=0):
+        line = shapely.LineString(strip.left_m[:, :2])
+        rng = stream(ground.network.seed, f"median_trees.{strip.lane}")
+        for recipe, area in zones:
+            spacing_m = _MEDIAN_SPACING * recipe.tree_spacing_m
+            if spacing_m == 0.0 or rng.random() > 2.0 * recipe.plant_density:
+                continue
+            at_m = np.arange(_CLEAR_OF_END_M, line.length - _CLEAR_OF_END_M, spacing_m)
+            places = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
+            places = places[shapely.contains_xy(green, places) & shapely.contains_xy(area, places)]
+            species = draw_species(recipe.plants, "street", 1, rng)[0]
+            places = places[has_room(yard, places, np.full(len(places), reach_m(species)), beside_street=True)]
+            free = yard.claims.claim_discs(places, np.full(len(places), 0.4 * spacing_m))
+            plant(yard, species, places[free], rng, Base.SIDEWALK)
 
 
 def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:

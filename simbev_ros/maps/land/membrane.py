@@ -47,6 +47,21 @@ class Raster:
         )
         return value
 
+    def refined(self, low_m: Float64Array, spacing_m: float, shape: Sequence[int]) -> Float64Array:
+        """``shape`` values of ``smooth`` at the nodes of a finer lattice, the first at (2,) ``low_m``.
+
+        Both lattices have nodes in common, and these values do not depend on which others are asked for.
+        """
+        parts = round(self.spacing_m / spacing_m)
+        first = np.round((low_m - self.origin_m) / spacing_m).astype(int)
+        values = self.values
+        for start, count in zip(first, shape, strict=True):  # each turn swaps the axes
+            index, part = np.divmod(start + np.arange(count), parts)
+            weights = _spline(part / parts)
+            rows = [values[np.clip(index + k, 0, len(values) - 1)] for k in (-1, 0, 1, 2)]
+            values = sum(weight[:, None] * row for weight, row in zip(weights, rows, strict=True)).T
+        return np.ascontiguousarray(values)
+
     def _place(self, xy_m: Float64Array) -> Float64Array:
         return (np.asarray(xy_m, np.float64) - self.origin_m) / self.spacing_m
 
@@ -78,11 +93,28 @@ def membrane(values: Float64Array, known: BoolArray) -> Float64Array:
 
 def relaxed(values: Float64Array, free: BoolArray, steps: int) -> Float64Array:
     """(I, J) values of which the free ones moved, ``steps`` times, to the mean of their four neighbours."""
+    around = np.pad(values, 1, mode="edge")
+    inner = around[1:-1, 1:-1]
     for _ in range(steps):
-        around = np.pad(values, 1, mode="edge")
-        mean = (around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:]) / 4.0
-        values = np.where(free, mean, values)
-    return values
+        mean = around[:-2, 1:-1] + around[2:, 1:-1]
+        mean += around[1:-1, :-2]
+        mean += around[1:-1, 2:]
+        mean /= 4.0
+        np.copyto(inner, mean, where=free)
+        around[0], around[-1] = around[1], around[-2]
+        around[:, 0], around[:, -1] = around[:, 1], around[:, -2]
+    return inner.copy()
+
+
+def _spline(share: Float64Array) -> tuple[Float64Array, ...]:
+    """Weights of a uniform cubic B-spline's four coefficients, at shares of the way from the second to the third."""
+    rest = 1.0 - share
+    return (
+        rest**3 / 6.0,
+        (4.0 - 6.0 * share**2 + 3.0 * share**3) / 6.0,
+        (4.0 - 6.0 * rest**2 + 3.0 * rest**3) / 6.0,
+        share**3 / 6.0,
+    )
 
 
 def _summed(values: Float64Array) -> Float64Array:

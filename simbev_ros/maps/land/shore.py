@@ -24,8 +24,11 @@ class Shores:
 
     def carve(self, xy_m: Float64Array, land_m: Float64Array) -> Float64Array:
         """(N,) heights of the land at (N, 2) points, of (N,) heights of the land as it were without water."""
+        least_m, most_m = xy_m.min(axis=0), xy_m.max(axis=0)
         for shore in self._shores:
             low, high = shore.bounds_m[:2] - _BANK_M[1], shore.bounds_m[2:] + _BANK_M[1]
+            if (low > most_m).any() or (high < least_m).any():
+                continue
             near = np.flatnonzero(((xy_m >= low) & (xy_m <= high)).all(axis=1))
             if len(near):
                 land_m = land_m.copy()
@@ -44,7 +47,7 @@ class _Shore:
 
     def carved(self, xy_m: Float64Array, land_m: Float64Array) -> Float64Array:
         """As ``Shores.carve``."""
-        distance_m: Float64Array = self._line.query(xy_m)[0]
+        distance_m: Float64Array = np.minimum(self._line.query(xy_m, distance_upper_bound=_BANK_M[1])[0], _BANK_M[1])
         inside = shapely.contains_xy(self._area, xy_m[:, 0], xy_m[:, 1])
         bed_m = np.minimum(land_m, self._surface_m - np.minimum(_BANK_SLOPE * distance_m, _DEPTH_M))
         rise_m = _BANK_SLOPE * distance_m

@@ -23,7 +23,7 @@ from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
+from simbev_ros.types import AnyArray, BoolArray, Float64Array, UInt8Array
 
 NODE_M = 2.0
 """Distance of a patch's nodes."""
@@ -31,8 +31,8 @@ NODE_M = 2.0
 _COARSE_M, _MARGIN_M = 8.0, 512.0
 _FADE_M = (20.0, 220.0)  # between these distances from roads the land turns into the relief
 _VERGE_M = 5.5  # so far beside lanes lies the street, and the land in its plane; the gaps in a street are closed by 3 m
-_EDGE_M = 3.2  # what is so far beside lanes matters to their facets: the diagonal of nodes, and a pixel
-_PIXEL_M = 0.5
+_EDGE_M = 3.6  # what is so far beside lanes matters to their facets: the diagonal of nodes, and most of a pixel
+_PIXEL_M = 1.0
 _SLOPE_M = 24.0  # so far beside streets the land is relaxed
 _STEPS = 32
 _REACH_M = 112.0  # of the steps, the slopes and the band that is relaxed
@@ -95,40 +95,52 @@ class Terrain:
         inner = (slice(margin, -margin), slice(margin, -margin))
         if self.is_level:
             return Patch(Raster(low_m, NODE_M, np.zeros(count)), np.full(count, False))
-        xy_m = places_m(low_m - margin * NODE_M, NODE_M, shape)
-        height_m, street = self._nodes(xy_m, shape)
+        height_m, street = self._nodes(low_m - margin * NODE_M, shape)
         return Patch(Raster(low_m, NODE_M, height_m[inner]), street[inner])
 
-    def _nodes(self, xy_m: Float64Array, shape: tuple[int, int]) -> tuple[Float64Array, BoolArray]:
-        """``shape`` heights at nodes, and which of them are those of lanes."""
-        lanes, verges = self._on_streets(xy_m[0, 0], shape)
-        street, flat_xy_m = lanes | verges, xy_m.reshape(-1, 2)
-        height_m = self._relief.grid_m(xy_m[:, 0, 0], xy_m[0, :, 1]) + self._above_relief.smooth(flat_xy_m).reshape(
-            shape
-        )
+    def _nodes(self, low_m: Float64Array, shape: tuple[int, int]) -> tuple[Float64Array, BoolArray]:
+        """``shape`` heights at nodes, the first at (2,) ``low_m``, and which of them are those of lanes."""
+        lanes, verges = self._on_streets(low_m, shape)
+        street, xy_m = lanes | verges, places_m(low_m, NODE_M, shape)
+        height_m = self._far_nodes_m(low_m, shape)
         height_m[street] = self.elevation.height_m(xy_m[street])
         height_m = relaxed(height_m, _grown(street, _SLOPE_M) & ~street, _STEPS)
-        carved_m = self._shores.carve(flat_xy_m, height_m.reshape(-1)).reshape(shape)
+        carved_m = self._shores.carve(xy_m.reshape(-1, 2), height_m.reshape(-1)).reshape(shape)
         return _sloped(np.where(street, height_m, carved_m), lanes, round(_SLOPE_M / NODE_M)), lanes
+
+    def _far_nodes_m(self, low_m: Float64Array, shape: tuple[int, int]) -> Float64Array:
+        """``shape`` heights as ``far_m`` has them, but for the hills' slight loss in the spline."""
+        above = self._above_relief
+        first = np.floor((low_m - above.origin_m) / _COARSE_M).astype(int) - 1
+        count = [int(np.ceil(side * NODE_M / _COARSE_M)) + 4 for side in shape]
+        i, j = (start + np.arange(length) for start, length in zip(first, count, strict=True))
+        near = np.ix_(*(np.clip(k, 0, size - 1) for k, size in zip((i, j), above.values.shape, strict=True)))
+        hills_m = self._relief.grid_m(above.origin_m[0] + i * _COARSE_M, above.origin_m[1] + j * _COARSE_M)
+        return Raster(above.origin_m + first * _COARSE_M, _COARSE_M, above.values[near] + hills_m).refined(
+            low_m, NODE_M, shape
+        )
 
     def _on_streets(self, low_m: Float64Array, shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
         """Which nodes, the first at (2,) ``low_m``, lie on lanes on the ground or matter to them; which on verges."""
         box = shapely.box(*low_m, *(low_m + NODE_M * np.array(shape)))
-        lanes, decks = (tree.geometries[np.sort(tree.query(box))] for tree in self._lanes)
-        to_lanes_m = _distances_m(lanes, low_m, shape)
-        beside = (to_lanes_m <= _VERGE_M) & (_distances_m(decks, low_m, shape) > 0.0)
+        off_lanes, off_decks = (
+            _drawn(tree.geometries[np.sort(tree.query(box))], low_m, shape) for tree in self._lanes
+        )
+        scale = round(NODE_M / _PIXEL_M)
+        distance = cv2.distanceTransform(off_lanes, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::scale, ::scale]
+        to_lanes_m = _PIXEL_M * np.asarray(distance, np.float64)
+        beside = (to_lanes_m <= _VERGE_M) & (off_decks[::scale, ::scale] > 0)
         return to_lanes_m <= _EDGE_M, beside
 
 
-def _distances_m(polygons: AnyArray, low_m: Float64Array, shape: tuple[int, int]) -> Float64Array:
-    """``shape`` distances of nodes from polygons, to a pixel; the first node lies at (2,) ``low_m``."""
+def _drawn(polygons: AnyArray, low_m: Float64Array, shape: tuple[int, int]) -> UInt8Array:
+    """Pixels of ``shape`` nodes, 0 on polygons, else 1; the first one's middle lies at (2,) ``low_m``."""
     scale = round(NODE_M / _PIXEL_M)
-    away = np.full((shape[0] * scale, shape[1] * scale), 1, np.uint8)
+    pixels = np.full((shape[0] * scale, shape[1] * scale), 1, np.uint8)
     for polygon in shapely.get_parts(polygons):
         place = (shapely.get_coordinates(polygon.exterior) - low_m) / _PIXEL_M
-        cv2.fillPoly(away, [np.round(place[:, ::-1] * 256.0).astype(np.int32)], 0, shift=8)
-    distance = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::scale, ::scale]
-    return _PIXEL_M * np.asarray(distance, np.float64)
+        cv2.fillPoly(pixels, [np.round(place[:, ::-1] * 256.0).astype(np.int32)], 0, shift=8)
+    return pixels
 
 
 def _places(strips: Sequence[Strip]) -> Float64Array:
@@ -158,9 +170,8 @@ def _above_relief(relief: Relief, places_m: Float64Array) -> Raster:
 
 def _grown(mask: BoolArray, by_m: float) -> BoolArray:
     """The nodes of a mask and all within a distance."""
-    radius = round(by_m / NODE_M)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel, borderValue=0), bool)
+    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(away <= by_m / NODE_M, bool)
 
 
 def _sloped(height_m: Float64Array, lanes: BoolArray, steps: int) -> Float64Array:
@@ -168,17 +179,17 @@ def _sloped(height_m: Float64Array, lanes: BoolArray, steps: int) -> Float64Arra
 
     Where lanes of different heights are too close for that, the cutting of the lower one reaches to the upper one.
     """
-    low_m, high_m = np.where(lanes, height_m, -np.inf), np.where(lanes, height_m, np.inf)
-    for _ in range(steps):
-        low_m, high_m = -_lowered(-low_m), _lowered(high_m)
+    high_m = _lowered(np.where(lanes, height_m, np.inf), steps)
+    low_m = -_lowered(np.where(lanes, -height_m, np.inf), steps)
     return np.where(lanes, height_m, np.clip(height_m, np.minimum(low_m, high_m), high_m))
 
 
-def _lowered(bound_m: Float64Array) -> Float64Array:
-    """Each bound no higher than a neighbour's plus the steepest rise from there."""
-    around = np.pad(bound_m, 1, mode="edge")
-    rows, columns = bound_m.shape
-    for step_i, step_j in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1)):
-        neighbour_m = around[1 + step_i : 1 + step_i + rows, 1 + step_j : 1 + step_j + columns]
-        bound_m = np.minimum(bound_m, neighbour_m + _STEEPEST * NODE_M * np.hypot(step_i, step_j))
+def _lowered(bound_m: Float64Array, steps: int) -> Float64Array:
+    """Bounds no higher than their neighbours' plus the steepest rise from there, so many steps far."""
+    rises = [
+        (cv2.getStructuringElement(shape, (3, 3)), _STEEPEST * NODE_M * length)
+        for shape, length in ((cv2.MORPH_CROSS, 1.0), (cv2.MORPH_RECT, np.sqrt(2.0)))
+    ]
+    for _ in range(steps):
+        bound_m = np.minimum.reduce([bound_m, *(cv2.erode(bound_m, kernel) + rise_m for kernel, rise_m in rises)])
     return bound_m

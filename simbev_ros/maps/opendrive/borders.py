@@ -8,7 +8,7 @@ from simbev_ros.types import BoolArray, Float64Array
 _BEFORE_M = 1e-6
 
 
-def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> Float64Array:
+def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Borders of the lanes of one side of a section.
 
     Args:
@@ -18,14 +18,14 @@ def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> Fl
         s_m: (N,) distances within the section. At its end all records hold that hold just before it.
 
     Returns:
-        (1 + L, N, 3) the centre line and the outer border of each of L lanes, map frame.
+        (1 + L, N, 3) the centre line and the outer border of each of L lanes, map frame; ``lane_edges_m``.
     """
     before_m = np.minimum(s_m, section.end_m - _BEFORE_M)
     side = 1.0 if left else -1.0
-    steps_m = np.diff(lane_edges_m(section, s_m), axis=0) * side
-    offset_m = road.offset(before_m)
+    edges_m = lane_edges_m(section, s_m)
+    steps_m = np.concatenate([road.offset(before_m)[None], np.diff(edges_m, axis=0) * side])
     on_level = np.array([False, *(lane.on_level for lane in section.lanes)])
-    return _in_space(road, s_m, before_m, np.vstack([offset_m, steps_m]), on_level)
+    return _in_space(road, s_m, before_m, steps_m, on_level), edges_m
 
 
 def point_m(road: Road, s_m: float, t_m: float) -> Float64Array:
@@ -53,11 +53,14 @@ def _in_space(
     Steps lie in the banked plane (OpenDRIVE 1.8, 10.5.2), those that are ``on_level`` lie level.
     """
     xy_m, normal, _ = road.plan(s_m)
-    roll_rad = np.where(on_level[:, None], 0.0, road.superelevation(before_m))
-    t_m = np.cumsum(steps_m, axis=0)
-    lift_m = _lift_m(road, before_m, t_m)
-    across_m = np.cumsum(steps_m * np.cos(roll_rad), axis=0) - lift_m * np.sin(roll_rad)
-    z_m = road.elevation(before_m) + np.cumsum(steps_m * np.sin(roll_rad), axis=0) + lift_m * np.cos(roll_rad)
+    across_m = np.cumsum(steps_m, axis=0)
+    lift_m = _lift_m(road, before_m, across_m)
+    if road.superelevation:
+        roll_rad = np.where(on_level[:, None], 0.0, road.superelevation(before_m))
+        cos, sin = np.cos(roll_rad), np.sin(roll_rad)
+        across_m = np.cumsum(steps_m * cos, axis=0) - lift_m * sin
+        lift_m = np.cumsum(steps_m * sin, axis=0) + lift_m * cos
+    z_m = road.elevation(before_m) + lift_m
     return np.concatenate([xy_m + across_m[..., None] * normal, z_m[..., None]], axis=2)
 
 
@@ -65,7 +68,8 @@ def _lift_m(road: Road, s_m: Float64Array, t_m: Float64Array) -> Float64Array:
     """(B, N) heights above the banked plane, from crossfall and lateral shape, at (N,) s and (B, N) t."""
     lift_m = np.zeros(t_m.shape)
     for sign, fall in zip((1.0, -1.0), road.crossfall, strict=True):
-        lift_m -= np.maximum(sign * t_m, 0.0) * np.tan(fall(s_m))
+        if fall:
+            lift_m -= np.maximum(sign * t_m, 0.0) * np.tan(fall(s_m))
     if road.shape:
         stations_m = np.array([shape.s_m for shape in road.shape])
         heights_m = np.stack([shape.heights(t_m.ravel()).reshape(t_m.shape) for shape in road.shape])

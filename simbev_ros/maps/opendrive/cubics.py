@@ -41,7 +41,7 @@ class Cubics:
         """(N,) values at (N,) distances; 0 where there are no records."""
         if not self:
             return np.zeros(len(s_m))
-        index = np.maximum(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0)
+        index = np.maximum(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0) if len(self.starts_m) > 1 else 0
         ds_m = np.maximum(s_m - self.starts_m[index], 0.0)
         a, b, c, d = self.coefficients[index].T
         value: Float64Array = a + ds_m * (b + ds_m * (c + ds_m * d))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.maps.opendrive.attributes import Notes
-from simbev_ros.maps.opendrive.borders import borders_m, lane_edges_m
+from simbev_ros.maps.opendrive.borders import borders_m
 from simbev_ros.maps.opendrive.document import Document, LaneKey, LaneRecord, Road, Section, value_at
 from simbev_ros.maps.opendrive.stations import stations_m
 from simbev_ros.maps.opendrive.tables import DEFAULT_SPEEDS_MPS
@@ -82,8 +82,7 @@ def _of_road(road: Road) -> Iterator[LaneShape]:
 
 
 def _of_section(road: Road, section: Section, left: bool, s_m: Float64Array) -> Iterator[LaneShape]:
-    lines_m = borders_m(road, section, left, s_m)
-    edges_m = lane_edges_m(section, s_m)
+    lines_m, edges_m = borders_m(road, section, left, s_m)
     for place, lane in enumerate(section.lanes):
         if lane.kind is not None:
             key = LaneKey(road.id, section.index, lane.id)

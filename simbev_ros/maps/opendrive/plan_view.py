@@ -78,10 +78,10 @@ class PlanView:
             (N, 2) places in the map frame; (N, 2) normals to the left, of length 1, but where the line has a corner
             along its bisector and longer, so that parallels keep their distance; (N,) headings.
         """
-        index = np.clip(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0, len(self.curves) - 1)
+        index = np.maximum(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0)
         places, headings_rad = np.empty(len(s_m), np.complex128), np.empty(len(s_m))
-        for piece in np.unique(index):
-            here = index == piece
+        for piece in np.unique(index) if len(self.curves) > 1 else [0]:
+            here = index == piece if len(self.curves) > 1 else slice(None)
             local, turned_rad = self.curves[piece](s_m[here] - self.starts_m[piece])
             places[here] = self.origins[piece] + local * np.exp(1j * self.headings_rad[piece])
             headings_rad[here] = self.headings_rad[piece] + turned_rad
@@ -161,6 +161,8 @@ def clothoid(curvature: float, rate: float, length_m: float, element: Element | 
     nodes, weights = _gauss_legendre(10 + int(turn_rad))
 
     def evaluate(s_m: Float64Array) -> tuple[Float64Array, Float64Array]:
+        if turn_rad == 0.0:
+            return s_m, np.zeros(len(s_m))
         at_m = np.outer(s_m, nodes)
         places = s_m * (np.exp(1j * at_m * (curvature + rate * at_m / 2.0)) @ weights)
         return places, s_m * (curvature + rate * s_m / 2.0)
@@ -181,8 +183,14 @@ def parametric_cubic(u: Float64Array, v: Float64Array, length_m: float, end: flo
     Raises:
         Malformed: The curve stands still somewhere.
     """
-    curve = np.polynomial.Polynomial(u) + 1j * np.polynomial.Polynomial(v)
-    slope = curve.deriv()
+    a, b, c, d = u + 1j * v
+
+    def curve(p: Float64Array) -> AnyArray:
+        return np.asarray(a + p * (b + p * (c + p * d)))
+
+    def slope(p: Float64Array) -> AnyArray:
+        return np.asarray(b + p * (2.0 * c + p * (3.0 * d)))
+
     steps = int(np.clip(length_m / _TABLE_STEP_M, 16, 8192))
     table = np.linspace(0.0, length_m if end is None else end, steps + 1)
     nodes, weights = _gauss_legendre(5)

@@ -8,11 +8,12 @@ import shapely
 from simbev_ros.maps.opendrive.approaches import Approaches
 from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.borders import point_m
-from simbev_ros.maps.opendrive.document import LaneKey
+from simbev_ros.maps.opendrive.document import LaneKey, Road
 from simbev_ros.maps.opendrive.sides import reach_m
 from simbev_ros.maps.opendrive.signals import Signal
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
 from simbev_ros.maps.roads.layout import Sign, SignalPlace, SignKind, Strip
+from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import Float64Array
 
 _CURB_TO_POST_M = 0.6
@@ -30,13 +31,22 @@ class Carriageway:
 
     def __init__(self, strips: Sequence[Strip]) -> None:
         self._strips = [strip for strip in strips if strip.kind in ROAD_KINDS]
-        outlines = [np.concatenate([strip.left_m[:, :2], strip.right_m[::-1, :2]]) for strip in self._strips]
-        self._tree = shapely.STRtree(shapely.make_valid([shapely.Polygon(outline_m) for outline_m in outlines]))
+        self._tree = shapely.STRtree(strip_polygons(self._strips))
+        self._beside: dict[tuple[str, float, bool], Float64Array | None] = {}
 
     def has(self, place_m: Float64Array) -> bool:
         """Whether a (3,) place is on a road of its level."""
         below = self._tree.query(shapely.Point(place_m[:2]), predicate="intersects")
         return any(np.abs(self._strips[k].left_m[:, 2] - place_m[2]).min() < _SAME_LEVEL_M for k in below)
+
+    def beside(self, road: Road, s_m: float, on_left: bool) -> Float64Array | None:
+        """(3,) place for a post beside a road; None if that is on another road."""
+        key = road.id, s_m, on_left
+        if key not in self._beside:
+            edge_m = reach_m(road, s_m, on_left, ROAD_KINDS)
+            beside_m = point_m(road, s_m, edge_m + (_CURB_TO_POST_M if on_left else -_CURB_TO_POST_M))
+            self._beside[key] = None if self.has(beside_m) else beside_m
+        return self._beside[key]
 
 
 def signs_of(
@@ -128,9 +138,8 @@ def foot_of(signal: Signal, carriageway: Carriageway, notes: Notes) -> Float64Ar
         return signal.position_m
     left = signal.forward == signal.road.left_hand
     for on_left in (left, not left):
-        edge_m = reach_m(signal.road, signal.s_m, on_left, ROAD_KINDS)
-        beside_m = point_m(signal.road, signal.s_m, edge_m + (_CURB_TO_POST_M if on_left else -_CURB_TO_POST_M))
-        if not carriageway.has(beside_m):
+        beside_m = carriageway.beside(signal.road, signal.s_m, on_left)
+        if beside_m is not None:
             return beside_m
     notes.add("a signal stands on the road, and no place was found beside it", signal.road.element)
     return signal.position_m

@@ -29,7 +29,7 @@ def stations_m(road: Road) -> Float64Array:
             (section, left)
             for left, sections in ((True, road.left), (False, road.right))
             for section in sections
-            if section.start_m <= start_m < section.end_m
+            if section.lanes and section.start_m <= start_m < section.end_m
         ]
         inside_m = breaks_m[(breaks_m > start_m + _SHORTEST_STEP_M / 2) & (breaks_m < end_m - _SHORTEST_STEP_M / 2)]
         parts.append(_refined_m(road, active, np.array([start_m, *inside_m, end_m])))
@@ -63,7 +63,7 @@ def _refined_m(road: Road, active: list[tuple[Section, bool]], nodes_m: Float64A
         lengths_m = np.diff(nodes_m)
         probes_m = nodes_m[:-1, None] + lengths_m[:, None] * _PROBES
         order_m = np.concatenate([nodes_m, probes_m.ravel()])
-        lines = np.concatenate([borders_m(road, section, left, order_m) for section, left in active])
+        lines = np.concatenate([borders_m(road, section, left, order_m)[0] for section, left in active])
         ends, probes = lines[:, : len(nodes_m)], lines[:, len(nodes_m) :].reshape(len(lines), -1, len(_PROBES), 3)
         parts = np.ceil(np.sqrt(_deviation_m(ends, probes) / _TOLERANCE_M) - 1e-6)
         parts = np.clip(np.minimum(parts, lengths_m / _SHORTEST_STEP_M), 1, _MOST_PARTS).astype(np.int64)

@@ -1,7 +1,7 @@
 """Reads OpenStreetMap XML: nodes, ways and multipolygons with their tags, in geographic coordinates."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -50,6 +50,8 @@ class OsmData:
         ways: In the order of the file.
         multipolygons: In the order of the file, without those of which a part is missing.
         notes: What was repaired.
+        left_hand: Traffic keeps to the left, as ``driving_side`` of the boundaries in the file says, or of most of its
+            roads. Nothing else in a file tells; without it traffic keeps to the right, in whatever country.
     """
 
     longitude_latitude_deg: Float64Array
@@ -57,6 +59,7 @@ class OsmData:
     ways: tuple[Way, ...]
     multipolygons: tuple[Multipolygon, ...]
     notes: tuple[str, ...]
+    left_hand: bool = False
 
 
 def read_osm(path: Path) -> OsmData:
@@ -81,7 +84,12 @@ def read_osm(path: Path) -> OsmData:
             ways[identifier] = Way(identifier, tuple(line), _tags(element))
     notes = (f"places of ways that are not in the file, where the ways were cut short: {lost}",) if lost else ()
     return OsmData(
-        np.array(degrees).reshape(-1, 2), tags, tuple(ways.values()), tuple(_multipolygons(path, root, ways)), notes
+        longitude_latitude_deg=np.array(degrees).reshape(-1, 2),
+        node_tags=tags,
+        ways=tuple(ways.values()),
+        multipolygons=tuple(_multipolygons(path, root, ways)),
+        notes=notes,
+        left_hand=_left_hand(root, ways.values()),
     )
 
 
@@ -123,6 +131,16 @@ def _degrees(path: Path, node: Element, attribute: str, limit_deg: float) -> flo
 
 def _tags(element: Element) -> dict[str, str]:
     return {tag.get("k", "")[:_MAX_TAG]: tag.get("v", "")[:_MAX_TAG] for tag in element.findall("tag")}
+
+
+def _left_hand(root: Element, ways: Iterable[Way]) -> bool:
+    """As ``OsmData.left_hand``; single roads may be exceptions, as in diverging diamonds."""
+    boundaries = [tags for relation in root.findall("relation") if "boundary" in (tags := _tags(relation))]
+    sides = {tags["driving_side"] for tags in boundaries if "driving_side" in tags}
+    if sides:
+        return sides == {"left"}
+    roads = [way.tags.get("driving_side") for way in ways if "highway" in way.tags]
+    return 2 * roads.count("left") > len(roads)
 
 
 def _multipolygons(path: Path, root: Element, ways: Mapping[str, Way]) -> Sequence[Multipolygon]:

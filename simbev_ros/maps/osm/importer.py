@@ -84,6 +84,8 @@ def import_osm(path: Path, work: Path) -> MapParts:
     write_types(types)
     net, opendrive = work / "map.net.xml", work / "map.xodr"
     options = [f"--osm-files={source}", f"--type-files={types}", f"--proj={datum.proj_string}", *_OPTIONS]
+    if data.left_hand:
+        options.append("--lefthand=true")
     try:
         netconvert.run(options, net, opendrive)
     except SimulationError as error:

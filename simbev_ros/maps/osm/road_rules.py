@@ -14,6 +14,10 @@ from simbev_ros.maps.osm.data import Tags
 
 _KEPT = ("turn:lanes", "turn:lanes:forward", "turn:lanes:backward", "lanes:forward", "lanes:backward", "junction")
 _CYCLE_LANES = ("cycleway", "cycleway:left", "cycleway:right", "cycleway:both")
+_MIRRORED_SIDES = {"left": "right", "right": "left"}
+_MIRRORED_KEYS = {
+    f"{key}:{side}": f"{key}:{other}" for key in ("sidewalk", "cycleway") for side, other in _MIRRORED_SIDES.items()
+}
 _MINOR_SERVICE = ("driveway", "parking_aisle", "drive-through", "emergency_access")
 _MOST_LANES = 10
 _KMH_PER_MPH = 1.609344
@@ -62,8 +66,12 @@ def road_rules() -> Mapping[str, RoadRule]:
     return TypeAdapter(dict[str, RoadRule]).validate_python(yaml.safe_load(text))
 
 
-def road_tags(tags: Tags) -> RoadTags | None:
-    """The road that a way is, or None."""
+def road_tags(tags: Tags, left_hand: bool = False) -> RoadTags | None:
+    """The road that a way is, or None.
+
+    netconvert builds left-hand roads as right-hand ones seen in a mirror: for these left and right change places.
+    """
+    tags = _mirrored(tags) if left_hand else tags
     kind = tags.get("highway", "")
     rule = road_rules().get(kind)
     if rule is None or tags.get("area") == "yes" or _closed_to_all(tags, rule):
@@ -83,6 +91,14 @@ def road_tags(tags: Tags) -> RoadTags | None:
         "sidewalk": _sidewalk(tags, rule, runs_one_way),
     }
     return RoadTags(road, one_way in ("-1", "reverse"), False, layer, bridge, tunnel)
+
+
+def _mirrored(tags: Tags) -> Tags:
+    """Sidewalks and cycle lanes on the left of the way on its right, and the other way round."""
+    mirrored = {_MIRRORED_KEYS.get(key, key): value for key, value in tags.items()}
+    if (side := tags.get("sidewalk")) in _MIRRORED_SIDES:
+        mirrored["sidewalk"] = _MIRRORED_SIDES[side]
+    return mirrored
 
 
 def _closed_to_all(tags: Tags, rule: RoadRule) -> bool:

@@ -37,7 +37,7 @@ def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tu
         xy_m: (N, 2) its nodes in the map frame.
     """
     notes = []
-    ways = [OsmRoad(way.nodes, tags) for way in data.ways if (tags := road_tags(way.tags)) is not None]
+    ways = [OsmRoad(way.nodes, tags) for way in data.ways if (tags := road_tags(way.tags, data.left_hand)) is not None]
     ways = [replace(road, nodes=road.nodes[::-1]) if road.way.reverse else road for road in ways]
     tunnels = [road for road in ways if road.way.tunnel and _length_m(road, xy_m) > _LONGEST_UNDERPASS_M]
     if tunnels:

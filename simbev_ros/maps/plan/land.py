@@ -34,7 +34,7 @@ class WaterRecipe(Model):
 class ZoneRecipe(Model):
     """Land with a character of its own: a circle, a rectangle or a polygon."""
 
-    circle_m: tuple[float, float, float] | None = Field(None, description="x, y, radius")
+    circle_m: tuple[float, float, float] | None = Field(None, description="x, y, smallest radius")
     rectangle_m: tuple[float, float, float, float] | None = Field(None, description="west, south, east, north")
     polygon_m: tuple[Place, ...] | None = Field(None, min_length=3)
     surroundings: SurroundingsRecipe
@@ -49,10 +49,19 @@ class ZoneRecipe(Model):
     def area(self) -> shapely.Polygon:
         """In the map frame."""
         if self.circle_m is not None:
-            return shapely.Point(self.circle_m[:2]).buffer(self.circle_m[2])
+            return settled_around(*self.circle_m)
         if self.rectangle_m is not None:
             return shapely.box(*self.rectangle_m)
         return shapely.Polygon(self.polygon_m)
+
+
+def settled_around(x_m: float, y_m: float, radius_m: float) -> shapely.Polygon:
+    """A circle with bulges: nothing that people have settled is round."""
+    angle_rad = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+    swell = 1.13 + 0.06 * np.sin(2.0 * angle_rad + x_m)
+    swell += 0.04 * np.sin(3.0 * angle_rad + y_m) + 0.03 * np.sin(5.0 * angle_rad)
+    around = np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
+    return shapely.Polygon([x_m, y_m] + radius_m * swell[:, None] * around)
 
 
 def zones_of(recipes: Sequence[ZoneRecipe]) -> Iterator[Zone]:

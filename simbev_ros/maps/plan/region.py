@@ -15,6 +15,7 @@ from simbev_ros.maps.land.surroundings import SurroundingsRecipe
 from simbev_ros.maps.plan.curves import heading, joining, resampled, rounded
 from simbev_ros.maps.plan.districts import Cell, DistrictsRecipe, draw_districts
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
+from simbev_ros.maps.plan.land import settled_around
 from simbev_ros.maps.plan.lines import length_m
 from simbev_ros.maps.plan.main_roads import add_main_roads
 from simbev_ros.maps.plan.motorway import DualCarriageway, LaneChange, MotorwayClass
@@ -214,5 +215,5 @@ def _zones(pattern: Region, ground: Ground, districts: dict[Cell, str], villages
         cells = [ground.area((np.array(cell) + square) * FINE) for cell, other in districts.items() if other == use]
         parts = shapely.get_parts(shapely.union_all(cells, grid_size=0.01))
         zones += [Zone(part, getattr(pattern.zones, use)) for part in parts]
-    centers = ground.bend(ground.straight(np.array(villages).reshape(-1, 2)))
-    return zones + [Zone(shapely.Point(center).buffer(_VILLAGE_RADIUS_M), pattern.zones.village) for center in centers]
+    centers = ground.bend(ground.straight(np.array(villages).reshape(-1, 2))).tolist()
+    return zones + [Zone(settled_around(x_m, y_m, _VILLAGE_RADIUS_M), pattern.zones.village) for x_m, y_m in centers]

@@ -11,7 +11,7 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _SAMPLED = tuple(kind for kind in LaneKind if kind not in (LaneKind.WALKING_AREA, LaneKind.CROSSING))
-_SPACING_M = 4.0
+_SPACING_M = 3.0  # near enough for the crown between two lanes to stay one
 _NEIGHBOURS = 6
 _SOFTENING_M = 0.5  # keeps weights finite on the samples themselves
 _PRODUCTS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))  # axes
@@ -19,7 +19,7 @@ _MANY = 20_000  # points that are worth a second thread
 _AT_ONCE = 1 << 18  # points, which bounds the memory that a query needs
 _STRIPS_AT_ONCE = 4096
 _FIT_REACH_M = 6.0  # about as far as strips cross each other in junctions
-_FIT_NEIGHBOURS = 40
+_FIT_NEIGHBOURS = 50
 _FITS_AT_ONCE = 1 << 14
 _APART_M = 0.5  # roads that are so far one above the other are hardly one surface
 _TILT_M = 2.0  # a sample's slope counts as much as its height would at this distance
@@ -33,7 +33,8 @@ class Elevation:
     farthest of them, so the surface is continuous, exact on planes, and goes on beside the road as the road lies.
 
     In junctions strips lie across each other, and few maps put them all at one height. So the planes there are fitted
-    to all samples around first; else the road would jump from one strip to the next every metre or two.
+    to all samples around first, and beside them in part; else the road would jump from one strip to the next every
+    metre or two.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -50,7 +51,7 @@ class Elevation:
         return np.concatenate([np.empty(0), *parts])
 
     def distance_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
-        """(N,) distance in plan to the nearest sample of a level's centre lines, at most 4 m apart along them."""
+        """(N,) distance in plan to the nearest sample of a level's centre lines, at most 3 m apart along them."""
         return self._levels[level].distance_m(xy_m)
 
     def level_at(self, xyz_m: Float64Array, near_m: float = 30.0) -> Int64Array:
@@ -96,13 +97,16 @@ class _Samples:
         return height_m
 
     def _fit(self, rows: Int64Array) -> None:
-        """Fit the planes at samples near junctions to the samples around; others stay as they are."""
+        """Fit the planes at samples in junctions to the samples around, those near junctions less; others stay."""
         count = min(_FIT_NEIGHBOURS, len(self._xyz_m))
         for at in range(0, len(rows), _FITS_AT_ONCE):
             row = rows[at : at + _FITS_AT_ONCE]
             distance_m, index = self._tree.query(self._xyz_m[row, :2], k=range(1, count + 1), workers=_workers(row))
-            near = np.any(self._in_junction[index] & (distance_m < _FIT_REACH_M), axis=1)
-            self._plane[row[near]] = self._fitted(row[near], distance_m[near], index[near])
+            to_junction_m = np.min(distance_m, axis=1, where=self._in_junction[index], initial=_FIT_REACH_M)
+            near = to_junction_m < _FIT_REACH_M
+            share = 1.0 - (to_junction_m[near, None] / _FIT_REACH_M) ** 2
+            fitted = self._fitted(row[near], distance_m[near], index[near])
+            self._plane[row[near]] += share * (fitted - self._plane[row[near]])
             self._as_given[row] = False
 
     def _fitted(self, row: Int64Array, distance_m: Float64Array, index: Int64Array) -> Float64Array:
@@ -134,7 +138,7 @@ def _workers(points: AnyArray) -> int:
 
 
 def _planes(strips: Sequence[Strip]) -> tuple[Float64Array, Float64Array, BoolArray]:
-    """(N, 3) places along the centre lines of strips, the (N, 2) slope of the road there, whether in a junction."""
+    """(N, 3) places along the centre lines of strips, the (N, 2) slope of the road there, whether roads meet."""
     lines = Polylines.of([strip.center_m for strip in strips])
     left_m, right_m = (
         np.concatenate([np.empty((0, 3)), *sides_m])
@@ -149,4 +153,4 @@ def _planes(strips: Sequence[Strip]) -> tuple[Float64Array, Float64Array, BoolAr
     xx, xy, yy, xz, yz = (along[:, a] * along[:, b] + across[:, a] * across[:, b] for a, b in _PRODUCTS)
     xx, yy = xx + 1e-9, yy + 1e-9
     slope = np.column_stack([yy * xz - xy * yz, xx * yz - xy * xz]) / (xx * yy - xy * xy)[:, None]
-    return middle_m, slope, np.array([bool(strip.junction) for strip in strips])[row]
+    return middle_m, slope, np.array([bool(strip.junction) and not strip.continues for strip in strips])[row]

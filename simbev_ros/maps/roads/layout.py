@@ -72,6 +72,7 @@ class Strip:
         index: OpenDRIVE's lane id within its section (right of the reference line negative); SUMO: -(lane index from
             the left) - 1.
         junction: Id of the junction that it is inside of, else "".
+        continues: A road merely goes on in that junction, and meets no other.
         speed_mps: Speed limit.
         structure: The source says that it is carried by a bridge.
         level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air (``levels.with_levels``).
@@ -93,6 +94,7 @@ class Strip:
     section: int = 0
     index: int = -1
     junction: str = ""
+    continues: bool = False
     speed_mps: float = 0.0
     structure: bool = False
     level: int = 0

@@ -83,7 +83,8 @@ def _levels(pieces: StripPieces, water: Sequence[Water]) -> Int64Array:
     """(N,) level of each piece."""
     declared = _declared(pieces)
     upper, lower = pieces.stacked(CLEARANCE_M)
-    rise_m = pieces.center_m[upper, 2] - pieces.center_m[lower, 2]
+    heights_m = pieces.center_m[:, 2]
+    rise_m = heights_m[upper] - heights_m[lower]
     wet, above_water_m = _over_water(pieces, water)
     level = np.zeros(len(pieces), np.int64)
     if not (len(upper) or len(wet) or declared.any()):
@@ -97,9 +98,10 @@ def _levels(pieces: StripPieces, water: Sequence[Water]) -> Int64Array:
         sources[upper[level[lower] >= number - 1]] = True
         if not sources.any():
             break
-        carried = _extended(links, np.where(sources, reach_m, -1.0))
-        # What lies beneath a piece that is raised now stays where it is, unless it passes over something itself.
-        carried[lower[carried[upper] & ~sources[lower]]] = False
+        carried, source = _extended(links, np.where(sources, reach_m, -1.0))
+        # A ramp that comes down below its own structure is not carried by it there.
+        below = lower[carried[upper]]
+        carried[below[heights_m[source[below]] - heights_m[below] > CLEARANCE_M]] = False
         level[carried] = number
         sources[:] = False
     return level
@@ -124,8 +126,13 @@ def _links(pieces: StripPieces, sources: Int64Array, reach_m: float) -> coo_matr
     return coo_matrix((pieces.ways_m(first, second), (first, second)), shape=(len(pieces), len(pieces)))
 
 
-def _extended(links: coo_matrix, reach_m: Float64Array) -> BoolArray:
-    """(N,) pieces within reach of another along the road; ``reach_m`` (N,): how far it carries, negative: not."""
+def _extended(links: coo_matrix, reach_m: Float64Array) -> tuple[BoolArray, Int64Array]:
+    """(N,) pieces within reach of another along the road, and the (N,) one that carries each; others have themselves.
+
+    Args:
+        links: (N, N) ways between neighbours.
+        reach_m: (N,) how far pieces carry, negative: not at all.
+    """
     count, longest_m = len(reach_m), float(reach_m.max())
     sources = np.flatnonzero(reach_m >= 0.0)
     # One more node from which each source is as far as its reach is short of the longest.
@@ -133,8 +140,12 @@ def _extended(links: coo_matrix, reach_m: Float64Array) -> BoolArray:
     rows = np.concatenate([links.row, np.full(len(sources), count)])
     columns = np.concatenate([links.col, sources])
     graph = coo_matrix((weight_m, (rows, columns)), shape=(count + 1, count + 1)).tocsr()
-    within: BoolArray = dijkstra(graph, directed=False, indices=count, limit=longest_m + 1e-3)[:count] < np.inf
-    return within
+    _, before = dijkstra(graph, directed=False, indices=count, limit=longest_m + 1e-3, return_predecessors=True)
+    reached: BoolArray = before[:count] >= 0
+    source = np.where(reached & (before[:count] < count), before[:count], np.arange(count))
+    while (source[source] != source).any():
+        source = source[source]
+    return reached, source.astype(np.int64)
 
 
 def _cut(pieces: StripPieces, level: Int64Array) -> Iterator[tuple[Strip, ...]]:

@@ -4,11 +4,12 @@ Widths and lengths follow what is usual on urban streets (MUTCD 2009, sections 3
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from simbev_ros.maps.roads.bands import Border, painted_bands
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
@@ -25,6 +26,7 @@ _INSET_M = 0.1  # clear of a curb or of the edge of the asphalt
 _ASPHALT = (*ROAD_KINDS, LaneKind.SHOULDER)
 _THINNEST_M = 0.02
 _OVERLAP_M2 = 1e-6
+_NODE_M, _SHORTEST_GAP_M, _STRAIGHT = 4.5, 0.05, 0.95  # between edge lines that go on, and the cosine of their bend
 
 
 class MarkingKind(StrEnum):
@@ -45,6 +47,9 @@ class Marking:
     kind: MarkingKind
     polygon: shapely.Polygon
     color: PaintColor = PaintColor.WHITE
+
+
+_Side = tuple[Border, MarkingKind, PaintColor]
 
 
 def lane_markings(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> tuple[Marking, ...]:
@@ -74,6 +79,8 @@ def _lines(layout: Layout, level: int, crosswalks: Sequence[Crosswalk]) -> Itera
     # Where lines coincide, those of roads come before those of junctions, which roads lead through.
     strips = sorted((strip for strip in layout.strips if strip.level == level), key=lambda strip: bool(strip.junction))
     sides = [side for strip in strips for side in _sides(strip, by_lane)]
+    if layout.corner_radius_m:  # lanes are all that the map describes
+        sides.extend(_across_nodes(tuple(sides)))
     row, polygons = painted_bands([border for border, _, _ in sides])
     clear = shapely.difference(polygons, shapely.union_all(crosswalk_polygons(crosswalks)))
     for number, polygon in zip(row.tolist(), clear, strict=True):
@@ -81,7 +88,7 @@ def _lines(layout: Layout, level: int, crosswalks: Sequence[Crosswalk]) -> Itera
         yield Marking(kind, polygon, color)
 
 
-def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[tuple[Border, MarkingKind, PaintColor]]:
+def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[_Side]:
     """The painted borders of a strip, and what their paint means."""
     for along_m, line, neighbour, outward in (
         (strip.left_m, strip.left_line, by_lane.get(strip.left), 1.0),
@@ -98,6 +105,33 @@ def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[tuple[Border,
         elif neighbour.left == strip.lane and strip.left == neighbour.lane:
             kind = MarkingKind.CENTER
         yield Border(along_m, line.paint, line.width_m, outward, inset_m), kind, line.color
+
+
+def _across_nodes(sides: Sequence[_Side]) -> Iterator[_Side]:
+    """Edge lines from where one ends to where the next begins, where a road merely goes on in between."""
+    edges = [side for side in sides if side[1] is MarkingKind.EDGE and side[0].paint is Paint.SOLID]
+    if not edges:
+        return
+    end_m, start_m = (np.array([border.along_m[at, :2] for border, _, _ in edges]) for at in (-1, 0))
+    before = np.array([_direction(border.along_m[-2:, :2]) for border, _, _ in edges])
+    after = np.array([_direction(border.along_m[:2, :2]) for border, _, _ in edges])
+    near = cKDTree(start_m).query_ball_point(end_m, _NODE_M)
+    pairs = np.array([(i, j) for i, found in enumerate(near) for j in found if i != j], np.int64).reshape(-1, 2)
+    end, start = pairs.T
+    gap_m = start_m[start] - end_m[end]
+    along_m = np.einsum("ij,ij->i", gap_m, before[end])
+    straight = (along_m > _SHORTEST_GAP_M) & (along_m > _STRAIGHT * np.linalg.norm(gap_m, axis=1))
+    straight &= np.einsum("ij,ij->i", before[end], after[start]) > _STRAIGHT
+    for i, j in pairs[straight].tolist():
+        border, kind, color = edges[i]
+        if edges[j][2] == color and edges[j][0].outward == border.outward:
+            yield replace(border, along_m=np.stack([end_m[i], start_m[j]])), kind, color
+
+
+def _direction(step_m: Float64Array) -> Float64Array:
+    """(2,) unit vector from the first to the second of (2, 2) places."""
+    step = step_m[1] - step_m[0]
+    return np.asarray(step / max(float(np.hypot(*step)), 1e-9))
 
 
 def _bars(layout: Layout, level: int) -> Iterator[Marking]:
@@ -140,7 +174,7 @@ def _starts(length_m: float, piece_m: float, gap_m: float) -> Float64Array:
 
 def _disjoint(polygons: AnyArray) -> AnyArray:
     """The same areas, each without those before it."""
-    earlier, later = shapely.STRtree(polygons).query(polygons)
+    earlier, later = shapely.STRtree(polygons).query(polygons, predicate="intersects")
     in_order = earlier < later
     earlier, later = earlier[in_order], later[in_order]
     common_m2 = shapely.area(shapely.intersection(polygons[earlier], polygons[later]))

@@ -6,7 +6,7 @@ none does. Where traffic keeps to the left, they stand on the left.
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
 
@@ -25,7 +25,7 @@ _POST_HEAD_HEIGHT_M = 3.0
 _ARM_HEAD_HEIGHT_M = 5.6
 _FAR_SIDE_SETBACK_M = 0.5
 _MOST_BENT_RAD = np.radians(30.0)
-_STRAIGHTNESS = "sRLrlt"  # SUMO's codes of direction, straightest first
+_STRAIGHTNESS = "sRLrltT"  # SUMO's codes of direction, straightest first
 
 
 def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
@@ -43,17 +43,23 @@ def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
     main = _main_links(net.links)
     signals = [signal for place in layout.signal_places for signal in _at_place(place, main)]
     named = {lane for place in layout.signal_places for lane in place.lanes}
-    approaches: dict[str, list[Lane]] = defaultdict(list)
-    for lane_id in main:
-        if lane_id not in named:
-            approaches[net.lanes[lane_id].edge].append(net.lanes[lane_id])
+    approaches = _by_edge(net.lanes[lane_id] for lane_id in main if lane_id not in named)
+    streets = _by_edge(lane for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING)
     by_rule = [
         Signal(position_m, yaw_rad, pole_m, main[lane.id].programme, main[lane.id].link, lane.id)
         for approach in approaches.values()
-        for lane, position_m, yaw_rad, pole_m in _placed(sorted(approach, key=lambda lane: lane.index), net)
+        for lane, position_m, yaw_rad, pole_m in _placed(approach, net, streets)
     ]
     signals += _grounded(by_rule, Elevation(layout)) if by_rule else []
     return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
+
+
+def _by_edge(lanes: Iterable[Lane]) -> dict[str, list[Lane]]:
+    """Lanes by edge, each edge's from the curb inward."""
+    edges: dict[str, list[Lane]] = defaultdict(list)
+    for lane in sorted(lanes, key=lambda lane: lane.index):
+        edges[lane.edge].append(lane)
+    return edges
 
 
 def _at_place(place: SignalPlace, main: Mapping[str, ControlledLink]) -> Iterator[Signal]:
@@ -88,11 +94,13 @@ def _main_links(links: Sequence[ControlledLink]) -> dict[str, ControlledLink]:
     return main
 
 
-def _placed(approach: Sequence[Lane], net: SumoNet) -> Iterator[tuple[Lane, Float64Array, float, Float64Array]]:
+def _placed(
+    approach: Sequence[Lane], net: SumoNet, streets: Mapping[str, Sequence[Lane]]
+) -> Iterator[tuple[Lane, Float64Array, float, Float64Array]]:
     """Each lane of an approach (from the curb inward) with its head's position, the yaw of its lamps and its pole."""
     curb_side = -1.0 if net.left_hand else 1.0
     curb_m, heading = _curb(approach[0], -1, curb_side)
-    exit_lane = _straight_exit(approach, net.lanes) if len(approach) > 1 else None
+    exit_lane = _straight_exit(approach, net.lanes, streets) if len(approach) > 1 else None
     if exit_lane is not None:
         curb_m, heading = _curb(exit_lane, 0, curb_side)
         curb_m = curb_m + _FAR_SIDE_SETBACK_M * heading
@@ -119,7 +127,9 @@ def _heading(lane: Lane, end: int) -> Float64Array:
     return heading
 
 
-def _straight_exit(approach: Sequence[Lane], lanes: Mapping[str, Lane]) -> Lane | None:
+def _straight_exit(
+    approach: Sequence[Lane], lanes: Mapping[str, Lane], streets: Mapping[str, Sequence[Lane]]
+) -> Lane | None:
     """The rightmost driving lane of the street that leads on most nearly straight, or None if all turn off."""
     heading_in = _heading(approach[0], -1)
     exits = {lane.edge: lane for start in approach for lane in _beyond_junction(start, lanes)}
@@ -127,8 +137,7 @@ def _straight_exit(approach: Sequence[Lane], lanes: Mapping[str, Lane]) -> Lane 
     straightest = min(bends_rad, key=lambda edge: bends_rad[edge], default=None)
     if straightest is None or bends_rad[straightest] > _MOST_BENT_RAD:
         return None
-    side_by_side = [lane for lane in lanes.values() if lane.edge == straightest and lane.kind is LaneKind.DRIVING]
-    return min(side_by_side, key=lambda lane: lane.index)
+    return streets[straightest][0]
 
 
 def _beyond_junction(lane: Lane, lanes: Mapping[str, Lane]) -> Iterator[Lane]:

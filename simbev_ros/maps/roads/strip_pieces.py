@@ -1,7 +1,7 @@
 """Strips cut into short pieces, and what lies above, beneath and beside each piece."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -40,6 +40,16 @@ class StripPieces:
         row, place_m = lines.places(longest_m)
         starts = np.flatnonzero(row[1:] == row[:-1])
         return StripPieces(strips, row[starts], place_m[starts], place_m[starts + 1])
+
+    def widened(self, margin_m: float) -> "StripPieces":
+        """The same pieces, reaching so much further to both sides; those with an outline as they are."""
+        strips = []
+        for strip in self.strips:
+            across_m = strip.left_m[:, :2] - strip.right_m[:, :2]
+            step_m = np.zeros_like(strip.left_m)
+            step_m[:, :2] = across_m * (margin_m / np.maximum(np.linalg.norm(across_m, axis=1), 1e-3))[:, None]
+            strips.append(replace(strip, left_m=strip.left_m + step_m, right_m=strip.right_m - step_m))
+        return replace(self, strips=strips)
 
     def divided(self, piece: Int64Array, at_m: Float64Array) -> "StripPieces":
         """With pieces divided at places along their strips, (K,) each, not at their ends."""

@@ -17,9 +17,13 @@ from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Strip
 from simbev_ros.types import AnyArray
 
+FAST_MPS = 22.3
+"""Roads with a higher speed limit are motorways."""
+
 _ROAD_CLOSING_M = 0.3  # where lanes are all there is
 _WALK_CLOSING_M = 0.75
 _MIDDLE_CLOSING_M = 1.0  # between the medians or inner shoulders of both directions
+_NODE_CLOSING_M = 2.2  # of shoulders, which end where lanes change
 _GRID_M = 0.001
 _SPECK_M2 = 0.01
 _WALK_KINDS = (LaneKind.SIDEWALK, LaneKind.WALKING_AREA)
@@ -52,14 +56,19 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
         level: Which level.
         area: A rectangle: give what is inside of it only, which is the same as that part of the whole.
     """
+    reach = None
     if area is not None:
-        layout = layout.near(area, 4.0 * max(layout.corner_radius_m, _MIDDLE_CLOSING_M))
+        reach_m = 4.0 * max(layout.corner_radius_m, _MIDDLE_CLOSING_M)
+        layout, reach = layout.near(area, reach_m), shapely.buffer(area, reach_m, join_style="mitre")
+    plan = _Plan.of(layout, level, reach)
     crosswalks = crosswalk_polygons([each for each in layout.crosswalks if each.level == level])
-    road = _road(layout, level, crosswalks)
-    shoulder = _without(_shoulders(layout, level, road), road)
+    closed = _road(plan, crosswalks)
+    gores = _gores(plan, closed)
+    road = _polygons(shapely.difference(closed, gores, grid_size=_GRID_M)) if not gores.is_empty else closed
+    shoulder = _without(shapely.union(_shoulders(plan, road), gores), road)
     paved = shapely.union(road, shoulder)
-    sidewalk = _without(_walks(layout, level, paved), paved)
-    median = _without(_joined(layout.strips_of(LaneKind.MEDIAN, level=level)), shapely.union(paved, sidewalk))
+    sidewalk = _without(_walks(plan, paved), paved)
+    median = _without(_joined(plan.areas_of(LaneKind.MEDIAN)), shapely.union(paved, sidewalk))
     crosswalk = shapely.intersection(shapely.union_all(crosswalks), road)
     parts = road, shoulder, sidewalk, median, crosswalk
     return Surfaces(*(_polygons(part if area is None else shapely.intersection(part, area)) for part in parts))
@@ -94,39 +103,74 @@ def crosswalk_polygons(crosswalks: Sequence[Crosswalk]) -> AnyArray:
     return _valid([shapely.Polygon(crosswalk.outline_m[:, :2]) for crosswalk in crosswalks])
 
 
-def _road(layout: Layout, level: int, crosswalks: AnyArray) -> BaseGeometry:
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """(N,) strips of one level and (N,) the area of each, with what else of the layout shapes the surfaces."""
+
+    strips: tuple[Strip, ...]
+    areas: AnyArray
+    corner_radius_m: float
+
+    @classmethod
+    def of(cls, layout: Layout, level: int, reach: BaseGeometry | None) -> "_Plan":
+        """Those of a layout; of long strips only what lies in reach, if given, which is much less work."""
+        strips = layout.strips_of(*LaneKind, level=level)
+        areas = strip_polygons(strips)
+        return cls(strips, areas if reach is None else shapely.intersection(areas, reach), layout.corner_radius_m)
+
+    def areas_of(self, *kinds: LaneKind, outside_junctions: bool = False) -> AnyArray:
+        """Areas of strips of these kinds, in order."""
+        chosen = [strip.kind in kinds and not (outside_junctions and strip.junction) for strip in self.strips]
+        return np.asarray(self.areas[np.array(chosen, bool)])
+
+
+def _road(plan: _Plan, crosswalks: AnyArray) -> BaseGeometry:
     """The carriageway; closing may fill what no strip outside junctions claims for something else."""
-    lanes = strip_polygons(layout.strips_of(*ROAD_KINDS, level=level))
-    bare = shapely.union_all([*lanes, *crosswalks] if layout.corner_radius_m else lanes)
-    outside = [strip for strip in layout.strips if strip.level == level and not strip.junction]
+    lanes = plan.areas_of(*ROAD_KINDS)
+    bare = shapely.union_all([*lanes, *crosswalks] if plan.corner_radius_m else lanes)
     shoulders, medians, sidewalks = (
-        [strip for strip in outside if strip.kind is kind]
-        for kind in (LaneKind.SHOULDER, LaneKind.MEDIAN, LaneKind.SIDEWALK)
+        plan.areas_of(kind, outside_junctions=True) for kind in (LaneKind.SHOULDER, LaneKind.MEDIAN, LaneKind.SIDEWALK)
     )
-    claimed = shapely.union_all([_joined(shoulders), _joined(medians), *strip_polygons(sidewalks)])
-    closed = _closed(bare, max(layout.corner_radius_m, _ROAD_CLOSING_M))
+    claimed = shapely.union_all([_joined(shoulders), _joined(medians), *sidewalks])
+    closed = _closed(bare, max(plan.corner_radius_m, _ROAD_CLOSING_M))
     return shapely.difference(closed, shapely.difference(claimed, bare), grid_size=_GRID_M)
 
 
-def _shoulders(layout: Layout, level: int, road: BaseGeometry) -> BaseGeometry:
+def _gores(plan: _Plan, road: BaseGeometry) -> BaseGeometry:
+    """What closing has filled between a motorway and its ramps: the pieces that go over into shoulders."""
+    fast = np.array([strip.kind is LaneKind.DRIVING and strip.speed_mps > FAST_MPS for strip in plan.strips], bool)
+    shoulders = shapely.union_all(plan.areas_of(LaneKind.SHOULDER))
+    if not plan.corner_radius_m or shoulders.is_empty or not fast.any():
+        return MultiPolygon()
+    filled = shapely.get_parts(_without(road, shapely.union_all(plan.areas_of(*ROAD_KINDS))))
+    for neighbour in (shoulders, shapely.union_all(plan.areas[fast])):
+        filled = filled[shapely.dwithin(filled, neighbour, 2.0 * _GRID_M)]
+    return MultiPolygon(list(filled))
+
+
+def _shoulders(plan: _Plan, road: BaseGeometry) -> BaseGeometry:
     """Shoulders; where lanes are all there is, also what is left between them and lanes that begin and end there."""
-    shoulders = _joined(layout.strips_of(LaneKind.SHOULDER, level=level))
-    if not layout.corner_radius_m or shoulders.is_empty:
+    shoulders = _joined(plan.areas_of(LaneKind.SHOULDER))
+    if not plan.corner_radius_m or shoulders.is_empty:
         return shoulders
-    beside = shapely.intersection(road, shapely.buffer(shoulders, 2.0 * _MIDDLE_CLOSING_M))
-    others = strip_polygons(layout.strips_of(*_WALK_KINDS, LaneKind.MEDIAN, level=level))
-    return _without(_closed(shapely.union(shoulders, beside), _MIDDLE_CLOSING_M), shapely.union_all(others))
+    beside = shapely.intersection(road, shapely.buffer(shoulders, 2.0 * _NODE_CLOSING_M))
+    paved = shapely.union(shoulders, beside)
+    inside = [bool(strip.junction) and strip.kind in ROAD_KINDS for strip in plan.strips]
+    nodes = shapely.buffer(shapely.union_all(plan.areas[np.array(inside, bool)]), 2.0 * _NODE_CLOSING_M)
+    at_nodes = shapely.intersection(_closed(paved, _NODE_CLOSING_M), nodes)
+    filled = shapely.union(_closed(paved, _MIDDLE_CLOSING_M), at_nodes)
+    return _without(filled, shapely.union_all(plan.areas_of(*_WALK_KINDS, LaneKind.MEDIAN)))
 
 
-def _joined(strips: Sequence[Strip]) -> BaseGeometry:
+def _joined(areas: AnyArray) -> BaseGeometry:
     """Strips of one kind, and what is left between those of two directions."""
-    return _closed(shapely.union_all(strip_polygons(strips)), _MIDDLE_CLOSING_M)
+    return _closed(shapely.union_all(areas), _MIDDLE_CLOSING_M)
 
 
-def _walks(layout: Layout, level: int, paved: BaseGeometry) -> BaseGeometry:
+def _walks(plan: _Plan, paved: BaseGeometry) -> BaseGeometry:
     """Sidewalks and walking areas, and the corners between them and what is paved."""
-    walks = shapely.union_all(strip_polygons(layout.strips_of(*_WALK_KINDS, level=level)))
-    closing_m = max(layout.corner_radius_m, _WALK_CLOSING_M)
+    walks = shapely.union_all(plan.areas_of(*_WALK_KINDS))
+    closing_m = max(plan.corner_radius_m, _WALK_CLOSING_M)
     street = _closed(shapely.union(walks, paved), closing_m)
     return _polygons(shapely.intersection(street, shapely.buffer(walks, closing_m)))
 
@@ -138,6 +182,8 @@ def _without(surface: BaseGeometry, others: BaseGeometry) -> MultiPolygon:
 
 def _closed(area: BaseGeometry, radius_m: float) -> MultiPolygon:
     """The area with narrow gaps and inner corners filled (morphological closing), on a millimetre grid."""
+    if area.is_empty:
+        return MultiPolygon()
     grown = shapely.buffer(area, radius_m, quad_segs=12)
     closed = shapely.union(shapely.buffer(grown, -radius_m, quad_segs=12), area)
     return _polygons(shapely.set_precision(shapely.simplify(closed, 2 * _GRID_M), _GRID_M))

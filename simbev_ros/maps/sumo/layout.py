@@ -13,6 +13,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, SignKind, StopLine, Strip
 from simbev_ros.maps.roads.paint_rules import left_line, line_between, right_edge_line
 from simbev_ros.maps.roads.polylines import Polylines
+from simbev_ros.maps.sumo.crossfall import Crossfall
 from simbev_ros.maps.sumo.net import SumoNet
 from simbev_ros.maps.sumo.right_of_way import minor_approaches
 from simbev_ros.types import Float64Array
@@ -30,6 +31,7 @@ class _Edge:
     lanes: list[Lane]
     opposite: list[Lane]
     carried: bool
+    continues: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +50,10 @@ class _Borders:
 
 def layout_of(net: SumoNet) -> Layout:
     """Strips of all lanes in the net's order, crosswalks of all crossings, paint by rule; no signs yet."""
-    borders = _borders(net)
-    edges = _edges(net, borders)
+    lanes = _lanes_by_edge(net)
+    crossfall = Crossfall.of(net, lanes)
+    borders = _borders(net, crossfall)
+    edges = _edges(net, lanes, borders, crossfall.continued)
     strips = {strip.id: strip for edge in edges.values() for strip in _strips(edge, borders)}
     crossings = [lane for lane in net.lanes.values() if lane.kind is LaneKind.CROSSING]
     return Layout(
@@ -61,28 +65,44 @@ def layout_of(net: SumoNet) -> Layout:
     )
 
 
-def _borders(net: SumoNet) -> _Borders:
-    """Both borders of every lane, half its width beside its centre line."""
-    lanes = list(net.lanes.values())
-    lines = Polylines.of([lane.centerline_m for lane in lanes])
-    half_m = np.array([lane.width_m for lane in lanes])[lines.row] / 2.0
-    left, right = (lines.split(lines.beside(side * half_m)) for side in (1.0, -1.0))
-    ids = list(net.lanes)
-    return _Borders(dict(zip(ids, left, strict=True)), dict(zip(ids, right, strict=True)), net.left_hand)
-
-
-def _edges(net: SumoNet, borders: _Borders) -> dict[str, _Edge]:
-    """All edges by id, crossings left out."""
+def _lanes_by_edge(net: SumoNet) -> dict[str, list[Lane]]:
+    """The lanes of all edges, each from the curb inward, crossings left out."""
     lanes: dict[str, list[Lane]] = defaultdict(list)
     for lane in net.lanes.values():
         if lane.kind is not LaneKind.CROSSING:
             lanes[lane.edge].append(lane)
-    for edge_lanes in lanes.values():
-        edge_lanes.sort(key=lambda lane: lane.index)
+    return {edge: sorted(edge_lanes, key=lambda lane: lane.index) for edge, edge_lanes in lanes.items()}
+
+
+def _borders(net: SumoNet, crossfall: Crossfall) -> _Borders:
+    """Both borders of every lane, half its width beside its centre line, and so much lower as the road falls there."""
+    lanes = list(net.lanes.values())
+    lines = crossfall.stepped(Polylines.of([lane.centerline_m for lane in lanes]))
+    half_m = np.array([lane.width_m for lane in lanes])[lines.row] / 2.0
+    share = crossfall.share(lines)
+    sides: list[list[Float64Array]] = []
+    for side, below_m in ((1.0, crossfall.inner_m), (-1.0, crossfall.outer_m)):
+        border_m = lines.beside((-side if net.left_hand else side) * half_m)
+        border_m[:, 2] -= below_m[lines.row] * share
+        sides.append(lines.split(border_m))
+    inner, outer = (dict(zip(net.lanes, side, strict=True)) for side in sides)
+    left, right = (outer, inner) if net.left_hand else (inner, outer)
+    return _Borders(left, right, net.left_hand)
+
+
+def _edges(
+    net: SumoNet, lanes: Mapping[str, list[Lane]], borders: _Borders, continued: frozenset[str]
+) -> dict[str, _Edge]:
+    """All edges by id."""
     opposite = _opposites(net, lanes, borders)
     carried = _carried(net)
     return {
-        edge: _Edge(edge_lanes, lanes[opposite[edge]] if edge in opposite else [], edge in carried)
+        edge: _Edge(
+            lanes=edge_lanes,
+            opposite=lanes[opposite[edge]] if edge in opposite else [],
+            carried=edge in carried,
+            continues=edge_lanes[0].junction in continued,
+        )
         for edge, edge_lanes in lanes.items()
     }
 
@@ -143,6 +163,7 @@ def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
             road=lane.edge,
             index=-place - 1 if borders.left_hand else place - len(lanes),
             junction=lane.junction,
+            continues=edge.continues,
             speed_mps=lane.speed_mps,
             structure=edge.carried,
             left=lefts[place],

@@ -1,8 +1,9 @@
 """Reads a SUMO net (.net.xml) into lanes, junctions and movements, element by element, so that big nets fit."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,11 +12,13 @@ import numpy as np
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import Junction, Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.vehicle_class import open_to
 from simbev_ros.types import Float64Array
 
 _DEFAULT_WIDTH_M = 3.2  # SUMO's width of a lane that names none
 _MIN_STEP_M = 0.01
+_ROUND = ("t", "T")
 _MOTOR_CLASSES = frozenset({"passenger", "delivery", "bus", "truck", "taxi", "private", "emergency", "motorcycle"})
 _KINDS = frozenset(LaneKind) - {LaneKind.CROSSING, LaneKind.WALKING_AREA}  # that the attribute `type` may name
 
@@ -28,7 +31,8 @@ class ControlledLink:
         lane: Id of the lane that it comes from.
         programme: SUMO's traffic-light id.
         link: Index into the programme's state string.
-        direction: SUMO's code: s straight, l left, r right, L and R partly, t turn-around.
+        direction: SUMO's code: s straight, l left, r right, L and R partly, t turn-around, T likewise where traffic
+            keeps to the left.
     """
 
     lane: str
@@ -106,12 +110,7 @@ def _read(path: Path) -> _Content:
 
 def _net(content: _Content) -> SumoNet:
     """What the attributes mean."""
-    following = _successors(content.connections)
-    lanes = {
-        lane["id"]: _lane(edge, lane, following.get(lane["id"], ()))
-        for edge, edge_lanes in content.edges
-        for lane in edge_lanes
-    }
+    lanes = _lanes(content)
     edge_ends = {
         edge["id"]: (edge["from"], edge["to"])
         for edge, _ in content.edges
@@ -119,11 +118,7 @@ def _net(content: _Content) -> SumoNet:
     }
     links = tuple(_links(content.connections, lanes))
     signalised = {edge_ends[lanes[link.lane].edge][1] for link in links}
-    junctions = {
-        junction["id"]: _junction(junction, junction["id"] in signalised)
-        for junction in content.junctions
-        if junction.get("type") not in ("internal", "dead_end")
-    }
+    junctions = _junctions(content, signalised)
     right_of_way = _right_of_way(content.connections)
     structures = frozenset(content.structures)
     return SumoNet(lanes, junctions, links, edge_ends, structures, right_of_way, content.left_hand)
@@ -141,7 +136,7 @@ def _right_of_way(connections: Sequence[Mapping[str, str]]) -> dict[str, frozens
     """As ``SumoNet.right_of_way``; turning round is no movement that gives or takes it."""
     codes: dict[str, set[str]] = defaultdict(set)
     for connection in connections:
-        if "tl" not in connection and connection.get("dir") != "t" and not connection["from"].startswith(":"):
+        if "tl" not in connection and connection.get("dir") not in _ROUND and not connection["from"].startswith(":"):
             codes[_lane_id(connection, "from")].add(connection.get("state", ""))
     return {lane: frozenset(states) for lane, states in codes.items()}
 
@@ -159,39 +154,56 @@ def _successors(connections: Sequence[Mapping[str, str]]) -> dict[str, tuple[str
     return {lane: tuple(ids) for lane, ids in following.items()}
 
 
-def _lane(edge: Mapping[str, str], lane: Mapping[str, str], successors: tuple[str, ...]) -> Lane:
+def _lanes(content: _Content) -> dict[str, Lane]:
+    """All lanes by id; their lines are cleaned together."""
+    pairs = [(edge, lane) for edge, edge_lanes in content.edges for lane in edge_lanes]
+    shapes = _points([lane["shape"] for _, lane in pairs])
+    lines = _cleaned(shapes)
+    following = _successors(content.connections)
+    parts = zip(pairs, shapes.split(shapes.points_m), lines.split(lines.points_m), lines.length_m.tolist(), strict=True)
+    return {
+        lane["id"]: _lane(edge, lane, shape_m, line_m, length_m, following.get(lane["id"], ()))
+        for (edge, lane), shape_m, line_m, length_m in parts
+    }
+
+
+def _lane(
+    edge: Mapping[str, str],
+    lane: Mapping[str, str],
+    shape_m: Float64Array,
+    line_m: Float64Array,
+    length_m: float,
+    successors: tuple[str, ...],
+) -> Lane:
     """One lane of an edge."""
-    edge_id, kind = edge["id"], _kind(edge, lane)
-    shape_m = _points(lane["shape"])
-    line_m = _cleaned(shape_m)
-    length_m = float(np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1).sum())
+    allow, disallow = lane.get("allow", ""), lane.get("disallow", "")
+    kind = _kind(edge.get("function", ""), lane.get("type", ""), allow, disallow)
     return Lane(
         id=lane["id"],
-        edge=edge_id,
+        edge=edge["id"],
         index=int(lane["index"]),
         kind=kind,
         centerline_m=line_m,
         width_m=float(lane.get("width", _DEFAULT_WIDTH_M)),
         speed_mps=float(lane["speed"]),
-        junction=edge_id[1:].rsplit("_", 1)[0] if edge_id.startswith(":") else "",
+        junction=edge["id"][1:].rsplit("_", 1)[0] if edge["id"].startswith(":") else "",
         successors=successors,
         outline_m=shape_m[:, :2] if kind is LaneKind.WALKING_AREA else None,
         sumo_s_per_m=float(lane["length"]) / max(length_m, _MIN_STEP_M),
-        classes=open_to(lane.get("allow", ""), lane.get("disallow", "")),
+        classes=open_to(allow, disallow),
     )
 
 
-def _kind(edge: Mapping[str, str], lane: Mapping[str, str]) -> LaneKind:
+@cache
+def _kind(function: str, lane_type: str, allow: str, disallow: str) -> LaneKind:
     """What a lane is for: as its type says, else from its edge's function and the vehicles that may use it."""
-    function = edge.get("function", "")
     if function == "crossing":
         return LaneKind.CROSSING
     if function == "walkingarea":
         return LaneKind.WALKING_AREA
-    if lane.get("type") in _KINDS:
-        return LaneKind(lane["type"])
-    allowed = frozenset(lane.get("allow", "").split())
-    disallowed = frozenset(lane.get("disallow", "").split())
+    if lane_type in _KINDS:
+        return LaneKind(lane_type)
+    allowed, disallowed = frozenset(allow.split()), frozenset(disallow.split())
     open_to_motors = not disallowed.issuperset(_MOTOR_CLASSES) and "all" not in disallowed
     if allowed & _MOTOR_CLASSES or (not allowed and open_to_motors):
         return LaneKind.DRIVING
@@ -200,25 +212,42 @@ def _kind(edge: Mapping[str, str], lane: Mapping[str, str]) -> LaneKind:
     return LaneKind.BICYCLE if "bicycle" in allowed else LaneKind.SHOULDER
 
 
-def _junction(junction: Mapping[str, str], signalised: bool) -> Junction:
-    """One junction."""
-    center_m = np.array([float(junction.get(axis, 0.0)) for axis in "xyz"])
-    return Junction(junction["id"], center_m, _points(junction.get("shape", ""))[:, :2], signalised)
+def _junctions(content: _Content, signalised: Set[str]) -> dict[str, Junction]:
+    """All junctions by id, without dead ends."""
+    found = [junction for junction in content.junctions if junction.get("type") not in ("internal", "dead_end")]
+    outlines = _points([junction.get("shape", "") for junction in found])
+    return {
+        junction["id"]: Junction(
+            junction["id"],
+            np.array([float(junction.get(axis, 0.0)) for axis in "xyz"]),
+            outline_m,
+            junction["id"] in signalised,
+        )
+        for junction, outline_m in zip(found, outlines.split(outlines.points_m[:, :2]), strict=True)
+    }
 
 
-def _points(shape: str) -> Float64Array:
-    """(N, 3) float64 points of SUMO's "x,y x,y,z"; a point without z lies at 0."""
-    points = [point if point.count(",") == 2 else point + ",0" for point in shape.split()]
-    return np.array(",".join(points).split(",") if points else [], np.float64).reshape(-1, 3)
+def _points(shapes: Sequence[str]) -> Polylines:
+    """Points of SUMO's "x,y x,y,z", of many lines; a point without z lies at 0."""
+    lines = [shape.split() for shape in shapes]
+    points = [point if point.count(",") == 2 else point + ",0" for line in lines for point in line]
+    values = np.array(",".join(points).split(",") if points else [], np.float64)
+    return Polylines(values.reshape(-1, 3), np.cumsum([0, *map(len, lines)]))
 
 
-def _cleaned(line_m: Float64Array) -> Float64Array:
-    """(N, 3) line without points that repeat their predecessor; both ends stay, at least a centimetre apart."""
-    steps_m = np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1)
-    keep = np.concatenate([[True], steps_m >= _MIN_STEP_M])
-    if len(line_m) > 2 and not keep[-1]:
-        keep[np.flatnonzero(keep)[-1]], keep[-1] = np.count_nonzero(keep) == 1, True
-    cleaned_m: Float64Array = line_m[keep] if np.count_nonzero(keep) > 1 else line_m[[0, -1]]
-    if np.linalg.norm(cleaned_m[-1, :2] - cleaned_m[0, :2]) == 0.0 and len(cleaned_m) == 2:
-        cleaned_m[1, 0] += _MIN_STEP_M  # a lane without length has no direction; any will do
-    return cleaned_m
+def _cleaned(lines: Polylines) -> Polylines:
+    """The lines without points that repeat their predecessor; both ends stay, at least a centimetre apart."""
+    first, last = lines.first[:-1], lines.first[1:] - 1
+    if np.any(first >= last):
+        raise ValueError("a lane has fewer than two points")
+    step_m = np.linalg.norm(np.diff(lines.points_m[:, :2], axis=0, prepend=np.inf), axis=1)
+    keep = step_m >= _MIN_STEP_M
+    keep[first] = True
+    before = np.maximum.reduceat(np.where(keep, np.arange(len(keep)), 0), first)  # of an end that repeats it
+    keep[before[(before < last) & (before > first)]] = False
+    keep[last] = True
+    cleaned = Polylines(lines.points_m[keep], np.append(0, np.cumsum(np.add.reduceat(keep.astype(np.int64), first))))
+    start, end = cleaned.first[:-1], cleaned.first[1:] - 1
+    standing = (end - start == 1) & np.all(cleaned.points_m[start, :2] == cleaned.points_m[end, :2], axis=1)
+    cleaned.points_m[end[standing], 0] += _MIN_STEP_M  # a lane without length has no direction; any will do
+    return cleaned

@@ -1,5 +1,6 @@
 #version 330
 // The G-buffer: everything that labels and light need to know of the nearest surface.
+#include "enums"
 #include "pack"
 in vec3 v_normal;
 in vec2 v_uv;
@@ -10,7 +11,8 @@ layout(location = 1) out float g_depth;    // metres along the optical axis
 layout(location = 2) out vec4 g_color;     // sRGB albedo, shading class
 
 void main() {
-    vec3 normal = gl_FrontFacing ? v_normal : -v_normal;
+    bool is_leaf = v_surface.x >> 24u == uint(MATERIAL_FOLIAGE);  // leaves shade alike on both sides
+    vec3 normal = gl_FrontFacing || is_leaf ? v_normal : -v_normal;
     g_surface = uvec4(v_surface.x, pack_normal(normal), floatBitsToUint(v_uv));
     g_depth = 1.0 / gl_FragCoord.w;
     g_color = vec4((uvec4(v_surface.y) >> uvec4(0u, 8u, 16u, 24u)) & 0xFFu) / 255.0;

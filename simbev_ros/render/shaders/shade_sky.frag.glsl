@@ -32,7 +32,7 @@ void main() {
     vec3 disk = night ? vec3(0.28, 0.27, 0.24) : key_light.rgb * 12.0;
     float edge = 1.0 / intrinsics.x;
     radiance += disk * smoothstep(SUN_RADIUS + edge, SUN_RADIUS - edge, from_key);
-    radiance += night ? stars(direction) * 0.12 : vec3(0.0);
+    radiance += night ? stars(direction) * 0.12 * (1.0 - cloudiness()) : vec3(0.0);
 
     vec2 place = direction.xy / (height + 0.11) * CLOUD_SCALE + sun_direction.w;
     float pixel_size = CLOUD_SCALE / (intrinsics.x * (height + 0.11) * (height + 0.11));

@@ -1,0 +1,101 @@
+"""How the command line ends when it is told to, or when something that nobody foresaw goes wrong."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.assets import region_pool
+from simbev_ros.assets.static_cache import StaticCache
+from simbev_ros.cli.main import main
+from simbev_ros.maps.source import map_spec
+
+STREETS = """<osm version="0.6"><node id="1" lat="50" lon="8"/><node id="2" lat="50" lon="8.02"/>
+<node id="3" lat="50.004" lon="8.01"/><way id="1"><nd ref="1"/><nd ref="2"/><tag k="highway" v="residential"/></way>
+<way id="2"><nd ref="1"/><nd ref="3"/><tag k="highway" v="residential"/></way></osm>"""
+BUILDING = "surroundings/*/.*/"
+_PATIENCE_S = 120.0
+
+
+@pytest.fixture
+def streets(tmp_path: Path) -> Path:
+    path = tmp_path / "streets.osm"
+    path.write_text(STREETS)
+    return path
+
+
+@pytest.fixture
+def building(tmp_path: Path, streets: Path) -> Iterator[subprocess.Popen[str]]:
+    """The command, in a process group of its own, in the middle of the first regions."""
+    command = [sys.executable, "-m", "simbev_ros.cli.main", "map", str(streets), "--all"]
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    with subprocess.Popen(
+        command, env=environment, text=True, stderr=subprocess.PIPE, start_new_session=True
+    ) as process:
+        _until(lambda: any((tmp_path / "simbev_ros").glob(BUILDING)) or process.poll() is not None)
+        assert process.poll() is None, "it was done too soon"
+        yield process
+        if _group_lives(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_an_interrupt_ends_all_processes_and_leaves_nothing(
+    building: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
+) -> None:
+    building.send_signal(number)
+    _, error = building.communicate(timeout=_PATIENCE_S)
+    assert building.returncode == 130
+    assert error.strip().endswith("interrupted")
+    assert "leaked" not in error and "Traceback" not in error
+    _until(lambda: not _group_lives(building.pid), 5.0)
+    assert not list((tmp_path / "simbev_ros").glob(BUILDING))
+
+
+def test_workers_end_when_their_parent_is_killed(building: subprocess.Popen[str]) -> None:
+    building.kill()
+    building.wait()
+    _until(lambda: not _group_lives(building.pid), 20.0)
+
+
+def test_a_fault_of_ours_is_said_with_what_it_happened_to(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, streets: Path
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("a negative area")
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(region_pool.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(StaticCache, "region", fail)
+    monkeypatch.setattr(sys, "argv", ["simbev", "map", str(streets)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    error = capsys.readouterr().err.strip()
+    assert "error: this is a bug in simbev: ValueError: a negative area, while building region " in error
+    assert f" of map {map_spec(str(streets)).path}\n" in error
+    assert error.endswith("With SIMBEV_TRACEBACK=1 the traceback is shown")
+    monkeypatch.setenv("SIMBEV_TRACEBACK", "1")
+    with pytest.raises(ValueError, match="a negative area"):
+        main()
+
+
+def _group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def _until(condition: object, patience_s: float = _PATIENCE_S) -> None:
+    assert callable(condition)
+    end_s = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end_s, "waited too long"
+        time.sleep(0.02)

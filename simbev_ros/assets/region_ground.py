@@ -31,7 +31,7 @@ MARGIN_M = 64.0
 """So far around a region its streets are known, so that what is built beside them does not end at the border."""
 
 _GRID_M = 0.001
-_STREET_TOLERANCE_M, _LAND_TOLERANCE_M = 0.03, 0.06
+_STREET_TOLERANCE_M, _LAND_TOLERANCE_M = 0.018, 0.05
 
 
 @dataclass(frozen=True, slots=True)

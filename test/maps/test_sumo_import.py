@@ -101,6 +101,7 @@ def test_a_net_far_from_its_origin_is_moved_to_it(grid: str, imported: Import) -
     assert read_sumo_net(parts.net).junctions["C2"].center_m[:2].tolist() == [0.0, 200.0]
 
 
+ODD_SPEED = "lanes with a speed limit below 0.5 or above 150 m/s"
 LANE = r'(<lane id="A0B0_0"[^>]*?)'
 LOST = "connections with lanes that are not there were left out: 1 (A0X7_0)"
 
@@ -137,7 +138,8 @@ def test_what_is_wrong_is_said_with_its_place(
         (LANE + r' shape="[^"]*"', r'\1 shape="9,1 9,1"', "edges without length were left out: 1 (A0B0)"),
         (LANE, r'\1 width="0"', "lanes without width were made 3.2 m wide: 1 (A0B0_0)"),
         (LANE, r'\1 width="-3"', "lanes without width were made 3.2 m wide: 1 (A0B0_0)"),
-        (LANE + r' speed="[^"]*"', r'\1 speed="0"', "lanes with a speed limit of 0 were given 13.89 m/s: 1 (A0B0_0)"),
+        (LANE + r' speed="[^"]*"', r'\1 speed="0"', f"{ODD_SPEED} were given 13.89 m/s: 1 (A0B0_0)"),
+        (LANE + r' speed="[^"]*"', r'\1 speed="1e7"', f"{ODD_SPEED} were given 13.89 m/s: 1 (A0B0_0)"),
         (r'(<connection from=)"A0B0"', r'\1"A0X7"', LOST),
     ],
 )  # fmt: skip

@@ -129,7 +129,7 @@ def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, h
     """A three-sided stem and one irregular ball of leaves."""
     middle = np.array([*rng.normal(0.0, 0.2, 2), height_m - radii_m[2]])
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], middle]), 0.2, 0.12, segments=3)
-    return Mesh.merged([stem, ball(rng, middle, radii_m, middle - [0.0, 0.0, radii_m[2]], 9, color, cover=0.2)])
+    return Mesh.merged([stem, ball(rng, middle, radii_m, middle - [0.0, 0.0, radii_m[2]], 9, color, cover=0.1)])
 
 
 def _spruce(rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float) -> Mesh:

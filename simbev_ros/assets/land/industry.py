@@ -24,7 +24,7 @@ _M2_PER_PLANT, _M2_PER_CONTAINER = 420.0, 900.0
 def lay_out_industry(yard: Yard, block: Block) -> None:
     """Lay out a block of works."""
     rng = yard.ground.stream(f"industry.{block.name}")
-    front = shapely.union_all([shapely.buffer(line.line, _YARD_M, cap_style="flat") for line in block.frontage])
+    front = shapely.difference(yard.near_streets(_YARD_M), shapely.buffer(yard.fast, _YARD_M, quad_segs=4))
     paved = shapely.intersection(shapely.difference(block.land, yard.near_streets(_VERGE_M)), front)
     yard.cover(shapely.difference(block.land, paved), "lawn", block.recipe.plants)
     # The same all over a map, for the border of a region may run through a yard.

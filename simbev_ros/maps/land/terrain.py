@@ -123,9 +123,7 @@ class Terrain:
     def _on_streets(self, low_m: Float64Array, shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
         """Which nodes, the first at (2,) ``low_m``, lie on lanes on the ground or matter to them; which on verges."""
         box = shapely.box(*low_m, *(low_m + NODE_M * np.array(shape)))
-        off_lanes, off_decks = (
-            _drawn(tree.geometries[np.sort(tree.query(box))], low_m, shape) for tree in self._lanes
-        )
+        off_lanes, off_decks = (_drawn(tree.geometries[np.sort(tree.query(box))], low_m, shape) for tree in self._lanes)
         scale = round(NODE_M / _PIXEL_M)
         distance = cv2.distanceTransform(off_lanes, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::scale, ::scale]
         to_lanes_m = _PIXEL_M * np.asarray(distance, np.float64)

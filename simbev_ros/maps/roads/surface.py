@@ -95,7 +95,9 @@ def strip_polygons(strips: Sequence[Strip]) -> AnyArray:
         np.concatenate([strip.left_m[:, :2], strip.right_m[::-1, :2]]) if strip.outline_m is None else strip.outline_m
         for strip in strips
     ]
-    return _valid([shapely.Polygon(shape) for shape in shapes])
+    row = np.repeat(np.arange(len(shapes)), [len(shape) for shape in shapes])
+    rings = shapely.linearrings(np.concatenate([np.empty((0, 2)), *shapes]), indices=row)
+    return _valid(np.asarray(shapely.polygons(rings), object))
 
 
 def crosswalk_polygons(crosswalks: Sequence[Crosswalk]) -> AnyArray:
@@ -189,7 +191,7 @@ def _closed(area: BaseGeometry, radius_m: float) -> MultiPolygon:
     return _polygons(shapely.set_precision(shapely.simplify(closed, 2 * _GRID_M), _GRID_M))
 
 
-def _valid(polygons: Sequence[shapely.Polygon]) -> AnyArray:
+def _valid(polygons: Sequence[shapely.Polygon] | AnyArray) -> AnyArray:
     """(N,) the same areas without self-intersections."""
     valid = np.array(polygons, object)
     wrong = ~shapely.is_valid(valid)

@@ -19,7 +19,7 @@ from simbev_ros.types import Float64Array
 _NARROWEST_M = 0.2
 _WIDEST_M = 30.0
 _SHORTEST_M = 0.05
-_SLOWEST_MPS = 0.5
+_SLOWEST_MPS, _FASTEST_MPS = 0.5, 150.0
 _SUMO_WIDTH_M = 3.2
 _SUMO_SPEED_MPS = 13.89
 _LARGEST_M = 1e8
@@ -119,7 +119,8 @@ class NetFile:
     def _mend_lanes(self, lanes: list[Element]) -> None:
         """Widths, speeds and lengths that cannot be meant give way to SUMO's defaults."""
         narrow = [lane for lane in lanes if self._number(lane, "width", _SUMO_WIDTH_M) < _NARROWEST_M]
-        still = [lane for lane in lanes if self._number(lane, "speed", _SUMO_SPEED_MPS) < _SLOWEST_MPS]
+        speeds_mps = {lane: self._number(lane, "speed", _SUMO_SPEED_MPS) for lane in lanes}
+        odd = [lane for lane, speed_mps in speeds_mps.items() if not _SLOWEST_MPS <= speed_mps <= _FASTEST_MPS]
         for lane in lanes:
             if self._number(lane, "width", _SUMO_WIDTH_M) > _WIDEST_M:
                 self._refuse(lane, f"lane {lane.get('id')}: width: is above {_WIDEST_M:g} m")
@@ -127,12 +128,13 @@ class NetFile:
                 del lane.attrib["length"]
         for lane in narrow:
             del lane.attrib["width"]
-        for lane in still:
+        for lane in odd:
             lane.set("speed", f"{_SUMO_SPEED_MPS}")
         if narrow:
             self.notes.append(f"lanes without width were made {_SUMO_WIDTH_M} m wide: {_listed(narrow)}")
-        if still:
-            self.notes.append(f"lanes with a speed limit of 0 were given {_SUMO_SPEED_MPS} m/s: {_listed(still)}")
+        if odd:
+            limits = f"below {_SLOWEST_MPS:g} or above {_FASTEST_MPS:g} m/s"
+            self.notes.append(f"lanes with a speed limit {limits} were given {_SUMO_SPEED_MPS} m/s: {_listed(odd)}")
 
     def _leave_out_islands(self, length_m: Mapping[Element, float]) -> None:
         """Keep the largest part of the net that hangs together."""

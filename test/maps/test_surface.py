@@ -148,3 +148,21 @@ def test_levels_have_surfaces_of_their_own_that_meet_at_the_deck_ends() -> None:
     deck_ends = shapely.intersection(deck.boundary, ground.boundary)
     assert deck_ends.length == pytest.approx(2 * 7.0, abs=0.02)
     assert drivable_area(layout).area == pytest.approx(200 * 3.5 + 2 * 200 * 3.5 - 3.5 * 7.0, abs=0.1)
+
+
+def test_window_may_end_where_strips_end() -> None:
+    kinds = (LaneKind.MEDIAN, LaneKind.DRIVING, LaneKind.SHOULDER, LaneKind.SIDEWALK)
+    strips = [
+        _as(kind, strip)
+        for name, y_m, start_m, end_m in (("ends", 40.0, 0.0, 100.0), ("goes on", 0.0, 0.0, 200.0))
+        for strip, kind in zip(
+            side_by_side(4, name=name, start_m=(start_m, y_m), end_m=(end_m, y_m), height=level_ground),
+            kinds,
+            strict=True,
+        )
+    ]
+    layout = replace(layout_of_strips(*strips), corner_radius_m=3.0)
+    window = shapely.box(100.0 + 4.0 * layout.corner_radius_m, -30.0, 150.0, 60.0)  # it is seen so far beyond its sides
+    whole, part = surfaces_of(layout), surfaces_of(layout, 0, window)
+    for name in ("road", "shoulder", "sidewalk", "median"):
+        assert shapely.symmetric_difference(getattr(part, name), getattr(whole, name) & window).area < 1e-6

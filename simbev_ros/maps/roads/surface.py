@@ -26,6 +26,7 @@ _MIDDLE_CLOSING_M = 1.0  # between the medians or inner shoulders of both direct
 _NODE_CLOSING_M = 2.2  # of shoulders, which end where lanes change
 _GRID_M = 0.001
 _SPECK_M2 = 0.01
+_AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 _WALK_KINDS = (LaneKind.SIDEWALK, LaneKind.WALKING_AREA)
 
 
@@ -69,7 +70,7 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
     paved = shapely.union(road, shoulder)
     sidewalk = _without(_walks(plan, paved), paved)
     median = _without(_joined(plan.areas_of(LaneKind.MEDIAN)), shapely.union(paved, sidewalk))
-    crosswalk = shapely.intersection(shapely.union_all(crosswalks), road)
+    crosswalk = _common(shapely.union_all(crosswalks), road)
     parts = road, shoulder, sidewalk, median, crosswalk
     return Surfaces(*(_polygons(part if area is None else shapely.intersection(part, area)) for part in parts))
 
@@ -118,7 +119,11 @@ class _Plan:
         """Those of a layout; of long strips only what lies in reach, if given, which is much less work."""
         strips = layout.strips_of(*LaneKind, level=level)
         areas = strip_polygons(strips)
-        return cls(strips, areas if reach is None else shapely.intersection(areas, reach), layout.corner_radius_m)
+        if reach is not None:
+            areas = shapely.intersection(areas, reach)
+            touching = ~np.isin(shapely.get_type_id(areas), _AREAS)  # the rectangle, with a side or a corner
+            areas[touching] = [_polygons(area) for area in areas[touching]]
+        return cls(strips, areas, layout.corner_radius_m)
 
     def areas_of(self, *kinds: LaneKind, outside_junctions: bool = False) -> AnyArray:
         """Areas of strips of these kinds, in order."""
@@ -155,11 +160,11 @@ def _shoulders(plan: _Plan, road: BaseGeometry) -> BaseGeometry:
     shoulders = _joined(plan.areas_of(LaneKind.SHOULDER))
     if not plan.corner_radius_m or shoulders.is_empty:
         return shoulders
-    beside = shapely.intersection(road, shapely.buffer(shoulders, 2.0 * _NODE_CLOSING_M))
+    beside = _common(road, shapely.buffer(shoulders, 2.0 * _NODE_CLOSING_M))
     paved = shapely.union(shoulders, beside)
     inside = [bool(strip.junction) and strip.kind in ROAD_KINDS for strip in plan.strips]
     nodes = shapely.buffer(shapely.union_all(plan.areas[np.array(inside, bool)]), 2.0 * _NODE_CLOSING_M)
-    at_nodes = shapely.intersection(_closed(paved, _NODE_CLOSING_M), nodes)
+    at_nodes = _common(_closed(paved, _NODE_CLOSING_M), nodes)
     filled = shapely.union(_closed(paved, _MIDDLE_CLOSING_M), at_nodes)
     return _without(filled, shapely.union_all(plan.areas_of(*_WALK_KINDS, LaneKind.MEDIAN)))
 
@@ -174,7 +179,12 @@ def _walks(plan: _Plan, paved: BaseGeometry) -> BaseGeometry:
     walks = shapely.union_all(plan.areas_of(*_WALK_KINDS))
     closing_m = max(plan.corner_radius_m, _WALK_CLOSING_M)
     street = _closed(shapely.union(walks, paved), closing_m)
-    return _polygons(shapely.intersection(street, shapely.buffer(walks, closing_m)))
+    return _common(street, shapely.buffer(walks, closing_m))
+
+
+def _common(surface: BaseGeometry, other: BaseGeometry) -> MultiPolygon:
+    """What two areas share; where they only touch, an intersection has lines besides, which no later one would take."""
+    return _polygons(shapely.intersection(surface, other))
 
 
 def _without(surface: BaseGeometry, others: BaseGeometry) -> MultiPolygon:

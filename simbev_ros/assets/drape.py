@@ -1,4 +1,4 @@
-"""Meshes that follow the ground: areas in plan, cut into pieces that each lie on one flat facet.
+"""Meshes that follow the ground, from areas that are cut into pieces of which each lies on one flat facet.
 
 What lies on one facet is flat, so pieces may be triangulated in any way, and neighbours need not share their vertices:
 along a border both are straight.
@@ -6,16 +6,17 @@ along a border both are straight.
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import NamedTuple
 
 import mapbox_earcut
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.facets import TILE_M, Facets
+from simbev_ros.assets.clipping import Rings, cross
+from simbev_ros.assets.facet_cuts import Cut
+from simbev_ros.assets.facets import TILE_M
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, triangulate
+from simbev_ros.assets.primitives import Finish
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _SPECK_M2 = 1e-6
@@ -27,42 +28,6 @@ Ceiling = Callable[[Float64Array], Float64Array]
 
 ByTile = dict[tuple[int, int], Mesh]
 """By column and row of tiles: a mesh in the frame of the tile's middle, at height 0."""
-
-_Polygons = np.ndarray[tuple[int], np.dtype[np.object_]]
-
-
-class Cut(NamedTuple):
-    """An area in pieces: (P,) polygons, counter-clockwise, and the facet that each lies on."""
-
-    pieces: _Polygons
-    facet: Int64Array
-    facets: Facets
-
-
-def cut_to_facets(area: BaseGeometry, facets: Facets) -> Cut:
-    """The pieces of an area; what facets do not cover is left out."""
-    parts, tile = _cut_to_tiles(_polygons(shapely.get_parts(area))[0])
-    which, facet = facets.tree.query(parts, predicate="intersects")
-    here = (facets.tile[facet] == tile[which]).all(axis=1)
-    which, facet = which[here], facet[here]
-    fills = shapely.area(parts) > TILE_M**2 - _SPECK_M2
-    pieces, origin = _intersections(parts[which], facets.polygons[facet], fills[which])
-    kept = shapely.area(pieces) > _SPECK_M2
-    return Cut(shapely.orient_polygons(pieces[kept]), facet[origin[kept]], facets)
-
-
-def _intersections(parts: _Polygons, cells: _Polygons, covers: BoolArray) -> tuple[_Polygons, Int64Array]:
-    """The polygons of intersections with cells, of which some are covered for sure, and the number of the pair."""
-    shapely.prepare(parts)
-    part_m, cell_m = shapely.bounds(parts).reshape(-1, 4), shapely.bounds(cells).reshape(-1, 4)
-    whole, within = covers.copy(), _encloses(cell_m, part_m)
-    uncertain = ~covers & _encloses(part_m, cell_m)
-    whole[uncertain] = shapely.contains(parts[uncertain], cells[uncertain])
-    within[within] = shapely.covers(cells[within], parts[within])
-    pieces = np.where(whole, cells, parts)
-    crossing = ~whole & ~within
-    pieces[crossing] = shapely.intersection(parts[crossing], cells[crossing])
-    return _polygons(pieces)
 
 
 def sheet(
@@ -84,12 +49,13 @@ def sheet(
         ceiling_m: Of the height.
         yaw_rad: Of the first axis of ``uv``, which are metres in plan.
     """
-    xy_m, piece, triangles = _triangulated(cut.pieces)
+    triangles = _triangulated(cut.pieces)
     if len(triangles) == 0:
         return {}
-    tile = cut.facets.tile[cut.facet[piece]]
+    facet, xy_m = cut.facet[cut.pieces.owner], cut.pieces.xy_m
+    tile = cut.facets.tile[facet]
     _, first, joined = np.unique(_key(xy_m, tile), return_index=True, return_inverse=True)
-    facet, xy_m, tile, triangles = cut.facet[piece][first], xy_m[first], tile[first], joined[triangles]
+    facet, xy_m, tile, triangles = facet[first], xy_m[first], tile[first], joined[triangles]
     height_m, east, north = cut.facets.at(facet, xy_m).T
     height_m = height_m + rise_m
     if ceiling_m is not None:
@@ -110,10 +76,8 @@ def sheet(
 
 def faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m: float) -> ByTile:
     """Upright faces, outward, where rims of pieces lie on ``edges``, from one height above the ground to another."""
-    rings, piece = shapely.get_rings(cut.pieces, return_index=True)
-    xy_m, ring = shapely.get_coordinates(rings, return_index=True)
-    follows = ring[1:] == ring[:-1]
-    starts, ends, piece = xy_m[:-1][follows], xy_m[1:][follows], piece[ring[:-1][follows]]
+    pieces, rim = cut.pieces, ~cut.pieces.is_cut
+    starts, ends, piece = pieces.xy_m[rim], pieces.xy_m[pieces.following[rim]], pieces.owner[rim]
     shapely.prepare(edges)
     kept = shapely.dwithin(edges, shapely.points((starts + ends) / 2.0), _ON_EDGE_M)
     if not kept.any():
@@ -139,37 +103,6 @@ def faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m:
     return _by_tile(mesh, np.repeat(tile, 6, axis=0))
 
 
-def _cut_to_tiles(parts: _Polygons) -> tuple[_Polygons, Int64Array]:
-    """(N,) polygons cut along the tiles' borders, and the (N, 2) tile of each."""
-    columns, column, _ = _cut_along(parts[shapely.area(parts) > 0.0], axis=0)
-    pieces, row, origin = _cut_along(columns, axis=1)
-    return pieces, np.stack([column[origin], row], axis=1)
-
-
-def _cut_along(parts: _Polygons, axis: int) -> tuple[_Polygons, Int64Array, Int64Array]:
-    """(N,) polygons cut where an axis crosses the tiles' borders; of each its number on the axis and its polygon's."""
-    bounds_m = shapely.bounds(parts).reshape(-1, 4)
-    low = np.floor(bounds_m[:, axis] / TILE_M).astype(np.int64)
-    count = np.maximum(np.ceil(bounds_m[:, axis + 2] / TILE_M).astype(np.int64) - low, 1)
-    which = np.repeat(np.arange(len(parts)), count)
-    number = low[which] + np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    between_m = bounds_m[which]
-    between_m[:, axis], between_m[:, axis + 2] = number * TILE_M, (number + 1) * TILE_M
-    pieces, crossing = parts[which], count[which] > 1
-    pieces[crossing] = shapely.intersection(pieces[crossing], shapely.box(*between_m[crossing].T))
-    pieces, origin = _polygons(pieces)
-    return pieces, number[origin], which[origin]
-
-
-def _polygons(areas: _Polygons) -> tuple[_Polygons, Int64Array]:
-    """The polygons of areas, without what is thinner, and the number of the area of each."""
-    plain = shapely.get_type_id(areas) == shapely.GeometryType.POLYGON
-    parts, origin = shapely.get_parts(areas[~plain], return_index=True)
-    kept = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    numbers = np.flatnonzero(plain), np.flatnonzero(~plain)[origin[kept]]
-    return np.concatenate([areas[plain], parts[kept]]), np.concatenate(numbers)
-
-
 def _by_tile(mesh: Mesh, tile: Int64Array) -> ByTile:
     """A mesh of which (V, 2) vertices are sorted by their tile, apart."""
     starts = np.flatnonzero(np.append(True, (tile[1:] != tile[:-1]).any(axis=1)))
@@ -186,57 +119,32 @@ def _by_tile(mesh: Mesh, tile: Int64Array) -> ByTile:
     return meshes
 
 
-def _encloses(outer_m: Float64Array, inner_m: Float64Array) -> BoolArray:
-    """(N,) which of (N, 4) bounds enclose others."""
-    low, high = outer_m[:, :2] <= inner_m[:, :2], outer_m[:, 2:] >= inner_m[:, 2:]
-    return np.asarray((low & high).all(axis=1))
-
-
-def _triangulated(pieces: _Polygons) -> tuple[Float64Array, Int64Array, Int64Array]:
-    """(V, 2) vertices, the piece of each, and (T, 3) counter-clockwise triangles; convex pieces all at once."""
-    xy_m, piece = shapely.get_coordinates(shapely.get_exterior_ring(pieces), return_index=True)
-    last = np.append(piece[1:] != piece[:-1], True) if len(piece) else np.zeros(0, bool)
-    xy_m, piece = xy_m[~last], piece[~last]
-    count = np.bincount(piece, minlength=len(pieces))
-    first = np.cumsum(count) - count
-    holed = shapely.get_num_interior_rings(pieces) > 0
-    simple = _are_convex(xy_m, piece, first, count) & ~holed
-    here = np.arange(len(xy_m))
-    fan = simple[piece] & (here > first[piece]) & (here < first[piece] + count[piece] - 1)
-    triangles = [np.column_stack([first[piece[fan]], here[fan], here[fan] + 1])]
-    vertices, owners, total = [xy_m], [piece], len(xy_m)
-    for number in np.flatnonzero(~simple & ~holed).tolist():
-        ring_m = xy_m[first[number] : first[number] + count[number]]
+def _triangulated(pieces: Rings) -> Int64Array:
+    """(T, 3) counter-clockwise triangles, those of convex pieces all at once."""
+    first, count, owner = pieces.first, pieces.count, pieces.owner
+    convex = _are_convex(pieces)
+    here = np.arange(len(owner))
+    fan = convex[owner] & (here > first[owner]) & (here < first[owner] + count[owner] - 1)
+    triangles = [np.column_stack([first[owner[fan]], here[fan], here[fan] + 1])]
+    for number in np.flatnonzero(~convex).tolist():
+        ring_m = pieces.xy_m[first[number] : first[number] + count[number]]
         ears = mapbox_earcut.triangulate_float64(ring_m, np.array([len(ring_m)], np.uint32))
         triangles.append(ears.astype(np.int64).reshape(-1, 3) + first[number])
-    for number in np.flatnonzero(holed).tolist():
-        corners_m, found = triangulate(pieces[number])
-        vertices.append(corners_m)
-        owners.append(np.full(len(corners_m), number))
-        triangles.append(found.astype(np.int64) + total)
-        total += len(corners_m)
-    all_m, all_triangles = np.concatenate(vertices), np.concatenate(triangles)
-    a, b, c = (all_m[all_triangles[:, k]] for k in range(3))
-    area_m2 = _cross(b - a, c - a)
-    all_triangles[area_m2 < 0.0] = all_triangles[area_m2 < 0.0][:, ::-1]
-    return all_m, np.concatenate(owners), all_triangles[np.abs(area_m2) > _SPECK_M2]
+    found = np.concatenate(triangles)
+    a, b, c = (pieces.xy_m[found[:, k]] for k in range(3))
+    area_m2 = cross(b - a, c - a)
+    found[area_m2 < 0.0] = found[area_m2 < 0.0][:, ::-1]
+    real: Int64Array = found[np.abs(area_m2) > _SPECK_M2]
+    return real
 
 
-def _are_convex(xy_m: Float64Array, piece: Int64Array, first: Int64Array, count: Int64Array) -> BoolArray:
+def _are_convex(pieces: Rings) -> BoolArray:
     """(P,) which rings of vertices never turn right."""
-    here = np.arange(len(xy_m)) - first[piece]
-    after = first[piece] + (here + 1) % count[piece]
-    before = first[piece] + (here - 1) % count[piece]
-    turn = _cross(xy_m - xy_m[before], xy_m[after] - xy_m)
-    right_turns = np.bincount(piece[turn < -1e-9], minlength=len(count))
+    step_m = pieces.xy_m[pieces.following] - pieces.xy_m
+    turns_right = cross(step_m, step_m[pieces.following]) < -1e-9
+    right_turns = np.bincount(pieces.owner[turns_right], minlength=len(pieces.count))
     convex: BoolArray = right_turns == 0
     return convex
-
-
-def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
-    """(N,) of (N, 2) vectors."""
-    cross: Float64Array = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return cross
 
 
 def _key(xy_m: Float64Array, tile: Int64Array) -> Int64Array:

@@ -8,7 +8,6 @@ a tile's side of them, so regions that are built apart meet exactly.
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.maps.region import Region
@@ -22,42 +21,50 @@ TILE_M = 64.0
 class Facets:
     """Convex polygons that cover a region and overlap nowhere, none across the border of a tile.
 
+    Each is a leaf, a square, or a part of one. Diagonals divide a leaf into four sectors, the southern one first, then
+    counter-clockwise, and the line from a leaf's middle to that of its side divides a sector into two halves.
+
     Attributes:
-        polygons: (F,) shapely polygons, map frame.
+        corners_m: (F, K, 2) corners, counter-clockwise, map frame.
         planes: (F, 3, 3) rows: height, its slope to the east, its slope to the north; each the weights of x, y, 1. The
             slopes are the smooth surface's, for shading.
         tile: (F, 2) column and row of the tile that each lies in.
-        tree: Of the polygons.
+        first_tile: (2,) column and row of the south-western one.
+        leaf_at: For squares with sides of a tile, half of one and so on: (I, J) the leaf, -1 where it is none.
+        middle_m: (L, 2) middles of the leaves.
+        sectors: (L, 4, 2) facet of each half of their sectors.
     """
 
-    polygons: np.ndarray[tuple[int], np.dtype[np.object_]]
+    corners_m: Float64Array
     planes: Float64Array
     tile: Int64Array
-    tree: shapely.STRtree
+    first_tile: Int64Array
+    leaf_at: tuple[Int64Array, ...]
+    middle_m: Float64Array
+    sectors: Int64Array
 
     @classmethod
     def level(cls, region: Region) -> "Facets":
         """A region at height 0: a square per tile."""
-        x0, y0, x1, y1 = region.area.bounds
-        x_m, y_m = (axis.reshape(-1) for axis in np.meshgrid(np.arange(x0, x1, TILE_M), np.arange(y0, y1, TILE_M)))
-        return cls._of(shapely.box(x_m, y_m, x_m + TILE_M, y_m + TILE_M), np.zeros((len(x_m), 3, 3)))
+        first, end = np.round(np.reshape(region.area.bounds, (2, 2)) / TILE_M).astype(np.int64)
+        leaf_at = np.arange(np.prod(end - first)).reshape(end - first)
+        tile = first + np.stack(np.unravel_index(leaf_at.reshape(-1), leaf_at.shape), axis=1)
+        corners_m = (tile[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) * TILE_M
+        planes, sectors = np.zeros((len(tile), 3, 3)), np.tile(leaf_at.reshape(-1, 1, 1), (1, 4, 2))
+        return cls(corners_m, planes, tile, first, (leaf_at,), (tile + 0.5) * TILE_M, sectors)
 
     @classmethod
     def of(cls, raster: Raster, tolerance_m: Float64Array) -> "Facets":
         """Facets of all but a tile's width around a raster of heights; ``tolerance_m`` at each of its nodes."""
         corner, spacing_m = raster.origin_m, raster.spacing_m
-        triangles = _triangles(raster.values, tolerance_m, margin=round(TILE_M / spacing_m))
+        leaf_at, center, triangles, sectors = _leaves(raster.values, tolerance_m, margin=round(TILE_M / spacing_m))
         index = np.stack(np.unravel_index(triangles, raster.values.shape), axis=-1)
         xy_m = index * spacing_m + corner
         east, north = np.gradient(raster.values, spacing_m)
         values = np.stack([raster.values, east, north], axis=-1).reshape(-1, 3)[triangles]
-        return cls._of(np.asarray(shapely.polygons(xy_m), object), _planes(xy_m, values))
-
-    @classmethod
-    def _of(cls, polygons: np.ndarray[tuple[int], np.dtype[np.object_]], planes: Float64Array) -> "Facets":
-        low_m, high_m = np.split(shapely.bounds(polygons), 2, axis=1)
-        tile = np.floor((low_m + high_m) / (2.0 * TILE_M)).astype(np.int64)
-        return cls(polygons, planes, tile, shapely.STRtree(polygons))
+        tile = np.floor(xy_m.mean(axis=1) / TILE_M).astype(np.int64)
+        first = np.round(corner / TILE_M).astype(np.int64) + 1
+        return cls(xy_m, _planes(xy_m, values), tile, first, leaf_at, center * spacing_m + corner, sectors)
 
     def at(self, facet: Int64Array, xy_m: Float64Array) -> Float64Array:
         """(N, 3) height and slopes at (N, 2) points, each on the facet of an (N,) index."""
@@ -72,43 +79,60 @@ def _planes(xy_m: Float64Array, values: Float64Array) -> Float64Array:
     return weights
 
 
-def _triangles(node_m: Float64Array, tolerance_m: Float64Array, margin: int) -> Int64Array:
-    """(T, 3) nodes of counter-clockwise triangles over all but a margin of (I, J) heights."""
+def _leaves(
+    node_m: Float64Array, tolerance_m: Float64Array, margin: int
+) -> tuple[tuple[Int64Array, ...], Float64Array, Int64Array, Int64Array]:
+    """Leaves over all but a margin of (I, J) heights.
+
+    Returns:
+        ``Facets.leaf_at``, the (L, 2) middles of leaves in nodes, the (F, 3) nodes of triangles, ``Facets.sectors``.
+    """
     shape, merged = node_m.shape, _merged_blocks(node_m, tolerance_m, round(np.log2(margin)))
-    found = []
-    for step, whole in enumerate(merged):
-        size = 2**step
-        inner = np.zeros_like(whole)
-        inner[margin // size : -(margin // size), margin // size : -(margin // size)] = True
-        if step + 1 < len(merged):
-            inner &= ~merged[step + 1].repeat(2, axis=0).repeat(2, axis=1)
-        i, j = np.nonzero(whole & inner)
+    leaf_at, middles, nodes, is_first, total = [], [], [], [], 0
+    for step in reversed(range(len(merged))):
+        size, whole = 2**step, merged[step].copy()
         around = ~whole & (step > 0)  # nothing is finer than the first step
+        if step + 1 < len(merged):
+            whole &= ~merged[step + 1].repeat(2, axis=0).repeat(2, axis=1)
+        rim = margin // size
+        i, j = (index + rim for index in np.nonzero(whole[rim:-rim, rim:-rim]))
         finer = np.stack([around[i, j - 1], around[i + 1, j], around[i, j + 1], around[i - 1, j]], axis=1)
-        found += _leaf_triangles(i * size, j * size, size, finer, shape)
-    return np.concatenate(found)
+        numbers = np.full(whole.shape, -1)
+        numbers[i, j] = total + np.arange(len(i))
+        leaf_at.append(numbers[rim:-rim, rim:-rim])
+        middles.append((np.stack([i, j], axis=1) + 0.5) * size)
+        found, first = _leaf_triangles(i * size, j * size, size, finer, shape)
+        nodes.append(found[first])
+        is_first.append(first)
+        total += len(i)
+    sectors = np.cumsum(np.concatenate(is_first).reshape(-1)).reshape(-1, 4, 2) - 1
+    return tuple(leaf_at), np.concatenate(middles), np.concatenate(nodes), sectors
 
 
 def _leaf_triangles(
     i: Int64Array, j: Int64Array, size: int, finer: BoolArray, shape: tuple[int, ...]
-) -> list[Int64Array]:
-    """Triangles of leaves by their south-western nodes; (N, 4) which neighbours, from the south on, are finer."""
+) -> tuple[Int64Array, BoolArray]:
+    """Triangles of leaves, from their south-western nodes and (N, 4) which neighbours, from the south on, are finer.
+
+    Returns:
+        (N, 4, 2, 3) nodes of the triangle of each half of a sector, and which of them are not the one before.
+    """
 
     def node(east: int, north: int) -> Int64Array:
         index: Int64Array = np.ravel_multi_index((i + east, j + north), shape)
         return index
 
     half = size // 2
-    corners = [node(0, 0), node(size, 0), node(size, size), node(0, size)]
-    middles = [node(half, 0), node(size, half), node(half, size), node(0, half)]
-    center = node(half, half)
+    corners = np.stack([node(0, 0), node(size, 0), node(size, size), node(0, size)], axis=1)
+    middles = np.stack([node(half, 0), node(size, half), node(half, size), node(0, half)], axis=1)
+    centers, ends = np.broadcast_to(node(half, half)[:, None], finer.shape), np.roll(corners, -1, axis=1)
+    firsts = np.stack([centers, corners, np.where(finer, middles, ends)], axis=2)
+    triangles = np.stack([firsts, np.stack([centers, middles, ends], axis=2)], axis=2)
+    is_first = np.stack([np.full(finer.shape, True), finer], axis=2)
     plain = ~finer.any(axis=1)
-    found = [np.stack([corners[0], corners[k], corners[k + 1]], axis=1)[plain] for k in (1, 2)]
-    for side in range(4):
-        start, middle, end = corners[side], middles[side], corners[(side + 1) % 4]
-        found.append(np.stack([center, start, end], axis=1)[~plain & ~finer[:, side]])
-        found += [np.stack([center, *ends], axis=1)[finer[:, side]] for ends in ((start, middle), (middle, end))]
-    return found
+    triangles[plain, 0, 0], triangles[plain, 2, 0] = corners[plain][:, [0, 1, 2]], corners[plain][:, [0, 2, 3]]
+    is_first[plain] = np.array([True, False, True, False])[:, None] & np.array([True, False])
+    return triangles, is_first
 
 
 def _merged_blocks(node_m: Float64Array, tolerance_m: Float64Array, steps: int) -> list[BoolArray]:

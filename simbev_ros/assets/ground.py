@@ -117,7 +117,7 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
 def _steeper_than(facets: Facets, slope: float, narrowest_m: float) -> BaseGeometry:
     """Where facets are steeper than a slope, rounded off, without what is narrow or small."""
     steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > slope
-    area = shapely.buffer(shapely.union_all(facets.polygons[steep]), _ROUNDED_M, quad_segs=3)
+    area = shapely.buffer(shapely.union_all(shapely.polygons(facets.corners_m[steep])), _ROUNDED_M, quad_segs=3)
     inset_m = _ROUNDED_M + narrowest_m / 2.0
     opened = shapely.buffer(shapely.buffer(area, -inset_m, quad_segs=3), inset_m - _ROUNDED_M / 2.0, quad_segs=3)
     parts = shapely.get_parts(opened)

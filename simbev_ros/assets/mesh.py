@@ -89,7 +89,7 @@ class Mesh:
             vertices=np.ascontiguousarray(vertices, np.float32),
             normals=np.ascontiguousarray(normals, np.float32),
             uv=np.ascontiguousarray(vertices[:, :2] if uv is None else uv, np.float32),
-            color=np.tile(np.asarray(color, np.uint8), (count, 1)),
+            color=np.full((count, 3), color, np.uint8),
             material=np.full(count, material, np.uint8),
             tag=np.full(count, tag, np.uint8),
             part=np.full(count, part, np.uint8),
@@ -123,14 +123,22 @@ class Mesh:
     def transformed(self, target_from_mesh: Float64Array) -> "Mesh":
         """The mesh moved by a (4, 4) rigid or scaling transform (normals are renormalised; uv stays)."""
         linear = target_from_mesh[:3, :3]
-        normals = self.normals.astype(np.float64) @ np.linalg.inv(linear)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
-        triangles = self.triangles if np.linalg.det(linear) > 0 else self.triangles[:, ::-1]
+        (a, b, c), (d, e, f), (g, h, i) = linear.tolist()
+        cofactors = np.array(
+            [
+                [e * i - f * h, f * g - d * i, d * h - e * g],
+                [c * h - b * i, a * i - c * g, b * g - a * h],
+                [b * f - c * e, c * d - a * f, a * e - b * d],
+            ]
+        )
+        keeps_hand = a * cofactors[0, 0] + b * cofactors[0, 1] + c * cofactors[0, 2] > 0.0
+        normals = self.normals @ (cofactors.T if keeps_hand else -cofactors.T)
+        normals /= np.maximum(np.sqrt(np.einsum("ij,ij->i", normals, normals)), 1e-20)[:, None]
         return replace(
             self,
-            vertices=(self.vertices.astype(np.float64) @ linear.T + target_from_mesh[:3, 3]).astype(np.float32),
+            vertices=(self.vertices @ linear.T + target_from_mesh[:3, 3]).astype(np.float32),
             normals=normals.astype(np.float32),
-            triangles=np.ascontiguousarray(triangles),
+            triangles=self.triangles if keeps_hand else np.ascontiguousarray(self.triangles[:, ::-1]),
         )
 
     def copies(self, target_from_mesh: Float64Array, tint: Float64Array | None = None) -> list["Mesh"]:
@@ -151,7 +159,7 @@ class Mesh:
         if tint is not None:
             colors = list(np.clip(self.color * np.asarray(tint)[:, None, :], 0, 255).astype(np.uint8))
         return [
-            replace(self, vertices=v, normals=n, color=c, triangles=mirrored if det < 0 else self.triangles)
+            Mesh(v, n, self.uv, c, self.material, self.tag, self.part, mirrored if det < 0 else self.triangles)
             for v, n, c, det in zip(vertices, normals, colors, handedness, strict=True)
         ]
 

@@ -27,6 +27,11 @@ _BOX_CORNERS = 0.5 * np.array(
         [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
         [[-1, 1, -1], [1, 1, -1], [1, -1, -1], [-1, -1, -1]],
     ]
+).reshape(-1, 3)
+_BOX_CORNER_NORMALS = np.repeat(_BOX_NORMALS, 4, axis=0)
+_BOX_TRIANGLES = (np.arange(0, 24, 4)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+_BOX_UV_FROM_CORNER = np.array(  # as ``_surface_coordinates`` has it
+    [[[-y, x, 0.0], [0.0, 0.0, 1.0]] if z == 0.0 else np.eye(3)[:2] for x, y, z in _BOX_CORNER_NORMALS]
 )
 
 
@@ -118,17 +123,16 @@ def box(finish: Finish, size_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), beve
 def boxes(finish: Finish, size_m: Float64Array, center_m: Float64Array) -> Mesh:
     """Cuboids of one finish, (N, 3) sizes along x, y, z and (N, 3) centres, all in one step."""
     size_m, center_m = np.asarray(size_m, np.float64), np.asarray(center_m, np.float64)
-    corners = (size_m[:, None, None, :] * _BOX_CORNERS + center_m[:, None, None, :]).reshape(-1, 3)
-    normals = np.tile(np.repeat(_BOX_NORMALS, 4, axis=0), (len(size_m), 1))
-    faces = np.arange(6 * len(size_m))[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])
+    corners = size_m[:, None] * _BOX_CORNERS + center_m[:, None]
+    triangles = np.arange(0, 24 * len(size_m), 24)[:, None, None] + _BOX_TRIANGLES
     return Mesh.indexed(
-        corners,
-        faces.reshape(-1, 3).astype(np.int32),
-        normals=normals,
+        corners.reshape(-1, 3),
+        triangles.reshape(-1, 3).astype(np.int32),
+        normals=_BOX_CORNER_NORMALS if len(size_m) == 1 else np.tile(_BOX_CORNER_NORMALS, (len(size_m), 1)),
         material=finish.material,
         tag=finish.tag,
         color=finish.color,
-        uv=_surface_coordinates(corners, normals),
+        uv=np.einsum("ijk,nik->nij", _BOX_UV_FROM_CORNER, corners).reshape(-1, 2),
         part=finish.part,
     )
 
@@ -307,7 +311,9 @@ def _is_no_needle(corners: Float64Array) -> BoolArray:
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
     """Cross product along the last axis, without ``np.cross``'s overhead, which tells on small meshes."""
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    cross = np.empty((*ax.shape, 3))
+    cross[..., 0], cross[..., 1], cross[..., 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return cross
 
 
 def _length(vectors: Float64Array) -> Float64Array:
@@ -345,7 +351,9 @@ def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cos
 
 def _surface_coordinates(points: Float64Array, normals: Float64Array) -> Float64Array:
     """(N, 2) x, y where the surface is nearly level; elsewhere metres along its horizontal, and z."""
-    across = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    upright = np.stack([np.einsum("ij,ij->i", across, points[:, :2]), points[:, 2]], axis=1)
-    return np.where(np.abs(normals[:, 2:]) > 0.7, points[:, :2], upright)
+    x, y, z = normals.T
+    along_m = (x * points[:, 1] - y * points[:, 0]) / np.maximum(np.hypot(x, y), 1e-12)
+    uv = points[:, :2].copy()
+    upright = np.abs(z) <= 0.7
+    uv[upright, 0], uv[upright, 1] = along_m[upright], points[upright, 2]
+    return uv

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.drape import ByTile, Cut, cut_to_facets
+from simbev_ros.assets.drape import ByTile
+from simbev_ros.assets.facet_cuts import Cut, cut_to_facets
 from simbev_ros.assets.facets import TILE_M, Facets
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 
 _Key = tuple[int, int, int]
@@ -20,7 +20,9 @@ _Key = tuple[int, int, int]
 
 def standing(place_m: Sequence[float] | Float64Array, height_m: float, yaw_rad: float = 0.0) -> Float64Array:
     """(4, 4) pose of something upright at x, y of the map."""
-    return matrices_from_xyz_rpy(np.array([place_m[0], place_m[1], height_m]), np.array([0.0, 0.0, yaw_rad]))
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    rows = [cosine, -sine, 0.0, place_m[0]], [sine, cosine, 0.0, place_m[1]], [0.0, 0.0, 1.0, height_m]
+    return np.array([*rows, [0.0, 0.0, 0.0, 1.0]])
 
 
 class TileBuilder:

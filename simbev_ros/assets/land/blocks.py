@@ -47,9 +47,15 @@ class Frontage:
 
     def chord(self, start_m: float, length_m: float) -> tuple[Float64Array, Float64Array]:
         """(2,) place at a distance along the line, and the (2,) unit direction to the place ``length_m`` farther on."""
-        ends = shapely.get_coordinates(shapely.line_interpolate_point(self.line, [start_m, start_m + length_m]))
-        step = ends[1] - ends[0]
-        return ends[0], step / max(float(np.hypot(*step)), 1e-9)
+        places, along = self.chords(np.array([start_m]), length_m)
+        return places[0], along[0]
+
+    def chords(self, start_m: Float64Array, length_m: float) -> tuple[Float64Array, Float64Array]:
+        """As ``chord``, of (N,) distances."""
+        at_m = np.concatenate([start_m, start_m + length_m])
+        places, ends = np.split(shapely.get_coordinates(shapely.line_interpolate_point(self.line, at_m)), 2)
+        step = ends - places
+        return places, step / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
 
     def stations(self, spacing_m: float, from_m: float = 0.0) -> tuple[Float64Array, Float64Array]:
         """(N, 2) places a spacing apart, and the (N, 2) unit directions there."""
@@ -87,7 +93,8 @@ class Block:
 
 def left_of(direction: Float64Array) -> Float64Array:
     """(…, 2) vectors turned by a right angle to the left."""
-    return np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
+    turned: Float64Array = direction[..., ::-1] * np.array([-1.0, 1.0])
+    return turned
 
 
 def zones_of(ground: RegionGround) -> Zones:

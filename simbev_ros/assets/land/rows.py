@@ -13,13 +13,14 @@ from simbev_ros.assets.architecture.houses import GARAGE_M
 from simbev_ros.assets.architecture.kinds import Kind, build, load_kinds
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.land.blocks import Block, Frontage, left_of
-from simbev_ros.assets.land.yard import Yard, quad, yaw_of
+from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
 from simbev_ros.assets.tiles import standing
 from simbev_ros.config.draw import sample
 from simbev_ros.maps.land.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 _STEP_M = 1.5
+_AT_ONCE = 12  # places, most rows have room within so many
 _BACK_ROOM_M = 0.6
 _BEYOND_M = 3.0
 _PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # back from a street across the region's border, into the region
@@ -123,7 +124,8 @@ def site_at(
     width_m += GARAGE_M * abs(garage)
     origin_m = place_m + along * width_m / 2.0 + left_of(along) * (setback_m + kind.front_m)
     plot = Plot(width_m, depth_m, height_m, garage=garage)
-    return Site(kind_name, plot, origin_m, along, _footprint(kind, plot, origin_m, along), setback_m)
+    footprint = _footprints(kind, plot, origin_m[None], along[None])[0]
+    return Site(kind_name, plot, origin_m, along, footprint, setback_m)
 
 
 def _row(
@@ -164,31 +166,36 @@ def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: Base
     pushed_m = _PUSHES_M if line.beyond else (0.0,)
     for candidate, push_m in product((site, narrow), pushed_m):
         candidate = replace(candidate, setback_m=site.setback_m + push_m)
-        width_m = candidate.plot.width_m
-        for s_m in np.arange(from_m, line.length_m + _BEYOND_M - width_m, _STEP_M).tolist():
-            placed = _at(candidate, kind, *line.chord(s_m, width_m))
-            if _fits(yard, placed, land):
-                if candidate.plot is site.plot and s_m - from_m > kind.width[0] * BAY_M:
-                    break  # a narrow one would leave less of the street empty
-                return s_m, placed
+        found = _first_place(yard, line, candidate, from_m, land)
+        too_far = candidate.plot is site.plot and found is not None and found[0] - from_m > kind.width[0] * BAY_M
+        if found is not None and not too_far:  # else a narrow one would leave less of the street empty
+            return found
     return None
 
 
-def _at(site: Site, kind: Kind, place_m: Float64Array, along: Float64Array) -> Site:
-    """The same site, its plot beginning at another place."""
-    origin_m = place_m + along * site.plot.width_m / 2.0 + left_of(along) * (site.setback_m + kind.front_m)
-    return replace(site, origin_m=origin_m, along=along, footprint=_footprint(kind, site.plot, origin_m, along))
+def _first_place(
+    yard: Yard, line: Frontage, site: Site, from_m: float, land: BaseGeometry
+) -> tuple[float, Site] | None:
+    """Where along a line a site has room first, and the site there."""
+    kind, width_m = load_kinds()[site.kind], site.plot.width_m
+    all_m = np.arange(from_m, line.length_m + _BEYOND_M - width_m, _STEP_M)
+    for s_m in np.split(all_m, np.arange(_AT_ONCE, len(all_m), _AT_ONCE)):
+        places, along = line.chords(s_m, width_m)
+        origins_m = places + along * width_m / 2.0 + left_of(along) * (site.setback_m + kind.front_m)
+        footprints = _footprints(kind, site.plot, origins_m, along)
+        fits = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
+        for k in np.flatnonzero(fits).tolist():
+            if yard.claims.is_free(footprints[k]):
+                return float(s_m[k]), replace(site, origin_m=origins_m[k], along=along[k], footprint=footprints[k])
+    return None
 
 
-def _footprint(kind: Kind, plot: Plot, origin_m: Float64Array, along: Float64Array) -> shapely.Polygon:
+def _footprints(
+    kind: Kind, plot: Plot, origin_m: Float64Array, along: Float64Array
+) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
+    """(N,) footprints of a plot at (N, 2) places."""
     half_m = plot.width_m / 2.0 + kind.verge_m
-    return quad(origin_m, along, (-half_m, half_m), (-kind.front_m, plot.depth_m + _BACK_ROOM_M))
-
-
-def _fits(yard: Yard, site: Site, land: BaseGeometry) -> bool:
-    return bool(
-        land.contains(site.footprint) and yard.inside.contains(site.footprint) and yard.claims.is_free(site.footprint)
-    )
+    return quads(origin_m, along, (-half_m, half_m), (-kind.front_m, plot.depth_m + _BACK_ROOM_M))
 
 
 def _land_range_m(yard: Yard, site: Site) -> tuple[float, float]:

@@ -91,10 +91,19 @@ def quad(
     origin: Float64Array, along: Float64Array, x_m: tuple[float, float], y_m: tuple[float, float]
 ) -> shapely.Polygon:
     """A rectangle in the frame of a (2,) origin and the (2,) unit direction of its x axis."""
-    across = np.array([-along[1], along[0]])
-    corners = np.array([(x_m[0], y_m[0]), (x_m[1], y_m[0]), (x_m[1], y_m[1]), (x_m[0], y_m[1])])
-    rectangle: shapely.Polygon = shapely.polygons(origin + corners[:, :1] * along + corners[:, 1:] * across)
+    rectangle: shapely.Polygon = quads(origin[None], along[None], x_m, y_m)[0]
     return rectangle
+
+
+def quads(
+    origins: Float64Array, along: Float64Array, x_m: tuple[float, float], y_m: tuple[float, float]
+) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
+    """(N,) rectangles alike, each in a frame as ``quad``'s."""
+    x, y = np.array([[x_m[0], x_m[1], x_m[1], x_m[0]], [y_m[0], y_m[0], y_m[1], y_m[1]]])[:, None]
+    corners_m = np.empty((len(origins), 4, 2))
+    corners_m[..., 0] = origins[:, :1] + x * along[:, :1] - y * along[:, 1:]
+    corners_m[..., 1] = origins[:, 1:] + x * along[:, 1:] + y * along[:, :1]
+    return np.asarray(shapely.polygons(corners_m), object)
 
 
 def yaw_of(direction: Float64Array) -> float:

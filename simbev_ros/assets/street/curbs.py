@@ -84,8 +84,10 @@ def _stretches(
         parts = [part for part in shapely.get_parts(merged) if part.length > _SHORTEST_M]
         for part in sorted(parts, key=lambda part: part.coords[0]):
             stations = np.arange(_KEEP_FROM_CORNER_M, part.length - _KEEP_FROM_CORNER_M, STATION_M)
+            corners_m = shapely.get_coordinates(part)
+            corner_at_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners_m, axis=0).T)))
             places, onward = (
-                shapely.get_coordinates(shapely.line_interpolate_point(part, at_m))
+                np.column_stack([np.interp(at_m, corner_at_m, axis_m) for axis_m in corners_m.T])
                 for at_m in (stations, stations + STATION_M)
             )
             left = left_of(onward - places)

@@ -24,12 +24,10 @@ class Shores:
 
     def carve(self, xy_m: Float64Array, land_m: Float64Array) -> Float64Array:
         """(N,) heights of the land at (N, 2) points, of (N,) heights of the land as it were without water."""
-        least_m, most_m = xy_m.min(axis=0), xy_m.max(axis=0)
+        x_m, y_m = xy_m.T
         for shore in self._shores:
             low, high = shore.bounds_m[:2] - _BANK_M[1], shore.bounds_m[2:] + _BANK_M[1]
-            if (low > most_m).any() or (high < least_m).any():
-                continue
-            near = np.flatnonzero(((xy_m >= low) & (xy_m <= high)).all(axis=1))
+            near = np.flatnonzero((x_m >= low[0]) & (x_m <= high[0]) & (y_m >= low[1]) & (y_m <= high[1]))
             if len(near):
                 land_m = land_m.copy()
                 land_m[near] = shore.carved(xy_m[near], land_m[near])

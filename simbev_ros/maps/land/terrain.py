@@ -189,5 +189,6 @@ def _lowered(bound_m: Float64Array, steps: int) -> Float64Array:
         for shape, length in ((cv2.MORPH_CROSS, 1.0), (cv2.MORPH_RECT, np.sqrt(2.0)))
     ]
     for _ in range(steps):
-        bound_m = np.minimum.reduce([bound_m, *(cv2.erode(bound_m, kernel) + rise_m for kernel, rise_m in rises)])
+        around_m = [cv2.erode(bound_m, kernel) + rise_m for kernel, rise_m in rises]
+        bound_m = np.minimum(bound_m, np.minimum(*around_m))
     return bound_m

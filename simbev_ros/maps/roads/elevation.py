@@ -73,6 +73,7 @@ class _Samples:
         self._xyz_m = np.concatenate([np.empty((0, 3)), *(places_m for places_m, _, _ in parts)])
         self._slope = np.concatenate([np.empty((0, 2)), *(slopes for _, slopes, _ in parts)])
         self._in_junction = np.concatenate([np.empty(0, bool), *(inside for _, _, inside in parts)])
+        self._junctions = cKDTree(self._xyz_m[self._in_junction, :2])
         self._level = not (self._xyz_m[:, 2].any() or self._slope.any())
         self._tree = cKDTree(self._xyz_m[:, :2])
         # Large maps have many junctions, of which one scene sees few: planes are fitted when they are first asked for.
@@ -101,13 +102,14 @@ class _Samples:
         count = min(_FIT_NEIGHBOURS, len(self._xyz_m))
         for at in range(0, len(rows), _FITS_AT_ONCE):
             row = rows[at : at + _FITS_AT_ONCE]
+            self._as_given[row] = False
+            row = row[self._junctions.query(self._xyz_m[row, :2], distance_upper_bound=_FIT_REACH_M)[0] < _FIT_REACH_M]
             distance_m, index = self._tree.query(self._xyz_m[row, :2], k=range(1, count + 1), workers=_workers(row))
             to_junction_m = np.min(distance_m, axis=1, where=self._in_junction[index], initial=_FIT_REACH_M)
             near = to_junction_m < _FIT_REACH_M
             share = 1.0 - (to_junction_m[near, None] / _FIT_REACH_M) ** 2
             fitted = self._fitted(row[near], distance_m[near], index[near])
             self._plane[row[near]] += share * (fitted - self._plane[row[near]])
-            self._as_given[row] = False
 
     def _fitted(self, row: Int64Array, distance_m: Float64Array, index: Int64Array) -> Float64Array:
         """(M, 3) heights and slopes of the planes that fit (M, K) samples best, in the least squares."""

@@ -208,7 +208,7 @@ class Layout:
         """Strips of these kinds, on one level or on all, in order."""
         return tuple(strip for strip in self.strips if strip.kind in kinds and level in (None, strip.level))
 
-    @property
+    @cached_property
     def levels(self) -> range:
         """All levels: 0 to the highest."""
         return range(1 + max((strip.level for strip in self.strips), default=0))
@@ -249,5 +249,6 @@ def _bounds(shapes_m: Sequence[Float64Array]) -> Float64Array:
 
 def _touching(items: Sequence[_Item], bounds_m: Float64Array, reach_m: Float64Array) -> tuple[_Item, ...]:
     """Those of N items whose (N, 4) bounds touch (4,) bounds."""
-    apart = (bounds_m[:, :2] > reach_m[2:]) | (bounds_m[:, 2:] < reach_m[:2])
-    return tuple(items[row] for row in np.flatnonzero(~apart.any(axis=1)).tolist())
+    (x0, y0, x1, y1), (west_m, south_m, east_m, north_m) = bounds_m.T, reach_m.tolist()
+    touching = (x0 <= east_m) & (y0 <= north_m) & (x1 >= west_m) & (y1 >= south_m)
+    return tuple(items[row] for row in np.flatnonzero(touching).tolist())

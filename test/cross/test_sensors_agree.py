@@ -63,7 +63,7 @@ def static_scene() -> StaticScene:
 @pytest.fixture(scope="module")
 def moments(static_scene: StaticScene) -> list[Moment]:
     scenario = load_scenario("demo").model_copy(
-        update={"traffic": Traffic(vehicles=60, pedestrians=150, spawn_radius_m=150)}
+        update={"seed": 92, "traffic": Traffic(vehicles=60, pedestrians=150, spawn_radius_m=150)}
     )
     planned = next(planned_scenes(scenario))
     network = load_network(planned.map)

@@ -1,4 +1,4 @@
-"""An actor's shape: one mesh in its rest pose and the rigid parts (wheels, limbs) that move."""
+"""An actor's shape: one mesh in its rest pose and the rigid parts (wheels, doors, limbs) that move."""
 
 from dataclasses import dataclass
 
@@ -26,6 +26,8 @@ class Part:
         still_rad: Constant turn about y, in place of offset and swing, of an actor that stands still.
         lift_m: Rises by this times cos²(gait), and by all of it when the actor stands still: a leg is longest, and
             reaches deepest into the hip, when it is under the body.
+        door: Bit of the ``doors`` column that opens it.
+        opening_rad: Turn about z when it is open.
     """
 
     name: str
@@ -39,6 +41,8 @@ class Part:
     cranks: bool = False
     still_rad: float | None = None
     lift_m: float = 0.0
+    door: int = 0
+    opening_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +85,15 @@ def part_poses(model: ActorModel, actors: Table) -> Float64Array:
     gait = actors["gait"].astype(np.float64)[:, None]
     motion = np.minimum(np.hypot(actors["vx"], actors["vy"]).astype(np.float64) / _FULL_STRIDE_MPS, 1.0)[:, None]
     parts = np.array([_numbers(part) for part in model.parts])
-    spins, steers, swing_rad, phase_rad, offset_rad, cranks, is_still, still_rad, lift_m = parts[:, 3:].T
+    spins, steers, swing_rad, phase_rad, offset_rad, cranks, is_still, still_rad, lift_m, door, opening_rad = parts[
+        :, 3:
+    ].T
     angle_y = offset_rad + swing_rad * np.sin(gait + phase_rad)
     angle_y = np.where(is_still, motion * angle_y + (1.0 - motion) * still_rad, angle_y)
     angle_y = angle_y + spins * actors["wheel"][:, None] + cranks * gait
-    poses = _turns_about(parts[:, :3], angle_y, steers * actors["steer"][:, None])
+    is_open = actors["doors"][:, None] >> door.astype(np.uint8) & 1
+    angle_z = steers * actors["steer"][:, None] + opening_rad * is_open
+    poses = _turns_about(parts[:, :3], angle_y, angle_z)
     poses[..., 2, 3] += lift_m * (1.0 - motion * np.sin(gait) ** 2)
     for index, part in enumerate(model.parts):
         if part.parent >= 0:
@@ -106,6 +114,8 @@ def _numbers(part: Part) -> tuple[float, ...]:
         part.still_rad is not None,
         part.still_rad or 0.0,
         part.lift_m,
+        part.door,
+        part.opening_rad,
     )
 
 

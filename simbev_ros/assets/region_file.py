@@ -8,7 +8,7 @@ import numpy as np
 
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import RegionScene, StreetLight, Tile
-from simbev_ros.types import AnyArray
+from simbev_ros.types import AnyArray, Float64Array
 
 
 def write_region(path: Path, scene: RegionScene) -> None:
@@ -34,6 +34,13 @@ def read_region(path: Path) -> RegionScene:
         tuple(Tile(origin_m, meshes.pop(""), meshes, level) for origin_m, meshes, level in tiles),
         tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
     )
+
+
+def read_street_lights(path: Path) -> Float64Array:
+    """(L, 3) places of a region's street lights, map frame, without reading the rest; raises as ``read_region``."""
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        lights_m: Float64Array = arrays["street_light_m"]
+    return lights_m
 
 
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:

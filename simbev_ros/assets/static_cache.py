@@ -17,7 +17,7 @@ from simbev_ros.assets.build import build_region
 from simbev_ros.assets.facets import TILE_M
 from simbev_ros.assets.far_land import FarLand, cells_of, far_land, far_tiles
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.region_file import read_region, write_region
+from simbev_ros.assets.region_file import read_region, read_street_lights, write_region
 from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Tile
 from simbev_ros.errors import InputError
 from simbev_ros.maps.cache import default_cache_dir
@@ -25,6 +25,7 @@ from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.types import Float64Array
 
 _DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
 _T = TypeVar("_T")
@@ -59,6 +60,19 @@ def load_static_scene(
     return StaticScene((*tiles, *far_tiles(far, cells_of(far, tiles))), tuple(lights))
 
 
+def load_street_lights(
+    spec: MapSpec,
+    network: RoadNetwork,
+    cache_dir: Path | None = None,
+    *,
+    reach: Reach | None = None,
+) -> Float64Array:
+    """(N, 3) places of the street lights that ``load_static_scene`` gives, in its order; takes and raises the same."""
+    cache = StaticCache(spec, network, cache_dir)
+    lights_m = [cache.street_lights(region) for region in regions_of(network.layout, reach)]
+    return np.concatenate([np.empty((0, 3)), *lights_m])
+
+
 class StaticCache:
     """The regions of one map on disk; a cached one has the same bytes as one built anew."""
 
@@ -77,6 +91,11 @@ class StaticCache:
         """A region, built if it is not there; raises as ``load_static_scene``."""
         build = partial(self._write, write=partial(self._write_region, region=region))
         return _read(self._path(region), read_region, build)
+
+    def street_lights(self, region: Region) -> Float64Array:
+        """(L, 3) places of a region's street lights, map frame; raises as ``load_static_scene``."""
+        build = partial(self._write, write=partial(self._write_region, region=region))
+        return _read(self._path(region), read_street_lights, build)
 
     def far_land(self) -> FarLand:
         """What lies beyond the regions; raises as ``load_static_scene``."""

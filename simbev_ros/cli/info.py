@@ -71,6 +71,8 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     table.add_column(overflow="fold")
     table.add_row("scene", f"[bold]{escape(facts['name'])}[/]")
     table.add_row("state", _state(facts))
+    if facts["ended"]:
+        table.add_row("ended", escape(facts["ended"]))
     for problem in facts["problems"][:_MOST_PROBLEMS]:
         table.add_row("", f"[red]{escape(problem)}[/]")
     if len(facts["problems"]) > _MOST_PROBLEMS:
@@ -78,17 +80,24 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / 1e9:.2f} s")
     table.add_row("size", f"{decimal(facts['file_bytes'])}, {facts['messages']} messages")
     if scene := facts["scene"]:
-        weather = ", ".join(f"{key} {value:g}" for key, value in scene["weather"].items())
         table.add_row("map", f"{scene['map']}, split {scene['split']}, seed {scene['seed']}")
         table.add_row("ticks", f"{scene['ticks']} of {scene['tick_s']:g} s")
         table.add_row("actors", f"{scene['vehicles']} vehicles, {scene['pedestrians']} pedestrians")
-        table.add_row("weather", weather)
+        table.add_row("weather", _weather(scene))
         table.add_row("rig", "\n".join(scene["rig"]))
     attachments = ", ".join(f"{name} ({decimal(size)})" for name, size in facts["attachments"].items())
     table.add_row("attached", attachments or "nothing")
     if "digest" in facts:
         table.add_row("digest", facts["digest"][:_SHORT])
     return table
+
+
+def _weather(scene: dict[str, Any]) -> str:
+    """Each parameter, and what it becomes."""
+    final = scene["final_weather"] or {}
+    return ", ".join(
+        f"{key} {value:g}" + (f" → {final[key]:g}" if final else "") for key, value in scene["weather"].items()
+    )
 
 
 def _topic_table(topics: Sequence[dict[str, Any]], digest: bool) -> Table:

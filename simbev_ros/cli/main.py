@@ -13,7 +13,9 @@ from simbev_ros.cli.doctor import doctor
 from simbev_ros.cli.info import info
 from simbev_ros.cli.map import map_
 from simbev_ros.cli.preview import preview
+from simbev_ros.cli.replay import replay
 from simbev_ros.cli.run import run
+from simbev_ros.cli.scene import scene
 from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
@@ -29,7 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (demo, run, info, preview, doctor, bench):
+for _verb in (demo, run, replay, scene, info, preview, doctor, bench):
     app.command()(_verb)
 app.command("map")(map_)
 

@@ -20,7 +20,8 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.layout import partial_of, scene_folder
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.draw import draw_scene, planned_scenes, starts_of
+from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.spec import SceneSpec
 
@@ -36,7 +37,25 @@ def play_scenes(
         InputError: a scene cannot be drawn, or its bag cannot be written.
         GraphError: a node died or fell silent.
     """
-    specs = drawn_scenes(scenario, console)
+    return play_specs(scenario, drawn_scenes(scenario, console), console, live=live, dataset=dataset, domain=domain)
+
+
+def play_specs(
+    scenario: Scenario,
+    specs: Sequence[SceneSpec],
+    console: Console,
+    *,
+    live: bool = False,
+    dataset: Path | None = None,
+    domain: int | None = None,
+    replay: Path | None = None,
+) -> list[Path]:
+    """Play drawn scenes, or the one that a bag is replayed as; give the folders of the bags.
+
+    Raises:
+        InputError: a scene's bag cannot be written.
+        GraphError: a node died or fell silent.
+    """
     if dataset is not None:
         check_writable(dataset, specs)
     _build_surroundings(specs, console)
@@ -44,7 +63,9 @@ def play_scenes(
         console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
         for spec in specs:
             with scene_progress(spec, console) as progress:
-                session.play(spec, progress)
+                end = session.play(spec, progress, replay)
+            if end.reason != DURATION:
+                console.print(f"{spec.name} ended early: {end.reason}", markup=False, highlight=False, soft_wrap=True)
     return [scene_folder(dataset, spec.split, spec.name) for spec in specs] if dataset is not None else []
 
 
@@ -76,11 +97,12 @@ def prepare_regions(
 def drawn_scenes(scenario: Scenario, console: Console) -> list[SceneSpec]:
     """All scenes that a configuration asks for; says what had to be repaired in their maps."""
     planned = list(planned_scenes(scenario))
-    networks = {spec: _roads(spec, console) for spec in dict.fromkeys(scene.map for scene in planned)}
-    return [draw_scene(scenario, scene, networks[scene.map]) for scene in planned]
+    networks = {spec: map_roads(spec, console) for spec in dict.fromkeys(scene.map for scene in planned)}
+    starts = {spec: starts_of(scenario, network) for spec, network in networks.items()}
+    return [draw_scene(scenario, scene, networks[scene.map], starts[scene.map]) for scene in planned]
 
 
-def _roads(spec: MapSpec, console: Console) -> RoadNetwork:
+def map_roads(spec: MapSpec, console: Console) -> RoadNetwork:
     """A map's roads, and on the console its notes."""
     with console.status(f"roads of {escape(spec.name)}"):
         network = load_network(spec)

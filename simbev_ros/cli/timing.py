@@ -43,9 +43,9 @@ def timed_graph(scenario: Scenario, dataset: Path | None) -> GraphTiming:
             if tick is not None and tick >= 1 and start is None:
                 start = time.monotonic(), tick, session.cpu_s()
 
-        session.play(spec, progress)
+        end = session.play(spec, progress)
         assert start is not None
-        ticks = spec.ticks - 1 - start[1]
+        ticks = end.tick - start[1]
         rate = ticks / (time.monotonic() - start[0])
         cpu_s = session.cpu_s()
         processes = [

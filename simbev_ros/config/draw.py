@@ -75,6 +75,14 @@ class Distribution(Model):
             return min(self.choice), max(self.choice)
         return (0.0 if self.lognormal is not None else -math.inf), math.inf
 
+    def __str__(self) -> str:
+        kind = next(kind for kind in _KINDS if getattr(self, kind) is not None)
+        text = f"{kind} {', '.join(f'{value:g}' for value in getattr(self, kind))}"
+        text += f" times {self.scale:g}" if self.scale != 1 else ""
+        text += f" plus {self.offset:g}" if self.offset else ""
+        text += f", at least {self.min:g}" if self.min is not None else ""
+        return text + (f", at most {self.max:g}" if self.max is not None else "")
+
     def sample(self, rng: np.random.Generator) -> float:
         """One draw."""
         if self.uniform is not None:

@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
+from simbev_ros.config.lights import Lights
 from simbev_ros.config.rig import Rig
 from simbev_ros.geometry.grid import BevGrid
 
@@ -16,6 +17,7 @@ MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
 
 _Percent = Annotated[PaperOrDrawn, within(0, 100)]
 _Count = Annotated[PaperOrDrawn, within(0, 10_000)]
+_SHORTEST_S = 0.001
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -33,14 +35,22 @@ class Timing(Model):
 
     tick_s: float = Field(0.05, ge=0.001, le=1)
     warm_up_s: float = Field(4.0, gt=0, le=600, description="simulated at first, not recorded")
-    duration_s: float = Field(16.0, gt=0, le=3000)
+    duration_s: Annotated[Drawn, within(_SHORTEST_S, 3000)] = Field(
+        16.0, description="recorded; what is drawn is rounded to whole ticks"
+    )
+    end_after_standing_s: float | None = Field(
+        None, gt=0, le=3000, description="the scene ends when the ego has stood still for so long; none: it goes on"
+    )
 
     @model_validator(mode="after")
     def _whole_ticks(self) -> Self:
         for name in ("warm_up_s", "duration_s"):
-            ticks = getattr(self, name) / self.tick_s
+            seconds = getattr(self, name)
+            if isinstance(seconds, Distribution):
+                continue
+            ticks = seconds / self.tick_s
             if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
-                raise ValueError(f"{name} {getattr(self, name):g} is not a whole number of ticks of {self.tick_s:g} s")
+                raise ValueError(f"{name} {seconds:g} is not a whole number of ticks of {self.tick_s:g} s")
         return self
 
     @property
@@ -49,7 +59,7 @@ class Timing(Model):
         return round(self.tick_s * 1e9)
 
 
-class WeatherConfig(Model):
+class WeatherParameters(Model):
     """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on others."""
 
     cloudiness: _Percent = "paper"
@@ -64,10 +74,34 @@ class WeatherConfig(Model):
     fog_falloff: Annotated[PaperOrDrawn, within(0)] = "paper"
 
 
+class WeatherConfig(WeatherParameters):
+    """Weather and light at the scene's start and, if they change, at its end."""
+
+    final: WeatherParameters | None = Field(
+        None, description="at the last tick, reached linearly from the first; parameters not given are `paper`"
+    )
+
+
+EgoDriverKind = Literal["traffic", "twist"]
+
+
+class SpawnPose(Model):
+    """Where the ego may start: the middle of its footprint, map frame; it is put on the nearest lane."""
+
+    x_m: float = Field(ge=-1e6, le=1e6)
+    y_m: float = Field(ge=-1e6, le=1e6)
+    z_m: float | None = Field(None, ge=-1e4, le=1e4, description="height of the road, which tells levels apart")
+    yaw_deg: float | None = Field(None, ge=-360, le=360, description="tells directions apart")
+
+
 class Ego(Model):
     """The ego vehicle."""
 
     blueprint: str = "vehicle.sedan"
+    driver: EgoDriverKind = Field(
+        "traffic", description="twist: geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s and angular.z in rad/s"
+    )
+    spawn: tuple[SpawnPose, ...] = Field((), description="one is drawn for each scene; none: anywhere on the map")
     reckless_probability: _Probability = 0.01
 
 
@@ -80,7 +114,16 @@ class Traffic(Model):
     waypoint_spacing_m: float = Field(24.0, ge=12, le=500, description="between places where vehicles can start")
     speed_factor: Annotated[Drawn, within(0.1, 4)] = Distribution(uniform=(0.8, 1.4))
     min_gap_m: Annotated[Drawn, within(0.2, 20)] = Distribution(normal=(3.2, 1.0), min=0.5, max=10)
+    headway_s: Annotated[Drawn, within(0.3, 10)] = Field(
+        Distribution(normal=(1.2, 0.25), min=0.7, max=2.5), description="time behind the front vehicle when driving"
+    )
+    lane_change_eagerness: Annotated[Drawn, within(0, 20)] = Field(
+        Distribution(lognormal=(0.0, 0.6), min=0.1, max=5), description="to change lanes for speed; 1 is usual"
+    )
     reckless_probability: _Probability = 0.01
+    distracted_probability: float = Field(0.02, ge=0, le=1, description="ignores lights and signs, but not others")
+    emergency_lights_probability: float = Field(0.5, ge=0, le=1, description="of emergency vehicles: lights on")
+    door_probability: float = Field(0.1, ge=0, le=1, description="that a vehicle that stands opens doors")
     pedestrian_max_speed_mps: Annotated[Drawn, within(0.8, 12)] = Distribution(lognormal=(0.16, 0.64), min=0.8, max=8)
     green_time_s: Annotated[Drawn, within(2, 300)] = Distribution(uniform=(4, 28))
 
@@ -130,6 +173,7 @@ class Scenario(Model):
     rig: Rig
     ego: Ego = Ego()
     weather: WeatherConfig = WeatherConfig()
+    lights: Lights = Lights()
     traffic: Traffic = Traffic()
     annotation: Annotation = Annotation()
     recording: Recording = Recording()

@@ -14,11 +14,15 @@ from simbev_ros.msgs import topics
 from simbev_ros.msgs.qos import LATCHED, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.nodes.lockstep import Lockstep
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.ending import SceneEnd
+from simbev_ros.scene.request import SceneRequest
 
 
 class GraphMonitor:
     """A ROS node of the supervising process.
+
+    Attributes:
+        end: How the present scene ends, from just before its last tick on.
 
     Args:
         domain: ROS domain of the graph.
@@ -30,6 +34,9 @@ class GraphMonitor:
         self._nodes = tuple(nodes)
         self.behind_world = Lockstep(participants, window_ticks=1)
         self.world = Lockstep(["world"], window_ticks=1)
+        self.recorder = Lockstep(["recorder"], window_ticks=1)
+        self.end: SceneEnd | None = None
+        self._scene = ""
         self._busy: dict[str, tuple[float, float]] = {}
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
         self._moved_s = time.monotonic()
@@ -41,16 +48,18 @@ class GraphMonitor:
         ready_qos = rclpy_qos(LATCHED)
         ready_qos.depth = 64
         self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
+        self._node.create_subscription(String, topics.END, self._on_end, rclpy_qos(LATCHED))
         self._node.create_subscription(Header, topics.READY, self._on_ready, ready_qos)
         self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 64)
 
-    def request(self, spec: SceneSpec) -> None:
+    def request(self, request: SceneRequest) -> None:
         """Ask the world node to play a scene."""
-        self.behind_world.start_scene(spec)
-        self.world.start_scene(spec)
+        for each in (self.behind_world, self.world, self.recorder):
+            each.start_scene(request.spec)
+        self._scene, self.end = request.spec.name, None
         self._moved_s = time.monotonic()
         self._heard_s = dict.fromkeys(self._nodes, self._moved_s)
-        self._request.publish(String(data=spec.model_dump_json()))
+        self._request.publish(String(data=request.model_dump_json()))
 
     def spin(self, duration_s: float) -> None:
         """Take messages for a while."""
@@ -81,10 +90,15 @@ class GraphMonitor:
 
     def _on_ready(self, message: Header) -> None:
         stamp_ns = stamp_of(message.stamp)
-        self.behind_world.finished(message.frame_id, stamp_ns)
-        self.world.finished(message.frame_id, stamp_ns)
+        for each in (self.behind_world, self.world, self.recorder):
+            each.finished(message.frame_id, stamp_ns)
         self._moved_s = time.monotonic()
         self._hear(message.frame_id.partition(":")[0])
+
+    def _on_end(self, message: String) -> None:
+        end = SceneEnd.model_validate_json(message.data)
+        if end.scene == self._scene:
+            self.end = end
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

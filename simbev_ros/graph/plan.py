@@ -38,6 +38,7 @@ def planned_processes(scenario: Scenario, *, live: bool, dataset: Path | None) -
     state_readers = len([name for name in names if name != "recorder"]) + (dataset is not None)
     parameters = {
         "live": live,
+        "recorded": dataset is not None,
         "participants": [*names, *scenario.graph.participants],
         "state_readers": state_readers,
         "window_ticks": scenario.graph.window_ticks,

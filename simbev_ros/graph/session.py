@@ -16,10 +16,14 @@ from simbev_ros.graph.monitor import GraphMonitor
 from simbev_ros.graph.plan import planned_processes
 from simbev_ros.graph.process import NodeProcess
 from simbev_ros.graph.shared_memory import held_files, remove_orphans
+from simbev_ros.scene.ending import SceneEnd
+from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
 
 _POLL_S = 0.1
 _STOP_TIMEOUT_S = 8.0
+_LIVE_PATIENCE_S = 2.0
+"""So long a live recorder may wait for the last messages, which may have been lost."""
 
 Progress = Callable[[int | None], None]
 """Called with the last tick that every participant has finished; None while they load the scene."""
@@ -70,22 +74,40 @@ class GraphSession:
         names = [node.name for nodes in plans for node in nodes]
         self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.graph.participants])
 
-    def play(self, spec: SceneSpec, progress: Progress) -> None:
-        """Play a scene to its end.
+    def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
+        """Play a scene to its end, which is returned.
 
         Args:
             spec: The scene.
             progress: Called often.
+            replay: A bag to take all motion from; None: it is simulated.
 
         Raises:
             GraphError: a node died, or was silent for too long; the message names it.
         """
-        self.monitor.request(spec)
-        while (tick := self._finished_tick()) is None or tick < spec.ticks - 1:
+        self.monitor.request(SceneRequest(spec=spec, replay=None if replay is None else str(replay.resolve())))
+        while (end := self.monitor.end) is None or not self._finished(end.tick):
+            tick = self._finished_tick()
             progress(tick)
             self.monitor.spin(_POLL_S)
             self._check(tick)
-        progress(tick)
+        progress(end.tick)
+        self._await_recorder(end.tick)
+        return end
+
+    def _finished(self, tick: int) -> bool:
+        done = self._finished_tick()
+        return done is not None and done >= tick
+
+    def _await_recorder(self, last_tick: int) -> None:
+        """Wait until the bag is closed, which the recorder reports as one more tick."""
+        end_s = time.monotonic() + _LIVE_PATIENCE_S
+        while self._dataset is not None and (not self._live or time.monotonic() < end_s):
+            done = self.monitor.recorder.finished_by_all()
+            if done is not None and done > last_tick:
+                return
+            self.monitor.spin(_POLL_S)
+            self._check(last_tick)
 
     @property
     def monitor(self) -> GraphMonitor:

@@ -10,9 +10,13 @@ CLOCK = "/clock"
 SCENE = "/world/scene"
 MAP = "/world/map"
 REQUEST = "/world/request"
+END = "/world/end"
 ACTORS = "/world/actors"
 SIGNALS = "/world/signals"
+LIGHTS = "/world/lights"
+BUILDING_LIGHTS = "/world/building_lights"
 WEATHER = "/world/weather"
+EVENTS = "/world/events"
 WORLD_MARKERS = "/world/markers"
 READY = "/sync/ready"
 DIAGNOSTICS = "/diagnostics"
@@ -37,12 +41,14 @@ class Topic:
         type: ROS type, e.g. ``sensor_msgs/msg/Image``.
         period_ticks: One message every so many ticks from tick 0 on; 0: latched, one message a scene.
         sensor: Sensor data, which live graphs send as best effort.
+        sporadic: Messages come when something happens, none, one or more at a tick.
     """
 
     name: str
     type: str
     period_ticks: int = 1
     sensor: bool = False
+    sporadic: bool = False
 
 
 def image_topic(agent: str, camera: str, modality: str) -> str:
@@ -69,6 +75,9 @@ def world_topics(spec: SceneSpec) -> Iterator[Topic]:
     """What the world node publishes and every scene has."""
     yield Topic(SCENE, "std_msgs/msg/String", 0)
     yield Topic(MAP, "std_msgs/msg/String", 0)
+    yield Topic(LIGHTS, "sensor_msgs/msg/PointCloud2", 0)
+    yield Topic(BUILDING_LIGHTS, "std_msgs/msg/String", 0)
+    yield Topic(EVENTS, "std_msgs/msg/String", sporadic=True)
     yield Topic(CLOCK, "rosgraph_msgs/msg/Clock")
     yield Topic(ACTORS, "sensor_msgs/msg/PointCloud2")
     yield Topic(SIGNALS, "sensor_msgs/msg/PointCloud2")

@@ -1,6 +1,7 @@
 """World state ↔ messages."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 from geometry_msgs.msg import Point, Quaternion, Vector3
@@ -13,7 +14,8 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.hd_map import lane_record
 from simbev_ros.msgs.stamps import header, stamp_of
 from simbev_ros.msgs.tables import message_from_table, table_from_message
-from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
+from simbev_ros.scene.lights import BuildingLightSpec
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, WorldState
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array, Table
 
@@ -30,6 +32,16 @@ def signals_message(state: WorldState) -> PointCloud2:
     return message_from_table(state.signals, state.stamp_ns, MAP_FRAME)
 
 
+def lights_message(table: Table, stamp_ns: int) -> PointCloud2:
+    """The street-lights table."""
+    return message_from_table(table, stamp_ns, MAP_FRAME)
+
+
+def building_lights_message(lights: BuildingLightSpec) -> String:
+    """Switch, share of lit windows and their colours as JSON."""
+    return String(data=lights.model_dump_json())
+
+
 def weather_message(state: WorldState) -> String:
     """The weather as JSON, with the stamp that a String lacks."""
     return String(data=json.dumps({"stamp_ns": state.stamp_ns, **state.weather.model_dump()}))
@@ -40,6 +52,14 @@ def hd_map_message(network: RoadNetwork, state: WorldState) -> String:
     ego = state.ego
     record = lane_record(network, np.array([ego["x"], ego["y"], ego["z"]], np.float64), float(ego["yaw"]))
     return String(data=json.dumps({"stamp_ns": state.stamp_ns, **record}))
+
+
+def event_message(event: Event, state: WorldState) -> String:
+    """Something that happened at this tick as JSON, with the stamp that a String lacks."""
+    happened = asdict(event)
+    return String(
+        data=json.dumps({"type": happened.pop("type"), "stamp_ns": state.stamp_ns, "tick": state.tick, **happened})
+    )
 
 
 def stamp_of_weather(message: String) -> int:

@@ -48,6 +48,8 @@ class CameraNode(Participant):
             if self._renderer is not None:
                 self._renderer.close()
             self._renderer = Renderer(static, load_models())
+        assert self._renderer is not None
+        self._renderer.set_lights(spec.lights)
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._previous.clear()

@@ -18,15 +18,28 @@ from simbev_ros.msgs.transforms import ego_transform, serialised_transforms, sta
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.layout import CONFIG_ATTACHMENT, MAP_ATTACHMENT, SCENE_ATTACHMENT, scene_folder
+from simbev_ros.recording.layout import (
+    CONFIG_ATTACHMENT,
+    LEAD_IN_ATTACHMENT,
+    MAP_ATTACHMENT,
+    SCENE_ATTACHMENT,
+    scene_folder,
+)
+from simbev_ros.recording.lead_in import lead_in_attachment
+from simbev_ros.recording.reader import RawMessage
+from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
+_REPLAYED = (topics.ACTORS, topics.SIGNALS)
 _LIVE_GRACE_TICKS = 40
 """Live: a tick is written, complete or not, when the clock is so far ahead of it."""
 
 
 class RecorderNode(GraphNode):
-    """Writes one bag a scene. A tick is reported as finished when all its messages are in the file."""
+    """Writes one bag a scene.
+
+    A tick is reported as finished when all its messages are in the file, the one after the last when the bag is closed.
+    """
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -36,20 +49,24 @@ class RecorderNode(GraphNode):
         self._chunk_kib = self.declared("chunk_kib", 4096, "Size of a chunk before compression, KiB")
         self._taken: dict[str, Any] = {}
         self._spec: SceneSpec | None = None
+        self._end: SceneEnd | None = None
+        self._lead_in: list[RawMessage] = []
         self._writer: SceneBagWriter | None = None
         self._loaded_reported = False
         self.create_subscription(String, topics.SCENE, self._on_scene, rclpy_qos(LATCHED), raw=True)
+        self.create_subscription(String, topics.END, self._on_end, rclpy_qos(LATCHED))
         self.create_wall_timer(0.05, self._report_loaded)
 
     def _on_scene(self, payload: bytes) -> None:
         self.close()
         scene_json: str = deserialize_message(payload, String).data
         self._spec = spec = SceneSpec.model_validate_json(scene_json)
+        self._end, self._lead_in = None, []
         self._loaded_reported = False
         self._manifest = topics.manifest(spec, compressed_images=self._compressed)
-        schedules = {topic.name: Schedule(0, topic.period_ticks) for topic in self._manifest}
+        schedules = {topic.name: Schedule(0, topic.period_ticks, topic.sporadic) for topic in self._manifest}
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
-        self._waiting: defaultdict[int, dict[str, tuple[int, bytes]]] = defaultdict(dict)
+        self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_lists)
         self._next_tick = 0
         self._writer = SceneBagWriter(
             scene_folder(self._dataset, spec.split, spec.name), chunk_bytes=self._chunk_kib << 10
@@ -82,7 +99,11 @@ class RecorderNode(GraphNode):
                 return
             latched = topic.period_ticks == 0
             stamp_ns = self._spec.start_ns if latched else stamp_of_serialised(payload, topic.type)
-            if stamp_ns is not None and stamp_ns >= self._spec.start_ns:
+            if stamp_ns is None:
+                return
+            if stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
+                self._lead_in.append(RawMessage(topic.name, stamp_ns, topic.type, payload))
+            elif stamp_ns >= self._spec.start_ns:
                 self._take(topic.name, stamp_ns, payload)
                 if topic.type == "nav_msgs/msg/Odometry":
                     transform = ego_transform(deserialize_message(payload, Odometry))
@@ -101,41 +122,57 @@ class RecorderNode(GraphNode):
     def _take(self, topic: str, stamp_ns: int, payload: bytes) -> None:
         """Enter a message into the books and write all ticks that are complete now."""
         spec = self._spec
-        if spec is None or self._accounting.add(topic, stamp_ns) is not Verdict.EXPECTED:
+        if spec is None or self._writer is None or self._accounting.add(topic, stamp_ns) is not Verdict.EXPECTED:
             return
         tick = spec.tick_of(stamp_ns)
-        self._waiting[tick][topic] = (stamp_ns, payload)
+        if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
+            self._writer.write(topic, stamp_ns, payload)
+            return
+        self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick
         if self.live:
             last_tick = max(last_tick, tick - _LIVE_GRACE_TICKS)
         self._write_until(spec, last_tick)
-        if self._next_tick == spec.ticks:
-            self._finish(spec)
+        self._finish_after_last(spec)
+
+    def _on_end(self, message: String) -> None:
+        end = SceneEnd.model_validate_json(message.data)
+        if self._spec is not None and end.scene == self._spec.name:
+            self._end = end
+            self._accounting.end_at(end.tick + 1)
+            self._finish_after_last(self._spec)
 
     def _write_until(self, spec: SceneSpec, last_tick: int) -> None:
         while self._next_tick <= last_tick:
             with self.meter.busy():
                 self._write_tick(self._next_tick)
-            if self._next_tick < spec.ticks - 1:
-                self.report_finished(spec, self._next_tick)
+            self.report_finished(spec, self._next_tick)
             self._next_tick += 1
 
     def _write_tick(self, tick: int) -> None:
         assert self._writer is not None
-        messages = self._waiting.pop(tick, {})
+        messages = self._waiting.pop(tick, _lists())
+        if tick == 0:
+            self._writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
         if topics.MAP in messages:
-            map_text = deserialize_message(messages[topics.MAP][1], String).data
+            map_text = deserialize_message(messages[topics.MAP][0][1], String).data
             self._writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
         for topic in self._manifest:
-            if topic.name in messages:
-                self._writer.write(topic.name, *messages[topic.name])
+            for stamp_ns, payload in messages[topic.name]:
+                self._writer.write(topic.name, stamp_ns, payload)
 
-    def _finish(self, spec: SceneSpec) -> None:
-        """Give the bag its final name; only then is the last tick reported."""
-        assert self._writer is not None
-        self._writer.finish(self._accounting.report().custom_data(spec.name))
+    def _finish_after_last(self, spec: SceneSpec) -> None:
+        """Give the bag its final name, if the last tick has been written."""
+        if self._writer is None or self._end is None or self._next_tick <= self._end.tick:
+            return
+        self._writer.finish(self._facts(spec))
         self._writer = self._spec = None
-        self.report_finished(spec, spec.ticks - 1)
+        self.report_finished(spec, self._end.tick + 1)
+
+    def _facts(self, spec: SceneSpec) -> dict[str, str]:
+        """What the bag's description says of the scene."""
+        ended = f"interrupted after tick {self._next_tick - 1}" if self._end is None else self._end.reason
+        return {**self._accounting.report().custom_data(spec.name), "ended": ended}
 
     def close(self) -> None:
         """Close a bag that is not finished: all that has come is written, and it stays marked as partial."""
@@ -143,9 +180,12 @@ class RecorderNode(GraphNode):
             return
         for tick in sorted(self._waiting):
             self._write_tick(tick)
-        report = self._accounting.report()
         if self.live and self._next_tick > 0:
-            self._writer.finish(report.custom_data(self._spec.name))
+            self._writer.finish(self._facts(self._spec))
         else:
-            self._writer.abandon(report.custom_data(self._spec.name))
+            self._writer.abandon(self._facts(self._spec))
         self._writer = self._spec = None
+
+
+def _lists() -> defaultdict[str, list[tuple[int, bytes]]]:
+    return defaultdict(list)

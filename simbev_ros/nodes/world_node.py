@@ -1,23 +1,43 @@
-"""The world node: owns time. Gets a drawn scene, simulates it, and starts a tick when all participants may follow."""
+"""The world node: owns time. Gets a scene to simulate or replay, and starts a tick when all participants may follow."""
 
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
+from simbev_ros.assets.static_cache import load_street_lights
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.qos import LATCHED, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of, time_message
 from simbev_ros.msgs.transforms import TransformBroadcaster
-from simbev_ros.msgs.world import actors_message, odometry_message, signals_message, weather_message
+from simbev_ros.msgs.world import (
+    actors_message,
+    building_lights_message,
+    event_message,
+    lights_message,
+    odometry_message,
+    signals_message,
+    weather_message,
+)
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
+from simbev_ros.recording.replay import Replay
+from simbev_ros.scene.ending import Ending, SceneEnd
+from simbev_ros.scene.lights import street_lights
+from simbev_ros.scene.reach import loaded_reach
+from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
+from simbev_ros.world.source import Source
 
 _MESSAGE_TYPES = {
     topics.SCENE: String,
@@ -25,22 +45,29 @@ _MESSAGE_TYPES = {
     topics.CLOCK: Clock,
     topics.ACTORS: PointCloud2,
     topics.SIGNALS: PointCloud2,
+    topics.LIGHTS: PointCloud2,
+    topics.BUILDING_LIGHTS: String,
     topics.WEATHER: String,
+    topics.EVENTS: String,
 }
 
 
 class WorldNode(GraphNode):
-    """Simulates one requested scene after the other."""
+    """Plays one requested scene after the other."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         participants = self.declared("participants", [], "Nodes on /sync/ready that must finish each tick")
+        self._recorded = self.declared("recorded", False, "A recorder writes each scene into a bag, once")
         self._state_readers = self.declared("state_readers", 0, "Readers of /world/actors to wait for before a scene")
         window_ticks = self.declared("window_ticks", 3, "Ticks that the world may be ahead of the slowest participant")
         self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
         self._pacer = Pacer(live=self.live)
-        self._simulation: Simulation | None = None
+        self._source: Source | None = None
+        self._request: SceneRequest | None = None
         self._spec: SceneSpec | None = None
+        self._end: SceneEnd | None = None
+        self._commands: dict[str, Any] = {}
         self._next_tick = 0
         self._transforms = TransformBroadcaster(self)
         ready_qos = rclpy_qos(LATCHED)
@@ -53,24 +80,41 @@ class WorldNode(GraphNode):
         self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
 
     def _on_request(self, message: String) -> None:
-        self._start(SceneSpec.model_validate_json(message.data))
+        self._start(SceneRequest.model_validate_json(message.data))
 
-    def _start(self, spec: SceneSpec) -> None:
-        """Load a scene, simulate its warm-up, and let everybody know; nothing is published before all are connected."""
+    def _start(self, request: SceneRequest) -> None:
+        """Load a scene, go through its warm-up, and tell everybody; nothing is published before all are connected."""
         self.close()
+        self._request, self._end = request, None
+        spec = request.spec
         network = load_network(spec.map)
+        self.advertise(topics.Topic(topics.END, "std_msgs/msg/String", 0), String)
         for topic in topics.world_topics(spec):
             self.advertise(topic, _MESSAGE_TYPES.get(topic.name, Odometry))
         self._transforms.start_scene(spec)
+        command = topics.agent_topic(spec.rig.agent, "cmd_vel")
+        if spec.ego_driver == "twist" and command not in self._commands:
+            self._commands[command] = self.create_subscription(Twist, command, self._on_command, 10)
         self._spec = spec
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
+        self._publish_lights(spec, network)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
-        self._simulation = Simulation(spec, network)
+        self._source = Simulation(spec, network) if request.replay is None else Replay(spec, Path(request.replay))
+        self._ending = Ending(spec, self._source.available)
         for _ in range(spec.warm_up_ticks - spec.lead_in_ticks):
-            self._simulation.step()
+            self._source.step()
         self._next_tick = -spec.lead_in_ticks
         self._pacer.start()
+
+    def _publish_lights(self, spec: SceneSpec, network: RoadNetwork) -> None:
+        places_m = load_street_lights(spec.map, network, reach=loaded_reach(spec, network))
+        self.publish(topics.LIGHTS, lights_message(street_lights(spec.lights, places_m), spec.start_ns))
+        self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
+
+    def _on_command(self, message: Twist) -> None:
+        if self._source is not None:
+            self._source.drive_ego(message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
         self._lockstep.finished(message.frame_id, stamp_of(message.stamp))
@@ -83,7 +127,7 @@ class WorldNode(GraphNode):
 
     def _may_start_tick(self) -> bool:
         spec = self._spec
-        if spec is None or self._simulation is None or self._next_tick >= spec.ticks:
+        if spec is None or self._source is None or self._end is not None:
             return False
         if self._next_tick == -spec.lead_in_ticks and not self._connected():
             return False
@@ -98,14 +142,20 @@ class WorldNode(GraphNode):
         return all(self.readers(name) >= self._state_readers for name in names)
 
     def _tick(self) -> None:
-        assert self._spec is not None and self._simulation is not None
+        assert self._spec is not None and self._source is not None
         with self.meter.busy():
-            self._publish_state(self._spec, self._simulation.step())
+            state = self._source.step()
+            self._end = self._ending.at(state)
+            if self._end is not None:  # everybody knows it before they can have finished the last tick
+                self.publish(topics.END, String(data=self._end.model_dump_json()))
+            self._publish_state(self._spec, state)
         self.report_finished(self._spec, self._next_tick)
         self._next_tick += 1
 
     def _publish_state(self, spec: SceneSpec, state: WorldState) -> None:
         agent = spec.rig.agent
+        for event in state.events:  # first, so that they are known long before the tick is finished
+            self.publish(topics.EVENTS, event_message(event, state))
         self.publish(topics.CLOCK, Clock(clock=time_message(state.stamp_ns)))
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
@@ -121,21 +171,35 @@ class WorldNode(GraphNode):
         return response
 
     def _step(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._pacer.paused and self._spec is not None
-        response.message = f"tick {self._next_tick}" if response.success else "pause first: /world/pause"
+        refusal = self._refusal()
+        if refusal is None and not self._pacer.paused:
+            refusal = "pause first: /world/pause"
+        response.success = refusal is None
+        response.message = refusal or f"tick {self._next_tick + self._pacer.steps}"
         if response.success:
             self._pacer.steps += 1
         return response
 
     def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._spec is not None and self.live
-        response.message = "restarted" if response.success else "only a live scene can start again"
-        if self._spec is not None and response.success:
-            self._start(self._spec)
+        refusal = self._refusal()
+        if refusal is None and not self.live:
+            refusal = "only a live scene can start again; in lockstep all nodes are in the middle of this one"
+        elif refusal is None and self._recorded:
+            refusal = "a scene that is recorded cannot start again"
+        response.success = refusal is None
+        response.message = refusal or "restarted"
+        if refusal is None and self._request is not None:
+            self._start(self._request)
         return response
 
+    def _refusal(self) -> str | None:
+        """Why the scene can neither be stepped nor start again, if so."""
+        if self._source is None:
+            return "no scene has been loaded yet"
+        return None if self._end is None else "the scene has ended"
+
     def close(self) -> None:
-        """End the simulation."""
-        if self._simulation is not None:
-            self._simulation.close()
-            self._simulation = None
+        """End the simulation or the replay."""
+        if self._source is not None:
+            self._source.close()
+            self._source = None

@@ -25,13 +25,19 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """When a topic has a message: every ``period_ticks`` from ``first_tick`` on; with period 0, once, at any stamp."""
+    """When a topic has a message: every ``period_ticks`` from ``first_tick`` on; with period 0, once, at any stamp.
+
+    A sporadic one has any number of messages at any tick: what has come is what was due.
+    """
 
     first_tick: int = 0
     period_ticks: int = 1
+    sporadic: bool = False
 
     def due(self, ticks: int) -> range:
         """The ticks, of a scene of so many, at which a message is due."""
+        if self.sporadic:
+            return range(0)
         if self.period_ticks == 0:
             return range(self.first_tick, min(self.first_tick + 1, ticks))
         return range(self.first_tick, ticks, self.period_ticks)
@@ -92,6 +98,7 @@ class Accounting:
         self.finished_tick = -1
         self._start_ns, self._tick_ns, self._ticks = start_ns, tick_ns, ticks
         self._first_ticks = {topic: entry.first_tick for topic, entry in manifest.items() if not entry.period_ticks}
+        self._sporadic = {topic: 0 for topic, entry in manifest.items() if entry.sporadic}
         self._due = {topic: entry.due(ticks) for topic, entry in manifest.items()}
         self._missing = {topic: set(due) for topic, due in self._due.items()}
         self._awaited = [0] * ticks
@@ -107,6 +114,9 @@ class Accounting:
         if stamp_ns < self._start_ns and topic not in self._first_ticks:
             return Verdict.WARM_UP
         tick = self._tick_of(topic, stamp_ns)
+        if topic in self._sporadic and tick is not None and tick < self._ticks:
+            self._sporadic[topic] += 1
+            return Verdict.EXPECTED
         if tick not in self._due.get(topic, ()):
             self._unexpected[topic] += 1
             return Verdict.UNEXPECTED
@@ -118,6 +128,14 @@ class Accounting:
         self._advance()
         return Verdict.EXPECTED
 
+    def end_at(self, ticks: int) -> None:
+        """The scene ends earlier: nothing is due from tick number ``ticks`` on."""
+        self._ticks = ticks
+        self._due = {topic: due[: len(range(due.start, ticks, due.step))] for topic, due in self._due.items()}
+        for topic, due in self._due.items():
+            self._missing[topic].intersection_update(due)
+        self._awaited = self._awaited[:ticks]
+
     def awaited(self, tick: int) -> list[str]:
         """The topics whose message of this tick has not come."""
         return [topic for topic, missing in self._missing.items() if tick in missing]
@@ -128,7 +146,7 @@ class Accounting:
         return Report(self._ticks, {topic: self._account(topic) for topic in [*self._due, *strangers]})
 
     def _account(self, topic: str) -> TopicAccount:
-        expected = len(self._due.get(topic, range(0)))
+        expected = len(self._due.get(topic, range(0))) + self._sporadic.get(topic, 0)
         missing = tuple(sorted(self._missing.get(topic, ())))
         recorded = expected - len(missing)
         return TopicAccount(expected, recorded, missing, self._duplicates[topic], self._unexpected[topic])

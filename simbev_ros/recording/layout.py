@@ -8,6 +8,7 @@ PARTIAL_SUFFIX = ".partial"
 SCENE_ATTACHMENT = "scene.json"
 CONFIG_ATTACHMENT = "config.yaml"
 MAP_ATTACHMENT = "map.xodr"
+LEAD_IN_ATTACHMENT = "lead_in.json"
 METADATA_FILE = "metadata.yaml"
 
 

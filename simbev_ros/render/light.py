@@ -16,6 +16,8 @@ LAMPS_ON_BELOW_DEG = 3.0
 _LOWEST_MOON_DEG = 35.0
 _LOWEST_KEY_DEG = 1.0
 _CLOUD_DRIFT_PER_S = 4e-4
+_HOUR_NS = 3600 * 10**9
+_CLOUDS_APART = 0.618  # of the clouds' period, from scene to scene
 _NOISE_PERIOD_M = 64.0
 _AMBIENT_GAIN = 1.25
 _AMBIENT_WHITENING = 0.65
@@ -87,7 +89,10 @@ class SkyLight:
         self, weather: Weather, stamp_ns: int, origin_m: Float64Array, contact_half_m: float
     ) -> Float64Array:
         """(10, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
-        drift = stamp_ns * 1e-9 * _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0) % 1.0
+        # Wind that changes must not multiply with all the time since 0: a scene has an hour of its own.
+        hour, within_ns = divmod(stamp_ns, _HOUR_NS)
+        drift_per_s = _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0)
+        drift = (hour * _CLOUDS_APART + within_ns * 1e-9 * drift_per_s) % 1.0
         fog_per_m = (weather.fog_density / 100.0) ** 2 * 0.06
         rows: list[tuple[Float64Array, float]] = [
             (self.key_direction, self.exposure),

@@ -21,6 +21,7 @@ TEXTURE_UNITS = {
             "rigid_poses",
             "rigid_actors",
             "signal_states",
+            "street_lamps",
             "shadow_map",
             "noise",
             "street_field",

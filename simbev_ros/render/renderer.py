@@ -25,6 +25,7 @@ from simbev_ros.render.static_geometry import StaticGeometry
 from simbev_ros.render.surfaces import shading_class_of_material
 from simbev_ros.render.targets import Targets, read_image
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
+from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array
 
 
@@ -61,6 +62,13 @@ class Renderer:
             self._rigid = RigidTextures(self._context)
             self._view_block = self._context.buffer(reserve=VIEW_BLOCK_BYTES)
             self._view_block.bind_to_uniform_block(BLOCK_BINDINGS["View"])
+        self.set_lights(LightSpec())
+
+    def set_lights(self, lights: LightSpec) -> None:
+        """Switch the street lights and windows; they are all in order until this is called."""
+        with self._context:
+            self._lamp_field.set_lights(lights)
+            self._shading.set_windows(lights)
 
     def render(self, cameras: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
         """Images of the ego's cameras at one moment, in the order of ``cameras``.

@@ -3,12 +3,15 @@
 import moderngl
 import numpy as np
 
+from simbev_ros.config.lights import MOST_COLORS
 from simbev_ros.render.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary, draw_screen
 from simbev_ros.render.surfaces import material_block, shading_classes
 from simbev_ros.render.targets import Targets
+from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array, Table
 
 _LAYER_STEP = 1.0 / 16.0
+_MOST_SEEDS = 4096
 _LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
 
 
@@ -37,6 +40,17 @@ class Shading:
         self._lamps_lit = lamps_lit
         block = np.concatenate([sky, *(matrix.T for matrix in matrices)])
         self._light.write(block.astype(np.float32).tobytes())
+
+    def set_windows(self, lights: LightSpec) -> None:
+        """Set how many windows are lit at night and in which colours."""
+        buildings = lights.buildings
+        colors = [[color >> shift & 0xFF for shift in (16, 8, 0)] for color in buildings.colors]
+        srgb = np.resize(np.array(colors, np.float32) / 255.0, (MOST_COLORS, 3))
+        program = self._passes[True][shading_classes().index("wall")].program
+        program["window_colors"].write(srgb.tobytes())  # type: ignore[union-attr]
+        program["window_color_count"] = len(colors)
+        program["window_share"] = buildings.share_lit if buildings.enabled else 0.0
+        program["window_seed"] = lights.seed % _MOST_SEEDS
 
     def set_signals(self, signals: Table) -> None:
         """Set what each of (S,) ``SIGNAL_DTYPE`` rows shows."""

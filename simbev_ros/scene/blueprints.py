@@ -31,6 +31,8 @@ class Blueprint(Model):
     wheel_radius_m: float = 0.0
     rider_seat_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stride_m: float = 0.0
+    doors: int = 0
+    wheelchair: bool = False
 
     @field_validator("tag", mode="before")
     @classmethod

@@ -1,28 +1,31 @@
 """Drawing a scene: configuration and map in, a complete ``SceneSpec`` out. All randomness of a scene starts here."""
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from simbev_ros.config.draw import sample
-from simbev_ros.config.scenario import SPLITS, Scenario, Split, Traffic
+from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing, Traffic
 from simbev_ros.errors import InputError
-from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
-from simbev_ros.scene.draw_weather import draw_weather
-from simbev_ros.scene.places import Places, places_along
-from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
-from simbev_ros.scene.streets import Streets
-from simbev_ros.scene.walks import WalkGraph
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.scene.draw_lights import draw_lights
+from simbev_ros.scene.draw_weather import draw_weathers
+from simbev_ros.scene.drivers import Driver, draw_driver
+from simbev_ros.scene.spawn import draw_spawn
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.scene.starts import Starts
+from simbev_ros.types import Float64Array, Int64Array
 
 _LOGGER = logging.getLogger(__name__)
-_WALK_MPS = 2.0  # where one can walk at this speed for the whole scene is room enough
+_CLOSE = 0.99  # of the spacing of places: so near the ego nobody else starts on its lane
 
 
 class PlannedScene(NamedTuple):
@@ -48,94 +51,96 @@ def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
                 number += 1
 
 
-def draw_scene(scenario: Scenario, planned: PlannedScene, network: RoadNetwork) -> SceneSpec:
+def draw_scene(
+    scenario: Scenario, planned: PlannedScene, network: RoadNetwork, starts: Starts | None = None
+) -> SceneSpec:
     """Draw one scene.
 
     Args:
         scenario: The configuration.
         planned: Number, map and split.
         network: The roads of ``planned.map``.
+        starts: ``starts_of`` the configuration and these roads, for whoever draws many scenes; by default worked out.
 
     Raises:
         InputError: more vehicles are asked for than there is room, or a blueprint is unknown or may drive nowhere.
     """
     seed = scenario.seed + planned.number
-    starts = _starts(scenario, network)
-    ego, ego_position_m = _draw_ego(scenario, seed, network.name, starts)
-    programmes = sorted({signal.programme for signal in network.signals}) or [""]
-    heights_m = np.concatenate([lane.centerline_m[:, 2] for lane in network.lanes.values()])
-    pedestrians = _draw_pedestrians(scenario, seed, network, ego_position_m)
+    starts = starts_of(scenario, network) if starts is None else starts
+    ticks, warm_up_ticks = _ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
+    duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
+    ego, ego_position_m = _draw_ego(scenario, seed, network, starts, duration_s)
+    weather, final_weather = draw_weathers(scenario.weather, seed, hilly=starts.is_hilly)
     return SceneSpec(
         number=planned.number,
         split=planned.split,
         seed=seed,
         map=planned.map,
         tick_ns=scenario.time.tick_ns,
-        warm_up_ticks=round(scenario.time.warm_up_s / scenario.time.tick_s),
-        ticks=round(scenario.time.duration_s / scenario.time.tick_s),
-        weather=draw_weather(scenario.weather, seed, hilly=bool(np.any(np.abs(heights_m) > 0.01))),
+        warm_up_ticks=warm_up_ticks,
+        ticks=ticks,
+        end_after_standing_ticks=_standing_ticks(scenario),
+        weather=weather,
+        final_weather=final_weather,
+        lights=draw_lights(scenario.lights, seed),
+        ego_driver=scenario.ego.driver,
         rig=scenario.rig,
         annotation=scenario.annotation,
-        vehicles=(ego, *_draw_vehicles(scenario.traffic, seed, starts, ego_position_m)),
-        pedestrians=tuple(pedestrians),
+        vehicles=(ego, *_draw_vehicles(scenario.traffic, seed, starts, duration_s, ego.start, ego_position_m)),
+        pedestrians=tuple(_draw_pedestrians(scenario.traffic, seed, starts, duration_s, network.name, ego_position_m)),
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{programme}.green"))
-            for programme in programmes
+            for programme in starts.programmes or ("",)
         ),
     )
 
 
-class _Starts(NamedTuple):
-    """Places where vehicles can start, and for each of SUMO's vehicle classes (N,) at which of them it can."""
-
-    places: Places
-    fit: Mapping[str, BoolArray]
+def _standing_ticks(scenario: Scenario) -> int | None:
+    standing_s = scenario.time.end_after_standing_s
+    return None if standing_s is None else max(1, math.ceil(standing_s / scenario.time.tick_s - 1e-6))
 
 
-def _starts(scenario: Scenario, network: RoadNetwork) -> _Starts:
-    """Waypoints of the map from which each class gets as far as it could drive in the scene."""
-    streets = Streets(network)
-    spacing_m = scenario.traffic.waypoint_spacing_m
-    places = places_along(streets.lanes, spacing_m / 2.0, spacing_m)
-    fastest_mps = max((lane.speed_mps for lane in streets.lanes), default=0.0)
-    fit = {}
-    for sumo_class in sorted({blueprint.sumo_class for blueprint in _vehicle_blueprints()}):
-        speeds_mps = [each.max_speed_mps for each in _vehicle_blueprints() if each.sumo_class == sumo_class]
-        way_m = _duration_s(scenario) * min(fastest_mps, max(speeds_mps))
-        fit[sumo_class] = streets.for_class(sumo_class).fit(places.row, places.s_m, way_m)
-    return _Starts(places, fit)
+def starts_of(scenario: Scenario, network: RoadNetwork) -> Starts:
+    """Where actors can start on a map: the part of drawing that all scenes of the map share."""
+    return Starts(network, scenario.traffic.waypoint_spacing_m)
 
 
-def _duration_s(scenario: Scenario) -> float:
-    return scenario.time.warm_up_s + scenario.time.duration_s
+def _ticks(timing: Timing, seed: int) -> int:
+    """Length of the scene: as it is fixed, or drawn and rounded to whole ticks."""
+    return max(1, round(sample(timing.duration_s, stream(seed, "time.duration")) / timing.tick_s))
 
 
-def _vehicle_blueprints() -> list[Blueprint]:
-    return [blueprint for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
-
-
-def _draw_ego(scenario: Scenario, seed: int, map_name: str, starts: _Starts) -> tuple[VehicleSpec, Float64Array]:
+def _draw_ego(
+    scenario: Scenario, seed: int, network: RoadNetwork, starts: Starts, duration_s: float
+) -> tuple[VehicleSpec, Float64Array]:
     """The ego and its (3,) place."""
-    by_name = {blueprint.name: blueprint for blueprint in _vehicle_blueprints()}
+    by_name = {blueprint.name: blueprint for blueprint in load_blueprints() if blueprint.kind == "vehicle"}
     if scenario.ego.blueprint not in by_name:
         raise InputError(f"ego.blueprint: no vehicle {scenario.ego.blueprint!r}; allowed: {', '.join(by_name)}")
     blueprint = by_name[scenario.ego.blueprint]
-    fit = np.flatnonzero(starts.fit[blueprint.sumo_class])
-    if not len(fit):
-        raise InputError(f"ego.blueprint: {blueprint.name} has no lane to drive on in map {map_name}")
-    place = int(fit[stream(seed, "ego.place").integers(len(fit))])
+    if scenario.ego.spawn:
+        start = draw_spawn(scenario.ego.spawn, seed, blueprint, network)
+        position_m, _ = network.pose_on_lane(start.lane, start.s_m)
+    else:
+        fit = np.flatnonzero(starts.fit(duration_s)[blueprint.sumo_class])
+        if not len(fit):
+            raise InputError(f"ego.blueprint: {blueprint.name} has no lane to drive on in map {network.name}")
+        place = int(fit[stream(seed, "ego.place").integers(len(fit))])
+        start, position_m = starts.vehicles.waypoint(place), starts.vehicles.position_m[place]
     probability = scenario.ego.reckless_probability
-    ego = _vehicle(scenario.traffic, blueprint, starts.places, place, stream(seed, "ego.style"), probability)
-    return ego, starts.places.position_m[place]
+    driver = draw_driver(scenario.traffic, blueprint, seed, "ego")
+    return _vehicle(scenario.traffic, blueprint, start, stream(seed, "ego.style"), probability, driver), position_m
 
 
-def _draw_vehicles(traffic: Traffic, seed: int, starts: _Starts, ego_m: Float64Array) -> Iterator[VehicleSpec]:
+def _draw_vehicles(
+    traffic: Traffic, seed: int, starts: Starts, duration_s: float, ego: WaypointSpec, ego_m: Float64Array
+) -> Iterator[VehicleSpec]:
     """Vehicles at the free places around the ego, each of a kind that may drive there."""
-    places, fit = starts
+    places, fit = starts.vehicles, starts.fit(duration_s)
     free: Int64Array = np.flatnonzero(
         places.within(ego_m, traffic.spawn_radius_m)
         & np.any(list(fit.values()), axis=0)
-        & np.any(places.position_m != ego_m, axis=1)
+        & ~places.beside(ego, _CLOSE * traffic.waypoint_spacing_m)
     )
     order = stream(seed, "vehicles.places").permutation(free)
     rng = stream(seed, "vehicles.count")
@@ -150,69 +155,68 @@ def _draw_vehicles(traffic: Traffic, seed: int, starts: _Starts, ego_m: Float64A
         )
     for index, place in enumerate(order[:count]):
         rng = stream(seed, f"vehicles.{index}")
-        blueprint = _choice([each for each in _vehicle_blueprints() if fit[each.sumo_class][place]], rng)
-        yield _vehicle(traffic, blueprint, places, int(place), rng, traffic.reckless_probability)
+        blueprint = _choice("vehicle", tuple(name for name in fit if fit[name][place]), rng)
+        driver = draw_driver(traffic, blueprint, seed, f"vehicles.{index}")
+        yield _vehicle(traffic, blueprint, places.waypoint(int(place)), rng, traffic.reckless_probability, driver)
 
 
 def _vehicle(
     traffic: Traffic,
     blueprint: Blueprint,
-    places: Places,
-    place: int,
+    start: WaypointSpec,
     rng: np.random.Generator,
     reckless_probability: float,
+    driver: Driver,
 ) -> VehicleSpec:
     return VehicleSpec(
         blueprint=blueprint.name,
         color=blueprint.colors[int(rng.integers(len(blueprint.colors)))],
-        start=places.waypoint(place),
+        start=start,
         speed_factor=sample(traffic.speed_factor, rng),
         min_gap_m=sample(traffic.min_gap_m, rng),
         reckless=bool(rng.random() < reckless_probability),
+        **driver,
     )
 
 
 def _draw_pedestrians(
-    scenario: Scenario, seed: int, network: RoadNetwork, center_m: Float64Array
+    traffic: Traffic, seed: int, starts: Starts, duration_s: float, map_name: str, center_m: Float64Array
 ) -> Iterator[PedestrianSpec]:
     """Pedestrians on sidewalks around the ego; as many as there is room for, down to none, and a note if not all."""
-    traffic = scenario.traffic
     rng = stream(seed, "pedestrians.count")
     wanted = int(rng.integers(0, 640, endpoint=True)) if traffic.pedestrians == "paper" else None
     wanted = round(sample(traffic.pedestrians, rng)) if wanted is None else wanted  # type: ignore[arg-type]
-    places = places_along(_long_sidewalks(scenario, network, center_m), 1.0, 1.0, end_margin_m=0.5)
-    near = np.flatnonzero(places.within(center_m, traffic.spawn_radius_m))
+    near = np.flatnonzero(starts.walkable(duration_s, center_m, traffic.spawn_radius_m))
     if wanted > len(near):
         _LOGGER.warning(
             "%s: room for %d of %d pedestrians on sidewalks within spawn_radius_m %g of the ego",
-            *(network.name, len(near), wanted, traffic.spawn_radius_m),
+            *(map_name, len(near), wanted, traffic.spawn_radius_m),
         )
-    blueprints = [blueprint for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
     order = stream(seed, "pedestrians.places").permutation(near)
     for index, place in enumerate(order[:wanted]):
         rng = stream(seed, f"pedestrians.{index}")
-        blueprint = _choice(blueprints, rng)
+        blueprint = _choice("pedestrian", None, rng)
         yield PedestrianSpec(
             blueprint=blueprint.name,
             color=blueprint.colors[int(rng.integers(len(blueprint.colors)))],
-            start=places.waypoint(int(place)),
+            start=starts.pedestrians.waypoint(int(place)),
             max_speed_mps=sample(traffic.pedestrian_max_speed_mps, rng),
         )
 
 
-def _long_sidewalks(scenario: Scenario, network: RoadNetwork, center_m: Float64Array) -> list[Lane]:
-    """Sidewalks that may come within the spawn radius and from which one can walk through the scene, or the longest."""
-    walks = WalkGraph(network)
-    way_m = walks.component_m()
-    needed_m = min(_duration_s(scenario) * _WALK_MPS, max(way_m.values(), default=0.0))
-    return [
-        lane
-        for lane in walks.sidewalks
-        if way_m[lane.edge] >= needed_m
-        and np.linalg.norm(lane.centerline_m[0] - center_m) <= scenario.traffic.spawn_radius_m + lane.length_m
+def _choice(kind: str, sumo_classes: tuple[str, ...] | None, rng: np.random.Generator) -> Blueprint:
+    """One of the blueprints of a kind and of some (None: all) of SUMO's classes, each as often as it is frequent."""
+    blueprints, shares = _frequencies(kind, sumo_classes)
+    return blueprints[int(np.searchsorted(shares, rng.random(), side="right"))]
+
+
+@cache
+def _frequencies(kind: str, sumo_classes: tuple[str, ...] | None) -> tuple[list[Blueprint], Float64Array]:
+    """Such blueprints, and the (B,) share of all draws that falls on each or one before it."""
+    blueprints = [
+        each
+        for each in load_blueprints()
+        if each.kind == kind and (sumo_classes is None or each.sumo_class in sumo_classes)
     ]
-
-
-def _choice(blueprints: Sequence[Blueprint], rng: np.random.Generator) -> Blueprint:
-    frequencies = np.array([blueprint.frequency for blueprint in blueprints])
-    return blueprints[int(rng.choice(len(blueprints), p=frequencies / frequencies.sum()))]
+    upto = np.cumsum([blueprint.frequency for blueprint in blueprints])
+    return blueprints, upto / upto[-1]

@@ -5,26 +5,33 @@ from collections.abc import Callable
 import numpy as np
 
 from simbev_ros.config.draw import sample
-from simbev_ros.config.scenario import WeatherConfig
+from simbev_ros.config.scenario import WeatherConfig, WeatherParameters
 from simbev_ros.random import stream
 from simbev_ros.scene.weather import Weather
 
 
-def draw_weather(config: WeatherConfig, seed: int, *, hilly: bool) -> Weather:
+def draw_weathers(config: WeatherConfig, seed: int, *, hilly: bool) -> tuple[Weather, Weather | None]:
+    """The weather at the scene's start and, if it changes, at its end; both follow the same rules, independently."""
+    final = None if config.final is None else draw_weather(config.final, seed, hilly=hilly, name="weather.final")
+    return draw_weather(config, seed, hilly=hilly), final
+
+
+def draw_weather(config: WeatherParameters, seed: int, *, hilly: bool, name: str = "weather") -> Weather:
     """Draw every parameter, each from its own stream, so that fixing one does not change the others' numbers.
 
     Args:
         config: What the user wants of each parameter.
         seed: The scene's seed.
         hilly: The map has non-zero elevation: fog then fills all heights.
+        name: Of the streams.
     """
     drawn: dict[str, float] = {}
 
-    def value(name: str, paper: Callable[[np.random.Generator], float]) -> float:
-        wanted = getattr(config, name)
-        rng = stream(seed, f"weather.{name}")
-        drawn[name] = paper(rng) if wanted == "paper" else sample(wanted, rng)
-        return drawn[name]
+    def value(parameter: str, paper: Callable[[np.random.Generator], float]) -> float:
+        wanted = getattr(config, parameter)
+        rng = stream(seed, f"{name}.{parameter}")
+        drawn[parameter] = paper(rng) if wanted == "paper" else sample(wanted, rng)
+        return drawn[parameter]
 
     clouds = value("cloudiness", lambda rng: 100 * rng.beta(0.8, 1.0))
     rain = value("precipitation", lambda rng: rng.beta(0.8, 0.2) * clouds if clouds > 40 else 0.0)

@@ -35,6 +35,12 @@ class Places:
         near: BoolArray = np.linalg.norm(self.position_m - center_m, axis=1) <= radius_m
         return near
 
+    def beside(self, waypoint: WaypointSpec, distance_m: float) -> BoolArray:
+        """(N,) whether they are on the lane of a waypoint and nearer to it than a distance."""
+        on_lane = np.array([lane.id == waypoint.lane for lane in self.lanes], bool)[self.row]
+        near: BoolArray = on_lane & (np.abs(self.s_m - waypoint.s_m) < distance_m)
+        return near
+
     def waypoint(self, index: int) -> WaypointSpec:
         """One of them."""
         return WaypointSpec(lane=self.lanes[self.row[index]].id, s_m=float(self.s_m[index]))

@@ -6,8 +6,9 @@ from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import Annotation
+from simbev_ros.config.scenario import Annotation, EgoDriverKind
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.weather import Weather
 
 NS_PER_S = 1_000_000_000
@@ -29,6 +30,11 @@ class VehicleSpec(Model):
     speed_factor: float = Field(gt=0, description="wanted speed over the speed limit")
     min_gap_m: float = Field(ge=0, description="gap to the front vehicle when stopped")
     reckless: bool = False
+    headway_s: float = Field(1.0, gt=0, description="time behind the front vehicle when driving")
+    lane_change_eagerness: float = Field(1.0, ge=0, description="to change lanes for speed; 1 is usual")
+    distracted: bool = Field(False, description="ignores lights and signs, but not others")
+    emergency_lights: bool = False
+    door_probability: float = Field(0.0, ge=0, le=1, description="of opening doors at each place where it stands")
 
 
 class PedestrianSpec(Model):
@@ -50,7 +56,13 @@ class SceneSpec(Model):
     tick_ns: int = Field(gt=0)
     warm_up_ticks: int = Field(ge=1)
     ticks: int = Field(ge=1, description="recorded ticks")
-    weather: Weather
+    end_after_standing_ticks: int | None = Field(
+        None, ge=1, description="the scene ends earlier when the ego has stood still for so long"
+    )
+    weather: Weather = Field(description="until the first recorded tick")
+    final_weather: Weather | None = Field(None, description="at the last tick; none: the weather stays as it is")
+    lights: LightSpec = LightSpec()
+    ego_driver: EgoDriverKind = "traffic"
     rig: Rig
     annotation: Annotation
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1)
@@ -73,6 +85,12 @@ class SceneSpec(Model):
     def stamp_ns(self, tick: int) -> int:
         """Stamp of a tick; warm-up ticks are negative."""
         return self.start_ns + tick * self.tick_ns
+
+    def weather_at(self, tick: int) -> Weather:
+        """Weather of a tick: during the warm-up the initial one, then linearly to the final one at the last tick."""
+        if self.final_weather is None or tick <= 0:
+            return self.weather
+        return self.weather.towards(self.final_weather, min(tick / (self.ticks - 1), 1.0) if self.ticks > 1 else 1.0)
 
     def tick_of(self, stamp_ns: int) -> int:
         """The tick of a stamp."""

@@ -54,6 +54,7 @@ SIGNAL_DTYPE = np.dtype(
         ("z", "<f8"),
         ("yaw", "<f4"),  # rad, direction in which the lamps shine
         ("time_in_state", "<f4"),  # s
+        ("time_remaining", "<f4"),  # s until the state changes; infinite where it never does
         ("green_time", "<f4"),  # s, as drawn for its programme
         ("id", "<u4"),  # equals its row + 1
         ("state", "u1"),  # SignalState
@@ -93,6 +94,23 @@ class SignalState(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened within the last tick.
+
+    Attributes:
+        type: ``collision``: two actors touch for the first time.
+        ids: Of the actors, ascending.
+        position_m: Map frame.
+        relative_speed_mps: Of the two, just before.
+    """
+
+    type: str
+    ids: tuple[int, ...]
+    position_m: tuple[float, float, float]
+    relative_speed_mps: float
+
+
+@dataclass(frozen=True, slots=True)
 class WorldState:
     """The world at one tick.
 
@@ -103,6 +121,7 @@ class WorldState:
         actors: (N,) ``ACTOR_DTYPE``, ascending id, the ego included.
         signals: (S,) ``SIGNAL_DTYPE``; rows never change place within a scene.
         weather: Weather and light now.
+        events: What happened since the tick before; in nodes other than the world's, none.
     """
 
     stamp_ns: int
@@ -111,6 +130,7 @@ class WorldState:
     actors: Table
     signals: Table
     weather: Weather
+    events: tuple[Event, ...] = ()
 
     @property
     def ego(self) -> Table:

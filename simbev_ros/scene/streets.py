@@ -3,6 +3,7 @@
 Since nobody reaches an end where that can be avoided, nobody has to be re-routed, removed or inserted in a scene.
 """
 
+from collections.abc import Set
 from functools import cache
 
 import numpy as np
@@ -22,8 +23,10 @@ _ABOUT = 0.9  # the two directions of a road that is all there is are about equa
 class Streets:
     """The driving lanes of a map and what follows them, for all vehicle classes."""
 
-    def __init__(self, network: RoadNetwork) -> None:
-        self.lanes = network.lanes_of(LaneKind.DRIVING)
+    def __init__(self, network: RoadNetwork, edges: Set[str] | None = None) -> None:
+        """All of a map, or only those on the given edges."""
+        lanes = network.lanes_of(LaneKind.DRIVING)
+        self.lanes = lanes if edges is None else tuple(lane for lane in lanes if lane.edge in edges)
         self.row = {lane.id: row for row, lane in enumerate(self.lanes)}
         pairs = [
             (row, self.row[successor])
@@ -87,6 +90,10 @@ class StreetGraph:
         enough: BoolArray = may_start & (np.minimum(ahead_m, component_m) >= way_m)
         return enough if enough.any() else may_start & (component_m >= _ABOUT * component_m.max(initial=0.0))
 
+    def ends_at(self, edge: str) -> bool:
+        """Whether nothing follows an edge."""
+        return not len(_row(self._after_edge, self._streets.edges.index(edge)))
+
     def route(self, start_lane: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
         """Edges of a random route from a lane, at least ``length_m`` long beyond the first edge.
 
@@ -99,8 +106,20 @@ class StreetGraph:
         row = self._streets.row.get(start_lane, -1)
         if row < 0 or not self._starts[row]:
             raise SimulationError(f"a vehicle of SUMO's class {self._sumo_class} cannot start on lane {start_lane}")
-        route = [int(self._streets.edge[row])]
-        following = _row(self._after_lane, row)
+        start = self._streets.edges[self._streets.edge[row]]
+        return start, *self._onward(_row(self._after_lane, row), length_m, rng)
+
+    def onward(self, edge: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
+        """Edges of a random route after an edge, as ``route``."""
+        return self._onward(_row(self._after_edge, self._streets.edges.index(edge)), length_m, rng)
+
+    def lane_of(self, edge: str) -> str:
+        """Id of the first lane of an edge that the class may use."""
+        on_edge = self._streets.edge == self._streets.edges.index(edge)
+        return self._streets.lanes[int(np.flatnonzero(on_edge & self._starts)[0])].id
+
+    def _onward(self, following: Int64Array, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
+        route: list[int] = []
         while len(following) and length_m > 0.0:
             way_m = self._streets.edge_length_m[following] + self._beyond_m[following]
             choices = following[way_m >= min(length_m, way_m.max())]

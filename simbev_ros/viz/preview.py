@@ -67,13 +67,18 @@ def _sheet(reader: FrameReader, width_px: int) -> ContactSheet:
 
 
 def _facts(spec: SceneSpec) -> str:
-    weather = spec.weather
     parts = [
         f"seed {spec.seed}",
         f"{len(spec.vehicles)} vehicles, {len(spec.pedestrians)} pedestrians",
-        f"sun {weather.sun_altitude_deg:.0f}°",
-        f"clouds {weather.cloudiness:.0f} %",
-        f"rain {weather.precipitation:.0f} %",
-        f"fog {weather.fog_density:.0f} %",
+        f"sun {_course(spec, 'sun_altitude_deg')}°",
+        f"clouds {_course(spec, 'cloudiness')} %",
+        f"rain {_course(spec, 'precipitation')} %",
+        f"fog {_course(spec, 'fog_density')} %",
     ]
     return "  ·  ".join(parts)
+
+
+def _course(spec: SceneSpec, parameter: str) -> str:
+    """What a parameter of the weather is, and what it becomes."""
+    moments = [spec.weather] if spec.final_weather is None else [spec.weather, spec.final_weather]
+    return " → ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)

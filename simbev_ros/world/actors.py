@@ -9,23 +9,34 @@ import shapely
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.scene.state import Event
+from simbev_ros.types import Float64Array, Int64Array, Table
+from simbev_ros.world.berth import Berth
 from simbev_ros.world.cast import cast_of
+from simbev_ros.world.collisions import Impact
+from simbev_ros.world.doors import Doors
+from simbev_ros.world.followers import Pursuit, Steady, Tow
 from simbev_ros.world.footing import Footing
 from simbev_ros.world.ground import Ground
-from simbev_ros.world.motion import Motion, Pursuit, Steady
+from simbev_ros.world.lights import HAZARD_LIGHTS
+from simbev_ros.world.motion import Motion
 from simbev_ros.world.table import ActorTable
 from simbev_ros.world.traffic import Traffic, TrafficSample
 
 _LOGGER = logging.getLogger(__name__)
 _HALF_WINDOW_S = 0.35
 _GROUND_MARGIN_M = 50.0
-_MOST_CHANGE_MPS2 = 30.0  # more, before averaging, is a jump of SUMO's between lanes that do not meet, and no driving
+_MOST_CHANGE_MPS2 = 20.0  # more, before averaging, is a jump of SUMO's between lanes that do not meet, and no driving
+_WALKERS_MPS2 = 5.0
 _HURRY = 1.3  # highest speed of a pedestrian that makes up for a sideways jump of SUMO's, over its usual highest
 
 
 class Actors:
-    """The cast of a scene in motion."""
+    """The cast of a scene in motion.
+
+    Attributes:
+        events: Those of the latest table.
+    """
 
     def __init__(self, spec: SceneSpec, network: RoadNetwork, traffic: Traffic) -> None:
         """At rest, where SUMO has placed everybody.
@@ -33,26 +44,44 @@ class Actors:
         Raises:
             SimulationError: the ego found no place.
         """
+        self.events: tuple[Event, ...] = ()
         tick_s = spec.tick_ns / NS_PER_S
         _report_missing(spec, traffic)
         sample = traffic.sample()
         self._ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
         fastest_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
         self._steady = Steady(sample.front_m, _MOST_CHANGE_MPS2 * tick_s**2)
-        self._pursuit = Pursuit(sample.pedestrian_m, _HURRY * fastest_mps * tick_s)
+        self._pursuit = Pursuit(sample.pedestrian_m, _HURRY * fastest_mps * tick_s, _WALKERS_MPS2 * tick_s**2)
         cast = cast_of(spec, traffic.vehicles, traffic.pedestrians)
+        directions = traffic.directions()
+        vehicles = len(traffic.vehicles)
+        self._tick_s = tick_s
+        behind_m = cast.bodies.boxes.size_m[:vehicles, 0] / 2.0 - cast.bodies.lead_m[:vehicles]
+        self._tow = Tow(sample.front_m, directions[:vehicles], behind_m)
+        point_m = sample.front_m - behind_m[:, None] * directions[:vehicles]
+        self._berth = Berth(cast.bodies, point_m, directions[:vehicles])
+        self._ids: Int64Array = cast.rows["id"][cast.rows["parent"] == 0].astype(np.int64)
+        self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
         self._motion = Motion(
             cast.bodies,
             self._leading_points(sample),
-            traffic.directions(),
+            directions,
             tick_s,
             max(1, round(_HALF_WINDOW_S / tick_s)),
             None if self._ground.is_level else Footing(self._ground, cast.bodies.contacts),
         )
+        self._coming_events: tuple[Event, ...] = ()
+        self._traffic = traffic
         # The oldest entry is of the tick that the kinematics are of.
         length = self.delay_ticks + 1
+        self._doors = Doors(spec, traffic, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
         self._table = ActorTable(spec, cast, len(traffic.vehicles))
+
+    @property
+    def ground(self) -> Ground:
+        """What everybody stands on."""
+        return self._ground
 
     @property
     def delay_ticks(self) -> int:
@@ -62,16 +91,37 @@ class Actors:
     def advance(self, sample: TrafficSample, step: int) -> Table:
         """(N,) ``ACTOR_DTYPE``, one tick on; ``step`` counts the ticks since the scene's start."""
         self._signals.append(sample.signals)
-        return self._table.at(self._motion.advance(self._leading_points(sample)), self._signals[0], step)
+        crashed = self._motion.collisions.crashed[: len(sample.signals)].copy()
+        motion = self._motion.advance(self._leading_points(sample))
+        self.events = self._coming_events  # the collisions known now are among the poses of the next table
+        self._coming_events = tuple(map(self._event, self._motion.collisions.impacts))
+        self._hold()
+        doors = self._doors.advance(sample.front_m, step)
+        return self._table.at(motion, self._signals[0] | np.where(crashed, HAZARD_LIGHTS, 0), doors, step)
+
+    def _event(self, impact: Impact) -> Event:
+        a, b = sorted(int(self._ids[body]) for body in impact.bodies)
+        x_m, y_m, z_m = impact.position_m.tolist()
+        return Event("collision", (a, b), (x_m, y_m, z_m), impact.relative_speed_mps)
+
+    def _hold(self) -> None:
+        """Let SUMO know where those who have just collided will stand, so that the others queue or go around."""
+        collisions = self._motion.collisions
+        for body in sorted({body for impact in collisions.impacts for body in impact.bodies}):
+            yaw_rad = float(collisions.yaw_rad[body])
+            ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+            front_m = collisions.rest_m[body] + self._half_length_m[body] * ahead
+            self._traffic.crash(body, front_m, yaw_rad)
 
     def _leading_points(self, sample: TrafficSample) -> Float64Array:
-        """(G, 4) points that the bodies follow, vehicles' front bumpers, then pedestrians, and their height above it.
+        """(G, 4) points that the bodies follow, of vehicles, then of pedestrians, and their height above it.
 
         Pedestrians on sidewalks stand on the curb, all else on the carriageway.
         """
-        pedestrian_m = self._pursuit.advance(sample.pedestrian_m)
+        point_m = self._tow.advance(self._steady.advance(sample.front_m))
+        pedestrian_m = self._pursuit.advance(self._berth.advance(point_m, sample.pedestrian_m, self._tick_s))
         points = np.zeros((len(sample.front_m) + len(pedestrian_m), 4))
-        points[:, :3] = np.concatenate([self._steady.advance(sample.front_m), pedestrian_m])
+        points[:, :3] = np.concatenate([point_m, pedestrian_m])
         points[len(sample.front_m) :, 3] = self._ground.raised_m(pedestrian_m)
         return points
 

@@ -15,6 +15,7 @@ from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_bluepri
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.types import Float64Array, Table
+from simbev_ros.world.contacts import Boxes
 from simbev_ros.world.footing import Contacts
 from simbev_ros.world.motion import Bodies
 
@@ -49,7 +50,7 @@ class _Member(NamedTuple):
     color: int
     point: int
     parent: int = 0
-    reckless: bool = False
+    behavior: Behavior = Behavior(0)
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -75,7 +76,7 @@ def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]
     rows["blueprint"] = [blueprint_index()[blueprint.name] for blueprint in blueprints]
     rows["tag"] = [blueprint.tag for blueprint in blueprints]
     rows["length"], rows["width"], rows["height"] = np.array([blueprint.size_m for blueprint in blueprints]).T
-    rows["behavior"] = [Behavior.RECKLESS if member.reckless else 0 for member in members]
+    rows["behavior"] = [member.behavior for member in members]
     return Cast(
         rows=rows,
         bodies=_bodies(members),
@@ -89,7 +90,8 @@ def _vehicles(spec: SceneSpec, indices: Sequence[int]) -> Iterator[_Member]:
     for point, index in enumerate(indices):
         vehicle = spec.vehicles[index]
         blueprint = blueprint_of(vehicle.blueprint)
-        yield _Member(EGO_ID + index, blueprint, vehicle.color, point, reckless=vehicle.reckless)
+        behavior = Behavior.RECKLESS * vehicle.reckless | Behavior.DISTRACTED * vehicle.distracted
+        yield _Member(EGO_ID + index, blueprint, vehicle.color, point, behavior=Behavior(behavior))
 
 
 def _riders(spec: SceneSpec, vehicles: Sequence[int]) -> Iterator[_Member]:
@@ -117,11 +119,11 @@ def _mounted(spec: SceneSpec) -> list[int]:
 
 
 def _bodies(members: Sequence[_Member]) -> Bodies:
-    """A vehicle's point is its front bumper, its axles lie half a wheelbase before and behind its middle."""
+    """A vehicle's axles lie half a wheelbase before and behind its middle, its point near the front one."""
     leaders = sorted((member for member in members if not member.parent), key=lambda member: member.point)
     drives = np.array([member.blueprint.kind == "vehicle" for member in leaders])
-    lead_m = np.where(drives, [member.blueprint.size_m[0] / 2.0 for member in leaders], 0.0)
     rear_m = np.where(drives, [member.blueprint.wheelbase_m / 2.0 for member in leaders], _PEDESTRIAN_TRAIL_M)
+    lead_m = np.where(drives, [_ahead_m(member.blueprint) for member in leaders], 0.0)
     return Bodies(
         point=np.array([member.point for member in members], np.int64),
         trail_m=lead_m + rear_m,
@@ -129,7 +131,17 @@ def _bodies(members: Sequence[_Member]) -> Bodies:
         leans=np.array([bool(member.blueprint.rider) for member in leaders]),
         mount_m=np.array([member.mount_m for member in members], np.float64),
         contacts=_contacts([member.blueprint for member in leaders]),
+        boxes=Boxes(np.array([member.blueprint.size_m for member in leaders]), int(np.count_nonzero(drives))),
     )
+
+
+def _ahead_m(blueprint: Blueprint) -> float:
+    """How far ahead of a vehicle's middle the point is that keeps to the lane's.
+
+    From there the front bumper swings out of a bend by as much as the rear axle cuts it.
+    """
+    reach_m = (blueprint.size_m[0] + blueprint.wheelbase_m) / 2.0
+    return reach_m / float(np.sqrt(2.0)) - blueprint.wheelbase_m / 2.0
 
 
 def _contacts(blueprints: Sequence[Blueprint]) -> Contacts:

@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.streets import Streets
 from simbev_ros.scene.walks import WalkGraph
 from simbev_ros.world.cast import blueprint_of
+from simbev_ros.world.rain import RainEffect, rain_effect
 from simbev_ros.world.tracks import Tracks
 
 _FOREVER_S = "1e8"
@@ -29,6 +29,13 @@ _RECKLESS = {
     "jmIgnoreFoeSpeed": "1000",
     "jmIgnoreJunctionFoeProb": "1",
     "impatience": "1",
+}
+# Such a driver stops for no light and no stop sign, but gives way to whoever is there.
+_DISTRACTED = {
+    "jmDriveAfterRedTime": _FOREVER_S,
+    "jmDriveAfterYellowTime": _FOREVER_S,
+    "jmStopSignWait": "0",
+    "jmAllwayStopWait": "0",
 }
 
 
@@ -65,17 +72,21 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
     start_edges = {network.lanes[vehicle.start.lane].edge for vehicle in spec.vehicles}
     tracks = Tracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
     fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
+    rain = rain_effect(spec.weather)
     root = ElementTree.Element("routes")
     edges: set[str] = set()
     for index, vehicle in enumerate(spec.vehicles):
         blueprint = blueprint_of(vehicle.blueprint)
         way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
-        route = streets.for_class(blueprint.sumo_class).route(vehicle.start.lane, way_m, rng)
+        graph = streets.for_class(blueprint.sumo_class)
+        route = graph.route(vehicle.start.lane, way_m, rng)
         lane = network.lanes[vehicle.start.lane]
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
         edges.update(route)
-        _add_vehicle(root, vehicle_name(index), vehicle, blueprint, route, start_m)
+        element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route, start_m)
+        if graph.ends_at(route[-1]):
+            ElementTree.SubElement(element, "stop", {"edge": route[-1], "duration": _FOREVER_S})
     walks = WalkGraph(network)
     for index, pedestrian in enumerate(spec.pedestrians):
         rng = stream(spec.seed, f"{pedestrian_name(index)}.walk")
@@ -92,11 +103,12 @@ def _add_vehicle(
     root: ElementTree.Element,
     name: str,
     vehicle: VehicleSpec,
-    blueprint: Blueprint,
+    rain: RainEffect,
     route: tuple[str, ...],
     start_m: float,
-) -> None:
-    """One vehicle at rest with its front bumper at its start, and a type of its own."""
+) -> ElementTree.Element:
+    """One vehicle at rest with its front bumper at its start, and a type of its own; the vehicle's element."""
+    blueprint = blueprint_of(vehicle.blueprint)
     length_m, width_m, height_m = blueprint.size_m
     own = {
         "id": name,
@@ -109,10 +121,13 @@ def _add_vehicle(
         "maxSpeed": f"{blueprint.max_speed_mps:g}",
         "desiredMaxSpeed": f"{blueprint.max_speed_mps:g}",
         "minGap": repr(vehicle.min_gap_m),
-        "speedFactor": repr(vehicle.speed_factor),
+        "speedFactor": repr(vehicle.speed_factor * rain.speed),
+        "tau": repr(vehicle.headway_s * rain.headway),
+        "lcSpeedGain": repr(vehicle.lane_change_eagerness),
         "latAlignment": "right" if blueprint.sumo_class == "bicycle" else "center",
     }
-    ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **(_RECKLESS if vehicle.reckless else {})})
+    manner = _RECKLESS if vehicle.reckless else _DISTRACTED if vehicle.distracted else {}
+    ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **manner})
     start = {
         "depart": "0",
         "departLane": vehicle.start.lane.rsplit("_", 1)[1],
@@ -122,8 +137,7 @@ def _add_vehicle(
     }
     element = ElementTree.SubElement(root, "vehicle", {"id": name, "type": name, **start})
     ElementTree.SubElement(element, "route", {"edges": " ".join(route)})
-    # Where a route had to end early, the vehicle stands there instead of vanishing.
-    ElementTree.SubElement(element, "stop", {"edge": route[-1], "duration": _FOREVER_S})
+    return element
 
 
 def _add_pedestrian(

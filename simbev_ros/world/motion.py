@@ -13,11 +13,12 @@ import numpy as np
 
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.world.collisions import Collisions
+from simbev_ros.world.contacts import Boxes
 from simbev_ros.world.footing import Contacts, Footing
 from simbev_ros.world.window import Window
 
 _GRAVITY_MPS2 = 9.81
-_MAKING_UP = 0.1  # metres to the side or along, per metre driven
 _SETTLING = 0.4  # heights are averaged over so much of the window of the points: long enough for springs
 
 
@@ -32,6 +33,7 @@ class Bodies:
         leans: (G,) bool; whether the body leans into curves, as two-wheelers do.
         mount_m: (N, 3) the body's origin in the frame of the one that follows the point; zero for that one itself.
         contacts: Where those that follow points touch the ground.
+        boxes: Of those that follow points.
     """
 
     point: Int64Array
@@ -40,6 +42,7 @@ class Bodies:
     leans: BoolArray
     mount_m: Float64Array
     contacts: Contacts
+    boxes: Boxes
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +71,11 @@ class Kinematics:
 
 
 class Motion:
-    """The motion of all bodies of a scene; one ``advance`` for each tick."""
+    """The motion of all bodies of a scene; one ``advance`` for each tick.
+
+    Attributes:
+        collisions: Those among the poses one tick after the ones that ``advance`` returns.
+    """
 
     def __init__(
         self,
@@ -98,7 +105,9 @@ class Motion:
         self._points.add(point_m)
         self._lead_m = point_m[:, :3].copy()
         self._rear_m = self._lead_m - bodies.trail_m[:, None] * direction
-        position_m, rpy_rad = self._poses(np.zeros(len(point_m)), point_m[:, 3])
+        poses = self._poses(np.zeros(len(point_m)), point_m[:, 3])
+        self.collisions = Collisions(bodies.boxes, *poses, tick_s)
+        position_m, rpy_rad = self._mounted(*poses)
         self._position_m = np.repeat(position_m[None], 3, axis=0)
         self._rpy_rad = np.repeat(rpy_rad[None], 3, axis=0)
 
@@ -111,7 +120,8 @@ class Motion:
         """Take the next (G, 4) leading points; the kinematics at ``delay_ticks`` before them."""
         self._points.add(point_m)
         smoothed = self._points.average()
-        position_m, rpy_rad = self._poses(self._follow(smoothed[:, :3]), smoothed[:, 3])
+        poses = self._poses(self._follow(smoothed[:, :3]), smoothed[:, 3])
+        position_m, rpy_rad = self._mounted(*self.collisions.resolve(*poses))
         self._position_m = np.concatenate([self._position_m[1:], position_m[None]])
         self._rpy_rad = np.concatenate([self._rpy_rad[1:], rpy_rad[None]])
         return self._kinematics()
@@ -132,7 +142,7 @@ class Motion:
         return np.where(self._bodies.leans, -np.arctan(sideways_mps2 / _GRAVITY_MPS2), 0.0)
 
     def _poses(self, lean_rad: Float64Array, raised_m: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """(N, 3) origins and (N, 3) roll, pitch, yaw, for bodies that lean by (G,) and stand (G,) above the road."""
+        """(G, 3) origins and (G, 3) roll, pitch, yaw, for bodies that lean by (G,) and stand (G,) above the road."""
         bodies = self._bodies
         forward = (self._lead_m - self._rear_m) / bodies.trail_m[:, None]
         origin_m = self._lead_m - bodies.lead_m[:, None] * forward
@@ -146,9 +156,14 @@ class Motion:
         z_m, rise_ahead, rise_left = self._planes.average().T
         pitch_rad = -np.arctan(rise_ahead)
         roll_rad = lean_rad + np.arctan(rise_left * np.cos(pitch_rad))
-        rpy_rad = np.stack([roll_rad, pitch_rad, yaw_rad], axis=1)[bodies.point]
-        origin_m = np.stack([x_m, y_m, z_m], axis=1)[bodies.point]
-        return origin_m + np.einsum("nij,nj->ni", rotations_from_rpy(rpy_rad), bodies.mount_m), rpy_rad
+        return np.stack([x_m, y_m, z_m], axis=1), np.stack([roll_rad, pitch_rad, yaw_rad], axis=1)
+
+    def _mounted(self, origin_m: Float64Array, rpy_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """(N, 3) origins and (N, 3) roll, pitch, yaw of all bodies, of those (G, 3) of who follows a point."""
+        bodies = self._bodies
+        rpy_rad = rpy_rad[bodies.point]
+        mount_m = np.einsum("nij,nj->ni", rotations_from_rpy(rpy_rad), bodies.mount_m)
+        return origin_m[bodies.point] + mount_m, rpy_rad
 
     def _kinematics(self) -> Kinematics:
         """Central differences about the middle one of the three latest poses."""
@@ -169,49 +184,6 @@ class Motion:
             speed_mps=np.einsum("ni,ni->n", velocity, forward),
             gain_mps2=np.einsum("ni,ni->n", acceleration, forward),
         )
-
-
-class Pursuit:
-    """Points that run after targets no faster than they could, so that a target's jump becomes a stretch of way."""
-
-    def __init__(self, target_m: Float64Array, reach_m: Float64Array) -> None:
-        """At the (G, 3) targets; (G,) ``reach_m`` is the longest way in one tick."""
-        self._position_m = target_m.copy()
-        self._reach_m = reach_m
-
-    def advance(self, target_m: Float64Array) -> Float64Array:
-        """(G, 3) points one tick later."""
-        way_m = target_m - self._position_m
-        distance_m = np.linalg.norm(way_m, axis=1)
-        share = np.minimum(1.0, self._reach_m / np.maximum(distance_m, 1e-9))
-        self._position_m = np.where((share < 1.0)[:, None], self._position_m + share[:, None] * way_m, target_m)
-        return self._position_m
-
-
-class Steady:
-    """Points that follow targets as vehicles can: where a target jumps, they go on and make up for it on their way."""
-
-    def __init__(self, target_m: Float64Array, most_change_m: float) -> None:
-        """At the (G, 3) targets, at rest; by ``most_change_m`` at most the way of a tick differs from the last one."""
-        self._target_m = target_m
-        self._most_change_m = most_change_m
-        self._step_m = np.zeros((len(target_m), 2))
-        self._offset_m = np.zeros((len(target_m), 2))
-
-    def advance(self, target_m: Float64Array) -> Float64Array:
-        """(G, 3) points one tick later; exactly the targets of those that did not jump lately."""
-        step_m = (target_m - self._target_m)[:, :2]
-        change_m = step_m - self._step_m
-        share = self._most_change_m / np.maximum(np.linalg.norm(change_m, axis=1), 1e-9)
-        possible_m = np.where((share < 1.0)[:, None], self._step_m + share[:, None] * change_m, step_m)
-        offset_m = self._offset_m + (possible_m - step_m)
-        distance_m = np.linalg.norm(offset_m, axis=1)
-        made_up_m = np.minimum(distance_m, _MAKING_UP * np.linalg.norm(possible_m, axis=1))
-        self._offset_m = offset_m * (1.0 - made_up_m / np.maximum(distance_m, 1e-9))[:, None]
-        self._target_m, self._step_m = target_m, possible_m
-        point_m = target_m.copy()
-        point_m[:, :2] += self._offset_m
-        return point_m
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:

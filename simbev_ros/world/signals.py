@@ -96,6 +96,7 @@ class SignalHeads:
         self._begins = np.zeros((len(cycles), most), np.int64)
         self._shown = np.zeros((most, len(signals)), np.uint8)
         self._held = np.zeros((most, len(signals)), np.int64)
+        self._left = np.zeros((most, len(signals)))
         number = {cycle.id: index for index, cycle in enumerate(cycles)}
         self._cycle = np.array([number[signal.programme] for signal in signals], np.int64)
         for index, cycle in enumerate(cycles):
@@ -107,6 +108,7 @@ class SignalHeads:
             shown = np.array([[_STATE_OF[state[link]] for link in links] for state in cycle.states], np.uint8)
             self._shown[:phases, rows] = shown
             self._held[:phases, rows] = _held_ticks(shown, np.array(cycle.ticks))
+            self._left[:phases, rows] = _left_ticks(shown, np.array(cycle.ticks))
 
     def at(self, tick: int) -> Table:
         """(S,) ``SIGNAL_DTYPE`` at a tick since SUMO's start (negative: before it)."""
@@ -117,6 +119,7 @@ class SignalHeads:
         table = self._table.copy()
         table["state"] = self._shown[phase[self._cycle], heads]
         table["time_in_state"] = (self._held[phase[self._cycle], heads] + since[self._cycle]) * self._tick_s
+        table["time_remaining"] = (self._left[phase[self._cycle], heads] - since[self._cycle]) * self._tick_s
         return table
 
 
@@ -159,6 +162,16 @@ def _held_ticks(shown: UInt8Array, ticks: Int64Array) -> Int64Array:
     since = np.maximum.accumulate(np.where(changed, begin[:, None], 0))
     held: Int64Array = (begin[:, None] - since)[len(ticks) :]
     return held
+
+
+def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
+    """(P, S) ticks until each head changes, from the beginning of phase p on; infinite where it never does."""
+    twice = np.concatenate([shown, shown])
+    end = np.cumsum(np.tile(ticks, 2))
+    changes = np.vstack([twice[1:] != twice[:-1], np.zeros((1, shown.shape[1]), bool)])
+    until: Float64Array = np.minimum.accumulate(np.where(changes, end[:, None], np.inf)[::-1])[::-1]
+    left: Float64Array = (until - (end - np.tile(ticks, 2))[:, None])[: len(ticks)]
+    return left
 
 
 def _heads(signals: Sequence[Signal], cycles: Sequence[Programme]) -> Table:

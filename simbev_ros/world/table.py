@@ -5,9 +5,9 @@ import numpy as np
 from simbev_ros.random import stream
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import EGO_ID
-from simbev_ros.types import Float64Array, Int64Array, Table
+from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.world.cast import Cast
-from simbev_ros.world.lights import blinks, vehicle_lights
+from simbev_ros.world.lights import BEACON_HZ, BLINKER_HZ, blinks, vehicle_lights
 from simbev_ros.world.motion import Kinematics
 
 _LARGEST_STEER_RAD = 0.7
@@ -20,23 +20,25 @@ class ActorTable:
     def __init__(self, spec: SceneSpec, cast: Cast, vehicles: int) -> None:
         """For a cast whose first ``vehicles`` rows are vehicles."""
         self._cast = cast
-        self._weather = spec.weather
+        self._spec = spec
         self._tick_s = spec.tick_ns / NS_PER_S
         self._blink_cycles = np.array(
             [stream(spec.seed, f"vehicles.{row['id'] - EGO_ID}.blinker").random() for row in cast.rows[:vehicles]]
         )
+        self._beacons = np.array([spec.vehicles[row["id"] - EGO_ID].emergency_lights for row in cast.rows[:vehicles]])
         # A rider pedals by the way of the bicycle below; vehicles' rows have the numbers of their leading points.
         self._moved_by = np.where(cast.rows["parent"] > 0, cast.bodies.point, np.arange(len(cast.rows)))
         self._steer_rad = np.zeros(len(cast.rows))
         self._wheel_rad = np.zeros(len(cast.rows))
         self._gait_rad = np.zeros(len(cast.rows))
 
-    def at(self, motion: Kinematics, signals: Int64Array, step: int) -> Table:
+    def at(self, motion: Kinematics, signals: Int64Array, doors: UInt8Array, step: int) -> Table:
         """(N,) ``ACTOR_DTYPE``, one step after the last one.
 
         Args:
             motion: Of the cast's rows.
             signals: (V,) SUMO's vehicle signals.
+            doors: (V,) bits of open doors.
             step: Ticks since the scene's start.
         """
         table = self._cast.rows.copy()
@@ -52,9 +54,12 @@ class ActorTable:
         self._turn(motion)
         table["steer"], table["wheel"], table["gait"] = self._steer_rad, self._wheel_rad, self._gait_rad
         vehicles = slice(len(self._blink_cycles))
-        bright = blinks(self._blink_cycles, step * self._tick_s)
+        weather = self._spec.weather_at(step - self._spec.warm_up_ticks)
+        bright = blinks(self._blink_cycles, step * self._tick_s, BLINKER_HZ)
+        beacons = self._beacons & blinks(self._blink_cycles, step * self._tick_s, BEACON_HZ)
         speed_mps, gain_mps2 = motion.speed_mps[vehicles], motion.gain_mps2[vehicles]
-        table["lights"][vehicles] = vehicle_lights(signals, speed_mps, gain_mps2, bright, self._weather)
+        table["lights"][vehicles] = vehicle_lights(signals, speed_mps, gain_mps2, bright, beacons, weather)
+        table["doors"][vehicles] = doors
         return table
 
     def _turn(self, motion: Kinematics) -> None:

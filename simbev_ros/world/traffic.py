@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import libsumo
 import numpy as np
@@ -20,6 +21,7 @@ _OPTIONS = {
     "pedestrian.striping.dawdling": "0",
     "pedestrian.striping.walkingarea-detail": "20",
     "time-to-teleport": "-1",
+    "time-to-impatience": "20",
     "collision.action": "none",
     "intermodal-collision.action": "none",
     "max-depart-delay": "0",
@@ -31,7 +33,14 @@ _OPTIONS = {
 }
 _LARGEST_SEED = 2**31 - 1
 _PLACE_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
+_ANYWHERE = 2  # of moveToXY: on a road or off it
 _VEHICLE_VARIABLES = (*_PLACE_VARIABLES, libsumo.VAR_SIGNALS)
+_NO_CHECKS, _ON_ROUTE = 0, 1  # speed mode; mode of placing vehicles
+_QUEUE_GAP_M = 5.0
+_AT_LINE_M = 10.0
+_STANDING_MPS = 0.05
+_FEW_EDGES = 6  # left of a route: time to draw a new one
+_FOREVER_S = 1e8
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
@@ -103,6 +112,8 @@ class Traffic:
             raise SimulationError(f"SUMO could not start: {error}") from error
         self.vehicles = tuple(sorted(map(index_of, libsumo.vehicle.getIDList())))
         self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
+        self._crashed: dict[str, dict[int, Any]] = {}
+        self._driven: dict[str, tuple[dict[int, Any], Float64Array]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
         for name in self._vehicle_names:
@@ -126,18 +137,64 @@ class Traffic:
         Raises:
             SimulationError: somebody has left the simulation.
         """
-        vehicles = libsumo.vehicle.getAllSubscriptionResults()
+        driven = {name: row for name, (row, _) in self._driven.items()}
+        vehicles = {**libsumo.vehicle.getAllSubscriptionResults(), **self._crashed, **driven}
         pedestrians = libsumo.person.getAllSubscriptionResults()
         try:
             rows = [vehicles[name] for name in self._vehicle_names]
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _PLACE_VARIABLES)
+            front_m = self._tracks.places_m(lanes, np.array(position_m, np.float64), np.array(left_m, np.float64))
+            for name, (_, driven_m) in self._driven.items():
+                front_m[self._vehicle_names.index(name)] = driven_m
             return TrafficSample(
-                self._tracks.places_m(lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)),
-                np.array([vehicles[name][libsumo.VAR_SIGNALS] for name in self._vehicle_names], np.int64),
+                front_m,
+                np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
                 _points([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
             )
         except KeyError as error:
             raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
+
+    def crash(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Keep somebody who has had a collision where it is, for good.
+
+        Args:
+            body: Which of the vehicles, then pedestrians.
+            front_m: (3,) where its front shall stand, map frame; only vehicles, who are ahead of what is published,
+                are put there.
+            yaw_rad: The vehicle's heading.
+        """
+        if body >= len(self.vehicles):
+            libsumo.person.setSpeed(self._pedestrian_names[body - len(self.vehicles)], 0.0)
+            return
+        name = self._vehicle_names[body]
+        self._crashed[name] = dict(libsumo.vehicle.getSubscriptionResults(name))
+        libsumo.vehicle.setSpeedMode(name, _NO_CHECKS)
+        libsumo.vehicle.setLaneChangeMode(name, 0)
+        libsumo.vehicle.setSpeed(name, 0.0)
+        x_m, y_m = front_m[:2].tolist()
+        libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_ROUTE)
+
+    def drive(self, vehicle: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Put a vehicle somewhere at the next step, on a road or off it, unless it has had a collision.
+
+        Args:
+            vehicle: Its place in ``vehicles``; from now on it moves only so.
+            front_m: (3,) middle of its front bumper, map frame.
+            yaw_rad: Its heading.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        name = self._vehicle_names[vehicle]
+        if name in self._crashed:
+            return
+        row = self._driven[name][0] if name in self._driven else dict(libsumo.vehicle.getSubscriptionResults(name))
+        self._driven[name] = row, front_m
+        try:
+            x_m, y_m = front_m[:2].tolist()
+            libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ANYWHERE)
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
 
     def step(self) -> None:
         """Advance by one tick.
@@ -149,6 +206,58 @@ class Traffic:
             libsumo.simulationStep()
         except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
+
+    def stop(self, vehicle: int) -> None:
+        """Keep a vehicle (its place in ``vehicles``) that stands from moving until it may ``go``."""
+        libsumo.vehicle.setSpeed(self._vehicle_names[vehicle], 0.0)
+
+    def go(self, vehicle: int) -> None:
+        """Let a vehicle drive on, unless it has had a collision."""
+        name = self._vehicle_names[vehicle]
+        if name not in self._crashed:
+            libsumo.vehicle.setSpeed(name, -1.0)
+
+    def wants_to_move(self, vehicle: int) -> bool:
+        """Whether a stopped vehicle would drive."""
+        return bool(libsumo.vehicle.getSpeedWithoutTraCI(self._vehicle_names[vehicle]) > _STANDING_MPS)
+
+    def stands_on(self, vehicle: int, for_s: float) -> bool:
+        """Whether a vehicle at rest will stay for so long: in a queue, or at a light that does not change till then."""
+        name = self._vehicle_names[vehicle]
+        leader = libsumo.vehicle.getLeader(name, _QUEUE_GAP_M)
+        if leader and leader[1] < _QUEUE_GAP_M:
+            return bool(libsumo.vehicle.getSpeed(leader[0]) < _STANDING_MPS)
+        for light, _, distance_m, state in libsumo.vehicle.getNextTLS(name)[:1]:
+            rest_s = libsumo.trafficlight.getNextSwitch(light) - libsumo.simulation.getTime()
+            return bool(state == "r" and distance_m < _AT_LINE_M and rest_s >= for_s)
+        return False
+
+    def adapt(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
+        """Give a driver another wanted speed (over the limit) and another headway."""
+        libsumo.vehicle.setSpeedFactor(self._vehicle_names[vehicle], speed_factor)
+        libsumo.vehicle.setTau(self._vehicle_names[vehicle], headway_s)
+
+    def ending(self) -> list[tuple[int, str]]:
+        """Vehicles (their places in ``vehicles``) whose routes end soon, and their routes' last edges."""
+        ways = [(libsumo.vehicle.getRoute(name), libsumo.vehicle.getRouteIndex(name)) for name in self._vehicle_names]
+        return [
+            (vehicle, route[-1])
+            for vehicle, (route, index) in enumerate(ways)
+            if len(route) - index <= _FEW_EDGES
+            and self._vehicle_names[vehicle] not in self._crashed
+            and not libsumo.vehicle.getStops(self._vehicle_names[vehicle], 1)
+        ]
+
+    def prolong(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
+        """Append edges to a vehicle's route; with a ``last_lane`` it stays at the end of that for ever."""
+        name = self._vehicle_names[vehicle]
+        ahead = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
+        if edges:
+            libsumo.vehicle.setRoute(name, [*ahead, *edges])
+        if last_lane is not None:
+            edge, lane = last_lane.rsplit("_", 1)
+            length_m = libsumo.lane.getLength(last_lane)
+            libsumo.vehicle.setStop(name, edge, length_m, int(lane), _FOREVER_S)
 
     def close(self) -> None:
         """End the simulation; a second call does nothing."""

@@ -16,9 +16,12 @@ from simbev_ros.types import Float64Array, Table
 
 NAMES = [blueprint.name for blueprint in load_blueprints()]
 VEHICLES = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
-WITH_DOORS = [name for name in VEHICLES if name not in ("vehicle.motorcycle", "vehicle.bicycle")]
-WALKERS = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
+FOUR_WHEELED = [entry.name for entry in load_blueprints() if entry.kind == "vehicle" and not entry.rider]
+WITH_DOORS = [entry.name for entry in load_blueprints() if entry.doors]
+PEOPLE = [entry for entry in load_blueprints() if entry.kind == "pedestrian"]
+WALKERS = [entry.name for entry in PEOPLE if not entry.wheelchair]
 EMERGENCY = [blueprint.name for blueprint in load_blueprints() if blueprint.emergency]
+DARK = [channel for name in ("lining", "seat", "glass", "black") for channel in finish_named(name, Tag.CAR).color]
 GAIT = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
 
 
@@ -108,7 +111,8 @@ def test_parts_come_after_their_parents_and_none_is_empty(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_triangles_are_within_the_budget(name: str) -> None:
-    assert 1000 < len(model(name).mesh.triangles) < {"pedestrian": 1600, "rider": 1600}.get(name.split(".")[0], 4700)
+    budget = {"pedestrian": 1600, "rider": 1600, "vehicle": 5700}[name.split(".")[0]]
+    assert 1000 < len(model(name).mesh.triangles) < (3200 if blueprint(name).wheelchair else budget)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -165,13 +169,82 @@ def test_blinkers_are_at_all_four_corners_and_plates_behind(name: str) -> None:
     assert lamp_points(name, Material.PLATE)[:, 0].min() < -0.4 * blueprint(name).size_m[0]
 
 
-@pytest.mark.parametrize("name", WITH_DOORS)
+@pytest.mark.parametrize("name", FOUR_WHEELED)
 def test_cars_have_reversing_lamps_and_glass_on_all_sides(name: str) -> None:
     assert lamp_points(name, Material.LAMP_REVERSE)[:, 0].max() < -0.3 * blueprint(name).size_m[0]
     glass = lamp_points(name, Material.GLASS)
     assert glass[:, 0].max() > 0.0
     assert glass[:, 1].max() > 0.5
     assert glass[:, 1].min() < -0.5
+
+
+def test_there_are_models_of_every_kind() -> None:
+    cars = [entry for entry in load_blueprints() if entry.tag == Tag.CAR and not entry.emergency]
+    assert len({entry.size_m for entry in cars}) >= 12
+    tags = [entry.tag for entry in load_blueprints()]
+    assert tags.count(Tag.TRUCK) >= 5
+    assert tags.count(Tag.BUS) >= 2
+    assert tags.count(Tag.MOTORCYCLE) >= 2
+    assert any(entry.wheelchair for entry in PEOPLE)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_doors_of_the_blueprint_are_parts_of_the_model_in_the_order_of_their_bits(name: str) -> None:
+    names = ["door front left", "door front right", "door rear left", "door rear right"]
+    doors = [part for part in model(name).parts if part.name.startswith("door")]
+    assert [part.name for part in doors] == names[: blueprint(name).doors]
+    assert [part.door for part in doors] == list(range(len(doors)))
+
+
+@pytest.mark.parametrize("name", WITH_DOORS)
+def test_a_door_opens_outward_about_its_front_edge_and_moves_nothing_else(name: str) -> None:
+    of, count = model(name), blueprint(name).doors
+    shut, every, *single = posed(of, rows(count + 2, doors=[0, 15, *(1 << k for k in range(count))]))
+    for k, opened in enumerate(single):
+        index = next(index for index, part in enumerate(of.parts) if part.door == k and part.opening_rad)
+        moves = of.mesh.part == index
+        np.testing.assert_array_equal(opened[~moves], shut[~moves])
+        np.testing.assert_array_equal(opened[moves], every[moves])
+        side = 1.0 if k % 2 == 0 else -1.0
+        outward_m = (opened - shut)[moves, 1] * side
+        assert outward_m.max() > 0.5
+        assert outward_m.min() > -0.15
+        tip = np.argmin(shut[moves, 0])
+        arm = [points[moves][tip, :2] - of.parts[index].pivot_m[:2] for points in (shut, opened)]
+        cosine = arm[0] @ arm[1] / np.linalg.norm(arm[0]) / np.linalg.norm(arm[1])
+        assert np.degrees(np.arccos(cosine)) == pytest.approx(65.0, abs=0.01)
+        assert np.linalg.norm(arm[0]) > 0.4
+
+
+@pytest.mark.parametrize("name", WITH_DOORS)
+def test_through_an_open_door_one_sees_a_dark_inside_and_no_back_of_a_painted_triangle(name: str) -> None:
+    of = model(name)
+    shut, opened = posed(of, rows(2, doors=[0, 1]))
+    triangles = o3d.core.Tensor(of.mesh.triangles.astype(np.uint32))
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(o3d.core.Tensor(opened.astype(np.float32)), triangles)
+    panel = shut[of.mesh.part == [part.name for part in of.parts].index("door front left")]
+    low, high = panel.min(axis=0) + np.array([0.15, 0.0, 0.1]), panel.max(axis=0) - np.array([0.2, 0.0, 0.1])
+    random = np.random.default_rng(2)
+    doorway = random.uniform([low[0], high[1], low[2]], high, (4000, 3))
+    directions = random.normal(size=(4000, 3)) * [0.2, 0.0, 0.2] + [0.0, -1.0, 0.0]
+    hits = scene.cast_rays(o3d.core.Tensor(np.concatenate([doorway, directions], axis=1).astype(np.float32)))
+    facing = np.einsum("ij,ij->i", hits["primitive_normals"].numpy(), directions) < 0.0
+    hit = np.isfinite(hits["t_hit"].numpy())
+    first = of.mesh.triangles[hits["primitive_ids"].numpy()[hit], 0]
+    inside = np.isin(of.mesh.color[first], DARK).all(axis=1)
+    assert inside.mean() > 0.7
+    assert (facing[hit] | inside).mean() > 0.998
+
+
+def test_a_wheelchair_rolls_on_its_rims_and_its_user_pushes_them() -> None:
+    of = model("pedestrian.wheelchair")
+    assert of.tag == Tag.PEDESTRIAN
+    assert [part.name for part in of.parts if part.spins] == ["wheel left", "wheel right"]
+    still, pushing = posed(of, rows(2, gait=np.pi / 2, wheel=[0.0, 1.0], vx=[0.0, 1.0]), "forearm left")
+    assert 0.03 < np.linalg.norm(pushing - still, axis=1).max() < 0.25
+    wheel = posed(of, rows(8, wheel=np.linspace(0.0, 2.0, 8)), "wheel left")
+    np.testing.assert_allclose(wheel[..., 2].min(axis=1), 0.0, atol=0.01)
 
 
 def test_only_emergency_vehicles_have_beacons() -> None:

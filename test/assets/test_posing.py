@@ -17,6 +17,7 @@ def random_actors(count: int) -> Table:
         actors[field] = random.normal(size=count)
     for axis, field in enumerate("xyz"):
         actors[field] = ORIGIN_M[axis] + random.uniform(-80.0, 80.0, count)
+    actors["doors"] = random.integers(0, 16, count)
     actors["vx"][::3] = actors["vy"][::3] = 0.0
     actors["blueprint"] = random.permutation(np.arange(count) % len(load_models()))
     return actors
@@ -34,7 +35,8 @@ def posed_slowly(model: ActorModel, actor: Table, vertex: int) -> Float64Array:
         if part.still_rad is not None:
             swing = motion * swing + (1.0 - motion) * part.still_rad
         about_y = swing + part.spins * float(actor["wheel"]) + part.cranks * gait
-        about_z = part.steers * float(actor["steer"])
+        is_open = int(actor["doors"]) >> part.door & 1
+        about_z = part.steers * float(actor["steer"]) + is_open * part.opening_rad
         turn = Rotation.from_euler("ZY", [about_z, about_y])
         point = turn.apply(point - part.pivot_m) + part.pivot_m
         point[2] += part.lift_m * (1.0 - motion * np.sin(gait) ** 2)

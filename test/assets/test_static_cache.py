@@ -8,7 +8,7 @@ from analytic_maps import hilly_road
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.region_pool import build_regions
-from simbev_ros.assets.static_cache import StaticCache, load_static_scene
+from simbev_ros.assets.static_cache import StaticCache, load_static_scene, load_street_lights
 from simbev_ros.assets.static_scene import RegionScene, StaticScene
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
@@ -70,6 +70,8 @@ def test_street_lamps_carry_the_index_of_their_light(
             assert np.linalg.norm(own_m.mean(axis=0) - scene.street_lights[index].position_m) < 0.1
             seen.add(index)
     assert len(seen) > 5
+    places_m = load_street_lights(SPEC, network, cache_dir, reach=reach)
+    np.testing.assert_array_equal(places_m, [light.position_m for light in scene.street_lights])
     assert (len(seen) == len(scene.street_lights)) == (reach is None)
 
 

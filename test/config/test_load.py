@@ -38,7 +38,7 @@ def test_sensor_defaults_of_the_rig_file_reach_every_sensor_of_their_type() -> N
             r"x.yaml:3: time.duration: unknown key; did you mean duration_s\? allowed: tick_s",
         ),
         (BASE + "time: {duration_s: 4 s}", r"x.yaml:3: time.duration_s: .*valid number.*'4 s'"),
-        (BASE + "time:\n  duration_s: -4", r"x.yaml:4: time.duration_s: .*greater than 0, not -4"),
+        (BASE + "time:\n  duration_s: -4", r"x.yaml:4: time.duration_s: is -4, but 0.001 to 3000 is allowed"),
         (BASE + "time: {duration_s: 4.01}", "4.01 is not a whole number of ticks of 0.05 s"),
         (BASE + "weather: {cloudiness: 200}", r"weather.cloudiness: is 200, but 0 to 100 is allowed"),
         (BASE + "weather: {cloudiness: {uniform: [0, 200]}}", "draws from 0 to 200, but 0 to 100 is allowed"),

@@ -108,3 +108,30 @@ def test_the_report_fits_into_the_bags_description() -> None:
     assert (data["scene"], data["complete"], data["ticks"]) == ("Town01-0007", "false", "6")
     assert json.loads(data["expected"]) == {"/every": 6, "/third": 2, "/once": 1}
     assert json.loads(data["recorded"]) == {"/every": 1, "/third": 0, "/once": 0}
+
+
+def test_a_scene_that_ends_earlier_is_complete_up_to_there() -> None:
+    account = books()
+    account.add("/once", 0)
+    for tick in (0, 1):
+        account.add("/every", stamp(tick))
+    account.add("/third", stamp(1))
+    assert not account.report().complete
+    account.end_at(3)
+    assert account.report().topics["/every"].missing_ticks == (2,)
+    account.add("/every", stamp(2))
+    report = account.report()
+    assert report.complete and account.finished_tick == 2
+    assert {topic: entry.expected for topic, entry in report.topics.items()} == {"/every": 3, "/third": 1, "/once": 1}
+    assert report.custom_data("a")["ticks"] == "3"
+    assert account.add("/every", stamp(3)) is Verdict.UNEXPECTED
+
+
+def test_what_happens_now_and_then_is_neither_missing_nor_too_much() -> None:
+    account = Accounting({"/events": Schedule(sporadic=True)}, start_ns=START_NS, tick_ns=TICK_NS, ticks=6)
+    assert account.finished_tick == 5
+    verdicts = [account.add("/events", stamp(tick)) for tick in (3, 3, 5, -1, 6)]
+    assert verdicts == [*[Verdict.EXPECTED] * 3, Verdict.WARM_UP, Verdict.UNEXPECTED]
+    books = account.report().topics["/events"]
+    assert (books.expected, books.recorded, books.unexpected) == (3, 3, 1)
+    assert account.report().complete

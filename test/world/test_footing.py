@@ -8,6 +8,7 @@ import pytest
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.world.contacts import Boxes
 from simbev_ros.world.footing import Contacts, Footing
 from simbev_ros.world.ground import CURB_HEIGHT_M, Ground
 from simbev_ros.world.motion import Bodies, Motion
@@ -36,8 +37,9 @@ def line(height, start_m=-100.0, stop_m=400.0):
 
 def drive(ground, height, contacts=WHEELS, speed_mps=12.0, seconds=12.0, y_m=0.0):
     """Origins, (3, 3) rotations and kinematics of a car that drives along x, led by points on the road."""
+    boxes = Boxes(np.ones((1, 3)), 1)
     bodies = Bodies(
-        np.zeros(1, np.int64), np.array([3.6]), np.array([2.2]), np.array([False]), np.zeros((1, 3)), contacts
+        np.zeros(1, np.int64), np.array([3.6]), np.array([2.2]), np.array([False]), np.zeros((1, 3)), contacts, boxes
     )
     x = speed_mps * TICK_S * np.arange(int(seconds / TICK_S))
     points = np.stack([x, np.full(len(x), y_m), [height(each) for each in x], np.zeros(len(x))], axis=1)[:, None]

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from simbev_ros.world.contacts import Boxes
+from simbev_ros.world.followers import Pursuit, Steady, Tow
 from simbev_ros.world.footing import Contacts
-from simbev_ros.world.motion import Bodies, Motion, Pursuit, Steady
+from simbev_ros.world.motion import Bodies, Motion
 
 TICK_S = 0.05
 
@@ -15,6 +17,7 @@ def body(trail_m=3.0, lead_m=2.0, leans=False, mounts_m=((0.0, 0.0, 0.0),)):
         leans=np.array([leans]),
         mount_m=np.array(mounts_m),
         contacts=Contacts(np.zeros(1, np.int64), np.zeros(1), np.zeros(1)),
+        boxes=Boxes(np.ones((1, 3)), 1),
     )
 
 
@@ -96,13 +99,30 @@ def test_yaw_rate_is_small_where_yaw_wraps_from_plus_to_minus_pi():
     assert np.abs(rates).max() == pytest.approx(0.2, rel=0.02)
 
 
-def test_a_pursuer_runs_at_its_limit_until_it_arrives():
-    pursuit = Pursuit(np.zeros((2, 3)), np.array([0.1, 0.1]))
-    target_m = np.array([[0.25, 0.0, 0.0], [0.05, 0.0, 0.0]])
-    ways_m = [pursuit.advance(target_m)[:, 0].tolist() for _ in range(3)]
-    assert ways_m[0] == pytest.approx([0.1, 0.05])
-    assert ways_m[1] == pytest.approx([0.2, 0.05])
-    assert ways_m[2] == [0.25, 0.05]
+def test_a_pursuer_keeps_to_its_speed_and_acceleration_and_stops_where_its_target_stops():
+    target_m = np.zeros((200, 2, 3))
+    target_m[:, 0, 0] = np.minimum(0.4 * np.arange(200), 40.0)  # runs at 8 m/s at once, and stops at once
+    target_m[:, 1, 1] = np.where(np.arange(200) < 20, 0.0, 0.6)  # jumps aside
+    change_m = 5.0 * TICK_S**2
+    pursuit = Pursuit(target_m[0], np.array([0.5, 0.1]), change_m)
+    points_m = np.array([pursuit.advance(each) for each in target_m])
+    steps_m = np.diff(points_m, axis=0)
+    assert np.all(np.linalg.norm(steps_m, axis=2).max(axis=0) <= [0.5 + 1e-9, 0.1 + 1e-9])
+    assert np.linalg.norm(np.diff(steps_m, axis=0), axis=2).max() < 1.3 * change_m
+    assert points_m[..., 0].max() <= 40.0 + 1e-9
+    assert np.array_equal(points_m[-30:], target_m[-30:])
+
+
+def test_who_is_towed_goes_the_same_way_behind():
+    angle = 0.03 * np.arange(1, 200)
+    lead_m = np.stack([10.0 * np.sin(angle), 10.0 * (1.0 - np.cos(angle)), 0.0 * angle], axis=-1)
+    tow = Tow(np.zeros((2, 3)), np.array([[1.0, 0.0, 0.0]] * 2), np.array([2.0, 0.0]))
+    points_m = np.array([tow.advance(np.repeat(each[None], 2, axis=0)) for each in lead_m])
+    assert np.array_equal(points_m[:, 1], lead_m)
+    behind = angle - 0.2
+    circle_m = np.stack([10.0 * np.sin(behind), 10.0 * (1.0 - np.cos(behind))], axis=-1)
+    np.testing.assert_allclose(points_m[behind > 0.0, 0, :2], circle_m[behind > 0.0], atol=0.01)
+    np.testing.assert_allclose(points_m[behind < 0.0, 0, 0], 10.0 * behind[behind < 0.0], atol=0.01)
 
 
 def test_a_target_that_jumps_aside_is_followed_like_a_change_of_lanes():

@@ -60,6 +60,15 @@ def test_time_in_state_counts_from_the_change_across_phases_and_cycles():
     assert times[:, 1].round().tolist() == [1, 2, 0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 0, 1]
 
 
+def test_time_remaining_counts_down_to_the_change_which_may_never_come():
+    cycle = Programme("J", ("Grr", "grr", "yrr", "rGr"), (4, 2, 1, 3), offset_ticks=1, green_s=0.6)
+    heads = SignalHeads([head("J", 0), head("J", 1), head("J", 2)], [cycle], 100_000_000)
+    times = np.array([heads.at(tick)["time_remaining"] for tick in range(-1, 13)]) / np.float32(0.1)
+    assert times[:, 0].round().tolist() == [2, 1, 6, 5, 4, 3, 2, 1, 1, 3, 2, 1, 6, 5]
+    assert times[:, 1].round().tolist() == [2, 1, 7, 6, 5, 4, 3, 2, 1, 3, 2, 1, 7, 6]
+    assert np.all(np.isinf(times[:, 2]))
+
+
 def test_heads_carry_their_pose_and_green_time():
     cycle = Programme("J", ("G", "r"), (5, 5), 0, green_s=0.5)
     signal = Signal(np.array([1.0, 2.0, 5.5]), 0.25, np.zeros(3), "J", 0, "")

@@ -60,7 +60,7 @@ def network(*lanes: Lane) -> RoadNetwork:
     )
 
 
-def scene(vehicles: int = 24, pedestrians: int = 24, ticks: int = 160, **changes: object) -> SceneSpec:
+def scene(vehicles: int = 32, pedestrians: int = 24, ticks: int = 160, **changes: object) -> SceneSpec:
     """A sedan, then every kind of vehicle in turn, and people on random sidewalks."""
     rng = np.random.default_rng(5)
     waypoints = blocks().waypoints(24.0)

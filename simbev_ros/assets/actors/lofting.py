@@ -1,10 +1,13 @@
-"""Meshes of shells: see ``shell`` for loops, columns and patches."""
+"""Meshes of shells: see ``shell`` for loops, columns, patches and panels."""
+
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from simbev_ros.assets.actors.doors import door_part, insides
 from simbev_ros.assets.actors.finishes import finish_named, mirrored_name
-from simbev_ros.assets.actors.shell import Arch, Curve, Loop, Patch, Shell
+from simbev_ros.assets.actors.shell import Arch, Area, Curve, Loop, Shell
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import patchwork
 from simbev_ros.semantics import Tag
@@ -14,36 +17,59 @@ _CAP_CUTS = (0.45, 1.0)
 _SEAM = 0.004
 
 
-def build_shell(shell: Shell, tag: Tag) -> Mesh:
-    """The closed mesh of a shell."""
+def build_shell(shell: Shell, tag: Tag, part_index: dict[str, int]) -> list[Mesh]:
+    """The closed mesh of a shell, and what is behind its doors."""
     columns = _columns(shell)
     half = np.stack([_half_loop(shell, loop, columns) for loop in shell.loops])
     for arch in shell.arches:
         _cut(half, arch)
     mirrored = half[:, -2:0:-1] * [1.0, -1.0, 1.0]
-    grid = np.concatenate([half, mirrored], axis=1)
     lateral = _laterals(shell)
-    surfaces = [
-        (_wall_quads(grid), _wall_finishes(shell, columns)),
-        (_cap_quads(_cap(shell, half[-1], lateral)), _cap_finishes(shell, columns, lateral)),
-        (_cap_quads(_level(half[0], np.array([-1.0, 1.0])))[:, ::-1], np.full(len(columns) - 1, shell.base)),
-    ]
-    quads = np.concatenate([quads for quads, _ in surfaces])
-    names, index = np.unique(np.concatenate([names for _, names in surfaces]), return_inverse=True)
+    wall = _wall_quads(np.concatenate([half, mirrored], axis=1))
+    cap = _cap_quads(_cap(shell, half[-1], lateral))
+    base = _cap_quads(_level(half[0], np.array([-1.0, 1.0])))[:, ::-1]
+    patches = [(patch, patch.finish) for patch in shell.patches]
+    doors = [(panel, door_part(panel.door, "left")) for panel in shell.panels]
+    rims = [(_rim(panel, panel.rim, 1.0), door_part(panel.door, "left")) for panel in shell.panels if panel.rim]
+    under = [(_rim(panel, 0.0, panel.rim), "lining") for panel in shell.panels if panel.rim]
+    quads = np.concatenate([wall, cap, base])
+    finishes = _names(shell, columns, lateral, [*patches, *under], (shell.finish, shell.cap, shell.base))
+    parts = _names(shell, columns, lateral, [*doors, *rims], ("body", "body", "body"))
+    meshes = [_patched(quads, finishes, parts, tag, part_index, shell.crease_deg)]
+    for part in sorted(set(parts.tolist()) - {"body"}):
+        is_door = parts == part
+        leaf, niche = insides(quads[is_door])
+        skin = np.where(finishes[is_door] == "glass", "glass", "lining")
+        lining = np.full(len(leaf) - len(skin), "lining")
+        meshes.append(_patched(leaf, np.concatenate([skin, lining]), np.full(len(leaf), part), tag, part_index))
+        meshes.append(_patched(niche, np.full(len(niche), "lining"), np.full(len(niche), "body"), tag, part_index))
+    return meshes
+
+
+def _patched(
+    quads: Float64Array,
+    finishes: AnyArray,
+    parts: AnyArray,
+    tag: Tag,
+    part_index: dict[str, int],
+    crease_deg: float = 33.0,
+) -> Mesh:
+    """(Q, 4, 3) quads as a mesh, with (Q,) names of finishes and of parts."""
+    kinds, index = np.unique(np.stack([finishes, parts]), axis=1, return_inverse=True)
     corners = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     return patchwork(
-        [finish_named(str(name), tag) for name in names],
-        np.repeat(index, 2),
+        [finish_named(str(finish), tag, part_index[str(part)]) for finish, part in kinds.T],
+        np.repeat(index.reshape(-1), 2),
         corners,
         np.arange(len(corners), dtype=np.int32).reshape(-1, 3),
-        crease_deg=shell.crease_deg,
+        crease_deg=crease_deg,
     )
 
 
 def _columns(shell: Shell) -> Float64Array:
     """(K,) ascending: 0..1 on the front, 1..2 on the side (share of its length), 2..3 on the rear."""
     start, end = shell.sides[0], shell.sides[-1]
-    side_x: list[float] = [x for patch in shell.patches for x in patch.side]
+    side_x: list[float] = [x for area in (*shell.patches, *shell.panels) for x in area.side]
     for arch in shell.arches:
         angles = np.linspace(0.0, np.pi, 8)
         side_x += [*(arch.x + arch.radius * np.cos(angles)), arch.x + arch.radius * 1.012, arch.x - arch.radius * 1.012]
@@ -145,46 +171,52 @@ def _laterals(shell: Shell) -> Float64Array:
     cuts = [
         *_CAP_CUTS,
         *(v for p in shell.patches if p.rows is None for v in p.lateral),
+        *(panel.rim for panel in shell.panels if panel.rim),
     ]
     if shell.recess:
         cuts += [shell.recess.lateral, shell.recess.lateral + 0.01]
     return np.unique(np.round([*cuts, *(-cut for cut in cuts)], 6))
 
 
-def _in_ranges(patch: Patch, shell: Shell, columns: Float64Array) -> BoolArray:
-    """(K - 1,) which cells between columns a patch covers."""
+def _in_ranges(area: Area, shell: Shell, columns: Float64Array) -> BoolArray:
+    """(K - 1,) which cells between columns an area covers."""
     start, end = shell.sides[0], shell.sides[-1]
-    sides = 1.0 + (np.array(patch.side) - start) / (end - start)
-    bounds = np.concatenate([patch.front, sides, 2.0 + np.array(patch.rear)]).reshape(-1, 2)
+    sides = 1.0 + (np.array(area.side) - start) / (end - start)
+    bounds = np.concatenate([area.front, sides, 2.0 + np.array(area.rear)]).reshape(-1, 2)
     middle = (columns[:-1] + columns[1:]) / 2.0
     inside = (middle[:, None] > bounds[:, 0]) & (middle[:, None] < bounds[:, 1])
     return np.asarray(inside.any(axis=1))
 
 
-def _wall_finishes(shell: Shell, columns: Float64Array) -> AnyArray:
-    """((L - 1) * M,) finish names of the wall's cells."""
-    cells = len(columns) - 1
-    left = np.full((len(shell.loops) - 1, cells), shell.finish, dtype=object)
-    right = left.copy()
+def _rim(area: Area, start: float, end: float) -> Area:
+    """The cap beside an area of the wall, between two shares of the half width."""
+    return Area(side=area.side, lateral=(start, end))
+
+
+def _names(
+    shell: Shell,
+    columns: Float64Array,
+    lateral: Float64Array,
+    areas: Iterable[tuple[Area, str]],
+    elsewhere: tuple[str, str, str],
+) -> AnyArray:
+    """Names of the cells of the wall, of the cap and of the base; later areas win, ``elsewhere`` there is none."""
+    cells, middle = len(columns) - 1, (lateral[:-1] + lateral[1:]) / 2.0
+    left = np.full((len(shell.loops) - 1, cells), elsewhere[0], dtype=object)
+    right, cap = left.copy(), np.full((cells, len(middle)), elsewhere[1], dtype=object)
     row_of = {loop.name: row for row, loop in enumerate(shell.loops)}
-    for patch in shell.patches:
-        if patch.rows is None:
+    for area, name in areas:
+        inside = _in_ranges(area, shell, columns)
+        if area.rows is None:
+            across = (np.abs(middle) > area.lateral[0]) & (np.abs(middle) < area.lateral[1])
+            cap[np.ix_(inside, across & (middle >= 0.0))] = name
+            cap[np.ix_(inside, across & (middle < 0.0))] = mirrored_name(name)
             continue
-        rows = slice(row_of[patch.rows[0]], row_of[patch.rows[1]])
-        inside = _in_ranges(patch, shell, columns)
-        if patch.only != "right":
-            left[rows, inside] = patch.finish
-        if patch.only != "left":
-            right[rows, inside] = mirrored_name(patch.finish)
-    return np.concatenate([left, right[:, ::-1]], axis=1).astype(str).reshape(-1)
-
-
-def _cap_finishes(shell: Shell, columns: Float64Array, lateral: Float64Array) -> AnyArray:
-    """((K - 1) * (F - 1),) finish names of the cap's cells."""
-    names = np.full((len(columns) - 1, len(lateral) - 1), shell.cap, dtype=object)
-    middle = np.abs(lateral[:-1] + lateral[1:]) / 2.0
-    for patch in shell.patches:
-        if patch.rows is None:
-            across = (middle > patch.lateral[0]) & (middle < patch.lateral[1])
-            names[np.ix_(_in_ranges(patch, shell, columns), across)] = patch.finish
-    return names.astype(str).reshape(-1)
+        rows = slice(row_of[area.rows[0]], row_of[area.rows[1]])
+        if area.only != "right":
+            left[rows, inside] = name
+        if area.only != "left":
+            right[rows, inside] = mirrored_name(name)
+    wall = np.concatenate([left, right[:, ::-1]], axis=1)
+    base = np.full(cells, elsewhere[2], dtype=object)
+    return np.concatenate([wall.reshape(-1), cap.reshape(-1), base]).astype(str)

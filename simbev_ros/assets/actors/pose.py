@@ -67,6 +67,7 @@ class Seat(Model):
         foot: x, y, z of the left ankle; with ``crank`` that of the middle of its circle.
         crank: Length of the crank; 0 for feet that rest.
         foot_pitch_deg: Toes down.
+        push_deg: How far the arms swing, both at once, to push the rims of a wheelchair.
     """
 
     hip: tuple[float, float]
@@ -75,6 +76,7 @@ class Seat(Model):
     foot: tuple[float, float, float]
     crank: float = 0.0
     foot_pitch_deg: float = 0.0
+    push_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +139,7 @@ def walking_pose(gait: Gait, height_m: float, shoulders: float) -> Pose:
 def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
     """A rider at gait = 0: with cranks, the left pedal is at the bottom."""
     hip = np.array([seat.hip[0], 0.0, seat.hip[1]])
-    lean = np.radians(seat.lean_deg)
+    lean, push = np.radians(seat.lean_deg), float(np.radians(seat.push_deg))
     up = np.array([np.sin(lean), 0.0, np.cos(lean)])
     turn = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
     joints, swings, foot_pitch = {}, {}, {}
@@ -166,8 +168,8 @@ def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
             "thigh": _fitted(turn, thigh),
             "shin": _fitted(turn, shin - thigh),
             "foot": _fitted(turn, -shin),
-            "upper arm": Swing(),
-            "forearm": Swing(),
+            "upper arm": Swing(amplitude_rad=push, still_rad=0.0),
+            "forearm": Swing(amplitude_rad=0.5 * push, phase_rad=np.pi, still_rad=0.0),
         }
     neck = hip + up * NECK_ABOVE_HIP * height_m
     head = neck + np.array([np.sin(lean / 2), 0.0, np.cos(lean / 2)]) * (HEAD_ABOVE_HIP - NECK_ABOVE_HIP) * height_m

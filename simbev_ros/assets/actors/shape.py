@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 from simbev_ros.assets.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.doors import Door, door_parts, seats
 from simbev_ros.assets.actors.figure import Figure, figure_parts, figure_pose, figure_solids
 from simbev_ros.assets.actors.lofting import build_shell
 from simbev_ros.assets.actors.shell import Shell
@@ -19,6 +20,7 @@ from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.types import Float64Array
 
 _MAX_STRETCH = 0.03
+_VERTEX_COLUMNS = ("vertices", "normals", "uv", "color", "material", "tag", "part")
 
 
 class ShapePart(Model):
@@ -38,13 +40,15 @@ class Shape(Model):
     Attributes:
         shells: Smooth bodies.
         wheels: Wheels with tyres, of vehicles with two sides.
-        parts: Rigid parts besides the body and the wheels; a parent comes first.
+        doors: Pairs of doors, front to rear.
+        parts: Rigid parts besides the body, the wheels and the doors; a parent comes first.
         figure: A person.
         solids: Everything else.
     """
 
     shells: tuple[Shell, ...] = ()
     wheels: Wheels | None = None
+    doors: tuple[Door, ...] = ()
     parts: tuple[ShapePart, ...] = ()
     figure: Figure | None = None
     solids: tuple[AnySolid, ...] = ()
@@ -78,8 +82,8 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     Raises:
         ValueError: The shape is more than 3 % larger or smaller than the blueprint along an axis.
     """
-    parts = [Part("body"), *(wheel_parts(shape.wheels) if shape.wheels else [])]
-    solids: list[Solid] = list(shape.solids)
+    parts = [Part("body"), *(wheel_parts(shape.wheels) if shape.wheels else []), *door_parts(shape.doors)]
+    solids: list[Solid] = [*shape.solids, *seats(shape.doors)]
     if shape.figure:
         pose = figure_pose(shape.figure)
         parts += figure_parts(pose, first=len(parts))
@@ -87,12 +91,12 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     for entry in shape.parts:
         parts.append(_part(entry, [part.name for part in parts]))
     index = {part.name: place for place, part in enumerate(parts)}
-    meshes = [build_shell(shell, blueprint.tag) for shell in shape.shells]
+    meshes = [mesh for shell in shape.shells for mesh in build_shell(shell, blueprint.tag, index)]
     if shape.wheels:
         meshes += build_wheels(shape.wheels, blueprint.tag, first_part=1)
     for solid in solids:
         meshes += build_solid(solid, blueprint.tag, index)
-    mesh = Mesh.merged(sorted(meshes, key=lambda mesh: int(mesh.part[0])))
+    mesh = _by_part(Mesh.merged(meshes))
     fitted = _fit(blueprint, mesh.bounds_m)
     return ActorModel(
         blueprint=blueprint.name,
@@ -103,6 +107,15 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
         parts=tuple(replace(part, pivot_m=_moved(fitted, part.pivot_m)) for part in parts),
         wheel_radius_m=blueprint.wheel_radius_m,
     )
+
+
+def _by_part(mesh: Mesh) -> Mesh:
+    """The mesh with the vertices, and the triangles, of a part together."""
+    order = np.argsort(mesh.part, kind="stable")
+    place = np.argsort(order).astype(np.int32)
+    triangles = mesh.triangles[np.argsort(mesh.part[mesh.triangles[:, 0]], kind="stable")]
+    columns = {name: getattr(mesh, name)[order] for name in _VERTEX_COLUMNS}
+    return Mesh(**columns, triangles=place[triangles])
 
 
 def _part(entry: ShapePart, names: list[str]) -> Part:

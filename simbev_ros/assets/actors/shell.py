@@ -37,11 +37,10 @@ class Loop(Model):
     tail: float = 3.0
 
 
-class Patch(Model):
-    """Cells that get another finish.
+class Area(Model):
+    """Cells of a shell.
 
     Attributes:
-        finish: See finishes.yaml; ``turn_left`` becomes ``turn_right`` on the right.
         rows: The loops below and above, by name; none for the cap.
         front: Ranges [from, to, from, to, ...] of the front stretch, 0 in the middle, 1 where the side starts.
         side: Ranges of x, front to rear, as the shell's ``sides`` count it.
@@ -50,13 +49,30 @@ class Patch(Model):
         only: One side of the vehicle.
     """
 
-    finish: str
     rows: tuple[str, str] | None = None
     front: tuple[float, ...] = ()
     side: tuple[float, ...] = ()
     rear: tuple[float, ...] = ()
     lateral: tuple[float, float] = (0.0, 1.0)
     only: Literal["left", "right"] | None = None
+
+
+class Patch(Area):
+    """Cells that get another finish, see finishes.yaml; ``turn_left`` becomes ``turn_right`` on the right."""
+
+    finish: str
+
+
+class Panel(Area):
+    """Cells that belong to a door, left and right.
+
+    Attributes:
+        door: Its name.
+        rim: The cap above the panel belongs to the door beyond this share of the half width.
+    """
+
+    door: str
+    rim: float | None = None
 
 
 class Arch(Model):
@@ -81,6 +97,7 @@ class Shell(Model):
     Attributes:
         loops: From the lowest up. With arches the first two are the floor's edge and the inner edge of the wheel wells.
         patches: Later ones win.
+        panels: What of the shell belongs to doors.
         sides: x where the side starts, of places between that loops may move, and where it ends.
         finish: Where there is no patch.
         front: Number of cells of the front stretch, besides those that patches ask for.
@@ -96,6 +113,7 @@ class Shell(Model):
 
     loops: tuple[Loop, ...]
     patches: tuple[Patch, ...] = ()
+    panels: tuple[Panel, ...] = ()
     sides: tuple[float, ...]
     finish: str = "paint"
     front: int = 3

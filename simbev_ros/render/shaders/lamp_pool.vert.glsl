@@ -4,12 +4,14 @@ uniform float half_m;
 in vec3 in_lamp;
 in vec2 in_heading;
 in float in_kind;  // 0 street lamp, 1 low beam, 2 high beam
+in float in_strength;
 
 out vec2 v_ground;
 flat out vec3 v_lamp;
 flat out vec3 v_heading;  // and kind
+flat out float v_strength;
 
-const float STREET_REACH = 24.0;
+const float STREET_REACH = 30.0;
 const vec3 HEAD_REACH = vec3(-1.0, 42.0, 14.0);  // from, to, half width
 
 void main() {
@@ -20,5 +22,6 @@ void main() {
     v_ground = in_lamp.xy + (in_kind == 0.0 ? corner * STREET_REACH : head);
     v_lamp = in_lamp;
     v_heading = vec3(in_heading, in_kind);
+    v_strength = in_strength;
     gl_Position = vec4(v_ground / half_m, 0.0, 1.0);
 }

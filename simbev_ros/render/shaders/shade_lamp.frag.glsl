@@ -1,10 +1,10 @@
 #version 330
-// Lamps of vehicles by their light bits, traffic signals by their state, street lamps by the time of day.
+// Lamps of vehicles by their light bits, traffic signals by their state, street lamps by the time of day, unless they are broken.
 #include "enums"
 #include "lighting"
 uniform usampler2D rigid_actors;
 uniform usampler2D signal_states;
-
+uniform sampler2D street_lamps;  // how strongly each shines when it is dark, 128 a line
 
 float on(uint bits, uint mask) { return (bits & mask) != 0u ? 1.0 : 0.0; }
 
@@ -33,7 +33,8 @@ void main() {
         s.emission = signal_lamp(p.material, texelFetch(signal_states, ivec2(int(round(p.uv.x)), 0), 0).x);
         s.albedo *= 0.35;
     } else {
-        s.emission = vec3(1.0, 0.86, 0.62) * lamps_lit() * 2.2;
+        int lamp = int(round(p.uv.x));
+        s.emission = vec3(1.0, 0.86, 0.62) * lamps_lit() * 2.2 * texelFetch(street_lamps, ivec2(lamp & 127, lamp >> 7), 0).x;
     }
     shade(p, s);
 }

@@ -4,6 +4,11 @@
 #include "lighting"
 #include "noise"
 
+uniform vec3 window_colors[8];  // sRGB
+uniform int window_color_count;
+uniform float window_share;  // of the windows of rooms, lit; 0: all lights of buildings are off
+uniform float window_seed;
+
 const float BAY = 3.0;
 const vec2 BRICK_SIZE = vec2(0.25, 0.085);
 const float BOARD = 0.18;
@@ -116,11 +121,14 @@ void main() {
     s.roughness = mix(0.85, 0.04, glass);
     s.normal = normalize(p.normal + glass * 0.05 * (vec3(pick, other, pick + other) - vec3(0.5, 0.5, 1.0)));
     s.specular = mix(0.035, p.material == MATERIAL_OFFICE_GLASS ? 0.12 : 0.06, glass);
-    float lit_share = shop ? 0.75 : 0.3;
-    float is_lit = step(1.0 - lit_share, random(bay + seed * 13.0 + 16384.0)) * lamps_lit();
-    vec3 warm = mix(vec3(1.0, 0.66, 0.33), vec3(0.95, 0.86, 0.7), other);
+    float lit_share = shop ? 1.0 - pow(1.0 - window_share, 4.0) : window_share;
+    float is_lit = step(1.0 - lit_share, random(bay + floor(seed * 64.0) * vec2(1.0, 3.0) + window_seed + 16384.0)) * lamps_lit();
+    vec2 room_at = vec2(floor(bay.x / (shop ? 3.0 : 2.0)), bay.y);  // neighbours have the same lamps
+    float chosen = random(room_at + floor(seed * 64.0) * vec2(3.0, 1.0) + window_seed + 32768.0);
+    vec3 tint = linear_color(window_colors[min(int(chosen * float(window_color_count)), window_color_count - 1)]);
     float inside = 0.55 + 0.45 * noise_at(p.uv / 2.1 + pick, p.size / 2.1).a - 0.35 * curtain;
-    vec3 interior = shop ? goods * goods * 2.2 : vec3(inside * 0.55);
-    s.emission = warm * glass * is_lit * interior + sign_color * sign * lamps_lit() * 0.5;
+    vec3 interior = shop ? goods * (0.25 + goods * 2.6) : vec3(inside * 0.85);
+    float signs_lit = lamps_lit() * step(1e-6, window_share);
+    s.emission = tint * glass * is_lit * interior + sign_color * sign * signs_lit * 0.5;
     shade(p, s);
 }

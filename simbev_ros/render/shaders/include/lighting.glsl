@@ -8,7 +8,7 @@ uniform sampler2D head_field;
 
 out vec4 shaded;  // sRGB, luma
 
-const vec3 STREET_COLOR = vec3(0.27, 0.195, 0.115);
+const vec3 STREET_COLOR = vec3(0.25, 0.19, 0.12);
 const vec3 HEAD_COLOR = vec3(0.20, 0.205, 0.225);
 const float SHADOW_EDGE = 0.99;
 const vec2 SHADOW_TAP = 1.5 / vec2(4096.0, 2048.0);
@@ -47,12 +47,14 @@ float sunlit(vec3 position, vec3 normal, float facing) {
 
 // Irradiance / pi of lamps, from their map (render/lamp_field.py).
 vec3 lamp_light(sampler2D map, vec3 color, float lift, vec3 position, vec3 normal) {
-    vec4 field = texture(map, (lamp_field_from_world * vec4(position, 1.0)).xy);
+    vec2 place = (lamp_field_from_world * vec4(position, 1.0)).xy;
+    vec4 field = texture(map, place);
     float strength = max(field.z, 1e-4);
     vec2 direction = field.xy / strength;
     float below = field.w / strength - position.z;
     vec3 to_lamp = vec3(direction, max(sqrt(max(1.0 - dot(direction, direction), 0.0)), lift));
-    float reach = smoothstep(-1.6, 0.3, below);
+    vec2 to_edge = 0.5 - abs(place - 0.5);
+    float reach = smoothstep(-1.6, 0.3, below) * smoothstep(0.0, 0.06, min(to_edge.x, to_edge.y));
     return color * field.z * reach * max(dot(normal, to_lamp) * 0.85 + 0.15, 0.0);
 }
 

@@ -1,0 +1,162 @@
+"""``simbev scene``: draw scenes without simulating them, and say what was drawn."""
+
+import json
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.source import map_spec
+from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes, starts_of
+from simbev_ros.scene.statistics import SceneStatistics, Tally, meant
+from simbev_ros.types import Float64Array
+
+_WIDTH_IN_A_PIPE = 160
+_BARS = " ▁▂▃▄▅▆▇█"
+
+
+def scene(
+    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper.", show_default=False)],
+    count: Annotated[
+        int | None,
+        typer.Option(help="How many scenes; by default as many as the configuration asks for.", min=1, max=100_000),
+    ] = None,
+    map_name: Annotated[
+        str | None, typer.Option("--map", help="Draw all on this town or map file instead.", metavar="MAP")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Draw scenes without simulating them: statistics and a histogram of every parameter, and what it is meant to be.
+
+    Scene k is what [bold]simbev run[/] would play as number k; after the last one the maps come round again.
+
+    [bold]Examples[/]
+
+    simbev scene demo
+
+    simbev scene paper --map Town05 --count 2000
+
+    simbev scene my.yaml --count 500 --json
+    """
+    scenario = load_scenario(config)
+    planned = _planned(scenario, count, map_name)
+    console = Console(stderr=True)
+    statistics = SceneStatistics()
+    with _counted_notes(console):
+        for number, each in enumerate(dict.fromkeys(scene.map for scene in planned), 1):
+            _draw(scenario, [scene for scene in planned if scene.map == each], statistics, console, number)
+    if as_json:
+        typer.echo(json.dumps(_facts(statistics, scenario), indent=2))
+        return
+    output = Console()
+    if not output.is_terminal:
+        output = Console(width=_WIDTH_IN_A_PIPE)
+    maps = ", ".join(f"{escape(name)} ({scenes})" for name, scenes in statistics.maps.items())
+    output.print(f"[bold]{len(planned)} scenes[/]: {maps}")
+    output.print(_numbers_table(statistics, scenario))
+    output.print(_kinds_table(statistics))
+
+
+def _planned(scenario: Scenario, count: int | None, map_name: str | None) -> list[PlannedScene]:
+    """The first scenes of the configuration, or all of it; from the beginning again where it has not so many."""
+    wanted = list(planned_scenes(scenario))
+    if map_name is not None:
+        chosen = map_spec(map_name)
+        wanted = [each._replace(map=chosen) for each in wanted]
+    numbers = range(len(wanted) if count is None else count)
+    return [wanted[number % len(wanted)]._replace(number=number) for number in numbers]
+
+
+def _draw(
+    scenario: Scenario, planned: Sequence[PlannedScene], statistics: SceneStatistics, console: Console, number: int
+) -> None:
+    """Draw the scenes of one map."""
+    name = escape(planned[0].map.name)
+    with console.status(f"roads of {name}"):
+        network = load_network(planned[0].map)
+        starts = starts_of(scenario, network)
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, expand=True, transient=True) as bars:
+        for each in bars.track(planned, description=f"scenes on {name}"):
+            statistics.add(draw_scene(scenario, each, network, starts))
+
+
+@contextmanager
+def _counted_notes(console: Console) -> Iterator[None]:
+    """Say how many notes there were while scenes were drawn, and only the first one of them."""
+    logger = logging.getLogger("simbev_ros.scene")
+    messages: list[str] = []
+    handler = logging.Handler()
+    handler.emit = lambda record: messages.append(record.getMessage())  # type: ignore[method-assign]
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+    if messages:
+        console.print(f"{len(messages)} notes, the first: {messages[0]}", style="dim", markup=False, soft_wrap=True)
+
+
+def _facts(statistics: SceneStatistics, scenario: Scenario) -> dict[str, Any]:
+    """For JSON."""
+    return {
+        "scenes": sum(statistics.maps.values()),
+        "maps": dict(statistics.maps),
+        "parameters": {
+            name: {
+                "meant": meant(name, scenario),
+                "count": tally.count,
+                "mean": tally.mean,
+                "sd": tally.sd,
+                "min": tally.min,
+                "max": tally.max,
+                "histogram": tally.shares().tolist(),
+            }
+            for name, tally in statistics.numbers.items()
+        },
+        "kinds": {name: dict(counts.most_common()) for name, counts in statistics.kinds.items()},
+    }
+
+
+def _numbers_table(statistics: SceneStatistics, scenario: Scenario) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("parameter", no_wrap=True)
+    for title in ("mean", "sd", "min", "max"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("from min to max", no_wrap=True)
+    table.add_column("meant", style="dim", overflow="fold")
+    for name, tally in statistics.numbers.items():
+        figures = (f"{value:.4g}" for value in (tally.mean, tally.sd, tally.min, tally.max))
+        table.add_row(name, *figures, _histogram(tally), escape(meant(name, scenario)))
+    return table
+
+
+def _histogram(tally: Tally) -> str:
+    """One character for each bin, none where there is but one value; any height shows that something is there."""
+    return _bars(tally.shares()) if tally.max > tally.min else ""
+
+
+def _bars(shares: Float64Array) -> str:
+    heights = np.ceil(shares / shares.max() * (len(_BARS) - 1)).astype(int)
+    return "".join(_BARS[height] for height in heights.tolist())
+
+
+def _kinds_table(statistics: SceneStatistics) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("shares", overflow="fold")
+    for name, counts in statistics.kinds.items():
+        shares = (f"{escape(kind)} {100 * times / counts.total():.1f} %" for kind, times in counts.most_common())
+        table.add_row(name, ", ".join(shares))
+    return table

@@ -1,0 +1,131 @@
+"""Collisions: bodies that touch do not pass through each other, but slide on together and stay where they come to rest.
+
+An impact is plastic: both go on with the velocity that keeps their momentum, and brake with locked wheels. A mass is
+taken to be as the volume of the body's box. All is in the map frame, of the poses that are about to be published.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.world.contacts import Boxes
+
+_SKID_MPS2 = 7.0
+_HALVINGS = 8  # of the tick of an impact: of 1 m of way, 4 mm
+_EXACT_ROUNDS = 4  # of impacts that follow from each other within one tick; who touches later stays where it was
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """Two bodies touch for the first time.
+
+    Attributes:
+        bodies: Which two.
+        position_m: (3,) between their middles, weighted by their sizes.
+        relative_speed_mps: Before the impact.
+    """
+
+    bodies: tuple[int, int]
+    position_m: Float64Array
+    relative_speed_mps: float
+
+
+class Collisions:
+    """What becomes of G bodies that touch.
+
+    Attributes:
+        crashed: (G,) bool; who has had a collision, and no longer follows its point.
+        impacts: Those of the latest tick.
+    """
+
+    def __init__(self, boxes: Boxes, position_m: Float64Array, rpy_rad: Float64Array, tick_s: float) -> None:
+        """At rest at (G, 3) positions and (G, 3) roll, pitch, yaw; who touches here may do so until they are apart."""
+        self.crashed: BoolArray = np.zeros(len(position_m), bool)
+        self.impacts: tuple[Impact, ...] = ()
+        self._boxes = boxes
+        self._tick_s = tick_s
+        self._position_m, self._rpy_rad = position_m, rpy_rad
+        self._velocity_mps = np.zeros_like(position_m)
+        self._mass = boxes.size_m.prod(axis=1)
+        self._excused = _keys(boxes.touching(position_m, rpy_rad[:, 2]))
+        self._met: set[tuple[int, int]] = set()
+
+    @property
+    def rest_m(self) -> Float64Array:
+        """(G, 3) where those that slide will come to rest, if nothing else happens."""
+        speed_mps = np.linalg.norm(self._velocity_mps, axis=1, keepdims=True)
+        rest_m: Float64Array = self._position_m + self.crashed[:, None] * self._velocity_mps * speed_mps / (
+            2.0 * _SKID_MPS2
+        )
+        return rest_m
+
+    @property
+    def yaw_rad(self) -> Float64Array:
+        """(G,) headings."""
+        yaw_rad: Float64Array = self._rpy_rad[:, 2]
+        return yaw_rad
+
+    def resolve(self, wanted_m: Float64Array, wanted_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """The poses to publish where those wanted are (G, 3) positions and (G, 3) roll, pitch, yaw."""
+        self.impacts = ()
+        crashed = self.crashed[:, None]
+        way_m = np.where(crashed, self._slide(), wanted_m - self._position_m)
+        turn_rad = np.where(crashed, 0.0, (wanted_rad - self._rpy_rad + np.pi) % (2.0 * np.pi) - np.pi)
+        self._velocity_mps = way_m / self._tick_s
+        share = np.ones((len(way_m), 1))
+        position_m = np.where(crashed, self._position_m + way_m, wanted_m)
+        rpy_rad = np.where(crashed, self._rpy_rad, wanted_rad)
+        pairs = self._boxes.touching(position_m, rpy_rad[:, 2])
+        self._excused &= _keys(pairs)
+        rounds = 0
+        while len(pairs := self._accused(pairs)):
+            self._collide(pairs, position_m)
+            free = self._free_share(pairs, share * way_m, share * turn_rad) if rounds < _EXACT_ROUNDS else 0.0
+            np.minimum.at(share, pairs, share[pairs] * np.reshape(free, (-1, 1, 1)))
+            position_m = np.where(share < 1.0, self._position_m + share * way_m, position_m)
+            rpy_rad = np.where(share < 1.0, self._rpy_rad + share * turn_rad, rpy_rad)
+            pairs = self._boxes.touching(position_m, rpy_rad[:, 2])
+            rounds += 1
+        self._position_m, self._rpy_rad = position_m, rpy_rad
+        return position_m, rpy_rad
+
+    def _slide(self) -> Float64Array:
+        """(G, 3) ways of this tick with locked wheels."""
+        speed_mps = np.linalg.norm(self._velocity_mps, axis=1, keepdims=True)
+        slower_mps = np.maximum(speed_mps - _SKID_MPS2 * self._tick_s, 0.0)
+        way_m: Float64Array = self._velocity_mps * (slower_mps / np.maximum(speed_mps, 1e-9)) * self._tick_s
+        return way_m
+
+    def _accused(self, pairs: Int64Array) -> Int64Array:
+        """Those of (K, 2) pairs that did not touch from the beginning."""
+        accused: Int64Array = pairs[[key not in self._excused for key in map(tuple, pairs.tolist())]]
+        return accused
+
+    def _collide(self, pairs: Int64Array, position_m: Float64Array) -> None:
+        """Give both of each of (K, 2) pairs the velocity that keeps their momentum; report the first time."""
+        for a, b in pairs.tolist():
+            both, mass = [a, b], self._mass[[a, b]]
+            if (a, b) not in self._met:
+                self._met.add((a, b))
+                size_m = self._boxes.size_m[both, 0]
+                place_m = (position_m[a] * size_m[1] + position_m[b] * size_m[0]) / size_m.sum()
+                speed_mps = float(np.linalg.norm(self._velocity_mps[a] - self._velocity_mps[b]))
+                self.impacts = (*self.impacts, Impact((a, b), place_m, speed_mps))
+            self.crashed[both] = True
+            self._velocity_mps[both] = mass @ self._velocity_mps[both] / mass.sum()
+
+    def _free_share(self, pairs: Int64Array, way_m: Float64Array, turn_rad: Float64Array) -> Float64Array:
+        """(K,) how much of their (G, 3) ways and turns (K, 2) pairs can do before they touch."""
+        low, high = np.zeros(len(pairs)), np.ones(len(pairs))
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2.0
+            position_m = self._position_m[pairs] + middle[:, None, None] * way_m[pairs]
+            yaw_rad = self._rpy_rad[pairs, 2] + middle[:, None] * turn_rad[pairs, 2]
+            touch = self._boxes.overlap(pairs, position_m, yaw_rad)
+            low, high = np.where(touch, low, middle), np.where(touch, middle, high)
+        return low
+
+
+def _keys(pairs: Int64Array) -> set[tuple[int, int]]:
+    return {(a, b) for a, b in pairs.tolist()}

@@ -1,0 +1,89 @@
+"""``simbev scene``: what would be drawn, without simulating."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from simbev_ros.cli.main import app, main
+
+CONFIG = """scenes: [{map: Blocks, train: 2}, {map: Blocks, test: 1}]
+rig: {sensors: []}
+time: {duration_s: {uniform: [2, 8]}}
+weather: {wind_intensity: 30, final: {}}
+traffic: {vehicles: 3, pedestrians: {integer: [100, 110]}}
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "config.yaml"
+    path.write_text(CONFIG)
+    return path
+
+
+def simbev_scene(*arguments: object) -> str:
+    result = CliRunner().invoke(app, ["scene", *map(str, arguments)], catch_exceptions=False)
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def test_json_has_statistics_of_every_parameter_and_what_it_is_meant_to_be(config: Path) -> None:
+    facts = json.loads(simbev_scene(config, "--count", 50, "--json"))
+    assert (facts["scenes"], facts["maps"]) == (50, {"Blocks": 50})
+    parameters = facts["parameters"]
+    assert {"weather.fog_falloff", "final_weather.cloudiness", "green_time_s", "vehicles.min_gap_m"} <= set(parameters)
+    duration = parameters["duration_s"]
+    assert (duration["meant"], duration["count"]) == ("uniform 2, 8", 50)
+    assert 2 <= duration["min"] < duration["mean"] < duration["max"] <= 8
+    assert sum(duration["histogram"]) == pytest.approx(1)
+    assert parameters["weather.wind_intensity"]["meant"] == "fixed: 30"
+    assert (parameters["weather.wind_intensity"]["mean"], parameters["weather.wind_intensity"]["sd"]) == (30, 0)
+    assert parameters["final_weather.cloudiness"]["meant"] == "100·B(0.8, 1.0)"
+    assert parameters["ego.reckless"]["meant"] == "yes with probability 0.01"
+    assert parameters["vehicles.speed_factor"]["count"] == 150
+    assert parameters["pedestrians"]["min"] >= 100
+    assert sum(facts["kinds"]["vehicles.blueprint"].values()) == 150
+
+
+def test_without_a_count_the_scenes_of_the_configuration_are_drawn(config: Path) -> None:
+    text = simbev_scene(config)
+    assert "3 scenes: Blocks (3)" in text
+    assert "weather.cloudiness" in text and "ego.blueprint" in text
+
+
+def test_all_can_be_drawn_on_another_map(config: Path) -> None:
+    assert json.loads(simbev_scene(config, "--map", "Town02", "--json"))["maps"] == {"Town02": 3}
+
+
+def test_notes_are_counted_instead_of_repeated(config: Path) -> None:
+    config.write_text(CONFIG.replace("{integer: [100, 110]}", "9000, spawn_radius_m: 60"))
+    result = CliRunner().invoke(app, ["scene", str(config)], catch_exceptions=False)
+    assert result.stderr.count("room for") == 1
+    assert "3 notes, the first: Blocks: room for" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere.yaml"], "nowhere.yaml: no such file"),
+        (["CONFIG", "--map", "Atlantis"], "no map is called 'Atlantis'"),
+        (["CONFIG", "--count", "0"], "greater than or equal to 1"),
+        (["CONFIG", "--count", "100001"], "less than or equal to 100000"),
+    ],
+)
+def test_bad_input_ends_with_exit_code_2(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    config: Path,
+    arguments: list[str],
+    message: str,
+) -> None:
+    words = [str(config) if word == "CONFIG" else word for word in arguments]
+    monkeypatch.setattr(sys, "argv", ["simbev", "scene", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err

@@ -1,0 +1,107 @@
+"""Scenes that end early, and scenes that are replayed: whole graphs, real processes."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from commands import SMALL, Command
+from rosbags.highlevel import AnyReader
+
+from simbev_ros.recording.digest import topic_digests
+from simbev_ros.recording.reader import SceneBag
+
+pytestmark = pytest.mark.graph
+
+Simbev = Callable[..., Command]
+Config = Callable[..., Path]
+SCENE = Path("scenes/train/Blocks-0000")
+NOON = "weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}\n"
+NIGHT = "weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: -40, fog_density: 0}\n"
+MOTION = {"/clock", "/world/actors", "/world/signals", "/world/map", "/ego/odom", "/tf"}
+
+
+def digests(folder: Path) -> dict[str, str]:
+    with SceneBag(folder) as bag:
+        found = topic_digests(bag)
+    del found["/ego/boxes/markers"]  # the middleware fills the gaps between its fields with whatever was there
+    return found
+
+
+def facts(folder: Path) -> dict[str, str]:
+    with SceneBag(folder) as bag:
+        return bag.custom_data
+
+
+def written(folder: Path, text: str, name: str) -> Path:
+    (folder / name).write_text(text.replace("DURATION", "1"))
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recorded")
+    code, output = Command("run", written(folder, SMALL, "a.yaml"), "--record", folder / "dataset").finish()
+    assert code == 0, output
+    return folder / "dataset" / SCENE
+
+
+def replay(simbev: Simbev, bag: Path, config: Path, dataset: Path) -> Path:
+    code, output = simbev("replay", bag, config, "--record", dataset).finish()
+    assert code == 0, output
+    return dataset / SCENE
+
+
+def test_an_ego_that_stands_still_ends_the_scene_and_the_bag_says_so(
+    simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    # Nobody drives the ego; the second scene follows on the same processes.
+    config = small_config(30, "ego: {driver: twist}\n")
+    text = config.read_text().replace("duration_s: 30", "duration_s: 30, end_after_standing_s: 0.4")
+    config.write_text(text.replace("train: 1", "train: 2"))
+    code, output = simbev("run", config, "--record", tmp_path / "out").finish()
+    assert code == 0, output
+    for name in ("Blocks-0000", "Blocks-0001"):
+        bag = tmp_path / "out" / "scenes" / "train" / name
+        books = facts(bag)
+        assert (books["complete"], books["ticks"]) == ("true", "8")
+        assert books["ended"] == "ego stood still for 0.4 s at tick 7"
+        assert f"{name} ended early: {books['ended']}" in output
+        assert books["expected"] == books["recorded"]
+        assert json.loads(books["expected"])["/world/actors"] == 8
+        with AnyReader([bag]) as reader:
+            assert reader.topics["/ego/lidar/points"].msgcount == 8
+    code, shown = simbev("info", bag).finish()
+    assert code == 0 and books["ended"] in shown
+
+
+def test_replaying_with_the_same_configuration_repeats_every_byte(
+    recorded: Path, simbev: Simbev, tmp_path: Path
+) -> None:
+    again = replay(simbev, recorded, written(tmp_path, SMALL, "same.yaml"), tmp_path / "again")
+    assert facts(again)["ended"] == facts(recorded)["ended"] == "duration"
+    assert facts(again)["complete"] == "true"
+    assert digests(again) == digests(recorded)
+
+
+def test_replaying_at_night_with_other_sensors_moves_everybody_the_same_way(
+    recorded: Path, simbev: Simbev, tmp_path: Path
+) -> None:
+    text = SMALL.replace(NOON, NIGHT).replace("channels: 8", "channels: 4")
+    night = replay(simbev, recorded, written(tmp_path, text, "night.yaml"), tmp_path / "night")
+    before, after = digests(recorded), digests(night)
+    assert {name for name in MOTION - {"/world/actors"} if before[name] != after[name]} == set()
+    assert before["/ego/bev/labels"] == after["/ego/bev/labels"]
+    for name in ("/world/weather", "/ego/lidar/points", "/ego/cam_front/rgb/image_raw/compressed"):
+        assert before[name] != after[name]
+    assert (
+        before["/ego/cam_front/depth/image_raw/compressedDepth"]
+        == (after["/ego/cam_front/depth/image_raw/compressedDepth"])
+    )
+
+
+def test_a_bag_that_cannot_be_replayed_is_refused_before_anything_starts(simbev: Simbev, tmp_path: Path) -> None:
+    config = written(tmp_path, SMALL, "a.yaml")
+    code, output = simbev("replay", tmp_path / "nothing", config).finish()
+    assert code == 2
+    assert output.strip().endswith("nothing: no such file or folder")

@@ -1,0 +1,164 @@
+"""Replaying a bag without a graph: states come back as they were put in, and bags that will not do are refused."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import BagError, InputError
+from simbev_ros.maps.build import load_network
+from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.lead_in import lead_in_attachment
+from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.recording.replay import Replay, recorded_spec, replayed_spec
+from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, Event, Light
+from simbev_ros.types import Table
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+CODES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+DTYPES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
+CLOUD = "sensor_msgs/msg/PointCloud2"
+
+
+def drawn() -> SceneSpec:
+    scenario = load_scenario("demo")
+    planned = next(planned_scenes(scenario))
+    spec = draw_scene(scenario, planned, load_network(planned.map))
+    return spec.model_copy(update={"ticks": 6})
+
+
+SPEC = drawn()
+
+
+def cloud(table: Table, stamp_ns: int) -> bytes:
+    types = TYPES.types
+    stamp = types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9))
+    fields = [
+        types["sensor_msgs/msg/PointField"](name, table.dtype.fields[name][1], CODES[table.dtype[name].str[1:]], 1)
+        for name in table.dtype.names
+    ]
+    size = table.dtype.itemsize
+    data = np.frombuffer(table.tobytes(), np.uint8)
+    header = types["std_msgs/msg/Header"](stamp, "map")
+    message = types[CLOUD](header, 1, len(table), fields, False, size, size * len(table), data, True)
+    return bytes(TYPES.serialize_cdr(message, CLOUD))
+
+
+def text(content: str) -> bytes:
+    return bytes(TYPES.serialize_cdr(TYPES.types["std_msgs/msg/String"](content), "std_msgs/msg/String"))
+
+
+def actors(tick: int) -> Table:
+    table = np.zeros(3, ACTOR_DTYPE)
+    table["id"], table["x"] = [1, 2, 900], tick + np.array([0.1, 0.2, 0.3])
+    return table
+
+
+def bag(
+    folder: Path, ticks: Sequence[int] = range(6), lead_in: Sequence[int] = (-2, -1), scene: str | None = None
+) -> Path:
+    with SceneBagWriter(folder) as writer:
+        writer.add_attachment("scene.json", "application/json", (scene or SPEC.model_dump_json()).encode())
+        early = [
+            RawMessage(name, SPEC.stamp_ns(tick), CLOUD, cloud(table, SPEC.stamp_ns(tick)))
+            for tick in lead_in
+            for name, table in (("/world/actors", actors(tick)), ("/world/signals", np.zeros(2, SIGNAL_DTYPE)))
+        ]
+        writer.add_attachment("lead_in.json", "application/json", lead_in_attachment(early))
+        for name in DTYPES:
+            writer.add_topic(name, CLOUD, QosProfile())
+        writer.add_topic("/world/events", "std_msgs/msg/String", QosProfile())
+        for tick in ticks:
+            stamp_ns = SPEC.stamp_ns(tick)
+            writer.write("/world/actors", stamp_ns, cloud(actors(tick), stamp_ns))
+            writer.write("/world/signals", stamp_ns, cloud(np.zeros(2, SIGNAL_DTYPE), stamp_ns))
+            if tick == 3:
+                event = (
+                    '{"type": "collision", "tick": 3, "ids": [1, 2], "position_m": [1, 2, 3], "relative_speed_mps": 4}'
+                )
+                writer.write("/world/events", stamp_ns, text(event))
+        return writer.finish({})
+
+
+def states(replay: Replay, count: int) -> list:
+    all_states = [replay.step() for _ in range(SPEC.warm_up_ticks + count)]
+    assert [state.tick for state in all_states] == list(range(-SPEC.warm_up_ticks, count))
+    return all_states
+
+
+def test_every_tick_comes_back_with_its_bytes_its_stamp_and_its_events(tmp_path: Path) -> None:
+    replay = Replay(SPEC, bag(tmp_path / "a"))
+    assert replay.available == (6, "duration")
+    for state in states(replay, 6):
+        assert state.stamp_ns == SPEC.stamp_ns(state.tick)
+        assert state.actors.tobytes() == actors(max(state.tick, -2)).tobytes()
+        assert state.events == ((Event("collision", (1, 2), (1.0, 2.0, 3.0), 4.0),) if state.tick == 3 else ())
+    replay.close()
+
+
+def test_without_a_lead_in_all_begin_where_tick_0_has_them(tmp_path: Path) -> None:
+    replay = Replay(SPEC, bag(tmp_path / "a", lead_in=()))
+    assert [state.actors["x"][0] for state in states(replay, 3)[-4:]] == [0.1, 0.1, 1.1, 2.1]
+    replay.close()
+
+
+def test_a_gap_ends_the_replay(tmp_path: Path) -> None:
+    replay = Replay(SPEC, bag(tmp_path / "a", ticks=(0, 1, 2, 4, 5)))
+    assert replay.available == (3, "the replayed bag ends at tick 2")
+    replay.close()
+
+
+def test_at_night_only_the_low_beams_of_vehicles_change(tmp_path: Path) -> None:
+    night = SPEC.model_copy(update={"weather": SPEC.weather.model_copy(update={"sun_altitude_deg": -40.0})})
+    replay = Replay(night, bag(tmp_path / "a"))
+    table = states(replay, 1)[-1].actors
+    assert table["lights"].tolist() == [Light.LOW_BEAM, Light.LOW_BEAM, 0]
+    table["lights"] = 0
+    assert table.tobytes() == actors(0).tobytes()
+    replay.close()
+
+
+def test_the_scene_gets_the_rig_and_the_weather_of_the_configuration(tmp_path: Path) -> None:
+    scenario = load_scenario("paper")
+    network = load_network(SPEC.map)
+    with SceneBag(bag(tmp_path / "a")) as recorded:
+        kept = replayed_spec(recorded, scenario, network)
+        assert kept.rig == scenario.rig
+        for name in ("vehicles", "pedestrians", "seed", "ticks", "map"):
+            assert getattr(kept, name) == getattr(SPEC, name)
+        slow = scenario.model_copy(update={"time": scenario.time.model_copy(update={"tick_s": 0.1})})
+        with pytest.raises(InputError, match=r"time\.tick_s: 0\.1, but .* has ticks of 0\.05 s"):
+            replayed_spec(recorded, slow, network)
+
+
+def test_bags_that_hold_no_scene_are_refused(tmp_path: Path) -> None:
+    with SceneBagWriter(tmp_path / "empty") as writer:
+        writer.finish({})
+    with SceneBag(tmp_path / "empty") as empty, pytest.raises(BagError, match=r"scene\.json is not attached"):
+        recorded_spec(empty)
+    with SceneBagWriter(tmp_path / "bare") as writer:
+        writer.add_attachment("scene.json", "application/json", SPEC.model_dump_json().encode())
+        writer.finish({})
+    with pytest.raises(BagError, match="cannot be replayed without topic /world/actors, /world/signals"):
+        Replay(SPEC, tmp_path / "bare")
+    with pytest.raises(BagError, match="the first tick is not in the bag"):
+        Replay(SPEC, bag(tmp_path / "late", ticks=(1, 2)))
+
+
+def test_tables_of_another_version_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(DTYPES, "/world/actors", np.dtype([("x", "<f8")]))
+    folder = tmp_path / "old"
+    with SceneBagWriter(folder) as writer:
+        writer.add_attachment("scene.json", "application/json", SPEC.model_dump_json().encode())
+        for name, dtype in DTYPES.items():
+            writer.add_topic(name, CLOUD, QosProfile())
+            writer.write(name, SPEC.start_ns, cloud(np.zeros(2, dtype), SPEC.start_ns))
+        writer.finish({})
+    with pytest.raises(BagError, match="/world/actors has other columns than this version"):
+        Replay(SPEC, folder)

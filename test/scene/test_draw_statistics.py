@@ -1,0 +1,177 @@
+"""Drawn scenes against the paper's distributions: Kolmogorov–Smirnov with p > 0.01 over 2,000 scenes of fixed seeds."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from simbev_ros.config.draw import Distribution
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.scenario import Scenario, Timing, Traffic, WeatherConfig, WeatherParameters
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.scene.draw import PlannedScene, draw_scene, starts_of
+from simbev_ros.scene.draw_weather import draw_weathers
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.types import Float64Array
+
+SCENES = 2000
+LEAST_P = 0.01
+UNIFORM = stats.uniform()
+
+
+def agrees(values: Float64Array, distribution: object) -> bool:
+    """Whether values may come from one of scipy's distributions."""
+    assert len(values) > 200
+    return bool(stats.kstest(values, distribution.cdf).pvalue > LEAST_P)  # type: ignore[attr-defined]
+
+
+def agrees_clipped(values: Float64Array, distribution: object, low: float, high: float) -> bool:
+    """The same where draws outside of an interval are put on its ends: their shares count, and what lies between."""
+    below, above = distribution.cdf(low), distribution.sf(high)  # type: ignore[attr-defined]
+    inside = values[(values > low) & (values < high)]
+    quantiles = (distribution.cdf(inside) - below) / (1 - below - above)  # type: ignore[attr-defined]
+    return (
+        is_share(np.count_nonzero(values == low), len(values), below)
+        and is_share(np.count_nonzero(values == high), len(values), above)
+        and agrees(quantiles, UNIFORM)
+    )
+
+
+def is_share(count: int, of: int, probability: float) -> bool:
+    """Whether so many of so many may be yes."""
+    return bool(stats.binomtest(int(count), of, probability).pvalue > LEAST_P)
+
+
+@pytest.fixture(scope="module", params=["weather", "final"])
+def weather(request: pytest.FixtureRequest) -> dict[str, Float64Array]:
+    """Each parameter's (2000,) draws: of the initial weather, and of the final one, which follows the same rules."""
+    config = WeatherConfig(final=WeatherParameters())
+    pairs = [draw_weathers(config, seed, hilly=False) for seed in range(SCENES)]
+    drawn = [pair[request.param == "final"] for pair in pairs]
+    return {name: np.array([getattr(each, name) for each in drawn]) for name in WeatherParameters.model_fields}
+
+
+def test_independent_weather_parameters_are_as_in_the_paper(weather: dict[str, Float64Array]) -> None:
+    assert agrees(weather["cloudiness"] / 100, stats.beta(0.8, 1.0))
+    assert agrees(weather["wind_intensity"], stats.uniform(0, 100))
+    assert agrees(weather["sun_azimuth_deg"], stats.uniform(0, 360))
+    assert agrees((weather["sun_altitude_deg"] + 90) / 180, stats.beta(3.6, 2.0))
+
+
+def test_it_rains_only_under_clouds_and_wets_the_ground(weather: dict[str, Float64Array]) -> None:
+    clouds, rain = weather["cloudiness"], weather["precipitation"]
+    cloudy = clouds > 40
+    assert not rain[~cloudy].any() and np.all(rain <= clouds)
+    assert agrees(rain[cloudy] / clouds[cloudy], stats.beta(0.8, 0.2))
+    not_drowned = rain < 99
+    deposits = weather["precipitation_deposits"][not_drowned]
+    assert agrees((deposits - rain[not_drowned]) / (100 - rain[not_drowned]), stats.beta(1.2, 1.6))
+
+
+def test_wetness_is_normal_about_the_rain_and_clipped(weather: dict[str, Float64Array]) -> None:
+    wetness, around = weather["wetness"], stats.norm(weather["precipitation"], 10)
+    assert wetness.min() == 0 and wetness.max() == 100
+    inside = (wetness > 0) & (wetness < 100)
+    below, above = around.cdf(0), around.sf(100)
+    assert agrees(((around.cdf(wetness) - below) / (1 - below - above))[inside], UNIFORM)
+    for clipped, chance in ((wetness == 0, below), (wetness == 100, above)):
+        spread = np.sqrt((chance * (1 - chance)).sum())
+        assert abs(clipped.sum() - chance.sum()) < 2.6 * spread
+
+
+def test_fog_needs_clouds_or_a_low_sun(weather: dict[str, Float64Array]) -> None:
+    fog, may_be = weather["fog_density"], (weather["cloudiness"] > 40) | (weather["sun_altitude_deg"] < 10)
+    assert not fog[~may_be].any()
+    assert agrees(fog[may_be] / 100, stats.beta(1.6, 2.0))
+    thick = fog > 10
+    assert np.all(weather["fog_distance_m"][~thick] == 0) and np.all(weather["fog_falloff"][~thick] == 1)
+    assert agrees(weather["fog_distance_m"][thick], stats.lognorm(0.8, scale=np.exp(3.2)))
+    assert agrees(weather["fog_falloff"][thick] / 5, stats.beta(1.2, 2.4))
+
+
+def test_fog_fills_all_heights_on_hilly_maps() -> None:
+    drawn = [draw_weathers(WeatherConfig(), seed, hilly=True)[0] for seed in range(200)]
+    assert {each.fog_falloff for each in drawn} == {0.01, 1.0}
+    assert all((each.fog_falloff == 0.01) == (each.fog_density > 10) for each in drawn)
+
+
+def test_parameters_without_a_rule_between_them_are_uncorrelated() -> None:
+    pairs = [
+        draw_weathers(WeatherConfig(final=WeatherParameters()), seed, hilly=False)
+        for seed in range(1000, 1000 + SCENES)
+    ]
+    free = ("cloudiness", "wind_intensity", "sun_azimuth_deg", "sun_altitude_deg")
+    columns = np.array([[getattr(each, name) for each in pair for name in free] for pair in pairs]).T  # type: ignore[arg-type]
+    correlation = stats.spearmanr(columns.T).statistic
+    assert np.abs(correlation - np.eye(len(columns))).max() < 4 / SCENES**0.5
+
+
+_OF_VEHICLES = (
+    *("speed_factor", "min_gap_m", "headway_s", "lane_change_eagerness"),
+    *("reckless", "distracted", "emergency_lights"),
+)
+PLANNED = PlannedScene(0, MapSpec(name="Blocks"), "train")
+
+
+def small_scenes(scenario: Scenario) -> Iterator[SceneSpec]:
+    network = load_network(PLANNED.map)
+    starts = starts_of(scenario, network)
+    for number in range(SCENES):
+        yield draw_scene(scenario, PLANNED._replace(number=number), network, starts)
+
+
+def test_the_ego_its_driver_signals_and_duration() -> None:
+    time = Timing(duration_s=Distribution(uniform=(4, 20)))
+    scenario = load_scenario("paper").model_copy(update={"traffic": Traffic(vehicles=0, pedestrians=0), "time": time})
+    starts = starts_of(scenario, load_network(PLANNED.map))
+    ids = [starts.vehicles.waypoint(place) for place in np.flatnonzero(starts.fit(20.0)["passenger"])]
+    rank = {(place.lane, place.s_m): index for index, place in enumerate(ids)}
+    specs = list(small_scenes(scenario))
+    egos = [spec.vehicles[0] for spec in specs]
+    dither = np.random.default_rng(1).random(SCENES)  # of whole numbers: makes them continuous
+    ranks = np.array([rank[ego.start.lane, ego.start.s_m] for ego in egos])
+    assert agrees((ranks + dither) / len(ids), UNIFORM)
+    ticks = np.array([spec.ticks for spec in specs])
+    assert agrees((ticks + dither - 0.5) * time.tick_s, stats.uniform(4, 16))
+    assert agrees(np.array([ego.speed_factor for ego in egos]), stats.uniform(0.8, 0.6))
+    assert agrees_clipped(np.array([ego.min_gap_m for ego in egos]), stats.norm(3.2, 1.0), 0.5, 10)
+    assert agrees(np.concatenate([spec.green_time_s for spec in specs]), stats.uniform(4, 24))
+    assert is_share(sum(ego.reckless for ego in egos), SCENES, 0.01)
+
+
+@pytest.mark.slow
+def test_traffic_and_people() -> None:
+    scenario = load_scenario("paper")
+    starts = starts_of(scenario, load_network(PLANNED.map))
+    shares, people, vehicles, walkers = [], [], [], []
+    position_m = {
+        (place.lane, place.s_m): starts.vehicles.position_m[index]
+        for index in range(len(starts.vehicles))
+        for place in [starts.vehicles.waypoint(index)]
+    }
+    fit = np.any(list(starts.fit(20.0).values()), axis=0)
+    rng = np.random.default_rng(2)
+    for spec in small_scenes(scenario):
+        ego = spec.vehicles[0].start
+        free = np.count_nonzero(fit & starts.vehicles.within(position_m[ego.lane, ego.s_m], 400)) - 1
+        shares.append((len(spec.vehicles) - 1 + rng.random()) / (free - 2))
+        people.append(len(spec.pedestrians) + rng.random())
+        vehicles += spec.vehicles[1:]
+        walkers += [each.max_speed_mps for each in spec.pedestrians]
+    assert agrees(np.array(shares), UNIFORM)
+    assert agrees(np.array(people), stats.uniform(0, 641))
+    drawn = {name: np.array([getattr(each, name) for each in vehicles], float) for name in _OF_VEHICLES}
+    assert agrees(drawn["speed_factor"], stats.uniform(0.8, 0.6))
+    assert agrees_clipped(drawn["min_gap_m"], stats.norm(3.2, 1.0), 0.5, 10)
+    assert agrees_clipped(drawn["headway_s"], stats.norm(1.2, 0.25), 0.7, 2.5)
+    assert agrees_clipped(drawn["lane_change_eagerness"], stats.lognorm(0.6), 0.1, 5)
+    assert is_share(drawn["reckless"].sum(), len(vehicles), 0.01)
+    assert is_share(drawn["distracted"].sum(), len(vehicles), 0.02)
+    emergency = {blueprint.name for blueprint in load_blueprints() if blueprint.emergency}
+    shine = [each.emergency_lights for each in vehicles if each.blueprint in emergency]
+    assert is_share(sum(shine), len(shine), 0.5)
+    assert sum(shine) == drawn["emergency_lights"].sum()
+    assert agrees_clipped(np.array(walkers), stats.lognorm(0.64, scale=np.exp(0.16)), 0.8, 8)

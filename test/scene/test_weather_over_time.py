@@ -1,0 +1,95 @@
+"""Weather moves linearly from an initial to a final draw; the sun goes round the shorter way."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.scenario import WeatherConfig, WeatherParameters
+from simbev_ros.errors import InputError
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.scene.draw_weather import draw_weather, draw_weathers
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.weather import Weather
+
+CONFIG = """scenes: [{map: Blocks, train: 1}]
+rig: {sensors: []}
+time: {warm_up_s: 1, duration_s: {uniform: [2.02, 2.98]}}
+weather: {final: {cloudiness: 100, sun_altitude_deg: -30}}
+traffic: {vehicles: 0, pedestrians: 0}
+"""
+
+
+def weather(**changes: float) -> Weather:
+    return draw_weather(WeatherParameters(cloudiness=20, fog_density=0), 1, hilly=False).model_copy(update=changes)
+
+
+def drawn(folder: Path, text: str = CONFIG, number: int = 0) -> SceneSpec:
+    (folder / "config.yaml").write_text(text)
+    planned = PlannedScene(number, MapSpec(name="Blocks"), "train")
+    return draw_scene(load_scenario(folder / "config.yaml"), planned, load_network(planned.map))
+
+
+def test_weather_stays_in_the_warm_up_and_reaches_the_final_one_at_the_last_tick(tmp_path: Path) -> None:
+    spec = drawn(tmp_path)
+    assert spec.final_weather is not None and spec.final_weather.cloudiness == 100
+    assert spec.weather_at(-20) == spec.weather_at(0) == spec.weather
+    for name in WeatherParameters.model_fields:
+        if name != "sun_azimuth_deg":
+            now = [getattr(spec.weather_at(tick), name) for tick in range(spec.ticks)]
+            ends = getattr(spec.weather, name), getattr(spec.final_weather, name)
+            assert now == pytest.approx(np.linspace(*ends, spec.ticks))
+    assert spec.weather_at(spec.ticks - 1) == spec.weather_at(spec.ticks + 5) == spec.final_weather
+
+
+@pytest.mark.parametrize(
+    ("start_deg", "end_deg", "middle_deg"), [(350, 20, 5), (20, 350, 5), (10, 180, 95), (200, 340, 270)]
+)
+def test_the_sun_takes_the_shorter_way(start_deg: float, end_deg: float, middle_deg: float) -> None:
+    start, end = weather(sun_azimuth_deg=start_deg), weather(sun_azimuth_deg=end_deg)
+    assert start.towards(end, 0.5).sun_azimuth_deg == pytest.approx(middle_deg)
+    assert start.towards(end, 0.0).sun_azimuth_deg == start_deg
+    assert start.towards(end, 1.0).sun_azimuth_deg == end_deg
+
+
+def test_a_parameter_at_the_end_of_its_range_stays_in_it() -> None:
+    wet = weather(precipitation=100.0, wetness=0.1)
+    between = [wet.towards(wet, share) for share in np.linspace(0, 1, 1000).tolist()]
+    assert {(each.precipitation, each.wetness) for each in between} == {(100.0, 0.1)}
+
+
+def test_a_final_weather_changes_nothing_else(tmp_path: Path) -> None:
+    moving, still = drawn(tmp_path), drawn(tmp_path, CONFIG.replace("weather: {final: ", "# "))
+    assert still.final_weather is None and still.weather_at(30) == still.weather
+    assert moving.model_copy(update={"final_weather": None}) == still
+
+
+def test_initial_and_final_weather_are_drawn_apart() -> None:
+    initial, final = draw_weathers(WeatherConfig(final=WeatherParameters()), 4, hilly=False)
+    assert final is not None and initial.cloudiness != final.cloudiness
+    assert initial == draw_weather(WeatherParameters(), 4, hilly=False)
+
+
+def test_a_drawn_duration_is_rounded_to_whole_ticks(tmp_path: Path) -> None:
+    ticks = [drawn(tmp_path, number=number).ticks for number in range(30)]
+    assert min(ticks) >= 40 and max(ticks) <= 60
+    assert len(set(ticks)) > 10
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            CONFIG.replace("uniform: [2.02, 2.98]", "normal: [3, 1]"),
+            "time.duration_s: draws from -inf to inf, .* bound",
+        ),
+        (CONFIG.replace("-30}}", "-30, final: {}}}"), "weather.final.final: unknown key"),
+        (CONFIG.replace("-30}}", "-300}}"), "weather.final.sun_altitude_deg: is -300, but -90 to 90 is allowed"),
+    ],
+)
+def test_bad_values_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        drawn(tmp_path, text)

@@ -1,0 +1,53 @@
+"""Traffic still flows after a minute, on a town and on a net of SUMO's own."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from world_scenes import of_kind
+
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.sumo.netconvert import sumo_home
+from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.world.simulation import Simulation
+
+_MOVING_MPS = 0.5
+
+
+def moving(map_name: str) -> np.ndarray:
+    """(T, V) whether each of 61 vehicles moves, over a minute."""
+    spec = map_spec(map_name)
+    scenario = Scenario.model_validate(
+        {
+            "scenes": [{"map": map_name, "train": 1}],
+            "rig": Rig(sensors=()),
+            "time": {"tick_s": 0.1, "duration_s": 60},
+            "ego": {"reckless_probability": 0},
+            "traffic": {"vehicles": 60, "pedestrians": 20, "reckless_probability": 0},
+        }
+    )
+    network = load_network(spec)
+    scene = draw_scene(scenario, PlannedScene(0, spec, "train"), network)
+    with Simulation(scene, network) as simulation:
+        states = [simulation.step() for _ in range(scene.warm_up_ticks + scene.ticks)]
+    rows = of_kind(np.stack([state.actors for state in states[scene.warm_up_ticks :]]), "vehicle")
+    return np.hypot(rows["vx"], rows["vy"]) > _MOVING_MPS
+
+
+@pytest.fixture(scope="module")
+def grid_net(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("nets") / "grid.net.xml"
+    options = "--grid --grid.number 5 --grid.length 120 --tls.guess --sidewalks.guess --crossings.guess"
+    command = [sumo_home() / "bin/netgenerate", *options.split(), "-o", path]
+    subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
+    return str(path)
+
+
+@pytest.mark.parametrize("town", [True, False])
+def test_at_least_half_of_the_vehicles_move_over_a_minute_and_none_stands_at_a_routes_end(town, grid_net):
+    moves = moving("Town07" if town else grid_net)
+    assert moves.mean() > 0.5
+    assert moves[-100:].mean() > 0.4

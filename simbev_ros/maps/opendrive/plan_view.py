@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from simbev_ros.maps.opendrive.attributes import Malformed, Notes, number
 from simbev_ros.types import AnyArray, Float64Array
 
-_MAX_TURN_RAD = 60.0
+_MAX_TURN_RAD = 26.0  # four turns, more than any ramp in a car park has in one piece
 _TABLE_STEP_M = 0.25
 _SHORTEST_M = 1e-6
 _WIDEST_MITRE_RAD = np.radians(60.0)

@@ -76,17 +76,18 @@ class Collisions:
         share = np.ones((len(way_m), 1))
         position_m = np.where(crashed, self._position_m + way_m, wanted_m)
         rpy_rad = np.where(crashed, self._rpy_rad, wanted_rad)
-        pairs = self._boxes.touching(position_m, rpy_rad[:, 2])
-        self._excused &= _keys(pairs)
+        touching = self._boxes.touching(position_m, rpy_rad[:, 2])
         rounds = 0
-        while len(pairs := self._accused(pairs)):
+        while len(pairs := self._accused(touching)):
             self._collide(pairs, position_m)
             free = self._free_share(pairs, share * way_m, share * turn_rad) if rounds < _EXACT_ROUNDS else 0.0
             np.minimum.at(share, pairs, share[pairs] * np.reshape(free, (-1, 1, 1)))
             position_m = np.where(share < 1.0, self._position_m + share * way_m, position_m)
             rpy_rad = np.where(share < 1.0, self._rpy_rad + share * turn_rad, rpy_rad)
-            pairs = self._boxes.touching(position_m, rpy_rad[:, 2])
+            touching = self._boxes.touching(position_m, rpy_rad[:, 2])
             rounds += 1
+        # Only now: until here somebody may have been put back to where they touched at first.
+        self._excused &= _keys(touching)
         self._position_m, self._rpy_rad = position_m, rpy_rad
         return position_m, rpy_rad
 

@@ -101,3 +101,13 @@ def test_who_stands_in_another_from_the_beginning_may_leave():
     positions_m, impacts, _ = play(boxes, start_m, velocity_mps, np.zeros(2))
     assert not any(impacts)
     assert positions_m[-1, 1, 1] > 4.0
+
+
+def test_who_overlaps_from_the_start_may_be_kept_from_leaving():
+    boxes = Boxes(np.array([CAR_M, CAR_M, CAR_M]), 3)
+    start_m = np.array([[0.0, 0, 0], [4.55, 0, 0], [9.16, 0, 0]])  # the first two by 5 cm; 1 cm before the third
+    velocity_mps = np.array([[0.0, 0, 0], [10.0, 0, 0], [0.0, 0, 0]])
+    positions_m, impacts, collisions = play(boxes, start_m, velocity_mps, np.zeros(3))
+    assert [impact.bodies for at_tick in impacts for impact in at_tick] == [(1, 2)]
+    assert collisions.crashed.tolist() == [False, True, True]
+    assert positions_m[-1, 0, 0] == 0.0

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from simbev_ros.annotation.footprint import Footprint, merged
+from simbev_ros.annotation.hazards import LabelledArea
 from simbev_ros.annotation.levels import EgoLevel, on_ego_level
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.mesh import Mesh
@@ -20,24 +21,18 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES, Tag
 from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array, UInt16Array
 
-_CLASS_OF_TAG = {
-    Tag.ROAD: "road",
-    Tag.ROAD_LINE: "road_line",
-    Tag.SIDEWALK: "sidewalk",
-    Tag.CAR: "car",
-    Tag.TRUCK: "truck",
-    Tag.BUS: "bus",
-    Tag.MOTORCYCLE: "motorcycle",
-    Tag.BICYCLE: "bicycle",
-    Tag.RIDER: "rider",
-    Tag.PEDESTRIAN: "pedestrian",
-}
-"""Classes that are seen; hazard and crosswalk come from the tiles' surfaces."""
-
 _NO_CLASS = 255
+
+
+def _plane(name: str) -> int:
+    """The bit of a BEV class; some tags and detection classes have none."""
+    return BEV_CLASSES.index(name) if name in BEV_CLASSES else _NO_CLASS
+
+
 _PLANE_OF_TAG = np.full(256, _NO_CLASS, np.uint8)
-for _tag, _name in _CLASS_OF_TAG.items():
-    _PLANE_OF_TAG[_tag] = BEV_CLASSES.index(_name)
+"""Classes that are seen are called as their tags; crosswalks come from the tiles' surfaces, hazards from the scene."""
+for _tag in Tag:
+    _PLANE_OF_TAG[_tag] = _plane(_tag.name.lower())
 
 
 class BevAnnotator:
@@ -46,6 +41,9 @@ class BevAnnotator:
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
         """Takes the immobile scene and the catalogue's models, indexed by blueprint."""
         self._models = models
+        # Riders have no detection class, but a tag of their own; cones and barriers share theirs with other things.
+        names = [model.box_class or model.tag.name.lower() for model in models]
+        self._plane_of_blueprint = np.array([_plane(name) for name in names], np.uint8)
         footprints = [(_tile_footprint(tile), tile.level) for tile in static.tiles]
         self._tiles = [footprint for footprint, _ in footprints if len(footprint.triangles)]
         self._levels = np.array([level for footprint, level in footprints if len(footprint.triangles)], np.int64)
@@ -53,13 +51,20 @@ class BevAnnotator:
             [[each.points_m.min(axis=0), each.points_m.max(axis=0)] for each in self._tiles]
         ).reshape(-1, 2, 2)
 
-    def labels(self, state: WorldState, grid: BevGrid, ego_level: EgoLevel | None = None) -> UInt16Array:
+    def labels(
+        self,
+        state: WorldState,
+        grid: BevGrid,
+        ego_level: EgoLevel | None = None,
+        areas: Sequence[LabelledArea] = (),
+    ) -> UInt16Array:
         """Labels around the ego.
 
         Args:
             state: The world now.
             grid: Cells around the ego.
             ego_level: The level that the ego is on; None: everything counts.
+            areas: Of the scene's hazards.
 
         Returns:
             (rows, columns): bit k is ``BEV_CLASSES[k]``; row 0 ahead of the ego, column 0 left of it.
@@ -67,8 +72,7 @@ class BevAnnotator:
         radius_m = float(np.hypot(grid.rows, grid.columns)) * grid.cell_m / 2.0
         tiles = self._tiles_within(np.array([state.ego["x"], state.ego["y"]]), radius_m)
         footprints = [self._actors_within(state, radius_m, ego_level)]
-        for tile in tiles.tolist():
-            ground, level = self._tiles[tile], int(self._levels[tile])
+        for ground, level in (*((self._tiles[tile], int(self._levels[tile])) for tile in tiles.tolist()), *areas):
             footprints.append(ground if ego_level is None else ego_level.counting(ground, level))
         return _labels(merged(footprints), state, grid)
 
@@ -83,11 +87,12 @@ class BevAnnotator:
         actors: Table = state.actors
         reach_m = radius_m + np.hypot(actors["length"], actors["width"])
         distance_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
-        actors = actors[(distance_m < reach_m) & on_ego_level(state, ego_level)]
+        labelled = self._plane_of_blueprint[actors["blueprint"]] != _NO_CLASS
+        actors = actors[labelled & (distance_m < reach_m) & on_ego_level(state, ego_level)]
         origin_m = np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
         posed = pose_actors(self._models, actors, origin_m)
-        planes = _PLANE_OF_TAG[actors["tag"]][posed.triangle_row]
-        return Footprint(posed.vertices[:, :2] + origin_m[:2], posed.triangles, planes)
+        planes = self._plane_of_blueprint[actors["blueprint"]]
+        return Footprint(posed.vertices[:, :2] + origin_m[:2], posed.triangles, planes[posed.triangle_row])
 
 
 def _labels(everything: Footprint, state: WorldState, grid: BevGrid) -> UInt16Array:

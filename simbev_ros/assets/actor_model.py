@@ -19,13 +19,7 @@ class Part:
         pivot_m: Point that stays in place, actor frame, rest pose.
         spins: Turns about y with the ``wheel`` angle (forward roll).
         steers: Turns about z with the ``steer`` angle, before it spins.
-        swing_rad: Amplitude of the swing about y, with sin(gait + swing_phase_rad).
-        swing_phase_rad: Phase of the swing.
-        swing_offset_rad: Constant turn about y.
         cranks: Turns about y with the ``gait`` angle (pedals of a bicycle).
-        still_rad: Constant turn about y, in place of offset and swing, of an actor that stands still.
-        lift_m: Rises by this times cos²(gait), and by all of it when the actor stands still: a leg is longest, and
-            reaches deepest into the hip, when it is under the body.
         door: Bit of the ``doors`` column that opens it.
         opening_rad: Turn about z when it is open.
     """
@@ -35,14 +29,43 @@ class Part:
     pivot_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spins: bool = False
     steers: bool = False
-    swing_rad: float = 0.0
-    swing_phase_rad: float = 0.0
-    swing_offset_rad: float = 0.0
     cranks: bool = False
-    still_rad: float | None = None
-    lift_m: float = 0.0
     door: int = 0
     opening_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """How a person's limbs turn, at M speeds and N equal steps of ``gait``; between these it is interpolated.
+
+    Attributes:
+        speed_mps: (M,) ascending.
+        turn_rad: (M, N, P) turn of every part about y.
+        rise_m: (M, N) rise of the body, and with it of all its parts.
+    """
+
+    speed_mps: Float64Array
+    turn_rad: Float64Array
+    rise_m: Float64Array
+
+    def at(self, speed_mps: Float64Array, gait_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """(A, P) turns and (A,) rises of A people."""
+        count, steps = self.rise_m.shape
+        row = np.interp(speed_mps, self.speed_mps, np.arange(count))
+        slow = np.minimum(row.astype(np.int64), count - 2)
+        step = gait_rad / (2.0 * np.pi) * steps
+        before = np.floor(step).astype(np.int64)
+        faster, later = row - slow, step - before
+        turn_rad, rise_m = np.zeros((len(row), self.turn_rad.shape[2])), np.zeros(len(row))
+        for m, n, share in (
+            (slow, before, (1.0 - faster) * (1.0 - later)),
+            (slow, before + 1, (1.0 - faster) * later),
+            (slow + 1, before, faster * (1.0 - later)),
+            (slow + 1, before + 1, faster * later),
+        ):
+            turn_rad += share[:, None] * self.turn_rad[m, n % steps]
+            rise_m += share * self.rise_m[m, n % steps]
+        return turn_rad, rise_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +80,7 @@ class ActorModel:
         size_m: Length, width, height: the mesh's extent in rest pose; the box is centred on the origin in x and y.
         parts: Part 0 is the body; a part comes after its parent.
         wheel_radius_m: For turning distance into the ``wheel`` angle; 0 without wheels.
+        cycle: How a person moves.
     """
 
     blueprint: str
@@ -66,10 +90,7 @@ class ActorModel:
     size_m: tuple[float, float, float]
     parts: tuple[Part, ...]
     wheel_radius_m: float
-
-
-_FULL_STRIDE_MPS = 0.6
-"""Below this speed walkers take shorter steps; at rest they stand."""
+    cycle: Cycle | None = None
 
 
 def part_poses(model: ActorModel, actors: Table) -> Float64Array:
@@ -82,19 +103,18 @@ def part_poses(model: ActorModel, actors: Table) -> Float64Array:
     Returns:
         (N, P, 4, 4) transforms actor from actor-at-rest: applied to rest-pose vertices of part p they give posed ones.
     """
-    gait = actors["gait"].astype(np.float64)[:, None]
-    motion = np.minimum(np.hypot(actors["vx"], actors["vy"]).astype(np.float64) / _FULL_STRIDE_MPS, 1.0)[:, None]
+    gait = actors["gait"].astype(np.float64)
     parts = np.array([_numbers(part) for part in model.parts])
-    spins, steers, swing_rad, phase_rad, offset_rad, cranks, is_still, still_rad, lift_m, door, opening_rad = parts[
-        :, 3:
-    ].T
-    angle_y = offset_rad + swing_rad * np.sin(gait + phase_rad)
-    angle_y = np.where(is_still, motion * angle_y + (1.0 - motion) * still_rad, angle_y)
-    angle_y = angle_y + spins * actors["wheel"][:, None] + cranks * gait
+    spins, steers, cranks, door, opening_rad = parts[:, 3:].T
+    angle_y = spins * actors["wheel"][:, None] + cranks * gait[:, None]
+    rise_m: float | Float64Array = 0.0
+    if model.cycle:
+        turn_rad, rise_m = model.cycle.at(np.hypot(actors["vx"], actors["vy"]).astype(np.float64), gait)
+        angle_y = angle_y + turn_rad
     is_open = actors["doors"][:, None] >> door.astype(np.uint8) & 1
     angle_z = steers * actors["steer"][:, None] + opening_rad * is_open
     poses = _turns_about(parts[:, :3], angle_y, angle_z)
-    poses[..., 2, 3] += lift_m * (1.0 - motion * np.sin(gait) ** 2)
+    poses[:, 0, 2, 3] += rise_m
     for index, part in enumerate(model.parts):
         if part.parent >= 0:
             poses[:, index] = poses[:, part.parent] @ poses[:, index]
@@ -107,13 +127,7 @@ def _numbers(part: Part) -> tuple[float, ...]:
         *part.pivot_m,
         part.spins,
         part.steers,
-        part.swing_rad,
-        part.swing_phase_rad,
-        part.swing_offset_rad,
         part.cranks,
-        part.still_rad is not None,
-        part.still_rad or 0.0,
-        part.lift_m,
         part.door,
         part.opening_rad,
     )

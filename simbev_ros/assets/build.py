@@ -8,6 +8,7 @@ from simbev_ros.assets.land.furnish import furnish_region
 from simbev_ros.assets.markings import paint_markings
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.static_scene import RegionScene
+from simbev_ros.assets.street.obstacles import obstacles_on
 from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
@@ -31,4 +32,7 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
     furnishing = furnish_region(tiles, claims, ground)
     lay_land(tiles, ground, furnishing.covers)
     lay_water(tiles, ground)
-    return RegionScene(tiles.finish(), furnishing.street_lights)
+    streets = ground.streets[0]
+    return RegionScene(
+        tiles.finish(), furnishing.street_lights, obstacles_on(streets.sidewalk, streets.road, tiles.placed)
+    )

@@ -8,7 +8,7 @@ import numpy as np
 
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import RegionScene, StreetLight, Tile
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.types import AnyArray
 
 
 def write_region(path: Path, scene: RegionScene) -> None:
@@ -25,6 +25,7 @@ def read_region(path: Path) -> RegionScene:
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
         origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
+        obstacles = arrays["obstacle"]
         owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
     by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
     for index, (row, name) in enumerate(owners):
@@ -33,14 +34,15 @@ def read_region(path: Path) -> RegionScene:
     return RegionScene(
         tuple(Tile(origin_m, meshes.pop(""), meshes, level) for origin_m, meshes, level in tiles),
         tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
+        obstacles,
     )
 
 
-def read_street_lights(path: Path) -> Float64Array:
-    """(L, 3) places of a region's street lights, map frame, without reading the rest; raises as ``read_region``."""
+def read_column(path: Path, name: str) -> AnyArray:
+    """One of a region's arrays without the rest: ``street_light_m`` or ``obstacle``; raises as ``read_region``."""
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        lights_m: Float64Array = arrays["street_light_m"]
-    return lights_m
+        column: AnyArray = arrays[name]
+    return column
 
 
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
@@ -49,6 +51,7 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
     yield "origin_m", np.array([tile.origin_m for tile in scene.tiles])
     yield "level", np.array([tile.level for tile in scene.tiles])
     yield "street_light_m", np.array([light.position_m for light in scene.street_lights]).reshape(-1, 3)
+    yield "obstacle", scene.obstacles
     yield "tile", np.array([row for row, _, _ in meshes])
     yield "name", np.array([name for _, name, _ in meshes])
     for field in fields(Mesh):

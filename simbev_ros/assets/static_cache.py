@@ -17,15 +17,16 @@ from simbev_ros.assets.build import build_region
 from simbev_ros.assets.facets import TILE_M
 from simbev_ros.assets.far_land import FarLand, cells_of, far_land, far_tiles
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.region_file import read_region, read_street_lights, write_region
+from simbev_ros.assets.region_file import read_column, read_region, write_region
 from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Tile
+from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.errors import InputError
 from simbev_ros.maps.cache import default_cache_dir
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.types import AnyArray, Float64Array, Table
 
 _DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
 _T = TypeVar("_T")
@@ -73,6 +74,19 @@ def load_street_lights(
     return np.concatenate([np.empty((0, 3)), *lights_m])
 
 
+def load_obstacles(
+    spec: MapSpec,
+    network: RoadNetwork,
+    cache_dir: Path | None = None,
+    *,
+    reach: Reach | None = None,
+) -> Table:
+    """(K,) ``OBSTACLE_DTYPE``, what stands on sidewalks; takes and raises as ``load_static_scene``."""
+    cache = StaticCache(spec, network, cache_dir)
+    obstacles = [cache.obstacles(region) for region in regions_of(network.layout, reach)]
+    return np.concatenate([np.empty(0, OBSTACLE_DTYPE), *obstacles])
+
+
 class StaticCache:
     """The regions of one map on disk; a cached one has the same bytes as one built anew."""
 
@@ -94,8 +108,15 @@ class StaticCache:
 
     def street_lights(self, region: Region) -> Float64Array:
         """(L, 3) places of a region's street lights, map frame; raises as ``load_static_scene``."""
+        return self._column(region, "street_light_m")
+
+    def obstacles(self, region: Region) -> Table:
+        """(K,) ``OBSTACLE_DTYPE`` of a region; raises as ``load_static_scene``."""
+        return self._column(region, "obstacle")
+
+    def _column(self, region: Region, name: str) -> AnyArray:
         build = partial(self._write, write=partial(self._write_region, region=region))
-        return _read(self._path(region), read_street_lights, build)
+        return _read(self._path(region), partial(read_column, name=name), build)
 
     def far_land(self) -> FarLand:
         """What lies beyond the regions; raises as ``load_static_scene``."""

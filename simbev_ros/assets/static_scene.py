@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.types import Float64Array
+from simbev_ros.types import Float64Array, Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,17 @@ class StreetLight:
 
 @dataclass(frozen=True, slots=True)
 class RegionScene:
-    """A region's part of it; the lamps' indices, in ``uv``, count the region's own street lights."""
+    """A region's part of it; the lamps' indices, in ``uv``, count the region's own street lights.
+
+    Attributes:
+        tiles: The meshes.
+        street_lights: Lamps.
+        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE``; what people on sidewalks walk around.
+    """
 
     tiles: tuple[Tile, ...]
     street_lights: tuple[StreetLight, ...]
+    obstacles: Table
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True)

@@ -26,9 +26,14 @@ def standing(place_m: Sequence[float] | Float64Array, height_m: float, yaw_rad: 
 
 
 class TileBuilder:
-    """Collects meshes by tile."""
+    """Collects meshes by tile.
+
+    Attributes:
+        placed: Objects of level 0, and the (N, 4, 4) poses of their copies, map frame.
+    """
 
     def __init__(self) -> None:
+        self.placed: list[tuple[Mesh, Float64Array]] = []
         self._seen: dict[_Key, list[Mesh]] = defaultdict(list)
         self._surfaces: dict[_Key, dict[str, list[Mesh]]] = defaultdict(lambda: defaultdict(list))
 
@@ -38,6 +43,8 @@ class TileBuilder:
         tile_from_mesh = map_from_mesh.copy()
         tile_from_mesh[:3, 3] -= _origin(key)
         self._seen[key].append(mesh.transformed(tile_from_mesh))
+        if level == 0:
+            self.placed.append((mesh, map_from_mesh[None]))
 
     def place_copies(
         self,
@@ -67,6 +74,7 @@ class TileBuilder:
                 copy.vertices[:, 2] += height_m.astype(np.float32)
         for (column, row), copy in zip(index.tolist(), copies, strict=True):
             self._seen[0, column, row].append(copy)
+        self.placed.append((mesh, map_from_mesh))
 
     def drape(
         self, area: BaseGeometry, facets: Facets, *make: Callable[[Cut], ByTile], surface: str = "", level: int = 0

@@ -14,6 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from simbev_ros.recording.layout import is_dataset, scenes_of
+from simbev_ros.scene.ending import DURATION
 
 _STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red"}
 _WIDTH_IN_A_PIPE = 160
@@ -81,7 +82,8 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     table.add_row("size", f"{decimal(facts['file_bytes'])}, {facts['messages']} messages")
     if scene := facts["scene"]:
         table.add_row("map", f"{scene['map']}, split {scene['split']}, seed {scene['seed']}")
-        table.add_row("ticks", f"{scene['ticks']} of {scene['tick_s']:g} s")
+        part = "" if facts["ticks"] in (None, scene["ticks"]) else f"{facts['ticks']} of "
+        table.add_row("ticks", f"{part}{scene['ticks']}, each {scene['tick_s']:g} s")
         table.add_row("actors", f"{scene['vehicles']} vehicles, {scene['pedestrians']} pedestrians")
         table.add_row("weather", _weather(scene))
         table.add_row("rig", "\n".join(scene["rig"]))
@@ -136,5 +138,6 @@ def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
 
 def _state(facts: dict[str, Any]) -> str:
     style = _STATE_STYLES[facts["state"]]
+    early = "" if facts["ended"] in (None, DURATION) else ", [yellow]ended early[/]"
     books = {True: ", [green]complete[/]", False: ", [red]incomplete[/]", None: ""}[facts["complete"]]
-    return f"[{style}]{facts['state']}[/]{books}"
+    return f"[{style}]{facts['state']}[/]{books}{early}"

@@ -27,11 +27,12 @@ def replay(
     """
     from simbev_ros.cli.scenes import map_roads, play_specs
     from simbev_ros.recording.reader import SceneBag
-    from simbev_ros.recording.replay import Replay, recorded_spec, replayed_spec
+    from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
 
     scenario = load_scenario(config)
     console = Console()
     with SceneBag(bag) as recorded:
+        load_recorded_roads(recorded)
         network = map_roads(recorded_spec(recorded).map, console)
         spec = replayed_spec(recorded, scenario, network)
     Replay(spec, bag).close()  # whatever is wrong with the bag is said before the graph starts

@@ -19,10 +19,12 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes, starts_of
-from simbev_ros.scene.statistics import SceneStatistics, Tally, meant
+from simbev_ros.scene.statistics import BINS, SceneStatistics, Tally, meant
 from simbev_ros.types import Float64Array
 
 _WIDTH_IN_A_PIPE = 160
+_WIDE = 120
+_NAME_WIDTH, _FIGURE_WIDTH = 24, 8
 _BARS = " ▁▂▃▄▅▆▇█"
 
 
@@ -64,7 +66,7 @@ def scene(
         output = Console(width=_WIDTH_IN_A_PIPE)
     maps = ", ".join(f"{escape(name)} ({scenes})" for name, scenes in statistics.maps.items())
     output.print(f"[bold]{len(planned)} scenes[/]: {maps}")
-    output.print(_numbers_table(statistics, scenario))
+    _print_numbers(output, statistics, scenario)
     output.print(_kinds_table(statistics))
 
 
@@ -129,17 +131,27 @@ def _facts(statistics: SceneStatistics, scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def _numbers_table(statistics: SceneStatistics, scenario: Scenario) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("parameter", no_wrap=True)
-    for title in ("mean", "sd", "min", "max"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("from min to max", no_wrap=True)
-    table.add_column("meant", style="dim", overflow="fold")
-    for name, tally in statistics.numbers.items():
-        figures = (f"{value:.4g}" for value in (tally.mean, tally.sd, tally.min, tally.max))
-        table.add_row(name, *figures, _histogram(tally), escape(meant(name, scenario)))
-    return table
+def _print_numbers(output: Console, statistics: SceneStatistics, scenario: Scenario) -> None:
+    """A line for each parameter, by section; in a narrow terminal what it is meant to be has a line of its own."""
+    sections: dict[str, list[str]] = {}
+    for name in statistics.numbers:
+        sections.setdefault(name.rpartition(".")[0] or "scene", []).append(name)
+    titles = "".join(f"{title:>{_FIGURE_WIDTH}}" for title in ("mean", "sd", "min", "max"))
+    output.print(f"{'':{_NAME_WIDTH}}{titles}  from min to max", style="dim")
+    for section, names in sections.items():
+        output.print(f"[bold]{escape(section)}[/]", highlight=False)
+        for name in names:
+            tally, meaning = statistics.numbers[name], escape(meant(name, scenario))
+            figures = "".join(map(_figure, (tally.mean, tally.sd, tally.min, tally.max)))
+            line = f"  {name.rpartition('.')[2]:{_NAME_WIDTH - 2}}{figures}  {_histogram(tally):{BINS}}"
+            between = "  " if output.width >= _WIDE else "\n    "
+            output.print(line + (f"{between}[dim]{meaning}[/]" if meaning else ""), highlight=False, soft_wrap=True)
+
+
+def _figure(value: float) -> str:
+    """In a column: three digits at least, or two of what is next to nothing."""
+    form = "0f" if abs(value) >= 100 else "3g" if abs(value) >= 0.01 else "2g"
+    return f"{value:{_FIGURE_WIDTH}.{form}}"
 
 
 def _histogram(tally: Tally) -> str:
@@ -157,6 +169,6 @@ def _kinds_table(statistics: SceneStatistics) -> Table:
     table.add_column("parameter", no_wrap=True)
     table.add_column("shares", overflow="fold")
     for name, counts in statistics.kinds.items():
-        shares = (f"{escape(kind)} {100 * times / counts.total():.1f} %" for kind, times in counts.most_common())
+        shares = (f"{escape(kind)} {100 * times / counts.total():.1f}%" for kind, times in counts.most_common())
         table.add_row(name, ", ".join(shares))
     return table

@@ -58,7 +58,7 @@ def play_specs(
     """
     if dataset is not None:
         check_writable(dataset, specs)
-    _build_surroundings(specs, console)
+    build_surroundings(specs, console)
     with GraphSession(scenario, live=live, dataset=dataset, domain=domain) as session:
         console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
         for spec in specs:
@@ -69,7 +69,7 @@ def play_specs(
     return [scene_folder(dataset, spec.split, spec.name) for spec in specs] if dataset is not None else []
 
 
-def _build_surroundings(specs: Sequence[SceneSpec], console: Console) -> None:
+def build_surroundings(specs: Sequence[SceneSpec], console: Console) -> None:
     """Fill the cache on disk, so that the nodes, which all need the static scene, find it there."""
     for map_spec in dict.fromkeys(spec.map for spec in specs):
         network = load_network(map_spec)

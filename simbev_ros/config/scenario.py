@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
+from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.rig import Rig
 from simbev_ros.geometry.grid import BevGrid
@@ -124,7 +125,12 @@ class Traffic(Model):
     distracted_probability: float = Field(0.02, ge=0, le=1, description="ignores lights and signs, but not others")
     emergency_lights_probability: float = Field(0.5, ge=0, le=1, description="of emergency vehicles: lights on")
     door_probability: float = Field(0.1, ge=0, le=1, description="that a vehicle that stands opens doors")
-    pedestrian_max_speed_mps: Annotated[Drawn, within(0.8, 12)] = Distribution(lognormal=(0.16, 0.64), min=0.8, max=8)
+    pedestrian_max_speed_mps: Annotated[Drawn, within(0.8, 12)] = Field(
+        Distribution(lognormal=(0.16, 0.64), min=0.8, max=8), description="who is faster than about 2.1 m/s runs"
+    )
+    walker_cross_factor: Annotated[Drawn, within(0, 1)] = Field(
+        Distribution(beta=(2.4, 1.6)), description="share of pedestrians that may jaywalk, drawn for each scene"
+    )
     green_time_s: Annotated[Drawn, within(2, 300)] = Distribution(uniform=(4, 28))
 
 
@@ -175,6 +181,7 @@ class Scenario(Model):
     weather: WeatherConfig = WeatherConfig()
     lights: Lights = Lights()
     traffic: Traffic = Traffic()
+    hazards: Hazards = Hazards()
     annotation: Annotation = Annotation()
     recording: Recording = Recording()
     graph: GraphConfig = GraphConfig()

@@ -101,10 +101,14 @@ class GraphSession:
 
     def _await_recorder(self, last_tick: int) -> None:
         """Wait until the bag is closed, which the recorder reports as one more tick."""
-        end_s = time.monotonic() + _LIVE_PATIENCE_S
-        while self._dataset is not None and (not self._live or time.monotonic() < end_s):
-            done = self.monitor.recorder.finished_by_all()
-            if done is not None and done > last_tick:
+        if self._dataset is None:
+            return
+        patience_s = _LIVE_PATIENCE_S if self._live else self._scenario.graph.silence_timeout_s
+        end_s = time.monotonic() + patience_s
+        while (done := self.monitor.recorder.finished_by_all()) is None or done <= last_tick:
+            if time.monotonic() > end_s:
+                if not self._live:
+                    self._fail(f"node recorder has not closed the bag within {patience_s:g} s, after tick {last_tick}")
                 return
             self.monitor.spin(_POLL_S)
             self._check(last_tick)

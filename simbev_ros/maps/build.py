@@ -1,6 +1,7 @@
 """Maps on demand: a MapSpec in, a RoadNetwork out, built once and then taken from a cache on disk."""
 
 import gc
+import gzip
 import logging
 import shutil
 from collections.abc import Callable, Iterator
@@ -23,7 +24,7 @@ from simbev_ros.maps.roads.signals import place_signals
 from simbev_ros.maps.roads.signs import place_signs
 from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.store import NET, OPENDRIVE, read_datum, read_network, write_network
+from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, read_datum, read_network, read_source, write_network
 from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import read_sumo_net
@@ -55,6 +56,11 @@ def load_network(spec: MapSpec, cache_dir: Path | None = None) -> RoadNetwork:
 def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
     """Where a map lies on Earth; for those who need no more of it. Arguments and errors as ``load_network``."""
     return _read(spec, cache_dir, read_datum)
+
+
+def load_source(spec: MapSpec, cache_dir: Path | None = None) -> bytes:
+    """The file that a map was made from, gzip, also when it is gone; arguments and errors as ``load_network``."""
+    return _read(spec, cache_dir, read_source)
 
 
 def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> _T:
@@ -105,6 +111,8 @@ def _build(spec: MapSpec, parts_of: Callable[[Path], MapParts], folder: Path) ->
     """Fill a map's folder."""
     work = folder / "work"
     work.mkdir()
+    if spec.path:
+        (folder / SOURCE).write_bytes(gzip.compress(file_of(spec).read_bytes(), mtime=0))
     parts = parts_of(work)
     for note in parts.notes:
         logging.getLogger(__name__).info("map %s: %s", spec.name, note)

@@ -20,6 +20,7 @@ from simbev_ros.types import AnyArray
 
 NET = "map.net.xml"
 OPENDRIVE = "map.xodr"
+SOURCE = "source.gz"
 _STORE = "network.npz"
 _HEADER = "header"
 
@@ -67,6 +68,12 @@ def read_datum(folder: Path) -> MapDatum:
     """Only where the map lies on Earth; raises as ``read_network``."""
     with _complaints(folder), _arrays(folder) as arrays:
         return MapDatum(**_header(arrays)["datum"])
+
+
+def read_source(folder: Path) -> bytes:
+    """Only the file that the map was made from, gzip; raises as ``read_network``."""
+    with _complaints(folder):
+        return (folder / SOURCE).read_bytes()
 
 
 @contextmanager

@@ -10,6 +10,8 @@ _DEPTH = 16
 
 LATCHED = QosProfile(reliability="reliable", durability="transient_local", depth=1)
 STATE = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
+EVENTS = QosProfile(reliability="reliable", durability="volatile", depth=1000)
+"""A pile-up is many events at once, none of which may be lost."""
 SENSOR_LOCKSTEP = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 SENSOR_LIVE = QosProfile(reliability="best_effort", durability="volatile", depth=5)
 
@@ -18,6 +20,8 @@ def qos_of(topic: Topic, *, live: bool) -> QosProfile:
     """QoS that a topic is published with."""
     if topic.period_ticks == 0:
         return LATCHED
+    if topic.sporadic:
+        return EVENTS
     if topic.sensor:
         return SENSOR_LIVE if live else SENSOR_LOCKSTEP
     return STATE

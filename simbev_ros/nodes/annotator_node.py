@@ -10,6 +10,7 @@ from visualization_msgs.msg import MarkerArray
 
 from simbev_ros.annotation.bev import BevAnnotator
 from simbev_ros.annotation.boxes import boxes
+from simbev_ros.annotation.hazards import LabelledArea, hazard_areas
 from simbev_ros.annotation.levels import Levels
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.config.scenario import Bev
@@ -42,6 +43,7 @@ class AnnotatorNode(Participant):
         self._bev: BevAnnotator | None = None
         self._network: RoadNetwork | None = None
         self._levels: Levels | None = None
+        self._hazards: tuple[LabelledArea, ...] = ()
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the topics."""
@@ -52,7 +54,8 @@ class AnnotatorNode(Participant):
         self._network = load_network(spec.map)
         reach = reach_of(spec, self._network)
         area = shapely.Point(reach.center_m).buffer(reach.radius_m)
-        self._levels = Levels(self._network.layout.near(area, margin_m=0.0))
+        layout = self._network.layout.near(area, margin_m=0.0)
+        self._levels, self._hazards = Levels(layout), hazard_areas(spec.hazards, layout)
         recorded = list(topics.annotation_topics(spec))
         for topic in recorded:
             self.advertise(topic, _MESSAGE_TYPES[topic.type.rsplit("/", 1)[1]])
@@ -69,7 +72,7 @@ class AnnotatorNode(Participant):
         agent, annotation = spec.rig.agent, spec.annotation
         frame = f"{agent}/base_link"
         ego_level = self._levels.of_ego(state)
-        labels = self._bev.labels(state, annotation.bev.grid, ego_level)
+        labels = self._bev.labels(state, annotation.bev.grid, ego_level, self._hazards)
         self.publish(f"/{agent}/bev/labels", image_message(labels, state.stamp_ns, frame))
         if self.readers(f"/{agent}/bev/color"):
             self.publish(f"/{agent}/bev/color", image_message(bev_color(labels), state.stamp_ns, frame))

@@ -17,9 +17,13 @@ class Pacer:
         self.paused = False
         self.steps = 0
 
+    def pause(self, paused: bool) -> None:
+        """Start no more ticks, or go on; steps that were asked for before are forgotten."""
+        self.paused, self.steps = paused, 0
+
     def start(self) -> None:
         """A scene starts; live time counts from its first tick."""
-        self._next_s = 0.0
+        self._next_s, self.steps = 0.0, 0
 
     def due(self, tick_ns: int) -> bool:
         """Whether the next tick may start now; True consumes it."""

@@ -9,6 +9,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
+from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
@@ -18,10 +19,12 @@ from simbev_ros.msgs.transforms import ego_transform, serialised_transforms, sta
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
 from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.canonical import canonical
 from simbev_ros.recording.layout import (
     CONFIG_ATTACHMENT,
     LEAD_IN_ATTACHMENT,
     MAP_ATTACHMENT,
+    MAP_SOURCE_ATTACHMENT,
     SCENE_ATTACHMENT,
     scene_folder,
 )
@@ -73,6 +76,8 @@ class RecorderNode(GraphNode):
         )
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
         self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
+        if spec.map.path:
+            self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/gzip", load_source(spec.map))
         for topic in self._manifest:
             self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live))
             self._subscribe(topic)
@@ -102,7 +107,7 @@ class RecorderNode(GraphNode):
             if stamp_ns is None:
                 return
             if stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
-                self._lead_in.append(RawMessage(topic.name, stamp_ns, topic.type, payload))
+                self._lead_in.append(RawMessage(topic.name, stamp_ns, topic.type, canonical(payload, topic.type)))
             elif stamp_ns >= self._spec.start_ns:
                 self._take(topic.name, stamp_ns, payload)
                 if topic.type == "nav_msgs/msg/Odometry":
@@ -126,7 +131,7 @@ class RecorderNode(GraphNode):
             return
         tick = spec.tick_of(stamp_ns)
         if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
-            self._writer.write(topic, stamp_ns, payload)
+            self._writer.write(topic, stamp_ns, canonical(payload, "std_msgs/msg/String"))
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick
@@ -139,7 +144,7 @@ class RecorderNode(GraphNode):
         end = SceneEnd.model_validate_json(message.data)
         if self._spec is not None and end.scene == self._spec.name:
             self._end = end
-            self._accounting.end_at(end.tick + 1)
+            self._accounting.end_at(end.tick + 1, {topics.EVENTS: end.events})
             self._finish_after_last(self._spec)
 
     def _write_until(self, spec: SceneSpec, last_tick: int) -> None:
@@ -159,11 +164,11 @@ class RecorderNode(GraphNode):
             self._writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
         for topic in self._manifest:
             for stamp_ns, payload in messages[topic.name]:
-                self._writer.write(topic.name, stamp_ns, payload)
+                self._writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
-        """Give the bag its final name, if the last tick has been written."""
-        if self._writer is None or self._end is None or self._next_tick <= self._end.tick:
+        """Give the bag its final name, if all is in it: the last tick, and events, which may come after their tick."""
+        if self._writer is None or self._end is None or not self._accounting.is_finished:
             return
         self._writer.finish(self._facts(spec))
         self._writer = self._spec = None

@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from simbev_ros.assets.static_cache import load_street_lights
+from simbev_ros.assets.static_cache import load_obstacles, load_street_lights
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
@@ -80,9 +80,9 @@ class WorldNode(GraphNode):
         self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
 
     def _on_request(self, message: String) -> None:
-        self._start(SceneRequest.model_validate_json(message.data))
+        self.start(SceneRequest.model_validate_json(message.data))
 
-    def _start(self, request: SceneRequest) -> None:
+    def start(self, request: SceneRequest) -> None:
         """Load a scene, go through its warm-up, and tell everybody; nothing is published before all are connected."""
         self.close()
         self._request, self._end = request, None
@@ -100,7 +100,7 @@ class WorldNode(GraphNode):
         self.publish(topics.MAP, String(data=network.opendrive))
         self._publish_lights(spec, network)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
-        self._source = Simulation(spec, network) if request.replay is None else Replay(spec, Path(request.replay))
+        self._source = _source_of(request, network)
         self._ending = Ending(spec, self._source.available)
         for _ in range(spec.warm_up_ticks - spec.lead_in_ticks):
             self._source.step()
@@ -139,7 +139,8 @@ class WorldNode(GraphNode):
 
     def _connected(self) -> bool:
         names = (topics.ACTORS, topics.SIGNALS, topics.WEATHER)
-        return all(self.readers(name) >= self._state_readers for name in names)
+        recorded = not self._recorded or self.readers(topics.EVENTS) > 0
+        return recorded and all(self.readers(name) >= self._state_readers for name in names)
 
     def _tick(self) -> None:
         assert self._spec is not None and self._source is not None
@@ -165,7 +166,7 @@ class WorldNode(GraphNode):
         self._transforms.publish(odometry)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._pacer.paused = request.data
+        self._pacer.pause(request.data)
         response.success = True
         response.message = "paused" if request.data else "running"
         return response
@@ -189,7 +190,7 @@ class WorldNode(GraphNode):
         response.success = refusal is None
         response.message = refusal or "restarted"
         if refusal is None and self._request is not None:
-            self._start(self._request)
+            self.start(self._request)
         return response
 
     def _refusal(self) -> str | None:
@@ -203,3 +204,11 @@ class WorldNode(GraphNode):
         if self._source is not None:
             self._source.close()
             self._source = None
+
+
+def _source_of(request: SceneRequest, network: RoadNetwork) -> Source:
+    """The simulation of a scene, or the bag that is replayed."""
+    spec = request.spec
+    if request.replay is not None:
+        return Replay(spec, Path(request.replay))
+    return Simulation(spec, network, load_obstacles(spec.map, network, reach=loaded_reach(spec, network)))

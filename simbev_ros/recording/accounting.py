@@ -27,7 +27,7 @@ class Verdict(Enum):
 class Schedule:
     """When a topic has a message: every ``period_ticks`` from ``first_tick`` on; with period 0, once, at any stamp.
 
-    A sporadic one has any number of messages at any tick: what has come is what was due.
+    A sporadic one has any number of messages at any tick; how many in all is known when the scene ends.
     """
 
     first_tick: int = 0
@@ -56,7 +56,7 @@ class TopicAccount:
     @property
     def balanced(self) -> bool:
         """Whether exactly what was due has come, and nothing else."""
-        return not (self.missing_ticks or self.duplicates or self.unexpected)
+        return self.recorded == self.expected and not (self.duplicates or self.unexpected)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class Report:
     @property
     def complete(self) -> bool:
         """Whether every topic has all that was due. Surplus was kept out of the bag, so it spoils nothing."""
-        return not any(account.missing_ticks for account in self.topics.values())
+        return all(account.recorded >= account.expected for account in self.topics.values())
 
     def problems(self) -> list[str]:
         """One sentence for each topic that is not as it should be."""
@@ -99,6 +99,7 @@ class Accounting:
         self._start_ns, self._tick_ns, self._ticks = start_ns, tick_ns, ticks
         self._first_ticks = {topic: entry.first_tick for topic, entry in manifest.items() if not entry.period_ticks}
         self._sporadic = {topic: 0 for topic, entry in manifest.items() if entry.sporadic}
+        self._announced: Mapping[str, int] = {}
         self._due = {topic: entry.due(ticks) for topic, entry in manifest.items()}
         self._missing = {topic: set(due) for topic, due in self._due.items()}
         self._awaited = [0] * ticks
@@ -128,13 +129,24 @@ class Accounting:
         self._advance()
         return Verdict.EXPECTED
 
-    def end_at(self, ticks: int) -> None:
-        """The scene ends earlier: nothing is due from tick number ``ticks`` on."""
-        self._ticks = ticks
+    def end_at(self, ticks: int, sporadic: Mapping[str, int] | None = None) -> None:
+        """The scene ends: nothing is due from tick number ``ticks`` on.
+
+        Args:
+            ticks: Of the whole scene.
+            sporadic: Messages of sporadic topics that there are in all; of those not given, as many as have come.
+        """
+        self._ticks, self._announced = ticks, sporadic or {}
         self._due = {topic: due[: len(range(due.start, ticks, due.step))] for topic, due in self._due.items()}
         for topic, due in self._due.items():
             self._missing[topic].intersection_update(due)
         self._awaited = self._awaited[:ticks]
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether everything has come up to the end that was announced."""
+        all_sporadic = all(self._sporadic[topic] >= count for topic, count in self._announced.items())
+        return all_sporadic and self.finished_tick + 1 >= self._ticks
 
     def awaited(self, tick: int) -> list[str]:
         """The topics whose message of this tick has not come."""
@@ -146,9 +158,10 @@ class Accounting:
         return Report(self._ticks, {topic: self._account(topic) for topic in [*self._due, *strangers]})
 
     def _account(self, topic: str) -> TopicAccount:
-        expected = len(self._due.get(topic, range(0))) + self._sporadic.get(topic, 0)
         missing = tuple(sorted(self._missing.get(topic, ())))
-        recorded = expected - len(missing)
+        happened = self._sporadic.get(topic, 0)
+        due = len(self._due.get(topic, range(0)))
+        expected, recorded = due + self._announced.get(topic, happened), due - len(missing) + happened
         return TopicAccount(expected, recorded, missing, self._duplicates[topic], self._unexpected[topic])
 
     def _tick_of(self, topic: str, stamp_ns: int) -> int | None:

@@ -25,8 +25,8 @@ def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], Non
     Returns:
         ``state`` is finished (closed, and under its own name), unfinished (closed, but not given its name) or cut off
         (its writer was killed); ``complete`` is the recorder's word that nothing is missing, None without one;
-        ``ended`` says why the scene ended; ``expected`` and ``bytes`` of a topic are None where the recorder left no
-        books, ``rate_hz`` with less than two messages.
+        ``ended`` says why the scene ended, after ``ticks``, which may be less than the scene's; ``expected`` and
+        ``bytes`` of a topic are None where the recorder left no books, ``rate_hz`` with less than two messages.
 
     Raises:
         BagError: It cannot be read.
@@ -40,6 +40,7 @@ def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], Non
             "state": "finished" if bag.finished else "unfinished" if bag.closed else "cut off",
             "complete": _known(bag.custom_data, "complete"),
             "ended": bag.custom_data.get("ended"),
+            "ticks": _known(bag.custom_data, "ticks"),
             "problems": _known(bag.custom_data, "problems") or [],
             "file_bytes": locate_mcap(path).stat().st_size,
             "messages": sum(len(topic.stamps_ns) for topic in bag.topics.values()),

@@ -8,6 +8,8 @@ PARTIAL_SUFFIX = ".partial"
 SCENE_ATTACHMENT = "scene.json"
 CONFIG_ATTACHMENT = "config.yaml"
 MAP_ATTACHMENT = "map.xodr"
+MAP_SOURCE_ATTACHMENT = "map_source.gz"
+"""The file that the map was made from, for maps that are files."""
 LEAD_IN_ATTACHMENT = "lead_in.json"
 METADATA_FILE = "metadata.yaml"
 

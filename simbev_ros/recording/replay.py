@@ -1,6 +1,9 @@
 """Replaying a recorded scene: its actors and signals once more, tick by tick, with another rig or another weather."""
 
+import gzip
 import json
+import tempfile
+import zlib
 from collections import defaultdict
 from collections.abc import Iterator
 from itertools import chain
@@ -10,9 +13,15 @@ import numpy as np
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import BagError, InputError
+from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.recording.arrays import point_array
-from simbev_ros.recording.layout import LEAD_IN_ATTACHMENT, MAP_ATTACHMENT, SCENE_ATTACHMENT
+from simbev_ros.recording.layout import (
+    LEAD_IN_ATTACHMENT,
+    MAP_ATTACHMENT,
+    MAP_SOURCE_ATTACHMENT,
+    SCENE_ATTACHMENT,
+)
 from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.scene.draw_lights import draw_lights
@@ -99,8 +108,10 @@ class Replay:
             ticks += 1
         if not ticks:
             raise BagError(f"{self._bag.path}: cannot be replayed: the first tick is not in the bag")
-        ended = self._bag.custom_data.get("ended", DURATION if ticks == self._recorded.ticks else "")
-        return ticks, ended or f"the replayed bag ends at tick {ticks - 1}"
+        facts = self._bag.custom_data
+        if ticks < int(facts.get("ticks", self._recorded.ticks)):
+            return ticks, f"the replayed bag ends at tick {ticks - 1}"
+        return ticks, facts.get("ended", DURATION)
 
     def _read(self) -> Iterator[tuple[int, _Tables]]:
         """Stamp and tables of every tick that is whole, in order."""
@@ -155,6 +166,28 @@ def recorded_spec(bag: SceneBag) -> SceneSpec:
     if spec is None:
         raise BagError(f"{bag.path}: cannot be replayed: {SCENE_ATTACHMENT} is not attached")
     return spec
+
+
+def load_recorded_roads(bag: SceneBag) -> None:
+    """Build the roads of a bag's map from the file in the bag, which may be gone from where it was.
+
+    They are in the cache then, where all find them who look for the map by the content of its file.
+
+    Raises:
+        BagError: the file in the bag is damaged.
+        InputError: the roads cannot be built from it.
+    """
+    source = bag.attachments.get(MAP_SOURCE_ATTACHMENT)
+    if source is None:
+        return
+    spec = recorded_spec(bag).map
+    with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
+        copy = Path(folder, Path(spec.path).name)
+        try:
+            copy.write_bytes(gzip.decompress(source))
+        except (EOFError, OSError, zlib.error) as error:
+            raise BagError(f"{bag.path}: {MAP_SOURCE_ATTACHMENT}: {error}") from None
+        load_network(spec.model_copy(update={"path": str(copy)}))
 
 
 def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> SceneSpec:

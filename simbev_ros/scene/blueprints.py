@@ -1,8 +1,9 @@
 """The blueprints: every kind of actor that can be in a scene, read from blueprints.yaml. Their meshes are in assets."""
 
+import math
 from functools import lru_cache
 from importlib.resources import files
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import yaml
 from pydantic import field_validator
@@ -11,11 +12,27 @@ from simbev_ros.config.base import Model
 from simbev_ros.semantics import Tag
 
 
+class Footprint(NamedTuple):
+    """How a vehicle is drawn along a way; distances along it are from its middle.
+
+    Attributes:
+        length_m: Of its box.
+        width_m: Of its box.
+        lead_m: How far ahead the point is that keeps to the way.
+        axle_m: How far behind the axle is that is drawn after it.
+    """
+
+    length_m: float
+    width_m: float
+    lead_m: float
+    axle_m: float
+
+
 class Blueprint(Model):
     """One kind of actor; the fields are explained in blueprints.yaml."""
 
     name: str
-    kind: Literal["vehicle", "rider", "pedestrian"]
+    kind: Literal["vehicle", "rider", "pedestrian", "prop"]
     tag: Tag
     box_class: str
     size_m: tuple[float, float, float]
@@ -33,6 +50,22 @@ class Blueprint(Model):
     stride_m: float = 0.0
     doors: int = 0
     wheelchair: bool = False
+    runs_as: str = ""
+
+    @property
+    def on_foot(self) -> bool:
+        """Whether it is somebody who walks or runs."""
+        return self.kind == "pedestrian" and not self.wheelchair
+
+    @property
+    def footprint(self) -> Footprint:
+        """A vehicle's: its axles lie half a wheelbase before and behind its middle.
+
+        The point that leads is where the front bumper swings out of a bend by as much as the rear axle cuts it.
+        """
+        length_m, width_m, _ = self.size_m
+        axle_m = self.wheelbase_m / 2.0
+        return Footprint(length_m, width_m, (length_m / 2.0 + axle_m) / math.sqrt(2.0) - axle_m, axle_m)
 
     @field_validator("tag", mode="before")
     @classmethod

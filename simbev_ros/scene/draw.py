@@ -15,14 +15,16 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import Blueprint, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.draw_hazards import DrawnHazards, draw_hazards
 from simbev_ros.scene.draw_lights import draw_lights
 from simbev_ros.scene.draw_weather import draw_weathers
 from simbev_ros.scene.drivers import Driver, draw_driver
+from simbev_ros.scene.gait import transition_mps
 from simbev_ros.scene.spawn import draw_spawn
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.scene.starts import Starts
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _LOGGER = logging.getLogger(__name__)
 _CLOSE = 0.99  # of the spacing of places: so near the ego nobody else starts on its lane
@@ -71,6 +73,8 @@ def draw_scene(
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     ego, ego_position_m = _draw_ego(scenario, seed, network, starts, duration_s)
     weather, final_weather = draw_weathers(scenario.weather, seed, hilly=starts.is_hilly)
+    hazards = _draw_hazards(scenario, seed, starts, duration_s, ego.start, ego_position_m)
+    vehicles = _draw_vehicles(scenario.traffic, seed, starts, duration_s, ego.start, ego_position_m, hazards)
     return SceneSpec(
         number=planned.number,
         split=planned.split,
@@ -86,8 +90,10 @@ def draw_scene(
         ego_driver=scenario.ego.driver,
         rig=scenario.rig,
         annotation=scenario.annotation,
-        vehicles=(ego, *_draw_vehicles(scenario.traffic, seed, starts, duration_s, ego.start, ego_position_m)),
+        vehicles=(ego, *vehicles, *hazards.vehicles),
         pedestrians=tuple(_draw_pedestrians(scenario.traffic, seed, starts, duration_s, network.name, ego_position_m)),
+        walker_cross_factor=_cross_factor(scenario.traffic, seed),
+        hazards=hazards.hazards,
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{programme}.green"))
             for programme in starts.programmes or ("",)
@@ -122,7 +128,8 @@ def _draw_ego(
         start = draw_spawn(scenario.ego.spawn, seed, blueprint, network)
         position_m, _ = network.pose_on_lane(start.lane, start.s_m)
     else:
-        fit = np.flatnonzero(starts.fit(duration_s)[blueprint.sumo_class])
+        somewhere = starts.fit(duration_s)[blueprint.name]
+        fit = np.flatnonzero(somewhere if somewhere.any() else starts.anyhow(blueprint, duration_s))
         if not len(fit):
             raise InputError(f"ego.blueprint: {blueprint.name} has no lane to drive on in map {network.name}")
         place = int(fit[stream(seed, "ego.place").integers(len(fit))])
@@ -132,15 +139,41 @@ def _draw_ego(
     return _vehicle(scenario.traffic, blueprint, start, stream(seed, "ego.style"), probability, driver), position_m
 
 
+def _free_places(
+    traffic: Traffic, starts: Starts, duration_s: float, ego: WaypointSpec, ego_m: Float64Array
+) -> BoolArray:
+    """(N,) at which of the places around the ego vehicles can start."""
+    places = starts.vehicles
+    free: BoolArray = (
+        places.within(ego_m, traffic.spawn_radius_m)
+        & np.any(list(starts.fit(duration_s).values()), axis=0)
+        & ~places.beside(ego, _CLOSE * traffic.waypoint_spacing_m)
+    )
+    return free
+
+
+def _draw_hazards(
+    scenario: Scenario, seed: int, starts: Starts, duration_s: float, ego: WaypointSpec, ego_m: Float64Array
+) -> DrawnHazards:
+    """Hazard areas at some of these places."""
+    free = _free_places(scenario.traffic, starts, duration_s, ego, ego_m)
+    sites = starts.hazard_sites(scenario.hazards.taper_factor)
+    return draw_hazards(scenario.hazards, seed, sites, starts.vehicles, free, ego_m)
+
+
 def _draw_vehicles(
-    traffic: Traffic, seed: int, starts: Starts, duration_s: float, ego: WaypointSpec, ego_m: Float64Array
+    traffic: Traffic,
+    seed: int,
+    starts: Starts,
+    duration_s: float,
+    ego: WaypointSpec,
+    ego_m: Float64Array,
+    hazards: DrawnHazards,
 ) -> Iterator[VehicleSpec]:
-    """Vehicles at the free places around the ego, each of a kind that may drive there."""
+    """Vehicles at the free places around the ego and outside of hazard areas, each of a kind that may drive there."""
     places, fit = starts.vehicles, starts.fit(duration_s)
     free: Int64Array = np.flatnonzero(
-        places.within(ego_m, traffic.spawn_radius_m)
-        & np.any(list(fit.values()), axis=0)
-        & ~places.beside(ego, _CLOSE * traffic.waypoint_spacing_m)
+        _free_places(traffic, starts, duration_s, ego, ego_m) & hazards.leave_free(places)
     )
     order = stream(seed, "vehicles.places").permutation(free)
     rng = stream(seed, "vehicles.count")
@@ -193,30 +226,40 @@ def _draw_pedestrians(
             *(map_name, len(near), wanted, traffic.spawn_radius_m),
         )
     order = stream(seed, "pedestrians.places").permutation(near)
+    cross_factor = _cross_factor(traffic, seed)
     for index, place in enumerate(order[:wanted]):
         rng = stream(seed, f"pedestrians.{index}")
         blueprint = _choice("pedestrian", None, rng)
+        color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
+        max_speed_mps = sample(traffic.pedestrian_max_speed_mps, rng)
+        if blueprint.runs_as and max_speed_mps > transition_mps(blueprint.size_m[2]):
+            blueprint = load_blueprints()[blueprint_index()[blueprint.runs_as]]
+            color = blueprint.colors[int(stream(seed, f"pedestrians.{index}.sports").integers(len(blueprint.colors)))]
         yield PedestrianSpec(
             blueprint=blueprint.name,
-            color=blueprint.colors[int(rng.integers(len(blueprint.colors)))],
+            color=color,
             start=starts.pedestrians.waypoint(int(place)),
-            max_speed_mps=sample(traffic.pedestrian_max_speed_mps, rng),
+            max_speed_mps=min(max_speed_mps, blueprint.max_speed_mps or math.inf),
+            # Wheelchairs do not take kerbs.
+            jaywalks=not blueprint.wheelchair
+            and bool(stream(seed, f"pedestrians.{index}.jaywalks").random() < cross_factor),
         )
 
 
-def _choice(kind: str, sumo_classes: tuple[str, ...] | None, rng: np.random.Generator) -> Blueprint:
-    """One of the blueprints of a kind and of some (None: all) of SUMO's classes, each as often as it is frequent."""
-    blueprints, shares = _frequencies(kind, sumo_classes)
+def _cross_factor(traffic: Traffic, seed: int) -> float:
+    """Share of the scene's pedestrians that may jaywalk."""
+    return sample(traffic.walker_cross_factor, stream(seed, "pedestrians.cross_factor"))
+
+
+def _choice(kind: str, names: tuple[str, ...] | None, rng: np.random.Generator) -> Blueprint:
+    """One of the blueprints of a kind and of some (None: any) names, each as often as it is frequent."""
+    blueprints, shares = _frequencies(kind, names)
     return blueprints[int(np.searchsorted(shares, rng.random(), side="right"))]
 
 
 @cache
-def _frequencies(kind: str, sumo_classes: tuple[str, ...] | None) -> tuple[list[Blueprint], Float64Array]:
+def _frequencies(kind: str, names: tuple[str, ...] | None) -> tuple[list[Blueprint], Float64Array]:
     """Such blueprints, and the (B,) share of all draws that falls on each or one before it."""
-    blueprints = [
-        each
-        for each in load_blueprints()
-        if each.kind == kind and (sumo_classes is None or each.sumo_class in sumo_classes)
-    ]
+    blueprints = [each for each in load_blueprints() if each.kind == kind and (names is None or each.name in names)]
     upto = np.cumsum([blueprint.frequency for blueprint in blueprints])
     return blueprints, upto / upto[-1]

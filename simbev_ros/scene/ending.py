@@ -18,6 +18,7 @@ class SceneEnd(Model):
     scene: str
     tick: int = Field(ge=0, description="the last one")
     reason: str = Field(description="duration, or in words why the scene ended earlier")
+    events: int = Field(0, ge=0, description="messages on /world/events from tick 0 to the last one")
 
 
 class Ending:
@@ -32,11 +33,13 @@ class Ending:
         self._spec = spec
         self._last_tick, self._reason = available[0] - 1, available[1]
         self._standing_ticks = 0
+        self._events = 0
 
     def at(self, state: WorldState) -> SceneEnd | None:
         """The end of the scene, if this tick, the next one after that of the call before, is its last."""
         if state.tick < 0:
             return None
+        self._events += len(state.events)
         ego, most = state.ego, self._spec.end_after_standing_ticks
         stands = math.hypot(ego["vx"], ego["vy"]) < _STANDING_MPS
         self._standing_ticks = self._standing_ticks + 1 if stands else 0
@@ -46,4 +49,4 @@ class Ending:
         return self._end(state.tick, self._reason) if state.tick >= self._last_tick else None
 
     def _end(self, tick: int, reason: str) -> SceneEnd:
-        return SceneEnd(scene=self._spec.name, tick=tick, reason=reason)
+        return SceneEnd(scene=self._spec.name, tick=tick, reason=reason, events=self._events)

@@ -8,6 +8,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Annotation, EgoDriverKind
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.hazards import HazardSpec
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.weather import Weather
 
@@ -19,6 +20,17 @@ class WaypointSpec(Model):
 
     lane: str
     s_m: float = Field(ge=0, description="distance from the lane's start along its centre line")
+
+
+class StandSpec(Model):
+    """Where a vehicle of a hazard area stands for the whole scene: the middle of its footprint, map frame."""
+
+    x_m: float
+    y_m: float
+    z_m: float = Field(description="about; tells the levels of roads apart")
+    yaw_rad: float
+    hazard_lights: bool = False
+    open_doors: int = Field(0, ge=0, le=255, description="bit k: door k")
 
 
 class VehicleSpec(Model):
@@ -35,6 +47,7 @@ class VehicleSpec(Model):
     distracted: bool = Field(False, description="ignores lights and signs, but not others")
     emergency_lights: bool = False
     door_probability: float = Field(0.0, ge=0, le=1, description="of opening doors at each place where it stands")
+    stands_at: StandSpec | None = Field(None, description="it takes no part in traffic; ``start`` is the lane there")
 
 
 class PedestrianSpec(Model):
@@ -44,6 +57,7 @@ class PedestrianSpec(Model):
     color: int = Field(ge=0, le=0xFFFFFF, description="0xRRGGBB of the clothes, sRGB")
     start: WaypointSpec
     max_speed_mps: float = Field(gt=0)
+    jaywalks: bool = Field(False, description="may cross streets away from crosswalks")
 
 
 class SceneSpec(Model):
@@ -67,12 +81,19 @@ class SceneSpec(Model):
     annotation: Annotation
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1)
     pedestrians: tuple[PedestrianSpec, ...]
+    walker_cross_factor: float = Field(0.0, ge=0, le=1, description="probability with which each of them may jaywalk")
+    hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last ones of ``vehicles``")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light programme, used in turn")
 
     @property
     def name(self) -> str:
         """``<map>-<number>``, as its folder is called."""
         return f"{self.map.name}-{self.number:04d}"
+
+    @property
+    def drivers(self) -> tuple[VehicleSpec, ...]:
+        """The vehicles that take part in traffic."""
+        return tuple(vehicle for vehicle in self.vehicles if vehicle.stands_at is None)
 
     @property
     def start_ns(self) -> int:

@@ -34,7 +34,7 @@ ACTOR_DTYPE = np.dtype(
         ("height", "<f4"),
         ("steer", "<f4"),  # rad, front wheel angle, left positive
         ("wheel", "<f4"),  # rad, rotation of the wheels since the scene's start, forward positive
-        ("gait", "<f4"),  # rad, phase of the step of a walker or the pedals of a cyclist
+        ("gait", "<f4"),  # rad, phase of a stride (0: the left foot lands) or of the pedals of a cyclist
         ("id", "<u4"),  # unique in a scene, never 0
         ("parent", "<u4"),  # id of the vehicle that a rider sits on, else 0
         ("color", "<u4"),  # 0xRRGGBB, sRGB

@@ -21,6 +21,7 @@ _KEPT = 1 << 17  # values of a parameter that its histogram is made of, at most 
 _NOT_DRAWN = {
     *("number", "split", "seed", "map", "rig", "annotation", "tick_ns", "warm_up_ticks", "end_after_standing_ticks"),
     *("ticks", "vehicles", "pedestrians", "start", "color", "colors"),
+    *("stands_at", "blocked", "outline_m", "z_m", "props"),
 }
 _SECTIONS = ("traffic", "ego", "time", "lights")
 
@@ -94,10 +95,11 @@ def drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
     """Name and value of everything drawn for a scene but places and colours; a name for all actors of a sort."""
     yield "duration_s", spec.ticks * spec.tick_ns / NS_PER_S
     yield from _values("", spec)
-    yield "vehicles", float(len(spec.vehicles) - 1)
+    yield "vehicles", float(len(spec.drivers) - 1)
     yield "pedestrians", float(len(spec.pedestrians))
+    yield "hazards", float(len(spec.hazards))
     yield from _values("ego", spec.vehicles[0])
-    yield from _values("vehicles", spec.vehicles[1:])
+    yield from _values("vehicles", spec.drivers[1:])
     yield from _values("pedestrians", spec.pedestrians)
 
 

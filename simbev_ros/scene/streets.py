@@ -4,7 +4,7 @@ Since nobody reaches an end where that can be avoided, nobody has to be re-route
 """
 
 from collections.abc import Set
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -14,6 +14,8 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
+from simbev_ros.scene.blueprints import Blueprint, Footprint
+from simbev_ros.scene.off_tracking import Obstacles, Ways, bent_ways, is_long, unfit
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _LANES_IN_A_JUNCTION = 20  # more never follow each other inside of one; bounds the search in a broken net
@@ -41,24 +43,53 @@ class Streets:
         self.edges = tuple(numbers)
         self.edge_length_m = np.zeros(len(numbers))
         self.edge_length_m[self.edge] = Polylines.of([lane.centerline_m for lane in self.lanes]).length_m
+        self._sidewalks = network.lanes_of(LaneKind.SIDEWALK)
         self.for_class = cache(self._for_class)
+        self._for_body = cache(self._for_long)
 
     def open_to(self, sumo_class: str) -> BoolArray:
         """(L,) whether a class may use each lane."""
         return np.array([sumo_class in lane.classes for lane in self.lanes], bool)
 
+    def for_blueprint(self, blueprint: Blueprint) -> "StreetGraph":
+        """The graph of a blueprint: without the turns that are too tight for it."""
+        if not is_long(blueprint):
+            return self.for_class(blueprint.sumo_class)
+        return self._for_body(blueprint.sumo_class, blueprint.footprint)
+
     def _for_class(self, sumo_class: str) -> "StreetGraph":
         """The graph of one of SUMO's vehicle classes."""
-        return StreetGraph(self, sumo_class)
+        return StreetGraph(self, sumo_class, self.open_to(sumo_class))
+
+    def _for_long(self, sumo_class: str, body: Footprint) -> "StreetGraph":
+        """The graph of long vehicles of a class."""
+        usable = self.open_to(sumo_class)
+        ways, obstacles = self._ways
+        usable[ways.decisive[unfit(body, ways, obstacles)]] = False
+        return StreetGraph(self, sumo_class, usable)
+
+    @cached_property
+    def _ways(self) -> tuple[Ways, Obstacles]:
+        return bent_ways(self.lanes, self.following), Obstacles(self.lanes, self._sidewalks)
+
+
+_latest: list[tuple[RoadNetwork, Streets]] = []
+
+
+def streets_of(network: RoadNetwork) -> Streets:
+    """All streets of a map, kept for the map that was asked for last: to know which turns are too tight takes time."""
+    if not _latest or _latest[0][0] is not network:
+        _latest[:] = [(network, Streets(network))]
+    return _latest[0][1]
 
 
 class StreetGraph:
     """Which edges one can drive on after which lanes, for one vehicle class."""
 
-    def __init__(self, streets: Streets, sumo_class: str) -> None:
+    def __init__(self, streets: Streets, sumo_class: str, usable: BoolArray) -> None:
+        """With the (L,) usable lanes."""
         self._streets = streets
         self._sumo_class = sumo_class
-        usable = streets.open_to(sumo_class)
         self._starts = usable & streets.outside
         self._after_lane = _edges_after(streets, usable)
         count = len(streets.edges)
@@ -72,7 +103,13 @@ class StreetGraph:
         np.maximum.at(self._beyond_lane_m, lane, streets.edge_length_m[edge] + self._beyond_m[edge])
 
     def fit(self, row: Int64Array, s_m: Float64Array, way_m: float) -> BoolArray:
-        """Where a vehicle can start and then drive ``way_m``; where that is nowhere possible, all of the largest part.
+        """Where a vehicle ``gets_far``; where that is nowhere possible, all of the largest part."""
+        enough, may_start = self.gets_far(row, s_m, way_m), self._starts[row]
+        component_m = np.where(may_start, self._component_m[self._streets.edge[row]], 0.0)
+        return enough if enough.any() else may_start & (component_m >= _ABOUT * component_m.max(initial=0.0))
+
+    def gets_far(self, row: Int64Array, s_m: Float64Array, way_m: float) -> BoolArray:
+        """Where a vehicle can start and then drive ``way_m``.
 
         Streets count only once: who can but go round on a small island does not get far.
 
@@ -86,9 +123,12 @@ class StreetGraph:
         """
         edge, may_start = self._streets.edge[row], self._starts[row]
         ahead_m = self._streets.edge_length_m[edge] - s_m + self._beyond_lane_m[row]
-        component_m = np.where(may_start, self._component_m[edge], 0.0)
-        enough: BoolArray = may_start & (np.minimum(ahead_m, component_m) >= way_m)
-        return enough if enough.any() else may_start & (component_m >= _ABOUT * component_m.max(initial=0.0))
+        enough: BoolArray = may_start & (np.minimum(ahead_m, self._component_m[edge]) >= way_m)
+        return enough
+
+    def leads_on(self, start_lane: str) -> bool:
+        """Whether one can drive on from a lane."""
+        return bool(len(_row(self._after_lane, self._streets.row[start_lane])))
 
     def ends_at(self, edge: str) -> bool:
         """Whether nothing follows an edge."""

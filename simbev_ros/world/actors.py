@@ -2,6 +2,8 @@
 
 import logging
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -12,14 +14,18 @@ from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSp
 from simbev_ros.scene.state import Event
 from simbev_ros.types import Float64Array, Int64Array, Table
 from simbev_ros.world.berth import Berth
-from simbev_ros.world.cast import cast_of
+from simbev_ros.world.cast import cast_of, first_prop_id
 from simbev_ros.world.collisions import Impact
 from simbev_ros.world.doors import Doors
 from simbev_ros.world.followers import Pursuit, Steady, Tow
 from simbev_ros.world.footing import Footing
+from simbev_ros.world.furniture import Furniture
 from simbev_ros.world.ground import Ground
+from simbev_ros.world.itineraries import Leg
+from simbev_ros.world.jaywalks import Jaywalks
 from simbev_ros.world.lights import HAZARD_LIGHTS
 from simbev_ros.world.motion import Motion
+from simbev_ros.world.props import prop_rows
 from simbev_ros.world.table import ActorTable
 from simbev_ros.world.traffic import Traffic, TrafficSample
 
@@ -27,7 +33,7 @@ _LOGGER = logging.getLogger(__name__)
 _HALF_WINDOW_S = 0.35
 _GROUND_MARGIN_M = 50.0
 _MOST_CHANGE_MPS2 = 20.0  # more, before averaging, is a jump of SUMO's between lanes that do not meet, and no driving
-_WALKERS_MPS2 = 5.0
+_WALKERS_MPS2 = 4.0
 _HURRY = 1.3  # highest speed of a pedestrian that makes up for a sideways jump of SUMO's, over its usual highest
 
 
@@ -38,8 +44,22 @@ class Actors:
         events: Those of the latest table.
     """
 
-    def __init__(self, spec: SceneSpec, network: RoadNetwork, traffic: Traffic) -> None:
+    def __init__(
+        self,
+        spec: SceneSpec,
+        network: RoadNetwork,
+        traffic: Traffic,
+        obstacles: Table,
+        jaywalks: Mapping[int, tuple[Leg, ...]],
+    ) -> None:
         """At rest, where SUMO has placed everybody.
+
+        Args:
+            spec: The scene.
+            network: Its roads.
+            traffic: SUMO.
+            obstacles: (K,) ``OBSTACLE_DTYPE``, what people walk around.
+            jaywalks: The ways of those pedestrians of the specification who cross streets.
 
         Raises:
             SimulationError: the ego found no place.
@@ -50,8 +70,13 @@ class Actors:
         sample = traffic.sample()
         self._ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
         fastest_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
+        duration_s = (spec.warm_up_ticks + spec.ticks) * tick_s
+        self._ground.prepare(sample.pedestrian_m, float(fastest_mps.max(initial=0.0)) * duration_s)
         self._steady = Steady(sample.front_m, _MOST_CHANGE_MPS2 * tick_s**2)
-        self._pursuit = Pursuit(sample.pedestrian_m, _HURRY * fastest_mps * tick_s, _WALKERS_MPS2 * tick_s**2)
+        self._furniture = Furniture(obstacles)
+        self._pursuit = Pursuit(
+            self._furniture.aside(sample.pedestrian_m), _HURRY * fastest_mps * tick_s, _WALKERS_MPS2 * tick_s**2
+        )
         cast = cast_of(spec, traffic.vehicles, traffic.pedestrians)
         directions = traffic.directions()
         vehicles = len(traffic.vehicles)
@@ -76,7 +101,10 @@ class Actors:
         length = self.delay_ticks + 1
         self._doors = Doors(spec, traffic, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
+        self._jaywalks = Jaywalks(spec, jaywalks, traffic, sample.front_m)
+        self._jaywalking = deque([self._jaywalks.on_way] * length, maxlen=length)
         self._table = ActorTable(spec, cast, len(traffic.vehicles))
+        self._props = prop_rows(spec, first_prop_id(spec), self._ground)
 
     @property
     def ground(self) -> Ground:
@@ -91,13 +119,17 @@ class Actors:
     def advance(self, sample: TrafficSample, step: int) -> Table:
         """(N,) ``ACTOR_DTYPE``, one tick on; ``step`` counts the ticks since the scene's start."""
         self._signals.append(sample.signals)
-        crashed = self._motion.collisions.crashed[: len(sample.signals)].copy()
-        motion = self._motion.advance(self._leading_points(sample))
+        vehicles = len(sample.signals)
+        crashed, crashed_people = np.split(self._motion.collisions.crashed.copy(), [vehicles])
+        points = self._leading_points(replace(sample, pedestrian_m=self._jaywalks.advance(sample, crashed_people)))
+        self._jaywalking.append(self._jaywalks.on_way & (points[vehicles:, 3] == 0.0))
+        motion = self._motion.advance(points)
         self.events = self._coming_events  # the collisions known now are among the poses of the next table
         self._coming_events = tuple(map(self._event, self._motion.collisions.impacts))
         self._hold()
         doors = self._doors.advance(sample.front_m, step)
-        return self._table.at(motion, self._signals[0] | np.where(crashed, HAZARD_LIGHTS, 0), doors, step)
+        signals = self._signals[0] | np.where(crashed, HAZARD_LIGHTS, 0)
+        return np.concatenate([self._table.at(motion, signals, doors, self._jaywalking[0], step), self._props])
 
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)
@@ -119,7 +151,9 @@ class Actors:
         Pedestrians on sidewalks stand on the curb, all else on the carriageway.
         """
         point_m = self._tow.advance(self._steady.advance(sample.front_m))
-        pedestrian_m = self._pursuit.advance(self._berth.advance(point_m, sample.pedestrian_m, self._tick_s))
+        wanted_m = self._furniture.aside(sample.pedestrian_m)
+        wanted_m = self._berth.advance(point_m, self._pursuit.position_m, wanted_m, self._tick_s)
+        pedestrian_m = self._pursuit.advance(wanted_m)
         points = np.zeros((len(sample.front_m) + len(pedestrian_m), 4))
         points[:, :3] = np.concatenate([point_m, pedestrian_m])
         points[len(sample.front_m) :, 3] = self._ground.raised_m(pedestrian_m)
@@ -129,7 +163,9 @@ class Actors:
 def _reached(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:
     """A rectangle that nobody leaves during the scene."""
     places_m = np.concatenate([sample.front_m, sample.pedestrian_m])[:, :2]
-    fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * max(v.speed_factor for v in spec.vehicles)
+    # An ego that is driven from outside may be as fast as the limit, whatever its own factor.
+    boldest = max(1.0, *(vehicle.speed_factor for vehicle in spec.vehicles))
+    fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * boldest
     way_m = fastest_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
     area: shapely.Polygon = shapely.box(*(places_m.min(axis=0) - way_m), *(places_m.max(axis=0) + way_m))
     return area

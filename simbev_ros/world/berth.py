@@ -1,4 +1,7 @@
-"""People step aside for vehicles that cut corners: SUMO's keep off lanes, but know nothing of what bodies sweep."""
+"""People keep off the bodies of vehicles: SUMO's keep off lanes, but know nothing of what bodies sweep.
+
+Who is beside a vehicle's way, or just inside of it, stays beside until it has passed; who is in its middle goes on.
+"""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -6,9 +9,10 @@ from scipy.spatial import cKDTree
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.motion import Bodies
 
-_CLEARANCE_M = 0.6  # from the middle of a person to the side of a vehicle
-_DEEP_M = 0.5  # who is further than this inside of a vehicle's way crosses it and cannot step aside
-_AHEAD_S = 0.6
+_CLEARANCE_M = 0.8  # from the middle of a person to the side of a vehicle
+_AHEAD_S = 1.0
+_INSIDE_M = 0.5
+_SHARPEST_PER_M = 0.2
 _STANDING_MPS = 0.3
 
 
@@ -29,28 +33,44 @@ class Berth:
         self._point_m = point_m
         self._rear_m = point_m - self._trail_m * direction
 
-    def advance(self, point_m: Float64Array, pedestrian_m: Float64Array, tick_s: float) -> Float64Array:
-        """(P, 3) places of people who want to be at (P, 3), one tick later, while vehicles' points are at (V, 3)."""
+    def advance(
+        self, point_m: Float64Array, pedestrian_m: Float64Array, wanted_m: Float64Array, tick_s: float
+    ) -> Float64Array:
+        """(P, 3) where people may want to be, one tick later.
+
+        Args:
+            point_m: (V, 3) the vehicles' points.
+            pedestrian_m: (P, 3) where people are.
+            wanted_m: (P, 3) where they want to be.
+            tick_s: Length of the tick.
+        """
         pull_m = point_m - self._rear_m
         forward = pull_m / np.linalg.norm(pull_m, axis=1, keepdims=True)
-        speed_mps = np.linalg.norm(point_m - self._point_m, axis=1) / tick_s
+        was_m = self._point_m - self._rear_m
+        turn_rad = (was_m[:, 0] * pull_m[:, 1] - was_m[:, 1] * pull_m[:, 0]) / self._trail_m[:, 0] ** 2
+        step_m = np.linalg.norm(point_m - self._point_m, axis=1)
+        bend_per_m = np.clip(turn_rad / np.maximum(step_m, 1e-9), -_SHARPEST_PER_M, _SHARPEST_PER_M)
+        speed_mps = step_m / tick_s
         self._point_m, self._rear_m = point_m, point_m - self._trail_m * forward
         drives = np.flatnonzero(speed_mps > _STANDING_MPS)
-        if not len(drives) or not len(pedestrian_m):
-            return pedestrian_m
+        if not len(drives) or not len(wanted_m):
+            return wanted_m
         center_m = point_m - self._lead_m * forward
         reach_m = self._half_m[:, 0] + _CLEARANCE_M + speed_mps * _AHEAD_S
-        near = cKDTree(pedestrian_m).query_ball_point(center_m[drives], (reach_m + self._half_m[:, 1])[drives])
+        near = cKDTree(wanted_m).query_ball_point(center_m[drives], (reach_m + self._half_m[:, 1])[drives])
         vehicle = np.repeat(drives, [len(each) for each in near])
         person: Int64Array = np.concatenate(near).astype(np.int64)
-        gap_m = (pedestrian_m[person] - center_m[vehicle])[:, :2]
         ahead = forward[vehicle, :2] / np.linalg.norm(forward[vehicle, :2], axis=1, keepdims=True)
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        along_m, aside_m = np.sum(gap_m * ahead, axis=1), np.sum(gap_m * left, axis=1)
-        short_m = self._half_m[vehicle, 1] + _CLEARANCE_M - np.abs(aside_m)
-        beside = (along_m > -self._half_m[vehicle, 0] - _CLEARANCE_M) & (along_m < reach_m[vehicle])
-        grazed = beside & (short_m > 0.0) & (short_m < _CLEARANCE_M + _DEEP_M)
-        place_m = pedestrian_m.copy()
-        step_m = (np.sign(aside_m) * short_m)[:, None] * left
+        gap_m = (wanted_m[person] - center_m[vehicle])[:, :2]
+        along_m = np.sum(gap_m * ahead, axis=1)
+        way_aside_m = bend_per_m[vehicle] * np.maximum(along_m, 0.0) ** 2 / 2.0
+        is_aside_m = np.sum((pedestrian_m[person] - center_m[vehicle])[:, :2] * left, axis=1) - way_aside_m
+        side = np.sign(is_aside_m)
+        short_m = self._half_m[vehicle, 1] + _CLEARANCE_M - side * (np.sum(gap_m * left, axis=1) - way_aside_m)
+        near_it = (along_m > -self._half_m[vehicle, 0] - _CLEARANCE_M) & (along_m < reach_m[vehicle])
+        grazed = near_it & (short_m > 0.0) & (np.abs(is_aside_m) > self._half_m[vehicle, 1] - _INSIDE_M)
+        place_m = wanted_m.copy()
+        step_m = (side * short_m)[:, None] * left
         np.add.at(place_m, (person[grazed][:, None], [0, 1]), step_m[grazed])
         return place_m

@@ -1,7 +1,8 @@
 """Who takes part in a scene: the columns of the actors table that never change, and how bodies hang on SUMO's points.
 
 Ids: the ego is 1, the other vehicles follow in the specification's order, then the riders in the order of their
-vehicles, then the pedestrians. Who finds no place leaves an id unused. Rows of the table ascend by id.
+vehicles, then the pedestrians, then the props of hazard areas. Who finds no place leaves an id unused. Rows of the
+table ascend by id.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,12 +15,12 @@ from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.types import BoolArray, Float64Array, Table
 from simbev_ros.world.contacts import Boxes
 from simbev_ros.world.footing import Contacts
 from simbev_ros.world.motion import Bodies
 
-_PEDESTRIAN_TRAIL_M = 0.4
+_PEDESTRIAN_TRAIL_M = 0.75
 _TRACK = 0.78  # of cars and trucks, in their widths, mirrors included
 
 
@@ -32,7 +33,8 @@ class Cast:
         bodies: How they hang on the V + P points.
         wheelbase_m: (N,) 0 where there is none.
         wheel_radius_m: (N,) infinite where there is none.
-        stride_m: (N,) way of one turn of ``gait``; infinite where there is none.
+        stride_m: (N,) way of one turn of ``gait``; infinite where there is none, or where it changes with the speed.
+        on_foot: (N,) who walks or runs, with strides that change with the speed.
     """
 
     rows: Table
@@ -40,6 +42,7 @@ class Cast:
     wheelbase_m: Float64Array
     wheel_radius_m: Float64Array
     stride_m: Float64Array
+    on_foot: BoolArray
 
 
 class _Member(NamedTuple):
@@ -83,7 +86,13 @@ def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]
         wheelbase_m=np.array([blueprint.wheelbase_m for blueprint in blueprints]),
         wheel_radius_m=np.array([blueprint.wheel_radius_m or np.inf for blueprint in blueprints]),
         stride_m=np.array([blueprint.stride_m or np.inf for blueprint in blueprints]),
+        on_foot=np.array([blueprint.on_foot for blueprint in blueprints]),
     )
+
+
+def first_prop_id(spec: SceneSpec) -> int:
+    """The id after those of vehicles, riders and pedestrians."""
+    return EGO_ID + len(spec.vehicles) + len(_mounted(spec)) + len(spec.pedestrians)
 
 
 def _vehicles(spec: SceneSpec, indices: Sequence[int]) -> Iterator[_Member]:
@@ -107,7 +116,7 @@ def _riders(spec: SceneSpec, vehicles: Sequence[int]) -> Iterator[_Member]:
 
 
 def _pedestrians(spec: SceneSpec, vehicles: Sequence[int], indices: Sequence[int]) -> Iterator[_Member]:
-    first = EGO_ID + len(spec.vehicles) + len(_mounted(spec))
+    first = first_prop_id(spec) - len(spec.pedestrians)
     for number, index in enumerate(indices):
         pedestrian = spec.pedestrians[index]
         yield _Member(first + index, blueprint_of(pedestrian.blueprint), pedestrian.color, len(vehicles) + number)
@@ -122,8 +131,8 @@ def _bodies(members: Sequence[_Member]) -> Bodies:
     """A vehicle's axles lie half a wheelbase before and behind its middle, its point near the front one."""
     leaders = sorted((member for member in members if not member.parent), key=lambda member: member.point)
     drives = np.array([member.blueprint.kind == "vehicle" for member in leaders])
-    rear_m = np.where(drives, [member.blueprint.wheelbase_m / 2.0 for member in leaders], _PEDESTRIAN_TRAIL_M)
-    lead_m = np.where(drives, [_ahead_m(member.blueprint) for member in leaders], 0.0)
+    rear_m = np.where(drives, [member.blueprint.footprint.axle_m for member in leaders], _PEDESTRIAN_TRAIL_M)
+    lead_m = np.where(drives, [member.blueprint.footprint.lead_m for member in leaders], 0.0)
     return Bodies(
         point=np.array([member.point for member in members], np.int64),
         trail_m=lead_m + rear_m,
@@ -133,15 +142,6 @@ def _bodies(members: Sequence[_Member]) -> Bodies:
         contacts=_contacts([member.blueprint for member in leaders]),
         boxes=Boxes(np.array([member.blueprint.size_m for member in leaders]), int(np.count_nonzero(drives))),
     )
-
-
-def _ahead_m(blueprint: Blueprint) -> float:
-    """How far ahead of a vehicle's middle the point is that keeps to the lane's.
-
-    From there the front bumper swings out of a bend by as much as the rear axle cuts it.
-    """
-    reach_m = (blueprint.size_m[0] + blueprint.wheelbase_m) / 2.0
-    return reach_m / float(np.sqrt(2.0)) - blueprint.wheelbase_m / 2.0
 
 
 def _contacts(blueprints: Sequence[Blueprint]) -> Contacts:

@@ -12,13 +12,15 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.contacts import Boxes
 
 _SKID_MPS2 = 7.0
+_BLOW_MPS = 1.0  # two who slide on together have no relative speed; with so much they are hit anew
 _HALVINGS = 8  # of the tick of an impact: of 1 m of way, 4 mm
+_SWEEPS = 8  # over all who touch within a tick, until those pushed one by another have one velocity
 _EXACT_ROUNDS = 4  # of impacts that follow from each other within one tick; who touches later stays where it was
 
 
 @dataclass(frozen=True, slots=True)
 class Impact:
-    """Two bodies touch for the first time.
+    """Two bodies touch for the first time, or a third one has made them hit each other anew.
 
     Attributes:
         bodies: Which two.
@@ -50,6 +52,7 @@ class Collisions:
         self._mass = boxes.size_m.prod(axis=1)
         self._excused = _keys(boxes.touching(position_m, rpy_rad[:, 2]))
         self._met: set[tuple[int, int]] = set()
+        self._contacts: dict[tuple[int, int], None] = {}
 
     @property
     def rest_m(self) -> Float64Array:
@@ -69,6 +72,7 @@ class Collisions:
     def resolve(self, wanted_m: Float64Array, wanted_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
         """The poses to publish where those wanted are (G, 3) positions and (G, 3) roll, pitch, yaw."""
         self.impacts = ()
+        self._contacts = {}
         crashed = self.crashed[:, None]
         way_m = np.where(crashed, self._slide(), wanted_m - self._position_m)
         turn_rad = np.where(crashed, 0.0, (wanted_rad - self._rpy_rad + np.pi) % (2.0 * np.pi) - np.pi)
@@ -104,16 +108,19 @@ class Collisions:
         return accused
 
     def _collide(self, pairs: Int64Array, position_m: Float64Array) -> None:
-        """Give both of each of (K, 2) pairs the velocity that keeps their momentum; report the first time."""
+        """Give both of each of (K, 2) pairs the velocity that keeps their momentum; report blows."""
         for a, b in pairs.tolist():
-            both, mass = [a, b], self._mass[[a, b]]
-            if (a, b) not in self._met:
+            both = [a, b]
+            self._contacts[a, b] = None
+            speed_mps = float(np.linalg.norm(self._velocity_mps[a] - self._velocity_mps[b]))
+            if (a, b) not in self._met or speed_mps > _BLOW_MPS:
                 self._met.add((a, b))
                 size_m = self._boxes.size_m[both, 0]
                 place_m = (position_m[a] * size_m[1] + position_m[b] * size_m[0]) / size_m.sum()
-                speed_mps = float(np.linalg.norm(self._velocity_mps[a] - self._velocity_mps[b]))
                 self.impacts = (*self.impacts, Impact((a, b), place_m, speed_mps))
             self.crashed[both] = True
+        for pair in [*self._contacts] * _SWEEPS:
+            both, mass = list(pair), self._mass[list(pair)]
             self._velocity_mps[both] = mass @ self._velocity_mps[both] / mass.sum()
 
     def _free_share(self, pairs: Int64Array, way_m: Float64Array, turn_rad: Float64Array) -> Float64Array:

@@ -8,16 +8,14 @@ from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 
 _LATERAL_MPS2 = 2.0  # for a driver who keeps to the speed limit; others differ with the square of their speed factor
+_TURNING_RADPS = 0.6  # the same, for bends tighter than 5.5 m
 _CHORD_M = 6.0
 
 
 def bend_speeds(lanes: Iterable[Lane]) -> dict[str, float]:
     """Lane id → highest speed in m/s, for those driving lanes that bend too much for their speed limit."""
-    speeds = (
-        (lane, float(np.sqrt(_LATERAL_MPS2 / max(_largest_curvature(lane), 1e-6))))
-        for lane in lanes
-        if lane.kind is LaneKind.DRIVING
-    )
+    bends = ((lane, max(_largest_curvature(lane), 1e-6)) for lane in lanes if lane.kind is LaneKind.DRIVING)
+    speeds = ((lane, min(float(np.sqrt(_LATERAL_MPS2 / bend)), _TURNING_RADPS / bend)) for lane, bend in bends)
     return {lane.id: speed_mps for lane, speed_mps in speeds if speed_mps < lane.speed_mps}
 
 

@@ -3,16 +3,17 @@
 Names: vehicle k of the specification is ``v<k>``, pedestrian k is ``p<k>``.
 """
 
-from collections.abc import Set
+from collections.abc import Mapping, Set
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
-from simbev_ros.scene.streets import Streets
-from simbev_ros.scene.walks import WalkGraph
+from simbev_ros.scene.streets import streets_of
 from simbev_ros.world.cast import blueprint_of
+from simbev_ros.world.closures import add_closures
+from simbev_ros.world.itineraries import Itineraries, Leg
 from simbev_ros.world.rain import RainEffect, rain_effect
 from simbev_ros.world.tracks import Tracks
 
@@ -55,10 +56,11 @@ def index_of(name: str) -> int:
 
 
 class Demand(NamedTuple):
-    """The route file's XML, and the ids of all edges that somebody uses."""
+    """The route file's XML, the ids of all edges that somebody uses, and the ways of people who cross streets."""
 
     xml: str
     edges: Set[str]
+    jaywalks: Mapping[int, tuple[Leg, ...]]
 
 
 def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
@@ -68,18 +70,20 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
         SimulationError: a vehicle starts where its class may not drive.
     """
     duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    streets = Streets(network)
-    start_edges = {network.lanes[vehicle.start.lane].edge for vehicle in spec.vehicles}
+    streets = streets_of(network)
+    start_edges = {network.lanes[vehicle.start.lane].edge for vehicle in spec.drivers}
     tracks = Tracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
     fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
     rain = rain_effect(spec.weather)
     root = ElementTree.Element("routes")
     edges: set[str] = set()
-    for index, vehicle in enumerate(spec.vehicles):
+    for index, vehicle in enumerate(spec.drivers):
         blueprint = blueprint_of(vehicle.blueprint)
         way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
-        graph = streets.for_class(blueprint.sumo_class)
+        graph = streets.for_blueprint(blueprint)
+        if not graph.leads_on(vehicle.start.lane):  # put there by hand, it makes its way all the same
+            graph = streets.for_class(blueprint.sumo_class)
         route = graph.route(vehicle.start.lane, way_m, rng)
         lane = network.lanes[vehicle.start.lane]
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
@@ -87,16 +91,23 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
         element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route, start_m)
         if graph.ends_at(route[-1]):
             ElementTree.SubElement(element, "stop", {"edge": route[-1], "duration": _FOREVER_S})
-    walks = WalkGraph(network)
+    itineraries = Itineraries(network, spec.hazards)
+    jaywalks: dict[int, tuple[Leg, ...]] = {}
     for index, pedestrian in enumerate(spec.pedestrians):
         rng = stream(spec.seed, f"{pedestrian_name(index)}.walk")
         lane = network.lanes[pedestrian.start.lane]
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(rng.uniform(-1.0, 1.0))
-        walk = walks.walk(lane.edge, duration_s * pedestrian.max_speed_mps, rng)
+        crossing_rng = stream(spec.seed, f"{pedestrian_name(index)}.jaywalks")
+        legs = itineraries.draw(pedestrian, duration_s * pedestrian.max_speed_mps, rng, crossing_rng)
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
-        edges.update(walk)
-        _add_pedestrian(root, pedestrian_name(index), pedestrian, walk, start_m, side_m)
-    return Demand(ElementTree.tostring(root, encoding="unicode"), edges)
+        for leg in legs:
+            edges.update(leg.edges)
+            if leg.crossing is not None:
+                edges.update(part.edge for part in leg.crossing.carriageways)
+                jaywalks[index] = legs
+        _add_pedestrian(root, pedestrian_name(index), pedestrian, legs[0], start_m, side_m)
+    edges |= add_closures(root, spec, network)
+    return Demand(ElementTree.tostring(root, encoding="unicode"), edges, jaywalks)
 
 
 def _add_vehicle(
@@ -144,7 +155,7 @@ def _add_pedestrian(
     root: ElementTree.Element,
     name: str,
     pedestrian: PedestrianSpec,
-    walk: tuple[str, ...],
+    leg: Leg,
     start_m: float,
     side_m: float,
 ) -> None:
@@ -163,5 +174,7 @@ def _add_pedestrian(
     ElementTree.SubElement(root, "vType", {**_TYPE, **own})
     start = {"id": name, "type": name, "depart": "0", "departPos": repr(start_m)}
     person = ElementTree.SubElement(root, "person", start)
-    ElementTree.SubElement(person, "walk", {"edges": " ".join(walk), "departPosLat": repr(side_m)})
-    ElementTree.SubElement(person, "stop", {"edge": walk[-1], "duration": _FOREVER_S})
+    walk = {"edges": " ".join(leg.edges), "departPosLat": repr(side_m)}
+    arrival = {} if leg.arrival_m is None else {"arrivalPos": repr(leg.arrival_m)}
+    ElementTree.SubElement(person, "walk", {**walk, **arrival})
+    ElementTree.SubElement(person, "stop", {"edge": leg.edges[-1], "duration": _FOREVER_S})

@@ -20,6 +20,7 @@ _STOOD_S = 1.0
 _WILL_STAND_S = 3.0
 _CREEPING_M = 1e-4  # a tick: SUMO's drivers never come to rest entirely
 _SHORTEST_S, _LONGEST_S = 1.5, 6.0
+_REASON = "doors"
 _ALL = 0.5  # how often all doors open; else one does
 
 
@@ -36,11 +37,8 @@ class Standing(Protocol):
     def wants_to_move(self, vehicle: int) -> bool:
         """Whether a stopped vehicle would drive."""
 
-    def stop(self, vehicle: int) -> None:
-        """Keep a vehicle from moving."""
-
-    def go(self, vehicle: int) -> None:
-        """Undo ``stop``."""
+    def limit(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
+        """Let a vehicle drive no faster for a reason; None: lift that."""
 
 
 @dataclass(slots=True)
@@ -56,7 +54,10 @@ class Doors:
     """Doors of a scene's vehicles over time."""
 
     def __init__(self, spec: SceneSpec, traffic: Standing, front_m: Float64Array, delay_ticks: int) -> None:
-        """All shut, at rest at the (V, 3) places ``front_m``; what is seen is ``delay_ticks`` behind the traffic."""
+        """All shut but those of hazard areas, at rest at the (V, 3) places ``front_m``.
+
+        What is seen is ``delay_ticks`` behind the traffic.
+        """
         self._traffic = traffic
         self._seed = spec.seed
         self._tick_s = spec.tick_ns / NS_PER_S
@@ -67,7 +68,8 @@ class Doors:
         self._front_m = front_m
         self._stood_ticks = np.zeros(len(vehicles), np.int64)
         self._visits: dict[int, _Visit] = {}
-        self._open = np.zeros(len(vehicles), np.uint8)
+        stands = [vehicle.stands_at for vehicle in vehicles]
+        self._open = np.array([0 if stand is None else stand.open_doors for stand in stands], np.uint8)
         self._seen = deque([self._open] * (delay_ticks + 1), maxlen=delay_ticks + 1)
 
     def advance(self, front_m: Float64Array, step: int) -> UInt8Array:
@@ -92,7 +94,7 @@ class Doors:
             bits = (1 << doors) - 1 if rng.random() < _ALL else 1 << int(rng.integers(doors))
             self._open[vehicle] = bits
             self._visits[vehicle] = _Visit(step, step + round(rng.uniform(_SHORTEST_S, _LONGEST_S) / self._tick_s))
-            self._traffic.stop(vehicle)
+            self._traffic.limit(vehicle, _REASON, 0.0)
 
     def _end(self, vehicle: int, visit: _Visit, step: int) -> None:
         """Shut the doors in time or when the vehicle would go; let it go when that is seen."""
@@ -102,5 +104,5 @@ class Doors:
                 self._open[vehicle] = 0
                 visit.goes = step + self._delay_ticks + 1
         elif step >= visit.goes:
-            self._traffic.go(vehicle)
+            self._traffic.limit(vehicle, _REASON, None)
             del self._visits[vehicle]

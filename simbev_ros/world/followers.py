@@ -13,6 +13,9 @@ class Pursuit:
     """Points that run after targets as people do: no faster than they can, and so that they can stop where these stop.
 
     A target's jump becomes a stretch of way, its sharp corner a bend.
+
+    Attributes:
+        position_m: (G, 3) where they are.
     """
 
     def __init__(self, target_m: Float64Array, reach_m: Float64Array, change_m: float) -> None:
@@ -23,14 +26,14 @@ class Pursuit:
             reach_m: (G,) longest way in one tick.
             change_m: By so much at most the way of a tick differs from the last one.
         """
-        self._position_m = target_m.copy()
+        self.position_m = target_m.copy()
         self._step_m = np.zeros((len(target_m), 2))
         self._reach_m = reach_m
         self._change_m = change_m
 
     def advance(self, target_m: Float64Array) -> Float64Array:
         """(G, 3) points one tick later; exactly the targets where these have been standing for long enough."""
-        way_m = (target_m - self._position_m)[:, :2]
+        way_m = (target_m - self.position_m)[:, :2]
         distance_m = np.linalg.norm(way_m, axis=1)
         # Of n ticks to a stop, each shorter by the same, the first one takes 2 n of the n (n + 1) parts of the way.
         ticks = np.sqrt(0.25 + 2.0 * distance_m / self._change_m) - 0.5
@@ -41,9 +44,9 @@ class Pursuit:
         self._step_m = self._step_m + share[:, None] * change_m
         arrives = np.linalg.norm(way_m - self._step_m, axis=1) < _ARRIVED_M
         self._step_m = np.where(arrives[:, None], way_m, self._step_m)
-        point_m = self._position_m + np.column_stack([self._step_m, target_m[:, 2] - self._position_m[:, 2]])
-        self._position_m = np.where(arrives[:, None], target_m, point_m)
-        return self._position_m
+        point_m = self.position_m + np.column_stack([self._step_m, target_m[:, 2] - self.position_m[:, 2]])
+        self.position_m = np.where(arrives[:, None], target_m, point_m)
+        return self.position_m
 
 
 class Steady:

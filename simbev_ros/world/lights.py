@@ -40,6 +40,7 @@ def vehicle_lights(
     reversing = speed_mps < _REVERSING_MPS
     gain_ahead_mps2 = np.where(reversing, -gain_mps2, gain_mps2)
     braking = (gain_ahead_mps2 < _BRAKING_MPS2) | (np.abs(speed_mps) < _STANDING_MPS)
+    braking &= signals & HAZARD_LIGHTS != HAZARD_LIGHTS  # who shows both blinkers is there to stay
     lights = np.full(len(signals), Light.LOW_BEAM if needs_low_beam(weather) else 0, np.uint16)
     for light, on in (
         (Light.BRAKE, braking),

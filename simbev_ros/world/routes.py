@@ -1,7 +1,6 @@
 """New routes for vehicles that come to the end of theirs, so that the population stays."""
 
 from collections.abc import Set
-from functools import cached_property
 from typing import NamedTuple
 
 from simbev_ros.maps.network import RoadNetwork
@@ -26,19 +25,15 @@ class Routes:
     def __init__(self, spec: SceneSpec, network: RoadNetwork, edges: Set[str]) -> None:
         """For the streets ``edges``, those inside junctions included."""
         self._spec = spec
-        self._network = network
-        self._edges = edges
-
-    @cached_property
-    def _streets(self) -> Streets:
-        """Made when the first route ends, which in a scene of its drawn length never happens."""
-        return Streets(self._network, self._edges)
+        self._streets = Streets(network, edges)
 
     def onward(self, vehicle: int, edge: str, step: int) -> Onward:
         """How vehicle number ``vehicle`` of the specification, whose route ends with ``edge``, drives on."""
         rng = stream(self._spec.seed, f"v{vehicle}.onward", step)
-        sumo_class = blueprint_of(self._spec.vehicles[vehicle].blueprint).sumo_class
-        graph = self._streets.for_class(sumo_class)
+        blueprint = blueprint_of(self._spec.vehicles[vehicle].blueprint)
+        graph = self._streets.for_blueprint(blueprint)
+        if graph.ends_at(edge):
+            graph = self._streets.for_class(blueprint.sumo_class)
         edges = graph.onward(edge, _AHEAD_M, rng)
         last = edges[-1] if edges else edge
         return Onward(edges, graph.lane_of(last) if graph.ends_at(last) else None)

@@ -4,41 +4,49 @@ SUMO decides where everybody goes. The tables that leave here are smooth and rig
 SUMO; all in them, lights and signals too, is of the same moment.
 """
 
+import gc
 import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
+from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
+from simbev_ros.types import Table
 from simbev_ros.world.actors import Actors
 from simbev_ros.world.cast import blueprint_of
+from simbev_ros.world.closures import with_closures
 from simbev_ros.world.curves import bend_speeds
 from simbev_ros.world.demand import demand_of
 from simbev_ros.world.ego_driver import EgoDriver
 from simbev_ros.world.net_crop import cropped_net
+from simbev_ros.world.population import Population
 from simbev_ros.world.rain import rain_effect
 from simbev_ros.world.routes import Routes
 from simbev_ros.world.signals import SignalHeads, programmes, programmes_xml
 from simbev_ros.world.tracks import Tracks
-from simbev_ros.world.traffic import Traffic
 
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
+_NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
 _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
 class Simulation:
     """One scene, from the start of its warm-up. Use it as a context manager: a process can run one at a time."""
 
-    def __init__(self, spec: SceneSpec, network: RoadNetwork) -> None:
+    def __init__(self, spec: SceneSpec, network: RoadNetwork, obstacles: Table = _NO_OBSTACLES) -> None:
         """Put everybody in place, at rest.
 
         Args:
             spec: The scene.
             network: The roads of ``spec.map``.
+            obstacles: (K,) ``OBSTACLE_DTYPE``, what people walk around.
 
         Raises:
             SimulationError: SUMO failed, the ego found no place, or a simulation is running in this process already.
@@ -60,13 +68,15 @@ class Simulation:
                 Path(folder, name).write_text(text, encoding="utf-8")
             files = [Path(folder, name) for name in inputs]
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
-            self._traffic = Traffic(files, spec.tick_ns, spec.seed, bend_speeds(lanes), Tracks(lanes), closed)
+            speeds_mps = with_closures(bend_speeds(lanes), spec, lanes)
+            self._traffic = Population(spec, files, speeds_mps, Tracks(lanes), closed)
         try:
-            self._actors = Actors(spec, network, self._traffic)
+            self._actors = Actors(spec, network, self._traffic, obstacles, demand.jaywalks)
             self._driver = self._ego_driver(network) if spec.ego_driver == "twist" else None
         except BaseException:
             self.close()
             raise
+        gc.freeze()  # all that is loaded stays, and looking through it for garbage takes a tick's time twice over
 
     @property
     def available(self) -> tuple[int, str]:
@@ -131,12 +141,13 @@ class Simulation:
 
     def _adapt_to_rain(self, tick: int) -> None:
         effect = rain_effect(self._spec.weather_at(tick))
-        for row, index in enumerate(self._traffic.vehicles):
+        for row, index in enumerate(self._traffic.vehicles[: self._traffic.moving]):
             vehicle = self._spec.vehicles[index]
             self._traffic.adapt(row, vehicle.speed_factor * effect.speed, vehicle.headway_s * effect.headway)
 
     def close(self) -> None:
         """End SUMO; a second call does nothing."""
+        gc.unfreeze()
         self._traffic.close()
 
     def __enter__(self) -> Self:

@@ -3,14 +3,16 @@
 import numpy as np
 
 from simbev_ros.random import stream
+from simbev_ros.scene.gait import strides_m
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
-from simbev_ros.scene.state import EGO_ID
-from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.scene.state import EGO_ID, Behavior
+from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.world.cast import Cast
 from simbev_ros.world.lights import BEACON_HZ, BLINKER_HZ, blinks, vehicle_lights
 from simbev_ros.world.motion import Kinematics
 
 _LARGEST_STEER_RAD = 0.7
+_STEERING_RADPS = 1.5
 _STEERING_MPS = 0.3
 
 
@@ -32,13 +34,14 @@ class ActorTable:
         self._wheel_rad = np.zeros(len(cast.rows))
         self._gait_rad = np.zeros(len(cast.rows))
 
-    def at(self, motion: Kinematics, signals: Int64Array, doors: UInt8Array, step: int) -> Table:
+    def at(self, motion: Kinematics, signals: Int64Array, doors: UInt8Array, jaywalking: BoolArray, step: int) -> Table:
         """(N,) ``ACTOR_DTYPE``, one step after the last one.
 
         Args:
             motion: Of the cast's rows.
             signals: (V,) SUMO's vehicle signals.
             doors: (V,) bits of open doors.
+            jaywalking: (P,) who of the pedestrians crosses a street away from crosswalks.
             step: Ticks since the scene's start.
         """
         table = self._cast.rows.copy()
@@ -60,18 +63,22 @@ class ActorTable:
         speed_mps, gain_mps2 = motion.speed_mps[vehicles], motion.gain_mps2[vehicles]
         table["lights"][vehicles] = vehicle_lights(signals, speed_mps, gain_mps2, bright, beacons, weather)
         table["doors"][vehicles] = doors
+        table["behavior"][len(table) - len(jaywalking) :] |= (Behavior.JAYWALKING * jaywalking).astype(np.uint16)
         return table
 
     def _turn(self, motion: Kinematics) -> None:
         """Roll the wheels and move the legs over the way covered; steer as the turn demands (kinematic bicycle)."""
         cast = self._cast
         self._wheel_rad += motion.advance_m / cast.wheel_radius_m
-        turn_rad = 2.0 * np.pi * motion.advance_m[self._moved_by] / cast.stride_m
+        stride_m = cast.stride_m.copy()
+        height_m = cast.rows["height"][cast.on_foot].astype(np.float64)
+        stride_m[cast.on_foot] = strides_m(height_m, motion.speed_mps[cast.on_foot])
+        turn_rad = 2.0 * np.pi * motion.advance_m[self._moved_by] / stride_m
         self._gait_rad = (self._gait_rad + turn_rad) % (2.0 * np.pi)
         rolls = motion.speed_mps > _STEERING_MPS
         steer_rad: Float64Array = np.arctan2(
             cast.wheelbase_m * motion.angular_velocity_radps[:, 2], np.where(rolls, motion.speed_mps, 1.0)
         )
-        # Who stands keeps the wheels as they are.
-        steer_rad = np.clip(steer_rad, -_LARGEST_STEER_RAD, _LARGEST_STEER_RAD)
-        self._steer_rad = np.where(rolls, steer_rad, self._steer_rad)
+        change_rad = np.clip(steer_rad, -_LARGEST_STEER_RAD, _LARGEST_STEER_RAD) - self._steer_rad
+        most_rad = np.where(rolls, _STEERING_RADPS * self._tick_s, 0.0)  # who stands keeps the wheels as they are
+        self._steer_rad += np.clip(change_rad, -most_rad, most_rad)

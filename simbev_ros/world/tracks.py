@@ -16,7 +16,7 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import Float64Array, Int64Array
 
 _SPACING_M = 1.0
-_ABREAST = 0.98  # the rest goes by length, so that a lane never stands still while its neighbour turns around it
+_STRETCH = 0.3  # by so much at most who drives on a lane is faster or slower than SUMO says
 
 
 class Tracks:
@@ -32,7 +32,7 @@ class Tracks:
         row = np.repeat(np.arange(len(lanes)), self._last + 1)
         first = np.concatenate([[0], np.cumsum(self._last + 1)])
         share = (np.arange(len(row)) - first[row]) / self._last[row]
-        self._station_m = _abreast(lines, row, middle[row], share)
+        self._station_m = _stretched(lines, row, share, _abreast(lines, row, middle[row], share))
         self._lines = Polylines(lines.values(lines.parameter(row, self._station_m)), first)
         self._left = self._lines.beside(np.ones(len(row)))[:, :2] - self._lines.points_m[:, :2]
 
@@ -74,10 +74,26 @@ def _abreast(lines: Polylines, row: Int64Array, middle: Int64Array, share: Float
     shapes = np.array([shapely.LineString(line_m[:, :2]) for line_m in lines.split(lines.points_m)], object)
     station_m = by_length_m.copy()
     located_m = shapely.line_locate_point(shapes[row[others]], shapely.points(beside_m[:, :2]))
-    station_m[others] = _ABREAST * located_m + (1.0 - _ABREAST) * by_length_m[others]
+    station_m[others] = located_m
     ends = (share == 0.0) | (share == 1.0)
     station_m[ends] = by_length_m[ends]
     # Never backwards: a running maximum, with lanes so far apart that one does not reach into the next.
     apart_m = row * (1.0 + lines.length_m.max(initial=0.0))
     forward_m: Float64Array = np.minimum(np.maximum.accumulate(station_m + apart_m) - apart_m, lines.length_m[row])
     return forward_m
+
+
+def _stretched(lines: Polylines, row: Int64Array, share: Float64Array, abreast_m: Float64Array) -> Float64Array:
+    """(N,) distances along lanes between those abreast and (N,) shares of the length, as far as ``_STRETCH`` allows.
+
+    Else a lane would stand still while its neighbour turns around it, and run where the neighbour comes back.
+    """
+    by_length_m = share * lines.length_m[row]
+    along_m, abreast_step_m = np.diff(by_length_m), np.diff(abreast_m)
+    inside = np.diff(row) == 0
+    stretch = np.abs(abreast_step_m[inside] / np.maximum(along_m[inside], 1e-9) - 1.0)
+    most = np.zeros(len(lines.length_m))
+    np.maximum.at(most, row[:-1][inside], stretch)
+    weight = np.minimum(1.0, _STRETCH / np.maximum(most, 1e-9))[row]
+    stretched_m: Float64Array = by_length_m + weight * (abreast_m - by_length_m)
+    return stretched_m

@@ -11,6 +11,7 @@ import numpy as np
 from simbev_ros.errors import SimulationError
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.world.closures import CLOSURE
 from simbev_ros.world.demand import index_of, pedestrian_name, vehicle_name
 from simbev_ros.world.tracks import Tracks
 
@@ -41,6 +42,7 @@ _AT_LINE_M = 10.0
 _STANDING_MPS = 0.05
 _FEW_EDGES = 6  # left of a route: time to draw a new one
 _FOREVER_S = 1e8
+_ANY_ARRIVAL_M = 1.0
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
@@ -110,10 +112,13 @@ class Traffic:
         except _FAILURES as error:
             self.close()
             raise SimulationError(f"SUMO could not start: {error}") from error
-        self.vehicles = tuple(sorted(map(index_of, libsumo.vehicle.getIDList())))
+        driven = (name for name in libsumo.vehicle.getIDList() if not name.startswith(CLOSURE))
+        self.vehicles: tuple[int, ...] = tuple(sorted(map(index_of, driven)))
         self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
         self._crashed: dict[str, dict[int, Any]] = {}
         self._driven: dict[str, tuple[dict[int, Any], Float64Array]] = {}
+        self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
+        self._off_net: dict[str, dict[int, Any]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
         for name in self._vehicle_names:
@@ -139,7 +144,7 @@ class Traffic:
         """
         driven = {name: row for name, (row, _) in self._driven.items()}
         vehicles = {**libsumo.vehicle.getAllSubscriptionResults(), **self._crashed, **driven}
-        pedestrians = libsumo.person.getAllSubscriptionResults()
+        pedestrians = {**libsumo.person.getAllSubscriptionResults(), **self._off_net}
         try:
             rows = [vehicles[name] for name in self._vehicle_names]
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _PLACE_VARIABLES)
@@ -164,7 +169,8 @@ class Traffic:
             yaw_rad: The vehicle's heading.
         """
         if body >= len(self.vehicles):
-            libsumo.person.setSpeed(self._pedestrian_names[body - len(self.vehicles)], 0.0)
+            if (pedestrian := self._pedestrian_names[body - len(self.vehicles)]) not in self._off_net:
+                libsumo.person.setSpeed(pedestrian, 0.0)
             return
         name = self._vehicle_names[body]
         self._crashed[name] = dict(libsumo.vehicle.getSubscriptionResults(name))
@@ -207,15 +213,67 @@ class Traffic:
         except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
-    def stop(self, vehicle: int) -> None:
-        """Keep a vehicle (its place in ``vehicles``) that stands from moving until it may ``go``."""
-        libsumo.vehicle.setSpeed(self._vehicle_names[vehicle], 0.0)
+    def limit(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
+        """Let a vehicle (its place in ``vehicles``) drive no faster at the next step; None: as far as this reason goes.
 
-    def go(self, vehicle: int) -> None:
-        """Let a vehicle drive on, unless it has had a collision."""
-        name = self._vehicle_names[vehicle]
-        if name not in self._crashed:
-            libsumo.vehicle.setSpeed(name, -1.0)
+        The least speed of all reasons holds. One of 0 goes on until it is lifted; others are to be given at every step.
+        """
+        limits_mps, name = self._limits_mps[vehicle], self._vehicle_names[vehicle]
+        limits_mps.pop(reason, None)
+        if speed_mps is not None:
+            limits_mps[reason] = speed_mps
+        if name not in self._crashed and name not in self._driven:
+            least_mps = min(limits_mps.values(), default=np.inf)
+            # SUMO takes a given speed for the wanted one, also where the driver would be slower.
+            libsumo.vehicle.setSpeed(name, least_mps if least_mps <= libsumo.vehicle.getSpeed(name) else -1.0)
+
+    def speed_mps(self, vehicle: int) -> float:
+        """A vehicle's speed."""
+        return float(libsumo.vehicle.getSpeed(self._vehicle_names[vehicle]))
+
+    def direction(self, vehicle: int) -> Float64Array:
+        """(2,) unit vector in which a vehicle looks."""
+        angle_rad = np.radians(libsumo.vehicle.getAngle(self._vehicle_names[vehicle]))
+        return np.array([np.sin(angle_rad), np.cos(angle_rad)])
+
+    def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
+        """Way of a vehicle to SUMO's position on an edge; infinite where its route does not lead there."""
+        distance_m = libsumo.vehicle.getDrivingDistance(self._vehicle_names[vehicle], edge, position_m)
+        return np.inf if distance_m == libsumo.INVALID_DOUBLE_VALUE else float(distance_m)
+
+    def take_out(self, pedestrian: int) -> None:
+        """Take a pedestrian (its place in ``pedestrians``) off the net; samples keep it where it is."""
+        name = self._pedestrian_names[pedestrian]
+        self._off_net[name] = dict(libsumo.person.getSubscriptionResults(name))
+        libsumo.person.remove(name)
+
+    def put_back(self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None) -> None:
+        """Let a pedestrian that was taken out walk along edges, from the next step on.
+
+        Args:
+            pedestrian: Its place in ``pedestrians``.
+            edges: All edges of the walk.
+            position_m: SUMO's position on the first edge where it begins.
+            arrival_m: The same on the last one where it ends; None: anywhere.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        before, kind = self._pedestrian_names[pedestrian], pedestrian_name(self.pedestrians[pedestrian])
+        del self._off_net[before]
+        name = f"{kind}.{int(before.partition('.')[2] or 0) + 1}"
+        try:
+            libsumo.person.add(name, edges[0], position_m, typeID=kind)
+            libsumo.person.appendWalkingStage(name, list(edges), _ANY_ARRIVAL_M if arrival_m is None else arrival_m)
+            libsumo.person.appendWaitingStage(name, _FOREVER_S)
+            libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+        self._pedestrian_names[pedestrian] = name
+
+    def pace(self, pedestrian: int, speed_mps: float) -> None:
+        """Let a pedestrian walk no faster than this."""
+        libsumo.person.setSpeed(self._pedestrian_names[pedestrian], speed_mps)
 
     def wants_to_move(self, vehicle: int) -> bool:
         """Whether a stopped vehicle would drive."""

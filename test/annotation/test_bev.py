@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,10 @@ MODELS = (
     box_model(Tag.BICYCLE, (3.0, 1.0, 1.0)),
     box_model(Tag.RIDER, (1.0, 1.0, 1.6)),
     box_model(Tag.PEDESTRIAN, (0.2, 0.2, 1.8)),
+    replace(box_model(Tag.DYNAMIC, (1.0, 2.0, 1.0)), box_class="barrier"),
+    replace(box_model(Tag.DYNAMIC, (1.0, 1.0, 1.0)), box_class="traffic_cone"),
+    replace(box_model(Tag.TRAFFIC_SIGN, (1.0, 1.0, 1.0)), box_class="traffic_sign"),
+    box_model(Tag.DYNAMIC, (1.0, 1.0, 1.0)),
 )
 NOTHING = static_scene()
 
@@ -94,3 +99,11 @@ def test_a_tilted_ego_sees_the_same_level_grid() -> None:
     level = BevAnnotator(NOTHING, MODELS).labels(world(actor(MODELS[3], 3), other), GRID)
     tilted = actor(MODELS[3], 3, pitch=0.1, roll=-0.1)
     assert np.array_equal(BevAnnotator(NOTHING, MODELS).labels(world(tilted, other), GRID), level)
+
+
+def test_barriers_and_cones_have_bits_of_their_own_and_signs_and_other_movable_things_none() -> None:
+    row = [actor(MODELS[4 + k], 4 + k, id=10 + k, x=5.5, y=9.6 - 4.0 * k) for k in range(4)]
+    labels = BevAnnotator(NOTHING, MODELS).labels(world(actor(MODELS[3], 3), *row), GRID)
+    assert np.array_equal(cells(labels, "barrier"), block(slice(4, 5), slice(4, 6)))
+    assert np.array_equal(cells(labels, "traffic_cone"), block(slice(4, 5), slice(9, 10)))
+    assert np.count_nonzero(labels) == 3

@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.actor_model import ActorModel, Cycle
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.scene.state import ACTOR_DTYPE
@@ -23,23 +23,28 @@ def random_actors(count: int) -> Table:
     return actors
 
 
+def between(table: Float64Array, cycle: Cycle, speed_mps: float, gait_rad: float) -> float:
+    """A value of an (M, N) table of a cycle."""
+    phases = np.arange(table.shape[1]) * (2.0 * np.pi / table.shape[1])
+    at_speeds = [np.interp(gait_rad, phases, row, period=2.0 * np.pi) for row in table]
+    return float(np.interp(speed_mps, cycle.speed_mps, at_speeds))
+
+
 def posed_slowly(model: ActorModel, actor: Table, vertex: int) -> Float64Array:
     """One vertex, turned by its part, by its part's parent, and so on, then put in its place."""
     point = model.mesh.vertices[vertex].astype(np.float64)
     index = int(model.mesh.part[vertex])
     gait, speed = float(actor["gait"]), float(np.hypot(actor["vx"], actor["vy"]))
-    motion = min(speed / 0.6, 1.0)
     while index >= 0:
         part = model.parts[index]
-        swing = part.swing_offset_rad + part.swing_rad * np.sin(gait + part.swing_phase_rad)
-        if part.still_rad is not None:
-            swing = motion * swing + (1.0 - motion) * part.still_rad
+        swing = between(model.cycle.turn_rad[..., index], model.cycle, speed, gait) if model.cycle else 0.0
         about_y = swing + part.spins * float(actor["wheel"]) + part.cranks * gait
         is_open = int(actor["doors"]) >> part.door & 1
         about_z = part.steers * float(actor["steer"]) + is_open * part.opening_rad
         turn = Rotation.from_euler("ZY", [about_z, about_y])
         point = turn.apply(point - part.pivot_m) + part.pivot_m
-        point[2] += part.lift_m * (1.0 - motion * np.sin(gait) ** 2)
+        if index == 0 and model.cycle:
+            point[2] += between(model.cycle.rise_m, model.cycle, speed, gait)
         index = part.parent
     place = Rotation.from_euler("xyz", [float(actor[field]) for field in ("roll", "pitch", "yaw")])
     return place.apply(point) + [float(actor[field]) for field in "xyz"] - ORIGIN_M

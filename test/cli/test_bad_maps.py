@@ -5,14 +5,14 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from simbev_ros.cli import scenes
-from simbev_ros.cli.main import main
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -59,16 +59,17 @@ def grid(tmp_path_factory: pytest.TempPathFactory) -> str:
     return path.read_text()
 
 
-def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object) -> str:
-    """The message, one line, with which the command ends with exit code 2."""
-    monkeypatch.setattr(sys, "argv", ["simbev", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: ")
-    assert error.count("\n") == 1, "one line"
-    return error
+@pytest.fixture
+def refused(refused: Callable[..., str]) -> Callable[..., str]:
+    """The same, and the message must be one line."""
+
+    def run(*arguments: object) -> str:
+        error = refused(*arguments)
+        assert error.startswith("error: ")
+        assert error.count("\n") == 1, "one line"
+        return error
+
+    return run
 
 
 @pytest.mark.parametrize(
@@ -96,8 +97,7 @@ def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
     ],
 )
 def test_files_that_cannot_be_maps_are_refused_in_a_line(
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    refused: Callable[..., str],
     tmp_path: Path,
     name: str,
     content: str,
@@ -105,7 +105,7 @@ def test_files_that_cannot_be_maps_are_refused_in_a_line(
 ) -> None:
     path = tmp_path / name
     path.write_text(content, encoding="latin-1")
-    error = refused(capsys, monkeypatch, "map", path)
+    error = refused("map", path)
     assert str(path) in error and message in error
 
 
@@ -121,8 +121,7 @@ def test_files_that_cannot_be_maps_are_refused_in_a_line(
     ],
 )
 def test_nets_that_hold_nonsense_are_refused_in_a_line(
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    refused: Callable[..., str],
     tmp_path: Path,
     grid: str,
     pattern: str,
@@ -132,7 +131,7 @@ def test_nets_that_hold_nonsense_are_refused_in_a_line(
     path = tmp_path / "a.net.xml"
     path.write_text(re.sub(pattern, replacement, grid, flags=re.DOTALL))
     assert path.read_text() != grid
-    assert re.search(message, refused(capsys, monkeypatch, "map", path))
+    assert re.search(message, refused("map", path))
 
 
 @pytest.mark.parametrize(
@@ -189,7 +188,7 @@ def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
     def reached(*_: object, **__: object) -> None:
         raise _Reached("reached the graph")
 
-    monkeypatch.setattr(scenes, "_build_surroundings", lambda *_: None)
+    monkeypatch.setattr(scenes, "build_surroundings", lambda *_: None)
     monkeypatch.setattr(scenes, "GraphSession", reached)
 
 
@@ -205,15 +204,12 @@ def config(tmp_path: Path) -> Path:
 
 @pytest.mark.usefixtures("no_graph")
 def test_a_configuration_runs_from_any_folder_and_the_notes_of_its_map_are_told_once(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, config: Path
+    simbev: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, config: Path
 ) -> None:
     elsewhere = tmp_path / "else/where"
     elsewhere.mkdir(parents=True)
     monkeypatch.chdir(elsewhere)
-    monkeypatch.setattr(sys, "argv", ["simbev", "run", os.path.relpath(config)])
-    with pytest.raises(SystemExit):
-        main()
-    said = capsys.readouterr()
+    said = simbev("run", os.path.relpath(config))
     assert said.err == "error: reached the graph\n"
     assert said.out.count("map street: it has no buildings: they are invented\n") == 1
 
@@ -224,7 +220,7 @@ def test_a_configuration_runs_from_any_folder_and_the_notes_of_its_map_are_told_
     [(None, "cannot be read: No such file or directory"), (GOOD_OSM + "\n", "has changed since the scene was drawn")],
 )
 def test_a_map_that_goes_or_changes_while_scenes_are_drawn_is_said(
-    capsys: pytest.CaptureFixture[str],
+    refused: Callable[..., str],
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     config: Path,
@@ -243,7 +239,7 @@ def test_a_map_that_goes_or_changes_while_scenes_are_drawn_is_said(
 
     planned = scenes.planned_scenes
     monkeypatch.setattr(scenes, "planned_scenes", changed)
-    error = refused(capsys, monkeypatch, "run", config)
+    error = refused("run", config)
     assert f"{path}: {message}" in error
 
 

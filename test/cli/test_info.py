@@ -15,7 +15,7 @@ from simbev_ros.recording.reader import SceneBag
 TICK_NS = 50_000_000
 
 
-def write_words(path: Path, *, ticks: int = 5, missing: int | None = None, finish: bool = True) -> Path:
+def write_words(path: Path, *, ticks: int = 5, missing: int | None = None, finish: bool = True, **more: str) -> Path:
     books = Accounting({"/words": Schedule()}, start_ns=0, tick_ns=TICK_NS, ticks=ticks)
     with SceneBagWriter(path) as writer:
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
@@ -23,7 +23,7 @@ def write_words(path: Path, *, ticks: int = 5, missing: int | None = None, finis
             if tick != missing:
                 books.add("/words", tick * TICK_NS)
                 writer.write("/words", tick * TICK_NS, string(f"word {tick}"))
-        facts = books.report().custom_data(path.name)
+        facts = books.report().custom_data(path.name) | more
         return writer.finish(facts) if finish else writer.abandon(facts)
 
 
@@ -52,6 +52,14 @@ def test_table_shows_topic_digest_and_what_is_missing(tmp_path: Path, capsys: py
     assert "4 of 5" in text
     assert "/words: 4 of 5 messages, missing at ticks 3" in text
     assert "finished, incomplete" in text
+
+
+def test_a_scene_that_ended_early_is_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    info(write_words(tmp_path / "a", ended="ego stood still for 8 s at tick 4"))
+    text = capsys.readouterr().out
+    assert "finished, complete, ended early" in text and "ego stood still for 8 s at tick 4" in text
+    info(write_words(tmp_path / "b", ended="duration"))
+    assert "early" not in capsys.readouterr().out
 
 
 def test_unfinished_and_cut_off_bags_are_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

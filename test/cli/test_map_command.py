@@ -3,14 +3,12 @@
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
-from typer.testing import CliRunner
-
-from simbev_ros.cli.main import app, main
 
 STREETS = """<osm version="0.6">
  <node id="1" lat="50.0" lon="8.0"/> <node id="2" lat="50.0" lon="8.002"/>
@@ -35,14 +33,8 @@ def streets(tmp_path: Path) -> Path:
     return path
 
 
-def simbev_map(*arguments: object) -> str:
-    result = CliRunner().invoke(app, ["map", *map(str, arguments)], catch_exceptions=False)
-    assert result.exit_code == 0
-    return result.stdout
-
-
-def test_json_has_the_figures_of_the_map(streets: Path) -> None:
-    facts = json.loads(simbev_map(streets, "--json"))
+def test_json_has_the_figures_of_the_map(simbev: Callable[..., Any], streets: Path) -> None:
+    facts = json.loads(simbev("map", streets, "--json").out)
     assert (facts["name"], facts["file"], facts["two_level_crossings"]) == ("two_streets", str(streets), 0)
     assert facts["datum"]["latitude_deg"] == pytest.approx(50.0005)
     assert facts["width_m"] == pytest.approx(143.4, abs=6.0)
@@ -52,23 +44,14 @@ def test_json_has_the_figures_of_the_map(streets: Path) -> None:
 
 
 @pytest.mark.gl
-def test_pictures_are_taken_from_above_and_from_the_street(streets: Path, tmp_path: Path) -> None:
-    text = simbev_map(streets, "--out", tmp_path / "pictures/two.png")
+def test_pictures_are_taken_from_above_and_from_the_street(
+    simbev: Callable[..., Any], streets: Path, tmp_path: Path
+) -> None:
+    text = simbev("map", streets, "--out", tmp_path / "pictures/two.png").out
     assert "two_streets" in text and "it has no buildings: they are invented" in text
     sizes = {path.name: cv2.imread(str(path)).shape for path in (tmp_path / "pictures").iterdir()}
     assert sizes == {"two-above.png": (900, 1812, 3), "two-street.png": (900, 1600, 3)}
     assert all(cv2.imread(str(path)).std() > 10.0 for path in (tmp_path / "pictures").iterdir())
-
-
-def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object) -> str:
-    """The message with which ``simbev map`` ends with exit code 2."""
-    monkeypatch.setattr(sys, "argv", ["simbev", "map", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    error = capsys.readouterr().err
-    assert "Traceback" not in error
-    return error
 
 
 @pytest.mark.parametrize(("suffix", "root"), [(".xodr", "OpenDRIVE"), (".osm", "osm"), (".net.xml", "net")])
@@ -84,8 +67,7 @@ def refused(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
     ],
 )
 def test_files_that_are_no_maps_are_refused(
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    refused: Callable[..., str],
     tmp_path: Path,
     suffix: str,
     root: str,
@@ -94,7 +76,7 @@ def test_files_that_are_no_maps_are_refused(
 ) -> None:
     path = tmp_path / f"bad{suffix}"
     path.write_text(content.replace("{root}", root))
-    error = refused(capsys, monkeypatch, path)
+    error = refused("map", path)
     assert f"{path}" in error.replace("\n", "") and message in error
 
 
@@ -106,26 +88,18 @@ def test_files_that_are_no_maps_are_refused(
         ("nowhere.osm", "nowhere.osm: cannot be read: No such file or directory"),
     ],
 )
-def test_unknown_maps_are_refused(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str, message: str
-) -> None:
-    assert message in refused(capsys, monkeypatch, name)
+def test_unknown_maps_are_refused(refused: Callable[..., str], name: str, message: str) -> None:
+    assert message in refused("map", name)
 
 
-def test_a_folder_is_no_map(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_folder_is_no_map(refused: Callable[..., str], tmp_path: Path) -> None:
     folder = tmp_path / "folder.osm"
     folder.mkdir()
-    assert "folder.osm: is not a file" in refused(capsys, monkeypatch, folder)
+    assert "folder.osm: is not a file" in refused("map", folder)
 
 
-def test_a_place_without_roads_is_refused(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, streets: Path
-) -> None:
-    assert "--at 9000 0: there is no road of two_streets near" in refused(
-        capsys, monkeypatch, streets, "--at", "9000", "0"
-    )
+def test_a_place_without_roads_is_refused(refused: Callable[..., str], streets: Path) -> None:
+    assert "--at 9000 0: there is no road of two_streets near" in refused("map", streets, "--at", "9000", "0")
 
 
 def test_a_file_of_200_mib_is_refused_at_once_in_little_memory(tmp_path: Path) -> None:

@@ -1,13 +1,11 @@
 """``simbev scene``: what would be drawn, without simulating."""
 
 import json
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
-
-from simbev_ros.cli.main import app, main
 
 CONFIG = """scenes: [{map: Blocks, train: 2}, {map: Blocks, test: 1}]
 rig: {sensors: []}
@@ -24,14 +22,10 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-def simbev_scene(*arguments: object) -> str:
-    result = CliRunner().invoke(app, ["scene", *map(str, arguments)], catch_exceptions=False)
-    assert result.exit_code == 0
-    return result.stdout
-
-
-def test_json_has_statistics_of_every_parameter_and_what_it_is_meant_to_be(config: Path) -> None:
-    facts = json.loads(simbev_scene(config, "--count", 50, "--json"))
+def test_json_has_statistics_of_every_parameter_and_what_it_is_meant_to_be(
+    simbev: Callable[..., Any], config: Path
+) -> None:
+    facts = json.loads(simbev("scene", config, "--count", 50, "--json").out)
     assert (facts["scenes"], facts["maps"]) == (50, {"Blocks": 50})
     parameters = facts["parameters"]
     assert {"weather.fog_falloff", "final_weather.cloudiness", "green_time_s", "vehicles.min_gap_m"} <= set(parameters)
@@ -45,24 +39,25 @@ def test_json_has_statistics_of_every_parameter_and_what_it_is_meant_to_be(confi
     assert parameters["ego.reckless"]["meant"] == "yes with probability 0.01"
     assert parameters["vehicles.speed_factor"]["count"] == 150
     assert parameters["pedestrians"]["min"] >= 100
+    assert parameters["hazards"]["meant"].startswith("each free place by hazards.probability")
     assert sum(facts["kinds"]["vehicles.blueprint"].values()) == 150
 
 
-def test_without_a_count_the_scenes_of_the_configuration_are_drawn(config: Path) -> None:
-    text = simbev_scene(config)
+def test_without_a_count_the_scenes_of_the_configuration_are_drawn(simbev: Callable[..., Any], config: Path) -> None:
+    text = simbev("scene", config).out
     assert "3 scenes: Blocks (3)" in text
-    assert "weather.cloudiness" in text and "ego.blueprint" in text
+    assert "\nweather\n  cloudiness " in text and "ego.blueprint" in text
 
 
-def test_all_can_be_drawn_on_another_map(config: Path) -> None:
-    assert json.loads(simbev_scene(config, "--map", "Town02", "--json"))["maps"] == {"Town02": 3}
+def test_all_can_be_drawn_on_another_map(simbev: Callable[..., Any], config: Path) -> None:
+    assert json.loads(simbev("scene", config, "--map", "Town02", "--json").out)["maps"] == {"Town02": 3}
 
 
-def test_notes_are_counted_instead_of_repeated(config: Path) -> None:
+def test_notes_are_counted_instead_of_repeated(simbev: Callable[..., Any], config: Path) -> None:
     config.write_text(CONFIG.replace("{integer: [100, 110]}", "9000, spawn_radius_m: 60"))
-    result = CliRunner().invoke(app, ["scene", str(config)], catch_exceptions=False)
-    assert result.stderr.count("room for") == 1
-    assert "3 notes, the first: Blocks: room for" in result.stderr
+    error = simbev("scene", config).err
+    assert error.count("room for") == 1
+    assert "3 notes, the first: Blocks: room for" in error
 
 
 @pytest.mark.parametrize(
@@ -75,15 +70,6 @@ def test_notes_are_counted_instead_of_repeated(config: Path) -> None:
     ],
 )
 def test_bad_input_ends_with_exit_code_2(
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    config: Path,
-    arguments: list[str],
-    message: str,
+    refused: Callable[..., str], config: Path, arguments: list[str], message: str
 ) -> None:
-    words = [str(config) if word == "CONFIG" else word for word in arguments]
-    monkeypatch.setattr(sys, "argv", ["simbev", "scene", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert message in capsys.readouterr().err
+    assert message in refused("scene", *(config if word == "CONFIG" else word for word in arguments))

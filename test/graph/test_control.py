@@ -73,6 +73,10 @@ def test_an_ego_that_stands_still_ends_the_scene_and_the_bag_says_so(
             assert reader.topics["/ego/lidar/points"].msgcount == 8
     code, shown = simbev("info", bag).finish()
     assert code == 0 and books["ended"] in shown
+    again = replay(simbev, tmp_path / "out" / SCENE, config, tmp_path / "again")
+    twice = replay(simbev, again, config, tmp_path / "twice")
+    assert digests(again) == digests(twice) == digests(tmp_path / "out" / SCENE)
+    assert facts(twice)["ended"] == books["ended"]
 
 
 def test_replaying_with_the_same_configuration_repeats_every_byte(

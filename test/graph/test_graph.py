@@ -13,6 +13,9 @@ from commands import DOMAIN, SMALL, Command, node_processes, wait_until
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from simbev_ros.cli.world_timing import timed_world
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
 from simbev_ros.graph.shared_memory import middleware_files, remove_orphans
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
@@ -196,3 +199,14 @@ def test_bench_says_where_the_time_goes(simbev: Simbev, small_config: Config) ->
     processes = {process["name"]: process for process in result["processes"]}
     assert processes.keys() == {"world", "camera", "lidar", "gnss+imu", "annotator", "recorder"}
     assert all(process["cpu_ms"] > 0 and process["memory_mib"] > 50 for process in processes.values())
+
+
+def test_bench_of_the_world_times_each_size_of_a_scene() -> None:
+    scenario = Scenario.model_validate(
+        {"scenes": [{"map": "Blocks", "train": 1}], "rig": Rig(sensors=()), "time": {"duration_s": 1}}
+    )
+    timing = timed_world(scenario, "Blocks", counts=(6, 60))
+    assert [scene.people for scene in timing.scenes] == [4, 40]
+    assert all(scene.vehicles >= wanted for scene, wanted in zip(timing.scenes, (2, 20), strict=True))
+    assert all(0.0 < scene.mean_ms <= scene.p99_ms and scene.cpu_ms > 0.0 for scene in timing.scenes)
+    assert 0.0 < timing.growth < 1.0

@@ -30,9 +30,19 @@ def stamp_ns(clock: Clock) -> int:
     return int(clock.clock.sec) * 10**9 + int(clock.clock.nanosec)
 
 
-@pytest.mark.parametrize("mode", ["lockstep", "live"])
-def test_services_steer_the_world(simbev: Simbev, small_config: Config, mode: str) -> None:
-    simbev("run", small_config(120), *(["--live"] if mode == "live" else []))
+@pytest.mark.parametrize(
+    ("options", "answer_to_reset"),
+    [
+        ([], "only a live scene can start again; in lockstep all nodes are in the middle of this one"),
+        (["--live"], "restarted"),
+        (["--live", "--record", "out"], "a scene that is recorded cannot start again"),
+    ],
+    ids=["lockstep", "live", "recorded"],
+)
+def test_services_steer_the_world(
+    simbev: Simbev, small_config: Config, tmp_path: Path, options: list[str], answer_to_reset: str
+) -> None:
+    simbev("run", small_config(120), *(tmp_path / word if word == "out" else word for word in options))
     clocks: list[Clock] = []
     with outside_node("operator") as (node, spin_until):
         node.create_subscription(Clock, "/clock", keep(clocks), 50)
@@ -62,15 +72,12 @@ def test_services_steer_the_world(simbev: Simbev, small_config: Config, mode: st
             assert call("step", Trigger.Request()).success
             assert settle() == paused_ns + count * 50_000_000
         answer = call("reset", Trigger.Request())
-        if mode == "lockstep":
-            assert not answer.success
-            assert answer.message.startswith("only a live scene can start again")
-        else:
-            assert (answer.success, answer.message) == (True, "restarted")
+        restarted = answer_to_reset == "restarted"
+        assert (answer.success, answer.message) == (restarted, answer_to_reset)
         assert call("pause", SetBool.Request(data=False)).message == "running"
         count = len(clocks)
         spin_until(lambda: len(clocks) > count + 10, 30)
-        assert (stamp_ns(clocks[-1]) < paused_ns) == (mode == "live")
+        assert (stamp_ns(clocks[-1]) < paused_ns) == restarted
 
 
 def drive(simbev: Simbev, config: Path, dataset: Path) -> Path:

@@ -43,6 +43,16 @@ def test_the_sample_is_what_its_script_writes() -> None:
     assert SAMPLE.read_text(encoding="utf-8") == sample()
 
 
+def test_wherever_it_is_built_the_same_file_gives_the_same_bytes(tmp_path: Path) -> None:
+    built = set()
+    for number in range(6):
+        work = tmp_path / ("x" * 7 * number) / "work"
+        work.mkdir(parents=True)
+        again = import_osm(SAMPLE, work)
+        built.add((again.net.read_bytes(), again.opendrive.read_bytes()))
+    assert len(built) == 1
+
+
 def test_footprints_lie_where_their_coordinates_say(parts: MapParts) -> None:
     corners_m = in_map(parts, (-105, 46), (-50, 46), (-50, 88), (-105, 88), (-92, 57), (-64, 77))
     school = next(building for building in parts.features.buildings or () if building.outline.interiors)

@@ -135,3 +135,16 @@ def test_what_happens_now_and_then_is_neither_missing_nor_too_much() -> None:
     books = account.report().topics["/events"]
     assert (books.expected, books.recorded, books.unexpected) == (3, 3, 1)
     assert account.report().complete
+
+
+def test_a_scene_is_finished_when_the_events_that_its_end_announces_have_come_too() -> None:
+    account = Accounting(
+        {"/a": Schedule(), "/events": Schedule(sporadic=True)}, start_ns=START_NS, tick_ns=TICK_NS, ticks=6
+    )
+    account.add("/a", stamp(0))
+    account.add("/events", stamp(0))
+    account.end_at(1, {"/events": 2})
+    assert not account.is_finished and not account.report().complete
+    assert account.report().problems() == ["/events: 1 of 2 messages"]
+    account.add("/events", stamp(0))
+    assert account.is_finished and account.report().complete

@@ -1,7 +1,9 @@
 """Replaying a bag without a graph: states come back as they were put in, and bags that will not do are refused."""
 
-from collections.abc import Sequence
+import shutil
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -9,16 +11,18 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import BagError, InputError
-from simbev_ros.maps.build import load_network
+from simbev_ros.maps.build import load_network, load_source
+from simbev_ros.maps.source import map_spec
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.recording.replay import Replay, recorded_spec, replayed_spec
+from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
 from simbev_ros.scene.draw import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, Event, Light
+from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, Event, Light, WorldState
 from simbev_ros.types import Table
+from simbev_ros.world.simulation import Simulation
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 CODES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
@@ -61,14 +65,19 @@ def actors(tick: int) -> Table:
 
 
 def bag(
-    folder: Path, ticks: Sequence[int] = range(6), lead_in: Sequence[int] = (-2, -1), scene: str | None = None
+    folder: Path,
+    ticks: Sequence[int] = range(6),
+    lead_in: Sequence[int] = (-2, -1),
+    scene: str | None = None,
+    table_at: Callable[[int], Table] = actors,
+    facts: Mapping[str, str] = MappingProxyType({}),
 ) -> Path:
     with SceneBagWriter(folder) as writer:
         writer.add_attachment("scene.json", "application/json", (scene or SPEC.model_dump_json()).encode())
         early = [
             RawMessage(name, SPEC.stamp_ns(tick), CLOUD, cloud(table, SPEC.stamp_ns(tick)))
             for tick in lead_in
-            for name, table in (("/world/actors", actors(tick)), ("/world/signals", np.zeros(2, SIGNAL_DTYPE)))
+            for name, table in (("/world/actors", table_at(tick)), ("/world/signals", np.zeros(2, SIGNAL_DTYPE)))
         ]
         writer.add_attachment("lead_in.json", "application/json", lead_in_attachment(early))
         for name in DTYPES:
@@ -76,14 +85,14 @@ def bag(
         writer.add_topic("/world/events", "std_msgs/msg/String", QosProfile())
         for tick in ticks:
             stamp_ns = SPEC.stamp_ns(tick)
-            writer.write("/world/actors", stamp_ns, cloud(actors(tick), stamp_ns))
+            writer.write("/world/actors", stamp_ns, cloud(table_at(tick), stamp_ns))
             writer.write("/world/signals", stamp_ns, cloud(np.zeros(2, SIGNAL_DTYPE), stamp_ns))
             if tick == 3:
                 event = (
                     '{"type": "collision", "tick": 3, "ids": [1, 2], "position_m": [1, 2, 3], "relative_speed_mps": 4}'
                 )
                 writer.write("/world/events", stamp_ns, text(event))
-        return writer.finish({})
+        return writer.finish(facts)
 
 
 def states(replay: Replay, count: int) -> list:
@@ -108,9 +117,21 @@ def test_without_a_lead_in_all_begin_where_tick_0_has_them(tmp_path: Path) -> No
     replay.close()
 
 
-def test_a_gap_ends_the_replay(tmp_path: Path) -> None:
-    replay = Replay(SPEC, bag(tmp_path / "a", ticks=(0, 1, 2, 4, 5)))
-    assert replay.available == (3, "the replayed bag ends at tick 2")
+@pytest.mark.parametrize(
+    ("ticks", "facts", "available"),
+    [
+        (range(6), {"ticks": "6", "ended": "duration"}, (6, "duration")),
+        (range(4), {"ticks": "4", "ended": "ego stood still"}, (4, "ego stood still")),
+        (range(4), {"ticks": "6", "ended": "interrupted"}, (4, "the replayed bag ends at tick 3")),
+        ((0, 1, 2, 4, 5), {"ticks": "6", "ended": "duration"}, (3, "the replayed bag ends at tick 2")),
+        ((0, 1, 2, 4, 5), {}, (3, "the replayed bag ends at tick 2")),
+    ],
+)
+def test_a_replay_ends_as_the_scene_did_or_before_the_first_tick_that_is_not_there(
+    tmp_path: Path, ticks: Sequence[int], facts: dict[str, str], available: tuple[int, str]
+) -> None:
+    replay = Replay(SPEC, bag(tmp_path / "a", ticks=ticks, facts=facts))
+    assert replay.available == available
     replay.close()
 
 
@@ -121,6 +142,21 @@ def test_at_night_only_the_low_beams_of_vehicles_change(tmp_path: Path) -> None:
     assert table["lights"].tolist() == [Light.LOW_BEAM, Light.LOW_BEAM, 0]
     table["lights"] = 0
     assert table.tobytes() == actors(0).tobytes()
+    replay.close()
+
+
+def test_a_scene_by_day_replayed_at_night_is_the_same_bytes_as_simulated_at_night(tmp_path: Path) -> None:
+    night = SPEC.model_copy(update={"weather": SPEC.weather.model_copy(update={"sun_altitude_deg": -40.0})})
+
+    def simulated(spec: SceneSpec) -> list[WorldState]:
+        with Simulation(spec, load_network(spec.map)) as simulation:
+            return [simulation.step() for _ in range(spec.warm_up_ticks + 6)]
+
+    by_day, by_night = simulated(SPEC), simulated(night)
+    assert by_day[-1].actors.tobytes() != by_night[-1].actors.tobytes()
+    replay = Replay(night, bag(tmp_path / "a", table_at=lambda tick: by_day[tick + SPEC.warm_up_ticks].actors))
+    for again, truth in zip(states(replay, 6)[-8:], by_night[-8:], strict=True):
+        assert again.actors.tobytes() == truth.actors.tobytes()
     replay.close()
 
 
@@ -135,6 +171,30 @@ def test_the_scene_gets_the_rig_and_the_weather_of_the_configuration(tmp_path: P
         slow = scenario.model_copy(update={"time": scenario.time.model_copy(update={"tick_s": 0.1})})
         with pytest.raises(InputError, match=r"time\.tick_s: 0\.1, but .* has ticks of 0\.05 s"):
             replayed_spec(recorded, slow, network)
+
+
+def test_the_roads_of_a_map_file_that_is_gone_come_from_the_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "one"))
+    file = Path(shutil.copy(Path(__file__).parents[1] / "maps/data/riverside.osm", tmp_path))
+    spec = SPEC.model_copy(update={"map": map_spec(str(file))})
+    roads, source = load_network(spec.map), load_source(spec.map)
+    with SceneBagWriter(tmp_path / "bag") as writer:
+        writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())
+        writer.add_attachment("map.xodr", "application/xml", roads.opendrive.encode())
+        writer.add_attachment("map_source.gz", "application/gzip", source)
+        writer.finish({})
+    file.unlink()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "another"))
+    with pytest.raises(InputError, match=r"riverside\.osm: cannot be read: No such file"):
+        load_network(spec.map)
+    with SceneBag(tmp_path / "bag") as recorded:
+        load_recorded_roads(recorded)
+        again = load_network(spec.map)
+        assert replayed_spec(recorded, load_scenario("demo"), again).map == spec.map
+    assert again.lanes.keys() == roads.lanes.keys()
+    assert load_source(spec.map) == source
 
 
 def test_bags_that_hold_no_scene_are_refused(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes
 from simbev_ros.scene.draw_weather import draw_weather
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec
 
 PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")
 
@@ -132,6 +132,21 @@ def test_pedestrians_start_on_sidewalks_near_the_ego_that_are_long_enough_togeth
     assert np.linalg.norm(places_m - ego_m, axis=1).max() <= 150.0
     assert len(spec.pedestrians) > 100
     assert "island_0" not in {each.start.lane for each in spec.pedestrians}
+
+
+def test_who_is_faster_than_people_walk_runs_in_sports_clothes(network: RoadNetwork) -> None:
+    def people(fastest_mps: float) -> tuple[PedestrianSpec, ...]:
+        traffic = Traffic(vehicles=0, pedestrians=120, pedestrian_max_speed_mps=fastest_mps)
+        return draw_scene(scenario(traffic=traffic), PLANNED, network).pedestrians
+
+    slow, fast = people(1.5), people(5.0)
+    named = {blueprint.name: blueprint for blueprint in load_blueprints()}
+    assert len({each.blueprint for each in fast}) == 4
+    for walker, runner in zip(slow, fast, strict=True):
+        expected = named[walker.blueprint].runs_as or "pedestrian.wheelchair"
+        assert (runner.blueprint, runner.start, runner.jaywalks) == (expected, walker.start, walker.jaywalks)
+        assert runner.color in named[expected].colors
+        assert runner.max_speed_mps == (2.2 if expected == "pedestrian.wheelchair" else 5.0)
 
 
 def test_paper_draws_up_to_three_less_than_the_free_places(network: RoadNetwork) -> None:

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from simbev_ros.config.draw import Distribution
+from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Timing, Traffic, WeatherConfig, WeatherParameters
 from simbev_ros.maps.build import load_network
@@ -127,7 +128,7 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
     time = Timing(duration_s=Distribution(uniform=(4, 20)))
     scenario = load_scenario("paper").model_copy(update={"traffic": Traffic(vehicles=0, pedestrians=0), "time": time})
     starts = starts_of(scenario, load_network(PLANNED.map))
-    ids = [starts.vehicles.waypoint(place) for place in np.flatnonzero(starts.fit(20.0)["passenger"])]
+    ids = [starts.vehicles.waypoint(place) for place in np.flatnonzero(starts.fit(20.0)["vehicle.sedan"])]
     rank = {(place.lane, place.s_m): index for index, place in enumerate(ids)}
     specs = list(small_scenes(scenario))
     egos = [spec.vehicles[0] for spec in specs]
@@ -140,11 +141,12 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
     assert agrees_clipped(np.array([ego.min_gap_m for ego in egos]), stats.norm(3.2, 1.0), 0.5, 10)
     assert agrees(np.concatenate([spec.green_time_s for spec in specs]), stats.uniform(4, 24))
     assert is_share(sum(ego.reckless for ego in egos), SCENES, 0.01)
+    assert agrees(np.array([spec.walker_cross_factor for spec in specs]), stats.beta(2.4, 1.6))
 
 
 @pytest.mark.slow
 def test_traffic_and_people() -> None:
-    scenario = load_scenario("paper")
+    scenario = load_scenario("paper").model_copy(update={"hazards": Hazards(count=0)})  # they take free places
     starts = starts_of(scenario, load_network(PLANNED.map))
     shares, people, vehicles, walkers = [], [], [], []
     position_m = {
@@ -160,7 +162,7 @@ def test_traffic_and_people() -> None:
         shares.append((len(spec.vehicles) - 1 + rng.random()) / (free - 2))
         people.append(len(spec.pedestrians) + rng.random())
         vehicles += spec.vehicles[1:]
-        walkers += [each.max_speed_mps for each in spec.pedestrians]
+        walkers += [each.max_speed_mps for each in spec.pedestrians if each.blueprint != "pedestrian.wheelchair"]
     assert agrees(np.array(shares), UNIFORM)
     assert agrees(np.array(people), stats.uniform(0, 641))
     drawn = {name: np.array([getattr(each, name) for each in vehicles], float) for name in _OF_VEHICLES}

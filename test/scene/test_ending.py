@@ -22,7 +22,8 @@ def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) 
 def play(ending: Ending, *speeds_mps: float, first_tick: int = 0) -> SceneEnd | None:
     """The end, if it comes at the last of these speeds and not before."""
     for tick, speed_mps in enumerate(speeds_mps, start=first_tick):
-        state = SimpleNamespace(tick=tick, ego={"vx": 0.6 * speed_mps, "vy": 0.8 * speed_mps})
+        ego = {"vx": 0.6 * speed_mps, "vy": 0.8 * speed_mps}
+        state = SimpleNamespace(tick=tick, ego=ego, events=("bump",))
         end = ending.at(state)  # type: ignore[arg-type]
         assert end is None or tick == first_tick + len(speeds_mps) - 1
     return end
@@ -32,7 +33,7 @@ def test_a_scene_ends_when_the_ego_has_stood_for_so_long_without_a_break() -> No
     ending = watch(4)
     assert play(ending, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.05) is None
     end = play(ending, 0.0, first_tick=7)
-    assert end == SceneEnd(scene="Blocks-0004", tick=7, reason="ego stood still for 0.2 s at tick 7")
+    assert end == SceneEnd(scene="Blocks-0004", tick=7, reason="ego stood still for 0.2 s at tick 7", events=8)
 
 
 def test_standing_in_the_warm_up_does_not_count() -> None:
@@ -44,4 +45,4 @@ def test_standing_in_the_warm_up_does_not_count() -> None:
 @pytest.mark.parametrize(("ticks", "reason"), [(100, DURATION), (30, "the replayed bag ends at tick 29")])
 def test_without_a_limit_a_scene_ends_with_its_last_tick(ticks: int, reason: str) -> None:
     end = play(watch(None, ticks, reason), *[0.0] * ticks)
-    assert end == SceneEnd(scene="Blocks-0004", tick=ticks - 1, reason=reason)
+    assert end == SceneEnd(scene="Blocks-0004", tick=ticks - 1, reason=reason, events=ticks)

@@ -19,6 +19,10 @@ def test_a_bend_is_driven_with_two_metres_per_second_squared_to_the_side():
     assert bend_speeds([bend(8.0, -np.pi / 2, straight_m=0.1)])["A_0"] == pytest.approx(4.0, rel=0.03)
 
 
+def test_in_a_very_tight_bend_one_turns_no_faster_than_a_steering_wheel_does():
+    assert bend_speeds([bend(2.0, np.pi)])["A_0"] == pytest.approx(0.6 * 2.0, rel=0.05)
+
+
 def test_straight_lanes_and_wide_bends_keep_their_limit():
     assert bend_speeds([lane("B_0")]) == {}
     assert bend_speeds([bend(120.0, np.pi / 4)]) == {}

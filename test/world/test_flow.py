@@ -9,6 +9,7 @@ from world_scenes import of_kind
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.draw import PlannedScene, draw_scene
@@ -17,11 +18,12 @@ from simbev_ros.world.simulation import Simulation
 _MOVING_MPS = 0.5
 
 
-def moving(map_name: str) -> np.ndarray:
+def moving(map_name: str, seed: int = 0) -> np.ndarray:
     """(T, V) whether each of 61 vehicles moves, over a minute."""
     spec = map_spec(map_name)
     scenario = Scenario.model_validate(
         {
+            "seed": seed,
             "scenes": [{"map": map_name, "train": 1}],
             "rig": Rig(sensors=()),
             "time": {"tick_s": 0.1, "duration_s": 60},
@@ -49,5 +51,13 @@ def grid_net(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.mark.parametrize("town", [True, False])
 def test_at_least_half_of_the_vehicles_move_over_a_minute_and_none_stands_at_a_routes_end(town, grid_net):
     moves = moving("Town07" if town else grid_net)
+    assert moves.mean() > 0.5
+    assert moves[-100:].mean() > 0.4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("town", sorted(set(known_maps()) - {"Town07"}))
+def test_no_town_is_jammed_after_a_minute(town):
+    moves = np.concatenate([moving(town, seed) for seed in (1, 2, 3)], axis=1)
     assert moves.mean() > 0.5
     assert moves[-100:].mean() > 0.4

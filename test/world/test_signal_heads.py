@@ -5,10 +5,13 @@ import numpy as np
 import pytest
 from world_scenes import TICK_S, blocks, scene
 
+from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Signal
+from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.state import SignalState
 from simbev_ros.world.signals import Programme, SignalHeads, programmes, programmes_xml
 
+CARLA = Path(__file__).parents[2].parent / "shared" / "maps" / "carla"
 _SHOWN = {"G": SignalState.GREEN, "g": SignalState.GREEN, "y": SignalState.YELLOW, "r": SignalState.RED}
 
 
@@ -67,6 +70,28 @@ def test_time_remaining_counts_down_to_the_change_which_may_never_come():
     assert times[:, 0].round().tolist() == [2, 1, 6, 5, 4, 3, 2, 1, 1, 3, 2, 1, 6, 5]
     assert times[:, 1].round().tolist() == [2, 1, 7, 6, 5, 4, 3, 2, 1, 3, 2, 1, 7, 6]
     assert np.all(np.isinf(times[:, 2]))
+
+
+@pytest.mark.parametrize(
+    "town", ["Blocks", "Town10HD", CARLA / "Town01.xodr", CARLA / "Town04.xodr"], ids=lambda town: Path(town).name
+)
+def test_the_time_remaining_is_the_time_that_then_passes_until_the_change(town: str | Path) -> None:
+    if isinstance(town, Path) and not town.is_file():
+        pytest.skip("without the shared maps")
+    network = load_network(map_spec(str(town)))
+    spec = scene(vehicles=1, pedestrians=0, green_time_s=(4.0, 13.3, 27.7))
+    cycles = programmes(spec, network.net_path.read_text())
+    heads = SignalHeads(network.signals, cycles, spec.tick_ns)
+    rows = np.stack([heads.at(tick) for tick in range(1600)])
+    assert rows.shape[1] >= 16
+    changes = rows["state"][1:] != rows["state"][:-1]
+    until = np.where(changes, np.arange(1, len(rows))[:, None], len(rows))
+    until = np.minimum.accumulate(until[::-1], axis=0)[::-1]
+    passes_s = (until - np.arange(len(rows) - 1)[:, None]) * TICK_S
+    seen = until < len(rows)
+    assert rows["time_remaining"][:-1][seen] == pytest.approx(passes_s[seen], abs=1e-4)
+    assert np.all(rows["time_remaining"][:-1][~seen] > passes_s[~seen] - 1e-4)
+    assert set(np.unique(rows["state"])) == {SignalState.RED, SignalState.YELLOW, SignalState.GREEN}
 
 
 def test_heads_carry_their_pose_and_green_time():

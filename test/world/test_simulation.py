@@ -15,9 +15,10 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.sumo.crossfall import CROSSFALL
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.gait import strides_m
 from simbev_ros.scene.state import Behavior, Light
+from simbev_ros.world.population import Population
 from simbev_ros.world.simulation import Simulation
-from simbev_ros.world.traffic import Traffic
 
 _LARGEST_ACCELERATION_MPS2 = 10.0
 
@@ -157,13 +158,17 @@ def test_pedestrians_stay_on_sidewalks_and_crossings_at_their_height():
     assert np.all(z[on_road] < 0.02)
 
 
-def test_walkers_feet_do_not_slide():
+@pytest.mark.parametrize("name", ["pedestrian.man", "pedestrian.wheelchair"])
+def test_walkers_feet_and_wheelchairs_wheels_do_not_slide(name):
     _, actors = busy_run()
-    index = blueprint_index()["pedestrian.man"]
-    man = actors[:, actors["blueprint"][0] == index][:, 0]
-    way_m = np.linalg.norm(np.diff(xyz(man)[:, :2], axis=0), axis=-1).sum()
-    steps = np.unwrap(man["gait"]).max() / (2 * np.pi)
-    assert steps * load_blueprints()[index].stride_m == pytest.approx(way_m, rel=0.03)
+    index = blueprint_index()[name]
+    person = actors[:, actors["blueprint"][0] == index][:, 0]
+    way_m = np.linalg.norm(np.diff(xyz(person)[:, :2], axis=0), axis=-1).sum()
+    strides = np.diff(np.unwrap(person["gait"])) / (2 * np.pi)
+    blueprint = load_blueprints()[index]
+    speed_mps = np.hypot(person["vx"], person["vy"])[1:].astype(np.float64)
+    stride_m = blueprint.stride_m or strides_m(blueprint.size_m[2], speed_mps)
+    assert np.sum(strides * stride_m) == pytest.approx(way_m, rel=0.03)
 
 
 def test_wheels_roll_the_distance_driven():
@@ -215,12 +220,12 @@ def test_a_vehicle_without_room_is_left_out_and_logged(caplog):
 
 
 def test_an_ego_without_room_is_an_error(monkeypatch):
-    class Crowded(Traffic):
+    class Crowded(Population):
         def __init__(self, *arguments):
             super().__init__(*arguments)
             self.vehicles = self.vehicles[1:]
 
-    monkeypatch.setattr("simbev_ros.world.simulation.Traffic", Crowded)
+    monkeypatch.setattr("simbev_ros.world.simulation.Population", Crowded)
     with pytest.raises(SimulationError, match=r"the ego finds no place at its start, lane \S+, \d+\.\d m"):
         Simulation(scene(vehicles=2, pedestrians=0), blocks())
 

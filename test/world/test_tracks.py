@@ -80,3 +80,13 @@ def test_left_is_to_the_left() -> None:
 def test_unknown_lanes_are_an_error() -> None:
     with pytest.raises(KeyError, match="C_0"):
         TRACKS.places_m(["C_0"], np.zeros(1), np.zeros(1))
+
+
+def test_no_lane_stands_still_while_its_neighbour_turns_away() -> None:
+    angle = np.linspace(0.0, np.pi, 40)
+    turning_m = np.column_stack([5.0 * np.sin(angle), 7.0 - 5.0 * np.cos(angle), 0.0 * angle])
+    turning = replace(lane("A_1"), centerline_m=turning_m)
+    ahead = replace(lane("A_0"), centerline_m=np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]]))
+    positions_m = np.linspace(0.0, 20.0, 41)
+    places_m = Tracks([ahead, turning]).places_m(["A_0"] * 41, positions_m, np.zeros(41))
+    np.testing.assert_allclose(np.diff(places_m[:, 0]), 0.5, atol=0.16)

@@ -1,15 +1,16 @@
 """People: what a figure looks like, as data, and the solids and parts of its body in a pose."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import Part
+from simbev_ros.assets.actor_model import Cycle, Part
 from simbev_ros.assets.actors.body import Ring, load_body
-from simbev_ros.assets.actors.pose import Gait, Pose, Seat, Swing, seated_pose, walking_pose
+from simbev_ros.assets.actors.pose import LIMBS, Pose, Seat, seated_pose, standing_pose
 from simbev_ros.assets.actors.solids import Box, Ellipsoid, Rings, Solid, Tube, Vector
 from simbev_ros.config.base import Model
+from simbev_ros.scene.gait import Gait, gaits_between
 from simbev_ros.types import Float64Array
 
 
@@ -28,10 +29,14 @@ class Figure(Model):
         top: Finish of the upper garment.
         hem: How far the upper garment reaches below the hip joints, over the height.
         short_sleeves: The forearms are bare.
+        short_trousers: The shins are bare.
         bottom: Finish of the trousers.
         shoes: Finish of the shoes.
         gloves: Black gloves.
-        motion: How a walker moves, or how a rider sits.
+        seat: How a rider sits; everybody else is on foot.
+        stoop_deg: How far the trunk of somebody on foot leans forward besides.
+        elbow_deg: How far the elbows of somebody on foot are bent at least.
+        arm_swing: How far the arms of somebody on foot swing, over what is usual.
     """
 
     height: float
@@ -41,57 +46,75 @@ class Figure(Model):
     belly: float = 0.0
     skin: str
     hair: str
-    hairstyle: Literal["short", "long", "bun", "cap", "cycle_helmet", "full_helmet"]
+    hairstyle: Literal["short", "long", "bun", "cap", "cycle_helmet", "full_helmet", "hard_hat"]
     top: str = "clothes"
     hem: float = 0.01
     short_sleeves: bool = False
+    short_trousers: bool = False
     bottom: str
     shoes: str
     gloves: bool = False
-    motion: Gait | Seat
+    seat: Seat | None = None
+    stoop_deg: float = 0.0
+    elbow_deg: float = 0.0
+    arm_swing: float = 1.0
 
 
 _SIDES = ("left", "right")
+_ROW_PARTS = 6
 _SHOULDERS = 0.112
 """The shoulders for which body.yaml has the chest."""
 
 
-def figure_pose(figure: Figure) -> Pose:
-    """The pose in which the figure is modelled."""
-    if isinstance(figure.motion, Seat):
-        return seated_pose(figure.motion, figure.height, figure.shoulders)
-    return walking_pose(figure.motion, figure.height, figure.shoulders)
+def figure_pose(figure: Figure, tall_m: float) -> Pose:
+    """The pose in which the figure, of a height of ``tall_m`` with its hair, is modelled."""
+    if figure.seat:
+        return seated_pose(figure.seat, figure.height, figure.shoulders)
+    x, half = load_body().shoe[0][1:3]
+    half *= _shoe_girth(figure)
+    gaits = [_own_gait(figure, gait) for gait in gaits_between(_ROW_PARTS)]
+    return standing_pose(gaits, figure.height, tall_m, figure.shoulders, (x - half, x + half))
+
+
+def _own_gait(figure: Figure, gait: Gait) -> Gait:
+    """The gait with the figure's own posture."""
+    return gait.model_copy(
+        update={
+            "lean": gait.lean + figure.stoop_deg,
+            "shoulder": gait.shoulder - figure.stoop_deg,
+            "shoulder_swing": gait.shoulder_swing * figure.arm_swing,
+            "elbow": max(gait.elbow, figure.elbow_deg),
+            "elbow_swing": gait.elbow_swing * figure.arm_swing,
+        }
+    )
+
+
+def body_part(pose: Pose) -> Part:
+    """The trunk, which leans about the hips."""
+    return Part("body", pivot_m=_vector(pose.hip))
 
 
 def figure_parts(pose: Pose, first: int) -> list[Part]:
     """Thigh, shin, foot, upper arm and forearm of both sides; ``first`` is the index of the first of them."""
     parts: list[Part] = []
     for side in _SIDES:
-        thigh = first + len(parts)
-        joints = pose.joints[side]
+        joints, thigh = pose.joints[side], first + len(parts)
         parts += [
-            _part(f"thigh {side}", 0, joints["hip"], pose.swings[side]["thigh"], lift_m=pose.lift_m),
-            _part(f"shin {side}", thigh, joints["knee"], pose.swings[side]["shin"]),
-            _part(f"foot {side}", thigh + 1, joints["ankle"], pose.swings[side]["foot"]),
-            _part(f"upper arm {side}", 0, joints["shoulder"], pose.swings[side]["upper arm"]),
-            _part(f"forearm {side}", thigh + 3, joints["elbow"], pose.swings[side]["forearm"]),
+            Part(f"thigh {side}", 0, _vector(joints["hip"])),
+            Part(f"shin {side}", thigh, _vector(joints["knee"])),
+            Part(f"foot {side}", thigh + 1, _vector(joints["ankle"])),
+            Part(f"upper arm {side}", 0, _vector(joints["shoulder"])),
+            Part(f"forearm {side}", thigh + 3, _vector(joints["elbow"])),
         ]
     return parts
 
 
-def _part(name: str, parent: int, pivot_m: Float64Array, swing: Swing, lift_m: float = 0.0) -> Part:
-    """A limb."""
-    x, y, z = pivot_m.tolist()
-    return Part(
-        name=name,
-        parent=parent,
-        pivot_m=(x, y, z),
-        swing_rad=swing.amplitude_rad,
-        swing_phase_rad=swing.phase_rad,
-        swing_offset_rad=swing.offset_rad,
-        still_rad=swing.still_rad,
-        lift_m=lift_m,
-    )
+def figure_cycle(pose: Pose, names: Sequence[str]) -> Cycle:
+    """How the parts with these names turn; body and limbs do."""
+    turns = {"body": pose.trunk_rad}
+    turns |= {f"{limb} {side}": pose.turn_rad[side][limb] for side in _SIDES for limb in LIMBS}
+    still = np.zeros_like(pose.trunk_rad)
+    return Cycle(pose.speed_mps, np.stack([turns.get(name, still) for name in names], axis=-1), pose.rise_m)
 
 
 def figure_solids(figure: Figure, pose: Pose) -> list[Solid]:
@@ -138,20 +161,26 @@ def _head(figure: Figure, pose: Pose) -> list[Solid]:
 def _leg(figure: Figure, pose: Pose, side: str) -> list[Solid]:
     """Thigh, shin and shoe."""
     body, joints = load_body(), pose.joints[side]
-    pitch = float(np.degrees(pose.foot_pitch_rad[side]))
+    pitch = float(np.degrees(pose.foot_pitch_rad))
+    below = _own(figure, "skin") if figure.short_trousers else figure.bottom
     return [
         _limb(figure, figure.bottom, f"thigh {side}", (joints["hip"], joints["knee"]), body.thigh),
-        _limb(figure, figure.bottom, f"shin {side}", (joints["knee"], joints["ankle"]), body.shin, rounded=False),
+        _limb(figure, below, f"shin {side}", (joints["knee"], joints["ankle"]), body.shin, rounded=False),
         Rings(
             shape="rings",
             finish=figure.shoes,
             part=f"foot {side}",
-            rings=_rings(body.shoe, figure.height, 0.5 + 0.5 * figure.girth),
+            rings=_rings(body.shoe, figure.height, _shoe_girth(figure)),
             segments=8,
             at=_vector(joints["ankle"]),
             turn=(0.0, pitch, 0.0),
         ),
     ]
+
+
+def _shoe_girth(figure: Figure) -> float:
+    """Shoes differ less than their wearers."""
+    return 0.5 + 0.5 * figure.girth
 
 
 def _arm(figure: Figure, pose: Pose, side: str) -> list[Solid]:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from simbev_ros.assets.actor_model import ActorModel, Part
+from simbev_ros.assets.actor_model import ActorModel, Part, part_poses
 from simbev_ros.assets.actors.doors import Door, door_parts, seats
-from simbev_ros.assets.actors.figure import Figure, figure_parts, figure_pose, figure_solids
+from simbev_ros.assets.actors.figure import Figure, body_part, figure_cycle, figure_parts, figure_pose, figure_solids
 from simbev_ros.assets.actors.lofting import build_shell
 from simbev_ros.assets.actors.shell import Shell
 from simbev_ros.assets.actors.solids import AnySolid, Solid, Vector, build_solid
@@ -17,9 +17,12 @@ from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.config.base import Model
 from simbev_ros.scene.blueprints import Blueprint
+from simbev_ros.scene.gait import load_gaits, transition_mps, unit_mps
+from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Float64Array
 
 _MAX_STRETCH = 0.03
+_PHASES = 48  # of strides, to find out how much room they take
 _VERTEX_COLUMNS = ("vertices", "normals", "uv", "color", "material", "tag", "part")
 
 
@@ -82,10 +85,11 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     Raises:
         ValueError: The shape is more than 3 % larger or smaller than the blueprint along an axis.
     """
-    parts = [Part("body"), *(wheel_parts(shape.wheels) if shape.wheels else []), *door_parts(shape.doors)]
+    pose = figure_pose(shape.figure, blueprint.size_m[2]) if shape.figure else None
+    parts = [body_part(pose) if pose else Part("body")]
+    parts += [*(wheel_parts(shape.wheels) if shape.wheels else []), *door_parts(shape.doors)]
     solids: list[Solid] = [*shape.solids, *seats(shape.doors)]
-    if shape.figure:
-        pose = figure_pose(shape.figure)
+    if shape.figure and pose:
         parts += figure_parts(pose, first=len(parts))
         solids += figure_solids(shape.figure, pose)
     for entry in shape.parts:
@@ -96,17 +100,46 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
         meshes += build_wheels(shape.wheels, blueprint.tag, first_part=1)
     for solid in solids:
         meshes += build_solid(solid, blueprint.tag, index)
-    mesh = _by_part(Mesh.merged(meshes))
-    fitted = _fit(blueprint, mesh.bounds_m)
-    return ActorModel(
+    model = ActorModel(
         blueprint=blueprint.name,
         tag=blueprint.tag,
         box_class=blueprint.box_class,
-        mesh=mesh.transformed(fitted),
+        mesh=_by_part(Mesh.merged(meshes)),
         size_m=blueprint.size_m,
-        parts=tuple(replace(part, pivot_m=_moved(fitted, part.pivot_m)) for part in parts),
+        parts=tuple(parts),
         wheel_radius_m=blueprint.wheel_radius_m,
+        cycle=figure_cycle(pose, list(index)) if pose else None,
     )
+    bounds_m = model.mesh.bounds_m
+    if model.cycle and blueprint.on_foot:
+        walks_mps = transition_mps(blueprint.size_m[2])
+        bounds_m = stride_bounds(model, walks_mps if blueprint.runs_as else model.cycle.speed_mps[-1])
+    fitted = _fit(blueprint, bounds_m)
+    return replace(
+        model,
+        mesh=model.mesh.transformed(fitted),
+        parts=tuple(replace(part, pivot_m=_moved(fitted, part.pivot_m)) for part in parts),
+    )
+
+
+def stride_bounds(model: ActorModel, top_mps: float) -> Float64Array:
+    """(2, 3) bounds of somebody on foot over strides of all speeds in gait.yaml up to the highest."""
+    speeds_mps = unit_mps(model.size_m[2]) * np.array([gait.speed for gait in load_gaits()])
+    speed_mps, gait_rad = np.meshgrid(
+        speeds_mps[speeds_mps < top_mps + 1e-6], np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False)
+    )
+    actors = np.zeros(speed_mps.size, ACTOR_DTYPE)
+    actors["vx"], actors["gait"] = speed_mps.ravel(), gait_rad.ravel()
+    poses = part_poses(model, actors)
+    bounds = []
+    for part in np.unique(model.mesh.part):
+        vertices = model.mesh.vertices[model.mesh.part == part]
+        posed = vertices @ poses[:, part, :3, :3].swapaxes(1, 2) + poses[:, part, None, :3, 3]
+        bounds.append([posed.min(axis=(0, 1)), posed.max(axis=(0, 1))])
+    extremes = np.array(bounds)
+    low_m, high_m = extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)
+    low_m[2] = model.mesh.bounds_m[0, 2]  # who runs sinks in by a millimetre
+    return np.stack([low_m, high_m])
 
 
 def _by_part(mesh: Mesh) -> Mesh:

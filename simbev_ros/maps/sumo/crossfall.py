@@ -18,9 +18,9 @@ from simbev_ros.maps.sumo.net import SumoNet
 from simbev_ros.types import Float64Array
 
 CROSSFALL = 0.02
-"""Of paved roads; 1.5 to 2 % are usual (AASHTO, A Policy on Geometric Design of Highways and Streets, 2018, 4.2.2)."""
+"""Of paved roads; 1.5 to 2 % are usual (AASHTO, A Policy on Geometric Design of Highways and Streets, chapter 4)."""
 
-_GRADIENT = 0.005  # of the carriageway's foot against its top: AASHTO's largest at 80 km/h (2018, table 3-15)
+_GRADIENT = 0.005  # of the carriageway's foot against its top: AASHTO's largest at 80 km/h (ibid., chapter 3)
 _SHORTEST_M = 15.0
 _STEPS = 6  # in which it fades, each even
 _APART_M = 1.0  # points of a line that come between others

@@ -1,5 +1,6 @@
 """SUMO's netconvert: plain XML in, net and OpenDRIVE out, the same bytes every time."""
 
+import ctypes
 import os
 import re
 import resource
@@ -26,6 +27,8 @@ _OPTIONS = (
 _TIMEOUT_S = 120.0
 _MAX_MEMORY_BYTES = 6 << 30
 _LONGEST_REASON = 400
+_LIBC = ctypes.CDLL(None)
+_FIXED_ADDRESSES = 0x0040000  # ADDR_NO_RANDOMIZE of Linux's personality(2)
 
 
 @lru_cache(maxsize=1)
@@ -56,6 +59,9 @@ def convert(nodes: Path, edges: Path, connections: Path, net: Path, opendrive: P
 def run(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
     """Let netconvert write a net and its OpenDRIVE twin, without time stamps or paths inside.
 
+    What it makes of roundabouts depends on the addresses of its objects, and so on the lengths of paths: it runs at
+    fixed addresses (where the system allows that), in the folder of the net, and files there go by their names.
+
     Returns:
         Its warnings.
 
@@ -63,19 +69,22 @@ def run(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
         SimulationError: It failed, or took too much time or memory; with its message.
     """
     home = sumo_home()
-    command = [str(home / "bin" / "netconvert"), *arguments, f"--output-file={net}", f"--opendrive-output={opendrive}"]
+    outputs = f"--output-file={net}", f"--opendrive-output={opendrive}"
+    options = [option.replace(f"{net.parent}/", "") for option in (*arguments, *outputs)]
+    command = [str(home / "bin" / "netconvert"), *options]
     proj_data = str(home / "data" / "proj")
     environment = {**os.environ, "SUMO_HOME": str(home), "PROJ_DATA": proj_data, "PROJ_LIB": proj_data}
     try:
         result = subprocess.run(
             command,
+            cwd=net.parent,
             env=environment,
             capture_output=True,
             text=True,
             errors="replace",
             timeout=_TIMEOUT_S,
             check=False,
-            preexec_fn=_limit_memory,
+            preexec_fn=_limit,
         )
     except subprocess.TimeoutExpired:
         raise SimulationError(f"netconvert was not done after {_TIMEOUT_S:.0f} s") from None
@@ -97,8 +106,9 @@ def _reason(stderr: str) -> str:
     return f"{errors[0]:.{_LONGEST_REASON}}{more}"
 
 
-def _limit_memory() -> None:
+def _limit() -> None:
     """In the child, before it becomes netconvert."""
+    _LIBC.personality(_FIXED_ADDRESSES)
     resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY_BYTES, _MAX_MEMORY_BYTES))
 
 

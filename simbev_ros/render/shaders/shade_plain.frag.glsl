@@ -1,15 +1,23 @@
 #version 330
-// Matt things: brick, plaster, roofs, wood, rubber, plastic, leaves, bark, cloth, skin, hair.
+// Matt things: brick, plaster, roofs, wood, rubber, plastic, leaves, bark, cloth, skin, hair, and reflective sheeting.
 #include "enums"
 #include "lighting"
 #include "noise"
 
 const vec2 BRICK_SIZE = vec2(0.25, 0.085);
+const float SHEETING_GAIN = 30.0;
 
 // Place on the coordinate plane that the surface faces most, so that noise is not stretched.
 vec2 flat_place(vec3 position, vec3 facing) {
     vec2 upright = facing.x > facing.y ? position.yz : position.xz;
     return facing.z > max(facing.x, facing.y) ? position.xy : upright;
+}
+
+// Brightness of retroreflective sheeting: it sends the light of headlamps back to them, and to a camera near them.
+float retroreflected(vec3 position, vec3 to_camera) {
+    vec4 field = texture(head_field, (lamp_field_from_world * vec4(position, 1.0)).xy);
+    float towards = dot(field.xy, normalize(to_camera.xy)) / max(field.z, 1e-4);
+    return min(SHEETING_GAIN * field.z * smoothstep(0.95, 0.99, towards), 0.9);
 }
 
 void main() {
@@ -40,6 +48,8 @@ void main() {
         s.albedo *= 0.7 + 0.6 * noise_at(p.uv * vec2(3.0, 0.5), p.size * 3.0).b;
     } else if (p.material == MATERIAL_ROOF) {
         s.albedo *= 0.8 + 0.3 * coarse.b + 0.2 * (fine.g - 0.5);
+    } else if (p.material == MATERIAL_PLATE && lamps_lit() > 0.0) {
+        s.emission = s.albedo * retroreflected(p.position, p.to_camera);
     }
     s.albedo *= 1.0 - 0.25 * wetness() * max(p.normal.z, 0.0);
     shade(p, s);

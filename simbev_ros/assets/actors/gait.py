@@ -1,0 +1,116 @@
+"""From gait.yaml to the turns of the joints: a foot on the ground stays where it is, a swinging leg swings freely.
+
+Angles are absolute and about y: positive swings the lower end backward, or the toes down. Lengths are over the height;
+x is ahead of the hips, and the phase is a share of the stride since the foot touched the ground.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from simbev_ros.assets.actors.limbs import ANKLE, SHIN, THIGH, bend
+from simbev_ros.scene.gait import Gait
+from simbev_ros.types import Float64Array
+
+PHASES = 64
+"""Equal steps of a stride at which poses are worked out."""
+_FLAT = 0.12
+"""Of the stance: from then on the whole sole is on the ground."""
+_FINE = 128
+
+
+@dataclass(frozen=True, slots=True)
+class Stride:
+    """A stride of the left side; the right one is half a stride behind.
+
+    Attributes:
+        hip: (PHASES,) height of the hips.
+        lean_rad: Of the trunk.
+        turn_rad: Limb → (PHASES,) turn against what it hangs on, from standing upright.
+    """
+
+    hip: Float64Array
+    lean_rad: float
+    turn_rad: Mapping[str, Float64Array]
+
+
+def stride(gait: Gait, length: float, sole: tuple[float, float]) -> Stride:
+    """A stride of a ``length`` at one speed, of a foot from x = ``sole[0]`` to ``sole[1]`` off its ankle."""
+    phase = np.arange(PHASES) / PHASES
+    ahead = np.cos(2.0 * np.pi * phase)
+    hip, thigh, knee, ankle = _leg(gait, length, sole, phase)
+    turns = {
+        "thigh": thigh - np.radians(gait.lean),
+        "shin": knee,
+        "foot": ankle,
+        "upper arm": np.radians(gait.shoulder + gait.shoulder_swing * ahead),
+        "forearm": np.radians(-gait.elbow + gait.elbow_swing * ahead),
+    }
+    return Stride(hip, float(np.radians(gait.lean)), turns)
+
+
+def _leg(
+    gait: Gait, length: float, sole: tuple[float, float], phase: Float64Array
+) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+    """Height of the hips, thigh against the vertical, knee and ankle at (P,) phases."""
+    if gait.stance == 1.0:
+        return np.full(len(phase), THIGH + SHIN + ANKLE), *np.zeros((3, len(phase)))
+    down = np.linspace(0.0, gait.stance, _FINE)
+    pitch = _stance_pitch(gait, down / gait.stance)
+    ankle = _rolled(pitch, sole) - np.outer(down, [length, 0.0])
+    ahead, mean = _touch_down(gait, down, ankle)
+    share = np.clip((phase - gait.stance) / (1.0 - gait.stance), 0.0, 1.0)
+    foot = _onward(phase, down, pitch, (gait.lift_at, np.radians(gait.tuck)))
+    x = _onward(phase, down, ankle[:, 0] + ahead)
+    hip = _hip(gait, mean, phase)
+    z = _rolled(foot, sole)[:, 1] + gait.lift * _hump(share, gait.lift_at) - hip
+    thigh, shin = bend(np.column_stack([x, np.zeros_like(x), z]), THIGH, SHIN, forward=True)
+    return hip, thigh, shin - thigh, foot - shin
+
+
+def _stance_pitch(gait: Gait, share: Float64Array) -> Float64Array:
+    """Pitch of the foot over the stance: it is set down, lies flat, and rises from the heel."""
+    setting = np.clip(1.0 - share / _FLAT, 0.0, 1.0) ** 1.5
+    rising = np.clip((share - gait.rise) / max(1.0 - gait.rise, 1e-9), 0.0, 1.0) ** 1.8
+    return np.radians(gait.strike * setting + gait.toe_off * rising)
+
+
+def _rolled(pitch: Float64Array, sole: tuple[float, float]) -> Float64Array:
+    """(N, 2) x, z of the ankle of a foot that rolls about its heel or toes, from where it is when the foot is flat."""
+    pivot_x = np.where(pitch < 0.0, sole[0], sole[1])
+    x, z = -pivot_x, ANKLE
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    return np.column_stack([pivot_x + cosine * x + sine * z, -sine * x + cosine * z])
+
+
+def _hip(gait: Gait, mean: float, phase: Float64Array) -> Float64Array:
+    """Height of the hips: with each step they rise and fall once."""
+    return mean + gait.bob * np.cos(4.0 * np.pi * (phase - gait.stance / 2.0))
+
+
+def _touch_down(gait: Gait, down: Float64Array, ankle: Float64Array) -> tuple[float, float]:
+    """How far ahead the foot touches the ground so that the hips stay highest, and their mean height then."""
+    reach = gait.reach * (THIGH + SHIN)
+    ahead = np.linspace(0.0, -ankle[-1, 0], 64)
+    x = ankle[:, 0] + ahead[:, None]
+    height = ankle[:, 1] + np.sqrt(np.maximum(reach**2 - x**2, 0.0)) - _hip(gait, 0.0, down)
+    best = int(np.argmax(height.min(axis=1)))
+    return float(ahead[best]), float(height[best].min())
+
+
+def _onward(phase: Float64Array, down: Float64Array, stance: Float64Array, *knots: tuple[float, float]) -> Float64Array:
+    """A quantity over the stride: given on the ground, led smoothly through (share of the swing, value) in the air."""
+    start, step = down[-1], down[1] - down[0]
+    leaving, landing = ((stance[k] - stance[k - 2]) / (2.0 * step) for k in (-1, 2))
+    at, values = zip((0.0, stance[-1]), *knots, (1.0, stance[0]), strict=True)
+    swing = CubicSpline(start + np.array(at) * (1.0 - start), values, bc_type=((1, leaving), (1, landing)))
+    return np.where(phase <= start, np.interp(phase, down, stance), swing(phase))
+
+
+def _hump(share: Float64Array, top: float) -> Float64Array:
+    """0 at both ends, 1 and level where the share is ``top``."""
+    fall = 1.8
+    up = fall * top / (1.0 - top)
+    return (share / top) ** up * ((1.0 - share) / (1.0 - top)) ** fall

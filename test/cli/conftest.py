@@ -1,0 +1,44 @@
+"""Commands run as a user runs them, in the test's own process."""
+
+import sys
+from collections.abc import Callable
+from typing import NamedTuple
+
+import pytest
+
+from simbev_ros.cli.main import main
+
+
+class Answer(NamedTuple):
+    """What a command leaves: its exit code and what it wrote."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def simbev(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Answer]:
+    """Runs ``simbev`` with some arguments."""
+
+    def run(*arguments: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["simbev", *map(str, arguments)])
+        monkeypatch.setenv("COLUMNS", "200")
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return Answer(int(ended.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def refused(simbev: Callable[..., Answer]) -> Callable[..., str]:
+    """Runs ``simbev`` with arguments that it must refuse with exit code 2; gives the message."""
+
+    def run(*arguments: object) -> str:
+        answer = simbev(*arguments)
+        assert answer.code == 2
+        assert "Traceback" not in answer.err
+        return answer.err
+
+    return run

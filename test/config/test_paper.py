@@ -1,0 +1,31 @@
+"""The shipped ``paper`` configuration says all there is to say, and says what the defaults are."""
+
+from typing import Any
+
+import pytest
+import yaml
+from pydantic import BaseModel
+
+from simbev_ros.config.draw import Distribution
+from simbev_ros.config.load import find_config, load_scenario
+from simbev_ros.config.scenario import Scenario
+
+SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotation", "recording")
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_every_section_of_the_paper_has_its_default(section: str) -> None:
+    assert getattr(load_scenario("paper"), section) == Scenario.model_fields[section].default
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_no_field_is_left_out(section: str) -> None:
+    data = yaml.safe_load(find_config("paper").read_text(encoding="utf-8"))
+    assert_listed(Scenario.model_fields[section].default, data[section])
+
+
+def assert_listed(model: BaseModel, data: dict[str, Any]) -> None:
+    assert set(data) == set(type(model).model_fields)
+    for name, value in model:
+        if isinstance(value, BaseModel) and not isinstance(value, Distribution):
+            assert_listed(value, data[name])

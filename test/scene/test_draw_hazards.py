@@ -1,0 +1,176 @@
+"""Hazard areas: drawn as often, and as they are, as the configuration says; and each of them is in order."""
+
+import itertools
+from functools import cache
+
+import numpy as np
+import pytest
+import shapely
+from scipy.stats import binomtest, kstest, uniform
+
+from simbev_ros.config.hazards import Hazards
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.scene.draw_hazards import DrawnHazards, draw_hazards
+from simbev_ros.scene.hazards import HazardKind, HazardSpec
+from simbev_ros.scene.spec import VehicleSpec
+from simbev_ros.scene.starts import Starts
+from simbev_ros.types import BoolArray
+
+BLUEPRINTS = {blueprint.name: blueprint for blueprint in load_blueprints()}
+TOWN = MapSpec(name="Town06", seed=0)
+FAR_M = np.array([1e5, 0.0, 0.0])
+LEAST_P = 0.01
+
+
+@cache
+def network() -> RoadNetwork:
+    return load_network(TOWN)
+
+
+@cache
+def starts() -> Starts:
+    return Starts(network(), 24.0)
+
+
+def drawn(config: Hazards, seed: int, near: BoolArray | None = None) -> DrawnHazards:
+    """The hazards of a scene whose ego is far away."""
+    places = starts().vehicles
+    near = np.ones(len(places), bool) if near is None else near
+    return draw_hazards(config, seed, starts().hazard_sites(config.taper_factor), places, near, FAR_M)
+
+
+@cache
+def many() -> tuple[HazardSpec, ...]:
+    return tuple(hazard for seed in range(90) for hazard in drawn(Hazards(count=7), seed).hazards)
+
+
+def footprint(vehicle: VehicleSpec) -> shapely.Polygon:
+    stand, (length_m, width_m, _) = vehicle.stands_at, BLUEPRINTS[vehicle.blueprint].size_m
+    assert stand is not None
+    box = shapely.box(-length_m / 2.0, -width_m / 2.0, length_m / 2.0, width_m / 2.0)
+    cosine, sine = np.cos(stand.yaw_rad), np.sin(stand.yaw_rad)
+    return shapely.transform(box, lambda xy: xy @ [[cosine, sine], [-sine, cosine]] + [stand.x_m, stand.y_m])
+
+
+def is_share(count: int, of: int, probability: float) -> bool:
+    return bool(binomtest(int(count), int(of), probability).pvalue > LEAST_P)
+
+
+def test_kinds_help_and_missing_cones_are_as_frequent_as_the_paper_says() -> None:
+    hazards = many()
+    assert len(hazards) > 500
+    accidents = [hazard for hazard in hazards if hazard.kind is HazardKind.ACCIDENT]
+    cones = sum(prop.blueprint == "prop.traffic_cone" for hazard in hazards for prop in hazard.props)
+    missing = sum(hazard.cones_missing for hazard in hazards)
+    assert is_share(len(accidents), len(hazards), 0.5)
+    assert is_share(sum(bool(hazard.emergency_vehicle) for hazard in accidents), len(accidents), 0.5)
+    assert is_share(missing, missing + cones, 0.32)
+
+
+def test_each_place_that_has_room_becomes_a_hazard_with_the_probability() -> None:
+    places, sites = starts().vehicles, starts().hazard_sites(0.5)
+    chosen: list[int] = []
+    for place in range(0, len(places), 3):
+        gaps_m = np.linalg.norm(places.position_m[chosen] - places.position_m[place], axis=1)
+        if sites.at(places.lanes[places.row[place]]) is not None and gaps_m.min(initial=np.inf) > 600.0:
+            chosen.append(place)
+    near = np.isin(np.arange(len(places)), chosen)
+    count = sum(len(drawn(Hazards(probability=0.25), seed, near).hazards) for seed in range(60))
+    assert len(chosen) >= 5
+    assert is_share(count, 60 * len(chosen), 0.25)
+
+
+def test_the_warning_sign_is_40_to_160_m_ahead_and_evenly_so_where_no_junction_is_near() -> None:
+    signs_m = np.array([hazard.sign_distance_m for hazard in many() if hazard.sign_distance_m is not None])
+    assert len(signs_m) > 0.98 * len(many()) and signs_m.min() >= 40.0 and signs_m.max() <= 160.0
+    after_long_lanes = np.array(
+        [hazard.sign_distance_m for hazard in many() if hazard.blocked and hazard.blocked[0].from_s_m > 160.0]
+    )
+    assert len(after_long_lanes) > 30
+    assert kstest(after_long_lanes, uniform(40, 120).cdf).pvalue > LEAST_P
+
+
+def test_a_sign_stands_beside_the_road_and_looks_at_those_who_come() -> None:
+    signs, on_the_right = 0, 0
+    for hazard in many()[:60]:
+        for prop in hazard.props:
+            if prop.blueprint.startswith("prop.sign"):
+                place_m = np.array([[prop.x_m, prop.y_m, prop.z_m]])
+                lane = network().nearest_lane(place_m)
+                gap_m = float(np.linalg.norm(place_m[0, :2] - lane.position_m[0, :2]))
+                width_m = network().lanes[lane.lane[0]].width_m
+                assert 0.0 < gap_m - width_m / 2.0 < 6.0
+                aside_m = (place_m[0, :2] - lane.position_m[0, :2]) @ [np.sin(prop.yaw_rad), -np.cos(prop.yaw_rad)]
+                on_the_right += aside_m > 0.0
+                signs += 1
+    assert on_the_right > 0.9 * signs > 50  # where roads join, the nearest lane may be that of another one
+
+
+def test_vehicles_stand_inside_apart_and_off_the_open_lanes() -> None:
+    for seed in range(12):
+        scene = drawn(Hazards(count=6), seed)
+        outlines = [shapely.Polygon(hazard.outline_m) for hazard in scene.hazards]
+        stands = [footprint(vehicle) for vehicle in scene.vehicles]
+        assert all(any(outline.covers(stand) for outline in outlines) for stand in stands)
+        assert not any(a.intersects(b) for a, b in itertools.combinations(stands, 2))
+        for hazard, outline in zip(scene.hazards, outlines, strict=True):
+            inside = [v for v, stand in zip(scene.vehicles, stands, strict=True) if outline.covers(stand)]
+            helpers = [vehicle for vehicle in inside if BLUEPRINTS[vehicle.blueprint].emergency]
+            assert len(inside) - len(helpers) >= (2 if hazard.kind is HazardKind.ACCIDENT else 1)
+            assert len(helpers) == bool(hazard.emergency_vehicle) and all(each.emergency_lights for each in helpers)
+            closed = {stretch.lane for stretch in hazard.blocked}
+            edge = network().lanes[hazard.blocked[0].lane].edge
+            for lane in network().lanes.values():
+                if lane.edge == edge and lane.id not in closed and "passenger" in lane.classes:
+                    open_lane = shapely.LineString(lane.centerline_m[:, :2]).buffer(
+                        lane.width_m / 2.0, cap_style="flat"
+                    )
+                    assert outline.intersection(open_lane).area < 0.01
+
+
+def test_workers_stand_in_work_zones_clear_of_each_other_and_of_vehicles() -> None:
+    found = 0
+    for seed in range(12):
+        scene = drawn(Hazards(count=6, workers=4), seed)
+        vehicles = shapely.union_all([footprint(vehicle) for vehicle in scene.vehicles])
+        for hazard in scene.hazards:
+            people = [shapely.Point(prop.x_m, prop.y_m) for prop in hazard.props if prop.blueprint == "prop.worker"]
+            assert not people or hazard.kind is HazardKind.WORK_ZONE
+            assert all(shapely.Polygon(hazard.outline_m).buffer(-0.5).covers(person) for person in people)
+            assert all(person.distance(vehicles) > 0.59 for person in people)
+            assert all(a.distance(b) > 1.19 for a, b in itertools.combinations(people, 2))
+            found += len(people)
+    assert found > 50
+
+
+def test_nobody_starts_in_or_close_to_an_area_and_the_fixed_count_is_kept() -> None:
+    scenario = Scenario.model_validate(
+        {
+            "scenes": [{"map": TOWN.name, "train": 1}],
+            "rig": Rig(sensors=()),
+            "traffic": {"vehicles": 60, "pedestrians": 0},
+            "hazards": {"count": 3},
+        }
+    )
+    scene = draw_scene(scenario, PlannedScene(0, TOWN, "train"), network(), starts())
+    assert len(scene.hazards) == 3 and len(scene.drivers) == 61
+    assert scene.vehicles[: len(scene.drivers)] == scene.drivers
+    ego_m, _ = network().pose_on_lane(scene.vehicles[0].start.lane, scene.vehicles[0].start.s_m)
+    for stretch in (stretch for hazard in scene.hazards for stretch in hazard.blocked):
+        ahead_m = [stretch.from_s_m - v.start.s_m for v in scene.drivers if v.start.lane == stretch.lane]
+        behind_m = [v.start.s_m - stretch.to_s_m for v in scene.drivers if v.start.lane == stretch.lane]
+        assert all(a > 20.0 or b > 10.0 for a, b in zip(ahead_m, behind_m, strict=True))
+    assert all(shapely.Polygon(each.outline_m).distance(shapely.Point(ego_m[:2])) > 39.9 for each in scene.hazards)
+    assert scene == type(scene).model_validate_json(scene.model_dump_json())
+
+
+@pytest.mark.parametrize("field", ["probability", "cone_missing_probability"])
+def test_other_draws_do_not_depend_on_these_fields(field: str) -> None:
+    plain, changed = (drawn(Hazards(count=2, **change), 3).vehicles for change in ({}, {field: 0.9}))
+    assert plain == changed

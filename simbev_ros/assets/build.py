@@ -5,6 +5,7 @@ from simbev_ros.assets.claims import Claims
 from simbev_ros.assets.ground import lay_land, lay_streets, lay_water
 from simbev_ros.assets.guard_rails import put_guard_rails
 from simbev_ros.assets.land.furnish import furnish_region
+from simbev_ros.assets.land.plazas import plazas_of
 from simbev_ros.assets.markings import paint_markings
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.static_scene import RegionScene
@@ -34,5 +35,8 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
     lay_water(tiles, ground)
     streets = ground.streets[0]
     return RegionScene(
-        tiles.finish(), furnishing.street_lights, obstacles_on(streets.sidewalk, streets.road, tiles.placed)
+        tiles.finish(),
+        furnishing.street_lights,
+        obstacles_on(streets.sidewalk, streets.road, tiles.placed),
+        plazas_of(furnishing.pavements, ground, tiles.placed),
     )

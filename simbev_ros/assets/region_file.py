@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.assets.land.plazas import Plaza, plaza_arrays, plazas_from
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import RegionScene, StreetLight, Tile
 from simbev_ros.types import AnyArray
@@ -25,7 +26,7 @@ def read_region(path: Path) -> RegionScene:
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
         origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
-        obstacles = arrays["obstacle"]
+        obstacles, plazas = arrays["obstacle"], plazas_from(arrays)
         owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
     by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
     for index, (row, name) in enumerate(owners):
@@ -35,6 +36,7 @@ def read_region(path: Path) -> RegionScene:
         tuple(Tile(origin_m, meshes.pop(""), meshes, level) for origin_m, meshes, level in tiles),
         tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
         obstacles,
+        plazas,
     )
 
 
@@ -45,6 +47,12 @@ def read_column(path: Path, name: str) -> AnyArray:
     return column
 
 
+def read_plazas(path: Path) -> tuple[Plaza, ...]:
+    """A region's plazas without the rest; raises as ``read_region``."""
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        return plazas_from(arrays)
+
+
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
     """All meshes end to end, and where each one belongs."""
     meshes = [(row, name, mesh) for row, tile in enumerate(scene.tiles) for name, mesh in _named(tile)]
@@ -52,6 +60,7 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
     yield "level", np.array([tile.level for tile in scene.tiles])
     yield "street_light_m", np.array([light.position_m for light in scene.street_lights]).reshape(-1, 3)
     yield "obstacle", scene.obstacles
+    yield from plaza_arrays(scene.plazas)
     yield "tile", np.array([row for row, _, _ in meshes])
     yield "name", np.array([name for _, name, _ in meshes])
     for field in fields(Mesh):

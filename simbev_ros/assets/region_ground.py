@@ -125,6 +125,14 @@ class RegionGround:
         """(N,) height of lawns and yards at (N, 2) points of the map frame, in or near the region."""
         return self._land.linear(xy_m) + LAND_HEIGHT_M
 
+    def land_raster(self, low_m: Float64Array, high_m: Float64Array) -> Raster:
+        """``land_m`` around what lies between two (2,) corners."""
+        spacing_m = self._land.spacing_m
+        first, last = ((corner_m - self._land.origin_m) / spacing_m for corner_m in (low_m, high_m))
+        (i, j), (east, north) = np.floor(first).astype(int), np.ceil(last).astype(int) + 1
+        origin_m = self._land.origin_m + np.array([i, j]) * spacing_m
+        return Raster(origin_m, spacing_m, self._land.values[i:east, j:north] + LAND_HEIGHT_M)
+
     def sidewalk_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
         """(N,) height of sidewalks."""
         return self.road_m(xy_m, level) + CURB_HEIGHT_M

@@ -16,8 +16,9 @@ import numpy as np
 from simbev_ros.assets.build import build_region
 from simbev_ros.assets.facets import TILE_M
 from simbev_ros.assets.far_land import FarLand, cells_of, far_land, far_tiles
+from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.region_file import read_column, read_region, write_region
+from simbev_ros.assets.region_file import read_column, read_plazas, read_region, write_region
 from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Tile
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.errors import InputError
@@ -87,6 +88,18 @@ def load_obstacles(
     return np.concatenate([np.empty(0, OBSTACLE_DTYPE), *obstacles])
 
 
+def load_plazas(
+    spec: MapSpec,
+    network: RoadNetwork,
+    cache_dir: Path | None = None,
+    *,
+    reach: Reach | None = None,
+) -> tuple[Plaza, ...]:
+    """Plazas that people visit; takes and raises as ``load_static_scene``."""
+    cache = StaticCache(spec, network, cache_dir)
+    return tuple(plaza for region in regions_of(network.layout, reach) for plaza in cache.plazas(region))
+
+
 class StaticCache:
     """The regions of one map on disk; a cached one has the same bytes as one built anew."""
 
@@ -103,8 +116,7 @@ class StaticCache:
 
     def region(self, region: Region) -> RegionScene:
         """A region, built if it is not there; raises as ``load_static_scene``."""
-        build = partial(self._write, write=partial(self._write_region, region=region))
-        return _read(self._path(region), read_region, build)
+        return self._read_region(region, read_region)
 
     def street_lights(self, region: Region) -> Float64Array:
         """(L, 3) places of a region's street lights, map frame; raises as ``load_static_scene``."""
@@ -114,9 +126,17 @@ class StaticCache:
         """(K,) ``OBSTACLE_DTYPE`` of a region; raises as ``load_static_scene``."""
         return self._column(region, "obstacle")
 
+    def plazas(self, region: Region) -> tuple[Plaza, ...]:
+        """A region's plazas; raises as ``load_static_scene``."""
+        return self._read_region(region, read_plazas)
+
     def _column(self, region: Region, name: str) -> AnyArray:
+        return self._read_region(region, partial(read_column, name=name))
+
+    def _read_region(self, region: Region, read: Callable[[Path], _T]) -> _T:
+        """Of a region, built if it is not there."""
         build = partial(self._write, write=partial(self._write_region, region=region))
-        return _read(self._path(region), partial(read_column, name=name), build)
+        return _read(self._path(region), read, build)
 
     def far_land(self) -> FarLand:
         """What lies beyond the regions; raises as ``load_static_scene``."""

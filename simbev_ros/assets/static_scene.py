@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.types import Float64Array, Table
 
@@ -39,11 +40,13 @@ class RegionScene:
         tiles: The meshes.
         street_lights: Lamps.
         obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE``; what people on sidewalks walk around.
+        plazas: Those that people visit.
     """
 
     tiles: tuple[Tile, ...]
     street_lights: tuple[StreetLight, ...]
     obstacles: Table
+    plazas: tuple[Plaza, ...]
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True)

@@ -9,7 +9,7 @@ from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 
 
 class Hazards(Model):
-    """Accidents and work zones that close some lanes of a street."""
+    """Accidents and work zones that close some lanes of a street, or all of a road with one."""
 
     count: Annotated[PaperOrDrawn, within(0, 100)] = Field(
         "paper", description="in each scene; paper: each free place where vehicles can start becomes one by chance"

@@ -131,6 +131,9 @@ class Traffic(Model):
     walker_cross_factor: Annotated[Drawn, within(0, 1)] = Field(
         Distribution(beta=(2.4, 1.6)), description="share of pedestrians that may jaywalk, drawn for each scene"
     )
+    plaza_probability: float = Field(
+        0.5, ge=0, le=1, description="that somebody who walks visits the plazas on the way; runners go on"
+    )
     green_time_s: Annotated[Drawn, within(2, 300)] = Distribution(uniform=(4, 28))
 
 

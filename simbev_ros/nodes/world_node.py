@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from simbev_ros.assets.static_cache import load_obstacles, load_street_lights
+from simbev_ros.assets.static_cache import load_obstacles, load_plazas, load_street_lights
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
@@ -211,4 +211,6 @@ def _source_of(request: SceneRequest, network: RoadNetwork) -> Source:
     spec = request.spec
     if request.replay is not None:
         return Replay(spec, Path(request.replay))
-    return Simulation(spec, network, load_obstacles(spec.map, network, reach=loaded_reach(spec, network)))
+    reach = loaded_reach(spec, network)
+    obstacles = load_obstacles(spec.map, network, reach=reach)
+    return Simulation(spec, network, obstacles, load_plazas(spec.map, network, reach=reach))

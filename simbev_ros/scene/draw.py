@@ -16,11 +16,14 @@ from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.detours import Detours
 from simbev_ros.scene.draw_hazards import DrawnHazards, draw_hazards
 from simbev_ros.scene.draw_lights import draw_lights
 from simbev_ros.scene.draw_weather import draw_weathers
 from simbev_ros.scene.drivers import Driver, draw_driver
 from simbev_ros.scene.gait import transition_mps
+from simbev_ros.scene.off_tracking import is_long
+from simbev_ros.scene.room import Room
 from simbev_ros.scene.spawn import draw_spawn
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.scene.starts import Starts
@@ -73,8 +76,12 @@ def draw_scene(
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     ego, ego_position_m = _draw_ego(scenario, seed, network, starts, duration_s)
     weather, final_weather = draw_weathers(scenario.weather, seed, hilly=starts.is_hilly)
-    hazards = _draw_hazards(scenario, seed, starts, duration_s, ego.start, ego_position_m)
-    vehicles = _draw_vehicles(scenario.traffic, seed, starts, duration_s, ego.start, ego_position_m, hazards)
+    hazards = _draw_hazards(scenario, seed, network, starts, duration_s, ego, ego_position_m)
+    room = Room(network)
+    room.take(ego)
+    vehicles = tuple(
+        _draw_vehicles(scenario.traffic, seed, starts, duration_s, ego.start, ego_position_m, hazards, room)
+    )
     return SceneSpec(
         number=planned.number,
         split=planned.split,
@@ -91,7 +98,9 @@ def draw_scene(
         rig=scenario.rig,
         annotation=scenario.annotation,
         vehicles=(ego, *vehicles, *hazards.vehicles),
-        pedestrians=tuple(_draw_pedestrians(scenario.traffic, seed, starts, duration_s, network.name, ego_position_m)),
+        pedestrians=tuple(
+            _draw_pedestrians(scenario.traffic, seed, starts, duration_s, network.name, ego_position_m, room)
+        ),
         walker_cross_factor=_cross_factor(scenario.traffic, seed),
         hazards=hazards.hazards,
         green_time_s=tuple(
@@ -140,25 +149,38 @@ def _draw_ego(
 
 
 def _free_places(
-    traffic: Traffic, starts: Starts, duration_s: float, ego: WaypointSpec, ego_m: Float64Array
+    traffic: Traffic,
+    starts: Starts,
+    duration_s: float,
+    ego: WaypointSpec,
+    ego_m: Float64Array,
+    closed: frozenset[str] = frozenset(),
 ) -> BoolArray:
-    """(N,) at which of the places around the ego vehicles can start."""
+    """(N,) at which of the places around the ego vehicles can start, with no way onto ``closed`` edges."""
     places = starts.vehicles
     free: BoolArray = (
         places.within(ego_m, traffic.spawn_radius_m)
-        & np.any(list(starts.fit(duration_s).values()), axis=0)
+        & np.any(list(starts.fit(duration_s, closed).values()), axis=0)
         & ~places.beside(ego, _CLOSE * traffic.waypoint_spacing_m)
     )
     return free
 
 
 def _draw_hazards(
-    scenario: Scenario, seed: int, starts: Starts, duration_s: float, ego: WaypointSpec, ego_m: Float64Array
+    scenario: Scenario,
+    seed: int,
+    network: RoadNetwork,
+    starts: Starts,
+    duration_s: float,
+    ego: VehicleSpec,
+    ego_m: Float64Array,
 ) -> DrawnHazards:
     """Hazard areas at some of these places."""
-    free = _free_places(scenario.traffic, starts, duration_s, ego, ego_m)
+    free = _free_places(scenario.traffic, starts, duration_s, ego.start, ego_m)
     sites = starts.hazard_sites(scenario.hazards.taper_factor)
-    return draw_hazards(scenario.hazards, seed, sites, starts.vehicles, free, ego_m)
+    blueprint = load_blueprints()[blueprint_index()[ego.blueprint]]
+    detours = Detours(network, blueprint, ego.start.lane, starts.vehicles, free)
+    return draw_hazards(scenario.hazards, seed, sites, starts.vehicles, free, ego_m, detours)
 
 
 def _draw_vehicles(
@@ -169,11 +191,13 @@ def _draw_vehicles(
     ego: WaypointSpec,
     ego_m: Float64Array,
     hazards: DrawnHazards,
+    room: Room,
 ) -> Iterator[VehicleSpec]:
     """Vehicles at the free places around the ego and outside of hazard areas, each of a kind that may drive there."""
-    places, fit = starts.vehicles, starts.fit(duration_s)
+    places, closed = starts.vehicles, hazards.closed_edges
+    fit = starts.fit(duration_s, closed)
     free: Int64Array = np.flatnonzero(
-        _free_places(traffic, starts, duration_s, ego, ego_m) & hazards.leave_free(places)
+        _free_places(traffic, starts, duration_s, ego, ego_m, closed) & hazards.leave_free(places)
     )
     order = stream(seed, "vehicles.places").permutation(free)
     rng = stream(seed, "vehicles.count")
@@ -186,11 +210,29 @@ def _draw_vehicles(
             f"traffic.vehicles: {count} wanted, but only {len(free)} places are free within "
             f"spawn_radius_m {traffic.spawn_radius_m:g} at waypoint_spacing_m {traffic.waypoint_spacing_m:g}"
         )
-    for index, place in enumerate(order[:count]):
-        rng = stream(seed, f"vehicles.{index}")
-        blueprint = _choice("vehicle", tuple(name for name in fit if fit[name][place]), rng)
-        driver = draw_driver(traffic, blueprint, seed, f"vehicles.{index}")
-        yield _vehicle(traffic, blueprint, places.waypoint(int(place)), rng, traffic.reckless_probability, driver)
+    found = 0
+    for place in order.tolist():
+        if found == count:
+            return
+        start, rng = places.waypoint(place), stream(seed, f"vehicles.{found}")
+        blueprint = _with_room(tuple(name for name in fit if fit[name][place]), start, room, rng)
+        if blueprint is not None:
+            driver = draw_driver(traffic, blueprint, seed, f"vehicles.{found}")
+            vehicle = _vehicle(traffic, blueprint, start, rng, traffic.reckless_probability, driver)
+            room.take(vehicle)
+            yield vehicle
+            found += 1
+    if found < count:
+        _LOGGER.warning("room for %d of %d vehicles around the ego", found, count)
+
+
+def _with_room(names: tuple[str, ...], start: WaypointSpec, room: Room, rng: np.random.Generator) -> Blueprint | None:
+    """One of these vehicles; a short one if there is no room for that; None if there is none for that either."""
+    short = tuple(name for name in names if not is_long(load_blueprints()[blueprint_index()[name]]))
+    for allowed in (names, short):
+        if allowed and room.is_free(blueprint := _choice("vehicle", allowed, rng), start):
+            return blueprint
+    return None
 
 
 def _vehicle(
@@ -213,13 +255,22 @@ def _vehicle(
 
 
 def _draw_pedestrians(
-    traffic: Traffic, seed: int, starts: Starts, duration_s: float, map_name: str, center_m: Float64Array
+    traffic: Traffic,
+    seed: int,
+    starts: Starts,
+    duration_s: float,
+    map_name: str,
+    center_m: Float64Array,
+    room: Room,
 ) -> Iterator[PedestrianSpec]:
     """Pedestrians on sidewalks around the ego; as many as there is room for, down to none, and a note if not all."""
     rng = stream(seed, "pedestrians.count")
     wanted = int(rng.integers(0, 640, endpoint=True)) if traffic.pedestrians == "paper" else None
     wanted = round(sample(traffic.pedestrians, rng)) if wanted is None else wanted  # type: ignore[arg-type]
+    places = starts.pedestrians
     near = np.flatnonzero(starts.walkable(duration_s, center_m, traffic.spawn_radius_m))
+    half_width_m = np.array([lane.width_m for lane in places.lanes])[places.row[near]] / 2.0
+    near = near[room.is_free_at(places.position_m[near], half_width_m)]
     if wanted > len(near):
         _LOGGER.warning(
             "%s: room for %d of %d pedestrians on sidewalks within spawn_radius_m %g of the ego",
@@ -238,11 +289,13 @@ def _draw_pedestrians(
         yield PedestrianSpec(
             blueprint=blueprint.name,
             color=color,
-            start=starts.pedestrians.waypoint(int(place)),
+            start=places.waypoint(int(place)),
             max_speed_mps=min(max_speed_mps, blueprint.max_speed_mps or math.inf),
             # Wheelchairs do not take kerbs.
             jaywalks=not blueprint.wheelchair
             and bool(stream(seed, f"pedestrians.{index}.jaywalks").random() < cross_factor),
+            visits_plazas=max_speed_mps <= transition_mps(blueprint.size_m[2])
+            and bool(stream(seed, f"pedestrians.{index}.plazas").random() < traffic.plaza_probability),
         )
 
 

@@ -3,16 +3,17 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import shapely
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazard_area import HazardArea
 from simbev_ros.scene.hazard_guards import BARRIER_M
 from simbev_ros.scene.hazards import PropSpec
 from simbev_ros.scene.spec import VehicleSpec
-from simbev_ros.types import Float64Array
 
 _WORKER = "prop.worker"
 _TRIES = 12
@@ -25,28 +26,18 @@ def workers(
     """Workers in the body of a work zone, clear of its vehicles; whoever finds no place is left out."""
     rng = stream(seed, f"{name}.workers")
     begin_m, end_m = area.body_m
-    there: list[Float64Array] = []
+    stands = [vehicle.stands_at for vehicle in vehicles if vehicle.stands_at is not None]
+    sizes_m = [load_blueprints()[blueprint_index()[vehicle.blueprint]].size_m[:2] for vehicle in vehicles]
+    middle_m = np.array([(stand.x_m, stand.y_m) for stand in stands]).reshape(-1, 2)
+    boxes = footprints(np.array(sizes_m).reshape(-1, 2), middle_m, np.array([stand.yaw_rad for stand in stands]))
+    taken = [shapely.union_all(boxes)]
     for _ in range(round(sample(config.workers, rng))):
-        for _ in range(_TRIES):
-            along_m = rng.uniform(begin_m + BARRIER_M + _CLEAR_M, end_m - BARRIER_M - _CLEAR_M)
-            place = area.place(along_m, rng.uniform(_CLEAR_M, area.width_m - 2.0 * _CLEAR_M))
-            yaw_rad = rng.uniform(-np.pi, np.pi)
-            gaps_m = [_gap_m(vehicle, place.position_m) for vehicle in vehicles]
-            gaps_m += [float(np.linalg.norm(other - place.position_m)) - _CLEAR_M for other in there]
-            if min(gaps_m, default=np.inf) > _CLEAR_M:
-                there.append(place.position_m)
-                x_m, y_m, z_m = place.position_m.tolist()
-                yield PropSpec(blueprint=_WORKER, x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad)
-                break
-
-
-def _gap_m(vehicle: VehicleSpec, position_m: Float64Array) -> float:
-    """From a vehicle that stands to a (3,) place."""
-    stand = vehicle.stands_at
-    assert stand is not None
-    blueprint = load_blueprints()[blueprint_index()[vehicle.blueprint]]
-    offset_m = position_m[:2] - [stand.x_m, stand.y_m]
-    cosine, sine = np.cos(stand.yaw_rad), np.sin(stand.yaw_rad)
-    ahead_m, left_m = offset_m @ [cosine, sine], offset_m @ [-sine, cosine]
-    outside_m = np.abs([ahead_m, left_m]) - np.array(blueprint.size_m[:2]) / 2.0
-    return float(np.linalg.norm(np.maximum(outside_m, 0.0)))
+        along_m = rng.uniform(begin_m + BARRIER_M + _CLEAR_M, end_m - BARRIER_M - _CLEAR_M, _TRIES)
+        position_m, _ = area.places(along_m, rng.uniform(_CLEAR_M, area.width_m - 2.0 * _CLEAR_M, _TRIES))
+        yaw_rad = float(rng.uniform(-np.pi, np.pi))
+        points = np.asarray(shapely.points(position_m[:, :2]), object)
+        clear = np.flatnonzero(~np.any([shapely.dwithin(points, each, _CLEAR_M) for each in taken], axis=0))
+        if len(clear):
+            taken.append(points[clear[0]].buffer(_CLEAR_M))
+            x_m, y_m, z_m = position_m[clear[0]].tolist()
+            yield PropSpec(blueprint=_WORKER, x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad)

@@ -37,6 +37,7 @@ class HazardSpec(Model):
 
     kind: HazardKind
     blocked: tuple[BlockedStretch, ...] = ()
+    closed_edges: tuple[str, ...] = Field((), description="streets that nobody drives onto; some: nobody can pass")
     outline_m: tuple[tuple[float, float], ...] = Field(
         min_length=3, description="of the area, map frame, counterclockwise, not closed"
     )

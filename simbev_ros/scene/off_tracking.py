@@ -125,24 +125,34 @@ class Obstacles:
         return np.where(inside, self._lane[near], -1)
 
 
-def unfit(body: Footprint, ways: Ways, obstacles: Obstacles) -> BoolArray:
-    """(N,) whether a vehicle does not fit each of the ways."""
-    samples, trail_m = np.diff(ways.first), body.lead_m + body.axle_m
-    bad: BoolArray = np.zeros(len(samples), bool)
+def unfit(bodies: Sequence[Footprint], ways: Ways, obstacles: Obstacles) -> BoolArray:
+    """(B, N) whether each of B vehicles does not fit each of N ways."""
+    length_m, width_m, lead_m, axle_m = np.array(bodies, np.float64).reshape(-1, 4).T
+    arm_m = np.stack(
+        [
+            np.stack([axle_m + ahead_m, side * width_m / 2.0], axis=-1)
+            for ahead_m in (length_m / 2.0, -axle_m, -length_m / 2.0)
+            for side in (1.0, -1.0)
+        ],
+        axis=1,
+    )  # (B, 6, 2) from the rear axle ahead and to the left: corners of the box, and ends of the axle
+    samples, trail_m = np.diff(ways.first), (lead_m + axle_m)[:, None]
+    bad: BoolArray = np.zeros((len(bodies), len(samples)), bool)
     through = obstacles.hit(ways.point_m)  # lanes that overlap the way itself
-    rear_m = ways.point_m[ways.first[:-1], :2] - trail_m * ways.heading[ways.first[:-1]]
+    rear_m = ways.point_m[ways.first[:-1], :2] - trail_m[..., None] * ways.heading[ways.first[:-1]]
     for sample in range(int(samples.max(initial=0))):
-        on = np.flatnonzero((samples > sample) & ~bad)
-        here = ways.first[on] + sample
-        pull_m = ways.point_m[here, :2] - rear_m[on]
+        body, way = np.nonzero((samples > sample) & ~bad)
+        here = ways.first[way] + sample
+        pull_m = ways.point_m[here, :2] - rear_m[body, way]
         forward = pull_m / np.linalg.norm(pull_m, axis=1, keepdims=True)
-        rear_m[on] = ways.point_m[here, :2] - trail_m * forward
+        rear_m[body, way] = ways.point_m[here, :2] - trail_m[body] * forward
         left = np.column_stack([-forward[:, 1], forward[:, 0]])
         askew = np.abs(np.sum(left * ways.heading[here], axis=1)) > _ASKEW_RAD
-        on, here, forward, left = on[askew], here[askew], forward[askew], left[askew]
-        for ahead_m in (body.length_m / 2.0, -body.axle_m, -body.length_m / 2.0):
-            for side_m in (body.width_m / 2.0, -body.width_m / 2.0):
-                corner_m = rear_m[on] + (body.axle_m + ahead_m) * forward + side_m * left
-                hit = obstacles.hit(np.column_stack([corner_m, ways.point_m[here, 2]]))
-                bad[on] |= (hit >= 0) & (hit != through[here]) & np.all(hit[:, None] != ways.own[on], axis=1)
+        body, way, here, axes = body[askew], way[askew], here[askew], np.stack([forward, left], axis=1)[askew]
+        corner_m = np.empty((len(way), arm_m.shape[1], 3))
+        corner_m[..., :2] = rear_m[body, way][:, None] + arm_m[body] @ axes
+        corner_m[..., 2] = ways.point_m[here, 2][:, None]
+        hit = obstacles.hit(corner_m.reshape(-1, 3)).reshape(corner_m.shape[:2])
+        own = np.column_stack([through[here], ways.own[way]])
+        bad[body, way] = np.any((hit >= 0) & np.all(hit[..., None] != own[:, None], axis=2), axis=1)
     return bad

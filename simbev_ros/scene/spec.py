@@ -58,6 +58,7 @@ class PedestrianSpec(Model):
     start: WaypointSpec
     max_speed_mps: float = Field(gt=0)
     jaywalks: bool = Field(False, description="may cross streets away from crosswalks")
+    visits_plazas: bool = Field(False, description="visits the plazas that it passes")
 
 
 class SceneSpec(Model):
@@ -94,6 +95,11 @@ class SceneSpec(Model):
     def drivers(self) -> tuple[VehicleSpec, ...]:
         """The vehicles that take part in traffic."""
         return tuple(vehicle for vehicle in self.vehicles if vehicle.stands_at is None)
+
+    @property
+    def closed_edges(self) -> frozenset[str]:
+        """Streets that nobody drives onto because of hazard areas."""
+        return frozenset(edge for hazard in self.hazards for edge in hazard.closed_edges)
 
     @property
     def start_ns(self) -> int:

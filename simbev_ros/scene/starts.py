@@ -42,21 +42,25 @@ class Starts:
         """The traffic lights' programmes."""
         return tuple(sorted({signal.programme for signal in self._network.signals}))
 
-    def _fit(self, duration_s: float) -> dict[str, BoolArray]:
-        """For each vehicle's blueprint (N,) from which places it gets as far as it could drive in that time."""
-        return {each.name: self._fit_for(each, duration_s) for each in load_blueprints() if each.kind == "vehicle"}
+    def _fit(self, duration_s: float, closed: frozenset[str] = frozenset()) -> dict[str, BoolArray]:
+        """For each vehicle's blueprint (N,) from which places it gets as far as it could drive in that time.
 
-    def anyhow(self, blueprint: Blueprint, duration_s: float) -> BoolArray:
+        Nobody drives onto ``closed`` edges.
+        """
+        vehicles = [each for each in load_blueprints() if each.kind == "vehicle"]
+        return {each.name: self._fit_for(each, duration_s, closed) for each in vehicles}
+
+    def anyhow(self, blueprint: Blueprint, duration_s: float, closed: frozenset[str] = frozenset()) -> BoolArray:
         """(N,) from which places a vehicle gets as far as it could drive, be the turns ever so tight."""
-        graph = self._streets.for_class(blueprint.sumo_class)
+        graph = self._streets.for_blueprint(blueprint, closed, tight=True)
         return graph.fit(self.vehicles.row, self.vehicles.s_m, self._way_m(blueprint, duration_s))
 
-    def _fit_for(self, blueprint: Blueprint, duration_s: float) -> BoolArray:
+    def _fit_for(self, blueprint: Blueprint, duration_s: float, closed: frozenset[str]) -> BoolArray:
         """(N,) where a vehicle gets far; a long one stands on its lane but for the tail."""
         if not is_long(blueprint):
-            return self.anyhow(blueprint, duration_s)
+            return self.anyhow(blueprint, duration_s, closed)
         places, way_m = self.vehicles, self._way_m(blueprint, duration_s)
-        far = self._streets.for_blueprint(blueprint).gets_far(places.row, places.s_m, way_m)
+        far = self._streets.for_blueprint(blueprint, closed).gets_far(places.row, places.s_m, way_m)
         return far & (places.s_m + _TAIL_M >= blueprint.size_m[0])
 
     def _way_m(self, blueprint: Blueprint, duration_s: float) -> float:

@@ -3,8 +3,10 @@
 Since nobody reaches an end where that can be avoided, nobody has to be re-routed, removed or inserted in a scene.
 """
 
-from collections.abc import Set
-from functools import cache, cached_property
+from collections.abc import Mapping, Set
+from copy import copy
+from functools import cache, cached_property, lru_cache
+from itertools import compress
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -15,7 +17,8 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import Blueprint, Footprint
-from simbev_ros.scene.off_tracking import Obstacles, Ways, bent_ways, is_long, unfit
+from simbev_ros.scene.off_tracking import is_long
+from simbev_ros.scene.tight_turns import tight_lanes
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _LANES_IN_A_JUNCTION = 20  # more never follow each other inside of one; bounds the search in a broken net
@@ -28,7 +31,8 @@ class Streets:
     def __init__(self, network: RoadNetwork, edges: Set[str] | None = None) -> None:
         """All of a map, or only those on the given edges."""
         lanes = network.lanes_of(LaneKind.DRIVING)
-        self.lanes = lanes if edges is None else tuple(lane for lane in lanes if lane.edge in edges)
+        self._kept = np.array([edges is None or lane.edge in edges for lane in lanes], bool)
+        self.lanes = tuple(compress(lanes, self._kept.tolist()))
         self.row = {lane.id: row for row, lane in enumerate(self.lanes)}
         pairs = [
             (row, self.row[successor])
@@ -41,21 +45,30 @@ class Streets:
         numbers: dict[str, int] = {}
         self.edge = np.array([numbers.setdefault(lane.edge, len(numbers)) for lane in self.lanes], np.int64)
         self.edges = tuple(numbers)
+        self.edge_number = numbers
         self.edge_length_m = np.zeros(len(numbers))
         self.edge_length_m[self.edge] = Polylines.of([lane.centerline_m for lane in self.lanes]).length_m
-        self._sidewalks = network.lanes_of(LaneKind.SIDEWALK)
+        self._network = network
         self.for_class = cache(self._for_class)
         self._for_body = cache(self._for_long)
+        self._avoiding = lru_cache(maxsize=64)(StreetGraph.avoiding)
 
     def open_to(self, sumo_class: str) -> BoolArray:
         """(L,) whether a class may use each lane."""
         return np.array([sumo_class in lane.classes for lane in self.lanes], bool)
 
-    def for_blueprint(self, blueprint: Blueprint) -> "StreetGraph":
-        """The graph of a blueprint: without the turns that are too tight for it."""
-        if not is_long(blueprint):
-            return self.for_class(blueprint.sumo_class)
-        return self._for_body(blueprint.sumo_class, blueprint.footprint)
+    def for_blueprint(
+        self, blueprint: Blueprint, closed: frozenset[str] = frozenset(), tight: bool = False
+    ) -> "StreetGraph":
+        """The graph of a blueprint: without the turns that are too tight for it, unless it takes ``tight`` ones, too.
+
+        No way leads onto ``closed`` edges.
+        """
+        if tight or not is_long(blueprint):
+            graph = self.for_class(blueprint.sumo_class)
+        else:
+            graph = self._for_body(blueprint.sumo_class, blueprint.footprint)
+        return self._avoiding(graph, closed) if closed else graph
 
     def _for_class(self, sumo_class: str) -> "StreetGraph":
         """The graph of one of SUMO's vehicle classes."""
@@ -63,21 +76,20 @@ class Streets:
 
     def _for_long(self, sumo_class: str, body: Footprint) -> "StreetGraph":
         """The graph of long vehicles of a class."""
-        usable = self.open_to(sumo_class)
-        ways, obstacles = self._ways
-        usable[ways.decisive[unfit(body, ways, obstacles)]] = False
-        return StreetGraph(self, sumo_class, usable)
+        tight = streets_of(self._network).tight[body][self._kept]
+        return StreetGraph(self, sumo_class, self.open_to(sumo_class) & ~tight)
 
     @cached_property
-    def _ways(self) -> tuple[Ways, Obstacles]:
-        return bent_ways(self.lanes, self.following), Obstacles(self.lanes, self._sidewalks)
+    def tight(self) -> Mapping[Footprint, BoolArray]:
+        """For each long vehicle's footprint, (L,) which lanes it must not take; to be asked for all of a map."""
+        return tight_lanes(self._network, self.following)
 
 
 _latest: list[tuple[RoadNetwork, Streets]] = []
 
 
 def streets_of(network: RoadNetwork) -> Streets:
-    """All streets of a map, kept for the map that was asked for last: to know which turns are too tight takes time."""
+    """All streets of a map, kept for the map that was asked for last."""
     if not _latest or _latest[0][0] is not network:
         _latest[:] = [(network, Streets(network))]
     return _latest[0][1]
@@ -99,8 +111,51 @@ class StreetGraph:
         _, component = connected_components(self._after_edge, directed=True, connection="weak")
         used_m = np.where(np.isin(np.arange(count), streets.edge[self._starts]), streets.edge_length_m, 0.0)
         self._component_m = np.bincount(component, used_m, count)[component]
-        self._beyond_lane_m = np.zeros(len(streets.lanes))
-        np.maximum.at(self._beyond_lane_m, lane, streets.edge_length_m[edge] + self._beyond_m[edge])
+        self._beyond_lane_m = self._way_beyond_lanes()
+
+    def _way_beyond_lanes(self) -> Float64Array:
+        """(L,) length of the longest way behind each lane's end."""
+        beyond_m = np.zeros(len(self._streets.lanes))
+        lane, edge = self._after_lane.nonzero()
+        np.maximum.at(beyond_m, lane, self._streets.edge_length_m[edge] + self._beyond_m[edge])
+        return beyond_m
+
+    def endless(self, edges: Set[str]) -> bool:
+        """Whether one can drive on for ever behind each of some edges."""
+        return all(np.isinf(self._beyond_m[self._streets.edge_number[edge]]) for edge in edges)
+
+    @cached_property
+    def _leading(self) -> csr_array:
+        """(E, E) which edges lead to each."""
+        return self._after_edge.T.tocsr()
+
+    def cut_off(self, closed: Set[str]) -> frozenset[str]:
+        """The ``closed`` edges, and all from which one gets to nothing but them and dead ends, though not before."""
+        cut: set[int] = set()
+        numbers = self._streets.edge_number
+        waiting = [numbers[edge] for edge in sorted(closed) if edge in numbers]
+        while waiting:
+            cut.add(edge := waiting.pop())
+            for before in map(int, _row(self._leading, edge)):
+                onward = [int(each) for each in _row(self._after_edge, before) if int(each) not in cut]
+                if (
+                    before not in cut
+                    and np.isinf(self._beyond_m[before])
+                    and not np.isinf(self._beyond_m[onward]).any()
+                ):
+                    waiting.append(before)
+        return frozenset(self._streets.edges[edge] for edge in cut)
+
+    def avoiding(self, closed: Set[str]) -> "StreetGraph":
+        """The same without ways onto ``closed`` edges, and onto those that are cut off by that."""
+        cut = np.zeros(len(self._streets.edges), bool)
+        cut[[self._streets.edge_number[edge] for edge in self.cut_off(closed)]] = True
+        graph = copy(self)
+        vars(graph).pop("_leading", None)
+        graph._after_lane = _without(self._after_lane, cut)
+        graph._after_edge = _without(self._after_edge, cut)
+        graph._beyond_lane_m = graph._way_beyond_lanes()
+        return graph
 
     def fit(self, row: Int64Array, s_m: Float64Array, way_m: float) -> BoolArray:
         """Where a vehicle ``gets_far``; where that is nowhere possible, all of the largest part."""
@@ -175,6 +230,13 @@ def _relation(first: Int64Array, second: Int64Array, shape: tuple[int, int]) -> 
     relation.sum_duplicates()
     relation.sort_indices()
     return relation
+
+
+def _without(relation: csr_array, columns: BoolArray) -> csr_array:
+    """The relation to other than some of the columns."""
+    first, second = relation.nonzero()
+    kept = ~columns[second]
+    return _relation(first[kept], second[kept], relation.shape)
 
 
 def _row(relation: csr_array, row: int) -> Int64Array:

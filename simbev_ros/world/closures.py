@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
 from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.scene.hazards import BlockedStretch
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.world.tracks import Tracks
 
@@ -25,7 +26,7 @@ def add_closures(root: ElementTree.Element, spec: SceneSpec, network: RoadNetwor
     For SUMO it is a vehicle that has stopped for good: drivers change lanes from 100 m ahead of it, and squeeze into
     smaller gaps than usual, since in queues side by side they would wait for each other for ever.
     """
-    stretches = [stretch for hazard in spec.hazards for stretch in hazard.blocked]
+    stretches = _passed(spec)
     edges = {network.lanes[stretch.lane].edge for stretch in stretches}
     for driver in root.iter("vType") if stretches else ():
         driver.set("lcAssertive", _ASSERTIVE)
@@ -57,7 +58,7 @@ def with_closures(speeds_mps: Mapping[str, float], spec: SceneSpec, lanes: Itera
         lanes: Of the streets that are simulated.
     """
     by_id = {lane.id: lane for lane in lanes}
-    closed = {stretch.lane: stretch for hazard in spec.hazards for stretch in hazard.blocked if stretch.lane in by_id}
+    closed = {stretch.lane: stretch for stretch in _passed(spec) if stretch.lane in by_id}
     ahead_m = {by_id[name].edge: stretch.from_s_m for name, stretch in closed.items()}
     waiting = list(ahead_m)
     while waiting:
@@ -69,3 +70,8 @@ def with_closures(speeds_mps: Mapping[str, float], spec: SceneSpec, lanes: Itera
                 waiting.append(lane.edge)
     near = {lane.id: _SLOWER * lane.speed_mps for lane in by_id.values() if lane.edge in ahead_m}
     return {**speeds_mps, **{name: min(speed, speeds_mps.get(name, speed)) for name, speed in near.items()}}
+
+
+def _passed(spec: SceneSpec) -> list[BlockedStretch]:
+    """The stretches beside which lanes stay open."""
+    return [stretch for hazard in spec.hazards if not hazard.closed_edges for stretch in hazard.blocked]

@@ -13,6 +13,7 @@ from simbev_ros.world.contacts import Boxes
 
 _SKID_MPS2 = 7.0
 _BLOW_MPS = 1.0  # two who slide on together have no relative speed; with so much they are hit anew
+_JOLT_MPS2 = 11.0  # who is pushed on by others feels a blow, too
 _HALVINGS = 8  # of the tick of an impact: of 1 m of way, 4 mm
 _SWEEPS = 8  # over all who touch within a tick, until those pushed one by another have one velocity
 _EXACT_ROUNDS = 4  # of impacts that follow from each other within one tick; who touches later stays where it was
@@ -49,6 +50,7 @@ class Collisions:
         self._tick_s = tick_s
         self._position_m, self._rpy_rad = position_m, rpy_rad
         self._velocity_mps = np.zeros_like(position_m)
+        self._step_m = np.zeros_like(position_m)
         self._mass = boxes.size_m.prod(axis=1)
         self._excused = _keys(boxes.touching(position_m, rpy_rad[:, 2]))
         self._met: set[tuple[int, int]] = set()
@@ -92,6 +94,8 @@ class Collisions:
             rounds += 1
         # Only now: until here somebody may have been put back to where they touched at first.
         self._excused &= _keys(touching)
+        self._report_pushed(position_m)
+        self._step_m = position_m - self._position_m
         self._position_m, self._rpy_rad = position_m, rpy_rad
         return position_m, rpy_rad
 
@@ -114,14 +118,27 @@ class Collisions:
             self._contacts[a, b] = None
             speed_mps = float(np.linalg.norm(self._velocity_mps[a] - self._velocity_mps[b]))
             if (a, b) not in self._met or speed_mps > _BLOW_MPS:
-                self._met.add((a, b))
-                size_m = self._boxes.size_m[both, 0]
-                place_m = (position_m[a] * size_m[1] + position_m[b] * size_m[0]) / size_m.sum()
-                self.impacts = (*self.impacts, Impact((a, b), place_m, speed_mps))
+                self._report((a, b), position_m, speed_mps)
             self.crashed[both] = True
         for pair in [*self._contacts] * _SWEEPS:
             both, mass = list(pair), self._mass[list(pair)]
             self._velocity_mps[both] = mass @ self._velocity_mps[both] / mass.sum()
+
+    def _report(self, pair: tuple[int, int], position_m: Float64Array, speed_mps: float) -> None:
+        """Note down a blow."""
+        self._met.add(pair)
+        size_m = self._boxes.size_m[list(pair), 0]
+        place_m = (position_m[pair[0]] * size_m[1] + position_m[pair[1]] * size_m[0]) / size_m.sum()
+        self.impacts = (*self.impacts, Impact(pair, place_m, speed_mps))
+
+    def _report_pushed(self, position_m: Float64Array) -> None:
+        """Note down blows between those who slid on together until somebody else hit one of them."""
+        change_mps = np.linalg.norm(position_m - self._position_m - self._step_m, axis=1) / self._tick_s
+        told = {impact.bodies for impact in self.impacts}
+        for pair in self._contacts:
+            felt_mps = float(change_mps[list(pair)].max())
+            if pair not in told and felt_mps > _JOLT_MPS2 * self._tick_s:
+                self._report(pair, position_m, felt_mps)
 
     def _free_share(self, pairs: Int64Array, way_m: Float64Array, turn_rad: Float64Array) -> Float64Array:
         """(K,) how much of their (G, 3) ways and turns (K, 2) pairs can do before they touch."""

@@ -60,6 +60,12 @@ class CrossingPlace:
     carriageways: tuple[Carriageway, ...]
 
     @property
+    def start_m(self) -> Float64Array:
+        """(3,) where the way begins."""
+        start_m: Float64Array = self.ends_m[0]
+        return start_m
+
+    @property
     def length_m(self) -> float:
         """From one middle to the other, in plan."""
         return float(np.linalg.norm(self.ends_m[1, :2] - self.ends_m[0, :2]))

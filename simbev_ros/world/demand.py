@@ -3,25 +3,33 @@
 Names: vehicle k of the specification is ``v<k>``, pedestrian k is ``p<k>``.
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.streets import streets_of
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.closures import add_closures
-from simbev_ros.world.itineraries import Itineraries, Leg
+from simbev_ros.world.crossing_places import CrossingPlace
+from simbev_ros.world.itineraries import Itineraries, Leg, WayStreams
 from simbev_ros.world.rain import RainEffect, rain_effect
 from simbev_ros.world.tracks import Tracks
 
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
 _SIDE_MARGIN_M = 0.2
+_ROOM_M = 1.2  # that the narrowest take up in a lane: bicycles keep off kerbs and cars off bicycles
 _TYPE = {"speedDev": "0"}
-_DRIVER = {**_TYPE, "carFollowModel": "IDM"}  # the smoothest accelerations of SUMO's models that keep off crashes
+_DRIVER = {
+    **_TYPE,
+    "carFollowModel": "IDM",  # the smoothest accelerations of SUMO's models that keep off crashes
+    "lcMaxSpeedLatStanding": "0",  # wheels do not roll sideways
+    "lcMaxSpeedLatFactor": "0.5",
+}
 # Such a driver stops for no light, sign, vehicle or person at a junction, but keeps off those ahead on the same lane.
 _RECKLESS = {
     "jmDriveAfterRedTime": _FOREVER_S,
@@ -56,15 +64,15 @@ def index_of(name: str) -> int:
 
 
 class Demand(NamedTuple):
-    """The route file's XML, the ids of all edges that somebody uses, and the ways of people who cross streets."""
+    """The route file's XML, the ids of all edges that somebody uses, and the ways of people who leave the net."""
 
     xml: str
     edges: Set[str]
-    jaywalks: Mapping[int, tuple[Leg, ...]]
+    excursions: Mapping[int, tuple[Leg, ...]]
 
 
-def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
-    """What a scene asks of a road network.
+def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = ()) -> Demand:
+    """What a scene asks of a road network, on which people may visit plazas.
 
     Raises:
         SimulationError: a vehicle starts where its class may not drive.
@@ -81,9 +89,9 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
         blueprint = blueprint_of(vehicle.blueprint)
         way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
-        graph = streets.for_blueprint(blueprint)
+        graph = streets.for_blueprint(blueprint, spec.closed_edges)
         if not graph.leads_on(vehicle.start.lane):  # put there by hand, it makes its way all the same
-            graph = streets.for_class(blueprint.sumo_class)
+            graph = streets.for_blueprint(blueprint, spec.closed_edges, tight=True)
         route = graph.route(vehicle.start.lane, way_m, rng)
         lane = network.lanes[vehicle.start.lane]
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
@@ -91,23 +99,25 @@ def demand_of(spec: SceneSpec, network: RoadNetwork) -> Demand:
         element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route, start_m)
         if graph.ends_at(route[-1]):
             ElementTree.SubElement(element, "stop", {"edge": route[-1], "duration": _FOREVER_S})
-    itineraries = Itineraries(network, spec.hazards)
-    jaywalks: dict[int, tuple[Leg, ...]] = {}
+    itineraries = Itineraries(network, spec.hazards, plazas)
+    excursions: dict[int, tuple[Leg, ...]] = {}
     for index, pedestrian in enumerate(spec.pedestrians):
-        rng = stream(spec.seed, f"{pedestrian_name(index)}.walk")
+        streams = WayStreams(
+            *(stream(spec.seed, f"{pedestrian_name(index)}.{name}") for name in ("walk", "jaywalks", "plazas"))
+        )
         lane = network.lanes[pedestrian.start.lane]
-        side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(rng.uniform(-1.0, 1.0))
-        crossing_rng = stream(spec.seed, f"{pedestrian_name(index)}.jaywalks")
-        legs = itineraries.draw(pedestrian, duration_s * pedestrian.max_speed_mps, rng, crossing_rng)
+        side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(streams.walk.uniform(-1.0, 1.0))
+        legs = itineraries.draw(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         for leg in legs:
             edges.update(leg.edges)
-            if leg.crossing is not None:
-                edges.update(part.edge for part in leg.crossing.carriageways)
-                jaywalks[index] = legs
+            if isinstance(leg.excursion, CrossingPlace):
+                edges.update(part.edge for part in leg.excursion.carriageways)
+            if leg.excursion is not None:
+                excursions[index] = legs
         _add_pedestrian(root, pedestrian_name(index), pedestrian, legs[0], start_m, side_m)
     edges |= add_closures(root, spec, network)
-    return Demand(ElementTree.tostring(root, encoding="unicode"), edges, jaywalks)
+    return Demand(ElementTree.tostring(root, encoding="unicode"), edges, excursions)
 
 
 def _add_vehicle(
@@ -125,7 +135,7 @@ def _add_vehicle(
         "id": name,
         "vClass": blueprint.sumo_class,
         "length": f"{length_m:g}",
-        "width": f"{width_m:g}",
+        "width": f"{max(width_m, _ROOM_M):g}",
         "height": f"{height_m:g}",
         "accel": f"{blueprint.accel:g}",
         "decel": f"{blueprint.decel:g}",

@@ -38,7 +38,7 @@ class EgoDriver:
         Args:
             blueprint: The vehicle.
             front_m: (3,) middle of the front bumper, map frame.
-            direction: (3,) unit vector in which it looks.
+            direction: (2,) or (3,) vector in which it looks.
             top_mps: Highest speed.
             tick_s: Time between two calls of ``advance``.
             heights_m: (N,) heights of the road at (N, 3) points, which are near it in height.

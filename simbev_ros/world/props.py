@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_index
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE
@@ -25,3 +27,17 @@ def prop_rows(spec: SceneSpec, first_id: int, ground: Ground) -> Table:
     rows["blueprint"] = [blueprint_index()[each.name] for each in blueprints]
     rows["tag"] = [each.tag for each in blueprints]
     return rows
+
+
+def prop_obstacles(rows: Table, network: RoadNetwork, ground: Ground) -> Table:
+    """(K,) ``OBSTACLE_DTYPE`` of those of the things that stand where people walk; these pass them off the road."""
+    place_m = np.column_stack([rows["x"], rows["y"], rows["z"]]).astype(np.float64)
+    on_sidewalk = ground.raised_m(place_m) > 0.0
+    rows, place_m = rows[on_sidewalk], place_m[on_sidewalk]
+    obstacles = np.zeros(len(rows), OBSTACLE_DTYPE)
+    obstacles["x"], obstacles["y"], obstacles["z"] = place_m.T
+    obstacles["radius"] = np.maximum(rows["length"], rows["width"]) / 2.0
+    if len(rows):
+        away_m = (place_m - network.nearest_lane(place_m).position_m)[:, :2]
+        obstacles["away_x"], obstacles["away_y"] = (away_m / np.linalg.norm(away_m, axis=1)[:, None]).T
+    return obstacles

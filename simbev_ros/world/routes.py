@@ -31,9 +31,9 @@ class Routes:
         """How vehicle number ``vehicle`` of the specification, whose route ends with ``edge``, drives on."""
         rng = stream(self._spec.seed, f"v{vehicle}.onward", step)
         blueprint = blueprint_of(self._spec.vehicles[vehicle].blueprint)
-        graph = self._streets.for_blueprint(blueprint)
+        graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges)
         if graph.ends_at(edge):
-            graph = self._streets.for_class(blueprint.sumo_class)
+            graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges, tight=True)
         edges = graph.onward(edge, _AHEAD_M, rng)
         last = edges[-1] if edges else edge
         return Onward(edges, graph.lane_of(last) if graph.ends_at(last) else None)

@@ -6,12 +6,14 @@ SUMO; all in them, lights and signals too, is of the same moment.
 
 import gc
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 
+from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -40,13 +42,20 @@ _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 class Simulation:
     """One scene, from the start of its warm-up. Use it as a context manager: a process can run one at a time."""
 
-    def __init__(self, spec: SceneSpec, network: RoadNetwork, obstacles: Table = _NO_OBSTACLES) -> None:
+    def __init__(
+        self,
+        spec: SceneSpec,
+        network: RoadNetwork,
+        obstacles: Table = _NO_OBSTACLES,
+        plazas: Sequence[Plaza] = (),
+    ) -> None:
         """Put everybody in place, at rest.
 
         Args:
             spec: The scene.
             network: The roads of ``spec.map``.
             obstacles: (K,) ``OBSTACLE_DTYPE``, what people walk around.
+            plazas: What people visit.
 
         Raises:
             SimulationError: SUMO failed, the ego found no place, or a simulation is running in this process already.
@@ -57,7 +66,7 @@ class Simulation:
         net = network.net_path.read_text(encoding="utf-8")
         cycles = programmes(spec, net)
         self._signal_heads = SignalHeads(network.signals, cycles, spec.tick_ns)
-        demand = demand_of(spec, network)
+        demand = demand_of(spec, network, plazas)
         part = cropped_net(net, demand.edges)
         self._routes = Routes(spec, network, part.edges)
         lanes = [each for each in network.lanes.values() if each.edge in part.edges and each.kind not in _ON_FOOT]
@@ -71,7 +80,7 @@ class Simulation:
             speeds_mps = with_closures(bend_speeds(lanes), spec, lanes)
             self._traffic = Population(spec, files, speeds_mps, Tracks(lanes), closed)
         try:
-            self._actors = Actors(spec, network, self._traffic, obstacles, demand.jaywalks)
+            self._actors = Actors(spec, network, self._traffic, obstacles, demand.excursions)
             self._driver = self._ego_driver(network) if spec.ego_driver == "twist" else None
         except BaseException:
             self.close()
@@ -91,7 +100,7 @@ class Simulation:
         return EgoDriver(
             blueprint,
             self._traffic.sample().front_m[0],
-            self._traffic.directions()[0],
+            self._traffic.direction(0),
             min(blueprint.max_speed_mps, fastest_mps),
             self._spec.tick_ns / NS_PER_S,
             self._actors.ground.heights_m,
@@ -116,6 +125,7 @@ class Simulation:
         tick = self._steps - self._spec.warm_up_ticks
         if self._steps % self._second_ticks == 0:
             self._prolong_routes()
+            self._traffic.make_room()
             if self._spec.final_weather is not None:
                 self._adapt_to_rain(tick)
         actors = self._actors.advance(self._traffic.sample(), self._steps)

@@ -43,13 +43,32 @@ class Tracks:
         number = float(np.interp(s_m, stations_m, np.arange(len(stations_m))))
         return number / float(self._last[row]) * float(self._sumo_length_m[row])
 
+    def __contains__(self, lane: str) -> bool:
+        return lane in self._row
+
+    def rows(self, lanes: Sequence[str]) -> Int64Array:
+        """(N,) numbers of lanes here.
+
+        Raises:
+            KeyError: a lane is not among those given.
+        """
+        return np.array([self._row[lane] for lane in lanes], np.int64)
+
+    def sumo_length_m(self, row: Int64Array) -> Float64Array:
+        """(N,) SUMO's lengths of (N,) lanes."""
+        length_m: Float64Array = self._sumo_length_m[row]
+        return length_m
+
     def places_m(self, lanes: Sequence[str], position_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, 3) places, map frame, of SUMO's (N,) positions on N lanes, (N,) distances to the left of their middles.
 
         Raises:
             KeyError: a lane is not among those given.
         """
-        row = np.array([self._row[lane] for lane in lanes], np.int64)
+        return self.places_on_m(self.rows(lanes), position_m, left_m)
+
+    def places_on_m(self, row: Int64Array, position_m: Float64Array, left_m: Float64Array) -> Float64Array:
+        """As ``places_m``, on lanes of (N,) numbers."""
         share = np.clip(position_m / np.maximum(self._sumo_length_m[row], 1e-9), 0.0, 1.0)
         parameter = self._lines.first[row] + share * self._last[row]
         places_m = self._lines.values(parameter)

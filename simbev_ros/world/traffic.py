@@ -1,6 +1,7 @@
 """SUMO, in this process: one simulation, advanced tick by tick and read as arrays. Nothing else here knows libsumo."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.closures import CLOSURE
 from simbev_ros.world.demand import index_of, pedestrian_name, vehicle_name
 from simbev_ros.world.tracks import Tracks
+from simbev_ros.world.traffic_ways import TrafficWays
 
 _NS_PER_MS = 1_000_000
 _OPTIONS = {
@@ -36,9 +38,12 @@ _LARGEST_SEED = 2**31 - 1
 _PLACE_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
 _ANYWHERE = 2  # of moveToXY: on a road or off it
 _VEHICLE_VARIABLES = (*_PLACE_VARIABLES, libsumo.VAR_SIGNALS)
-_NO_CHECKS, _ON_ROUTE = 0, 1  # speed mode; mode of placing vehicles
+_NO_CHECKS, _BRAKES_HARD = 0, 27  # speed modes: any speed; all checks but that of the comfortable deceleration
+_ON_ROUTE = 1  # mode of placing vehicles
+_EMERGENCY_MPS2 = 8.0
 _QUEUE_GAP_M = 5.0
 _AT_LINE_M = 10.0
+_TOO_CLOSE_M, _ROOM_M, _MOST_ROOM_M = 0.05, 1.0, 4.0  # to an obstacle, beyond the gap; that it gives, and at most
 _STANDING_MPS = 0.05
 _FEW_EDGES = 6  # left of a route: time to draw a new one
 _FOREVER_S = 1e8
@@ -101,7 +106,9 @@ class Traffic:
         own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _LARGEST_SEED)}
         options = {**_OPTIONS, **inputs, **own}
         self._tracks = tracks
+        self._tick_s = tick_ns / NS_PER_S
         self._open = Traffic._running = True
+        self._moved = False  # whether somebody is to be put elsewhere at the next step
         try:
             libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
             for lane, speed_mps in speeds_mps.items():
@@ -112,6 +119,8 @@ class Traffic:
         except _FAILURES as error:
             self.close()
             raise SimulationError(f"SUMO could not start: {error}") from error
+        closures = [name for name in libsumo.vehicle.getIDList() if name.startswith(CLOSURE)]
+        self._closures = {name: libsumo.vehicle.getLength(name) for name in closures}
         driven = (name for name in libsumo.vehicle.getIDList() if not name.startswith(CLOSURE))
         self.vehicles: tuple[int, ...] = tuple(sorted(map(index_of, driven)))
         self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
@@ -121,13 +130,15 @@ class Traffic:
         self._off_net: dict[str, dict[int, Any]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
+        self._ways = TrafficWays(self._vehicle_names, tracks)
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
+            libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
         for name in self._pedestrian_names:
             libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
 
     def directions(self) -> Float64Array:
-        """(V + P, 3) unit vectors in which vehicles, then pedestrians, look now; map frame."""
+        """(V + P, 3) unit vectors in which vehicles, then pedestrians, look now; map frame. All must be on the net."""
         angles_deg = [
             *[(libsumo.vehicle.getAngle(name), libsumo.vehicle.getSlope(name)) for name in self._vehicle_names],
             *[(libsumo.person.getAngle(name), 0.0) for name in self._pedestrian_names],
@@ -148,7 +159,9 @@ class Traffic:
         try:
             rows = [vehicles[name] for name in self._vehicle_names]
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _PLACE_VARIABLES)
-            front_m = self._tracks.places_m(lanes, np.array(position_m, np.float64), np.array(left_m, np.float64))
+            place = lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)
+            self._ways.advance(*place)
+            front_m = self._tracks.places_m(*place)
             for name, (_, driven_m) in self._driven.items():
                 front_m[self._vehicle_names.index(name)] = driven_m
             return TrafficSample(
@@ -158,6 +171,18 @@ class Traffic:
             )
         except KeyError as error:
             raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
+
+    def ahead_m(self, vehicle: Int64Array, way_m: Float64Array, left_m: Float64Array) -> Float64Array:
+        """(N, K, 3) places of the fronts of (N,) of the latest sample's vehicles after (N, K) ways along their routes.
+
+        They come (N, K) farther to the left of their lanes' middles than now.
+        """
+        places_m = self._ways.ahead_m(vehicle, way_m, left_m)
+        for name, (_, driven_m) in self._driven.items():  # wherever its driver wants
+            row = self._vehicle_names.index(name)
+            ahead = np.array([*self.direction(row), 0.0])
+            places_m[vehicle == row] = driven_m + way_m[vehicle == row][..., None] * ahead
+        return places_m
 
     def crash(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
         """Keep somebody who has had a collision where it is, for good.
@@ -179,6 +204,7 @@ class Traffic:
         libsumo.vehicle.setSpeed(name, 0.0)
         x_m, y_m = front_m[:2].tolist()
         libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_ROUTE)
+        self._moved = True
 
     def drive(self, vehicle: int, front_m: Float64Array, yaw_rad: float) -> None:
         """Put a vehicle somewhere at the next step, on a road or off it, unless it has had a collision.
@@ -199,6 +225,7 @@ class Traffic:
         try:
             x_m, y_m = front_m[:2].tolist()
             libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ANYWHERE)
+            self._moved = True
         except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
@@ -210,6 +237,7 @@ class Traffic:
         """
         try:
             libsumo.simulationStep()
+            self._moved = False
         except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
@@ -224,8 +252,22 @@ class Traffic:
             limits_mps[reason] = speed_mps
         if name not in self._crashed and name not in self._driven:
             least_mps = min(limits_mps.values(), default=np.inf)
+            speed_mps = libsumo.vehicle.getSpeed(name)
             # SUMO takes a given speed for the wanted one, also where the driver would be slower.
-            libsumo.vehicle.setSpeed(name, least_mps if least_mps <= libsumo.vehicle.getSpeed(name) else -1.0)
+            hard_mps = max(least_mps, speed_mps - _EMERGENCY_MPS2 * self._tick_s)
+            libsumo.vehicle.setSpeed(name, hard_mps if least_mps <= speed_mps else -1.0)
+
+    def make_room(self) -> None:
+        """Let closed stretches begin a little later for those who stand close to them, half on the next lane.
+
+        Who stands nearer than the gap that it keeps is beside the obstacle for SUMO, which then blocks it for ever.
+        """
+        for name, whole_m in self._closures.items():
+            follower, gap_m = libsumo.vehicle.getFollower(name, _QUEUE_GAP_M)
+            length_m = libsumo.vehicle.getLength(name)
+            stands = follower and gap_m < _TOO_CLOSE_M and libsumo.vehicle.getSpeed(follower) < _STANDING_MPS
+            if stands and length_m > whole_m - _MOST_ROOM_M:
+                libsumo.vehicle.setLength(name, length_m - _ROOM_M)
 
     def speed_mps(self, vehicle: int) -> float:
         """A vehicle's speed."""
@@ -320,6 +362,9 @@ class Traffic:
     def close(self) -> None:
         """End the simulation; a second call does nothing."""
         if self._open:
+            if self._moved:  # else libsumo would put somebody of the same name there in the next simulation
+                with suppress(*_FAILURES):
+                    libsumo.simulationStep()
             libsumo.close()
             self._open = Traffic._running = False
 

@@ -128,3 +128,13 @@ def test_the_way_ahead_is_the_longest_one_of_a_random_net() -> None:
 
     for way_m in (150.0, 400.0, 800.0):
         assert fit(network(*lanes), way_m) == {names[k] for k in range(30) if longest_m(k) >= way_m}
+
+
+def test_nobody_is_led_onto_closed_edges_or_those_that_lead_only_there() -> None:
+    roads = network(
+        lane("A_0", "B_0", "C_0", "P_0"), lane("B_0", "A_0"), lane("C_0", "A_0"), lane("P_0", "B_0"), lane("D_0", "P_0")
+    )
+    graph = Streets(roads).for_class("passenger")
+    assert graph.cut_off({"B"}) == {"B", "P", "D"}
+    assert set(graph.avoiding({"B"}).route("A_0", 5000.0, stream(1, "test"))) == {"A", "C"}
+    assert graph.avoiding({"B"}).leads_on("B_0") and not graph.avoiding({"B"}).leads_on("P_0")

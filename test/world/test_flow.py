@@ -13,13 +13,14 @@ from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.scene.state import EGO_ID
 from simbev_ros.world.simulation import Simulation
 
 _MOVING_MPS = 0.5
 
 
-def moving(map_name: str, seed: int = 0) -> np.ndarray:
-    """(T, V) whether each of 61 vehicles moves, over a minute."""
+def moving(map_name: str, seed: int) -> np.ndarray:
+    """(T, V) whether each vehicle moves, over a minute; those that belong to accidents and works are left out."""
     spec = map_spec(map_name)
     scenario = Scenario.model_validate(
         {
@@ -36,6 +37,8 @@ def moving(map_name: str, seed: int = 0) -> np.ndarray:
     with Simulation(scene, network) as simulation:
         states = [simulation.step() for _ in range(scene.warm_up_ticks + scene.ticks)]
     rows = of_kind(np.stack([state.actors for state in states[scene.warm_up_ticks :]]), "vehicle")
+    placed = [EGO_ID + index for index, vehicle in enumerate(scene.vehicles) if vehicle.stands_at is not None]
+    rows = rows[:, ~np.isin(rows["id"][0], placed)]
     return np.hypot(rows["vx"], rows["vy"]) > _MOVING_MPS
 
 
@@ -48,16 +51,19 @@ def grid_net(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("town", [True, False])
-def test_at_least_half_of_the_vehicles_move_over_a_minute_and_none_stands_at_a_routes_end(town, grid_net):
-    moves = moving("Town07" if town else grid_net)
+def flows(map_name: str, seed: int) -> None:
+    moves = moving(map_name, seed)
     assert moves.mean() > 0.5
     assert moves[-100:].mean() > 0.4
+
+
+@pytest.mark.parametrize("town", [True, False])
+def test_at_least_half_of_the_vehicles_move_over_a_minute_and_none_stands_at_a_routes_end(town, grid_net):
+    flows("Town07" if town else grid_net, seed=0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("town", sorted(set(known_maps()) - {"Town07"}))
-def test_no_town_is_jammed_after_a_minute(town):
-    moves = np.concatenate([moving(town, seed) for seed in (1, 2, 3)], axis=1)
-    assert moves.mean() > 0.5
-    assert moves[-100:].mean() > 0.4
+@pytest.mark.parametrize("seed", [41, 42, 43])
+@pytest.mark.parametrize("town", sorted(known_maps()))
+def test_no_town_is_jammed_after_a_minute(town, seed):
+    flows(town, seed)

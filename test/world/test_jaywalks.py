@@ -117,12 +117,12 @@ def test_people_who_may_not_jaywalk_have_the_same_ways_as_without_jaywalkers_aro
     spec = scene(vehicles=1, pedestrians=24)
     some = tuple(each.model_copy(update={"jaywalks": index % 2 == 0}) for index, each in enumerate(spec.pedestrians))
     changed = demand_of(spec.model_copy(update={"pedestrians": some}), blocks())
-    assert not demand_of(spec, blocks()).jaywalks
-    assert changed.jaywalks
-    assert all(index % 2 == 0 for index in changed.jaywalks)
-    for legs in changed.jaywalks.values():
+    assert not demand_of(spec, blocks()).excursions
+    assert changed.excursions
+    assert all(index % 2 == 0 for index in changed.excursions)
+    for legs in changed.excursions.values():
         assert all(set(leg.edges) <= changed.edges for leg in legs)
-        assert [leg.crossing is None for leg in legs] == [False] * (len(legs) - 1) + [True]
+        assert [leg.excursion is None for leg in legs] == [False] * (len(legs) - 1) + [True]
 
 
 def test_the_same_seed_gives_the_same_bytes_with_jaywalkers():

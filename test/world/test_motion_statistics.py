@@ -7,15 +7,22 @@ import numpy as np
 import pytest
 import shapely
 
+from simbev_ros.assets.land.plazas import Plaza
+from simbev_ros.assets.static_cache import load_plazas
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.reach import loaded_reach
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import Behavior, Event, Light
 from simbev_ros.types import BoolArray, Float64Array, Table
+from simbev_ros.world.cast import first_prop_id
+from simbev_ros.world.ground import Ground
 from simbev_ros.world.simulation import Simulation
 
 TICK_S = 0.05
@@ -28,16 +35,18 @@ pytestmark = [pytest.mark.slow, pytest.mark.parametrize("town, seed", SCENES)]
 
 
 class Run(NamedTuple):
-    """(T, N) actors, (T,) events and (N,) kinds of one scene, and whether (T, N) actors are in an impact."""
+    """Of one scene: (T, N) actors, (T,) events, (N,) kinds, (T, N) who is in an impact, (N,) who keeps to walks."""
 
     actors: Table
     events: list[tuple[Event, ...]]
     kinds: Float64Array
     impact: BoolArray
+    keeps_to_walks: BoolArray
 
 
 @cache
-def run(town: str, seed: int) -> Run:
+def drawn(town: str, seed: int) -> tuple[SceneSpec, RoadNetwork, tuple[Plaza, ...]]:
+    """A scene, its roads and the plazas there."""
     scenario = Scenario.model_validate(
         {
             "seed": seed,
@@ -50,7 +59,13 @@ def run(town: str, seed: int) -> Run:
     planned = next(planned_scenes(scenario))
     network = load_network(planned.map)
     spec = draw_scene(scenario, planned, network)
-    with Simulation(spec, network) as simulation:
+    return spec, network, load_plazas(spec.map, network, reach=loaded_reach(spec, network))
+
+
+@cache
+def run(town: str, seed: int) -> Run:
+    spec, network, plazas = drawn(town, seed)
+    with Simulation(spec, network, plazas=plazas) as simulation:
         states = [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
     actors = np.stack([state.actors for state in states])
     kinds = np.array([blueprint.kind for blueprint in load_blueprints()])[actors["blueprint"][0]]
@@ -60,7 +75,11 @@ def run(town: str, seed: int) -> Run:
         for event in at_tick:
             hit = np.isin(actors["id"][0], event.ids) | np.isin(actors["parent"][0], event.ids)
             impact[max(tick - 2, 0) : tick + 3, hit] = True
-    return Run(actors, events, kinds, impact)
+    people = range(first_prop_id(spec) - len(spec.pedestrians), first_prop_id(spec))
+    tame = [
+        id_ for id_, each in zip(people, spec.pedestrians, strict=True) if not (each.jaywalks or each.visits_plazas)
+    ]
+    return Run(actors, events, kinds, impact, np.isin(actors["id"][0], tame))
 
 
 def vector(actors: Table, names: tuple[str, str, str]) -> Float64Array:
@@ -76,27 +95,52 @@ def test_speeds_from_poses_are_the_reported_ones(town: str, seed: int) -> None:
 
 
 def test_accelerations_and_yaw_rates_are_those_of_vehicles_and_people(town: str, seed: int) -> None:
-    actors, _, kinds, impact = run(town, seed)
+    actors, _, kinds, impact, _ = run(town, seed)
     acceleration = np.linalg.norm(vector(actors, ("ax", "ay", "az")), axis=-1)
     assert acceleration[~impact].max() < 12.0
     drives = np.broadcast_to(kinds != "pedestrian", impact.shape)
     yaw_rate = np.abs(actors["wz"])
     assert yaw_rate[drives & ~impact].max() < 1.2
-    # Whoever steps off the curb to cross turns by a quarter within a second, as people do; nobody spins on the spot.
-    assert yaw_rate[~drives & ~impact].max(initial=0.0) < 2.5
+    # Whoever steps off the kerb turns by a quarter within half a second, as people do; nobody spins on the spot.
+    assert yaw_rate[~drives & ~impact].max(initial=0.0) < 3.0
     stands = np.linalg.norm(vector(actors, ("vx", "vy", "vz")), axis=-1) < 0.1
     assert yaw_rate[stands & ~impact].max(initial=0.0) < 0.3
 
 
 def test_headings_never_jump_and_steering_is_that_of_hands(town: str, seed: int) -> None:
-    actors, _, kinds, impact = run(town, seed)
+    actors, _, kinds, impact, _ = run(town, seed)
     turn_rad = np.abs(np.diff(np.unwrap(actors["yaw"].astype(np.float64), axis=0), axis=0))
     drives = np.broadcast_to(kinds != "pedestrian", turn_rad.shape)
     assert turn_rad[drives & ~impact[1:]].max() < 1.3 * TICK_S
-    assert turn_rad[~drives & ~impact[1:]].max(initial=0.0) < 2.6 * TICK_S
+    assert turn_rad[~drives & ~impact[1:]].max(initial=0.0) < 3.1 * TICK_S
     steer_rad = actors["steer"].astype(np.float64)
     assert np.abs(steer_rad).max() < 0.71
     assert np.abs(np.diff(steer_rad, axis=0)).max() < 1.51 * TICK_S
+
+
+def test_vehicles_go_where_their_wheels_point(town: str, seed: int) -> None:
+    actors, _, _, impact, _ = run(town, seed)
+    speed_mps = np.hypot(actors["vx"], actors["vy"])
+    wheelbase_m = np.array([blueprint.wheelbase_m for blueprint in load_blueprints()])[actors["blueprint"]]
+    rolls = (speed_mps > 2.0) & (wheelbase_m > 0.0) & ~impact
+    needed_rad = np.arctan2(wheelbase_m * actors["wz"], speed_mps)
+    off_rad = np.abs(actors["steer"] - needed_rad)[rolls]
+    assert np.quantile(off_rad, 0.999) < 0.05  # hands are slower than the sharpest turns' beginnings
+
+
+def test_wheels_stand_on_the_road_whatever_its_slope(town: str, seed: int) -> None:
+    actors, _, kinds, impact, _ = run(town, seed)
+    places = (kinds == "vehicle") & ~impact.any(axis=0)
+    rows = actors[::10, places].ravel()
+    half_m = np.array([blueprint.wheelbase_m for blueprint in load_blueprints()])[rows["blueprint"]] / 2.0
+    ground = Ground(load_network(map_spec(town)).layout)
+    ahead = np.stack([np.cos(rows["yaw"]), np.sin(rows["yaw"]), -np.sin(rows["pitch"])], axis=-1).astype(np.float64)
+    middle_m = vector(rows, ("x", "y", "z"))
+    for axle_m in (half_m, -half_m):
+        wheel_m = middle_m + axle_m[:, None] * ahead
+        gap_m = np.abs(wheel_m[:, 2] - ground.heights_m(wheel_m))
+        assert np.quantile(gap_m, 0.99) < 0.02
+        assert gap_m.max() < 0.1  # springs give where slopes change
 
 
 def outlines(rows: Table) -> Float64Array:
@@ -107,7 +151,7 @@ def outlines(rows: Table) -> Float64Array:
 
 
 def test_no_footprints_overlap_also_not_after_collisions(town: str, seed: int) -> None:
-    actors, _, kinds, _ = run(town, seed)
+    actors, _, kinds, _, _ = run(town, seed)
     apart = np.zeros((actors.shape[1],) * 2, bool)  # who has been apart must not overlap later
     for rows in actors:
         shapes = outlines(rows)
@@ -125,7 +169,7 @@ def test_no_footprints_overlap_also_not_after_collisions(town: str, seed: int) -
 
 
 def test_who_has_collided_comes_to_rest_with_hazard_lights(town: str, seed: int) -> None:
-    actors, events, kinds, impact = run(town, seed)
+    actors, events, kinds, impact, _ = run(town, seed)
     blinkers = Light.TURN_LEFT | Light.TURN_RIGHT
     for tick, at_tick in enumerate(events):
         for event in at_tick:
@@ -139,17 +183,18 @@ def test_who_has_collided_comes_to_rest_with_hazard_lights(town: str, seed: int)
 
 
 def test_people_keep_to_sidewalks_and_crossings(town: str, seed: int) -> None:
-    actors, _, kinds, _ = run(town, seed)
-    people = actors[::10, (kinds == "pedestrian")]
-    people = people[(people["behavior"] & Behavior.JAYWALKING) == 0]
+    people = run(town, seed).actors[::10, run(town, seed).keeps_to_walks].ravel()
+    assert not np.any(people["behavior"] & Behavior.JAYWALKING)
     if not len(people):
         return
     here = shapely.points(people["x"], people["y"])
     away_m = np.zeros(len(here))
+    paved = shapely.union_all([plaza.free for plaza in drawn(town, seed)[2]])
     off = ~shapely.contains_xy(walkable(town), people["x"], people["y"])
+    off &= ~shapely.dwithin(paved, here, STEPPED_OFF_M)
     away_m[off] = shapely.distance(here[off], walkable(town))
     assert np.mean(away_m > STEPPED_OFF_M) < 0.005
-    assert np.mean(away_m > 1.0) < 0.001
+    assert away_m.max() < 1.0
 
 
 @cache

@@ -30,7 +30,7 @@ def fits(body: Blueprint, others: tuple[Lane, ...], sidewalks: tuple[Lane, ...] 
     """Whether it fits a ring of 20 m radius."""
     lanes = (ring("A_0", 20.0), *others)
     ways = bent_ways(lanes, np.empty((0, 2), np.int64))
-    return not unfit(body.footprint, ways, Obstacles(lanes, sidewalks))[0]
+    return not unfit([body.footprint], ways, Obstacles(lanes, sidewalks))[0, 0]
 
 
 def test_a_bus_cuts_a_ring_as_far_as_its_wheelbase_demands():

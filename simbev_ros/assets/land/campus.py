@@ -8,12 +8,13 @@ from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.parking import MODULE_M, parking_lot
 from simbev_ros.assets.land.planting import scatter
+from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.land.rows import Site, build_rows, erect, site_at
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.street.furniture import bench, bicycle_rack
 from simbev_ros.config.draw import sample
 
-_PATH_M, _PLAZA_M = 3.0, 9.0
+_PATH_M, _PLAZA_M, _ON_PLAZA_M = 3.0, 9.0, 1.5
 _M2_PER_PLANT = 85.0
 _INNER_SPACING_M = 70.0
 
@@ -26,8 +27,10 @@ def lay_out_campus(yard: Yard, block: Block) -> None:
     sites = build_rows(yard, block, _kind, rng, density=block.recipe.building_density)
     sites += _inner_buildings(yard, block, rng)
     shapely.prepare(block.land)
-    paths = [path for site in sites for path in _paths(yard, site)]
-    yard.cover(shapely.intersection(shapely.union_all(paths), block.land), "plaza", rise_m=PATH_RISE_M)
+    pavements = [_pave(yard, block, site) for site in sites]
+    paved = shapely.union_all([pavement.area for pavement in pavements])
+    yard.cover(paved, "plaza", rise_m=PATH_RISE_M)
+    yard.pavements += pavements
     for site in sites:
         _furnish(yard, block, site, rng)
     if block.recipe.plant_density > 0.0:
@@ -62,13 +65,14 @@ def _inner_buildings(yard: Yard, block: Block, rng: np.random.Generator) -> list
     return sites
 
 
-def _paths(yard: Yard, site: Site) -> list[shapely.Polygon]:
+def _pave(yard: Yard, block: Block, site: Site) -> Pavement:
     """A plaza before the entrance, and a path from it to the street."""
     edge_m = site.street_m - 0.3
     ways = [site.quad((-_PATH_M / 2.0, _PATH_M / 2.0), (edge_m, -_PLAZA_M + 0.5))] if edge_m < -_PLAZA_M else []
     ways.append(site.quad((-8.0, 8.0), (max(edge_m, -_PLAZA_M), -0.2)))
-    yard.claims.add(*ways[:-1])
-    return ways
+    way_m = np.stack([site.place(0.0, site.street_m), site.place(0.0, max(edge_m, -_PLAZA_M) + _ON_PLAZA_M)])
+    yard.claims.add(shapely.LineString(way_m).buffer(_PATH_M / 2.0))
+    return Pavement(shapely.intersection(shapely.union_all(ways), block.land), way_m[None])
 
 
 def _furnish(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:

@@ -11,6 +11,7 @@ from simbev_ros.assets.land.farmland import lay_out_farmland
 from simbev_ros.assets.land.industry import lay_out_industry
 from simbev_ros.assets.land.island import lay_out_island
 from simbev_ros.assets.land.parks import lay_out_park
+from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.land.prescribed import build_prescribed
 from simbev_ros.assets.land.suburb import lay_out_suburb
 from simbev_ros.assets.land.town import lay_out_town
@@ -48,10 +49,11 @@ _OPEN_USES = ("farmland", "woods", "park")
 
 
 class Furnishing(NamedTuple):
-    """What ``furnish_region`` leaves to be done: covers to be laid on the land, lights to be lit."""
+    """What ``furnish_region`` leaves to be done: covers to be laid, lights to be lit, plazas to be visited."""
 
     covers: tuple[Cover, ...]
     street_lights: tuple[StreetLight, ...]
+    pavements: tuple[Pavement, ...]
 
 
 def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> Furnishing:
@@ -83,4 +85,4 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     put_small_things(yard, curbs)
     put_cables(yard, curbs)
     yard.ensemble.place_all(tiles, ground)
-    return Furnishing(tuple(yard.covers), lights)
+    return Furnishing(tuple(yard.covers), lights, tuple(yard.pavements))

@@ -7,6 +7,7 @@ from simbev_ros.assets.land.blocks import Block, left_of
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_along
 from simbev_ros.assets.land.planting import scatter
+from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
@@ -15,7 +16,7 @@ from simbev_ros.assets.street.furniture import bench
 from simbev_ros.assets.tiles import standing
 from simbev_ros.semantics import Tag
 
-_PATH_M, _PLAZA_RADIUS_M = 2.6, 7.0
+_PATH_M, _PLAZA_RADIUS_M, _ON_PLAZA_M = 2.6, 7.0, 1.5
 _BENCH_SPACING_M, _BENCH_ROOM_M = 14.0, 0.95
 _SHORTEST_SIDE_M = 30.0
 _M2_PER_PLANT = 75.0
@@ -55,6 +56,12 @@ def _lay_paths(yard: Yard, block: Block) -> list[shapely.LineString]:
     paths = shapely.intersection(shapely.union_all([plaza, *lines]), block.land)
     yard.claims.add(*(line.buffer(0.15) for line in lines), plaza)
     yard.cover(paths, "plaza", rise_m=PATH_RISE_M)
+    if spokes:
+        ends_m = [(spoke.length - _PLAZA_RADIUS_M + _ON_PLAZA_M) for spoke in spokes]
+        inner_m = shapely.line_interpolate_point(spokes, ends_m)
+        outer_m = shapely.line_interpolate_point(spokes, 0.0)
+        ways_m = np.stack([shapely.get_coordinates(each) for each in (outer_m, inner_m)], axis=1)
+        yard.pavements.append(Pavement(paths, ways_m))
     return spokes
 
 

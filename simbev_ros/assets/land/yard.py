@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.assets.claims import Claims
 from simbev_ros.assets.ensemble import Ensemble
 from simbev_ros.assets.land.covers import Cover, finish_of
+from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.primitives import Finish
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.tiles import TileBuilder
@@ -33,6 +34,7 @@ class Yard:
         claims: Who stands where.
         ensemble: Where repeated things go.
         covers: What has been covered so far.
+        pavements: Plazas.
         fast: Where motorways are, with the land beside them that is kept open.
         walls: Plans of buildings, which crowns keep clear of.
         inside: The region without its border.
@@ -46,6 +48,7 @@ class Yard:
     fast: BaseGeometry
     ensemble: Ensemble = field(default_factory=Ensemble)
     covers: list[Cover] = field(default_factory=list)
+    pavements: list[Pavement] = field(default_factory=list)
     walls: list[BaseGeometry] = field(default_factory=list)
     inside: shapely.Polygon = field(init=False)
     signals: shapely.STRtree = field(init=False)

@@ -20,7 +20,7 @@ OBSTACLE_DTYPE = np.dtype(
     ]
 )
 
-_ANKLE_M, _KNEE_M, _HEAD_M = 0.12, 0.6, 1.9
+_ANKLE_M, _KNEE_M = 0.12, 0.6
 _WIDEST_M = 1.2  # what is wider closes a sidewalk rather than stand on it
 _MOST_DISCS = 5
 
@@ -55,11 +55,17 @@ def obstacles_on(sidewalk: BaseGeometry, road: BaseGeometry, placed: Sequence[tu
     return result
 
 
-def _discs(mesh: Mesh) -> Float64Array:
-    """(K, 4) middles and radii of discs that cover what of a mesh stands between ankles and head; none if too wide."""
+def standing_m(mesh: Mesh, above_m: float = 0.0) -> Float64Array:
+    """(N, 3) corners of the triangles that people run into, of an upright mesh ``above_m`` the ground, in its frame."""
     corner_m = mesh.vertices[mesh.triangles].astype(np.float64)
     low_m, high_m = corner_m[..., 2].min(axis=1), corner_m[..., 2].max(axis=1)
-    stands = corner_m[(low_m < _KNEE_M) & (high_m > _ANKLE_M) & (low_m < _HEAD_M)].reshape(-1, 3)
+    stands_m: Float64Array = corner_m[(low_m < _KNEE_M - above_m) & (high_m > _ANKLE_M - above_m)].reshape(-1, 3)
+    return stands_m
+
+
+def _discs(mesh: Mesh) -> Float64Array:
+    """(K, 4) middles and radii of discs that cover what of a mesh stands between ankles and head; none if too wide."""
+    stands = standing_m(mesh)
     if not len(stands):
         return np.empty((0, 4))
     low, high = stands[:, :2].min(axis=0), stands[:, :2].max(axis=0)

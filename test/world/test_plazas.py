@@ -1,0 +1,147 @@
+"""People on plazas: they walk there along paths, halt, and come back to a sidewalk."""
+
+from functools import cache
+
+import numpy as np
+import open3d as o3d
+import pytest
+import shapely
+from world_scenes import TICK_S, of_kind
+
+from simbev_ros.assets.static_cache import load_obstacles, load_plazas, load_static_scene
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.roads.surface import surfaces_of
+from simbev_ros.maps.source import map_spec
+from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.world.demand import demand_of
+from simbev_ros.world.simulation import Simulation
+
+TOWN = "Town15"  # a campus in the hills
+
+
+@cache
+def plazas():
+    return load_plazas(map_spec(TOWN), load_network(map_spec(TOWN)))
+
+
+def drawn(seed, duration_s, **traffic):
+    scenario = Scenario.model_validate(
+        {
+            "seed": seed,
+            "scenes": [{"map": TOWN, "train": 1}],
+            "rig": Rig(sensors=()),
+            "time": {"duration_s": duration_s},
+            "hazards": {"count": 0},
+            "traffic": {"vehicles": 1, "pedestrians": 120, "walker_cross_factor": 0.0, **traffic},
+        }
+    )
+    planned = next(planned_scenes(scenario))
+    return draw_scene(scenario, planned, load_network(planned.map))
+
+
+def simulated(spec):
+    """(T, P) people."""
+    network = load_network(spec.map)
+    with Simulation(spec, network, load_obstacles(spec.map, network), plazas()) as simulation:
+        states = [simulation.step().actors for _ in range(spec.warm_up_ticks + spec.ticks)]
+    return of_kind(np.stack(states), "pedestrian")
+
+
+@cache
+def minute():
+    """(T, P) people of a minute, and which of them are on a plaza, beyond the sidewalk."""
+    people = simulated(drawn(31, 56.0, plaza_probability=1.0))
+    paved = shapely.difference(shapely.union_all([plaza.free for plaza in plazas()]), walkable().buffer(0.5))
+    shapely.prepare(paved)
+    return people, shapely.contains_xy(paved, people["x"].astype(float), people["y"].astype(float))
+
+
+@cache
+def walkable():
+    surfaces = surfaces_of(load_network(map_spec(TOWN)).layout)
+    return shapely.union(surfaces.sidewalk, surfaces.crosswalk)
+
+
+def speed_mps(people):
+    return np.hypot(people["vx"], people["vy"])
+
+
+def test_people_reach_plazas_halt_there_and_return_to_the_sidewalk():
+    people, paved = minute()
+    visitors = paved.any(axis=0)
+    assert np.count_nonzero(visitors) > 10
+    assert paved[0].any()  # some are there from the start
+    halts = np.sum(paved & (speed_mps(people) < 0.02), axis=0) * TICK_S
+    assert np.count_nonzero(halts > 2.0) > 8
+    sidewalk = walkable().buffer(0.1)
+    shapely.prepare(sidewalk)
+    on_sidewalk = shapely.contains_xy(sidewalk, people["x"].astype(float), people["y"].astype(float))
+    walks_on_s = np.sum(on_sidewalk & (speed_mps(people) > 0.3) & (np.cumsum(paved, axis=0) > 0), axis=0) * TICK_S
+    assert np.count_nonzero(walks_on_s > 3.0) > 2
+
+
+def test_people_stand_on_the_paving_that_is_seen():
+    people, paved = minute()
+    place_m = np.stack([people[name][paved] for name in ("x", "y", "z")], axis=-1)[::5].astype(np.float32)
+    rays = np.concatenate(
+        [place_m + np.float32([0, 0, 0.5]), np.tile(np.float32([0, 0, -1]), (len(place_m), 1))], axis=1
+    )
+    scene = o3d.t.geometry.RaycastingScene()
+    for tile in load_static_scene(map_spec(TOWN), load_network(map_spec(TOWN))).tiles:
+        vertices = (tile.mesh.vertices + tile.origin_m).astype(np.float32)
+        scene.add_triangles(vertices, tile.mesh.triangles.astype(np.uint32))
+    below_m = scene.cast_rays(rays)["t_hit"].numpy() - 0.5
+    assert len(below_m) > 500
+    assert np.mean(np.abs(below_m) < 0.03) > 0.99
+
+
+def test_people_keep_to_paving_and_sidewalks_clear_of_what_stands_there():
+    people, paved = minute()
+    people = people[:, paved.any(axis=0)]
+    free = shapely.union_all([walkable().buffer(0.3), *(plaza.free.buffer(0.25) for plaza in plazas())])
+    shapely.prepare(free)
+    inside = shapely.contains_xy(free, people["x"].astype(float), people["y"].astype(float))
+    assert np.mean(inside) > 0.999
+
+
+def test_people_on_plazas_neither_jump_nor_spin():
+    people, paved = minute()
+    visitors = people[:, paved.any(axis=0)]
+    place_m = np.stack([visitors[name] for name in ("x", "y", "z")], axis=-1).astype(np.float64)
+    assert np.linalg.norm(np.diff(place_m, axis=0), axis=-1).max() < 1.4 * 2.3 * TICK_S
+    acceleration_mps2 = np.linalg.norm(np.stack([visitors[name] for name in ("ax", "ay", "az")], axis=-1), axis=-1)
+    assert acceleration_mps2.max() < 5.0
+    assert np.abs(visitors["wz"]).max() < 2.5
+
+
+def test_the_same_seed_gives_the_same_bytes_with_plazas():
+    spec = drawn(32, 8.0, plaza_probability=1.0)
+    first, second = simulated(spec), simulated(spec)
+    assert first.tobytes() == second.tobytes()
+
+
+def test_who_does_not_visit_plazas_or_knows_of_none_keeps_to_the_net():
+    network = load_network(map_spec(TOWN))
+    keen, others = (drawn(33, 16.0, plaza_probability=probability) for probability in (1.0, 0.0))
+    assert demand_of(keen, network, plazas()).excursions
+    assert not demand_of(keen, network).excursions
+    assert not demand_of(others, network, plazas()).excursions
+
+
+def test_the_drawn_share_visits_plazas_but_runners_do_not():
+    spec = drawn(34, 16.0, pedestrians=300, plaza_probability=0.4)
+    walks = np.array([each.max_speed_mps < 2.0 for each in spec.pedestrians])
+    visits = np.array([each.visits_plazas for each in spec.pedestrians])
+    assert np.mean(visits[walks]) == pytest.approx(0.4, abs=0.07)
+    assert not any(each.visits_plazas for each in spec.pedestrians if each.max_speed_mps > 2.6)
+
+
+def test_an_ego_that_is_driven_from_outside_goes_with_people_who_begin_on_plazas():
+    spec = drawn(31, 56.0, plaza_probability=1.0).model_copy(update={"ego_driver": "twist"})
+    network = load_network(spec.map)
+    assert any(legs[0].at_halt for legs in demand_of(spec, network, plazas()).excursions.values())
+    with Simulation(spec, network, plazas=plazas()) as simulation:
+        simulation.drive_ego(1.0, 0.0)
+        assert len(simulation.step().actors) > 80

@@ -9,6 +9,7 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.motion import Bodies
 
 TIMES_S = np.arange(13) * 0.3
+_LEAST_SPAN_M = 0.05
 _STARTING_MPS2 = 1.5
 _GAINING_S = 1.0  # a driver who speeds up now does so for so long
 _ON_KERB_S = 0.4  # who walks on a sidewalk is taken to stop before the road
@@ -37,6 +38,24 @@ class Course:
 
     center_m: Float64Array
     forward: Float64Array
+
+    @property
+    def middle_m(self) -> Float64Array:
+        """(N, 2) places between the first and the last ones."""
+        middle_m: Float64Array = (self.center_m[:, 0] + self.center_m[:, -1]) / 2.0
+        return middle_m
+
+    @property
+    def span_m(self) -> Float64Array:
+        """(N,) how far the last places are from the first ones."""
+        span_m: Float64Array = np.linalg.norm(self.center_m[:, -1] - self.center_m[:, 0], axis=1)
+        return span_m
+
+    @property
+    def stays(self) -> BoolArray:
+        """(N,) who hardly moves from its place."""
+        stays: BoolArray = self.span_m <= _LEAST_SPAN_M
+        return stays
 
 
 class Foresight:

@@ -20,6 +20,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.raycast.scene import Hits, RayScene
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.draw import draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
@@ -242,8 +243,11 @@ def _class_triangles(state: WorldState, static_scene: StaticScene) -> dict[str, 
     models = load_models()
     for row in range(len(state.actors)):
         actor = state.actors[row : row + 1]
-        name = Tag(int(actor["tag"][0])).name.lower()
-        model = models[int(actor["blueprint"][0])]
+        blueprint = int(actor["blueprint"][0])
+        name = load_blueprints()[blueprint].box_class or Tag(int(actor["tag"][0])).name.lower()
+        if name not in found:
+            continue
+        model = models[blueprint]
         poses = map_from_actors(actor)[0] @ part_poses(model, actor)[0]
         vertices = np.empty((len(model.mesh.vertices), 3))
         for part, pose in enumerate(poses):

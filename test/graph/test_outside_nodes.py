@@ -1,6 +1,7 @@
 """Nodes that are not ours: participants are waited for, subscribers get the stream, services steer the world."""
 
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -99,5 +100,5 @@ def test_subscriber_of_the_readme_works_as_printed(simbev: Simbev, small_config:
     ) as process:
         assert process.stdout is not None
         seen = {process.stdout.readline().split()[0] for _ in range(40)}
-        process.kill()
+        process.send_signal(signal.SIGINT)
     assert seen == {"image", "lidar"}

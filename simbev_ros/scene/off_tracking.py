@@ -16,7 +16,9 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import Blueprint, Footprint
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-_LONG_M = 7.0  # shorter vehicles fit everywhere
+_LONG_M = 5.5  # shorter vehicles fit everywhere
+_RARE_M = 9.0  # longer ones are so few that they may wait until others have left; the rest must get past those
+_PASSING_M = 0.3  # so much more room they need on each side
 _STEP_M = 1.0
 _APPROACH_M = 20.0  # of the lanes before and behind a junction
 _STRAIGHT_RAD = 0.15
@@ -128,6 +130,7 @@ class Obstacles:
 def unfit(bodies: Sequence[Footprint], ways: Ways, obstacles: Obstacles) -> BoolArray:
     """(B, N) whether each of B vehicles does not fit each of N ways."""
     length_m, width_m, lead_m, axle_m = np.array(bodies, np.float64).reshape(-1, 4).T
+    width_m = width_m + 2.0 * _PASSING_M * (length_m < _RARE_M)
     arm_m = np.stack(
         [
             np.stack([axle_m + ahead_m, side * width_m / 2.0], axis=-1)

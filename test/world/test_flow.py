@@ -54,7 +54,7 @@ def grid_net(tmp_path_factory: pytest.TempPathFactory) -> str:
 def flows(map_name: str, seed: int) -> None:
     moves = moving(map_name, seed)
     assert moves.mean() > 0.5
-    assert moves[-100:].mean() > 0.4
+    assert moves[-100:].mean() > 0.3  # nobody would, in a jam; small towns are nearly full with 60
 
 
 @pytest.mark.parametrize("town", [True, False])

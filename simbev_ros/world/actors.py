@@ -12,19 +12,16 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.state import Event
-from simbev_ros.types import Float64Array, Int64Array, Table
-from simbev_ros.world.berth import Berth
+from simbev_ros.types import Int64Array, Table
 from simbev_ros.world.cast import cast_of, first_prop_id
 from simbev_ros.world.collisions import Impact
 from simbev_ros.world.doors import Doors
 from simbev_ros.world.excursions import Excursions
-from simbev_ros.world.followers import Pursuit, Steady, Tow
 from simbev_ros.world.footing import Footing
-from simbev_ros.world.furniture import Furniture
 from simbev_ros.world.ground import Ground
 from simbev_ros.world.itineraries import Leg
+from simbev_ros.world.leading_points import LeadingPoints
 from simbev_ros.world.lights import HAZARD_LIGHTS
-from simbev_ros.world.lookout import Lookout
 from simbev_ros.world.motion import Motion
 from simbev_ros.world.population import Population
 from simbev_ros.world.props import prop_obstacles, prop_rows
@@ -34,10 +31,6 @@ from simbev_ros.world.traffic import TrafficSample
 _LOGGER = logging.getLogger(__name__)
 _HALF_WINDOW_S = 0.35
 _GROUND_MARGIN_M = 50.0
-_MOST_CHANGE_MPS2 = 20.0  # more, before averaging, is a jump of SUMO's between lanes that do not meet, and no driving
-_WALKERS_MPS2 = 4.0
-_HURRY = 1.3  # highest speed of a pedestrian that makes up for a sideways jump of SUMO's, over its usual highest
-_STEP_BACK_MPS = 1.0  # of who would be touched by a vehicle, over that
 
 
 class Actors:
@@ -68,54 +61,37 @@ class Actors:
             SimulationError: the ego found no place.
         """
         self.events: tuple[Event, ...] = ()
+        self._coming_events: tuple[Event, ...] = ()
+        self._traffic = traffic
         tick_s = spec.tick_ns / NS_PER_S
         _report_missing(spec, traffic)
         sample, directions, vehicles = traffic.sample(), traffic.directions(), len(traffic.vehicles)
         self._excursions = Excursions(spec, excursions, traffic, sample.front_m)
         pedestrian_m, directions[vehicles:] = self._excursions.at_start(sample.pedestrian_m, directions[vehicles:])
         sample = replace(sample, pedestrian_m=pedestrian_m)
-        self._ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
-        fastest_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
-        duration_s = (spec.warm_up_ticks + spec.ticks) * tick_s
-        self._ground.prepare(sample.pedestrian_m, float(fastest_mps.max(initial=0.0)) * duration_s)
-        self._steady = Steady(sample.front_m, _MOST_CHANGE_MPS2 * tick_s**2)
+        self._ground = _ground(spec, network, sample)
         self._props = prop_rows(spec, first_prop_id(spec), self._ground)
-        own = prop_obstacles(self._props, network, self._ground)
-        self._furniture = Furniture(np.concatenate([obstacles, own]))
-        self._pursuit = Pursuit(
-            self._furniture.aside(sample.pedestrian_m), _HURRY * fastest_mps * tick_s, _WALKERS_MPS2 * tick_s**2
-        )
+        obstacles = np.concatenate([obstacles, prop_obstacles(self._props, network, self._ground)])
         cast = cast_of(spec, traffic.vehicles, traffic.pedestrians)
-        self._tick_s = tick_s
-        behind_m = cast.bodies.boxes.size_m[:vehicles, 0] / 2.0 - cast.bodies.lead_m[:vehicles]
-        self._tow = Tow(sample.front_m, directions[:vehicles], behind_m)
-        point_m = sample.front_m - behind_m[:, None] * directions[:vehicles]
-        self._berth = Berth(cast.bodies, point_m, directions[:vehicles])
-        specs = [spec.vehicles[index] for index in traffic.vehicles]
-        driven = spec.ego_driver == "twist"
-        careful = np.array([not vehicle.reckless and (row > 0 or not driven) for row, vehicle in enumerate(specs)])
-        self._sumos = traffic.moving
-        self._lookout = Lookout(cast.bodies, careful, sample.front_m[: self._sumos], traffic, tick_s)
-        self._wrecks = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
-        self._step_back_m = (_HURRY * fastest_mps + _STEP_BACK_MPS) * tick_s
         self._ids: Int64Array = cast.rows["id"][cast.rows["parent"] == 0].astype(np.int64)
         self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
+        self._leading = LeadingPoints(
+            spec, traffic, cast.bodies, self._excursions, self._ground, obstacles, sample, directions
+        )
         self._motion = Motion(
             cast.bodies,
-            self._leading_points(sample),
+            self._leading.now,
             directions,
             tick_s,
             max(1, round(_HALF_WINDOW_S / tick_s)),
             None if self._ground.is_level else Footing(self._ground, cast.bodies.contacts),
         )
-        self._coming_events: tuple[Event, ...] = ()
-        self._traffic = traffic
         # The oldest entry is of the tick that the kinematics are of.
         length = self.delay_ticks + 1
         self._doors = Doors(spec, traffic, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
         self._jaywalking = deque([self._excursions.jaywalking.copy()] * length, maxlen=length)
-        self._table = ActorTable(spec, cast, len(traffic.vehicles))
+        self._table = ActorTable(spec, cast, vehicles)
 
     @property
     def ground(self) -> Ground:
@@ -130,19 +106,18 @@ class Actors:
     def advance(self, sample: TrafficSample, step: int) -> Table:
         """(N,) ``ACTOR_DTYPE``, one tick on; ``step`` counts the ticks since the scene's start."""
         self._signals.append(sample.signals)
-        vehicles = len(sample.signals)
-        crashed, crashed_people = np.split(self._motion.collisions.crashed.copy(), [vehicles])
-        points = self._leading_points(replace(sample, pedestrian_m=self._excursions.advance(sample, crashed_people)))
+        vehicles, crashed = len(sample.signals), self._motion.collisions.crashed.copy()
+        self._leading.advance(sample, crashed)
+        points = self._leading.now
         # Bodies lag behind their points: who is across already may have metres to go to the kerb.
         crossing = self._excursions.jaywalking | self._jaywalking[-1]
         self._jaywalking.append(crossing & (points[vehicles:, 3] == 0.0))
-        self._look_out(points)
         motion = self._motion.advance(points)
         self.events = self._coming_events  # the collisions known now are among the poses of the next table
         self._coming_events = tuple(map(self._event, self._motion.collisions.impacts))
         self._hold()
         doors = self._doors.advance(sample.front_m, step)
-        signals = self._signals[0] | np.where(crashed, HAZARD_LIGHTS, 0)
+        signals = self._signals[0] | np.where(crashed[:vehicles], HAZARD_LIGHTS, 0)
         return np.concatenate([self._table.at(motion, signals, doors, self._jaywalking[0], step), self._props])
 
     def _event(self, impact: Impact) -> Event:
@@ -153,54 +128,20 @@ class Actors:
     def _hold(self) -> None:
         """Let SUMO know where those who have just collided will stand, so that the others queue or go around."""
         collisions = self._motion.collisions
-        vehicles = len(self._berth.center_m)
-        wrecks = np.flatnonzero(collisions.crashed[:vehicles])
-        self._step_back_m[collisions.crashed[vehicles:]] = 0.0
-        self._wrecks = wrecks, collisions.rest_m[wrecks], collisions.yaw_rad[wrecks]
+        self._leading.rest(collisions)
         for body in sorted({body for impact in collisions.impacts for body in impact.bodies}):
             yaw_rad = float(collisions.yaw_rad[body])
             ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
             front_m = collisions.rest_m[body] + self._half_length_m[body] * ahead
             self._traffic.crash(body, front_m, yaw_rad)
 
-    def _look_out(self, points: Float64Array) -> None:
-        """Let drivers brake for what their bodies would hit, where the (G, 4) points lead."""
-        crashed, vehicles, sumos = self._motion.collisions.crashed, len(self._berth.center_m), slice(self._sumos)
-        self._lookout.advance(
-            self._front_m[sumos],
-            points[sumos, :3],
-            self._berth.rear_m[sumos],
-            np.concatenate([self._berth.center_m, points[vehicles:, :3]]),
-            self._berth.ahead,
-            crashed,
-            points[vehicles:, 3] != 0.0,
-        )
 
-    def _leading_points(self, sample: TrafficSample) -> Float64Array:
-        """(G, 4) points that the bodies follow, of vehicles, then of pedestrians, and their height above it.
-
-        Pedestrians on sidewalks stand on the curb, those on plazas on the paving, all else on the carriageway.
-        """
-        self._front_m = self._steady.advance(sample.front_m).copy()
-        self._front_m[: self._sumos] += self._lookout.aside_m
-        point_m = self._tow.advance(self._front_m)
-        wanted_m = self._furniture.aside(sample.pedestrian_m)
-        wanted_m = self._berth.advance(point_m, self._pursuit.position_m, wanted_m, self._tick_s)
-        self._berth.rest(*self._wrecks)
-        pedestrian_m = self._berth.keep_off(self._pursuit.advance(wanted_m), self._step_back_m)
-        self._pursuit.position_m = pedestrian_m
-        points = np.zeros((len(sample.front_m) + len(pedestrian_m), 4))
-        points[:, :3] = np.concatenate([point_m, pedestrian_m])
-        points[len(sample.front_m) :, 3] = self._raised_m(pedestrian_m)
-        return points
-
-    def _raised_m(self, pedestrian_m: Float64Array) -> Float64Array:
-        """(P,) how high above the carriageway's plane people at (P, 3) places stand."""
-        raised_m = self._ground.raised_m(pedestrian_m)
-        paving_m = self._excursions.paving_m(pedestrian_m)
-        paved = np.flatnonzero((raised_m == 0.0) & np.isfinite(paving_m))
-        raised_m[paved] = paving_m[paved] - self._ground.heights_m(pedestrian_m[paved])
-        return raised_m
+def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> Ground:
+    """What can be reached; the sidewalks that people can reach are there from the beginning."""
+    ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
+    fastest_mps = max((person.max_speed_mps for person in spec.pedestrians), default=0.0)
+    ground.prepare(sample.pedestrian_m, fastest_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)
+    return ground
 
 
 def _reached(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:

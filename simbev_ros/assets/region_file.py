@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.assets.land.plazas import Plaza, plaza_arrays, plazas_from
+from simbev_ros.assets.land.plazas import plaza_arrays, plazas_from
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import RegionScene, StreetLight, Tile
+from simbev_ros.assets.static_scene import RegionScene, StreetLight, Streetside, Tile
 from simbev_ros.types import AnyArray
 
 
@@ -40,17 +40,10 @@ def read_region(path: Path) -> RegionScene:
     )
 
 
-def read_column(path: Path, name: str) -> AnyArray:
-    """One of a region's arrays without the rest: ``street_light_m`` or ``obstacle``; raises as ``read_region``."""
+def read_streetside(path: Path) -> Streetside:
+    """A region's part of it, without reading the rest; raises as ``read_region``."""
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        column: AnyArray = arrays[name]
-    return column
-
-
-def read_plazas(path: Path) -> tuple[Plaza, ...]:
-    """A region's plazas without the rest; raises as ``read_region``."""
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        return plazas_from(arrays)
+        return Streetside(arrays["street_light_m"], arrays["obstacle"], plazas_from(arrays))
 
 
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:

@@ -16,10 +16,9 @@ import numpy as np
 from simbev_ros.assets.build import build_region
 from simbev_ros.assets.facets import TILE_M
 from simbev_ros.assets.far_land import FarLand, cells_of, far_land, far_tiles
-from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.region_file import read_column, read_plazas, read_region, write_region
-from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Tile
+from simbev_ros.assets.region_file import read_region, read_streetside, write_region
+from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Streetside, Tile
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.errors import InputError
 from simbev_ros.maps.cache import default_cache_dir
@@ -27,7 +26,6 @@ from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.types import AnyArray, Float64Array, Table
 
 _DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
 _T = TypeVar("_T")
@@ -62,42 +60,21 @@ def load_static_scene(
     return StaticScene((*tiles, *far_tiles(far, cells_of(far, tiles))), tuple(lights))
 
 
-def load_street_lights(
+def load_streetside(
     spec: MapSpec,
     network: RoadNetwork,
     cache_dir: Path | None = None,
     *,
     reach: Reach | None = None,
-) -> Float64Array:
-    """(N, 3) places of the street lights that ``load_static_scene`` gives, in its order; takes and raises the same."""
+) -> Streetside:
+    """What stands beside the streets of the scene that ``load_static_scene`` gives; takes and raises the same."""
     cache = StaticCache(spec, network, cache_dir)
-    lights_m = [cache.street_lights(region) for region in regions_of(network.layout, reach)]
-    return np.concatenate([np.empty((0, 3)), *lights_m])
-
-
-def load_obstacles(
-    spec: MapSpec,
-    network: RoadNetwork,
-    cache_dir: Path | None = None,
-    *,
-    reach: Reach | None = None,
-) -> Table:
-    """(K,) ``OBSTACLE_DTYPE``, what stands on sidewalks; takes and raises as ``load_static_scene``."""
-    cache = StaticCache(spec, network, cache_dir)
-    obstacles = [cache.obstacles(region) for region in regions_of(network.layout, reach)]
-    return np.concatenate([np.empty(0, OBSTACLE_DTYPE), *obstacles])
-
-
-def load_plazas(
-    spec: MapSpec,
-    network: RoadNetwork,
-    cache_dir: Path | None = None,
-    *,
-    reach: Reach | None = None,
-) -> tuple[Plaza, ...]:
-    """Plazas that people visit; takes and raises as ``load_static_scene``."""
-    cache = StaticCache(spec, network, cache_dir)
-    return tuple(plaza for region in regions_of(network.layout, reach) for plaza in cache.plazas(region))
+    regions = [cache.streetside(region) for region in regions_of(network.layout, reach)]
+    return Streetside(
+        np.concatenate([np.empty((0, 3)), *(region.light_m for region in regions)]),
+        np.concatenate([np.empty(0, OBSTACLE_DTYPE), *(region.obstacles for region in regions)]),
+        tuple(plaza for region in regions for plaza in region.plazas),
+    )
 
 
 class StaticCache:
@@ -118,20 +95,9 @@ class StaticCache:
         """A region, built if it is not there; raises as ``load_static_scene``."""
         return self._read_region(region, read_region)
 
-    def street_lights(self, region: Region) -> Float64Array:
-        """(L, 3) places of a region's street lights, map frame; raises as ``load_static_scene``."""
-        return self._column(region, "street_light_m")
-
-    def obstacles(self, region: Region) -> Table:
-        """(K,) ``OBSTACLE_DTYPE`` of a region; raises as ``load_static_scene``."""
-        return self._column(region, "obstacle")
-
-    def plazas(self, region: Region) -> tuple[Plaza, ...]:
-        """A region's plazas; raises as ``load_static_scene``."""
-        return self._read_region(region, read_plazas)
-
-    def _column(self, region: Region, name: str) -> AnyArray:
-        return self._read_region(region, partial(read_column, name=name))
+    def streetside(self, region: Region) -> Streetside:
+        """A region's part of it; raises as ``load_static_scene``."""
+        return self._read_region(region, read_streetside)
 
     def _read_region(self, region: Region, read: Callable[[Path], _T]) -> _T:
         """Of a region, built if it is not there."""

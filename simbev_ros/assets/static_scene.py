@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.mesh import Mesh
@@ -45,6 +46,20 @@ class RegionScene:
 
     tiles: tuple[Tile, ...]
     street_lights: tuple[StreetLight, ...]
+    obstacles: Table
+    plazas: tuple[Plaza, ...]
+
+
+class Streetside(NamedTuple):
+    """What the simulation needs to know of the immobile world.
+
+    Attributes:
+        light_m: (L, 3) places of the street lights, in their order.
+        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE``; what people on sidewalks walk around.
+        plazas: Those that people visit.
+    """
+
+    light_m: Float64Array
     obstacles: Table
     plazas: tuple[Plaza, ...]
 

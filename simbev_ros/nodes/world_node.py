@@ -10,7 +10,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from simbev_ros.assets.static_cache import load_obstacles, load_plazas, load_street_lights
+from simbev_ros.assets.static_cache import load_streetside
+from simbev_ros.assets.static_scene import Streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
@@ -98,18 +99,18 @@ class WorldNode(GraphNode):
         self._spec = spec
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
-        self._publish_lights(spec, network)
+        streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
+        self._publish_lights(spec, streetside)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
-        self._source = _source_of(request, network)
+        self._source = _source_of(request, network, streetside)
         self._ending = Ending(spec, self._source.available)
         for _ in range(spec.warm_up_ticks - spec.lead_in_ticks):
             self._source.step()
         self._next_tick = -spec.lead_in_ticks
         self._pacer.start()
 
-    def _publish_lights(self, spec: SceneSpec, network: RoadNetwork) -> None:
-        places_m = load_street_lights(spec.map, network, reach=loaded_reach(spec, network))
-        self.publish(topics.LIGHTS, lights_message(street_lights(spec.lights, places_m), spec.start_ns))
+    def _publish_lights(self, spec: SceneSpec, streetside: Streetside) -> None:
+        self.publish(topics.LIGHTS, lights_message(street_lights(spec.lights, streetside.light_m), spec.start_ns))
         self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
 
     def _on_command(self, message: Twist) -> None:
@@ -206,11 +207,9 @@ class WorldNode(GraphNode):
             self._source = None
 
 
-def _source_of(request: SceneRequest, network: RoadNetwork) -> Source:
+def _source_of(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> Source:
     """The simulation of a scene, or the bag that is replayed."""
     spec = request.spec
     if request.replay is not None:
         return Replay(spec, Path(request.replay))
-    reach = loaded_reach(spec, network)
-    obstacles = load_obstacles(spec.map, network, reach=reach)
-    return Simulation(spec, network, obstacles, load_plazas(spec.map, network, reach=reach))
+    return Simulation(spec, network, streetside.obstacles, streetside.plazas)

@@ -3,54 +3,24 @@ from dataclasses import replace
 import numpy as np
 import open3d as o3d
 import pytest
+from catalogue_models import ON_FOOT, PEOPLE, blueprint, model, posed, rows
 
 from simbev_ros.assets.actor_model import ActorModel, part_poses
 from simbev_ros.assets.actors.finishes import finish_named
 from simbev_ros.assets.actors.shape import Shape, build_model, load_shape
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.materials import Material
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
-from simbev_ros.scene.gait import strides_m, transition_mps
-from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.semantics import BOX_CLASSES, Tag
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.types import Float64Array
 
 NAMES = [blueprint.name for blueprint in load_blueprints()]
 VEHICLES = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
 FOUR_WHEELED = [entry.name for entry in load_blueprints() if entry.kind == "vehicle" and not entry.rider]
 WITH_DOORS = [entry.name for entry in load_blueprints() if entry.doors]
-PEOPLE = [entry for entry in load_blueprints() if entry.kind == "pedestrian"]
-ON_FOOT = [entry.name for entry in PEOPLE if entry.on_foot]
-WALKERS = [entry.name for entry in PEOPLE if entry.runs_as]
-RUNNERS = [name for name in ON_FOOT if name not in WALKERS]
 PROPS = [entry.name for entry in load_blueprints() if entry.kind == "prop"]
 EMERGENCY = [blueprint.name for blueprint in load_blueprints() if blueprint.emergency]
 DARK = [channel for name in ("lining", "seat", "glass", "black") for channel in finish_named(name, Tag.CAR).color]
-GAIT = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
-
-
-def model(name: str) -> ActorModel:
-    return load_models()[blueprint_index()[name]]
-
-
-def blueprint(name: str) -> Blueprint:
-    return load_blueprints()[blueprint_index()[name]]
-
-
-def rows(count: int, **fields: object) -> Table:
-    actors = np.zeros(count, ACTOR_DTYPE)
-    for field, value in fields.items():
-        actors[field] = value
-    return actors
-
-
-def posed(of: ActorModel, actors: Table, part: str | None = None) -> Float64Array:
-    """(N, V, 3) vertices, of one part or of all, in the actor's frame."""
-    chosen = np.ones(len(of.mesh.part), bool)
-    if part is not None:
-        chosen = of.mesh.part == [entry.name for entry in of.parts].index(part)
-    poses = part_poses(of, actors)[:, of.mesh.part[chosen]]
-    return np.einsum("nvij,vj->nvi", poses[..., :3, :3], of.mesh.vertices[chosen]) + poses[..., :3, 3]
 
 
 def test_there_is_a_model_for_every_blueprint_in_its_place() -> None:
@@ -63,16 +33,6 @@ def test_the_mesh_fills_its_box_to_a_millimetre(name: str) -> None:
     length, width, height = blueprint(name).size_m
     expected = [[-length / 2, -width / 2, 0.0], [length / 2, width / 2, height]]
     np.testing.assert_allclose(model(name).mesh.bounds_m, expected, atol=1e-3)
-
-
-@pytest.mark.parametrize("name", ON_FOOT)
-def test_strides_of_all_speeds_fill_the_box_of_somebody_on_foot_to_a_centimetre(name: str) -> None:
-    length, width, height = blueprint(name).size_m
-    speeds = np.sqrt(9.81 * height) * np.linspace(0.0, 2.0 if name in RUNNERS else 0.5, 7)
-    points = [posed(model(name), rows(len(GAIT), gait=GAIT, vx=speed)) for speed in speeds]
-    found = [np.min(points, axis=(0, 1, 2)), np.max(points, axis=(0, 1, 2))]
-    expected = [[-length / 2, -width / 2, 0.0], [length / 2, width / 2, height]]
-    np.testing.assert_allclose(found, expected, atol=0.01)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -290,78 +250,6 @@ def test_only_emergency_vehicles_have_beacons() -> None:
 @pytest.mark.parametrize("name", [name for name in NAMES if "sign" not in name])
 def test_something_takes_the_colour_of_the_actor(name: str) -> None:
     assert np.isin(model(name).mesh.material, [Material.CAR_PAINT, Material.CLOTH_TINTED]).any()
-
-
-def straight_way(name: str, speed_mps: float) -> tuple[Float64Array, Float64Array]:
-    """Two strides of somebody on foot: (N,) way covered, and the (N, V, 3) left foot, at rest in the map's frame."""
-    stride_m = strides_m(blueprint(name).size_m[2], np.array([speed_mps]))[0]
-    way_m = np.linspace(0.0, 2.0 * stride_m, 400)
-    actors = rows(len(way_m), gait=way_m / stride_m * 2.0 * np.pi, vx=speed_mps)
-    return way_m, posed(model(name), actors, "foot left") + way_m[:, None, None] * [1.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize("name", ["pedestrian.heavy", "pedestrian.child", "pedestrian.runner_woman"])
-@pytest.mark.parametrize("speed_mps", [0.8, 1.1, 1.5, 1.9, 2.6, 3.4, 4.6, 6.0, 8.0])
-def test_a_foot_on_the_ground_neither_slides_nor_sinks(name: str, speed_mps: float) -> None:
-    way_m, foot = straight_way(name, speed_mps)
-    lowest = foot[..., 2].argmin(axis=1)
-    here = np.arange(len(way_m) - 1)
-    height_m = foot[here, lowest[:-1], 2]
-    assert height_m.min() > -0.006
-    down = height_m < 0.001
-    assert down.mean() > 0.15
-    slip_m = foot[here + 1, lowest[:-1], 0] - foot[here, lowest[:-1], 0]
-    assert np.abs(slip_m[down]).mean() < 0.05 * way_m[1]
-    steps = np.split(np.where(down, slip_m, 0.0), np.flatnonzero(np.diff(down.astype(int)) == 1) + 1)
-    assert max(abs(step.sum()) for step in steps) < 0.02
-
-
-@pytest.mark.parametrize("name", ON_FOOT)
-def test_walkers_always_have_a_foot_on_the_ground_and_runners_fly_between_their_steps(name: str) -> None:
-    for speed_mps, least, most in ((1.3, 0.0, 0.0), (3.5, 0.1, 0.4), (6.0, 0.3, 0.6)):
-        points = posed(model(name), rows(len(GAIT), gait=GAIT, vx=speed_mps))
-        assert least <= np.mean(points[..., 2].min(axis=1) > 0.012) <= most
-
-
-@pytest.mark.parametrize("height_m", [1.67, 1.8])
-def test_steps_are_as_many_a_second_as_those_of_adults(height_m: float) -> None:
-    speed_mps = np.array([0.8, 1.4, 2.0, 2.5, 4.0, 8.0])
-    cadence_hz = 2.0 * speed_mps / strides_m(height_m, speed_mps)
-    assert (cadence_hz > [1.2, 1.75, 2.1, 2.6, 2.8, 3.3]).all()
-    assert (cadence_hz < [1.6, 2.1, 2.5, 3.0, 3.2, 4.0]).all()
-    assert transition_mps(height_m) == pytest.approx(2.1, abs=0.1)
-    assert transition_mps(1.3) == pytest.approx(1.84, abs=0.02)
-
-
-@pytest.mark.parametrize("name", ON_FOOT)
-@pytest.mark.parametrize("speed_mps", [1.4, 4.0])
-def test_left_and_right_limbs_are_half_a_stride_apart_and_arms_oppose_legs(name: str, speed_mps: float) -> None:
-    actors = rows(2, gait=[0.0, np.pi], vx=speed_mps)
-    foot = {side: posed(model(name), actors, f"foot {side}").mean(axis=1)[:, 0] for side in ("left", "right")}
-    arm = {side: posed(model(name), actors, f"forearm {side}").mean(axis=1)[:, 0] for side in ("left", "right")}
-    np.testing.assert_allclose(foot["left"], foot["right"][::-1], atol=0.01)
-    assert foot["left"][0] > foot["right"][0] + 0.2
-    assert arm["left"][0] < arm["left"][1] - 0.05
-
-
-@pytest.mark.parametrize("name", ON_FOOT)
-def test_somebody_who_stands_has_both_feet_under_the_body(name: str) -> None:
-    points = {side: posed(model(name), rows(8, gait=GAIT[::6]), f"foot {side}") for side in ("left", "right")}
-    for foot in points.values():
-        np.testing.assert_allclose(foot, foot[:1].repeat(8, axis=0), atol=1e-9)
-        assert abs(foot[0, :, 2].min()) < 0.001
-    assert points["left"][0].mean(axis=0)[0] == pytest.approx(points["right"][0].mean(axis=0)[0], abs=0.01)
-
-
-def test_a_cyclists_feet_follow_the_pedals() -> None:
-    bicycle, rider = model("vehicle.bicycle"), model("rider.bicycle")
-    actors = rows(len(GAIT), gait=GAIT)
-    seat = np.array(blueprint("vehicle.bicycle").rider_seat_m)
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        sole = posed(rider, actors, f"foot {side}") + seat
-        cranks = posed(bicycle, actors, "cranks")
-        pedal = cranks[:, sign * cranks[0, :, 1] > 0.1].mean(axis=1)
-        assert np.linalg.norm(sole - pedal[:, None], axis=2).min(axis=1).max() < 0.08
 
 
 @pytest.mark.parametrize("name", ["bicycle", "motorcycle"])

@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.assets.static_cache import load_obstacles, load_static_scene
+from simbev_ros.assets.static_cache import load_static_scene, load_streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import map_spec
@@ -13,7 +13,7 @@ from simbev_ros.maps.source import map_spec
 def test_every_trunk_and_pole_on_a_sidewalk_is_covered_and_nothing_else() -> None:
     spec = map_spec("Blocks")
     network = load_network(spec)
-    obstacles, surfaces = load_obstacles(spec, network), surfaces_of(network.layout)
+    obstacles, surfaces = load_streetside(spec, network).obstacles, surfaces_of(network.layout)
     walk = shapely.buffer(surfaces.sidewalk, -0.3)
     stands_m = []
     for tile in load_static_scene(spec, network).tiles:
@@ -34,7 +34,7 @@ def test_every_trunk_and_pole_on_a_sidewalk_is_covered_and_nothing_else() -> Non
 def test_people_pass_on_the_side_away_from_the_road() -> None:
     spec = map_spec("Blocks")
     network = load_network(spec)
-    obstacles, road = load_obstacles(spec, network), surfaces_of(network.layout).road
+    obstacles, road = load_streetside(spec, network).obstacles, surfaces_of(network.layout).road
     places_m = np.column_stack([obstacles["x"], obstacles["y"]])
     away = np.column_stack([obstacles["away_x"], obstacles["away_y"]])
     here, aside = (shapely.distance(road, shapely.points(places_m + step * away)) for step in (0.0, 0.5))

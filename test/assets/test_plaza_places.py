@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.land.plazas import plaza_arrays, plazas_from
-from simbev_ros.assets.static_cache import load_plazas, load_static_scene
+from simbev_ros.assets.static_cache import load_static_scene, load_streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
 
@@ -12,7 +12,7 @@ from simbev_ros.maps.source import map_spec
 def test_nothing_stands_where_people_may_walk() -> None:
     spec = map_spec("Town15")
     network = load_network(spec)
-    plazas = load_plazas(spec, network)
+    plazas = load_streetside(spec, network).plazas
     free = shapely.union_all([plaza.free for plaza in plazas]).buffer(0.4)
     shapely.prepare(free)
     for tile in load_static_scene(spec, network).tiles:
@@ -28,7 +28,7 @@ def test_nothing_stands_where_people_may_walk() -> None:
 
 def test_plazas_come_back_as_they_were_stored() -> None:
     spec = map_spec("Town15")
-    plazas = load_plazas(spec, load_network(spec))
+    plazas = load_streetside(spec, load_network(spec)).plazas
     for stored in (plazas, plazas[:1], ()):
         again = plazas_from(dict(plaza_arrays(stored)))
         assert len(again) == len(stored)

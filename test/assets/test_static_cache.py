@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from analytic_maps import hilly_road
 
+from simbev_ros.assets.land.plazas import plaza_arrays
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.region_pool import build_regions
-from simbev_ros.assets.static_cache import StaticCache, load_static_scene, load_street_lights
+from simbev_ros.assets.static_cache import StaticCache, load_static_scene, load_streetside
 from simbev_ros.assets.static_scene import RegionScene, StaticScene
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
@@ -22,6 +23,8 @@ EAST, WEST = Region(0, 0), Region(-1, 0)
 
 def as_bytes(scene: RegionScene | StaticScene) -> bytes:
     parts = [repr(scene.street_lights).encode()]
+    if isinstance(scene, RegionScene):
+        parts += [scene.obstacles.tobytes(), *(array.tobytes() for _, array in plaza_arrays(scene.plazas))]
     for tile in scene.tiles:
         parts += [tile.origin_m.tobytes(), bytes([tile.level])]
         for name, mesh in {"": tile.mesh, **tile.surfaces}.items():
@@ -70,7 +73,7 @@ def test_street_lamps_carry_the_index_of_their_light(
             assert np.linalg.norm(own_m.mean(axis=0) - scene.street_lights[index].position_m) < 0.1
             seen.add(index)
     assert len(seen) > 5
-    places_m = load_street_lights(SPEC, network, cache_dir, reach=reach)
+    places_m = load_streetside(SPEC, network, cache_dir, reach=reach).light_m
     np.testing.assert_array_equal(places_m, [light.position_m for light in scene.street_lights])
     assert (len(seen) == len(scene.street_lights)) == (reach is None)
 

@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from simbev_ros.assets.land.plazas import Plaza
-from simbev_ros.assets.static_cache import load_plazas
+from simbev_ros.assets.static_cache import load_streetside
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -59,7 +59,7 @@ def drawn(town: str, seed: int) -> tuple[SceneSpec, RoadNetwork, tuple[Plaza, ..
     planned = next(planned_scenes(scenario))
     network = load_network(planned.map)
     spec = draw_scene(scenario, planned, network)
-    return spec, network, load_plazas(spec.map, network, reach=loaded_reach(spec, network))
+    return spec, network, load_streetside(spec.map, network, reach=loaded_reach(spec, network)).plazas
 
 
 @cache

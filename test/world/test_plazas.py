@@ -8,7 +8,7 @@ import pytest
 import shapely
 from world_scenes import TICK_S, of_kind
 
-from simbev_ros.assets.static_cache import load_obstacles, load_plazas, load_static_scene
+from simbev_ros.assets.static_cache import load_static_scene, load_streetside
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -23,7 +23,7 @@ TOWN = "Town15"  # a campus in the hills
 
 @cache
 def plazas():
-    return load_plazas(map_spec(TOWN), load_network(map_spec(TOWN)))
+    return load_streetside(map_spec(TOWN), load_network(map_spec(TOWN))).plazas
 
 
 def drawn(seed, duration_s, **traffic):
@@ -44,7 +44,7 @@ def drawn(seed, duration_s, **traffic):
 def simulated(spec):
     """(T, P) people."""
     network = load_network(spec.map)
-    with Simulation(spec, network, load_obstacles(spec.map, network), plazas()) as simulation:
+    with Simulation(spec, network, load_streetside(spec.map, network).obstacles, plazas()) as simulation:
         states = [simulation.step().actors for _ in range(spec.warm_up_ticks + spec.ticks)]
     return of_kind(np.stack(states), "pedestrian")
 

@@ -1,0 +1,37 @@
+"""The catalogue's models, posed as tests need them."""
+
+import numpy as np
+
+from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.types import Float64Array, Table
+
+PEOPLE = [entry for entry in load_blueprints() if entry.kind == "pedestrian"]
+ON_FOOT = [entry.name for entry in PEOPLE if entry.on_foot]
+GAIT = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+
+
+def model(name: str) -> ActorModel:
+    return load_models()[blueprint_index()[name]]
+
+
+def blueprint(name: str) -> Blueprint:
+    return load_blueprints()[blueprint_index()[name]]
+
+
+def rows(count: int, **fields: object) -> Table:
+    actors = np.zeros(count, ACTOR_DTYPE)
+    for field, value in fields.items():
+        actors[field] = value
+    return actors
+
+
+def posed(of: ActorModel, actors: Table, part: str | None = None) -> Float64Array:
+    """(N, V, 3) vertices, of one part or of all, in the actor's frame."""
+    chosen = np.ones(len(of.mesh.part), bool)
+    if part is not None:
+        chosen = of.mesh.part == [entry.name for entry in of.parts].index(part)
+    poses = part_poses(of, actors)[:, of.mesh.part[chosen]]
+    return np.einsum("nvij,vj->nvi", poses[..., :3, :3], of.mesh.vertices[chosen]) + poses[..., :3, 3]

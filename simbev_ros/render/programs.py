@@ -7,6 +7,7 @@ from importlib.resources import files
 import moderngl
 
 from simbev_ros.assets.materials import Material
+from simbev_ros.config.rendering import QUALITIES, Quality
 from simbev_ros.errors import RenderError
 from simbev_ros.scene.state import Light, SignalState
 from simbev_ros.semantics import Tag
@@ -49,11 +50,13 @@ class ProgramLibrary:
     """Compiles programs.
 
     A file includes another of shaders/include by ``#include "name"``. ``#include "enums"`` gives every ``Material``,
-    ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``.
+    ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``. The macro ``QUALITY`` is 0 (low),
+    1 (medium) or 2 (high), the same in all programs of a library.
     """
 
-    def __init__(self, context: moderngl.Context) -> None:
+    def __init__(self, context: moderngl.Context, quality: Quality = "medium") -> None:
         self._context = context
+        self._quality = QUALITIES.index(quality)
         self._folder = files("simbev_ros.render").joinpath("shaders")
 
     def load(self, vertex: str, fragment: str, **constants: float) -> moderngl.Program:
@@ -92,6 +95,7 @@ class ProgramLibrary:
             return _ENUMS if name == "enums" else _INCLUDE.sub(expanded, self._read(f"include/{name}"))
 
         version, body = self._read(name).split("\n", 1)
+        constants = {"QUALITY": self._quality, **constants}
         macros = [f"#define {name} {value}" for name, value in constants.items()]
         return "\n".join([version, *macros, _INCLUDE.sub(expanded, body)])
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.config.rendering import Quality
 from simbev_ros.config.rig import Modality
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
@@ -33,7 +34,11 @@ class Renderer:
     """Draws a static scene and its actors. To be used by one thread."""
 
     def __init__(
-        self, static: StaticScene, models: Sequence[ActorModel], context: moderngl.Context | None = None
+        self,
+        static: StaticScene,
+        models: Sequence[ActorModel],
+        context: moderngl.Context | None = None,
+        quality: Quality = "medium",
     ) -> None:
         """Upload everything.
 
@@ -41,6 +46,7 @@ class Renderer:
             static: The immobile world.
             models: The catalogue, indexed by blueprint.
             context: From ``open_context``; by default a new one.
+            quality: Of the colour image.
 
         Raises:
             RenderError: OpenGL is not usable here.
@@ -49,7 +55,7 @@ class Renderer:
         self._models = models
         self._targets: dict[tuple[int, int], Targets] = {}
         with self._context:
-            library = ProgramLibrary(self._context)
+            library = ProgramLibrary(self._context, quality)
             self._static, self._actors = self._upload(static, library)
             self._background = library.screen_pass("background.frag")
             self._labels = library.screen_pass("labels.frag")

@@ -8,7 +8,7 @@ import moderngl
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.config.rendering import QUALITIES, Quality
-from simbev_ros.errors import RenderError
+from simbev_ros.render.failures import not_compiled
 from simbev_ros.scene.state import Light, SignalState
 from simbev_ros.semantics import Tag
 
@@ -28,12 +28,16 @@ TEXTURE_UNITS = {
             "street_field",
             "head_field",
             "contact_map",
-            "occlusion",
+            "noisy_visibility",
+            "visibility",
             "shaded",
         )
     )
 }
 """Sampler name → texture unit. A texture is bound to its unit for as long as it is valid."""
+
+VISIBILITY_STEPS = (2, 2, 1)
+"""Of each quality: pixels from texel to texel of the visibility of sky and sun (shaders/visibility.frag.glsl)."""
 
 BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}
 """Uniform block name → binding point."""
@@ -51,26 +55,26 @@ class ProgramLibrary:
 
     A file includes another of shaders/include by ``#include "name"``. ``#include "enums"`` gives every ``Material``,
     ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``. The macro ``QUALITY`` is 0 (low),
-    1 (medium) or 2 (high), the same in all programs of a library.
+    1 (medium) or 2 (high), and ``VISIBILITY_STEP`` belongs to it.
     """
 
     def __init__(self, context: moderngl.Context, quality: Quality = "medium") -> None:
         self._context = context
-        self._quality = QUALITIES.index(quality)
+        self.quality = quality
         self._folder = files("simbev_ros.render").joinpath("shaders")
 
     def load(self, vertex: str, fragment: str, **constants: float) -> moderngl.Program:
         """The program of a vertex and a fragment shader, named without ``.glsl``, with macros for the ``constants``.
 
         Raises:
-            RenderError: The driver does not compile it; the message is the driver's.
+            RenderError: The driver does not compile it.
         """
         try:
             program = self._context.program(
                 vertex_shader=self._source(vertex, constants), fragment_shader=self._source(fragment, constants)
             )
         except moderngl.Error as error:
-            raise RenderError(f"shaders {vertex}, {fragment}: {error}") from error
+            raise not_compiled(self._context, f"shaders {vertex}, {fragment}", error) from None
         for name in program:
             member = program[name]
             if isinstance(member, moderngl.UniformBlock):
@@ -95,7 +99,8 @@ class ProgramLibrary:
             return _ENUMS if name == "enums" else _INCLUDE.sub(expanded, self._read(f"include/{name}"))
 
         version, body = self._read(name).split("\n", 1)
-        constants = {"QUALITY": self._quality, **constants}
+        level = QUALITIES.index(self.quality)
+        constants = {"QUALITY": level, "VISIBILITY_STEP": VISIBILITY_STEPS[level], **constants}
         macros = [f"#define {name} {value}" for name, value in constants.items()]
         return "\n".join([version, *macros, _INCLUDE.sub(expanded, body)])
 

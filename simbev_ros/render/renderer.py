@@ -7,7 +7,7 @@ import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.config.rendering import Quality
+from simbev_ros.config.rendering import QUALITIES, Quality
 from simbev_ros.config.rig import Modality
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
@@ -18,7 +18,7 @@ from simbev_ros.render.hidden import Occluders
 from simbev_ros.render.lamp_field import LampField
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.noise import noise_texture
-from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, draw_screen
+from simbev_ros.render.programs import BLOCK_BINDINGS, VISIBILITY_STEPS, ProgramLibrary, draw_screen
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
 from simbev_ros.render.shading import Shading
 from simbev_ros.render.shadows import ShadowMap
@@ -56,10 +56,9 @@ class Renderer:
         self._targets: dict[tuple[int, int], Targets] = {}
         with self._context:
             library = ProgramLibrary(self._context, quality)
+            self._visibility_step = VISIBILITY_STEPS[QUALITIES.index(quality)]
             self._static, self._actors = self._upload(static, library)
             self._background = library.screen_pass("background.frag")
-            self._labels = library.screen_pass("labels.frag")
-            self._flow = library.screen_pass("flow.frag")
             self._shading = Shading(self._context, library)
             self._shadow_map = ShadowMap(self._context)
             self._lamp_field = LampField(self._context, library, static.street_lights)
@@ -138,18 +137,12 @@ class Renderer:
         targets.bind()
         if "rgb" in wanted:
             self._shading.draw(targets)
-        if wanted & {"semantic", "instance"}:
-            targets.labels.use()
-            draw_screen(self._labels)
-        if "flow" in wanted:
-            targets.flow.use()
-            draw_screen(self._flow)
         return CameraImages(
             rgb=read_image(targets.rgb, components=3) if "rgb" in wanted else None,
-            semantic=read_image(targets.labels, 0) if "semantic" in wanted else None,
-            instance=read_image(targets.labels, 1) if "instance" in wanted else None,
+            semantic=read_image(targets.geometry, 3) if "semantic" in wanted else None,
+            instance=read_image(targets.geometry, 4) if "instance" in wanted else None,
             depth=read_image(targets.geometry, 1) if "depth" in wanted else None,
-            flow=read_image(targets.flow) if "flow" in wanted else None,
+            flow=read_image(targets.geometry, 5) if "flow" in wanted else None,
         )
 
     def _draw_geometry(
@@ -172,5 +165,5 @@ class Renderer:
     def _targets_of(self, camera: PinholeCamera) -> Targets:
         size_px = (camera.width_px, camera.height_px)
         if size_px not in self._targets:
-            self._targets[size_px] = Targets(self._context, size_px)
+            self._targets[size_px] = Targets(self._context, size_px, self._visibility_step)
         return self._targets[size_px]

@@ -20,7 +20,8 @@ class Shading:
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context = context
-        self._occlusion = library.screen_pass("occlusion.frag")
+        self._visibility = library.screen_pass("visibility.frag")
+        self._smooth = library.screen_pass("smooth.frag")
         self._classify = library.screen_pass("classify.frag")
         self._classify.program["layer_step"] = _LAYER_STEP
         self._passes = {
@@ -64,8 +65,10 @@ class Shading:
 
     def draw(self, targets: Targets) -> None:
         """Fill ``targets.rgb`` from the G-buffer, which must be bound."""
-        targets.occlusion.use()
-        draw_screen(self._occlusion)
+        targets.noisy_visibility.use()
+        draw_screen(self._visibility)
+        targets.visibility.use()
+        draw_screen(self._smooth)
         targets.shaded.use()
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"

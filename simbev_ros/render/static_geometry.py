@@ -31,7 +31,7 @@ class StaticGeometry:
         programs: Mapping[str, moderngl.Program],
         shading_class: UInt8Array,
     ) -> None:
-        """Upload the tiles for use with ``programs``, each of which has a uniform mat4 ``clip_from_tile``."""
+        """Upload the tiles for use with ``programs``, each of which has a uniform vec3 ``tile``."""
         seen = [tile for tile in tiles if len(tile.mesh.triangles)]
         self._arrays = [upload_mesh(context, tile.mesh, programs, shading_class) for tile in seen]
         self._origins_m = np.array([tile.origin_m for tile in seen], np.float64).reshape(-1, 3)
@@ -49,37 +49,33 @@ class StaticGeometry:
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
         seen = view.sees_boxes(low_m, high_m)
         near = distance_m[self._tile] < _NEAR_M
-        self._draw(program, view.clip_from_world, origin_m, np.flatnonzero(seen & near), distance_m)
+        self._draw(program, origin_m, np.flatnonzero(seen & near), distance_m)
         far = np.flatnonzero(seen & ~near)
         hidden = Occluders.of(target).hide(view, low_m[far], high_m[far])
-        self._draw(program, view.clip_from_world, origin_m, far[~hidden], distance_m)
+        self._draw(program, origin_m, far[~hidden], distance_m)
 
     def draw_around(self, program: str, clip_from_world: Float64Array, origin_m: Float64Array, radius_m: float) -> None:
-        """Draw what a projection shows of the tiles within a horizontal distance of the origin."""
+        """Draw what a projection shows of the tiles within a horizontal distance of the origin.
+
+        The (4, 4) projection becomes the program's uniform ``clip_from_shadow``.
+        """
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(np.zeros(2), (self._tile_bounds_m - origin_m)[..., :2])
         shown = boxes_in_clip_space(clip_from_world, low_m, high_m) & (distance_m[self._tile] < radius_m)
-        self._draw(program, clip_from_world, origin_m, np.flatnonzero(shown), distance_m)
+        for array in self._arrays[:1]:
+            array[program].program["clip_from_shadow"].write(clip_from_world.T.astype(np.float32).tobytes())
+        self._draw(program, origin_m, np.flatnonzero(shown), distance_m)
 
-    def _draw(
-        self,
-        program: str,
-        clip_from_world: Float64Array,
-        origin_m: Float64Array,
-        pieces: Int64Array,
-        distance_m: Float64Array,
-    ) -> None:
+    def _draw(self, program: str, origin_m: Float64Array, pieces: Int64Array, distance_m: Float64Array) -> None:
         """Draw pieces, given in ascending order, tile after tile by the tiles' (T,) distances."""
-        clip_from_tile = np.tile(clip_from_world, (len(self._arrays), 1, 1))
-        clip_from_tile[:, :, 3] += (self._origins_m - origin_m) @ clip_from_world[:, :3].T
-        column_major = np.swapaxes(clip_from_tile, 1, 2).astype(np.float32)
+        places_m = (self._origins_m - origin_m).astype(np.float32)
         pieces = pieces[np.argsort(distance_m[self._tile[pieces]], kind="stable")]
         tiles = self._tile[pieces]
         begins = (np.diff(pieces, prepend=-2) != 1) | (np.diff(tiles, prepend=-1) != 0)
         firsts, ends = self._first[pieces[begins]], self._end[pieces[np.roll(begins, -1)]]
         for tile, first, end in zip(tiles[begins], firsts, ends, strict=True):
             array = self._arrays[tile][program]
-            array.program["clip_from_tile"].write(column_major[tile].tobytes())
+            array.program["tile"].write(places_m[tile].tobytes())
             array.render(vertices=3 * (end - first), first=3 * first)
 
 

@@ -12,8 +12,8 @@ _DTYPES = {"f1": np.uint8, "u1": np.uint8, "u2": np.uint16, "f4": np.float32}
 class Targets:
     """Framebuffers of one size. ``geometry`` is drawn first; the others are computed from it."""
 
-    def __init__(self, context: moderngl.Context, size_px: tuple[int, int]) -> None:
-        """Allocate all targets of (width, height) pixels."""
+    def __init__(self, context: moderngl.Context, size_px: tuple[int, int], visibility_step: int) -> None:
+        """Allocate all targets of (width, height) pixels; those of visibility with one texel per ``visibility_step``."""
 
         def texture(components: int, dtype: str) -> moderngl.Texture:
             result = context.texture(size_px, components, dtype=dtype)
@@ -24,15 +24,14 @@ class Targets:
         self._shaded = texture(4, "f1")
         self._shaded.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._shaded.repeat_x = self._shaded.repeat_y = False
-        half_px = (-(-size_px[0] // 2), -(-size_px[1] // 2))
-        self._occlusion = context.texture(half_px, 2, dtype="f2")
-        self._occlusion.repeat_x = self._occlusion.repeat_y = False
+        coarse_px = (-(-size_px[0] // visibility_step), -(-size_px[1] // visibility_step))
+        self._noisy_visibility, self._visibility = (context.texture(coarse_px, 4, dtype="f1") for _ in range(2))
         self.geometry = context.framebuffer(
-            [self._surface, self._depth, self._color], context.depth_renderbuffer(size_px)
+            [self._surface, self._depth, self._color, texture(1, "u1"), texture(1, "u2"), texture(2, "f4")],
+            context.depth_renderbuffer(size_px),
         )
-        self.labels = context.framebuffer([texture(1, "u1"), texture(1, "u2")])
-        self.flow = context.framebuffer([texture(2, "f4")])
-        self.occlusion = context.framebuffer([self._occlusion])
+        self.noisy_visibility = context.framebuffer([self._noisy_visibility])
+        self.visibility = context.framebuffer([self._visibility])
         self.shaded = context.framebuffer([self._shaded], context.depth_renderbuffer(size_px))
         self.rgb = context.framebuffer([texture(4, "f1")])
 
@@ -41,7 +40,8 @@ class Targets:
         self._surface.use(TEXTURE_UNITS["g_surface"])
         self._depth.use(TEXTURE_UNITS["g_depth"])
         self._color.use(TEXTURE_UNITS["g_color"])
-        self._occlusion.use(TEXTURE_UNITS["occlusion"])
+        self._noisy_visibility.use(TEXTURE_UNITS["noisy_visibility"])
+        self._visibility.use(TEXTURE_UNITS["visibility"])
         self._shaded.use(TEXTURE_UNITS["shaded"])
 
 

@@ -3,7 +3,6 @@
 #include "enums"
 #include "lighting"
 #include "noise"
-uniform sampler2D contact_map;
 
 const vec2 SLAB = vec2(0.6, 0.6);
 const float JOINT = 0.006;
@@ -45,13 +44,6 @@ vec3 crop(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size)
     return mix(color, vec3(0.105, 0.078, 0.052) * (0.7 + 0.6 * fine.b), 0.7 * soil);
 }
 
-// Share of the sky that actors standing here hide (render/contact.py).
-float under_actors(vec3 position) {
-    vec2 contact = texture(contact_map, position.xy / (2.0 * noise_origin.w) + 0.5).xy;
-    float above = abs(position.z - contact.y / max(contact.x, 1e-3));
-    return min(contact.x, 0.9) * smoothstep(0.8, 0.3, above);
-}
-
 void main() {
     Pixel p = this_pixel();
     vec4 coarse = noise_at(p.uv / 37.0, p.size / 37.0);
@@ -73,5 +65,5 @@ void main() {
     s.albedo *= 1.0 - 0.5 * wet;
     s.roughness = mix(mix(s.roughness, 0.35, wet * 0.8), 0.03, puddle);
     s.specular = mix(s.specular, 0.03, wet);
-    shade_partly_hidden(p, s, under_actors(p.position));
+    shade(p, s);
 }

@@ -1,11 +1,15 @@
 #version 330
 #include "vertex"
-uniform mat4 clip_from_tile;
+#include "view"
+uniform vec3 tile;  // its origin in the world
 
 void main() {
-    gl_Position = clip_from_tile * vec4(in_position, 1.0);
+    vec4 place = vec4(tile + in_position, 1.0);
+    gl_Position = clip_from_world * place;
     gl_Position.z -= lift_of(in_packed) * gl_Position.w;
     v_normal = unpack_normal(in_packed.x);
     v_uv = in_uv;
+    v_before = (previous_optical_from_world * place).xyz;
+    v_instance = 0u;
     v_surface = surface_of(in_packed, 0u, in_packed.y & 0xFFFFFFu);
 }

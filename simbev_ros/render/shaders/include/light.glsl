@@ -15,7 +15,6 @@ layout(std140) uniform Light {
     mat4 lamp_field_from_world;
 };
 float exposure() { return key_direction.w; }
-float lamps_lit() { return LAMPS_LIT; }  // a constant, so that by day nothing is computed for lamps
 float cloudiness() { return zenith.w; }
 float wetness() { return horizon.w; }
 float puddles() { return glow.w; }

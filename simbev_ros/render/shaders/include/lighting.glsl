@@ -1,17 +1,17 @@
 // Light on a surface: sun or moon with shadow, sky and ground, mirrored surroundings, lamps, fog; then the camera.
 #include "pixel"
 #include "sky"
-uniform sampler2DShadow shadow_map;
-uniform sampler2D occlusion;
+#include "log_depth"
+uniform sampler2D visibility;
 uniform sampler2D street_field;
 uniform sampler2D head_field;
 
 out vec4 shaded;  // sRGB, luma
 
+float lamps_lit() { return LAMPS_LIT; }  // a constant, so that by day nothing is computed for lamps
+
 const vec3 STREET_COLOR = vec3(0.25, 0.19, 0.12);
 const vec3 HEAD_COLOR = vec3(0.20, 0.205, 0.225);
-const float SHADOW_EDGE = 0.99;
-const vec2 SHADOW_TAP = 1.5 / vec2(4096.0, 2048.0);
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
 struct Surface {
@@ -27,22 +27,6 @@ struct Surface {
 Surface surface_of(Pixel p) {
     vec4 material = materials[p.material];
     return Surface(p.albedo, p.normal, material.x, material.y, material.z, vec3(0.0), 0.0);
-}
-
-// Share of the key light that arrives. The place is moved out of the surface by about a texel against acne.
-float sunlit(vec3 position, vec3 normal, float facing) {
-    float slope = sqrt(max(1.0 - facing * facing, 0.0));
-    vec3 near = (near_clip_from_world * vec4(position + normal * (0.02 + 0.05 * slope), 1.0)).xyz;
-    vec3 far = (far_clip_from_world * vec4(position + normal * (0.06 + 0.2 * slope), 1.0)).xyz;
-    bool is_near = max(abs(near.x), abs(near.y)) < SHADOW_EDGE;
-    vec3 place = 0.5 + 0.5 * (is_near ? near : far);
-    bool outside = max(abs(far.x), abs(far.y)) > SHADOW_EDGE;
-    place.x = 0.5 * place.x + (is_near ? 0.0 : 0.5);  // the squares lie side by side
-    place.z -= is_near ? 4e-5 : 1e-4;
-    float light = 0.0;
-    for (int tap = 0; tap < 4; ++tap)
-        light += texture(shadow_map, place + vec3(vec2(tap & 1, tap >> 1) * SHADOW_TAP - 0.5 * SHADOW_TAP, 0.0));
-    return outside ? 1.0 : 0.25 * light;
 }
 
 // Irradiance / pi of lamps, from their map (render/lamp_field.py).
@@ -68,10 +52,9 @@ vec3 sun_highlight(Surface s, vec3 to_camera, float facing) {
     return vec3(min(distribution * masking * facing, 60.0));
 }
 
-// Linear radiance of a surface. ambient_share: of the sky and ground that it can see, by occlusion nearby.
-vec3 lit(Pixel p, Surface s, float ambient_share) {
+// Linear radiance of a surface. ambient_share: of sky and ground that is not hidden nearby; sun: share of the key light.
+vec3 lit(Pixel p, Surface s, float ambient_share, float sun) {
     float facing = dot(s.normal, key_direction.xyz);
-    float sun = facing > -0.2 ? sunlit(p.position, p.normal, max(facing, 0.0)) : 0.0;
     float through = s.translucency * max(-facing, 0.0);
     vec3 ambient = mix(ground_ambient.rgb, sky_ambient.rgb, 0.5 + 0.5 * s.normal.z) * ambient_share;
     vec3 lamps = vec3(0.0);
@@ -104,23 +87,31 @@ vec4 developed(vec3 radiance) {
     return vec4(color, dot(color, LUMA));
 }
 
-// Share of sky and ground that nearby surfaces leave open: the mean of 4 x 4 half-size pixels at about this depth.
-float openness(float depth) {
-    vec2 size = vec2(textureSize(occlusion, 0));
-    vec2 place = floor(gl_FragCoord.xy * 0.5 + 0.25) / size;  // where four of them meet
-    float total = 0.0, weights = 1e-4;
+// Openness and share of the key light, from the texels around that lie at about this depth.
+vec2 visibility_at(float depth) {
+    ivec2 last = textureSize(visibility, 0) - 1;
+#if VISIBILITY_STEP == 1
+    return texelFetch(visibility, ivec2(gl_FragCoord.xy), 0).xy;
+#else
+    ivec2 pixel = ivec2(gl_FragCoord.xy), cell = pixel >> 1;
+    vec2 between = 0.5 * vec2(pixel & 1);
+    float here = log2(depth);
+    vec2 total = vec2(1e-4);
+    float weights = 1e-4;
     for (int tap = 0; tap < 4; ++tap) {
-        vec2 found = textureLod(occlusion, place + (vec2(tap & 1, tap >> 1) * 2.0 - 1.0) / size, 0.0).xy;
-        float weight = max(1.0 - 8.0 * abs(found.y - depth) / depth, 0.0);
-        total += weight * found.x;
+        ivec2 corner = ivec2(tap & 1, tap >> 1);
+        vec4 found = texelFetch(visibility, min(cell + corner, last), 0);
+        vec2 share = mix(1.0 - between, between, vec2(corner)) + 0.01;
+        float weight = share.x * share.y * max(1.0 - 12.0 * abs(log2_depth(found.zw) - here), 0.0);
+        total += weight * found.xy;
         weights += weight;
     }
-    return (total + 1e-4) / weights;
+    return total / weights;
+#endif
 }
 
-void shade_partly_hidden(Pixel p, Surface s, float hidden) {
-    vec3 radiance = lit(p, s, openness(p.depth) * (1.0 - hidden));
+void shade(Pixel p, Surface s) {
+    vec2 visible = visibility_at(p.depth);
+    vec3 radiance = lit(p, s, visible.x, visible.y);
     shaded = developed(through_air(radiance, p.to_camera, p.position, p.depth));
 }
-
-void shade(Pixel p, Surface s) { shade_partly_hidden(p, s, 0.0); }

@@ -6,6 +6,8 @@ in uvec3 in_packed;  // normal; red, green, blue, material; tag, part, shading c
 
 out vec3 v_normal;
 out vec2 v_uv;
+out vec3 v_before;
+flat out uint v_instance;
 flat out uvec2 v_surface;  // rigid row | tag << 16 | material << 24; red, green, blue, shading class
 
 // Brings road markings before the road in the depth buffer: by 3 cm at 100 m, 0.3 mm at 10 m.

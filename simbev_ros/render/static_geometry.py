@@ -17,8 +17,11 @@ from simbev_ros.types import Float64Array, Int64Array, UInt8Array
 
 _PIECE_TRIANGLES = 256
 
-_NEAR_M = 32.0
-"""Tiles closer than this are drawn first, and hide the others."""
+_STAGES_M = (32.0, 96.0, 160.0, 256.0, 512.0, np.inf)
+"""Tiles are drawn in stages by their distance. What is drawn already hides much of what is farther."""
+
+_WORTH_A_LOOK = 16_000
+"""Triangles. Asking what hides them takes as long as drawing so many."""
 
 
 class StaticGeometry:
@@ -47,12 +50,14 @@ class StaticGeometry:
         """Draw into ``target``, which is in use, what a view sees of the world of (3,) ``origin_m``."""
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
-        seen = view.sees_boxes(low_m, high_m)
-        near = distance_m[self._tile] < _NEAR_M
-        self._draw(program, origin_m, np.flatnonzero(seen & near), distance_m)
-        far = np.flatnonzero(seen & ~near)
-        hidden = Occluders.of(target).hide(view, low_m[far], high_m[far])
-        self._draw(program, origin_m, far[~hidden], distance_m)
+        waiting = np.flatnonzero(view.sees_boxes(low_m, high_m))
+        triangles = self._end - self._first
+        for end_m in _STAGES_M:
+            if end_m > _STAGES_M[0] and triangles[waiting].sum() > _WORTH_A_LOOK:
+                waiting = waiting[~Occluders.of(target).hide(view, low_m[waiting], high_m[waiting])]
+            now = distance_m[self._tile[waiting]] < end_m
+            self._draw(program, origin_m, waiting[now], distance_m)
+            waiting = waiting[~now]
 
     def draw_around(self, program: str, clip_from_world: Float64Array, origin_m: Float64Array, radius_m: float) -> None:
         """Draw what a projection shows of the tiles within a horizontal distance of the origin.

@@ -10,13 +10,8 @@ uniform sampler2D contact_map;
 
 out vec4 visibility;  // openness, sunlit, depth
 
-#if QUALITY == 0
-const int TAPS = 4;
-const int SHADOW_TAPS = 1;
-#else
-const int TAPS = 8;
-const int SHADOW_TAPS = 4;
-#endif
+const int TAPS = QUALITY == 0 ? 4 : 6;
+const int SHADOW_TAPS = QUALITY == 0 ? 1 : 2;
 const float REACH = 1.1;      // metres
 const mat2 TURN = mat2(-0.73737, 0.67549, -0.67549, -0.73737);  // from tap to tap: the golden angle
 const float BIAS = 0.002;     // of the depth, against the steps of flat surfaces

@@ -21,8 +21,8 @@ class SimulationError(SimbevError):
     """The traffic simulation could not start or go on. Exit code 1."""
 
 
-class RenderError(SimbevError):
-    """No usable OpenGL context, or a GL resource could not be made. Exit code 1."""
+class RenderError(InputError):
+    """This machine, as it is set up, cannot draw what is asked for; the message says what to do. Exit code 2."""
 
 
 class BagError(InputError):

@@ -1,5 +1,6 @@
 """An actor's shape: one mesh in its rest pose and the rigid parts (wheels, doors, limbs) that move."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +70,19 @@ class Cycle:
 
 
 @dataclass(frozen=True, slots=True)
+class CoarserMesh:
+    """What cameras may draw instead of a model's mesh from afar, while all doors are shut.
+
+    Attributes:
+        mesh: As in the model.
+        error_m: How far its surface is from that of the model at most; what is thinner than that may be missing.
+    """
+
+    mesh: Mesh
+    error_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class ActorModel:
     """Shape of one blueprint.
 
@@ -81,6 +95,7 @@ class ActorModel:
         parts: Part 0 is the body; a part comes after its parent.
         wheel_radius_m: For turning distance into the ``wheel`` angle; 0 without wheels.
         cycle: How a person moves.
+        build_coarser: Makes its coarser meshes, by ascending error.
     """
 
     blueprint: str
@@ -91,6 +106,7 @@ class ActorModel:
     parts: tuple[Part, ...]
     wheel_radius_m: float
     cycle: Cycle | None = None
+    build_coarser: Callable[[], tuple[CoarserMesh, ...]] = tuple
 
 
 def part_poses(model: ActorModel, actors: Table) -> Float64Array:

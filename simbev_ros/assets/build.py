@@ -8,7 +8,7 @@ from simbev_ros.assets.land.furnish import furnish_region
 from simbev_ros.assets.land.plazas import plazas_of
 from simbev_ros.assets.markings import paint_markings
 from simbev_ros.assets.region_ground import RegionGround
-from simbev_ros.assets.static_scene import RegionScene
+from simbev_ros.assets.region_scene import RegionScene
 from simbev_ros.assets.street.obstacles import obstacles_on
 from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.maps.land.terrain import Terrain

@@ -8,7 +8,8 @@ import numpy as np
 
 from simbev_ros.assets.land.plazas import plaza_arrays, plazas_from
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import RegionScene, StreetLight, Streetside, Tile
+from simbev_ros.assets.region_scene import RegionScene, Streetside
+from simbev_ros.assets.static_scene import StreetLight, Tile
 from simbev_ros.types import AnyArray
 
 

@@ -18,7 +18,8 @@ from simbev_ros.assets.facets import TILE_M
 from simbev_ros.assets.far_land import FarLand, cells_of, far_land, far_tiles
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.region_file import read_region, read_streetside, write_region
-from simbev_ros.assets.static_scene import RegionScene, StaticScene, StreetLight, Streetside, Tile
+from simbev_ros.assets.region_scene import RegionScene, Streetside
+from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.errors import InputError
 from simbev_ros.maps.cache import default_cache_dir

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
-from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,37 +29,6 @@ class StreetLight:
     """A lamp: position of its light source in the map frame, metres."""
 
     position_m: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class RegionScene:
-    """A region's part of it; the lamps' indices, in ``uv``, count the region's own street lights.
-
-    Attributes:
-        tiles: The meshes.
-        street_lights: Lamps.
-        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE``; what people on sidewalks walk around.
-        plazas: Those that people visit.
-    """
-
-    tiles: tuple[Tile, ...]
-    street_lights: tuple[StreetLight, ...]
-    obstacles: Table
-    plazas: tuple[Plaza, ...]
-
-
-class Streetside(NamedTuple):
-    """What the simulation needs to know of the immobile world.
-
-    Attributes:
-        light_m: (L, 3) places of the street lights, in their order.
-        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE``; what people on sidewalks walk around.
-        plazas: Those that people visit.
-    """
-
-    light_m: Float64Array
-    obstacles: Table
-    plazas: tuple[Plaza, ...]
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True)

@@ -1,4 +1,4 @@
-"""``simbev bench``: ticks per second of a configuration and where the time goes; or the cost of ever more actors."""
+"""``simbev bench``: what a graph, its cameras or its world cost on this machine."""
 
 import json
 import tempfile
@@ -9,26 +9,37 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from typer.core import TyperGroup
 
+from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Timing
+from simbev_ros.config.rendering import QUALITIES, Quality
+from simbev_ros.config.scenario import Scenario, Timing
+
+_DEFAULT = "graph"
+_LEAST_PX = 16
+
+_Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
-def bench(
-    config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper.")] = "demo",
-    ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
-    record: Annotated[bool, typer.Option(help="Record too, to a temporary folder.")] = True,
-    world: Annotated[
-        str | None,
-        typer.Option(help="Time the world node alone on this map instead, with 50 to 950 actors.", metavar="MAP"),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
-) -> None:
-    """Time the whole graph: ticks per second, and for each node the time per tick and the processor time.
+class _DefaultGroup(TyperGroup):
+    """Without a command's name the arguments are those of ``graph``."""
 
-    With --world, time the world node's ticks (traffic, motion, publishing) on one map with 50, 150, 300, 600 and 950
-    actors, a third of them vehicles. The growth is the exponent of the number of actors: at most 1 is at most linear.
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the name in where it is missing."""
+        named = bool(args) and (args[0] in self.commands or args[0] in ctx.help_option_names)
+        rest: list[str] = super().parse_args(ctx, args if named else [_DEFAULT, *args])
+        return rest
+
+
+bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
+
+
+@bench.callback()
+def _bench() -> None:
+    """Time the whole graph, or the cameras or the world alone. Without a command's name it is the graph.
 
     [bold]Examples[/]
 
@@ -36,32 +47,29 @@ def bench(
 
     simbev bench live --no-record --json
 
-    simbev bench --world Town10HD --ticks 200
-    """
-    scenario = load_scenario(config)
-    timing = Timing(
-        tick_s=scenario.time.tick_s, warm_up_s=scenario.time.warm_up_s, duration_s=ticks * scenario.time.tick_s
-    )
-    scenario = scenario.model_copy(update={"time": timing, "scenes": scenario.scenes[:1]})
-    if world is not None:
-        from simbev_ros.cli.world_timing import timed_world
+    simbev bench cameras --quality low --size 800x450
 
-        grown = timed_world(scenario, world)
-        _show(
-            grown,
-            f"world node on {grown.map}, growth {grown.growth:.2f}",
-            ("vehicles", "people", "busy ms/tick", "99th percentile", "CPU ms/tick"),
-            [
-                (f"{row.vehicles}", f"{row.people}", f"{row.mean_ms:.1f}", f"{row.p99_ms:.1f}", f"{row.cpu_ms:.1f}")
-                for row in grown.scenes
-            ],
-            as_json=as_json,
-        )
-        return
+    simbev bench world Town10HD --ticks 200
+    """
+
+
+@bench.command()
+def graph(
+    config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper.")] = "demo",
+    ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
+    record: Annotated[bool, typer.Option(help="Record too, to a temporary folder.")] = True,
+    as_json: _Json = False,
+) -> None:
+    """Time the whole graph: ticks per second, and for each node the time per tick and the processor time.
+
+    [bold]Example[/]
+
+    simbev bench live --no-record --json
+    """
     from simbev_ros.cli.timing import timed_graph
 
     with tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as folder:
-        result = timed_graph(scenario, Path(folder) / "dataset" if record else None)
+        result = timed_graph(_shortened(config, ticks), Path(folder) / "dataset" if record else None)
     _show(
         result,
         f"{result.ticks_per_s:.2f} ticks/s",
@@ -69,6 +77,104 @@ def bench(
         [(row.name, f"{row.busy_ms:.1f}", f"{row.cpu_ms:.1f}", f"{row.memory_mib:.0f}") for row in result.processes],
         as_json=as_json,
     )
+
+
+@bench.command()
+def cameras(
+    map_name: Annotated[str, typer.Option("--map", help="A town, or a file.")] = "Town03",
+    actors: Annotated[int, typer.Option(help="Half vehicles, half people on foot; riders come on top.", min=2)] = 100,
+    quality: Annotated[Quality | None, typer.Option(help="Of the colour images; all of them when omitted.")] = None,
+    size: Annotated[str, typer.Option(help="Of every image, pixels.", metavar="WIDTHxHEIGHT")] = "1600x900",
+    frames: Annotated[int, typer.Option(help="Frames to time; the median counts.", min=1, max=1000)] = 5,
+    as_json: _Json = False,
+) -> None:
+    """Time the paper's six cameras with five modalities each, by day, at each quality: a whole frame, and its parts.
+
+    A frame begins with the state of the world and ends with all images in memory. The parts are timed in frames of
+    their own, because waiting for each takes longer. Where the package mujoco is installed, its renderer draws the
+    same triangles for comparison.
+
+    [bold]Example[/]
+
+    simbev bench cameras --quality medium --frames 10 --json
+    """
+    from simbev_ros.cli.camera_scene import camera_scene, paper_cameras
+    from simbev_ros.cli.camera_timing import steps, timed_cameras
+
+    size_px, console = picture_size_px(size, _LEAST_PX), Console(stderr=True)
+    qualities = QUALITIES if quality is None else (quality,)
+    scene = camera_scene(map_name, actors, frames + 2, console)
+    columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, expand=True, transient=True) as bars:
+        task = bars.add_task("", total=steps(scene, qualities))
+        result = timed_cameras(scene, paper_cameras(), size_px, qualities, lambda: bars.advance(task))
+    rows = [
+        (timing.quality if cost is timing.total else "", cost.name, f"{cost.wall_ms:.1f}", f"{cost.cpu_ms:.1f}")
+        for timing in result.qualities
+        for cost in (timing.total, *timing.parts)
+    ]
+    if result.mujoco is not None:
+        total = result.mujoco.total
+        rows.append(("", total.name, f"{total.wall_ms:.1f}", f"{total.cpu_ms:.1f}"))
+    _show(
+        result,
+        f"{result.cameras} cameras of {result.width_px} x {result.height_px} on {result.map}, {result.actors} actors, "
+        f"{result.triangles:,} triangles; {result.renderer}",
+        ("quality", "", "wall ms/frame", "CPU ms/frame"),
+        rows,
+        as_json=as_json,
+    )
+    if as_json:
+        return
+    if result.mujoco is None:
+        console.print("To compare with another renderer: pip install mujoco", style="dim")
+    else:
+        ratios = f"{result.mujoco.wall_ratio:.2f} times our time, {result.mujoco.cpu_ratio:.2f} times our CPU time"
+        console.print(
+            f"MuJoCo {result.mujoco.version}, the same triangles and cameras: {ratios}; flat colours, depth and "
+            "segmentation in three passes; no sky, textures, ambient occlusion, anti-aliasing or flow",
+            style="dim",
+            highlight=False,
+        )
+
+
+@bench.command()
+def world(
+    map_name: Annotated[str, typer.Argument(help="A town, or a file.", metavar="MAP")] = "Town10HD",
+    config: Annotated[str, typer.Option(help="Configuration of the traffic: a file, or demo, live, paper.")] = "demo",
+    ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
+    as_json: _Json = False,
+) -> None:
+    """Time the world node alone on one map: traffic, motion, publishing, with 50 to 950 actors.
+
+    A third of the actors are vehicles. The growth is the exponent of the number of actors: at most 1 is at most linear.
+
+    [bold]Example[/]
+
+    simbev bench world Town10HD --ticks 200
+    """
+    from simbev_ros.cli.world_timing import timed_world
+
+    grown = timed_world(_shortened(config, ticks), map_name)
+    _show(
+        grown,
+        f"world node on {grown.map}, growth {grown.growth:.2f}",
+        ("vehicles", "people", "busy ms/tick", "99th percentile", "CPU ms/tick"),
+        [
+            (f"{row.vehicles}", f"{row.people}", f"{row.mean_ms:.1f}", f"{row.p99_ms:.1f}", f"{row.cpu_ms:.1f}")
+            for row in grown.scenes
+        ],
+        as_json=as_json,
+    )
+
+
+def _shortened(config: str, ticks: int) -> Scenario:
+    """A configuration's first scene, of so many ticks."""
+    scenario = load_scenario(config)
+    timing = Timing(
+        tick_s=scenario.time.tick_s, warm_up_s=scenario.time.warm_up_s, duration_s=ticks * scenario.time.tick_s
+    )
+    return scenario.model_copy(update={"time": timing, "scenes": scenario.scenes[:1]})
 
 
 def _show(result: Any, title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:

@@ -49,7 +49,7 @@ def _findings() -> Iterator[Finding]:
     for package, use in (("tf2_msgs", "/tf live"), ("vision_msgs", "Detection3DArray")):
         there = util.find_spec(package) is not None
         yield Finding(package, f"installed: {use}" if there else f"not installed: no {use} (bags are not affected)")
-    yield _checked("renderer", _renderer)
+    yield from _renderers()
     yield _checked("ray caster", _ray_caster)
     yield _checked("traffic", _traffic)
     yield _shared_memory()
@@ -71,10 +71,25 @@ def _ros() -> str:
     return f"rclpy from {origin}, {describe_ros()}"
 
 
-def _renderer() -> str:
-    from simbev_ros.render.context import describe_renderer
+def _renderers() -> Iterator[Finding]:
+    """What cameras are drawn with, and every device of EGL: used, in reserve, or why it cannot be used."""
+    from simbev_ros.render.context import describe_renderer, survey_devices
 
-    return describe_renderer()
+    renderer = _checked("renderer", describe_renderer)
+    yield renderer
+    try:
+        surveys = survey_devices()
+    except SimbevError:  # the renderer's line says it already
+        return
+    gpus = sum(survey.renderer is not None and not survey.device.software for survey in surveys)
+    for survey in surveys:
+        if survey.renderer is None:
+            found = f"{survey.device.name}: {survey.reason}"
+        elif survey.device.software and gpus:
+            found = f"in reserve, there is a GPU: {survey.renderer}"
+        else:
+            found = f"used: {survey.renderer}" + (", by camera processes in turn" if gpus > 1 else "")
+        yield Finding(f"EGL device {survey.device.index}", found)
 
 
 def _ray_caster() -> str:

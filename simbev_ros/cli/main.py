@@ -31,9 +31,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (demo, run, replay, scene, info, preview, doctor, bench):
+for _verb in (demo, run, replay, scene, info, preview, doctor):
     app.command()(_verb)
 app.command("map")(map_)
+app.add_typer(bench, name="bench")
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,4 +1,4 @@
-"""``simbev preview``: pictures of a recorded scene."""
+"""``simbev preview``: pictures of a recorded scene, or a gallery of what there is to see."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,26 +8,61 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
+from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
+
+_GALLERY = "Gallery"
 
 
 def preview(
-    bag: Annotated[Path, typer.Argument(help="A scene's bag: its folder or its .mcap file.")],
+    bag: Annotated[
+        Path | None, typer.Argument(help="A scene's bag: its folder or its .mcap file.", show_default=False)
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path(),
     frame: Annotated[int | None, typer.Option(help="Frame of the contact sheet; by default the middle one.")] = None,
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace pictures that are there.")] = False,
+    gallery: Annotated[
+        Path | None,
+        typer.Option(
+            help="No bag: draw towns, weathers and modalities into this folder.",
+            metavar="OUT",
+            rich_help_panel=_GALLERY,
+        ),
+    ] = None,
+    maps: Annotated[
+        list[str] | None,
+        typer.Option("--map", help="Only of this town or map file; may be repeated.", rich_help_panel=_GALLERY),
+    ] = None,
+    size: Annotated[
+        str, typer.Option(help="Of each picture, in pixels.", metavar="WxH", rich_help_panel=_GALLERY)
+    ] = "1600x900",
+    quality: Annotated[Quality, typer.Option(help="Of drawing: low, medium, high.", rich_help_panel=_GALLERY)] = "high",
+    seed: Annotated[
+        int, typer.Option(help="Of all that maps leave open.", min=0, max=2**31, rich_help_panel=_GALLERY)
+    ] = 0,
 ) -> None:
-    """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene.
+    """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene; or a gallery.
 
     [bold]Examples[/]
 
     simbev preview out/demo/scenes/train/Blocks-0000 --out pictures
 
     simbev preview out/demo/scenes/train/Blocks-0000 --frame 12 --no-video
+
+    simbev preview --gallery pictures --map Town03 --map Town10HD
     """
+    from simbev_ros.cli.gallery import make_gallery
+
     console = Console()
-    for path in make_preview(bag, out, frame=frame, video=video, overwrite=overwrite, console=console):
+    if (bag is None) == (gallery is None):
+        raise InputError("give either a scene's bag, or --gallery and a folder for its pictures")
+    if gallery is not None:
+        paths = make_gallery(gallery, maps or [], size, quality, seed, overwrite=overwrite, console=console)
+    else:
+        assert bag is not None
+        paths = make_preview(bag, out, frame=frame, video=video, overwrite=overwrite, console=console)
+    for path in paths:
         console.print(f"[green]wrote[/] {escape(str(path))}", highlight=False, soft_wrap=True)
 
 

@@ -156,8 +156,14 @@ def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list
         elif "discriminator" in node and key in node["discriminator"].get("mapping", {}):
             node = {"$ref": node["discriminator"]["mapping"][key]}
         else:
-            node = next((branch for branch in node.get("anyOf", node.get("oneOf", [])) if "$ref" in branch), {})
-    return list(_resolve(node, schema).get("properties", {}))
+            node = _branch(node)
+    node = _resolve(node, schema)
+    return list(_resolve(_branch(node) if "anyOf" in node else node, schema).get("properties", {}))
+
+
+def _branch(node: Any) -> Any:
+    """The model among alternatives."""
+    return next((branch for branch in node.get("anyOf", node.get("oneOf", [])) if "$ref" in branch), {})
 
 
 def _resolve(node: Any, schema: Any) -> Any:

@@ -8,6 +8,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
 from simbev_ros.geometry.grid import BevGrid
 
@@ -161,6 +162,7 @@ class Recording(Model):
     """How scenes are recorded."""
 
     images: Literal["compressed", "raw"] = Field("compressed", description="compressed: JPEG and PNG forms")
+    jpeg_quality: int = Field(90, ge=1, le=100, description="of colour images, also on live topics")
     chunk_kib: int = Field(4096, ge=64, le=65_536)
 
 
@@ -168,7 +170,6 @@ class GraphConfig(Model):
     """Processes and lockstep."""
 
     window_ticks: int = Field(3, ge=1, le=8, description="ticks that the world may be ahead of the slowest node")
-    camera_processes: int = Field(1, ge=1, le=16)
     participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready to wait for")
     silence_timeout_s: float = Field(60.0, ge=1, le=3600, description="a node silent for longer ends the scene")
 
@@ -186,6 +187,7 @@ class Scenario(Model):
     traffic: Traffic = Traffic()
     hazards: Hazards = Hazards()
     annotation: Annotation = Annotation()
+    rendering: Rendering = Rendering()
     recording: Recording = Recording()
     graph: GraphConfig = GraphConfig()
 

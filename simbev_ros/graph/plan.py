@@ -47,14 +47,8 @@ def planned_processes(scenario: Scenario, *, live: bool, dataset: Path | None) -
 
 
 def _processes_behind_world(scenario: Scenario, *, live: bool, dataset: Path | None) -> Iterator[ProcessPlan]:
-    compressed = scenario.recording.images == "compressed"
     common = {"live": live, "recorded": dataset is not None}
-    cameras = [camera.name for camera in scenario.rig.of_type(Camera)]
-    shares = min(scenario.graph.camera_processes, len(cameras))
-    for index in range(shares):
-        name = "camera" if shares == 1 else f"camera_{index}"
-        sensors = {"sensors": cameras[index::shares], "compressed": compressed}
-        yield (NodePlan("camera", name, {**common, **sensors}),)
+    yield from _camera_processes(scenario, common)
     if scenario.rig.of_type(Lidar):
         yield (NodePlan("lidar", "lidar", common),)
     light = [
@@ -68,7 +62,23 @@ def _processes_behind_world(scenario: Scenario, *, live: bool, dataset: Path | N
             "live": live,
             "dataset": str(dataset.resolve()),
             "config": yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False),
-            "compressed": compressed,
+            "compressed": scenario.recording.images == "compressed",
             "chunk_kib": scenario.recording.chunk_kib,
         }
         yield (NodePlan("recorder", "recorder", parameters),)
+
+
+def _camera_processes(scenario: Scenario, common: _Parameters) -> Iterator[ProcessPlan]:
+    """The rig's cameras, dealt out to processes, and those to GPUs."""
+    cameras = [camera.name for camera in scenario.rig.of_type(Camera)]
+    processes = min(scenario.rendering.processes, len(cameras))
+    for index in range(processes):
+        parameters = {
+            "sensors": cameras[index::processes],
+            "compressed": scenario.recording.images == "compressed",
+            "jpeg_quality": scenario.recording.jpeg_quality,
+            "quality": scenario.rendering.quality,
+            "device": str(scenario.rendering.device_of(index)),
+            "turn": index,
+        }
+        yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)

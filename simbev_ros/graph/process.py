@@ -9,7 +9,8 @@ from pathlib import Path
 
 import yaml
 
-from simbev_ros.nodes.main import SUPERVISOR_VARIABLE
+from simbev_ros.errors import InputError
+from simbev_ros.nodes.main import ERROR_MARK, SUPERVISOR_VARIABLE
 
 NodeParameters = Mapping[str, Mapping[str, object]]
 """Node name → its parameters."""
@@ -81,6 +82,13 @@ class NodeProcess:
             reason = f"killed by {signal.Signals(-code).name}"
         words = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
         return f"{reason}: {words[-1]}" if words else reason
+
+    def refusal(self) -> str | None:
+        """Why it ended, where that is the input's or this machine's fault and not its own."""
+        if self.exit_code != InputError.exit_code:
+            return None
+        _, mark, words = f"\n{self.log.read_text(errors='replace')}".rpartition(f"\n{ERROR_MARK}")
+        return words.strip() if mark else None
 
     def terminate(self) -> None:
         """Ask it to end."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import GraphError
+from simbev_ros.errors import GraphError, InputError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.monitor import GraphMonitor
@@ -83,6 +83,7 @@ class GraphSession:
             replay: A bag to take all motion from; None: it is simulated.
 
         Raises:
+            InputError: a node cannot do what is asked for, or not on this machine; the message says what to change.
             GraphError: a node died, or was silent for too long; the message names it.
         """
         self.monitor.request(SceneRequest(spec=spec, replay=None if replay is None else str(replay.resolve())))
@@ -139,6 +140,8 @@ class GraphSession:
         where = "while the scene was loading" if tick is None else f"after tick {tick}"
         for process in self._processes:
             if process.exit_code is not None:
+                if refusal := process.refusal():
+                    raise InputError(f"node {process.label}: {refusal}")
                 self._fail(f"node {process.label} died {where}: {process.describe_end()}")
         timeout_s = self._scenario.graph.silence_timeout_s
         silent = self.monitor.silent(timeout_s)

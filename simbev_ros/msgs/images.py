@@ -5,7 +5,7 @@ from array import array
 import numpy as np
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.msgs.stamps import header
 from simbev_ros.types import AnyArray
 
@@ -48,14 +48,18 @@ def compressed_image_message(data: bytes, image_format: str, stamp_ns: int, fram
 
 
 def camera_info_message(camera: PinholeCamera, stamp_ns: int, frame: str) -> CameraInfo:
-    """CameraInfo of an ideal camera: no distortion, rectification the identity."""
+    """CameraInfo of a camera.
+
+    The images are as the lens distorts them (``image_raw``). P is that of a rectified image with the same K, as most
+    drivers publish it: of a monocular camera, so R is the identity and P has no fourth column.
+    """
     matrix = camera.matrix
     return CameraInfo(
         header=header(stamp_ns, frame),
         height=camera.height_px,
         width=camera.width_px,
         distortion_model="plumb_bob",
-        d=[0.0] * 5,
+        d=list(camera.distortion) if isinstance(camera, LensCamera) else [0.0] * 5,
         k=matrix.ravel().tolist(),
         r=np.eye(3).ravel().tolist(),
         p=np.hstack([matrix, np.zeros((3, 1))]).ravel().tolist(),

@@ -1,7 +1,10 @@
-"""The camera node: renders its cameras' images of each due tick and publishes them, raw and compressed."""
+"""The camera node: renders its cameras' images of each due tick and publishes them, raw and compressed.
+
+An image is drawn, read back, encoded and sent only where somebody reads it; a recorder is a reader like any other.
+"""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from typing import NamedTuple
@@ -9,23 +12,48 @@ from typing import NamedTuple
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.assets.catalogue import load_models
+from simbev_ros.config.rendering import QUALITIES, Device, Quality, Rendering
 from simbev_ros.config.rig import Camera, Modality
+from simbev_ros.config.scenario import Recording
+from simbev_ros.errors import InputError
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
 from simbev_ros.msgs.topics import Topic, camera_info_topic, compressed_topic, image_topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode
-from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.render.context import open_context
+from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import AnyArray
 
 
+class _Topics(NamedTuple):
+    """Those of one modality of a camera."""
+
+    raw: str
+    compressed: str
+    info: str
+
+    @classmethod
+    def of(cls, agent: str, camera: str, modality: Modality) -> "_Topics":
+        return cls(
+            image_topic(agent, camera, modality),
+            compressed_topic(agent, camera, modality),
+            camera_info_topic(agent, camera, modality),
+        )
+
+
 class _Output(NamedTuple):
+    """A modality of a camera at a tick: where it goes, whether anybody reads its forms, and the image if so."""
+
     camera: Camera
     modality: Modality
-    image: AnyArray
+    topics: _Topics
+    raw: bool
+    compressed: bool
+    image: AnyArray | None = None
 
 
 class CameraNode(Participant):
@@ -35,6 +63,12 @@ class CameraNode(Participant):
         super().__init__(name)
         self._names = self.declared("sensors", [], "Names of the rig's cameras that this node serves; empty: all")
         self._compressed = self.declared("compressed", True, "Record the compressed image topics instead of the raw")
+        self._jpeg_quality = self.declared("jpeg_quality", Recording().jpeg_quality, "Of colour images, 1 to 100")
+        self._quality = _quality(self.declared("quality", Rendering().quality, "Of drawing: low, medium or high"))
+        device = self.declared("device", "auto", "auto: a GPU, or else the CPU; cpu; or the number of an EGL device")
+        self._device = _device(device)
+        self._turn = self.declared("turn", 0, "Where device is auto: which of the GPUs to try first, counted round")
+        open_context(self._device, self._turn).release()  # a machine that cannot draw says so before all else
         self._renderer: Renderer | None = None
         self._surroundings = Surroundings()
         self._cameras: list[Camera] = []
@@ -47,7 +81,7 @@ class CameraNode(Participant):
         if static is not None:
             if self._renderer is not None:
                 self._renderer.close()
-            self._renderer = Renderer(static, load_models())
+            self._renderer = Renderer(static, load_models(), open_context(self._device, self._turn), self._quality)
         assert self._renderer is not None
         self._renderer.set_lights(spec.lights)
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
@@ -65,50 +99,67 @@ class CameraNode(Participant):
             if state.tick % period:
                 continue
             frame = RenderFrame(state, self._previous.get(period))
-            outputs = self._rendered(list(cameras), frame)
+            outputs = self._rendered(spec, self._outputs(spec, cameras), frame)
             if state.tick >= 0:  # pictures of the lead-in only warm the renderer up
                 self._publish(spec, outputs, frame)
             self._previous[period] = state
 
-    def _rendered(self, cameras: list[Camera], frame: RenderFrame) -> list[_Output]:
+    def _outputs(self, spec: SceneSpec, cameras: Iterable[Camera]) -> list[_Output]:
+        """All modalities of some cameras, and who reads them now."""
+        outputs = []
+        for camera in cameras:
+            for modality in camera.modalities:
+                topics = _Topics.of(spec.rig.agent, camera.name, modality)
+                raw, compressed = self.readers(topics.raw) > 0, self.readers(topics.compressed) > 0
+                outputs.append(_Output(camera, modality, topics, raw, compressed))
+        return outputs
+
+    def _rendered(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> list[_Output]:
+        """The outputs with the images of those that somebody reads; the others are not drawn."""
         assert self._renderer is not None
-        views = [CameraView(c.model, c.pose.ego_from_sensor, c.modalities) for c in cameras]
-        return list(_outputs(cameras, self._renderer.render(views, frame)))
+        wanted: dict[str, list[_Output]] = {}
+        for output in outputs:
+            if output.raw or output.compressed:
+                wanted.setdefault(output.camera.name, []).append(output)
+        views = [
+            CameraView.of(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
+            for each in wanted.values()
+        ]
+        images = dict(zip(wanted, self._renderer.render(views, frame), strict=True)) if views else {}
+        return [
+            output._replace(image=getattr(images.get(output.camera.name), output.modality, None)) for output in outputs
+        ]
 
     def _publish(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> None:
-        agent, stamp_ns = spec.rig.agent, frame.world.stamp_ns
-        encoded = self._encoders.map(lambda output: self._encoded(agent, output), outputs)
+        stamp_ns = frame.world.stamp_ns
+        encoded = self._encoders.map(self._encoded, outputs)
         for output, data in zip(outputs, encoded, strict=True):
-            frame_id = f"{agent}/{output.camera.name}_optical"
-            raw = image_topic(agent, output.camera.name, output.modality)
-            if self.readers(raw):
-                self.publish(raw, image_message(output.image, stamp_ns, frame_id))
+            frame_id = f"{spec.rig.agent}/{output.camera.name}_optical"
+            if output.raw and output.image is not None:
+                self.publish(output.topics.raw, image_message(output.image, stamp_ns, frame_id))
             if data is not None:
-                message = compressed_image_message(data[0], data[1], stamp_ns, frame_id)
-                self.publish(compressed_topic(agent, output.camera.name, output.modality), message)
-            info = camera_info_message(output.camera.model, stamp_ns, frame_id)
-            self.publish(camera_info_topic(agent, output.camera.name, output.modality), info)
+                self.publish(output.topics.compressed, compressed_image_message(*data, stamp_ns, frame_id))
+            self.publish(output.topics.info, camera_info_message(output.camera.model, stamp_ns, frame_id))
 
-    def _encoded(self, agent: str, output: _Output) -> tuple[bytes, str] | None:
+    def _encoded(self, output: _Output) -> tuple[bytes, str] | None:
         """Compressed bytes and format, where somebody listens."""
-        if not self.readers(compressed_topic(agent, output.camera.name, output.modality)):
+        if not output.compressed or output.image is None:
             return None
         encoding = encoding_of(output.image)
-        return encode(encoding, output.image), compressed_format(encoding)
+        return encode(encoding, output.image, self._jpeg_quality), compressed_format(encoding)
 
     def _advertise(self, spec: SceneSpec) -> Iterator[str]:
         """Make the publishers; give the topics that a recorder takes."""
-        agent = spec.rig.agent
         for camera in self._cameras:
             for modality in camera.modalities:
-                raw = image_topic(agent, camera.name, modality)
-                compressed = compressed_topic(agent, camera.name, modality)
-                info = camera_info_topic(agent, camera.name, modality)
-                self.advertise(Topic(raw, "sensor_msgs/msg/Image", sensor=True), Image)
-                self.advertise(Topic(compressed, "sensor_msgs/msg/CompressedImage", sensor=True), CompressedImage)
-                self.advertise(Topic(info, "sensor_msgs/msg/CameraInfo", sensor=True), CameraInfo)
-                yield compressed if self._compressed else raw
-                yield info
+                topics = _Topics.of(spec.rig.agent, camera.name, modality)
+                self.advertise(Topic(topics.raw, "sensor_msgs/msg/Image", sensor=True), Image)
+                self.advertise(
+                    Topic(topics.compressed, "sensor_msgs/msg/CompressedImage", sensor=True), CompressedImage
+                )
+                self.advertise(Topic(topics.info, "sensor_msgs/msg/CameraInfo", sensor=True), CameraInfo)
+                yield topics.compressed if self._compressed else topics.raw
+                yield topics.info
 
     def close(self) -> None:
         """Free the GL resources."""
@@ -117,7 +168,20 @@ class CameraNode(Participant):
             self._renderer.close()
 
 
-def _outputs(cameras: list[Camera], images: list[CameraImages]) -> Iterator[_Output]:
-    for camera, rendered in zip(cameras, images, strict=True):
-        for modality in camera.modalities:
-            yield _Output(camera, modality, getattr(rendered, modality))
+def _quality(name: str) -> Quality:
+    """The quality of that name."""
+    for quality in QUALITIES:
+        if quality == name:
+            return quality
+    raise InputError(f"parameter quality is {name!r}; allowed: {', '.join(QUALITIES)}")
+
+
+def _device(name: str) -> Device:
+    """What the parameter ``device`` means."""
+    if name == "auto":
+        return "auto"
+    if name == "cpu":
+        return "cpu"
+    if not name.isdecimal():
+        raise InputError(f"parameter device is {name!r}; allowed: auto, cpu, or the number of an EGL device")
+    return int(name)

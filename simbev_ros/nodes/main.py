@@ -28,6 +28,9 @@ KINDS = {
 SUPERVISOR_VARIABLE = "SIMBEV_SUPERVISOR_PID"
 """Set for processes that must not outlive the one that started them."""
 
+ERROR_MARK = "error: "
+"""Begins the line, and what follows it, in which a process says why it ends."""
+
 _PR_SET_PDEATHSIG = 1
 
 
@@ -51,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
         while not stop.requested:
             executor.spin_once(timeout_sec=0.1)
     except SimbevError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"{ERROR_MARK}{error}", file=sys.stderr)
         return error.exit_code
     finally:
         for node in nodes:

@@ -2,7 +2,7 @@
 
 | encoding | form | error |
 |---|---|---|
-| rgb8 | JPEG, quality 90, 4:2:0 | that of JPEG |
+| rgb8 | JPEG, by default of quality 90, 4:2:0 | that of JPEG |
 | mono8, mono16 | PNG | none |
 | 32FC1 depth | compressed_depth_image_transport's: inverse depth as 16-bit PNG | see ``encode_depth`` |
 | 32FC2 flow | KITTI's: u, v, valid as 16-bit PNG | 1/128 px; beyond ±512 px it becomes invalid |
@@ -16,10 +16,11 @@ import cv2
 import numpy as np
 import simplejpeg
 
+from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import BagError
 from simbev_ros.types import AnyArray, Float32Array, UInt8Array
 
-_JPEG_QUALITY = 90
+_JPEG_QUALITY = Recording().jpeg_quality
 # Told no level, OpenCV takes level 1 and the filter SUB, in all its versions. Told a level, it picks a filter for each
 # row: that takes three times as long, and our images, which are smooth or flat, gain little.
 _PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
@@ -31,10 +32,10 @@ _FLOW_UNITS_PER_PX = 64.0
 _FLOW_ZERO = 32768
 
 
-def encode_rgb(image: UInt8Array) -> bytes:
-    """JPEG of an (H, W, 3) uint8 RGB image."""
+def encode_rgb(image: UInt8Array, quality: int = _JPEG_QUALITY) -> bytes:
+    """JPEG of an (H, W, 3) uint8 RGB image; quality from 1 to 100."""
     data: bytes = simplejpeg.encode_jpeg(
-        np.ascontiguousarray(image), quality=_JPEG_QUALITY, colorspace="RGB", colorsubsampling="420"
+        np.ascontiguousarray(image), quality=quality, colorspace="RGB", colorsubsampling="420"
     )
     return data
 
@@ -132,8 +133,10 @@ def compressed_format(encoding: str) -> str:
     return _CODECS[encoding].format
 
 
-def encode(encoding: str, image: AnyArray) -> bytes:
+def encode(encoding: str, image: AnyArray, jpeg_quality: int = _JPEG_QUALITY) -> bytes:
     """``CompressedImage.data`` for an image of this ROS encoding."""
+    if encoding == "rgb8":
+        return encode_rgb(image, jpeg_quality)
     return _CODECS[encoding].encode(image)
 
 

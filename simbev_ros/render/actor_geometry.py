@@ -1,4 +1,7 @@
-"""The actors on the GPU: one vertex array per model, drawn instanced. Poses come from the table of rigid parts."""
+"""The actors on the GPU: all models, each in several levels of detail, in one vertex array that is drawn in pieces.
+
+An actor's level follows from the world and the view alone. Poses come from the table of rigid parts.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,16 +9,17 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.mesh import Mesh
 from simbev_ros.render.hidden import Occluders
-from simbev_ros.render.proxy import coarse_mesh
 from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import BoolArray, Float64Array, UInt8Array
+from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
 
 _MAX_INSTANCES = 4096
-_COARSE_CELL_M = 0.3
+_ERROR_PX = 0.5
+"""How far coarser meshes may be from the exact one."""
 
 
 class ActorGeometry:
@@ -28,15 +32,18 @@ class ActorGeometry:
         programs: Mapping[str, moderngl.Program],
         shading_class: UInt8Array,
     ) -> None:
-        """Upload the models for use with ``programs``; for those whose name starts with "coarse", coarse meshes."""
-        fine = {name: program for name, program in programs.items() if not name.startswith("coarse")}
-        coarse = {name: program for name, program in programs.items() if name.startswith("coarse")}
-        self._instances = [context.buffer(reserve=4 * _MAX_INSTANCES) for _ in models]
-        self._arrays = [
-            upload_mesh(context, model.mesh, fine, shading_class, instances)
-            | upload_mesh(context, coarse_mesh(model.mesh, _COARSE_CELL_M), coarse, shading_class, instances)
-            for model, instances in zip(models, self._instances, strict=True)
-        ]
+        """Upload the models for use with ``programs``."""
+        coarser = [model.build_coarser() for model in models]
+        meshes = [[model.mesh, *(level.mesh for level in more)] for model, more in zip(models, coarser, strict=True)]
+        self._instances = context.buffer(reserve=4 * _MAX_INSTANCES)
+        merged = Mesh.merged([mesh for levels in meshes for mesh in levels])
+        self._arrays = upload_mesh(context, merged, programs, shading_class, self._instances)
+        counts = [[3 * len(mesh.triangles) for mesh in levels] for levels in meshes]
+        ends = iter(np.cumsum([count for levels in counts for count in levels]).tolist())
+        self._pieces = [[(next(ends) - count, count) for count in levels] for levels in counts]
+        self._errors_m = np.full((len(models), max(map(len, meshes), default=1)), np.inf)
+        for row, more in zip(self._errors_m, coarser, strict=True):
+            row[: 1 + len(more)] = [0.0, *(level.error_m for level in more)]
 
     def draw(
         self,
@@ -44,17 +51,36 @@ class ActorGeometry:
         world: WorldState,
         table: RigidTable,
         chosen: BoolArray,
+        pixel_m: Float64Array,
         **matrices: Float64Array,
     ) -> None:
-        """Draw the (N,) chosen actors of the world, with (4, 4) ``matrices`` as the program's uniforms."""
-        blueprints = world.actors["blueprint"]
-        for blueprint in np.unique(blueprints[chosen]):
-            rows = table.first_row[chosen & (blueprints == blueprint)].astype(np.uint32)
-            self._instances[blueprint].write(rows.tobytes())
-            array = self._arrays[blueprint][program]
-            for name, matrix in matrices.items():
-                array.program[name].write(matrix.T.astype(np.float32).tobytes())
-            array.render(instances=len(rows))
+        """Draw the chosen actors of the world.
+
+        Args:
+            program: Its name.
+            world: The world.
+            table: Its table.
+            chosen: (N,) which of its actors.
+            pixel_m: (N,) the size of a pixel where they are.
+            matrices: The program's uniforms, (4, 4).
+        """
+        array = self._arrays[program]
+        for name, matrix in matrices.items():
+            array.program[name].write(matrix.T.astype(np.float32).tobytes())
+        blueprints, levels = world.actors["blueprint"][chosen], self._levels(world, pixel_m)[chosen]
+        rows = table.first_row[chosen].astype(np.uint32)
+        for blueprint, level in np.unique(np.stack([blueprints, levels], axis=1), axis=0).tolist():
+            alike = rows[(blueprints == blueprint) & (levels == level)]
+            first, count = self._pieces[blueprint][level]
+            self._instances.write(alike.tobytes())
+            array.render(vertices=count, first=first, instances=len(alike))
+
+    def _levels(self, world: WorldState, pixel_m: Float64Array) -> Int64Array:
+        """(N,) the coarsest level of each actor that may be drawn."""
+        errors_m = self._errors_m[world.actors["blueprint"]]
+        fits = errors_m <= _ERROR_PX * pixel_m[:, None]
+        fits[world.actors["doors"] != 0, 1:] = False
+        return fits.sum(axis=1) - 1
 
 
 def visible_actors(world: WorldState, table: RigidTable, view: View, occluders: Occluders, show_ego: bool) -> BoolArray:

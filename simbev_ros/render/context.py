@@ -9,8 +9,7 @@ import moderngl
 
 from simbev_ros.config.rendering import Device
 from simbev_ros.errors import RenderError
-from simbev_ros.render.devices import INSTALL_MESA, EglDevice, is_software, list_devices, software_wanted
-from simbev_ros.render.failures import TO_CPU, describe_context
+from simbev_ros.render.devices import INSTALL_MESA, TO_CPU, EglDevice, is_software, list_devices, software_wanted
 
 GL_VERSION = 330
 _LEAST_VERSION = 100
@@ -75,6 +74,11 @@ def survey_devices() -> list[Survey]:
     return [_surveyed(device) for device in list_devices()]
 
 
+def describe_context(context: moderngl.Context) -> str:
+    """Renderer and OpenGL version, for people."""
+    return f"{context.info['GL_RENDERER']}, OpenGL {context.info['GL_VERSION']}"
+
+
 def _surveyed(device: EglDevice) -> Survey:
     wish = software_wanted()
     if wish and not device.software:
@@ -135,8 +139,10 @@ def _why_closed(device: EglDevice, error: Exception) -> str:
         older = _created(device, _LEAST_VERSION)
     except Exception:  # glcontext raises bare Exception; what it said at first is the better reason
         return f"cannot be opened: {error}; update its driver"
-    version = older.info["GL_VERSION"]
+    version, code = older.info["GL_VERSION"], older.version_code
     older.release()
+    if code >= GL_VERSION:
+        return f"cannot be opened: {error}; update its driver"
     forced = os.environ.get("MESA_GL_VERSION_OVERRIDE")
     remedy = f"unset MESA_GL_VERSION_OVERRIDE={forced}" if forced else "update its driver"
     return f"has only OpenGL {version}, and 3.3 is needed; {remedy}"

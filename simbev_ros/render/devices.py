@@ -8,6 +8,7 @@ from typing import Any
 
 from simbev_ros.errors import RenderError
 
+TO_CPU = "set rendering.gpus: [] in the configuration, or LIBGL_ALWAYS_SOFTWARE=1, to draw on the CPU"
 INSTALL_MESA = "Debian, Ubuntu: apt install libegl1 libegl-mesa0 libgl1-mesa-dri libgl1"
 _REMEDY = f"Install Mesa ({INSTALL_MESA}) or the EGL part of the GPU's driver, and run `simbev doctor`"
 _MOST = 64

@@ -6,17 +6,13 @@ from contextlib import contextmanager
 import moderngl
 
 from simbev_ros.errors import RenderError
+from simbev_ros.render.context import describe_context
+from simbev_ros.render.devices import TO_CPU
 
-TO_CPU = "set rendering.gpus: [] in the configuration, or LIBGL_ALWAYS_SOFTWARE=1, to draw on the CPU"
 _LESS = (
     "Lower width_px and height_px of the cameras, rendering.processes or rendering.quality, "
     "or end other programs that use this memory"
 )
-
-
-def describe_context(context: moderngl.Context) -> str:
-    """Renderer and OpenGL version, for people."""
-    return f"{context.info['GL_RENDERER']}, OpenGL {context.info['GL_VERSION']}"
 
 
 @contextmanager

@@ -23,6 +23,7 @@ LAMP_DTYPE = np.dtype(
         ("reach_m", "<f4"),  # of the glow
         ("glare_cd", "<f4"),  # intensity as cameras see it
         ("forward", "<f4"),  # 0 shines all around, 1 ahead only
+        ("height_m", "<f4"),  # above the ground
         ("beam", "u1"),  # 0: no headlamp, 1 low, 2 high beam
         ("row", "<i4"),  # of its vehicle in the actors table, else -1
     ]
@@ -30,7 +31,8 @@ LAMP_DTYPE = np.dtype(
 """A lamp that shines. World: the map frame moved to the frame's origin."""
 
 _SIDE_M = 0.12  # nearer than this to the middle a lamp counts as in the middle
-_SIGNAL_FRONT_M = 0.2
+_SIGNAL_FRONT_M, _SIGNAL_HEIGHT_M = 0.2, 5.0
+_STREET_HEIGHT_M = 7.8
 
 
 @lru_cache(maxsize=1)
@@ -75,6 +77,7 @@ class VehicleLamps:
                 rows = chosen[which]
                 lamps = _filled(len(rows), kind, model.color[lamp] if kind["color"] is None else kind["color"])
                 lamps["at"] = (poses[rows, :3, :3] @ model.at_m[lamp, :, None])[..., 0] + poses[rows, :3, 3]
+                lamps["height_m"] = model.at_m[lamp, 2]
                 lamps["facing"] = poses[rows, :3, 0] * model.ahead[lamp, None]
                 lamps["beam"] = {"low_beam": 1, "high_beam": 2}.get(name, 0)
                 lamps["row"] = rows
@@ -90,6 +93,7 @@ def signal_lamps(signals: Table, origin_m: Float64Array) -> Table:
         lamps = _filled(len(lit), kind, kind["color"])
         lamps["facing"][:, :2] = np.stack([np.cos(lit["yaw"]), np.sin(lit["yaw"])], axis=1)
         middle_m = np.stack([lit["x"], lit["y"], lit["z"] + kind["up_m"]], axis=1) - origin_m
+        lamps["height_m"] = _SIGNAL_HEIGHT_M
         lamps["at"] = middle_m + lamps["facing"] * _SIGNAL_FRONT_M
         found.append(lamps)
     return np.concatenate(found)
@@ -101,6 +105,7 @@ def street_lamps(lights_m: Float64Array, strengths: Float64Array) -> Table:
     lamps = np.zeros(len(lights_m), LAMP_DTYPE)
     lamps["at"], lamps["color"], lamps["row"] = lights_m, kind["color"], -1
     lamps["facing"] = (0.0, 0.0, -1.0)
+    lamps["forward"], lamps["height_m"] = kind["forward"], _STREET_HEIGHT_M
     lamps["glare_cd"] = kind["glare_cd"] * strengths
     return lamps
 

@@ -7,35 +7,51 @@ from importlib.resources import files
 import numpy as np
 import yaml
 
+from simbev_ros.render.atmosphere import MIE_EXTINCTION_PER_KM, RAYLEIGH_PER_KM, clear_sky, sun_transmittance
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array
 
 LAMPS_ON_BELOW_DEG = 3.0
 """Street lamps and lit windows are on while the sun is below this altitude."""
 
+SKY_SIZE_PX = 96
+"""Width of the table of the sky's radiance, a map of the hemisphere as ``hemisphere`` makes it."""
+
+HORIZON_STRETCH = 0.5
+"""How little room the map gives to the zenith; shaders/include/sky.glsl."""
+
 _LOWEST_MOON_DEG = 35.0
 _LOWEST_KEY_DEG = 1.0
+_MOONLIT_BELOW_DEG = (-5.0, -11.0)
 _CLOUD_DRIFT_PER_S = 4e-4
+_CLOUD_STEP_NS = 250_000_000  # clouds move so slowly that they need not be drawn in every frame
 _HOUR_NS = 3600 * 10**9
 _CLOUDS_APART = 0.618  # of the clouds' period, from scene to scene
 _NOISE_PERIOD_M = 64.0
-_AMBIENT_GAIN = 1.25
-_AMBIENT_WHITENING = 0.65
 _GROUND_ALBEDO = np.array([0.16, 0.15, 0.13])
-_GRAY_SKY = np.array([0.97, 1.0, 1.04])
+_OVERCAST_TINT = np.array([0.97, 1.0, 1.04])
+_AMBIENT_WHITENING = 0.45
+_UPRIGHT_SHARE = 0.3
+_BRIGHTEST_GLOW = 3.0
+_BRIGHTEST_SKY = 2.6  # around the sun, of the mean, as no camera shows more
+_FOG_PER_M = 0.06
+_FALLOFF_PER_M = 0.02
+_RAIN_HAZE_PER_M = 1.0 / 350.0
+CLEAR_HAZE_PER_M = float(np.mean(RAYLEIGH_PER_KM + MIE_EXTINCTION_PER_KM)) / 1000.0 / np.log(2.0)
 
 
 @dataclass(frozen=True, slots=True)
 class SkyLight:
-    """Light without shadows and lamps. Colours are linear RGB, (3,), in the unit of sky.yaml.
+    """Light without shadows and lamps. Colours are linear RGB, (3,), irradiances over π, all in one unit.
 
     Attributes:
         key_direction: (3,) unit vector towards the light that casts shadows: the sun, at night the moon.
         key: Its irradiance.
         sun_direction: (3,) unit vector towards the sun.
-        zenith: Radiance overhead.
-        horizon: Radiance at the horizon.
-        glow: Radiance added around the sun.
+        sky: (SKY_SIZE_PX, SKY_SIZE_PX, 3) radiance without the shapes of clouds, a map of the hemisphere.
+        air: Radiance of haze and fog, away from the sun.
+        air_glow: Added to it towards the sun.
+        cloud_light: Irradiance of the sun or moon on clouds, which it reaches after it has set below.
         sky_ambient: Irradiance of the sky on level ground.
         ground_ambient: Irradiance from the ground below.
         exposure: Factor before tone mapping.
@@ -45,9 +61,10 @@ class SkyLight:
     key_direction: Float64Array
     key: Float64Array
     sun_direction: Float64Array
-    zenith: Float64Array
-    horizon: Float64Array
-    glow: Float64Array
+    sky: Float64Array
+    air: Float64Array
+    air_glow: Float64Array
+    cloud_light: Float64Array
     sky_ambient: Float64Array
     ground_ambient: Float64Array
     exposure: float
@@ -56,33 +73,46 @@ class SkyLight:
     @classmethod
     def of(cls, weather: Weather) -> "SkyLight":
         """The light of a weather. Clouds take the sun away and turn the sky grey."""
-        key = _sky_at(weather.sun_altitude_deg)
-        sun_direction = _direction(weather.sun_azimuth_deg, weather.sun_altitude_deg)
-        moonlit = bool(key["moon"].any())
-        moon_altitude_deg = max(-weather.sun_altitude_deg, _LOWEST_MOON_DEG)
-        moon_direction = _direction(weather.sun_azimuth_deg + 180.0, moon_altitude_deg)
+        altitude_deg, azimuth_deg = weather.sun_altitude_deg, weather.sun_azimuth_deg
+        moonlit = float(np.interp(altitude_deg, _MOONLIT_BELOW_DEG[::-1], (1.0, 0.0)))
+        moon_altitude_deg = max(-altitude_deg, _LOWEST_MOON_DEG)
+        moon = moonlit * np.array(_constants()["moon"])
         overcast = float(np.clip((weather.cloudiness - 40.0) / 55.0, 0.0, 1.0)) ** 1.5
-        gray = _GRAY_SKY * (key["zenith"].mean() * 0.75 + key["horizon"].mean() * 0.45 + key["sun"].mean() * 0.03)
-        zenith, horizon = (
-            color + (gray * level - color) * overcast for color, level in ((key["zenith"], 1.0), (key["horizon"], 0.9))
-        )
-        direct = (key["moon"] if moonlit else key["sun"]) * (1.0 - 0.97 * overcast)
-        risen_sun = _direction(weather.sun_azimuth_deg, max(weather.sun_altitude_deg, _LOWEST_KEY_DEG))
-        direction = moon_direction if moonlit else risen_sun
-        sky_mean = 0.6 * zenith + 0.4 * horizon
+        clear = _sky_of(altitude_deg, azimuth_deg) + moon * _sky_of(moon_altitude_deg, azimuth_deg + 180.0) + _night()
+        sun_above = sun_transmittance(altitude_deg)
+        moon_above = moon * sun_transmittance(moon_altitude_deg)
+        is_moon = bool(moonlit > 0.0)
+        risen = _direction(azimuth_deg, max(altitude_deg, _LOWEST_KEY_DEG))
+        direction = _direction(azimuth_deg + 180.0, moon_altitude_deg) if is_moon else risen
+        direct = moon_above if is_moon else sun_above
+        at_clouds = moon_above if is_moon else sun_transmittance(altitude_deg + 1.6) * np.clip(altitude_deg + 2, 0, 1)
+        total = _level_irradiance(clear) + direct * direction[2]
+        # Of the light, so much comes through clouds: Kasten and Czeplak 1980.
+        through = 1.0 - 0.75 * overcast**1.5
+        gray = _OVERCAST_TINT * total.mean() * through * _overcast_pattern()
+        sky = clear + (gray - clear) * overcast
+        direct = direct * (1.0 - 0.97 * overcast)
+        ambient = _level_irradiance(sky)
+        sky = sky / (1.0 + sky.mean(axis=2, keepdims=True) / (_BRIGHTEST_SKY * ambient.mean()))
+        # Half of what is seen is upright: low suns light it fully.
+        light = float((ambient + direct * (_UPRIGHT_SHARE + (1.0 - _UPRIGHT_SHARE) * direction[2])).mean())
+        white, exposure = _adapted(light)
+        gain = white / (exposure * light)
         # Clouds and lit walls, which are no part of the clear sky's colour, fill shadows with whiter light.
-        sky_ambient = _AMBIENT_GAIN * (sky_mean + _AMBIENT_WHITENING * (sky_mean.mean() - sky_mean))
+        sky_ambient = ambient + _AMBIENT_WHITENING * (ambient.mean() - ambient)
+        air, air_glow = _air(sky, azimuth_deg)
         return cls(
             key_direction=direction,
-            key=direct,
-            sun_direction=sun_direction,
-            zenith=zenith,
-            horizon=horizon,
-            glow=key["glow"] * (1.0 - overcast),
-            sky_ambient=sky_ambient,
-            ground_ambient=_GROUND_ALBEDO * (sky_ambient + direct * max(float(direction[2]), 0.0)),
-            exposure=float(key["exposure"][0]) * (1.0 + 0.35 * overcast),
-            lamps_lit=weather.sun_altitude_deg < LAMPS_ON_BELOW_DEG,
+            key=direct * gain,
+            sun_direction=_direction(azimuth_deg, altitude_deg),
+            sky=sky * gain,
+            air=air * gain,
+            air_glow=air_glow * gain,
+            cloud_light=at_clouds * (1.0 - overcast) * gain,
+            sky_ambient=sky_ambient * gain,
+            ground_ambient=_GROUND_ALBEDO * (sky_ambient + direct * direction[2]) * gain,
+            exposure=exposure,
+            lamps_lit=altitude_deg < LAMPS_ON_BELOW_DEG,
         )
 
     def block_head(
@@ -91,22 +121,102 @@ class SkyLight:
         """(10, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
         # Wind that changes must not multiply with all the time since 0: a scene has an hour of its own.
         hour, within_ns = divmod(stamp_ns, _HOUR_NS)
+        drifting_s = within_ns // _CLOUD_STEP_NS * _CLOUD_STEP_NS * 1e-9
         drift_per_s = _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0)
-        drift = (hour * _CLOUDS_APART + within_ns * 1e-9 * drift_per_s) % 1.0
-        fog_per_m = (weather.fog_density / 100.0) ** 2 * 0.06
+        drift = (hour * _CLOUDS_APART + drifting_s * drift_per_s) % 1.0
+        rain = weather.precipitation / 100.0
+        fog_per_m = (weather.fog_density / 100.0) ** 2 * _FOG_PER_M
+        haze_per_m = CLEAR_HAZE_PER_M + rain**1.5 * _RAIN_HAZE_PER_M
+        fog = np.array([fog_per_m, weather.fog_distance_m, weather.fog_falloff * _FALLOFF_PER_M])
         rows: list[tuple[Float64Array, float]] = [
             (self.key_direction, self.exposure),
-            (self.key, 0.0),
+            (self.key, weather.wind_intensity / 100.0),
             (self.sun_direction, drift),
-            (self.zenith, weather.cloudiness / 100.0),
-            (self.horizon, weather.wetness / 100.0),
-            (self.glow, weather.precipitation_deposits / 100.0),
-            (self.sky_ambient, 0.0),
-            (self.ground_ambient, 0.0),
-            (np.array([fog_per_m, weather.fog_distance_m, weather.fog_falloff * 0.02]), 0.0),
+            (self.air, weather.cloudiness / 100.0),
+            (self.air_glow, weather.wetness / 100.0),
+            (self.cloud_light, weather.precipitation_deposits / 100.0),
+            (self.sky_ambient, within_ns * 1e-9),
+            (self.ground_ambient, rain),
+            (fog, haze_per_m),
             (origin_m % _NOISE_PERIOD_M, contact_half_m),
         ]
         return np.array([[*color, extra] for color, extra in rows])
+
+
+def hemisphere() -> tuple[Float64Array, Float64Array]:
+    """(SKY_SIZE_PX, SKY_SIZE_PX) elevation and azimuth in radians of the texels of a map of the sky.
+
+    A direction is found at ``xy · s / (s + z)``, s being ``HORIZON_STRETCH``: the horizon is the unit circle. Texels
+    outside of it repeat the horizon.
+    """
+    middle = (np.arange(SKY_SIZE_PX) + 0.5) / SKY_SIZE_PX * 2.0 - 1.0
+    x, y = np.meshgrid(middle, middle)
+    stretch = HORIZON_STRETCH
+    radius2 = np.minimum(x * x + y * y, 1.0)
+    up = stretch * (np.sqrt(radius2 * (1.0 - stretch**2) + stretch**2) - radius2) / (radius2 + stretch**2)
+    return np.arcsin(np.clip(up, 0.0, 1.0)), np.arctan2(y, x)
+
+
+def _sky_of(altitude_deg: float, azimuth_deg: float) -> Float64Array:
+    """The map of the clear sky lit by a sun (or moon) of irradiance / π 1 outside of the air."""
+    elevation, azimuth = np.degrees(hemisphere())
+    return np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
+
+
+@lru_cache(maxsize=1)
+def _night() -> Float64Array:
+    """The map of the night sky's own light."""
+    zenith, horizon = (np.array(_constants()[name]) for name in ("night_zenith", "night_horizon"))
+    height = np.sin(hemisphere()[0])[..., None]
+    return zenith + (horizon - zenith) * np.exp(-6.0 * height)
+
+
+@lru_cache(maxsize=1)
+def _overcast_pattern() -> Float64Array:
+    """The map of an overcast sky that gives level ground irradiance / π 1; in haze, its zenith is twice the horizon."""
+    return (1.0 + np.sin(hemisphere()[0])[..., None]) * 0.6
+
+
+@lru_cache(maxsize=1)
+def _level_weights() -> Float64Array:
+    """Of the texels, by solid angle and cosine with the vertical; their sum is 1."""
+    middle = (np.arange(SKY_SIZE_PX) + 0.5) / SKY_SIZE_PX * 2.0 - 1.0
+    radius = np.hypot(*np.meshgrid(middle, middle))
+    up = np.sin(hemisphere()[0])
+    # Solid angle per area of the map: |d(up)| |d(azimuth)| over r dr d(azimuth).
+    slope = np.gradient(up[SKY_SIZE_PX // 2, SKY_SIZE_PX // 2 :], middle[SKY_SIZE_PX // 2 :])
+    density = np.interp(radius, middle[SKY_SIZE_PX // 2 :], -slope) / radius
+    weights = np.where(radius <= 1.0, density * up, 0.0)
+    result: Float64Array = weights / weights.sum()
+    return result
+
+
+def _level_irradiance(sky: Float64Array) -> Float64Array:
+    """(3,) irradiance / π of a map of the sky on level ground."""
+    return np.einsum("yxc,yx->c", sky, _level_weights())
+
+
+def _air(sky: Float64Array, azimuth_deg: float) -> tuple[Float64Array, Float64Array]:
+    """Two (3,) colours: ``away + glow · towards^8`` is that of air near the horizon, towards 1 being the sun's side."""
+    turned = np.linspace(0.0, np.pi, 17)
+    towards = (0.5 + 0.5 * np.cos(turned)) ** 8
+    angle = turned + np.radians(azimuth_deg)
+    place = (np.stack([np.cos(angle), np.sin(angle)]) * 0.93 + 1.0) / 2.0 * SKY_SIZE_PX
+    ring = sky[place[1].astype(int), place[0].astype(int)]
+    away = ring[towards < 0.2].mean(axis=0)
+    glow = np.einsum("kc,k->c", ring - away, towards) / (towards**2).sum()
+    return away, np.clip(glow, 0.0, _BRIGHTEST_GLOW * away.mean())
+
+
+def _adapted(light: float) -> tuple[float, float]:
+    """How bright white paper is shown in so much light, and the exposure of lamps."""
+    keys = _constants()["adaptation"]
+    lights = np.log([key["light"] for key in keys])
+    white, exposure = (
+        float(np.exp(np.interp(np.log(light), lights, np.log([key[name] for key in keys]))))
+        for name in ("white", "exposure")
+    )
+    return white, exposure
 
 
 def _direction(azimuth_deg: float, altitude_deg: float) -> Float64Array:
@@ -115,22 +225,8 @@ def _direction(azimuth_deg: float, altitude_deg: float) -> Float64Array:
     return np.array([np.cos(azimuth) * np.cos(altitude), np.sin(azimuth) * np.cos(altitude), np.sin(altitude)])
 
 
-def _sky_at(altitude_deg: float) -> dict[str, Float64Array]:
-    """Every column of sky.yaml at an altitude of the sun."""
-    altitudes_deg, columns = _sky_table()
-    return {
-        name: np.array([np.interp(altitude_deg, altitudes_deg, channel) for channel in values.T])
-        for name, values in columns.items()
-    }
-
-
 @lru_cache(maxsize=1)
-def _sky_table() -> tuple[Float64Array, dict[str, Float64Array]]:
-    """Altitudes (K,), and every other column (K, 1 or 3)."""
-    keys = yaml.safe_load(files("simbev_ros.render").joinpath("sky.yaml").read_text(encoding="utf-8"))["keys"]
-    columns = {
-        name: np.array([key[name] for key in keys], np.float64).reshape(len(keys), -1)
-        for name in keys[0]
-        if name != "altitude_deg"
-    }
-    return np.array([key["altitude_deg"] for key in keys], np.float64), columns
+def _constants() -> dict[str, list]:  # type: ignore[type-arg]
+    text = files("simbev_ros.render").joinpath("sky.yaml").read_text(encoding="utf-8")
+    constants: dict[str, list] = yaml.safe_load(text)  # type: ignore[type-arg]
+    return constants

@@ -2,14 +2,17 @@
 
 import moderngl
 import numpy as np
+from scipy.spatial import cKDTree
 
 from simbev_ros.random import stream
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.types import Float64Array, UInt8Array
 
 SIZE_PX = 256
-_SPECTRAL_SLOPES = (1.9, 0.6, 1.5, 1.5)
-"""Channels: clouds and stains, fine grain, and two of middling coarseness that are independent of each other."""
+_SPECTRAL_SLOPES = (1.9, None, 1.5, 1.5)
+"""Channels: clouds and stains, pebbles, and two of middling coarseness that are independent of each other."""
+_PEBBLES = 6000
+_PEBBLE_ROUNDNESS = 0.12
 
 
 def noise_texture(context: moderngl.Context) -> moderngl.Texture:
@@ -22,17 +25,35 @@ def noise_texture(context: moderngl.Context) -> moderngl.Texture:
 
 
 def noise_image() -> UInt8Array:
-    """(256, 256, 4) uint8 noise of spectral amplitude 1/f^slope; values are spread evenly over 0..255."""
-    channels = [_fractal(slope, index) for index, slope in enumerate(_SPECTRAL_SLOPES)]
+    """(256, 256, 4) uint8 noise, of spectral amplitude 1/f^slope or pebbles; values are spread evenly over 0..255."""
+    channels = [
+        _spread(_pebbles(index) if slope is None else _fractal(slope, index))
+        for index, slope in enumerate(_SPECTRAL_SLOPES)
+    ]
     return (np.stack(channels, axis=-1) * 255.999).astype(np.uint8)
 
 
 def _fractal(slope: float, index: int) -> Float64Array:
-    """(256, 256) periodic noise; values are ranks, 0..1."""
+    """(256, 256) periodic noise."""
     white = stream(index, "render.noise").standard_normal((SIZE_PX, SIZE_PX))
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(SIZE_PX), np.fft.fftfreq(SIZE_PX)))
     frequency[0, 0] = np.inf
-    shaped = np.fft.ifft2(np.fft.fft2(white) * frequency**-slope).real
-    ranks = np.empty(SIZE_PX * SIZE_PX)
-    ranks[np.argsort(shaped.ravel(), kind="stable")] = np.linspace(0.0, 1.0, SIZE_PX * SIZE_PX)
-    return ranks.reshape(SIZE_PX, SIZE_PX)
+    shaped: Float64Array = np.fft.ifft2(np.fft.fft2(white) * frequency**-slope).real
+    return shaped
+
+
+def _pebbles(index: int) -> Float64Array:
+    """(256, 256) stones, each of its own tone and darker towards its edge, that repeat without a seam."""
+    rng = stream(index, "render.noise")
+    middles_px, tone = rng.uniform(0.0, SIZE_PX, (_PEBBLES, 2)), rng.random(_PEBBLES)
+    pixels_px = np.stack(np.indices((SIZE_PX, SIZE_PX)), axis=-1).reshape(-1, 2) + 0.5
+    distance_px, nearest = cKDTree(middles_px, boxsize=SIZE_PX).query(pixels_px, k=2)
+    inside = np.minimum(distance_px[:, 1] - distance_px[:, 0], 1.5)
+    return (tone[nearest[:, 0]] + _PEBBLE_ROUNDNESS * inside).reshape(SIZE_PX, SIZE_PX)
+
+
+def _spread(values: Float64Array) -> Float64Array:
+    """Their ranks, 0..1."""
+    ranks = np.empty(values.size)
+    ranks[np.argsort(values.ravel(), kind="stable")] = np.linspace(0.0, 1.0, values.size)
+    return ranks.reshape(values.shape)

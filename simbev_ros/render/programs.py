@@ -26,17 +26,24 @@ TEXTURE_UNITS = {
             "shadow_map",
             "noise",
             "street_field",
-            "head_field",
+            "beam_field",
+            "glow_field",
+            "beam_free",
             "contact_map",
             "noisy_visibility",
             "visibility",
             "shaded",
+            "sky_table",
+            "sky_dome",
+            "g_slope",
+            "lens_rays",
+            "ideal_rgb",
         )
     )
 }
 """Sampler name → texture unit. A texture is bound to its unit for as long as it is valid."""
 
-VISIBILITY_STEPS = (2, 2, 1)
+VISIBILITY_STEPS = (4, 2, 1)
 """Of each quality: pixels from texel to texel of the visibility of sky and sun (shaders/visibility.frag.glsl)."""
 
 BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}

@@ -1,6 +1,7 @@
 """The renderer: from the world's meshes and state to a camera's exact images, one geometry pass per camera."""
 
 from collections.abc import Sequence
+from zlib import crc32
 
 import moderngl
 import numpy as np
@@ -8,23 +9,26 @@ import numpy as np
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.config.rendering import QUALITIES, Quality
-from simbev_ros.config.rig import Modality
-from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
 from simbev_ros.render.contact import HALF_M, ContactMap
 from simbev_ros.render.context import open_context
+from simbev_ros.render.failures import enough_memory
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.hidden import Occluders
 from simbev_ros.render.lamp_field import LampField
+from simbev_ros.render.lamps import VehicleLamps
+from simbev_ros.render.lens import Lenses
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.noise import noise_texture
 from simbev_ros.render.programs import BLOCK_BINDINGS, VISIBILITY_STEPS, ProgramLibrary, draw_screen
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
 from simbev_ros.render.shading import Shading
 from simbev_ros.render.shadows import ShadowMap
+from simbev_ros.render.sky_dome import SkyDome
 from simbev_ros.render.static_geometry import StaticGeometry
 from simbev_ros.render.surfaces import shading_class_of_material
-from simbev_ros.render.targets import Targets, read_image
+from simbev_ros.render.targets import Targets
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array
@@ -49,19 +53,22 @@ class Renderer:
             quality: Of the colour image.
 
         Raises:
-            RenderError: OpenGL is not usable here.
+            RenderError: OpenGL is not usable here, or has too little memory.
         """
         self._context = open_context() if context is None else context
         self._models = models
-        self._targets: dict[tuple[int, int], Targets] = {}
-        with self._context:
+        self._targets: dict[tuple[int, int, bool], Targets] = {}
+        size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
+        with self._context, enough_memory(self._context, "the meshes of the scene", size_bytes):
             library = ProgramLibrary(self._context, quality)
             self._visibility_step = VISIBILITY_STEPS[QUALITIES.index(quality)]
             self._static, self._actors = self._upload(static, library)
             self._background = library.screen_pass("background.frag")
             self._shading = Shading(self._context, library)
+            self._lenses = Lenses(self._context, library)
             self._shadow_map = ShadowMap(self._context)
-            self._lamp_field = LampField(self._context, library, static.street_lights)
+            self._sky_dome = SkyDome(self._context, library)
+            self._lamp_field = LampField(self._context, library, static, VehicleLamps(models))
             self._contact_map = ContactMap(self._context, library)
             self._noise = noise_texture(self._context)
             self._rigid = RigidTextures(self._context)
@@ -79,11 +86,11 @@ class Renderer:
         """Images of the ego's cameras at one moment, in the order of ``cameras``.
 
         Raises:
-            RenderError: The world has too many actors, or ids above 65535.
+            RenderError: The world has too many actors, or ids above 65535, or memory runs out.
         """
         ego = frame.world.ego
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
-        with self._context:
+        with self._context, enough_memory(self._context, f"pictures of {len(cameras)} cameras"):
             flow = any("flow" in camera.modalities for camera in cameras)
             table = RigidTable.of(self._models, frame.world, frame.previous if flow else None, origin_m)
             self._rigid.upload(table)
@@ -92,7 +99,7 @@ class Renderer:
             if colored:
                 self._prepare_light(frame, table, origin_m, colored)
             return [
-                self._render_view(view, set(camera.modalities), frame, table, origin_m)
+                self._render_view(camera, view, frame, table, origin_m)
                 for camera, view in zip(cameras, views, strict=True)
             ]
 
@@ -108,7 +115,6 @@ class Renderer:
             }
             for kind in ("static", "actor")
         )
-        of_actors["coarse_shadow"] = of_actors["shadow"]
         classes = shading_class_of_material()
         return (
             StaticGeometry(self._context, static.tiles, of_static, classes),
@@ -123,27 +129,29 @@ class Renderer:
         sky = SkyLight.of(world.weather)
         shadows = self._shadow_map.draw(sky.key_direction, origin_m, self._static, self._actors, world, table, views)
         self._contact_map.draw(world, origin_m)
-        lamps = self._lamp_field.draw(world, origin_m, sky.lamps_lit)
+        if sky.lamps_lit:
+            lamps = self._lamp_field.draw(world, origin_m)
+            hidden = () if frame.show_ego else np.flatnonzero(np.isin(world.actors["id"], list(world.ego_ids)))
+            wet = world.weather.wetness > 0.0
+            self._shading.glare.set_lamps(lamps[~np.isin(lamps["row"], hidden)], wet)
         block_head = sky.block_head(world.weather, world.stamp_ns, origin_m, HALF_M)
-        self._shading.set_light(sky.lamps_lit, block_head, *shadows, lamps)
+        self._shading.set_light(sky.lamps_lit, block_head, *shadows, LampField.texture_from_world())
+        self._sky_dome.draw(sky, block_head)
         self._shading.set_signals(world.signals)
+        self._shading.rain.set_moment(world, origin_m)
+        self._shading.wetness.set_weather(world.weather)
 
     def _render_view(
-        self, view: View, wanted: set[Modality], frame: RenderFrame, table: RigidTable, origin_m: Float64Array
+        self, camera: CameraView, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
     ) -> CameraImages:
-        targets = self._targets_of(view.camera)
+        targets = self._targets_of(view.camera, slopes=isinstance(camera.camera, LensCamera))
         self._view_block.write(view.block())
         self._draw_geometry(targets, view, frame, table, origin_m)
         targets.bind()
-        if "rgb" in wanted:
-            self._shading.draw(targets)
-        return CameraImages(
-            rgb=read_image(targets.rgb, components=3) if "rgb" in wanted else None,
-            semantic=read_image(targets.geometry, 3) if "semantic" in wanted else None,
-            instance=read_image(targets.geometry, 4) if "instance" in wanted else None,
-            depth=read_image(targets.geometry, 1) if "depth" in wanted else None,
-            flow=read_image(targets.geometry, 5) if "flow" in wanted else None,
-        )
+        if "rgb" in camera.modalities:
+            self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes()))
+        images = self._lenses.images(camera, targets)
+        return CameraImages(**{modality: images[modality].read() for modality in camera.modalities})
 
     def _draw_geometry(
         self, targets: Targets, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
@@ -151,19 +159,21 @@ class Renderer:
         """Fill the G-buffer; the sky last, where nothing else is."""
         context, world = self._context, frame.world
         targets.geometry.use()
-        targets.geometry.clear()
+        targets.clear_depth()
         context.enable_only(moderngl.DEPTH_TEST)
         context.front_face = "cw"  # image rows run downward, which mirrors every triangle
         context.depth_func = "<"
         self._static.draw_view("geometry", view, origin_m, targets.geometry)
         seen = visible_actors(world, table, view, Occluders.of(targets.geometry), frame.show_ego)
-        self._actors.draw("geometry", world, table, seen)
+        self._actors.draw("geometry", world, table, seen, view.pixel_m(table.center_m, table.radius_m))
         context.depth_func = "<="
         draw_screen(self._background)
         context.enable_only(moderngl.NOTHING)
 
-    def _targets_of(self, camera: PinholeCamera) -> Targets:
+    def _targets_of(self, camera: PinholeCamera, slopes: bool) -> Targets:
         size_px = (camera.width_px, camera.height_px)
-        if size_px not in self._targets:
-            self._targets[size_px] = Targets(self._context, size_px, self._visibility_step)
-        return self._targets[size_px]
+        if (*size_px, slopes) not in self._targets:
+            pixels = size_px[0] * size_px[1]
+            with enough_memory(self._context, f"pictures of {size_px[0]} x {size_px[1]} pixels", 60 * pixels):
+                self._targets[*size_px, slopes] = Targets(self._context, size_px, self._visibility_step, slopes)
+        return self._targets[*size_px, slopes]

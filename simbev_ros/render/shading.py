@@ -4,14 +4,18 @@ import moderngl
 import numpy as np
 
 from simbev_ros.config.lights import MOST_COLORS
+from simbev_ros.render.glare import Glare
 from simbev_ros.render.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary, draw_screen
+from simbev_ros.render.rain import Rain
 from simbev_ros.render.surfaces import material_block, shading_classes
 from simbev_ros.render.targets import Targets
+from simbev_ros.render.wetness import Wetness
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array, Table
 
 _LAYER_STEP = 1.0 / 16.0
 _MOST_SEEDS = 4096
+_GROUND = shading_classes().index("ground")
 _LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
 
 
@@ -28,6 +32,9 @@ class Shading:
             lit: [library.screen_pass(f"shade_{name}.frag", LAMPS_LIT=float(lit)) for name in shading_classes()]
             for lit in (False, True)
         }
+        self.glare = Glare(context, library)
+        self.rain = Rain(context, library)
+        self.wetness = Wetness(context, library)
         self._antialias = library.screen_pass("antialias.frag")
         self._materials = context.buffer(material_block())
         self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
@@ -63,8 +70,8 @@ class Shading:
             self._signals.use(TEXTURE_UNITS["signal_states"])
         self._signals.write(np.resize(signals["state"], count).tobytes() if len(signals) else b"\0")
 
-    def draw(self, targets: Targets) -> None:
-        """Fill ``targets.rgb`` from the G-buffer, which must be bound."""
+    def draw(self, targets: Targets, camera_seed: int) -> None:
+        """Fill ``targets.rgb`` from the G-buffer, which must be bound; every camera has other drops on its lens."""
         targets.noisy_visibility.use()
         draw_screen(self._visibility)
         targets.visibility.use()
@@ -74,8 +81,16 @@ class Shading:
         self._context.depth_func = "1"
         draw_screen(self._classify)
         self._context.depth_func = "=="
-        for number, shade in enumerate(self._passes[self._lamps_lit]):
+        passes = list(self._passes[self._lamps_lit])
+        if self.wetness.wet:
+            passes[_GROUND] = self.wetness.ground(self._lamps_lit)
+        for number, shade in enumerate(passes):
             draw_screen(shade, (number + 0.5) * _LAYER_STEP)
+        self.wetness.draw_mirrored(targets, (_GROUND + 0.5) * _LAYER_STEP)
         self._context.enable_only(moderngl.NOTHING)
+        if self._lamps_lit:
+            self.glare.draw()
+        self.rain.draw_streaks(self._lamps_lit)
         targets.rgb.use()
         draw_screen(self._antialias)
+        self.rain.draw_lens_drops(targets, camera_seed)

@@ -32,16 +32,14 @@ class Cascade:
         half_m: Half its width.
         step_m: Its middle follows the ego in such steps.
         left_px: Where it begins in the texture.
-        actors: Program that draws actors into it.
     """
 
     half_m: float
     step_m: float
     left_px: int
-    actors: str
 
 
-CASCADES = (Cascade(36.0, 6.0, 0, "shadow"), Cascade(150.0, 24.0, _SIZE_PX, "coarse_shadow"))
+CASCADES = (Cascade(36.0, 6.0, 0), Cascade(150.0, 24.0, _SIZE_PX))
 
 
 class ShadowMap:
@@ -100,7 +98,8 @@ class ShadowMap:
             self._begin(self._all, cascade)
             across = table.center_m @ clip[:2, :3].T + clip[:2, 3]
             within = np.all(np.abs(across) < 1.0 + table.radius_m[:, None] / cascade.half_m, axis=1)
-            actors.draw(cascade.actors, world, table, seen & within, clip_from_shadow=clip)
+            pixel_m = np.full(len(seen), 2.0 * cascade.half_m / _SIZE_PX)
+            actors.draw("shadow", world, table, seen & within, pixel_m, clip_from_shadow=clip)
             clip_from_world.append(clip)
         return clip_from_world
 

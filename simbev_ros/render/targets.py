@@ -1,19 +1,49 @@
 """What is drawn into: the G-buffer and the images of one size of camera."""
 
+from dataclasses import dataclass
+
 import moderngl
 import numpy as np
 
+from simbev_ros.config.rig import Modality
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.types import AnyArray
 
 _DTYPES = {"f1": np.uint8, "u1": np.uint8, "u2": np.uint16, "f4": np.float32}
 
 
+@dataclass(frozen=True, slots=True)
+class Image:
+    """A colour attachment, of which all components or the first few are wanted."""
+
+    framebuffer: moderngl.Framebuffer
+    attachment: int
+    components: int | None = None
+
+    def read(self) -> AnyArray:
+        """(H, W[, C]) pixels, row 0 on top."""
+        source = self.framebuffer.color_attachments[self.attachment]
+        width, height = self.framebuffer.size
+        channels = self.components or source.components
+        pixels = np.empty((height, width) if channels == 1 else (height, width, channels), _DTYPES[source.dtype])
+        self.framebuffer.read_into(pixels, components=channels, attachment=self.attachment, dtype=source.dtype)
+        return pixels
+
+
 class Targets:
     """Framebuffers of one size. ``geometry`` is drawn first; the others are computed from it."""
 
-    def __init__(self, context: moderngl.Context, size_px: tuple[int, int], visibility_step: int) -> None:
-        """Allocate all targets of (width, height) pixels; those of visibility with one texel per ``visibility_step``."""
+    def __init__(
+        self, context: moderngl.Context, size_px: tuple[int, int], visibility_step: int, slopes: bool = False
+    ) -> None:
+        """Allocate all targets.
+
+        Args:
+            context: Of OpenGL.
+            size_px: Width, height.
+            visibility_step: Pixels from texel to texel of the visibility.
+            slopes: Keep those of the depth too (render/lens.py).
+        """
 
         def texture(components: int, dtype: str) -> moderngl.Texture:
             result = context.texture(size_px, components, dtype=dtype)
@@ -26,14 +56,22 @@ class Targets:
         self._shaded.repeat_x = self._shaded.repeat_y = False
         coarse_px = (-(-size_px[0] // visibility_step), -(-size_px[1] // visibility_step))
         self._noisy_visibility, self._visibility = (context.texture(coarse_px, 4, dtype="f1") for _ in range(2))
+        self._slopes = [texture(2, "f4")] if slopes else []
+        images = [texture(1, "u1"), texture(1, "u2"), texture(2, "f4")]
         self.geometry = context.framebuffer(
-            [self._surface, self._depth, self._color, texture(1, "u1"), texture(1, "u2"), texture(2, "f4")],
-            context.depth_renderbuffer(size_px),
+            [self._surface, self._depth, self._color, *images, *self._slopes], context.depth_renderbuffer(size_px)
         )
         self.noisy_visibility = context.framebuffer([self._noisy_visibility])
         self.visibility = context.framebuffer([self._visibility])
         self.shaded = context.framebuffer([self._shaded], context.depth_renderbuffer(size_px))
         self.rgb = context.framebuffer([texture(4, "f1")])
+
+    def clear_depth(self) -> None:
+        """Clear the depth of ``geometry``; its colours are drawn at every pixel anyway."""
+        attachments = len(self.geometry.color_attachments)
+        self.geometry.color_mask = ((False,) * 4,) * attachments
+        self.geometry.clear()
+        self.geometry.color_mask = ((True,) * 4,) * attachments
 
     def bind(self) -> None:
         """Make the G-buffer and the shaded image readable by the passes that follow."""
@@ -43,13 +81,12 @@ class Targets:
         self._noisy_visibility.use(TEXTURE_UNITS["noisy_visibility"])
         self._visibility.use(TEXTURE_UNITS["visibility"])
         self._shaded.use(TEXTURE_UNITS["shaded"])
+        for slope in self._slopes:
+            slope.use(TEXTURE_UNITS["g_slope"])
 
-
-def read_image(framebuffer: moderngl.Framebuffer, attachment: int = 0, components: int | None = None) -> AnyArray:
-    """(H, W[, C]) pixels of a colour attachment, row 0 on top; all its components, or the first few."""
-    source = framebuffer.color_attachments[attachment]
-    width, height = framebuffer.size
-    channels = components or source.components
-    image = np.empty((height, width) if channels == 1 else (height, width, channels), _DTYPES[source.dtype])
-    framebuffer.read_into(image, components=channels, attachment=attachment, dtype=source.dtype)
-    return image
+    @property
+    def images(self) -> dict[Modality, Image]:
+        """Where the images are, once they are drawn."""
+        places: dict[Modality, int] = {"depth": 1, "semantic": 3, "instance": 4, "flow": 5}
+        images = {modality: Image(self.geometry, index) for modality, index in places.items()}
+        return {**images, "rgb": Image(self.rgb, 0, components=3)}

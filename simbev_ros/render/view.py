@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.camera import PinholeCamera, ideal_camera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
+from simbev_ros.render.exposure import exposure_gain
 from simbev_ros.render.frame import CameraView
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.types import BoolArray, Float64Array
@@ -23,16 +24,18 @@ class View:
     """A posed camera.
 
     Attributes:
-        camera: Its intrinsics.
+        camera: Its intrinsics, without distortion (``render/lens.py``).
         world_from_optical: (4, 4) pose of the optical frame.
         clip_from_world: (4, 4) projection of world points to OpenGL's clip space.
         previous_optical_from_world: (4, 4) the camera in the previous frame, or None.
+        exposure_gain: How much brighter than with the automatic exposure its colour image is.
     """
 
     camera: PinholeCamera
     world_from_optical: Float64Array
     clip_from_world: Float64Array
     previous_optical_from_world: Float64Array | None
+    exposure_gain: float = 1.0
 
     @classmethod
     def of(cls, view: CameraView, world: WorldState, previous: WorldState | None, origin_m: Float64Array) -> "View":
@@ -40,7 +43,9 @@ class View:
         ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
         before = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
         now = _world_from_ego(world, origin_m) @ ego_from_optical
-        return cls(view.camera, now, _clip_from_optical(view.camera) @ inverse(now), before)
+        camera = ideal_camera(view.camera)
+        gain = exposure_gain(view.optics.exposure, world.weather)
+        return cls(camera, now, _clip_from_optical(camera) @ inverse(now), before, gain)
 
     @property
     def position_m(self) -> Float64Array:
@@ -64,6 +69,14 @@ class View:
         """(N,) whether axis-parallel boxes, given by two (N, 3) world corners, reach into the view."""
         return boxes_in_clip_space(self.clip_from_world, low_m, high_m)
 
+    def pixel_m(self, centers_m: Float64Array, radii_m: Float64Array) -> Float64Array:
+        """(N,) how large a pixel is at least in spheres around (N, 3) world points, across the line of sight."""
+        to_center = centers_m - self.position_m
+        distance_m = np.maximum(np.linalg.norm(to_center, axis=1), 1e-6)
+        ahead_m = to_center @ self.world_from_optical[:3, 2]
+        nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px)
+        return nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # away from the axis pictures are stretched
+
     def block(self) -> bytes:
         """The uniform block ``View`` of shaders/include/view.glsl, std140."""
         camera = self.camera
@@ -72,7 +85,7 @@ class View:
         matrices = [self.clip_from_world.T, self.world_from_optical.T, before.T]
         vectors = [
             [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
-            [camera.width_px, camera.height_px, has_previous, 0.0],
+            [camera.width_px, camera.height_px, has_previous, self.exposure_gain],
         ]
         return np.concatenate([*matrices, np.array(vectors)]).astype(np.float32).tobytes()
 

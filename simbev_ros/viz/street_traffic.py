@@ -20,13 +20,14 @@ _CAR_SPACING_M, _CAR_SHARE = 9.0, 0.22
 _WALKER_SPACING_M, _WALKER_SHARE, _ASIDE_M = 6.0, 0.16, 0.5
 
 
-def bystanders(network: RoadNetwork, place_m: Float64Array, first_id: int) -> Table:
+def bystanders(network: RoadNetwork, place_m: Float64Array, first_id: int, busy: float = 1.0) -> Table:
     """Who is around a place, but not close to it; the same for a map and a place.
 
     Args:
         network: The map.
         place_m: (3,) the place.
         first_id: Of the actors.
+        busy: How many there are, 1 being usual.
 
     Returns:
         (N,) ``ACTOR_DTYPE``.
@@ -35,8 +36,9 @@ def bystanders(network: RoadNetwork, place_m: Float64Array, first_id: int) -> Ta
     kinds = load_blueprints()
     cars = [k for k, kind in enumerate(kinds) if kind.tag in (Tag.CAR, Tag.TRUCK) and kind.size_m[0] < _LONGEST_M]
     people = [k for k, kind in enumerate(kinds) if kind.tag == Tag.PEDESTRIAN]
-    driving = _placed(network, LaneKind.DRIVING, place_m, _CAR_SPACING_M, rng.spawn(1)[0], cars, _CAR_SHARE)
-    walking = _placed(network, LaneKind.SIDEWALK, place_m, _WALKER_SPACING_M, rng.spawn(1)[0], people, _WALKER_SHARE)
+    driving = _placed(network, LaneKind.DRIVING, place_m, _CAR_SPACING_M, rng.spawn(1)[0], cars, busy * _CAR_SHARE)
+    share = busy * _WALKER_SHARE
+    walking = _placed(network, LaneKind.SIDEWALK, place_m, _WALKER_SPACING_M, rng.spawn(1)[0], people, share)
     walking["z"] += CURB_HEIGHT_M
     walking["yaw"] += np.pi * rng.integers(0, 2, len(walking))
     aside_m = rng.uniform(-_ASIDE_M, _ASIDE_M, len(walking))

@@ -18,7 +18,7 @@ from simbev_ros.assets.land.furnish import Furnishing, furnish_region
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.region_ground import RegionGround
-from simbev_ros.assets.static_scene import RegionScene
+from simbev_ros.assets.region_scene import RegionScene
 from simbev_ros.assets.tiles import TileBuilder
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.features import Footprint, MapFeatures, Zone

@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.rig import Camera
 from simbev_ros.errors import InputError
+from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 
 BASE = "scenes: [{map: Blocks, train: 1}]\nrig: {sensors: []}\n"
 
@@ -30,6 +33,17 @@ def test_sensor_defaults_of_the_rig_file_reach_every_sensor_of_their_type() -> N
     assert {camera.width_px for camera in load_scenario("demo").rig.sensors if camera.type == "camera"} == {800}
 
 
+def test_intrinsics_by_focal_length_and_by_field_of_view() -> None:
+    camera = Camera(type="camera", name="a", width_px=640, height_px=480, fx_px=500, cy_px=250)
+    assert camera.model == PinholeCamera(640, 480, 500.0, 500.0, 319.5, 250.0)
+    bent = Camera(type="camera", name="a", distortion=(-0.2, 0.03, 0.001, 0.0, 0.0))
+    wide = Camera(type="camera", name="a", horizontal_fov_deg=80)
+    assert isinstance(bent.model, LensCamera) and not isinstance(wide.model, LensCamera)
+    assert np.array_equal(bent.model.matrix, wide.model.matrix)
+    assert bent.model.distortion == bent.distortion
+    assert Camera.model_validate(bent.model_dump(mode="json")) == bent
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -49,6 +63,16 @@ def test_sensor_defaults_of_the_rig_file_reach_every_sensor_of_their_type() -> N
         (rig("{type: camera, name: a, pose: {x: 3}}"), r"rig.sensors\[0\].pose.x: unknown key; did you mean x_m\?"),
         (rig("{type: sonar, name: a}"), r"rig.sensors\[0\]: .*'sonar'.*'camera', 'lidar'"),
         (rig("{type: camera, name: a, rate_hz: 7}"), "sensor a: rate_hz 7 does not divide the tick rate 20 Hz"),
+        (rig("{type: camera, name: a, fx_px: 900, horizontal_fov_deg: 70}"), "horizontal_fov_deg and fx_px are set"),
+        (rig("{type: camera, name: a, cx_px: 300}"), "cx_px without fx_px"),
+        (rig("{type: camera, name: a, fx_px: 20}"), r"fx_px 20, fy_px 20: .* 1600 x 900 .* more than 85°"),
+        (rig("{type: camera, name: a, distortion: [1, 2]}"), r"rig.sensors\[0\].distortion: .*at least 5 items"),
+        (
+            rig("{type: camera, name: a, distortion: [-0.9, 0, 0, 0, 0]}"),
+            r"x.yaml:2: rig.sensors\[0\]: distortion: k1 -0.9, .* cannot be inverted over the whole image",
+        ),
+        (rig("{type: camera, name: a, exposure: {iso: 100}}"), "iso is set, time_s is not: give both"),
+        (rig("{type: camera, name: a, noise: {full_well: 9}}"), r"did you mean full_well_electrons\? allowed"),
         (rig("{type: camera, name: A b}"), r"rig.sensors\[0\].name: .*pattern"),
         ("rig: {sensors: []}", "scenes: is missing"),
         (BASE.replace("train: 1", "train: 0"), "all counts are 0"),

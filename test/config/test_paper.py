@@ -10,7 +10,7 @@ from simbev_ros.config.draw import Distribution
 from simbev_ros.config.load import find_config, load_scenario
 from simbev_ros.config.scenario import Scenario
 
-SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotation", "recording")
+SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotation", "rendering", "recording")
 
 
 @pytest.mark.parametrize("section", SECTIONS)

@@ -2,19 +2,20 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import CameraInfo, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.annotation.boxes import BOX_DTYPE
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import WeatherConfig
-from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -81,6 +82,19 @@ def test_camera_info_projects_like_the_camera() -> None:
     point = np.array([1.0, -2.0, 8.0])
     projected = np.reshape(info.p, (3, 4)) @ [*point, 1.0]
     assert projected[:2] / projected[2] == pytest.approx(camera.project(point[None])[0])
+
+
+def test_opencv_rectifies_and_projects_by_the_camera_info_of_a_lens() -> None:
+    camera = LensCamera(640, 480, 500.0, 510.0, 300.0, 250.0, (-0.3, 0.1, 0.002, -0.001, -0.01))
+    info = deserialize_message(serialize_message(camera_info_message(camera, 0, "f")), CameraInfo)
+    assert (info.distortion_model, info.width, info.height) == ("plumb_bob", 640, 480)
+    k, r, p = np.reshape(info.k, (3, 3)), np.reshape(info.r, (3, 3)), np.reshape(info.p, (3, 4))
+    points = np.random.default_rng(0).uniform([-2, -2, 5], [2, 2, 9], (50, 3))
+    raw, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), k, np.array(info.d))
+    assert raw[:, 0] == pytest.approx(camera.project(points))
+    rectified = cv2.undistortPoints(raw, k, np.array(info.d), R=r, P=p)[:, 0]
+    projected = points @ p[:, :3].T + p[:, 3]
+    assert rectified == pytest.approx(projected[:, :2] / projected[:, 2:], abs=0.01)
 
 
 @pytest.mark.parametrize("stamp_ns", [0, 1, 999_999_999, STAMP_NS])

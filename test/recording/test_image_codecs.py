@@ -20,6 +20,15 @@ def test_rgb_keeps_the_order_of_channels_and_is_close() -> None:
     assert np.abs(opened[5, 5].astype(int) - [30, 100, 200]).max() <= 3
 
 
+def test_jpegs_are_smaller_and_worse_at_lower_quality() -> None:
+    image = RNG.integers(0, 255, (64, 96, 3), np.uint8)
+    forms = [encode("rgb8", image, quality) for quality in (40, 90, 98)]
+    assert [len(form) for form in forms] == sorted(len(form) for form in forms)
+    errors = [np.abs(decode(compressed_format("rgb8"), form).astype(int) - image).mean() for form in forms]
+    assert errors == sorted(errors, reverse=True)
+    assert encode("rgb8", image) == forms[1]
+
+
 @pytest.mark.parametrize(("encoding", "dtype"), [("mono8", np.uint8), ("mono16", np.uint16)])
 def test_labels_come_back_to_the_bit(encoding: str, dtype: type[np.uint8 | np.uint16]) -> None:
     image = RNG.integers(0, np.iinfo(dtype).max, (45, 80), dtype, endpoint=True)
@@ -45,6 +54,16 @@ def test_depth_error_is_within_the_documented_bound(near_m: float, far_m: float)
     near, far = true_m.min(), max(true_m.max(), 2 * true_m.min())
     bound_m = true_m**2 * (1 / near - 1 / far) / 131068 + 1e-6 * true_m
     assert (np.abs(read[seen] - true_m) <= bound_m * 1.02).all()
+
+
+def test_depth_from_a_street_loses_less_than_a_thousandth() -> None:
+    """The nearest road that a camera on a car sees is 2 m away."""
+    image = depth_image(2.0, 2000.0)
+    read_m = decode(compressed_format("32FC1"), encode("32FC1", image))[9:]
+    depth_m = image[9:]
+    error_m = np.abs(read_m - depth_m)
+    for within_m, most_m in ((50.0, 0.011), (100.0, 0.04), (250.0, 0.25)):
+        assert error_m[depth_m < within_m].max() <= min(most_m, within_m / 1000.0)
 
 
 def test_depth_is_what_the_stock_decoder_reads() -> None:

@@ -1,5 +1,7 @@
 """A small world whose every surface is known: ground, boxes, a ball, and a car with wheels."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel, Part
@@ -75,10 +77,16 @@ def scene(offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> StaticScene
     return StaticScene(tiles, (StreetLight((15.0 + offset_m[0], -5.0 + offset_m[1], 8.0 + offset_m[2])),))
 
 
+BLUE = np.tile(np.array([[20, 40, 255]], np.uint8), (36, 1))
+"""Of a box's vertices."""
+
+
 def car() -> ActorModel:
-    """A box on four square wheels, with brake lamps behind; the front wheels steer."""
+    """A box on four square wheels, with head lamps, brake lamps and a beacon; the front wheels steer."""
     parts = [Part("body")]
     meshes = [
+        *(box((2.1, y - 0.1, 0.6), (2.19, y + 0.1, 0.8), Tag.CAR, Material.LAMP_LOW_BEAM) for y in (-0.6, 0.6)),
+        replace(box((-0.2, -0.2, 1.3), (0.2, 0.2, 1.49), Tag.CAR, Material.LAMP_EMERGENCY), color=BLUE),
         box((-2.2, -0.9, 0.4), (2.2, 0.9, 1.5), Tag.CAR, Material.CAR_PAINT),
         box((-2.25, -0.8, 0.8), (-2.2, 0.8, 1.1), Tag.CAR, Material.LAMP_TAIL),
     ]

@@ -15,10 +15,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.config.rig import MODALITIES
-from simbev_ros.errors import RenderError
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy
-from simbev_ros.render.context import describe_renderer, open_context
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.state import Light, WorldState
@@ -170,12 +168,3 @@ def test_two_contexts_and_two_processes_give_the_same_bytes() -> None:
     program = "import test_rgb; print(test_rgb.digest_of_all_images())"
     there = subprocess.run([sys.executable, "-c", program], cwd=Path(__file__).parent, capture_output=True, check=True)
     assert here == {there.stdout.decode().strip()}
-
-
-def test_an_unknown_device_is_a_render_error_that_says_what_to_install() -> None:
-    with pytest.raises(RenderError, match=r"EGL device 99: .*apt install libegl1"):
-        open_context(device_index=99)
-
-
-def test_the_renderer_describes_itself() -> None:
-    assert "OpenGL" in describe_renderer()

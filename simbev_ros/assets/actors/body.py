@@ -29,6 +29,7 @@ class Body(Model):
     head: tuple[Ring, ...]
     shoe: tuple[Ring, ...]
     hand: Vector
+    thumb: Vector
     neck: tuple[float, ...]
     thigh: tuple[float, ...]
     shin: tuple[float, ...]

@@ -62,6 +62,8 @@ class Figure(Model):
 
 _SIDES = ("left", "right")
 _ROW_PARTS = 6
+_ROUND = np.array([0.45, 0.83])
+"""Radii towards the rounded end of a limb, over its own."""
 _SHOULDERS = 0.112
 """The shoulders for which body.yaml has the chest."""
 
@@ -128,16 +130,20 @@ def figure_solids(figure: Figure, pose: Pose) -> list[Solid]:
 def _trunk(figure: Figure, pose: Pose) -> list[Solid]:
     """Hips, upper garment and neck."""
     body, h, girth = load_body(), figure.height, figure.girth
-    hem = [(-figure.hem, -0.003, 0.074 + 0.25 * figure.hem, 0.104 + 0.15 * figure.hem), (0.0, -0.003, 0.074, 0.104)]
+    flare = 0.25 * figure.hem + 0.4 * max(figure.hem - 0.06, 0.0)  # a coat leaves room for steps
+    hem = [(-figure.hem, -0.003, 0.074 + flare, 0.104 + 0.15 * figure.hem), (0.0, -0.003, 0.074, 0.104)]
     waist = [(z, x + figure.belly, depth + figure.belly, width) for z, x, depth, width in body.waist]
     chest = [(z, x, depth, width * figure.shoulders / _SHOULDERS) for z, x, depth, width in body.chest]
     at, turn = _vector(pose.hip), (0.0, pose.lean_deg, 0.0)
     hips, top = _rings(body.hips, h, girth), _rings([*hem, *waist, *chest], h, girth)
+    neckline = _rings([(0.296, -0.006, 0.043, 0.050), (0.322, -0.006, 0.038, 0.040)], h)
+    collar = Rings(shape="rings", finish="collar", rings=neckline, at=at, turn=turn)
     head_base = pose.head - np.array([0.0, 0.0, 0.03 * h])
     return [
         Rings(shape="rings", finish=figure.bottom, rings=hips, at=at, turn=turn),
         Rings(shape="rings", finish=figure.top, rings=top, at=at, turn=turn, segments=12),
         _limb(figure, _own(figure, "skin"), "body", (pose.neck, head_base), body.neck, rounded=False),
+        *([] if figure.short_sleeves or figure.top != "clothes" else [collar]),
     ]
 
 
@@ -191,20 +197,21 @@ def _arm(figure: Figure, pose: Pose, side: str) -> list[Solid]:
     fore = joints["wrist"] - joints["elbow"]
     hand = joints["wrist"] + fore / np.linalg.norm(fore) * 0.035 * figure.height
     pitch = float(np.degrees(np.arctan2(-fore[0], -fore[2])))
+    ahead = np.array([np.cos(np.radians(pitch)), 0.0, -np.sin(np.radians(pitch))])
+    thumb = hand + 0.017 * figure.height * ahead
+    palm, bare = f"forearm {side}", "black" if figure.gloves else skin
     return [
         _limb(figure, figure.top, f"upper arm {side}", (joints["shoulder"], joints["elbow"]), body.upper_arm),
         _limb(figure, sleeve, f"forearm {side}", (joints["elbow"], joints["wrist"]), body.forearm),
-        Ellipsoid(
-            shape="ellipsoid",
-            finish="black" if figure.gloves else skin,
-            part=f"forearm {side}",
-            size=_vector(figure.height * np.array(body.hand)),
-            at=_vector(hand),
-            turn=(0.0, pitch, 0.0),
-            segments=7,
-            rings=4,
-        ),
+        _lump(bare, palm, figure.height * np.array(body.hand), hand, pitch),
+        _lump(bare, palm, figure.height * np.array(body.thumb), thumb, pitch + 10.0),
     ]
+
+
+def _lump(finish: str, part: str, size_m: Float64Array, at_m: Float64Array, pitch_deg: float) -> Ellipsoid:
+    """A small ellipsoid, turned about y."""
+    size, at, turn = _vector(size_m), _vector(at_m), (0.0, pitch_deg, 0.0)
+    return Ellipsoid(shape="ellipsoid", finish=finish, part=part, size=size, at=at, turn=turn, segments=7, rings=4)
 
 
 def _own(figure: Figure, finish: str) -> str:
@@ -220,15 +227,14 @@ def _limb(
     radii: tuple[float, ...],
     rounded: bool = True,
 ) -> Tube:
-    """A limb from joint to joint with radii at equal distances; rounded ends reach half a radius past the joints."""
+    """A limb from joint to joint with radii at equal distances; rounded ends reach past the joints."""
     start, end = joints
     share = np.linspace(0.0, 1.0, len(radii))
     radius = np.array(radii) * figure.height * figure.girth
     if rounded:
-        past = 0.6 * radius[[0, -1]]
-        reach = past / np.linalg.norm(end - start)
-        share = np.concatenate([[-reach[0]], share, [1.0 + reach[1]]])
-        radius = np.concatenate([past[:1], radius, past[1:]])
+        first, last = radius[[0, -1]] / np.linalg.norm(end - start)
+        share = np.concatenate([[-0.8 * first, -0.5 * first], share, [1.0 + 0.5 * last, 1.0 + 0.8 * last]])
+        radius = np.concatenate([_ROUND * radius[0], radius, _ROUND[::-1] * radius[-1]])
     points = np.column_stack([start + share[:, None] * (end - start), radius])
     return Tube(shape="tube", finish=finish, part=part, path=tuple(map(tuple, points.tolist())), segments=8)
 

@@ -1,13 +1,16 @@
 """Shapes: what an actor looks like, as data (shapes/<blueprint>.yaml), and its model built from that."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 import yaml
 
-from simbev_ros.assets.actor_model import ActorModel, Part, part_poses
+from simbev_ros.assets.actor_model import ActorModel, CoarserMesh, Part, part_poses
+from simbev_ros.assets.actors.detail import COARSER, EXACT, Detail
 from simbev_ros.assets.actors.doors import Door, door_parts, seats
 from simbev_ros.assets.actors.figure import Figure, body_part, figure_cycle, figure_parts, figure_pose, figure_solids
 from simbev_ros.assets.actors.lofting import build_shell
@@ -19,8 +22,10 @@ from simbev_ros.config.base import Model
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.gait import load_gaits, transition_mps, unit_mps
 from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _MAX_STRETCH = 0.03
 _PHASES = 48  # of strides, to find out how much room they take
 _VERTEX_COLUMNS = ("vertices", "normals", "uv", "color", "material", "tag", "part")
@@ -69,7 +74,7 @@ def load_shape(blueprint: str) -> Shape:
 def _read(blueprint: str) -> dict[str, Any]:
     """A shape's file, and those that it extends, as one."""
     text = files("simbev_ros.assets.actors").joinpath("shapes", f"{blueprint}.yaml").read_text()
-    data: dict[str, Any] = yaml.safe_load(text)
+    data: dict[str, Any] = yaml.load(text, Loader=_LOADER)
     if "extends" not in data:
         return data
     base = _read(data.pop("extends"))
@@ -88,23 +93,19 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     pose = figure_pose(shape.figure, blueprint.size_m[2]) if shape.figure else None
     parts = [body_part(pose) if pose else Part("body")]
     parts += [*(wheel_parts(shape.wheels) if shape.wheels else []), *door_parts(shape.doors)]
-    solids: list[Solid] = [*shape.solids, *seats(shape.doors)]
+    solids: list[Solid] = [*shape.solids]
     if shape.figure and pose:
         parts += figure_parts(pose, first=len(parts))
         solids += figure_solids(shape.figure, pose)
     for entry in shape.parts:
         parts.append(_part(entry, [part.name for part in parts]))
     index = {part.name: place for place, part in enumerate(parts)}
-    meshes = [mesh for shell in shape.shells for mesh in build_shell(shell, blueprint.tag, index)]
-    if shape.wheels:
-        meshes += build_wheels(shape.wheels, blueprint.tag, first_part=1)
-    for solid in solids:
-        meshes += build_solid(solid, blueprint.tag, index)
+    build = partial(_build, shape, tuple(solids), blueprint.tag, index)
     model = ActorModel(
         blueprint=blueprint.name,
         tag=blueprint.tag,
         box_class=blueprint.box_class,
-        mesh=_by_part(Mesh.merged(meshes)),
+        mesh=build(EXACT),
         size_m=blueprint.size_m,
         parts=tuple(parts),
         wheel_radius_m=blueprint.wheel_radius_m,
@@ -119,7 +120,25 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
         model,
         mesh=model.mesh.transformed(fitted),
         parts=tuple(replace(part, pivot_m=_moved(fitted, part.pivot_m)) for part in parts),
+        build_coarser=partial(_coarser, build, fitted),
     )
+
+
+def _build(
+    shape: Shape, solids: tuple[Solid, ...], tag: Tag, part_index: dict[str, int], detail: Detail
+) -> Mesh:
+    """The mesh of a shape, as its file has it, in some detail."""
+    meshes = [mesh for shell in shape.shells for mesh in build_shell(shell, tag, part_index, detail)]
+    if shape.wheels:
+        meshes += build_wheels(shape.wheels, tag, 1, detail)
+    for solid in (*solids, *(seats(shape.doors) if detail.insides else ())):
+        meshes += build_solid(solid, tag, part_index, detail)
+    return _by_part(Mesh.merged(meshes))
+
+
+def _coarser(build: Callable[[Detail], Mesh], fitted: Float64Array) -> tuple[CoarserMesh, ...]:
+    """See ``ActorModel.build_coarser``."""
+    return tuple(CoarserMesh(build(detail).transformed(fitted), detail.error_m) for detail in COARSER)
 
 
 def stride_bounds(model: ActorModel, top_mps: float) -> Float64Array:

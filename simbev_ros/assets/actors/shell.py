@@ -75,6 +75,26 @@ class Panel(Area):
     rim: float | None = None
 
 
+class Seam(Model):
+    """A shut line: an upright one between two loops, or a level one below a loop.
+
+    Attributes:
+        rows: The loops between which it is upright; none for a level one.
+        below: The loop below which it is level.
+        front: Where it is upright, or ranges where it is level; see ``Area``.
+        side: See ``front``.
+        rear: See ``front``.
+        only: One side of the vehicle.
+    """
+
+    rows: tuple[str, str] | None = None
+    below: str = ""
+    front: tuple[float, ...] = ()
+    side: tuple[float, ...] = ()
+    rear: tuple[float, ...] = ()
+    only: Literal["left", "right"] | None = None
+
+
 class Arch(Model):
     """A wheel arch: the shell's lower edge rises to this circle."""
 
@@ -98,6 +118,7 @@ class Shell(Model):
         loops: From the lowest up. With arches the first two are the floor's edge and the inner edge of the wheel wells.
         patches: Later ones win.
         panels: What of the shell belongs to doors.
+        seams: Shut lines.
         sides: x where the side starts, of places between that loops may move, and where it ends.
         finish: Where there is no patch.
         front: Number of cells of the front stretch, besides those that patches ask for.
@@ -114,6 +135,7 @@ class Shell(Model):
     loops: tuple[Loop, ...]
     patches: tuple[Patch, ...] = ()
     panels: tuple[Panel, ...] = ()
+    seams: tuple[Seam, ...] = ()
     sides: tuple[float, ...]
     finish: str = "paint"
     front: int = 3

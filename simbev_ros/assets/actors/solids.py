@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from pydantic import Field
 
+from simbev_ros.assets.actors.detail import Detail
 from simbev_ros.assets.actors.finishes import finish_named, mirrored_name
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import Finish, box, ellipsoid, extrusion, lathe, loft, tube
@@ -34,7 +35,12 @@ class Solid(Model):
     turn: Vector = (0.0, 0.0, 0.0)
     mirrored: bool = False
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
+        """Its second largest extent, or more."""
+        raise NotImplementedError
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """The solid about its own origin."""
         raise NotImplementedError
 
@@ -46,9 +52,14 @@ class Box(Solid):
     size: Vector
     bevel: float = 0.0
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
         """See ``Solid``."""
-        return box(finish, self.size, bevel_m=self.bevel)
+        return sorted(self.size)[1]
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
+        """See ``Solid``."""
+        return box(finish, self.size, bevel_m=self.bevel if detail.shows(self.bevel / 2.0) else 0.0)
 
 
 class Ellipsoid(Solid):
@@ -59,10 +70,17 @@ class Ellipsoid(Solid):
     segments: int = 10
     rings: int = 6
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
+        """See ``Solid``."""
+        return sorted(self.size)[1]
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
         x, y, z = self.size
-        return ellipsoid(finish, (x / 2, y / 2, z / 2), segments=self.segments, rings=self.rings)
+        segments = detail.segments(self.segments, max(x, y) / 2)
+        rings = (detail.segments(2 * self.rings, z / 2, least=6) + 1) // 2
+        return ellipsoid(finish, (x / 2, y / 2, z / 2), segments=segments, rings=rings)
 
 
 class Tube(Solid):
@@ -73,10 +91,16 @@ class Tube(Solid):
     radius: float = 0.01
     segments: int = 7
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
+        """See ``Solid``."""
+        return 2.0 * max(point[3] if len(point) > 3 else self.radius for point in self.path)
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
         radii = np.array([point[3] if len(point) > 3 else self.radius for point in self.path])
-        return tube(finish, np.array([point[:3] for point in self.path]), radii, segments=self.segments)
+        segments = detail.segments(self.segments, float(radii.max()))
+        return tube(finish, np.array([point[:3] for point in self.path]), radii, segments=segments)
 
 
 class Rings(Solid):
@@ -88,9 +112,15 @@ class Rings(Solid):
     segments: int = 10
     crease_deg: float = 60.0
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
         """See ``Solid``."""
-        angles = (np.arange(self.segments) + 0.5) * (2.0 * np.pi / self.segments)
+        return 2.0 * max(max(ring[3:]) for ring in self.rings)
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
+        """See ``Solid``."""
+        segments = detail.segments(self.segments, self.thickness_m / 2.0, least=5)
+        angles = (np.arange(segments) + 0.5) * (2.0 * np.pi / segments)
         cosine, sine = np.cos(angles), np.sin(angles)
         exponent = 2.0 / self.squareness
         unit = np.stack(
@@ -98,7 +128,7 @@ class Rings(Solid):
         )
         unit /= np.abs(unit).max(axis=0)
         rings = np.array(self.rings)
-        sections = np.repeat(rings[:, None, :3], self.segments, axis=1)
+        sections = np.repeat(rings[:, None, :3], segments, axis=1)
         sections[..., :2] += unit * rings[:, None, 3:]
         return loft(finish, sections, crease_deg=self.crease_deg)
 
@@ -110,11 +140,15 @@ class Lathe(Solid):
     profile: tuple[tuple[float, float], ...]
     segments: int = 12
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
         """See ``Solid``."""
-        upright = lathe(
-            finish, np.array(self.profile), segments=self.segments, caps=self.profile[0] != self.profile[-1]
-        )
+        return 2.0 * max(radius for radius, _ in self.profile)
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
+        """See ``Solid``."""
+        segments = detail.segments(self.segments, self.thickness_m / 2.0)
+        upright = lathe(finish, np.array(self.profile), segments=segments, caps=self.profile[0] != self.profile[-1])
         return upright.transformed(_turned((-90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
 
@@ -126,7 +160,12 @@ class Spokes(Solid):
     count: int
     size: tuple[float, float]
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
+        """See ``Solid``."""
+        return max(self.size)
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
         turns = [_turned((0.0, 180.0 / self.count * k, 0.0), (0.0, 0.0, 0.0)) for k in range(self.count)]
         return Mesh.merged([box(finish, (2.0 * self.radius, *self.size)).transformed(turn) for turn in turns])
@@ -139,7 +178,12 @@ class Profile(Solid):
     polygon: tuple[tuple[float, float], ...]
     width: float
 
-    def mesh(self, finish: Finish) -> Mesh:
+    @property
+    def thickness_m(self) -> float:
+        """See ``Solid``."""
+        return self.width
+
+    def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
         flat = extrusion(finish, shapely.Polygon(self.polygon), -self.width / 2.0, self.width / 2.0)
         return flat.transformed(_turned((90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
@@ -150,14 +194,16 @@ AnySolid = Annotated[Box | Ellipsoid | Tube | Rings | Lathe | Spokes | Profile, 
 _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
 
-def build_solid(solid: Solid, tag: Tag, part_index: dict[str, int]) -> list[Mesh]:
-    """The solid in its place, and its mirror image if it has one."""
+def build_solid(solid: Solid, tag: Tag, part_index: dict[str, int], detail: Detail) -> list[Mesh]:
+    """The solid in its place, and its mirror image if it has one; nothing if it is too thin to show."""
+    if not detail.shows(solid.thickness_m):
+        return []
     place = _turned(solid.turn, solid.at)
     finish = finish_named(solid.finish, tag, part_index[solid.part])
-    meshes = [solid.mesh(finish).transformed(place)]
+    meshes = [solid.mesh(finish, detail).transformed(place)]
     if solid.mirrored:
         other = finish_named(mirrored_name(solid.finish), tag, part_index[mirrored_name(solid.part)])
-        meshes.append(solid.mesh(other).transformed(_MIRROR @ place))
+        meshes.append(solid.mesh(other, detail).transformed(_MIRROR @ place))
     return meshes
 
 

@@ -1,10 +1,12 @@
 """Wheels of cars, trucks and buses: where they are, as data, and their meshes."""
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from simbev_ros.assets.actor_model import Part
+from simbev_ros.assets.actors.detail import Detail
 from simbev_ros.assets.actors.finishes import finish_named
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import Finish, box, lathe
@@ -37,7 +39,9 @@ class Wheels(Model):
     twin: bool = False
 
 
-_SEGMENTS = 16
+_SEGMENTS = 20
+_SPOKE_M = 0.016
+"""How thick spokes are, at least; where they do not show, neither does what is behind them."""
 
 
 def wheel_parts(wheels: Wheels) -> list[Part]:
@@ -55,35 +59,40 @@ def wheel_parts(wheels: Wheels) -> list[Part]:
     ]
 
 
-def build_wheels(wheels: Wheels, tag: Tag, first_part: int) -> list[Mesh]:
+def build_wheels(wheels: Wheels, tag: Tag, first_part: int, detail: Detail) -> list[Mesh]:
     """Meshes of all wheels; those of wheel k move with part ``first_part + k``."""
     meshes = []
+    single = twin = _wheel(wheels, tag, detail)
+    if wheels.twin:
+        inner = np.eye(4)
+        inner[2, 3] = -1.15 * wheels.width
+        twin = Mesh.merged([single, _tyre(wheels, tag, detail).transformed(inner)])
     for index, part in enumerate(wheel_parts(wheels)):
         x, y, z = part.pivot_m
-        side = 1.0 if y > 0 else -1.0
-        place = matrices_from_xyz_rpy(np.array([x, y, z]), np.radians([-90.0 * side, 0.0, 0.0]))
-        wheel = _wheel(wheels, tag, first_part + index)
-        if wheels.twin and index >= 2:
-            inner = np.eye(4)
-            inner[2, 3] = -1.15 * wheels.width
-            wheel = Mesh.merged([wheel, _tyre(wheels, tag, first_part + index).transformed(inner)])
-        meshes.append(wheel.transformed(place))
+        place = matrices_from_xyz_rpy(np.array([x, y, z]), np.array([-np.copysign(np.pi / 2.0, y), 0.0, 0.0]))
+        wheel = (twin if index >= 2 else single).transformed(place)
+        meshes.append(replace(wheel, part=np.full_like(wheel.part, first_part + index)))
     return meshes
 
 
-def _wheel(wheels: Wheels, tag: Tag, part: int) -> Mesh:
+def _wheel(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
     """A wheel about its centre, its axle along z, its outer face up."""
     face = wheels.width / 2.0
     rim = wheels.radius * wheels.rim
-    metal = finish_named(wheels.finish, tag, part)
-    meshes = [_tyre(wheels, tag, part)]
+    metal = finish_named(wheels.finish, tag)
+    meshes = [_tyre(wheels, tag, detail)]
+    segments = detail.segments(_SEGMENTS, wheels.radius, least=6)
+    if not detail.shows(_SPOKE_M):
+        disc = [(rim, 0.85 * face), (0.6 * rim, 0.6 * face), (0.0, 0.9 * face)]
+        meshes.append(lathe(metal, np.array(disc), segments=segments, caps=False))
+        return Mesh.merged(meshes)
     if not wheels.spokes:
         disc = [(rim, 0.3 * face), (rim, 0.8 * face), (0.75 * rim, 0.5 * face), (0.45 * rim, 0.9 * face)]
-        meshes.append(lathe(metal, np.array([*disc, (0.0, 0.95 * face)]), segments=_SEGMENTS))
+        meshes.append(lathe(metal, np.array([*disc, (0.0, 0.95 * face)]), segments=segments))
         return Mesh.merged(meshes)
-    dark = finish_named("black", tag, part)
-    meshes.append(lathe(dark, np.array([(rim, 0.3 * face), (0.0, 0.35 * face)]), segments=_SEGMENTS))
-    meshes.append(_ring([(rim, 0.5 * face), (1.01 * rim, 0.93 * face), (0.9 * rim, 0.8 * face)], metal))
+    dark = finish_named("black", tag)
+    meshes.append(lathe(dark, np.array([(rim, 0.3 * face), (0.0, 0.35 * face)]), segments=segments))
+    meshes.append(_ring([(rim, 0.5 * face), (1.01 * rim, 0.93 * face), (0.9 * rim, 0.8 * face)], metal, segments))
     meshes.append(lathe(metal, np.array([(0.2 * rim, 0.3 * face), (0.15 * rim, 0.85 * face)]), segments=6))
     for angle in np.arange(wheels.spokes) * (2.0 * np.pi / wheels.spokes):
         spoke = box(metal, (0.86 * rim, 0.22 * rim, 0.3 * face), (0.52 * rim, 0.0, 0.62 * face))
@@ -91,11 +100,11 @@ def _wheel(wheels: Wheels, tag: Tag, part: int) -> Mesh:
     return Mesh.merged(meshes)
 
 
-def _tyre(wheels: Wheels, tag: Tag, part: int) -> Mesh:
+def _tyre(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
     """A tyre about its centre."""
     face = wheels.width / 2.0
     rim, radius = wheels.radius * wheels.rim, wheels.radius
-    rubber = finish_named("rubber", tag, part)
+    rubber = finish_named("rubber", tag)
     profile = [
         (rim, -0.85 * face),
         (radius, -0.8 * face),
@@ -103,9 +112,12 @@ def _tyre(wheels: Wheels, tag: Tag, part: int) -> Mesh:
         (0.94 * radius, face),
         (rim, 0.9 * face),
     ]
-    return _ring(profile, rubber)
+    segments = detail.segments(_SEGMENTS, radius, least=6)
+    if not detail.shows(_SPOKE_M):
+        return lathe(rubber, np.array(profile), segments=segments, caps=False)
+    return _ring(profile, rubber, segments)
 
 
-def _ring(profile: list[tuple[float, float]], finish: Finish) -> Mesh:
+def _ring(profile: list[tuple[float, float]], finish: Finish, segments: int) -> Mesh:
     """A closed ring: the profile (radius, z) runs round its cross-section."""
-    return lathe(finish, np.array([*profile, profile[0]]), segments=_SEGMENTS, caps=False)
+    return lathe(finish, np.array([*profile, profile[0]]), segments=segments, caps=False)

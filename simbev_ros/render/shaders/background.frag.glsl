@@ -8,6 +8,7 @@ layout(location = 2) out vec4 g_color;
 layout(location = 3) out uint semantic;
 layout(location = 4) out uint instance;
 layout(location = 5) out vec2 flow;
+layout(location = 6) out vec2 g_slope;
 
 void main() {
     g_surface = uvec4(TAG_SKY << 16u, 0u, 0u, 0u);
@@ -15,6 +16,7 @@ void main() {
     g_color = vec4(0.0);                     // shading class 0
     semantic = TAG_SKY;
     instance = 0u;
+    g_slope = vec2(0.0);
     vec3 ray = optical_ray(floor(gl_FragCoord.xy));
     flow = flow_of(mat3(previous_optical_from_world) * mat3(world_from_optical) * ray);
 }

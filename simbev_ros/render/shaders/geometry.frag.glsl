@@ -15,6 +15,7 @@ layout(location = 2) out vec4 g_color;     // sRGB albedo, shading class
 layout(location = 3) out uint semantic;
 layout(location = 4) out uint instance;
 layout(location = 5) out vec2 flow;
+layout(location = 6) out vec2 g_slope;     // of 1 / depth, per pixel; kept for cameras that distort only (render/lens.py)
 
 void main() {
     bool is_leaf = v_surface.x >> 24u == uint(MATERIAL_FOLIAGE);  // leaves shade alike on both sides
@@ -25,4 +26,5 @@ void main() {
     semantic = (v_surface.x >> 16u) & 0xFFu;
     instance = v_instance;
     flow = flow_of(v_before);
+    g_slope = vec2(dFdx(gl_FragCoord.w), dFdy(gl_FragCoord.w));
 }

@@ -1,27 +1,23 @@
 #version 330
-// The square or strip of ground that a lamp reaches, on a map from above.
+// The ground that a lamp reaches, on a map from above: from behind to ahead of it, wider ahead or not.
 uniform float half_m;
 in vec3 in_lamp;
 in vec2 in_heading;
-in float in_kind;  // 0 street lamp, 1 low beam, 2 high beam
-in float in_strength;
+in vec4 in_extent;     // from, to, along the heading; half width there and there
+in vec4 in_light;
+in float in_half_width;  // of a lamp that is a line across the heading
 
-out vec2 v_ground;
-flat out vec3 v_lamp;
-flat out vec3 v_heading;  // and kind
-flat out float v_strength;
-
-const float STREET_REACH = 30.0;
-const vec3 HEAD_REACH = vec3(-1.0, 42.0, 14.0);  // from, to, half width
+out vec2 v_offset;  // from the lamp, along and across to the left
+flat out vec2 v_heading;
+flat out vec4 v_light;
+flat out vec3 v_size;  // height of the lamp in the world, half width, reach
 
 void main() {
-    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-    vec2 along = in_heading, across = vec2(-in_heading.y, in_heading.x);
-    float forward = mix(HEAD_REACH.x, HEAD_REACH.y * in_kind, corner.x * 0.5 + 0.5);
-    vec2 head = along * forward + across * corner.y * HEAD_REACH.z;
-    v_ground = in_lamp.xy + (in_kind == 0.0 ? corner * STREET_REACH : head);
-    v_lamp = in_lamp;
-    v_heading = vec3(in_heading, in_kind);
-    v_strength = in_strength;
-    gl_Position = vec4(v_ground / half_m, 0.0, 1.0);
+    float to = float(gl_VertexID & 1), side = float(gl_VertexID >> 1) * 2.0 - 1.0;
+    v_offset = vec2(mix(in_extent.x, in_extent.y, to), side * mix(in_extent.z, in_extent.w, to));
+    v_heading = in_heading;
+    v_light = in_light;
+    v_size = vec3(in_lamp.z, in_half_width, in_extent.y);
+    vec2 ground = in_lamp.xy + in_heading * v_offset.x + vec2(-in_heading.y, in_heading.x) * v_offset.y;
+    gl_Position = vec4(ground / half_m, 0.0, 1.0);
 }

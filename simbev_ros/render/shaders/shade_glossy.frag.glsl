@@ -1,8 +1,11 @@
 #version 330
 // Car paint under clear coat, glass, chrome, metal and water.
+#define SKYLINE
 #include "enums"
-#include "lighting"
 #include "noise"
+#include "lighting"
+
+const float FLAKE = 0.0015;  // metres
 
 // Slope of small waves along a light wind; from afar they average out.
 vec2 ripples(vec2 place, float size) {
@@ -15,14 +18,26 @@ vec2 ripples(vec2 place, float size) {
 void main() {
     Pixel p = this_pixel();
     Surface s = surface_of(p);
-    if (p.material == MATERIAL_GLASS) s.albedo *= 0.25;
+    float facing = max(dot(p.normal, p.to_camera), 0.0);
+    if (p.material == MATERIAL_GLASS) {
+        s.albedo *= 0.12;
+        s.roughness = 0.03;
+        s.specular = 0.09;
+    }
     if (p.material == MATERIAL_WATER) {
         s.normal = normalize(p.normal + vec3(ripples(p.uv, p.size), 0.0));
         s.albedo *= 0.35;  // most of what is seen is mirrored
     }
     if (p.material == MATERIAL_CAR_PAINT) {
-        s.roughness = 0.12;
-        s.albedo *= 0.94 + 0.06 * max(dot(p.normal, p.to_camera), 0.0);
+        s.roughness = 0.07;
+        s.specular = 0.06;
+        s.metallic = 0.0;
+        // Flakes lie flat: paint is lighter where it is looked at straight, and glitters from near.
+        float flakes = (random(floor(p.uv / FLAKE)) - 0.5) * 0.5 * seen_apart(FLAKE, p.size);
+        float colorful = max(p.albedo.r, max(p.albedo.g, p.albedo.b)) - min(p.albedo.r, min(p.albedo.g, p.albedo.b));
+        s.albedo = mix(p.albedo, vec3(dot(p.albedo, LUMA)), 0.18 * clamp(colorful * 2.0, 0.0, 1.0)) * (0.62 + 0.34 * facing + flakes * 0.6);
+        // Dust of the road on the lower flanks.
+        s.roughness += 0.25 * smoothstep(0.2, -0.3, p.normal.z);
     }
     shade(p, s);
 }

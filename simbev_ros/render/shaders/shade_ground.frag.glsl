@@ -3,67 +3,111 @@
 #include "enums"
 #include "lighting"
 #include "noise"
+#ifndef WET
+#define WET 0
+#endif
+#if WET
+#include "water"
+#endif
 
-const vec2 SLAB = vec2(0.6, 0.6);
-const float JOINT = 0.006;
 const float CROP_ROW = 0.75;
+const float SWATH = 2.4;  // two passes of a mower
+const vec3 OLD_ASPHALT = vec3(0.075, 0.074, 0.072);
+const float MARKING_WEAR = 0.2;  // its mean
+
+// What of noise of a wavelength is left when it is blurred to the size of the pixel.
+float left(float wavelength, float size) { return clamp(1.5 - 2.0 * size / wavelength, 0.0, 1.0); }
 
 vec3 asphalt(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
-    float stains = (coarse.r - 0.5) * 0.30 + (middle.b - 0.5) * 0.16;
-    float grain = (fine.g - 0.5) * 0.42;
-    float crack = smoothstep(0.012, 0.0, abs(coarse.a - 0.5)) * smoothstep(0.45, 0.9, middle.r) * smoothstep(0.06, 0.01, size);
-    return albedo * (1.0 + stains + grain) * (1.0 - 0.55 * crack);
+    float stains = (coarse.r - 0.5) * 0.34 + (middle.b - 0.5) * 0.22;
+    float stones = (fine.g - 0.5) * 0.75 + (fine.b - 0.5) * 0.25;
+    float crack = line_cover(middle.r - 0.5, 0.006, size * 0.9) * smoothstep(0.52, 0.70, coarse.a) * left(0.1, size);
+    float sealed = line_cover(coarse.r - 0.62, 0.0042, size * 0.14) * smoothstep(0.40, 0.50, coarse.b) * left(0.6, size);
+    float oil = smoothstep(0.80, 0.97, middle.a) * smoothstep(0.35, 0.8, coarse.b) * left(1.0, size);
+    vec3 color = albedo * (0.88 + 0.88 * (stains + stones)) * vec3(1.02, 1.0, 0.97);
+    return color * (1.0 - 0.6 * crack) * (1.0 - 0.55 * sealed) * (1.0 - 0.4 * oil);
 }
 
-vec3 marking(vec3 albedo, vec4 middle, vec4 fine) {
-    float worn = smoothstep(0.62, 0.98, middle.b * 0.6 + fine.g * 0.4);
-    return mix(albedo * (0.92 + 0.12 * fine.g), vec3(0.09), worn * 0.55);
+vec3 marking(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
+    float tired = 0.40 * middle.b + 0.34 * fine.g + 0.26 * coarse.a;  // flakes off stone by stone, most where much is driven
+    float worn = mix(MARKING_WEAR, smoothstep(0.52, 0.66, tired), left(0.06, size));
+    float dust = 0.50 + 0.18 * coarse.r + 0.12 * fine.b + 0.10 * middle.r;
+    return mix(albedo * dust * vec3(1.0, 0.985, 0.95), OLD_ASPHALT, 0.8 * worn);
 }
 
-vec3 paving(vec3 albedo, vec2 uv, vec4 coarse, vec4 fine, float size) {
-    vec2 place = uv / SLAB;
-    place.x += 0.5 * mod(floor(place.y), 2.0);
-    vec2 to_joint = (0.5 - abs(fract(place) - 0.5)) * SLAB;
-    float joint = max(line_cover(to_joint.x, JOINT, size), line_cover(to_joint.y, JOINT, size));
-    float slab_seen = clamp(0.5 - size * 2.0, 0.0, 0.5) * 2.0;
-    float tone = (random(floor(place)) - 0.5) * 0.16 * slab_seen;
-    return albedo * (1.0 + tone + (coarse.r - 0.5) * 0.16 + (fine.g - 0.5) * 0.16) * (1.0 - 0.45 * joint);
+// Slabs in bond, or small stones; each quarter has its own.
+vec3 paving(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
+    vec2 slab = random(floor(uv / 173.0) + 64.0) < 0.65 ? vec2(0.6, 0.4) : vec2(0.3, 0.3);
+    vec2 place = uv;
+    place.x += 0.5 * slab.x * mod(floor(uv.y / slab.y), 2.0);
+    vec4 own = randoms(floor(place / slab));
+    float tone = (own.x - 0.5) * 0.20 * seen_apart(slab.y, size);
+    vec3 color = albedo * 0.70 * (1.0 + tone + (coarse.r - 0.5) * 0.22 + (middle.b - 0.5) * 0.16 + (fine.g - 0.5) * 0.30);
+    float dirt = smoothstep(0.60, 0.95, 0.55 * coarse.a + 0.45 * middle.r);
+    color *= (1.0 - 0.22 * dirt) * (1.0 + (own.y - 0.5) * vec3(0.07, 0.0, -0.06) * seen_apart(slab.y, size));
+    float joint = joint_cover(place, slab, 0.009, size);
+    return mix(color, vec3(0.062, 0.058, 0.048), joint * (0.45 + 0.5 * middle.a));
 }
 
-vec3 grass(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine) {
-    float dry = smoothstep(0.45, 1.0, coarse.r * 0.6 + middle.a * 0.4);
-    vec3 color = mix(albedo * vec3(0.86, 0.84, 0.8), albedo * vec3(1.16, 0.98, 0.82), dry);
-    return color * (0.50 + 0.55 * fine.g + 0.35 * middle.b);
+// Kerb stones and cast walls, a joint a metre.
+vec3 concrete(vec3 albedo, vec2 uv, vec3 normal, vec4 coarse, vec4 middle, vec4 fine, float size) {
+    vec2 joints = vec2(stripe_cover(uv.x, 0.009, size), normal.z > 0.5 ? stripe_cover(uv.y, 0.009, size) : 0.0);
+    float stone = 0.12 * (random(floor(uv)) - 0.5) * seen_apart(1.0, size);
+    float tone = 0.76 + stone + 0.26 * (fine.g - 0.5) + 0.20 * (middle.r - 0.5) + 0.16 * (coarse.r - 0.5);
+    float grime = smoothstep(0.50, 0.95, middle.b) * (normal.z > 0.5 ? 0.22 : 0.35);
+    return albedo * tone * (1.0 - grime) * (1.0 - 0.55 * max(joints.x, joints.y));
+}
+
+vec3 grass(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
+    float dry = smoothstep(0.45, 1.0, coarse.r * 0.5 + middle.a * 0.5);
+    vec3 color = mix(albedo * vec3(0.56, 0.60, 0.50), albedo * vec3(0.92, 0.76, 0.62), dry);
+    float mown = (stripe_cover(uv.y / SWATH, 0.5, size / SWATH) - 0.5) * 0.14 * smoothstep(0.75, 0.35, middle.r);
+    float blades = 0.75 * (fine.g - 0.5) + 0.65 * (fine.b - 0.5) + 0.35 * (middle.b - 0.5);
+    vec3 straw = vec3(1.0 + 0.5 * max(fine.a - 0.7, 0.0), 1.0, 1.0 - 0.4 * max(fine.a - 0.7, 0.0));
+    return color * max(1.0 + blades + mown, 0.15) * straw;
 }
 
 // Rows of plants with bare soil between them; from afar only their mean is left.
 vec3 crop(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float across = uv.y / CROP_ROW + 0.35 * (middle.r - 0.5);
-    float soil = smoothstep(0.12, 0.42, abs(fract(across) - 0.5)) * smoothstep(0.6, 0.1, size / CROP_ROW);
-    vec3 color = albedo * (0.72 + 0.3 * coarse.r + 0.3 * fine.g) * (0.9 + 0.2 * middle.a);
-    return mix(color, vec3(0.105, 0.078, 0.052) * (0.7 + 0.6 * fine.b), 0.7 * soil);
+    float soil = mix(0.36, smoothstep(0.12, 0.42, abs(fract(across) - 0.5)), smoothstep(0.6, 0.1, size / CROP_ROW));
+    vec3 color = albedo * (0.45 + 0.3 * coarse.r + 0.55 * fine.g) * (0.9 + 0.2 * middle.a);
+    return mix(color, vec3(0.105, 0.078, 0.052) * (0.6 + 0.8 * fine.g), 0.7 * soil);
+}
+
+// Crumbs and pebbles.
+vec3 soil(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
+    float pebble = smoothstep(0.86, 0.95, fine.g) * left(0.03, size);
+    vec3 color = albedo * (1.0 + 0.85 * (fine.g - 0.5) + 0.4 * (middle.b - 0.5) + 0.25 * (coarse.r - 0.5)) * 0.85;
+    return mix(color, vec3(0.24, 0.22, 0.19), 0.5 * pebble);
 }
 
 void main() {
     Pixel p = this_pixel();
-    vec4 coarse = noise_at(p.uv / 37.0, p.size / 37.0);
-    vec4 middle = noise_at(p.uv.yx / 5.3, p.size / 5.3);
-    vec4 fine = noise_at(p.uv / 0.9, p.size / 0.9);
+    float size = p.size;
+    vec4 middle = smooth_noise_at(p.uv.yx / 5.3, size / 5.3);
+#if QUALITY >= 1
+    vec4 coarse = smooth_noise_at(p.uv / 37.0, size / 37.0);
+#else
+    vec4 coarse = middle.abgr;
+#endif
+    vec4 fine = noise_at(p.uv / 0.75, size / 0.75);
 
     Surface s = surface_of(p);
-    if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo, coarse, middle, fine, p.size);
-    else if (p.material == MATERIAL_MARKING) s.albedo = marking(p.albedo, middle, fine);
-    else if (p.material == MATERIAL_PAVING) s.albedo = paving(p.albedo, p.uv, coarse, fine, p.size);
-    else if (p.material == MATERIAL_CONCRETE) s.albedo = p.albedo * (0.84 + 0.2 * fine.g + 0.12 * middle.r);
-    else if (p.material == MATERIAL_GRASS) s.albedo = grass(p.albedo, coarse, middle, fine);
-    else if (p.material == MATERIAL_CROP) s.albedo = crop(p.albedo, p.uv, coarse, middle, fine, p.size);
-    else s.albedo = p.albedo * (0.6 + 0.5 * fine.g + 0.3 * middle.b);
+    if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo, coarse, middle, fine, size);
+    else if (p.material == MATERIAL_MARKING) s.albedo = marking(p.albedo, coarse, middle, fine, size);
+    else if (p.material == MATERIAL_PAVING) s.albedo = paving(p.albedo, p.uv, coarse, middle, fine, size);
+    else if (p.material == MATERIAL_CONCRETE) s.albedo = concrete(p.albedo, p.uv, p.normal, coarse, middle, fine, size);
+    else if (p.material == MATERIAL_GRASS) s.albedo = grass(p.albedo, p.uv, coarse, middle, fine, size);
+    else if (p.material == MATERIAL_CROP) s.albedo = crop(p.albedo, p.uv, coarse, middle, fine, size);
+    else s.albedo = soil(p.albedo, coarse, middle, fine, size);
 
-    float level = smoothstep(0.9, 0.99, p.normal.z) * (p.material == MATERIAL_GRASS || p.material == MATERIAL_CROP ? 0.3 : 1.0);
-    float puddle = level * smoothstep(1.1 - 0.6 * puddles(), 1.2 - 0.6 * puddles(), coarse.a * 0.7 + middle.r * 0.4);
-    float wet = max(wetness() * level, puddle);
-    s.albedo *= 1.0 - 0.5 * wet;
-    s.roughness = mix(mix(s.roughness, 0.35, wet * 0.8), 0.03, puddle);
-    s.specular = mix(s.specular, 0.03, wet);
+#if WET
+    Water water = water_on(p.material, p.normal, coarse.a * 0.7 + middle.r * 0.4);
+    s.albedo *= 1.0 - 0.5 * water.film;
+    s.roughness = roughness_under(water, s.roughness);
+    s.specular = mix(s.specular, 0.03, water.film);
+    s.normal = normalize(s.normal + vec3(ring_slope(p.uv, size) * water.film, 0.0));
+#endif
     shade(p, s);
 }

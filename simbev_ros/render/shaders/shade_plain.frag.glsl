@@ -1,53 +1,73 @@
 #version 330
-// Matt things: brick, plaster, roofs, wood, rubber, plastic, leaves, bark, cloth, skin, hair, and reflective sheeting.
+// Matt things: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, skin, hair, and reflective sheeting.
 #include "enums"
 #include "lighting"
+#include "masonry"
 #include "noise"
 
-const vec2 BRICK_SIZE = vec2(0.25, 0.085);
 const float SHEETING_GAIN = 30.0;
-
-// Place on the coordinate plane that the surface faces most, so that noise is not stretched.
-vec2 flat_place(vec3 position, vec3 facing) {
-    vec2 upright = facing.x > facing.y ? position.yz : position.xz;
-    return facing.z > max(facing.x, facing.y) ? position.xy : upright;
-}
+const vec2 TILE = vec2(0.24, 0.32);
+const float SEAM = 1.0;  // between the sheets of flat roofs
 
 // Brightness of retroreflective sheeting: it sends the light of headlamps back to them, and to a camera near them.
 float retroreflected(vec3 position, vec3 to_camera) {
-    vec4 field = texture(head_field, (lamp_field_from_world * vec4(position, 1.0)).xy);
+    vec4 field = texture(beam_field, map_place(coarse_place(position)));
     float towards = dot(field.xy, normalize(to_camera.xy)) / max(field.z, 1e-4);
     return min(SHEETING_GAIN * field.z * smoothstep(0.95, 0.99, towards), 0.9);
 }
 
+// Length and height of one repetition of the noise, metres: stretched along what has a grain.
+vec2 grain_of(uint material) {
+    if (material == MATERIAL_BARK) return vec2(0.7, 3.5);
+    if (material == MATERIAL_WOOD) return vec2(0.6, 6.0);
+    if (material == MATERIAL_HAIR) return vec2(0.15, 1.2);
+    if (material == MATERIAL_CLOTH || material == MATERIAL_CLOTH_TINTED) return vec2(0.9, 1.8);
+    if (material == MATERIAL_PLASTER) return vec2(2.0, 5.0);
+    return vec2(4.0);
+}
+
+// Courses of tiles on slopes, sheets with seams on level roofs.
+vec3 roofing(vec3 albedo, vec2 uv, vec4 grain, bool level, float size) {
+    vec3 aged = mix(albedo, vec3(dot(albedo, GRAY)), 0.25) * (0.70 + 0.30 * grain.r + 0.24 * grain.g);
+    vec2 place = uv / TILE;
+    place.x += 0.5 * mod(floor(place.y), 2.0);
+    vec4 own = randoms(floor(place) + 4096.0);
+    float apart = seen_apart(TILE.x, size);
+    float lap = stripe_cover(place.y, 0.14, size / TILE.y), side = stripe_cover(place.x, 0.08, size / TILE.x);
+    vec3 tiles = aged * (1.0 + (own.x - 0.5) * 0.34 * apart) * (1.0 - 0.5 * lap) * (1.0 - 0.35 * side);
+    float moss = smoothstep(0.66, 0.95, 0.6 * grain.r + 0.4 * grain.b);
+    vec3 sheets = aged * (1.0 - 0.25 * stripe_cover(uv.x / SEAM, 0.04, size / SEAM));
+    return level ? sheets : mix(tiles, vec3(0.07, 0.075, 0.045), 0.35 * moss);
+}
+
 void main() {
     Pixel p = this_pixel();
-    vec4 coarse = noise_at(p.uv / 9.0, p.size / 9.0);
-    vec4 fine = noise_at(p.uv / 0.8, p.size / 0.8);
+    vec2 period = grain_of(p.material);
+    vec4 grain = noise_at(p.uv / period, p.size * inversesqrt(period.x * period.y));
+    bool cloth = p.material == MATERIAL_CLOTH || p.material == MATERIAL_CLOTH_TINTED;
     Surface s = surface_of(p);
-    s.albedo *= 0.9 + 0.1 * coarse.r + 0.1 * (fine.g - 0.5);
+    s.albedo *= 0.90 + 0.10 * grain.r + 0.10 * (grain.g - 0.5);
     if (p.material == MATERIAL_BRICK) {
-        vec2 place = p.uv / BRICK_SIZE;
-        place.x += 0.5 * mod(floor(place.y), 2.0);
-        vec2 to_joint = (0.5 - abs(fract(place) - 0.5)) * BRICK_SIZE;
-        float joint = max(line_cover(to_joint.x, 0.006, p.size), line_cover(to_joint.y, 0.006, p.size));
-        float tone = (random(floor(place)) - 0.5) * 0.4 * clamp(1.0 - p.size * 12.0, 0.0, 1.0);
-        s.albedo = mix(s.albedo * (1.0 + tone), vec3(0.42, 0.39, 0.35), joint * 0.7);
-    } else if (p.material == MATERIAL_FOLIAGE) {
-        vec2 place = flat_place(p.position + noise_origin.xyz, abs(p.normal));
-        vec4 clump = noise_at(place / 8.0, p.size / 8.0);
-        vec4 leaf = noise_at(place / 2.6, p.size / 2.6);
-        float depth = 0.55 * leaf.g + 0.45 * leaf.b;  // 0 between the leaves, 1 at their tips
-        s.albedo *= (0.62 + 0.58 * smoothstep(0.15, 0.75, depth)) * (0.86 + 0.28 * clump.b);
-        s.albedo *= vec3(0.86 + 0.26 * clump.a, 0.98, 0.9);
-        s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 0.9 + (clump.bar - 0.5) * 0.9);
-        s.roughness = 1.0;
-        s.specular = 0.0;
-        s.translucency = 0.6;
-    } else if (p.material == MATERIAL_BARK || p.material == MATERIAL_WOOD) {
-        s.albedo *= 0.7 + 0.6 * noise_at(p.uv * vec2(3.0, 0.5), p.size * 3.0).b;
+        s.albedo = brickwork(s.albedo, p.uv, grain.a, p.size);
     } else if (p.material == MATERIAL_ROOF) {
-        s.albedo *= 0.8 + 0.3 * coarse.b + 0.2 * (fine.g - 0.5);
+        s.albedo = roofing(p.albedo, p.uv, grain, p.normal.z > 0.97, p.size);
+    } else if (p.material == MATERIAL_PLASTER) {
+        s.albedo *= (1.0 - 0.30 * smoothstep(0.5, 1.0, grain.b)) * (0.86 + 0.14 * grain.g);
+    } else if (p.material == MATERIAL_BARK) {
+        s.albedo *= 0.45 + 1.1 * grain.b;
+        s.normal = normalize(p.normal + (grain.bag - 0.5) * 0.7);
+    } else if (p.material == MATERIAL_WOOD) {
+        s.albedo *= 0.70 + 0.35 * grain.b + 0.25 * grain.g;
+    } else if (cloth) {  // folds
+        s.albedo *= 0.86 + 0.28 * grain.b;
+        s.normal = normalize(p.normal + (grain.bar - 0.5) * 0.55);
+    } else if (p.material == MATERIAL_HAIR) {
+        s.albedo *= 0.6 + 0.8 * grain.g;
+        s.normal = normalize(p.normal + (grain.gba - 0.5) * 0.3);
+    } else if (p.material == MATERIAL_SKIN) {
+        s.translucency = 0.15;
+    } else if (p.material == MATERIAL_RUBBER) {
+        s.albedo = mix(s.albedo, vec3(0.05, 0.047, 0.042), 0.3 + 0.4 * grain.a);  // dust of the road
     } else if (p.material == MATERIAL_PLATE && lamps_lit() > 0.0) {
         s.emission = s.albedo * retroreflected(p.position, p.to_camera);
     }

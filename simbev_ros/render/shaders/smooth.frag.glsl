@@ -5,18 +5,17 @@ uniform sampler2D noisy_visibility;
 
 out vec4 smoothed;
 
-const float SHARPNESS = 12.0;  // per doubling of the depth
-
 void main() {
     ivec2 cell = ivec2(gl_FragCoord.xy), last = textureSize(noisy_visibility, 0) - 1;
     vec4 center = texelFetch(noisy_visibility, cell, 0);
     float depth = log2_depth(center.zw);
+    vec2 slope = vec2(dFdx(depth), dFdy(depth));
     vec2 total = center.xy * 1e-3;
     float weights = 1e-3;
     for (int y = -2; y < 2; ++y)
         for (int x = -2; x < 2; ++x) {
             vec4 found = texelFetch(noisy_visibility, clamp(cell + ivec2(x, y), ivec2(0), last), 0);
-            float weight = max(1.0 - SHARPNESS * abs(log2_depth(found.zw) - depth), 0.0);
+            float weight = same_surface(log2_depth(found.zw) - depth, slope, vec2(x, y));
             total += weight * found.xy;
             weights += weight;
         }

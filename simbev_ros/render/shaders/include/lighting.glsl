@@ -1,17 +1,15 @@
 // Light on a surface: sun or moon with shadow, sky and ground, mirrored surroundings, lamps, fog; then the camera.
+#include "film"
 #include "pixel"
 #include "sky"
+#include "lamps"
 #include "log_depth"
 uniform sampler2D visibility;
-uniform sampler2D street_field;
-uniform sampler2D head_field;
 
 out vec4 shaded;  // sRGB, luma
 
 float lamps_lit() { return LAMPS_LIT; }  // a constant, so that by day nothing is computed for lamps
 
-const vec3 STREET_COLOR = vec3(0.25, 0.19, 0.12);
-const vec3 HEAD_COLOR = vec3(0.20, 0.205, 0.225);
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
 struct Surface {
@@ -27,19 +25,6 @@ struct Surface {
 Surface surface_of(Pixel p) {
     vec4 material = materials[p.material];
     return Surface(p.albedo, p.normal, material.x, material.y, material.z, vec3(0.0), 0.0);
-}
-
-// Irradiance / pi of lamps, from their map (render/lamp_field.py).
-vec3 lamp_light(sampler2D map, vec3 color, float lift, vec3 position, vec3 normal) {
-    vec2 place = (lamp_field_from_world * vec4(position, 1.0)).xy;
-    vec4 field = texture(map, place);
-    float strength = max(field.z, 1e-4);
-    vec2 direction = field.xy / strength;
-    float below = field.w / strength - position.z;
-    vec3 to_lamp = vec3(direction, max(sqrt(max(1.0 - dot(direction, direction), 0.0)), lift));
-    vec2 to_edge = 0.5 - abs(place - 0.5);
-    float reach = smoothstep(-1.6, 0.3, below) * smoothstep(0.0, 0.06, min(to_edge.x, to_edge.y));
-    return color * field.z * reach * max(dot(normal, to_lamp) * 0.85 + 0.15, 0.0);
 }
 
 vec3 sun_highlight(Surface s, vec3 to_camera, float facing) {
@@ -58,9 +43,7 @@ vec3 lit(Pixel p, Surface s, float ambient_share, float sun) {
     float through = s.translucency * max(-facing, 0.0);
     vec3 ambient = mix(ground_ambient.rgb, sky_ambient.rgb, 0.5 + 0.5 * s.normal.z) * ambient_share;
     vec3 lamps = vec3(0.0);
-    if (lamps_lit() > 0.0)
-        lamps = lamp_light(street_field, STREET_COLOR, 0.0, p.position, s.normal) +
-                lamp_light(head_field, HEAD_COLOR, 0.3, p.position, s.normal);
+    if (lamps_lit() > 0.0) lamps = lamp_light(p.position, s.normal);
     vec3 diffuse = s.albedo * (1.0 - s.metallic) * (key_light.rgb * sun * (max(facing, 0.0) + through) + ambient + lamps);
 
     vec3 base = mix(vec3(s.specular), s.albedo, s.metallic);
@@ -72,37 +55,27 @@ vec3 lit(Pixel p, Surface s, float ambient_share, float sun) {
     return diffuse + specular + s.emission / exposure();
 }
 
-// Fog and the haze of clear air between a place and the camera.
-vec3 through_air(vec3 radiance, vec3 to_camera, vec3 position, float distance) {
-    float thickness = max(distance - fog.y, 0.0) * fog.x * exp2(-max(position.z, 0.0) * fog.z) + distance / 6000.0;
-    vec3 direction = vec3(-to_camera.xy, max(-to_camera.z, 0.0) * 0.3 + 0.02);
-    return mix(sky_radiance(normalize(direction)), radiance, exp2(-thickness));
-}
-
-// Filmic tone mapping (Narkowicz 2015) and sRGB.
 vec4 developed(vec3 radiance) {
-    vec3 x = radiance * exposure();
-    vec3 filmic = clamp(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0);
-    vec3 color = pow(filmic, vec3(1.0 / 2.2));
+    vec3 color = film(radiance * (exposure() * viewport.w));
     return vec4(color, dot(color, LUMA));
 }
 
-// Openness and share of the key light, from the texels around that lie at about this depth.
+// Openness and share of the key light, from the texels around that lie on about the same surface.
 vec2 visibility_at(float depth) {
-    ivec2 last = textureSize(visibility, 0) - 1;
 #if VISIBILITY_STEP == 1
     return texelFetch(visibility, ivec2(gl_FragCoord.xy), 0).xy;
 #else
-    ivec2 pixel = ivec2(gl_FragCoord.xy), cell = pixel >> 1;
-    vec2 between = 0.5 * vec2(pixel & 1);
+    ivec2 pixel = ivec2(gl_FragCoord.xy), cell = pixel / VISIBILITY_STEP, last = textureSize(visibility, 0) - 1;
+    vec2 between = vec2(pixel - cell * VISIBILITY_STEP) / float(VISIBILITY_STEP);
     float here = log2(depth);
+    vec2 slope = vec2(dFdx(here), dFdy(here)) * float(VISIBILITY_STEP);
     vec2 total = vec2(1e-4);
     float weights = 1e-4;
     for (int tap = 0; tap < 4; ++tap) {
-        ivec2 corner = ivec2(tap & 1, tap >> 1);
-        vec4 found = texelFetch(visibility, min(cell + corner, last), 0);
-        vec2 share = mix(1.0 - between, between, vec2(corner)) + 0.01;
-        float weight = share.x * share.y * max(1.0 - 12.0 * abs(log2_depth(found.zw) - here), 0.0);
+        vec2 corner = vec2(tap & 1, tap >> 1);
+        vec4 found = texelFetch(visibility, min(cell + ivec2(corner), last), 0);
+        vec2 share = mix(1.0 - between, between, corner) + 0.01;
+        float weight = share.x * share.y * same_surface(log2_depth(found.zw) - here, slope, corner - between);
         total += weight * found.xy;
         weights += weight;
     }
@@ -113,5 +86,5 @@ vec2 visibility_at(float depth) {
 void shade(Pixel p, Surface s) {
     vec2 visible = visibility_at(p.depth);
     vec3 radiance = lit(p, s, visible.x, visible.y);
-    shaded = developed(through_air(radiance, p.to_camera, p.position, p.depth));
+    shaded = developed(through_air(radiance, p.to_camera, p.position));
 }

@@ -1,4 +1,4 @@
-// Repeating noise (render/noise.py), evenly spread over 0..1, blurred to the size of the pixel.
+// Repeating noise (render/noise.py), evenly spread over 0..1, and patterns, all blurred to the size of the pixel.
 uniform sampler2D noise;
 
 const float NOISE_TEXELS = 256.0;
@@ -6,6 +6,11 @@ const float NOISE_TEXELS = 256.0;
 // place: repeats with every whole number; pixel_size: of one pixel, in the same unit.
 vec4 noise_at(vec2 place, float pixel_size) {
     return textureLod(noise, place, log2(max(pixel_size, 1e-6) * NOISE_TEXELS));
+}
+
+// The same from the nearest level of blur alone, at half the cost: for what is smooth at any distance.
+vec4 smooth_noise_at(vec2 place, float pixel_size) {
+    return textureLod(noise, place, floor(log2(max(pixel_size, 1e-6) * NOISE_TEXELS) + 0.5));
 }
 
 uint hash(uvec2 cell) {
@@ -18,6 +23,12 @@ uint hash(uvec2 cell) {
 // Random number 0..1 of a cell.
 float random(vec2 cell) { return float(hash(uvec2(ivec2(cell))) >> 8u) / 16777216.0; }
 
+// Four random numbers 0..1 of a cell, in steps of 1/255.
+vec4 randoms(vec2 cell) {
+    uint bits = hash(uvec2(ivec2(cell)));
+    return vec4((uvec4(bits) >> uvec4(0u, 8u, 16u, 24u)) & 0xFFu) / 255.0;
+}
+
 // Share of the pixel that lies within half_width of a line at distance.
 float line_cover(float distance, float half_width, float pixel_size) {
     float pixel = max(pixel_size, 1e-5);
@@ -29,3 +40,22 @@ float span_cover(float place, float low, float high, float pixel_size) {
     float pixel = max(pixel_size, 1e-5);
     return clamp((place - low) / pixel + 0.5, 0.0, 1.0) * clamp((high - place) / pixel + 0.5, 0.0, 1.0);
 }
+
+// Share of the pixel that lies on stripes: the first `share` of every whole number. Exact at any distance.
+float stripe_cover(float place, float share, float pixel_size) {
+    float pixel = max(pixel_size, 1e-4);
+    vec2 ends = fract(place) + vec2(-0.5, 0.5) * pixel;
+    vec2 whole = floor(ends);
+    vec2 covered = whole * share + min(ends - whole, vec2(share));
+    return (covered.y - covered.x) / pixel;
+}
+
+// Share of the pixel that lies on the joints of rectangular stones of a size; joint: their width, in the same unit.
+float joint_cover(vec2 place, vec2 stone, float joint, float pixel_size) {
+    vec2 share = joint / stone, blur = pixel_size / stone;
+    float across = stripe_cover(place.x / stone.x, share.x, blur.x), along = stripe_cover(place.y / stone.y, share.y, blur.y);
+    return across + along - across * along;
+}
+
+// How much of what differs from stone to stone is still to be seen: 1 near, 0 where a pixel holds several.
+float seen_apart(float stone, float pixel_size) { return clamp(1.5 - 1.5 * pixel_size / stone, 0.0, 1.0); }

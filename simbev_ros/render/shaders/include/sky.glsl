@@ -1,19 +1,27 @@
-// Radiance of the sky without the shapes of clouds, and what a mirror would see of the surroundings.
-#include "light"
+// Radiance of the sky with its clouds, and what a mirror would see of the surroundings.
+#include "air"
+#include "dome"
+uniform sampler2D sky_dome;  // radiance; share of the light from beyond that comes through clouds and fog
 
-vec3 sky_radiance(vec3 direction) {
-    float height = max(direction.z, 0.0);
-    vec3 sky = mix(horizon.rgb, zenith.rgb, 1.0 - exp2(-height * 4.0) * (1.0 - height));
-    float towards_sun = max(dot(direction, sun_direction.xyz) * 0.5 + 0.5, 0.0);
-    float halo = towards_sun * towards_sun;
-    halo *= halo;
-    halo *= halo;
-    return sky + glow.rgb * halo * (0.25 + 0.75 * exp2(-height * 5.0)) + glow.rgb * 0.6 * pow(towards_sun, 90.0);
+// How high the houses and trees around reach, as a sine of altitude, and their radiance, in the sky's light.
+#ifdef SKYLINE  // by materials that mirror so well that their shapes are seen; they include noise before
+vec2 skyline(vec3 direction) {
+    float share = direction.x / (abs(direction.x) + abs(direction.y) + 1e-4);
+    float around = 8.0 * (direction.y < 0.0 ? 3.0 + share : 1.0 - share);  // grows once around, in 32 houses
+    vec2 left = randoms(vec2(floor(around), 7.0)).xy, right = randoms(vec2(mod(floor(around) + 1.0, 32.0), 7.0)).xy;
+    vec2 house = mix(left, right, smoothstep(0.44, 0.56, fract(around)));
+    float facing = max(-dot(direction.xy, key_direction.xy), 0.0) * key_light.g / (sky_ambient.g + 1e-3);
+    return vec2(0.04 + 0.26 * house.x * house.x, (0.14 + 0.16 * house.y) * (1.0 + 0.35 * facing));
 }
+#else
+vec2 skyline(vec3 direction) { return vec2(0.12, 0.22); }
+#endif
 
 // Radiance that a surface mirrors: sky above, ground below, and a dark band of houses and trees between.
 vec3 surroundings(vec3 direction, float roughness) {
+    vec2 house = skyline(direction);
     float blur = 0.06 + roughness * 0.5;
-    vec3 below = mix(ground_ambient.rgb, sky_ambient.rgb * 0.22, smoothstep(-0.3, 0.05, direction.z));
-    return mix(below, sky_radiance(direction), smoothstep(-blur, blur, direction.z - 0.12));
+    vec3 below = mix(ground_ambient.rgb, sky_ambient.rgb * house.y, smoothstep(-0.3, 0.05, direction.z));
+    vec3 above = textureLod(sky_dome, dome_place(direction), 0.0).rgb;
+    return mix(below, above, smoothstep(-blur, blur, direction.z - house.x));
 }

@@ -4,7 +4,7 @@ layout(std140) uniform View {
     mat4 world_from_optical;
     mat4 previous_optical_from_world;
     vec4 intrinsics;  // fx, fy, cx, cy, pixels
-    vec4 viewport;    // width, height, pixels; 1 if there is a previous frame
+    vec4 viewport;    // width, height, pixels; 1 if there is a previous frame; gain of the exposure
 };
 
 // Ray through a pixel's centre, z = 1, optical frame. Row 0 of a framebuffer is the image's top row.

@@ -1,0 +1,203 @@
+"""Timing cameras: what a frame of a rig costs at each quality, where it goes, and what another renderer takes."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import pairwise
+from statistics import median
+
+import moderngl
+
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.cli.camera_scene import CameraScene
+from simbev_ros.cli.mujoco_scene import MujocoScene, has_mujoco
+from simbev_ros.config.rendering import Quality
+from simbev_ros.config.rig import Camera
+from simbev_ros.render.context import describe_context, open_context
+from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.renderer import Renderer
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Time per frame of the whole rig; of all threads together for the processor's."""
+
+    name: str
+    wall_ms: float
+    cpu_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class QualityTiming:
+    """One quality: the whole, and its parts, which were timed in other frames and each waited for."""
+
+    quality: Quality
+    total: Cost
+    parts: list[Cost]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Another renderer on the same triangles, cameras and machine, right after ours.
+
+    Attributes:
+        version: Of MuJoCo.
+        total: Colour, depth and segmentation; there is no flow.
+        wall_ratio: Its time over ours at medium quality, or the first one timed: above 1 ours is faster.
+        cpu_ratio: The same of the processor's time.
+    """
+
+    version: str
+    total: Cost
+    wall_ratio: float
+    cpu_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class CameraTiming:
+    """What was drawn and what it took; ``mujoco`` is None where that package is not installed."""
+
+    renderer: str
+    map: str
+    actors: int
+    triangles: int
+    cameras: int
+    width_px: int
+    height_px: int
+    frames: int
+    qualities: list[QualityTiming]
+    mujoco: Comparison | None
+
+
+def steps(scene: CameraScene, qualities: Sequence[Quality]) -> int:
+    """How many frames ``timed_cameras`` draws."""
+    return len(_pairs(scene)) * (2 * len(qualities) + has_mujoco())
+
+
+def timed_cameras(
+    scene: CameraScene,
+    cameras: Sequence[Camera],
+    size_px: tuple[int, int],
+    qualities: Sequence[Quality],
+    progress: Callable[[], None] = lambda: None,
+) -> CameraTiming:
+    """Draw the moments of a scene with all cameras, read all back, and take the median of what it took.
+
+    Args:
+        scene: Of at least three moments: one before the first, one to warm up, and those that are timed.
+        cameras: Their poses and modalities.
+        size_px: Width and height of every image.
+        qualities: To be timed one after the other.
+        progress: Called after each frame.
+
+    Raises:
+        RenderError: OpenGL is not usable here.
+    """
+    width_px, height_px = size_px
+    size = {"width_px": width_px, "height_px": height_px}
+    sized = [Camera.model_validate({**camera.model_dump(), **size}) for camera in cameras]
+    views = [CameraView(camera.model, camera.pose.ego_from_sensor, camera.modalities) for camera in sized]
+    context = open_context()
+    name = describe_context(context)
+    context.release()
+    timings = [_timed_quality(scene, views, quality, progress) for quality in qualities]
+    state = scene.states[-1]
+    return CameraTiming(
+        renderer=name,
+        map=scene.map,
+        actors=len(state.actors),
+        triangles=_triangles(scene),
+        cameras=len(views),
+        width_px=width_px,
+        height_px=height_px,
+        frames=len(_pairs(scene)) - 1,
+        qualities=timings,
+        mujoco=_compared(scene, views, timings, progress) if has_mujoco() else None,
+    )
+
+
+class _PartClock:
+    """Adds up the time between begin and end of each part of a frame, waiting for OpenGL at both."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self.costs: dict[str, Cost] = {}
+
+    @contextmanager
+    def __call__(self, part: str) -> Iterator[None]:
+        self._context.finish()
+        wall_s, cpu_s = time.perf_counter(), time.process_time()
+        yield
+        self._context.finish()
+        before = self.costs.get(part, Cost(part, 0.0, 0.0))
+        wall_ms = before.wall_ms + 1000.0 * (time.perf_counter() - wall_s)
+        self.costs[part] = Cost(part, wall_ms, before.cpu_ms + 1000.0 * (time.process_time() - cpu_s))
+
+    def take(self) -> list[Cost]:
+        """The costs since the last time, and begin anew."""
+        costs, self.costs = self.costs, {}
+        return list(costs.values())
+
+
+def _timed_quality(
+    scene: CameraScene, views: Sequence[CameraView], quality: Quality, progress: Callable[[], None]
+) -> QualityTiming:
+    renderer = Renderer(scene.static, load_models(), quality=quality)
+    renderer.set_lights(scene.lights)
+    totals = [_timed("total", lambda frame=frame: renderer.render(views, frame), progress) for frame in _pairs(scene)]
+    renderer.close()
+    context = open_context()
+    clock = _PartClock(context)
+    renderer = Renderer(scene.static, load_models(), context, quality, timer=clock)
+    renderer.set_lights(scene.lights)
+    clock.take()
+    parts = []
+    for frame in _pairs(scene):
+        whole = _timed("total", lambda frame=frame: renderer.render(views, frame), progress)
+        costs = clock.take()
+        rest = Cost("rest", whole.wall_ms - sum(c.wall_ms for c in costs), whole.cpu_ms - sum(c.cpu_ms for c in costs))
+        parts.append([*costs, rest])
+    renderer.close()
+    names = dict.fromkeys(cost.name for costs in parts[1:] for cost in costs)
+    return QualityTiming(
+        quality,
+        _median("total", totals[1:]),
+        [_median(name, [cost for costs in parts[1:] for cost in costs if cost.name == name]) for name in names],
+    )
+
+
+def _compared(
+    scene: CameraScene, views: Sequence[CameraView], timings: Sequence[QualityTiming], progress: Callable[[], None]
+) -> Comparison:
+    """MuJoCo's renderer on the last moment, over and over, against our medium quality, or else the first."""
+    rival = MujocoScene(scene.static, load_models(), scene.states[-1], views)
+    total = _median("MuJoCo", [_timed("MuJoCo", rival.render, progress) for _ in _pairs(scene)][1:])
+    rival.close()
+    ours = next((timing for timing in timings if timing.quality == "medium"), timings[0]).total
+    return Comparison(version("mujoco"), total, total.wall_ms / ours.wall_ms, total.cpu_ms / ours.cpu_ms)
+
+
+def _pairs(scene: CameraScene) -> list[RenderFrame]:
+    """The moments to draw, the first one to warm up."""
+    return [RenderFrame(now, before) for before, now in pairwise(scene.states)]
+
+
+def _timed(name: str, draw: Callable[[], object], progress: Callable[[], None]) -> Cost:
+    wall_s, cpu_s = time.perf_counter(), time.process_time()
+    draw()
+    cost = Cost(name, 1000.0 * (time.perf_counter() - wall_s), 1000.0 * (time.process_time() - cpu_s))
+    progress()
+    return cost
+
+
+def _median(name: str, costs: Sequence[Cost]) -> Cost:
+    return Cost(name, median(cost.wall_ms for cost in costs), median(cost.cpu_ms for cost in costs))
+
+
+def _triangles(scene: CameraScene) -> int:
+    """Of all that is loaded, the actors of the last moment included."""
+    models, blueprints = load_models(), scene.states[-1].actors["blueprint"]
+    of_actors = sum(len(models[blueprint].mesh.triangles) for blueprint in blueprints)
+    return of_actors + sum(len(tile.mesh.triangles) for tile in scene.static.tiles)

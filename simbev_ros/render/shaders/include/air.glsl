@@ -1,0 +1,29 @@
+// The air before things: haze, fog that falls off with height, the veil of rain.
+#include "light"
+#include "view"
+const float FOG_FLOOR = -30.0;  // metres; below, fog gets no thicker
+
+// Optical depth / ln 2 of fog on a straight way between two heights of the world.
+float fog_depth(float from_height, float to_height, float range) {
+    float in_fog = max(range - fog.y, 0.0);
+    float end = max(to_height, FOG_FLOOR), start = max(mix(to_height, from_height, in_fog / range), FOG_FLOOR);
+    float start_density = exp2(-start * fog.z), end_density = exp2(-end * fog.z);
+    float fall = (end - start) * fog.z * 0.6931472;
+    float mean = abs(fall) > 1e-2 ? (start_density - end_density) / fall : 0.5 * (start_density + end_density);
+    return fog.x * in_fog * mean;
+}
+
+// Radiance of air that scatters the light of sky and sun into a ray along a direction.
+vec3 air_radiance(vec3 direction) {
+    float towards = max(dot(direction, sun_direction.xyz) * 0.5 + 0.5, 0.0);
+    towards *= towards;
+    towards *= towards;
+    return air_light.rgb + air_glow.rgb * towards * towards;
+}
+
+// Radiance of a place as it comes through the air to the camera.
+vec3 through_air(vec3 radiance, vec3 to_camera, vec3 position) {
+    float range = dot(world_from_optical[3].xyz - position, to_camera);
+    float depth = fog_depth(world_from_optical[3].z, position.z, range) + range * fog.w;
+    return mix(air_radiance(-to_camera), radiance, exp2(-depth));
+}

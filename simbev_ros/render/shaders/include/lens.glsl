@@ -1,0 +1,33 @@
+// What lens and sensor do to the light: vignetting, shot and read noise.
+#include "film"
+uniform float vignetting;  // exponent on cos⁴
+uniform vec2 electrons;    // that make white; variance of reading
+uniform uvec2 noise_seed;
+
+// Four random words of a pixel: PCG4D (Jarzynski, Olano 2020).
+uvec4 random_words(uvec4 bits) {
+    bits = bits * 1664525u + 1013904223u;
+    for (int turn = 0; turn < 2; ++turn) {
+        bits.x += bits.y * bits.w;
+        bits.y += bits.z * bits.x;
+        bits.z += bits.x * bits.y;
+        bits.w += bits.y * bits.z;
+        bits ^= bits >> 16u;
+    }
+    return bits;
+}
+
+// Three independent normal deviates of a pixel: Box, Muller.
+vec3 normal_deviates(uvec2 texel) {
+    vec4 even = (vec4(random_words(uvec4(texel, noise_seed)) >> 8u) + 0.5) / 16777216.0;
+    vec2 radius = sqrt(-2.0 * log(even.xz));
+    vec2 angle = 6.2831853 * even.yw;
+    return vec3(radius.x * cos(angle.x), radius.x * sin(angle.x), radius.y * cos(angle.y));
+}
+
+// color: as the ideal camera shows it; tangent2: of the angle between the pixel's ray and the optical axis, squared.
+vec3 through_lens(vec3 color, uvec2 texel, float tangent2) {
+    vec3 signal = light_of(color) * pow(1.0 + tangent2, -2.0 * vignetting) * electrons.x;
+    signal += sqrt(signal + electrons.y) * normal_deviates(texel);
+    return film(max(signal / electrons.x, 0.0));
+}

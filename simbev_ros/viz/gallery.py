@@ -1,0 +1,119 @@
+"""A gallery: pictures of towns, weathers and modalities, as files of their own and together on sheets."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import yaml
+
+from simbev_ros.config.rig import MODALITIES
+from simbev_ros.errors import InputError
+from simbev_ros.scene.weather import Weather
+from simbev_ros.types import UInt8Array
+from simbev_ros.viz.canvas import BACKGROUND, BOLD, DIM, draw_label, draw_picture, draw_text
+from simbev_ros.viz.layout import Block, Column, Row, Tile, place_in_width
+from simbev_ros.viz.panels import MODALITY_PICTURES
+from simbev_ros.viz.street_view import StreetView
+
+SHEET_WIDTH_PX = 1920
+_MARGIN, _GAP, _HEADER, _RADIUS = 24, 10, 74, 7
+_JPEG_QUALITY = 92
+
+
+class Picture(NamedTuple):
+    """One of a gallery: the stem of its file, its title and a note on the sheet, (H, W, 3) RGB."""
+
+    name: str
+    title: str
+    note: str
+    rgb: UInt8Array
+
+
+class Section(NamedTuple):
+    """What is on one sheet: the stem of its file, the words above it, and how many pictures are in each row."""
+
+    name: str
+    title: str
+    facts: str
+    rows: Sequence[int]
+
+
+@lru_cache(maxsize=1)
+def weathers() -> Mapping[str, Mapping[str, Any]]:
+    """Name → title, bearing of the sun, and the fields of a ``Weather``."""
+    text = files("simbev_ros.viz").joinpath("gallery.yaml").read_text(encoding="utf-8")
+    entries: Mapping[str, Mapping[str, Any]] = yaml.safe_load(text)
+    return entries
+
+
+def in_fair_weather(view: StreetView, name: str, size_px: tuple[int, int]) -> Picture:
+    """A town on a sunny day."""
+    return Picture(name, name, "", _rgb(view, view.fair_weather(), size_px))
+
+
+def in_all_weathers(view: StreetView, size_px: tuple[int, int]) -> Iterator[Picture]:
+    """A street in each weather of the gallery."""
+    for name, entry in weathers().items():
+        given = {key: value for key, value in entry.items() if key not in ("title", "sun_bearing_deg")}
+        weather = Weather(**given, sun_azimuth_deg=view.sun_azimuth_deg(entry["sun_bearing_deg"]))
+        yield Picture(name, entry["title"], "", _rgb(view, weather, size_px))
+
+
+def in_all_modalities(view: StreetView, size_px: tuple[int, int]) -> Iterator[Picture]:
+    """All that a camera gives of one frame, the labels in colours."""
+    images = view.photograph(view.fair_weather(), size_px, MODALITIES)
+    assert images.rgb is not None
+    yield Picture("rgb", "RGB", "", images.rgb)
+    for name, shown in MODALITY_PICTURES.items():
+        picture = shown.picture(getattr(images, name), images.rgb, size_px[0])
+        yield Picture(name, shown.title, shown.note, picture)
+
+
+def sheet(section: Section, pictures: Sequence[Picture]) -> UInt8Array:
+    """(H, W, 3) RGB: all pictures of a section in rows, each with its title, under one heading."""
+    places = iter(pictures)
+    rows = [Row([_tile(next(places)) for _ in range(count)]) for count in section.rows]
+    blocks: list[Block] = [row for row in rows if row.blocks]
+    boxes = place_in_width(Column(blocks), _MARGIN, _HEADER, SHEET_WIDTH_PX - 2 * _MARGIN, _GAP)
+    height = max(box.top + box.height for box in boxes.values()) + _MARGIN
+    result = np.full((height, SHEET_WIDTH_PX, 3), BACKGROUND, np.uint8)
+    end = draw_text(result, section.title, _MARGIN, 48, size=30, weight=BOLD)
+    draw_text(result, section.facts, end + 20, 48, size=18, color=DIM)
+    for picture in pictures:
+        draw_picture(result, picture.rgb, boxes[picture.name], _RADIUS)
+        draw_label(result, boxes[picture.name], picture.title, picture.note, 1.0)
+    return result
+
+
+def even_rows(count: int, longest: int) -> list[int]:
+    """Lengths of the rows of so many pictures; shorter rows, of larger pictures, come first."""
+    rows = -(-count // longest)
+    return sorted(count // rows + (row < count % rows) for row in range(rows))
+
+
+def write_jpeg(path: Path, picture: UInt8Array) -> None:
+    """Write a picture.
+
+    Raises:
+        InputError: It cannot be written there.
+    """
+    settings = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), settings)[1].tobytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _rgb(view: StreetView, weather: Weather, size_px: tuple[int, int]) -> UInt8Array:
+    rgb = view.photograph(weather, size_px).rgb
+    assert rgb is not None
+    return rgb
+
+
+def _tile(picture: Picture) -> Tile:
+    return Tile(picture.name, picture.rgb.shape[1] / picture.rgb.shape[0])

@@ -1,0 +1,44 @@
+"""``simbev doctor`` says of every EGL device whether it draws, or why not."""
+
+from typing import Any
+
+import pytest
+
+from simbev_ros.errors import RenderError
+from simbev_ros.render import context
+from simbev_ros.render.context import Survey
+from simbev_ros.render.devices import EglDevice
+
+H200, MESA = EglDevice(0, "NVIDIA H200", software=False), EglDevice(2, "Mesa's software renderer", software=True)
+
+
+def lines(answer: Any) -> dict[str, str]:
+    """Part → what was found, with its mark."""
+    rows = (line.split("  ") for line in answer.out.splitlines())
+    words = ([word.strip() for word in row if word.strip()] for row in rows)
+    return {row[1]: f"{row[0]} {row[2]}" for row in words if len(row) == 3}
+
+
+def test_gpus_are_used_the_cpu_is_in_reserve_and_what_cannot_be_used_has_its_reason(
+    simbev: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = EglDevice(1, "AMD", software=False)
+    surveys = [Survey(H200, "H200, OpenGL 4.6", None), Survey(broken, None, "no right"), Survey(MESA, "llvmpipe", None)]
+    monkeypatch.setattr(context, "survey_devices", lambda: surveys)
+    monkeypatch.setattr(context, "describe_renderer", lambda: "H200, OpenGL 4.6")
+    found = lines(simbev("doctor"))
+    assert found["renderer"] == "✓ H200, OpenGL 4.6"
+    assert found["EGL device 0"] == "· used: H200, OpenGL 4.6"
+    assert found["EGL device 1"] == "· AMD: no right"
+    assert found["EGL device 2"] == "· in reserve, there is a GPU: llvmpipe"
+
+
+def test_a_machine_without_egl_fails(simbev: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing() -> str:
+        raise RenderError("no EGL. Install Mesa")
+
+    monkeypatch.setattr(context, "survey_devices", missing)
+    monkeypatch.setattr(context, "describe_renderer", missing)
+    answer = simbev("doctor")
+    assert answer.code == 1
+    assert lines(answer)["renderer"] == "✗ no EGL. Install Mesa"

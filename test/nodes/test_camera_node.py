@@ -1,0 +1,126 @@
+"""Which images the camera node asks the renderer for, and what it publishes; the renderer is a fake."""
+
+from collections.abc import Iterator, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from sensor_msgs.msg import CompressedImage, Image
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.nodes import camera_node
+from simbev_ros.nodes.camera_node import CameraNode
+from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.spec import SceneSpec
+
+FAST = "/ego/fast/rgb/image_raw/compressed"
+SLOW = "/ego/slow/flow/image_raw"
+_IMAGES = {
+    "rgb": np.zeros((16, 16, 3), np.uint8),
+    "semantic": np.zeros((16, 16), np.uint8),
+    "flow": np.zeros((16, 16, 2), np.float32),
+}
+
+
+class FakeRenderer:
+    """Remembers the width of each camera, its modalities, and the ticks of the frame and of the one before."""
+
+    def __init__(self, *_: object) -> None:
+        self.asked: list[tuple[int, tuple[str, ...], int, int | None]] = []
+
+    def set_lights(self, *_: object) -> None:
+        pass
+
+    def render(self, views: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
+        before = None if frame.previous is None else frame.previous.tick
+        self.asked += [(view.camera.width_px, tuple(view.modalities), frame.world.tick, before) for view in views]
+        return [CameraImages(**{name: _IMAGES[name] for name in view.modalities}) for view in views]
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def spec() -> SceneSpec:
+    camera = {"type": "camera", "height_px": 16, "modalities": ["rgb", "semantic", "flow"]}
+    fast, slow = {**camera, "name": "fast", "width_px": 16}, {**camera, "name": "slow", "width_px": 32, "rate_hz": 10}
+    scenario = Scenario.model_validate(
+        {"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": [slow, fast]}, "traffic": {"vehicles": 0}}
+    )
+    planned = next(planned_scenes(scenario))
+    return draw_scene(scenario, planned, load_network(planned.map))
+
+
+@pytest.fixture
+def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A camera node that has started a scene; what it publishes is in its list ``sent``."""
+    monkeypatch.setattr(camera_node, "Renderer", FakeRenderer)
+    monkeypatch.setattr(camera_node, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
+    monkeypatch.setattr(camera_node.Surroundings, "changed", lambda *_: object())
+    rclpy.init(domain_id=39)
+    made: Any = CameraNode("camera")
+    made.sent = []
+    made.recorded_topics = made.start_scene(spec)
+    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
+    yield made
+    made.close()
+    made.destroy_node()
+    rclpy.shutdown()
+
+
+def read_by_others(node: Any, monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    monkeypatch.setattr(node, "readers", lambda name: int(name in names))
+
+
+def play(node: Any, spec: SceneSpec, ticks: Sequence[int]) -> list[Any]:
+    for tick in ticks:
+        node.process(spec, SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick)))
+    asked: list[Any] = node._renderer.asked
+    return asked
+
+
+def test_only_what_somebody_reads_is_drawn_and_flow_starts_from_the_cameras_own_frame_before(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read_by_others(node, monkeypatch, FAST, SLOW)
+    assert play(node, spec, range(4)) == [
+        (16, ("rgb",), 0, None),
+        (32, ("flow",), 0, None),
+        (16, ("rgb",), 1, 0),
+        (16, ("rgb",), 2, 1),
+        (32, ("flow",), 2, 0),
+        (16, ("rgb",), 3, 2),
+    ]
+    images = [(name, type(message)) for name, message in node.sent if isinstance(message, Image | CompressedImage)]
+    first_two_ticks = [(FAST, CompressedImage), (SLOW, Image), (FAST, CompressedImage)]
+    assert images == first_two_ticks * 2
+
+
+def test_nobody_reads_nothing_is_drawn_but_camera_info_goes_out(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read_by_others(node, monkeypatch)
+    assert play(node, spec, [0, 1]) == []
+    infos = [f"/ego/fast/{modality}/camera_info" for modality in ("rgb", "semantic", "flow")]
+    assert [name for name, _ in node.sent if "fast" in name] == infos * 2
+    read_by_others(node, monkeypatch, SLOW)
+    assert play(node, spec, [2]) == [(32, ("flow",), 2, 0)], "its frame before counts though nobody saw it"
+
+
+def test_pictures_of_the_lead_in_are_drawn_but_not_sent(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read_by_others(node, monkeypatch, FAST)
+    assert play(node, spec, [-1]) == [(16, ("rgb",), -1, None)]
+    assert node.sent == []
+
+
+def test_topics_are_those_of_image_transport(node: Any) -> None:
+    assert FAST in node.recorded_topics
+    names = dict(node.get_topic_names_and_types())
+    assert names["/ego/slow/flow/image_raw"] == ["sensor_msgs/msg/Image"]
+    assert names["/ego/slow/flow/image_raw/compressed"] == ["sensor_msgs/msg/CompressedImage"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.render.hidden import Occluders
+from simbev_ros.render.hidden import Look
 from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View
@@ -83,11 +83,12 @@ class ActorGeometry:
         return fits.sum(axis=1) - 1
 
 
-def visible_actors(world: WorldState, table: RigidTable, view: View, occluders: Occluders, show_ego: bool) -> BoolArray:
-    """(N,) which actors of the world a view may show."""
+def visible_actors(world: WorldState, table: RigidTable, view: View, look: Look | None, show_ego: bool) -> BoolArray:
+    """(N,) which actors of the world a view may show, without what ``look`` finds hidden."""
     seen = view.sees_spheres(table.center_m, table.radius_m)
     if not show_ego:
         seen &= ~np.isin(world.actors["id"], list(world.ego_ids))
-    center_m, radius_m = table.center_m[seen], table.radius_m[seen, None]
-    seen[seen] = ~occluders.hide(view, center_m - radius_m, center_m + radius_m)
+    if look and seen.any():
+        center_m, radius_m = table.center_m[seen], table.radius_m[seen, None]
+        seen[seen] = ~look().hide(view, center_m - radius_m, center_m + radius_m)
     return seen

@@ -5,6 +5,7 @@ are on the safe side: pixels are taken together in blocks, and a box counts as t
 pixel wider on each side, at the depth of its nearest corner, less a margin.
 """
 
+from collections.abc import Callable
 from itertools import product
 from typing import Self
 
@@ -59,6 +60,10 @@ class Occluders:
         (i, j), (x0, y0), (x1, y1) = level.T, first.T, (last + 1 - (1 << level)).T
         farthest: Float32Array = np.maximum.reduce([self._farthest[j, i, y, x] for y in (y0, y1) for x in (x0, x1)])
         return farthest
+
+
+Look = Callable[[], Occluders]
+"""Looks at what is drawn so far. That pays on the CPU; a GPU would stand still for it longer than it draws."""
 
 
 def _row_maxima(depth: Float32Array) -> Float32Array:

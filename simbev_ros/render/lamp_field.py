@@ -28,7 +28,7 @@ _MAX_LAMPS = 1024  # more than any street has within reach of the map
 _LAMPS_PER_LINE = 128  # of a texture; shaders/shade_lamp.frag.glsl
 _ATTRIBUTES = {"in_lamp": 3, "in_heading": 2, "in_extent": 4, "in_light": 4, "in_half_width": 1}
 _ROW_FLOATS = sum(_ATTRIBUTES.values())
-_BEAM_EXTENT_M = {1: (-0.5, 72.0, 1.5, 26.0), 2: (-0.5, _BEAM_REACH_M, 1.5, 30.0)}
+_BEAM_EXTENT_M = {1: (-0.5, 72.0, 1.5, 39.0), 2: (-0.5, _BEAM_REACH_M, 1.5, 65.0)}
 """Of a low and a high beam: from, to, half width there and there."""
 
 _SHOP_SIDE_M = 2.0
@@ -146,7 +146,7 @@ class LampField:
 
 def _near(at_m: Float64Array, reach_m: float) -> BoolArray:
     """(N,) which places a map shows, or what is within reach of it."""
-    near: BoolArray = (np.abs(at_m[:, :2]) < _HALF_M + reach_m).all(axis=1)
+    near: BoolArray = np.all(np.abs(at_m[:, :2]) < _HALF_M + reach_m, axis=1)
     return near
 
 

@@ -1,4 +1,4 @@
-"""How far each headlamp's light gets before it meets an actor, direction by direction: shadows of vehicles and people."""
+"""How far headlamps shine before they meet an actor, direction by direction: shadows of vehicles and people."""
 
 import numpy as np
 
@@ -29,7 +29,9 @@ def free_distances(lamps: Table, actors: Table, origin_m: Float64Array) -> Float
         angle = (facing - actors["yaw"][actor])[:, None] + turn
         offset_m = lamps["at"][lamp, :2] - place_m[actor, :2]
         cos, sin = np.cos(actors["yaw"][actor]), np.sin(actors["yaw"][actor])
-        along_m = np.stack([offset_m[:, 0] * cos + offset_m[:, 1] * sin, offset_m[:, 1] * cos - offset_m[:, 0] * sin], 1)
+        along_m = np.stack(
+            [offset_m[:, 0] * cos + offset_m[:, 1] * sin, offset_m[:, 1] * cos - offset_m[:, 0] * sin], 1
+        )
         distance_m = _entry(along_m, np.stack([np.cos(angle), np.sin(angle)], axis=1), half_m[actor])
         first = np.flatnonzero(np.diff(lamp, prepend=-1))
         result[lamp[first]] = np.minimum.reduceat(distance_m, first)

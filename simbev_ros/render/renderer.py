@@ -1,6 +1,7 @@
 """The renderer: from the world's meshes and state to a camera's exact images, one geometry pass per camera."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from zlib import crc32
 
 import moderngl
@@ -9,10 +10,12 @@ import numpy as np
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.config.rendering import QUALITIES, Quality
+from simbev_ros.config.rig import Modality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
 from simbev_ros.render.contact import HALF_M, ContactMap
 from simbev_ros.render.context import open_context
+from simbev_ros.render.devices import is_software
 from simbev_ros.render.failures import enough_memory
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.hidden import Occluders
@@ -22,6 +25,7 @@ from simbev_ros.render.lens import Lenses
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.noise import noise_texture
 from simbev_ros.render.programs import BLOCK_BINDINGS, VISIBILITY_STEPS, ProgramLibrary, draw_screen
+from simbev_ros.render.readback import ReadBack
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
 from simbev_ros.render.shading import Shading
 from simbev_ros.render.shadows import ShadowMap
@@ -31,7 +35,7 @@ from simbev_ros.render.surfaces import shading_class_of_material
 from simbev_ros.render.targets import Targets
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
 from simbev_ros.scene.lights import LightSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.types import AnyArray, Float64Array
 
 
 class Renderer:
@@ -56,6 +60,8 @@ class Renderer:
             RenderError: OpenGL is not usable here, or has too little memory.
         """
         self._context = open_context() if context is None else context
+        self._on_gpu = not is_software(self._context.info["GL_RENDERER"])
+        self._read_back = ReadBack(self._context, self._on_gpu)
         self._models = models
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
@@ -98,10 +104,11 @@ class Renderer:
             colored = [view for camera, view in zip(cameras, views, strict=True) if "rgb" in camera.modalities]
             if colored:
                 self._prepare_light(frame, table, origin_m, colored)
-            return [
+            drawn = [
                 self._render_view(camera, view, frame, table, origin_m)
                 for camera, view in zip(cameras, views, strict=True)
             ]
+            return [CameraImages(**{modality: read() for modality, read in images.items()}) for images in drawn]
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
@@ -143,7 +150,8 @@ class Renderer:
 
     def _render_view(
         self, camera: CameraView, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
-    ) -> CameraImages:
+    ) -> dict[Modality, Callable[[], AnyArray]]:
+        """Draw one camera; its images are read when they are called."""
         targets = self._targets_of(view.camera, slopes=isinstance(camera.camera, LensCamera))
         self._view_block.write(view.block())
         self._draw_geometry(targets, view, frame, table, origin_m)
@@ -151,7 +159,7 @@ class Renderer:
         if "rgb" in camera.modalities:
             self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes()))
         images = self._lenses.images(camera, targets)
-        return CameraImages(**{modality: images[modality].read() for modality in camera.modalities})
+        return {modality: self._read_back.begin(images[modality]) for modality in camera.modalities}
 
     def _draw_geometry(
         self, targets: Targets, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
@@ -163,9 +171,12 @@ class Renderer:
         context.enable_only(moderngl.DEPTH_TEST)
         context.front_face = "cw"  # image rows run downward, which mirrors every triangle
         context.depth_func = "<"
-        self._static.draw_view("geometry", view, origin_m, targets.geometry)
-        seen = visible_actors(world, table, view, Occluders.of(targets.geometry), frame.show_ego)
+        look = None if self._on_gpu else partial(Occluders.of, targets.geometry)
+        self._static.draw_view("geometry", view, origin_m, look)
+        seen = visible_actors(world, table, view, look, frame.show_ego)
+        context.enable(moderngl.CULL_FACE)  # actors are closed
         self._actors.draw("geometry", world, table, seen, view.pixel_m(table.center_m, table.radius_m))
+        context.disable(moderngl.CULL_FACE)
         context.depth_func = "<="
         draw_screen(self._background)
         context.enable_only(moderngl.NOTHING)

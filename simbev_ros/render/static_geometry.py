@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.static_scene import Tile
-from simbev_ros.render.hidden import Occluders
+from simbev_ros.render.hidden import Look
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View, boxes_in_clip_space
 from simbev_ros.types import Float64Array, Int64Array, UInt8Array
@@ -46,15 +46,15 @@ class StaticGeometry:
         self._end = np.minimum(self._first + _PIECE_TRIANGLES, counts[self._tile])
         self._bounds_m = np.concatenate([np.zeros((0, 2, 3)), *(bounds_m for _, bounds_m in pieces)])
 
-    def draw_view(self, program: str, view: View, origin_m: Float64Array, target: moderngl.Framebuffer) -> None:
-        """Draw into ``target``, which is in use, what a view sees of the world of (3,) ``origin_m``."""
+    def draw_view(self, program: str, view: View, origin_m: Float64Array, look: Look | None) -> None:
+        """Draw what a view sees of the world of (3,) ``origin_m``, without what ``look`` finds hidden meanwhile."""
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
         waiting = np.flatnonzero(view.sees_boxes(low_m, high_m))
         triangles = self._end - self._first
-        for end_m in _STAGES_M:
-            if end_m > _STAGES_M[0] and triangles[waiting].sum() > _WORTH_A_LOOK:
-                waiting = waiting[~Occluders.of(target).hide(view, low_m[waiting], high_m[waiting])]
+        for end_m in _STAGES_M if look else _STAGES_M[-1:]:
+            if look and end_m > _STAGES_M[0] and triangles[waiting].sum() > _WORTH_A_LOOK:
+                waiting = waiting[~look().hide(view, low_m[waiting], high_m[waiting])]
             now = distance_m[self._tile[waiting]] < end_m
             self._draw(program, origin_m, waiting[now], distance_m)
             waiting = waiting[~now]
@@ -68,7 +68,7 @@ class StaticGeometry:
         distance_m = _distance_m(np.zeros(2), (self._tile_bounds_m - origin_m)[..., :2])
         shown = boxes_in_clip_space(clip_from_world, low_m, high_m) & (distance_m[self._tile] < radius_m)
         for array in self._arrays[:1]:
-            array[program].program["clip_from_shadow"].write(clip_from_world.T.astype(np.float32).tobytes())
+            array[program].program["clip_from_shadow"] = tuple(clip_from_world.T.ravel())
         self._draw(program, origin_m, np.flatnonzero(shown), distance_m)
 
     def _draw(self, program: str, origin_m: Float64Array, pieces: Int64Array, distance_m: Float64Array) -> None:
@@ -80,7 +80,7 @@ class StaticGeometry:
         firsts, ends = self._first[pieces[begins]], self._end[pieces[np.roll(begins, -1)]]
         for tile, first, end in zip(tiles[begins], firsts, ends, strict=True):
             array = self._arrays[tile][program]
-            array.program["tile"].write(places_m[tile].tobytes())
+            array.program["tile"] = tuple(places_m[tile])
             array.render(vertices=3 * (end - first), first=3 * first)
 
 

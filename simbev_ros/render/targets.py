@@ -20,14 +20,27 @@ class Image:
     attachment: int
     components: int | None = None
 
-    def read(self) -> AnyArray:
-        """(H, W[, C]) pixels, row 0 on top."""
-        source = self.framebuffer.color_attachments[self.attachment]
+    def allocate(self) -> AnyArray:
+        """An array for its pixels, (H, W[, C])."""
         width, height = self.framebuffer.size
-        channels = self.components or source.components
-        pixels = np.empty((height, width) if channels == 1 else (height, width, channels), _DTYPES[source.dtype])
-        self.framebuffer.read_into(pixels, components=channels, attachment=self.attachment, dtype=source.dtype)
-        return pixels
+        shape = (height, width) if self._channels == 1 else (height, width, self._channels)
+        return np.empty(shape, _DTYPES[self._source.dtype])
+
+    def read_into(self, place: AnyArray | moderngl.Buffer) -> None:
+        """Write the pixels to an array or a buffer, row 0 on top."""
+        self.framebuffer.read_into(
+            place, components=self._channels, attachment=self.attachment, dtype=self._source.dtype
+        )
+
+    @property
+    def _source(self) -> moderngl.Texture:
+        source = self.framebuffer.color_attachments[self.attachment]
+        assert isinstance(source, moderngl.Texture)
+        return source
+
+    @property
+    def _channels(self) -> int:
+        return self.components or self._source.components
 
 
 class Targets:
@@ -68,10 +81,10 @@ class Targets:
 
     def clear_depth(self) -> None:
         """Clear the depth of ``geometry``; its colours are drawn at every pixel anyway."""
-        attachments = len(self.geometry.color_attachments)
-        self.geometry.color_mask = ((False,) * 4,) * attachments
+        count = len(self.geometry.color_attachments)
+        self.geometry.color_mask = ((False,) * 4,) * count  # type: ignore[assignment]
         self.geometry.clear()
-        self.geometry.color_mask = ((True,) * 4,) * attachments
+        self.geometry.color_mask = ((True,) * 4,) * count  # type: ignore[assignment]
 
     def bind(self) -> None:
         """Make the G-buffer and the shaded image readable by the passes that follow."""

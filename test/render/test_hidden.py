@@ -147,6 +147,7 @@ def test_no_byte_of_any_image_depends_on_what_is_left_out(
     def everything(self: object, first: Float64Array, *others: object) -> BoolArray:
         return np.ones(len(first), bool)
 
+    monkeypatch.setattr("simbev_ros.render.static_geometry._WORTH_A_LOOK", 0)
     monkeypatch.setattr(Occluders, "hide", counted)
     images = draw(renderer, x_m, yaw_rad)
     monkeypatch.setattr(Occluders, "hide", lambda self, view, low_m, high_m: np.zeros(len(low_m), bool))

@@ -12,6 +12,7 @@ out vec4 field;
 const float DIP = 0.01;
 const float RISE = 0.268;       // tan 15 degrees
 const float RISE_ENDS = 0.11;   // to the right, share of the distance ahead
+const float WIDEST = 0.5;       // radians to either side
 const float HIGH_EDGE = 0.09;
 const float HIGHEST = 3.0;      // of a high beam's edge above the lamp, metres
 
@@ -31,8 +32,8 @@ void main() {
     // To the right the light of a low beam carries further, because its edge rises there.
     float reach = high ? v_size.z : v_size.z * mix(0.66, 1.0, smoothstep(-0.04, 0.06, right / ahead));
     float fading = clamp(1.0 - distance * distance / (reach * reach), 0.0, 1.0);
-    float wide = exp2(-8.0 * angle * angle), narrow = exp2(-(high ? 50.0 : 30.0) * angle * angle);
-    float shape = 0.75 * wide + (high ? 2.4 : 1.5) * narrow * distance / (distance + 6.0);
+    float wide = max(1.0 - angle * angle / (WIDEST * WIDEST), 0.0), narrow = exp2(-(high ? 50.0 : 30.0) * angle * angle);
+    float shape = 0.75 * wide * wide + (high ? 2.4 : 1.5) * narrow * distance / (distance + 6.0);
     float strength = shape * fading * fading * smoothstep(0.0, 3.0, v_offset.x) / (1.0 + 0.006 * distance * distance);
     strength *= unhindered(angle, distance);
 

@@ -11,7 +11,7 @@ flat in vec4 v_facing;
 out vec4 added;
 
 const float ROUGHNESS2 = 0.011;
-const float RADIANCE_PER_CANDELA = 0.012;  // per m², in the unit of sky.yaml
+const float RADIANCE_PER_CANDELA = 0.009;  // per m², in the unit of sky.yaml
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
 void main() {

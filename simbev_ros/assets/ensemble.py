@@ -6,6 +6,7 @@ from enum import Enum
 
 import numpy as np
 
+from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.region_ground import RegionGround
 from simbev_ros.assets.tiles import TileBuilder
@@ -25,7 +26,7 @@ class Base(Enum):
 class _Copies:
     """Of one mesh on one base: rows x, y, yaw, scale, red, green, blue, rise above the base."""
 
-    mesh: Mesh
+    mesh: Mesh | Graded
     base: Base
     rows: list[Float64Array] = field(default_factory=list)
 
@@ -38,7 +39,7 @@ class Ensemble:
 
     def put(
         self,
-        mesh: Mesh,
+        mesh: Mesh | Graded,
         xy_m: Sequence[float] | Float64Array,
         yaw_rad: float | Float64Array = 0.0,
         *,

@@ -12,6 +12,8 @@ from simbev_ros.assets.region_scene import RegionScene, Streetside
 from simbev_ros.assets.static_scene import StreetLight, Tile
 from simbev_ros.types import AnyArray
 
+_COARSE = "seen from afar"
+
 
 def write_region(path: Path, scene: RegionScene) -> None:
     """Write a scene of at least one tile."""
@@ -27,14 +29,18 @@ def read_region(path: Path) -> RegionScene:
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
         origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
+        details = arrays["detail"].tolist()
         obstacles, plazas = arrays["obstacle"], plazas_from(arrays)
         owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
     by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
     for index, (row, name) in enumerate(owners):
         by_tile[row][name] = Mesh(**{field: column[index] for field, column in columns.items()})
-    tiles = zip(origins_m, by_tile, levels, strict=True)
+    tiles = zip(origins_m, by_tile, levels, details, strict=True)
     return RegionScene(
-        tuple(Tile(origin_m, meshes.pop(""), meshes, level) for origin_m, meshes, level in tiles),
+        tuple(
+            Tile(origin_m, meshes.pop(""), meshes, level, meshes.pop(_COARSE), detail)
+            for origin_m, meshes, level, detail in tiles
+        ),
         tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
         obstacles,
         plazas,
@@ -52,6 +58,7 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
     meshes = [(row, name, mesh) for row, tile in enumerate(scene.tiles) for name, mesh in _named(tile)]
     yield "origin_m", np.array([tile.origin_m for tile in scene.tiles])
     yield "level", np.array([tile.level for tile in scene.tiles])
+    yield "detail", np.array([tile.detail for tile in scene.tiles])
     yield "street_light_m", np.array([light.position_m for light in scene.street_lights]).reshape(-1, 3)
     yield "obstacle", scene.obstacles
     yield from plaza_arrays(scene.plazas)
@@ -64,8 +71,9 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
 
 
 def _named(tile: Tile) -> Iterator[tuple[str, Mesh]]:
-    """What is seen, without a name, then the surfaces."""
+    """What is seen, without a name, what stands for it from afar, then the surfaces."""
     yield "", tile.mesh
+    yield _COARSE, tile.coarse
     yield from tile.surfaces.items()
 
 

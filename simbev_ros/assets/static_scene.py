@@ -1,7 +1,7 @@
 """The immobile part of the world: tiles of mesh, and the surfaces that are labelled but not seen."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.types import Float64Array
@@ -16,12 +16,16 @@ class Tile:
         mesh: Everything that is seen and hit in this tile. An object lies wholly in one tile.
         surfaces: Class name ("crosswalk", "hazard") → mesh that counts in labels but is neither seen nor hit.
         level: That of the roads in it; what lies on structures has tiles of its own (``layout.Strip.level``).
+        coarse: What cameras far away see instead of the last ``detail`` triangles of the mesh.
+        detail: How many triangles of the mesh that are.
     """
 
     origin_m: Float64Array
     mesh: Mesh
     surfaces: Mapping[str, Mesh]
     level: int = 0
+    coarse: Mesh = field(default_factory=Mesh.empty)
+    detail: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.assets.drape import ByTile
 from simbev_ros.assets.facet_cuts import Cut, cut_to_facets
 from simbev_ros.assets.facets import TILE_M, Facets
+from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
 from simbev_ros.types import Float64Array
@@ -35,6 +36,7 @@ class TileBuilder:
     def __init__(self) -> None:
         self.placed: list[tuple[Mesh, Float64Array]] = []
         self._seen: dict[_Key, list[Mesh]] = defaultdict(list)
+        self._graded: dict[_Key, list[Graded]] = defaultdict(list)
         self._surfaces: dict[_Key, dict[str, list[Mesh]]] = defaultdict(lambda: defaultdict(list))
 
     def place(self, mesh: Mesh, map_from_mesh: Float64Array, level: int = 0) -> None:
@@ -48,7 +50,7 @@ class TileBuilder:
 
     def place_copies(
         self,
-        mesh: Mesh,
+        thing: Mesh | Graded,
         map_from_mesh: Float64Array,
         tint: Float64Array | None = None,
         follow_m: Callable[[Float64Array], Float64Array] | None = None,
@@ -56,7 +58,7 @@ class TileBuilder:
         """Add copies of an object.
 
         Args:
-            mesh: The object.
+            thing: The object.
             map_from_mesh: (N, 4, 4) poses.
             tint: (N, 3) factors of the copies' colours.
             follow_m: From (M, 2) places to heights that are added to those of the vertices there; long things follow
@@ -66,14 +68,16 @@ class TileBuilder:
         origin_m = (index + 0.5) * TILE_M
         tile_from_mesh = map_from_mesh.copy()
         tile_from_mesh[:, :2, 3] -= origin_m
-        copies = mesh.copies(tile_from_mesh, tint)
-        if follow_m is not None:
-            xy_m = np.stack([copy.vertices[:, :2] for copy in copies]) + origin_m[:, None]
-            heights_m = follow_m(xy_m.reshape(-1, 2)).reshape(xy_m.shape[:2])
-            for copy, height_m in zip(copies, heights_m, strict=True):
-                copy.vertices[:, 2] += height_m.astype(np.float32)
-        for (column, row), copy in zip(index.tolist(), copies, strict=True):
-            self._seen[0, column, row].append(copy)
+        mesh = thing.mesh if isinstance(thing, Graded) else thing
+        keys: list[_Key] = [(0, column, row) for column, row in index.tolist()]
+        copies = _copies(mesh, tile_from_mesh, origin_m, tint, follow_m)
+        if isinstance(thing, Graded):
+            stand_ins = _copies(thing.coarse, tile_from_mesh, origin_m, tint, follow_m)
+            for key, copy, stand_in in zip(keys, copies, stand_ins, strict=True):
+                self._graded[key].append(Graded(copy, stand_in))
+        else:
+            for key, copy in zip(keys, copies, strict=True):
+                self._seen[key].append(copy)
         self.placed.append((mesh, map_from_mesh))
 
     def drape(
@@ -96,15 +100,36 @@ class TileBuilder:
 
     def finish(self) -> tuple[Tile, ...]:
         """All tiles, by level, from south-west to north-east."""
-        return tuple(
-            Tile(
-                _origin(key),
-                Mesh.merged(self._seen[key]),
-                {name: Mesh.merged(meshes) for name, meshes in sorted(self._surfaces[key].items())},
-                level=key[0],
-            )
-            for key in sorted({*self._seen, *self._surfaces})
+        return tuple(self._tile(key) for key in sorted({*self._seen, *self._graded, *self._surfaces}))
+
+    def _tile(self, key: _Key) -> Tile:
+        """A tile, what has a stand-in last."""
+        graded = Graded.merged(self._graded[key])
+        return Tile(
+            _origin(key),
+            Mesh.merged([*self._seen[key], graded.mesh]),
+            {name: Mesh.merged(meshes) for name, meshes in sorted(self._surfaces[key].items())},
+            level=key[0],
+            coarse=graded.coarse,
+            detail=len(graded.mesh.triangles),
         )
+
+
+def _copies(
+    mesh: Mesh,
+    tile_from_mesh: Float64Array,
+    origin_m: Float64Array,
+    tint: Float64Array | None,
+    follow_m: Callable[[Float64Array], Float64Array] | None,
+) -> list[Mesh]:
+    """Copies as of ``TileBuilder.place_copies``, each relative to its tile, one of (N, 2) places."""
+    copies = mesh.copies(tile_from_mesh, tint)
+    if follow_m is not None:
+        xy_m = np.stack([copy.vertices[:, :2] for copy in copies]) + origin_m[:, None]
+        heights_m = follow_m(xy_m.reshape(-1, 2)).reshape(xy_m.shape[:2])
+        for copy, height_m in zip(copies, heights_m, strict=True):
+            copy.vertices[:, 2] += height_m.astype(np.float32)
+    return copies
 
 
 def _origin(key: _Key) -> Float64Array:

@@ -57,7 +57,9 @@ def _bench() -> None:
 def graph(
     config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper.")] = "demo",
     ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
-    record: Annotated[bool, typer.Option(help="Record too, to a temporary folder.")] = True,
+    record: Annotated[
+        bool, typer.Option(help="Record too, to a temporary folder. Cameras draw only what is read.")
+    ] = True,
     as_json: _Json = False,
 ) -> None:
     """Time the whole graph: ticks per second, and for each node the time per tick and the processor time.

@@ -1,14 +1,12 @@
 """Timing cameras: what a frame of a rig costs at each quality, where it goes, and what another renderer takes."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from itertools import pairwise
 from statistics import median
-
-import moderngl
 
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.cli.camera_scene import CameraScene
@@ -18,6 +16,7 @@ from simbev_ros.config.rig import Camera
 from simbev_ros.render.context import describe_context, open_context
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
+from simbev_ros.render.timer import PartClock
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,45 +117,19 @@ def timed_cameras(
     )
 
 
-class _PartClock:
-    """Adds up the time between begin and end of each part of a frame, waiting for OpenGL at both."""
-
-    def __init__(self, context: moderngl.Context) -> None:
-        self._context = context
-        self.costs: dict[str, Cost] = {}
-
-    @contextmanager
-    def __call__(self, part: str) -> Iterator[None]:
-        self._context.finish()
-        wall_s, cpu_s = time.perf_counter(), time.process_time()
-        yield
-        self._context.finish()
-        before = self.costs.get(part, Cost(part, 0.0, 0.0))
-        wall_ms = before.wall_ms + 1000.0 * (time.perf_counter() - wall_s)
-        self.costs[part] = Cost(part, wall_ms, before.cpu_ms + 1000.0 * (time.process_time() - cpu_s))
-
-    def take(self) -> list[Cost]:
-        """The costs since the last time, and begin anew."""
-        costs, self.costs = self.costs, {}
-        return list(costs.values())
-
-
 def _timed_quality(
     scene: CameraScene, views: Sequence[CameraView], quality: Quality, progress: Callable[[], None]
 ) -> QualityTiming:
-    renderer = Renderer(scene.static, load_models(), quality=quality)
-    renderer.set_lights(scene.lights)
-    totals = [_timed("total", lambda frame=frame: renderer.render(views, frame), progress) for frame in _pairs(scene)]
-    renderer.close()
     context = open_context()
-    clock = _PartClock(context)
+    clock = PartClock(context)
     renderer = Renderer(scene.static, load_models(), context, quality, timer=clock)
     renderer.set_lights(scene.lights)
-    clock.take()
+    totals = [_timed("total", partial(renderer.render, views, frame), progress) for frame in _pairs(scene)]
+    clock.is_on = True
     parts = []
     for frame in _pairs(scene):
-        whole = _timed("total", lambda frame=frame: renderer.render(views, frame), progress)
-        costs = clock.take()
+        whole = _timed("total", partial(renderer.render, views, frame), progress)
+        costs = [Cost(part, *cost_ms) for part, cost_ms in clock.take().items()]
         rest = Cost("rest", whole.wall_ms - sum(c.wall_ms for c in costs), whole.cpu_ms - sum(c.cpu_ms for c in costs))
         parts.append([*costs, rest])
     renderer.close()

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
@@ -104,13 +104,11 @@ class Camera(Sensor, Optics):
             )
         return self
 
-    @cached_property
+    @property
     def model(self) -> PinholeCamera:
         """The camera's geometry: a ``LensCamera`` if it distorts."""
         ideal = self._pinhole()
-        if not any(self.distortion):
-            return ideal
-        return LensCamera(**asdict(ideal), distortion=self.distortion)
+        return _lens_camera(ideal, self.distortion) if any(self.distortion) else ideal
 
     def _pinhole(self) -> PinholeCamera:
         width_px, height_px = self.width_px, self.height_px
@@ -125,6 +123,12 @@ class Camera(Sensor, Optics):
             (width_px - 1) / 2.0 if self.cx_px is None else self.cx_px,
             (height_px - 1) / 2.0 if self.cy_px is None else self.cy_px,
         )
+
+
+@lru_cache(maxsize=64)
+def _lens_camera(ideal: PinholeCamera, distortion: tuple[float, ...]) -> LensCamera:
+    """The camera with distortion; its check takes a millisecond."""
+    return LensCamera(**asdict(ideal), distortion=distortion)
 
 
 class Lidar(Sensor):

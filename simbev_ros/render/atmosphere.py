@@ -37,11 +37,12 @@ def sun_transmittance(altitude_deg: float) -> Float64Array:
     """(3,) share of sunlight that reaches the ground; it fades while the Sun's disk sinks below the horizon."""
     risen = np.clip((altitude_deg + 0.8) / 1.2, 0.0, 1.0)
     cosine = np.sin(np.radians(max(altitude_deg, -0.5)))
-    return _transmittance(np.array(GROUND_KM + _EYE_KM), np.array(max(cosine, -0.002))) * risen
+    share: Float64Array = _transmittance(np.array(GROUND_KM + _EYE_KM), np.array(max(cosine, -0.002))) * risen
+    return share
 
 
 def clear_sky(altitude_deg: float, elevation_deg: Float64Array, azimuth_deg: Float64Array) -> Float64Array:
-    """(..., 3) radiance of the sky in directions given by elevation and by azimuth from the sun, for a sun's altitude."""
+    """(..., 3) radiance of the sky by elevation and by azimuth from the sun, for an altitude of the sun."""
     altitude_deg = float(np.clip(altitude_deg, _NODES_DEG[0], _NODES_DEG[-1]))
     upper = int(np.clip(np.searchsorted(_NODES_DEG, altitude_deg), 1, len(_NODES_DEG) - 1))
     low_deg, high_deg = _NODES_DEG[upper - 1], _NODES_DEG[upper]
@@ -65,7 +66,7 @@ def _log_radiance(altitude_deg: float) -> Float64Array:
 
 
 def _scattered(up: Float64Array, towards: Float64Array, sun_up: float, radius_km: float) -> Float64Array:
-    """(..., 3) light scattered into rays from a height: of cosines ``up`` with the vertical, ``towards`` with the sun."""
+    """(..., 3) light scattered into rays from a height; cosines: ``up`` with the vertical, ``towards`` with the sun."""
     length_km = _length_to_top(radius_km, up)
     near, far = np.linspace(0.0, 1.0, _STEPS + 1)[:-1] ** 2, np.linspace(0.0, 1.0, _STEPS + 1)[1:] ** 2
     along_km = length_km[..., None] * (near + far) / 2.0
@@ -80,7 +81,8 @@ def _scattered(up: Float64Array, towards: Float64Array, sun_up: float, radius_km
     source = from_sun * (rayleigh * phase_rayleigh + mie * phase_mie)
     source += (rayleigh + mie) * _lookup(_multiple_lut(), at_km, sun_here)
     share: Float64Array = (1.0 - np.exp(-optical)) / np.maximum(extinction, 1e-12)
-    return np.sum(before * source * share, axis=-2)
+    radiance: Float64Array = np.sum(before * source * share, axis=-2)
+    return radiance
 
 
 def _phases(cosine: Float64Array) -> tuple[Float64Array, Float64Array]:

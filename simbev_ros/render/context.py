@@ -135,6 +135,8 @@ def _why_closed(device: EglDevice, error: Exception) -> str:
             f"cannot be opened: no right to use {device.file}; add the user to its group (usermod -aG render USER), "
             "or give the container the device (--device /dev/dri)"
         )
+    if "not loaded" in str(error):  # of the libraries libEGL and libGL
+        return f"cannot be opened: {error}. Install it ({INSTALL_MESA})"
     try:
         older = _created(device, _LEAST_VERSION)
     except Exception:  # glcontext raises bare Exception; what it said at first is the better reason
@@ -149,5 +151,5 @@ def _why_closed(device: EglDevice, error: Exception) -> str:
 
 
 def _created(device: EglDevice, version: int) -> moderngl.Context:
-    settings: Any = {"backend": "egl", "device_index": device.index}
+    settings: Any = {"backend": "egl", "device_index": device.index, "libegl": "libEGL.so.1", "libgl": "libGL.so.1"}
     return moderngl.create_context(version, standalone=True, **settings)

@@ -8,7 +8,7 @@ from simbev_ros.types import Table
 
 _FAR_M = 500.0
 _MAX_LAMPS = 1024
-_MAX_STREAKS = 96
+_MAX_STREAKS = 64
 
 
 class Glare:

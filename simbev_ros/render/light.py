@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 import yaml
@@ -22,6 +23,7 @@ HORIZON_STRETCH = 0.5
 
 _LOWEST_MOON_DEG = 35.0
 _LOWEST_KEY_DEG = 1.0
+_DIP_AT_CLOUDS_DEG = 1.6  # of the horizon, which the sun passes later than here
 _MOONLIT_BELOW_DEG = (-5.0, -11.0)
 _CLOUD_DRIFT_PER_S = 4e-4
 _CLOUD_STEP_NS = 250_000_000  # clouds move so slowly that they need not be drawn in every frame
@@ -74,18 +76,8 @@ class SkyLight:
     def of(cls, weather: Weather) -> "SkyLight":
         """The light of a weather. Clouds take the sun away and turn the sky grey."""
         altitude_deg, azimuth_deg = weather.sun_altitude_deg, weather.sun_azimuth_deg
-        moonlit = float(np.interp(altitude_deg, _MOONLIT_BELOW_DEG[::-1], (1.0, 0.0)))
-        moon_altitude_deg = max(-altitude_deg, _LOWEST_MOON_DEG)
-        moon = moonlit * np.array(_constants()["moon"])
+        clear, direct, at_clouds, direction = _natural_light(altitude_deg, azimuth_deg)
         overcast = float(np.clip((weather.cloudiness - 40.0) / 55.0, 0.0, 1.0)) ** 1.5
-        clear = _sky_of(altitude_deg, azimuth_deg) + moon * _sky_of(moon_altitude_deg, azimuth_deg + 180.0) + _night()
-        sun_above = sun_transmittance(altitude_deg)
-        moon_above = moon * sun_transmittance(moon_altitude_deg)
-        is_moon = bool(moonlit > 0.0)
-        risen = _direction(azimuth_deg, max(altitude_deg, _LOWEST_KEY_DEG))
-        direction = _direction(azimuth_deg + 180.0, moon_altitude_deg) if is_moon else risen
-        direct = moon_above if is_moon else sun_above
-        at_clouds = moon_above if is_moon else sun_transmittance(altitude_deg + 1.6) * np.clip(altitude_deg + 2, 0, 1)
         total = _level_irradiance(clear) + direct * direction[2]
         # Of the light, so much comes through clouds: Kasten and Czeplak 1980.
         through = 1.0 - 0.75 * overcast**1.5
@@ -100,7 +92,7 @@ class SkyLight:
         gain = white / (exposure * light)
         # Clouds and lit walls, which are no part of the clear sky's colour, fill shadows with whiter light.
         sky_ambient = ambient + _AMBIENT_WHITENING * (ambient.mean() - ambient)
-        air, air_glow = _air(sky, azimuth_deg)
+        air, air_glow = _air(sky, azimuth_deg, weather.fog_density, 0.72 * ambient + 0.35 * direct * direction[2])
         return cls(
             key_direction=direction,
             key=direct * gain,
@@ -157,10 +149,26 @@ def hemisphere() -> tuple[Float64Array, Float64Array]:
     return np.arcsin(np.clip(up, 0.0, 1.0)), np.arctan2(y, x)
 
 
+def _natural_light(
+    altitude_deg: float, azimuth_deg: float
+) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+    """Of a clear moment: the map of the sky, irradiance of sun or moon here and at clouds, and direction to it."""
+    moonlit = float(np.interp(altitude_deg, _MOONLIT_BELOW_DEG[::-1], (1.0, 0.0)))
+    moon = moonlit * np.array(_constants()["moon"])
+    moon_altitude_deg = max(-altitude_deg, _LOWEST_MOON_DEG)
+    sky = _sky_of(altitude_deg, azimuth_deg) + moon * _sky_of(moon_altitude_deg, azimuth_deg + 180.0) + _night()
+    if moonlit > 0.0:
+        moonlight = moon * sun_transmittance(moon_altitude_deg)
+        return sky, moonlight, moonlight, _direction(azimuth_deg + 180.0, moon_altitude_deg)
+    at_clouds = sun_transmittance(altitude_deg + _DIP_AT_CLOUDS_DEG) * np.clip(altitude_deg + 2.0, 0.0, 1.0)
+    return sky, sun_transmittance(altitude_deg), at_clouds, _direction(azimuth_deg, max(altitude_deg, _LOWEST_KEY_DEG))
+
+
 def _sky_of(altitude_deg: float, azimuth_deg: float) -> Float64Array:
     """The map of the clear sky lit by a sun (or moon) of irradiance / π 1 outside of the air."""
     elevation, azimuth = np.degrees(hemisphere())
-    return np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
+    radiance: Float64Array = np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
+    return radiance
 
 
 @lru_cache(maxsize=1)
@@ -168,13 +176,15 @@ def _night() -> Float64Array:
     """The map of the night sky's own light."""
     zenith, horizon = (np.array(_constants()[name]) for name in ("night_zenith", "night_horizon"))
     height = np.sin(hemisphere()[0])[..., None]
-    return zenith + (horizon - zenith) * np.exp(-6.0 * height)
+    radiance: Float64Array = zenith + (horizon - zenith) * np.exp(-6.0 * height)
+    return radiance
 
 
 @lru_cache(maxsize=1)
 def _overcast_pattern() -> Float64Array:
     """The map of an overcast sky that gives level ground irradiance / π 1; in haze, its zenith is twice the horizon."""
-    return (1.0 + np.sin(hemisphere()[0])[..., None]) * 0.6
+    pattern: Float64Array = (1.0 + np.sin(hemisphere()[0])[..., None]) * 0.6
+    return pattern
 
 
 @lru_cache(maxsize=1)
@@ -193,11 +203,17 @@ def _level_weights() -> Float64Array:
 
 def _level_irradiance(sky: Float64Array) -> Float64Array:
     """(3,) irradiance / π of a map of the sky on level ground."""
-    return np.einsum("yxc,yx->c", sky, _level_weights())
+    irradiance: Float64Array = np.einsum("yxc,yx->c", sky, _level_weights())
+    return irradiance
 
 
-def _air(sky: Float64Array, azimuth_deg: float) -> tuple[Float64Array, Float64Array]:
-    """Two (3,) colours: ``away + glow · towards^8`` is that of air near the horizon, towards 1 being the sun's side."""
+def _air(
+    sky: Float64Array, azimuth_deg: float, fog_density: float, in_fog: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Two (3,) colours: ``away + glow · towards^8`` is that of air near the horizon, towards 1 being the sun's side.
+
+    Fog scatters light so often that its colour is that of all light together, (3,) ``in_fog``.
+    """
     turned = np.linspace(0.0, np.pi, 17)
     towards = (0.5 + 0.5 * np.cos(turned)) ** 8
     angle = turned + np.radians(azimuth_deg)
@@ -205,7 +221,10 @@ def _air(sky: Float64Array, azimuth_deg: float) -> tuple[Float64Array, Float64Ar
     ring = sky[place[1].astype(int), place[0].astype(int)]
     away = ring[towards < 0.2].mean(axis=0)
     glow = np.einsum("kc,k->c", ring - away, towards) / (towards**2).sum()
-    return away, np.clip(glow, 0.0, _BRIGHTEST_GLOW * away.mean())
+    glow = np.clip(glow, 0.0, _BRIGHTEST_GLOW * away.mean())
+    foggy = min(fog_density / 60.0, 1.0)
+    gray = 0.5 * (in_fog + in_fog.mean())
+    return away + (gray - away) * (0.7 * foggy), glow + (0.5 * glow.mean() - glow) * (0.75 * foggy)
 
 
 def _adapted(light: float) -> tuple[float, float]:
@@ -226,7 +245,7 @@ def _direction(azimuth_deg: float, altitude_deg: float) -> Float64Array:
 
 
 @lru_cache(maxsize=1)
-def _constants() -> dict[str, list]:  # type: ignore[type-arg]
+def _constants() -> dict[str, Any]:
     text = files("simbev_ros.render").joinpath("sky.yaml").read_text(encoding="utf-8")
-    constants: dict[str, list] = yaml.safe_load(text)  # type: ignore[type-arg]
+    constants: dict[str, Any] = yaml.safe_load(text)
     return constants

@@ -36,6 +36,7 @@ TEXTURE_UNITS = {
             "sky_table",
             "sky_dome",
             "g_slope",
+            "g_edges",
             "lens_rays",
             "ideal_rgb",
         )
@@ -70,15 +71,17 @@ class ProgramLibrary:
         self.quality = quality
         self._folder = files("simbev_ros.render").joinpath("shaders")
 
-    def load(self, vertex: str, fragment: str, **constants: float) -> moderngl.Program:
-        """The program of a vertex and a fragment shader, named without ``.glsl``, with macros for the ``constants``.
+    def load(self, vertex: str, fragment: str, geometry: str | None = None, **constants: float) -> moderngl.Program:
+        """The program of two or three shaders, named without ``.glsl``, with macros for the ``constants``.
 
         Raises:
             RenderError: The driver does not compile it.
         """
         try:
             program = self._context.program(
-                vertex_shader=self._source(vertex, constants), fragment_shader=self._source(fragment, constants)
+                vertex_shader=self._source(vertex, constants),
+                fragment_shader=self._source(fragment, constants),
+                geometry_shader=None if geometry is None else self._source(geometry, constants),
             )
         except moderngl.Error as error:
             raise not_compiled(self._context, f"shaders {vertex}, {fragment}", error) from None
@@ -92,7 +95,7 @@ class ProgramLibrary:
 
     def screen_pass(self, fragment: str, **constants: float) -> moderngl.VertexArray:
         """A fragment shader to be run on every pixel: draw it with ``draw_screen``."""
-        return self._context.vertex_array(self.load("screen", fragment, **constants), [])
+        return self._context.vertex_array(self.load("screen", fragment, None, **constants), [])
 
     def _source(self, name: str, constants: Mapping[str, float]) -> str:
         """The file with its includes put in, each once, and macros after its first line, the version."""

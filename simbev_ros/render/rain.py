@@ -60,7 +60,7 @@ class Rain:
         _write(streaks.program, "shift", self._shift_m)
         _write(streaks.program, "passing", self._passing_m)
         self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE)
+        self._context.blend_func = (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE)  # type: ignore[assignment]
         streaks.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=count)
         self._context.enable_only(moderngl.NOTHING)
 

@@ -33,6 +33,7 @@ from simbev_ros.render.sky_dome import SkyDome
 from simbev_ros.render.static_geometry import StaticGeometry
 from simbev_ros.render.surfaces import shading_class_of_material
 from simbev_ros.render.targets import Targets
+from simbev_ros.render.timer import Timer, untimed
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import AnyArray, Float64Array
@@ -47,6 +48,7 @@ class Renderer:
         models: Sequence[ActorModel],
         context: moderngl.Context | None = None,
         quality: Quality = "medium",
+        timer: Timer = untimed,
     ) -> None:
         """Upload everything.
 
@@ -55,6 +57,7 @@ class Renderer:
             models: The catalogue, indexed by blueprint.
             context: From ``open_context``; by default a new one.
             quality: Of the colour image.
+            timer: Is entered before and left after each part of a frame.
 
         Raises:
             RenderError: OpenGL is not usable here, or has too little memory.
@@ -63,6 +66,7 @@ class Renderer:
         self._on_gpu = not is_software(self._context.info["GL_RENDERER"])
         self._read_back = ReadBack(self._context, self._on_gpu)
         self._models = models
+        self._timer = timer
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
         with self._context, enough_memory(self._context, "the meshes of the scene", size_bytes):
@@ -70,7 +74,8 @@ class Renderer:
             self._visibility_step = VISIBILITY_STEPS[QUALITIES.index(quality)]
             self._static, self._actors = self._upload(static, library)
             self._background = library.screen_pass("background.frag")
-            self._shading = Shading(self._context, library)
+            self._background_for_lens = library.screen_pass("background.frag", LENS=1)
+            self._shading = Shading(self._context, library, timer)
             self._lenses = Lenses(self._context, library)
             self._shadow_map = ShadowMap(self._context)
             self._sky_dome = SkyDome(self._context, library)
@@ -108,7 +113,8 @@ class Renderer:
                 self._render_view(camera, view, frame, table, origin_m)
                 for camera, view in zip(cameras, views, strict=True)
             ]
-            return [CameraImages(**{modality: read() for modality, read in images.items()}) for images in drawn]
+            with self._timer("read-back"):
+                return [CameraImages(**{modality: read() for modality, read in images.items()}) for images in drawn]
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
@@ -118,6 +124,7 @@ class Renderer:
         of_static, of_actors = (
             {
                 "geometry": library.load(f"{kind}_geometry.vert", "geometry.frag"),
+                "geometry_for_lens": library.load(f"{kind}_geometry.vert", "geometry.frag", "corners.geom", LENS=1),
                 "shadow": library.load(f"{kind}_shadow.vert", "shadow.frag"),
             }
             for kind in ("static", "actor")
@@ -134,7 +141,10 @@ class Renderer:
         """What all views of a frame share: sun, shadow maps, lamps and signals."""
         world = frame.world
         sky = SkyLight.of(world.weather)
-        shadows = self._shadow_map.draw(sky.key_direction, origin_m, self._static, self._actors, world, table, views)
+        with self._timer("shadows"):
+            shadows = self._shadow_map.draw(
+                sky.key_direction, origin_m, self._static, self._actors, world, table, views
+            )
         self._contact_map.draw(world, origin_m)
         if sky.lamps_lit:
             lamps = self._lamp_field.draw(world, origin_m)
@@ -152,39 +162,50 @@ class Renderer:
         self, camera: CameraView, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
     ) -> dict[Modality, Callable[[], AnyArray]]:
         """Draw one camera; its images are read when they are called."""
-        targets = self._targets_of(view.camera, slopes=isinstance(camera.camera, LensCamera))
+        for_lens = isinstance(camera.camera, LensCamera)
+        targets = self._targets_of(view.camera, for_lens)
         self._view_block.write(view.block())
-        self._draw_geometry(targets, view, frame, table, origin_m)
+        with self._timer("geometry, labels, flow"):
+            self._draw_geometry(targets, view, frame, table, origin_m, for_lens)
         targets.bind()
         if "rgb" in camera.modalities:
             self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes()))
-        images = self._lenses.images(camera, targets)
-        return {modality: self._read_back.begin(images[modality]) for modality in camera.modalities}
+        with self._timer("lens"):
+            images = self._lenses.images(camera, targets)
+        with self._timer("read-back"):
+            return {modality: self._read_back.begin(images[modality]) for modality in camera.modalities}
 
     def _draw_geometry(
-        self, targets: Targets, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
+        self,
+        targets: Targets,
+        view: View,
+        frame: RenderFrame,
+        table: RigidTable,
+        origin_m: Float64Array,
+        for_lens: bool,
     ) -> None:
         """Fill the G-buffer; the sky last, where nothing else is."""
         context, world = self._context, frame.world
+        program = "geometry_for_lens" if for_lens else "geometry"
         targets.geometry.use()
         targets.clear_depth()
         context.enable_only(moderngl.DEPTH_TEST)
         context.front_face = "cw"  # image rows run downward, which mirrors every triangle
         context.depth_func = "<"
         look = None if self._on_gpu else partial(Occluders.of, targets.geometry)
-        self._static.draw_view("geometry", view, origin_m, look)
+        self._static.draw_view(program, view, origin_m, look)
         seen = visible_actors(world, table, view, look, frame.show_ego)
         context.enable(moderngl.CULL_FACE)  # actors are closed
-        self._actors.draw("geometry", world, table, seen, view.pixel_m(table.center_m, table.radius_m))
+        self._actors.draw(program, world, table, seen, view.pixel_m(table.center_m, table.radius_m))
         context.disable(moderngl.CULL_FACE)
         context.depth_func = "<="
-        draw_screen(self._background)
+        draw_screen(self._background_for_lens if for_lens else self._background)
         context.enable_only(moderngl.NOTHING)
 
-    def _targets_of(self, camera: PinholeCamera, slopes: bool) -> Targets:
+    def _targets_of(self, camera: PinholeCamera, for_lens: bool) -> Targets:
         size_px = (camera.width_px, camera.height_px)
-        if (*size_px, slopes) not in self._targets:
-            pixels = size_px[0] * size_px[1]
-            with enough_memory(self._context, f"pictures of {size_px[0]} x {size_px[1]} pixels", 60 * pixels):
-                self._targets[*size_px, slopes] = Targets(self._context, size_px, self._visibility_step, slopes)
-        return self._targets[*size_px, slopes]
+        if (*size_px, for_lens) not in self._targets:
+            size_bytes = (84 if for_lens else 60) * size_px[0] * size_px[1]
+            with enough_memory(self._context, f"pictures of {size_px[0]} x {size_px[1]} pixels", size_bytes):
+                self._targets[*size_px, for_lens] = Targets(self._context, size_px, self._visibility_step, for_lens)
+        return self._targets[*size_px, for_lens]

@@ -9,6 +9,7 @@ from simbev_ros.render.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLib
 from simbev_ros.render.rain import Rain
 from simbev_ros.render.surfaces import material_block, shading_classes
 from simbev_ros.render.targets import Targets
+from simbev_ros.render.timer import Timer
 from simbev_ros.render.wetness import Wetness
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array, Table
@@ -22,8 +23,9 @@ _LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
 class Shading:
     """Lights the G-buffer. Light, matrices and signal states are those of the frame, set before its first camera."""
 
-    def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary, timer: Timer) -> None:
         self._context = context
+        self._timer = timer
         self._visibility = library.screen_pass("visibility.frag")
         self._smooth = library.screen_pass("smooth.frag")
         self._classify = library.screen_pass("classify.frag")
@@ -72,25 +74,30 @@ class Shading:
 
     def draw(self, targets: Targets, camera_seed: int) -> None:
         """Fill ``targets.rgb`` from the G-buffer, which must be bound; every camera has other drops on its lens."""
-        targets.noisy_visibility.use()
-        draw_screen(self._visibility)
-        targets.visibility.use()
-        draw_screen(self._smooth)
+        with self._timer("sun and occlusion"):
+            targets.noisy_visibility.use()
+            draw_screen(self._visibility)
+            targets.visibility.use()
+            draw_screen(self._smooth)
         targets.shaded.use()
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"
-        draw_screen(self._classify)
+        with self._timer("classes"):
+            draw_screen(self._classify)
         self._context.depth_func = "=="
         passes = list(self._passes[self._lamps_lit])
         if self.wetness.wet:
             passes[_GROUND] = self.wetness.ground(self._lamps_lit)
-        for number, shade in enumerate(passes):
-            draw_screen(shade, (number + 0.5) * _LAYER_STEP)
-        self.wetness.draw_mirrored(targets, (_GROUND + 0.5) * _LAYER_STEP)
-        self._context.enable_only(moderngl.NOTHING)
-        if self._lamps_lit:
-            self.glare.draw()
-        self.rain.draw_streaks(self._lamps_lit)
-        targets.rgb.use()
-        draw_screen(self._antialias)
-        self.rain.draw_lens_drops(targets, camera_seed)
+        for number, (name, shade) in enumerate(zip(shading_classes(), passes, strict=True)):
+            with self._timer(f"shading: {name}"):
+                draw_screen(shade, (number + 0.5) * _LAYER_STEP)
+        with self._timer("reflections, glare, rain"):
+            self.wetness.draw_mirrored(targets, (_GROUND + 0.5) * _LAYER_STEP)
+            self._context.enable_only(moderngl.NOTHING)
+            if self._lamps_lit:
+                self.glare.draw()
+            self.rain.draw_streaks(self._lamps_lit)
+        with self._timer("final pass"):
+            targets.rgb.use()
+            draw_screen(self._antialias)
+            self.rain.draw_lens_drops(targets, camera_seed)

@@ -5,10 +5,12 @@ never their order: of two surfaces at the same depth the first one stays.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 
+from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
 from simbev_ros.render.hidden import Look
 from simbev_ros.render.vertices import upload_mesh
@@ -17,11 +19,30 @@ from simbev_ros.types import Float64Array, Int64Array, UInt8Array
 
 _PIECE_TRIANGLES = 256
 
+_COARSE_ERROR_M = 0.12
+"""Where this is less than a pixel, stand-ins are drawn, whose outlines err by about so much."""
+
+_PLAIN, _DETAIL, _COARSE = range(3)
+"""Grades of pieces: drawn always, nearby only, and far away only."""
+
 _STAGES_M = (32.0, 96.0, 160.0, 256.0, 512.0, np.inf)
 """Tiles are drawn in stages by their distance. What is drawn already hides much of what is farther."""
 
 _WORTH_A_LOOK = 16_000
 """Triangles. Asking what hides them takes as long as drawing so many."""
+
+
+class _Pieces(NamedTuple):
+    """(K,) first triangles and ends of pieces, (K,) their grades, and (K, 2, 3) their boxes in the map frame."""
+
+    first: Int64Array
+    end: Int64Array
+    grade: Int64Array
+    bounds_m: Float64Array
+
+
+_NONE = np.zeros(0, np.int64)
+_NO_PIECES = _Pieces(_NONE, _NONE, _NONE, np.zeros((0, 2, 3)))
 
 
 class StaticGeometry:
@@ -36,21 +57,21 @@ class StaticGeometry:
     ) -> None:
         """Upload the tiles for use with ``programs``, each of which has a uniform vec3 ``tile``."""
         seen = [tile for tile in tiles if len(tile.mesh.triangles)]
-        self._arrays = [upload_mesh(context, tile.mesh, programs, shading_class) for tile in seen]
+        meshes = [Mesh.merged([tile.mesh, tile.coarse]) for tile in seen]
+        self._arrays = [upload_mesh(context, mesh, programs, shading_class) for mesh in meshes]
         self._origins_m = np.array([tile.origin_m for tile in seen], np.float64).reshape(-1, 3)
         self._tile_bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in seen]).reshape(-1, 2, 3)
-        pieces = [_pieces(tile) for tile in seen]
-        self._tile = np.repeat(np.arange(len(seen)), [len(first) for first, _ in pieces])
-        self._first = np.concatenate([np.zeros(0, np.int64), *(first for first, _ in pieces)])
-        counts = np.array([len(tile.mesh.triangles) for tile in seen], np.int64)
-        self._end = np.minimum(self._first + _PIECE_TRIANGLES, counts[self._tile])
-        self._bounds_m = np.concatenate([np.zeros((0, 2, 3)), *(bounds_m for _, bounds_m in pieces)])
+        pieces = [_pieces(tile, mesh) for tile, mesh in zip(seen, meshes, strict=True)]
+        self._tile = np.repeat(np.arange(len(seen)), [len(piece.first) for piece in pieces])
+        columns = zip(_NO_PIECES, *pieces, strict=True)
+        self._first, self._end, self._grade, self._bounds_m = (np.concatenate(column) for column in columns)
 
     def draw_view(self, program: str, view: View, origin_m: Float64Array, look: Look | None) -> None:
         """Draw what a view sees of the world of (3,) ``origin_m``, without what ``look`` finds hidden meanwhile."""
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
-        waiting = np.flatnonzero(view.sees_boxes(low_m, high_m))
+        left_out = np.where(distance_m < _COARSE_ERROR_M * view.camera.fx_px, _COARSE, _DETAIL)
+        waiting = np.flatnonzero(view.sees_boxes(low_m, high_m) & (self._grade != left_out[self._tile]))
         triangles = self._end - self._first
         for end_m in _STAGES_M if look else _STAGES_M[-1:]:
             if look and end_m > _STAGES_M[0] and triangles[waiting].sum() > _WORTH_A_LOOK:
@@ -67,6 +88,7 @@ class StaticGeometry:
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(np.zeros(2), (self._tile_bounds_m - origin_m)[..., :2])
         shown = boxes_in_clip_space(clip_from_world, low_m, high_m) & (distance_m[self._tile] < radius_m)
+        shown &= self._grade != _COARSE
         for array in self._arrays[:1]:
             array[program].program["clip_from_shadow"] = tuple(clip_from_world.T.ravel())
         self._draw(program, origin_m, np.flatnonzero(shown), distance_m)
@@ -84,13 +106,18 @@ class StaticGeometry:
             array.render(vertices=3 * (end - first), first=3 * first)
 
 
-def _pieces(tile: Tile) -> tuple[Int64Array, Float64Array]:
-    """(K,) first triangle of each piece, and (K, 2, 3) the pieces' boxes in the map frame."""
-    corners = tile.mesh.vertices[tile.mesh.triangles]
-    first = np.arange(0, len(corners), _PIECE_TRIANGLES)
+def _pieces(tile: Tile, mesh: Mesh) -> _Pieces:
+    """Those of a tile, whose mesh and stand-ins are one mesh."""
+    plain = len(tile.mesh.triangles) - tile.detail
+    ends = np.array([plain, plain + tile.detail, len(mesh.triangles)])
+    runs = [np.arange(first, end, _PIECE_TRIANGLES) for first, end in zip((0, *ends[:-1]), ends, strict=True)]
+    grade = np.repeat(np.arange(len(runs)), [len(run) for run in runs])
+    first = np.concatenate(runs)
+    end = np.minimum(first + _PIECE_TRIANGLES, ends[grade])
+    corners = mesh.vertices[mesh.triangles]
     low_m = np.minimum.reduceat(corners.min(axis=1), first)
     high_m = np.maximum.reduceat(corners.max(axis=1), first)
-    return first, np.stack([low_m, high_m], axis=1) + tile.origin_m
+    return _Pieces(first, end, grade, np.stack([low_m, high_m], axis=1) + tile.origin_m)
 
 
 def _distance_m(place_m: Float64Array, bounds_m: Float64Array) -> Float64Array:

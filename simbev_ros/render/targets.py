@@ -47,7 +47,7 @@ class Targets:
     """Framebuffers of one size. ``geometry`` is drawn first; the others are computed from it."""
 
     def __init__(
-        self, context: moderngl.Context, size_px: tuple[int, int], visibility_step: int, slopes: bool = False
+        self, context: moderngl.Context, size_px: tuple[int, int], visibility_step: int, for_lens: bool = False
     ) -> None:
         """Allocate all targets.
 
@@ -55,7 +55,7 @@ class Targets:
             context: Of OpenGL.
             size_px: Width, height.
             visibility_step: Pixels from texel to texel of the visibility.
-            slopes: Keep those of the depth too (render/lens.py).
+            for_lens: Keep what a lens needs of the geometry too (render/lens.py).
         """
 
         def texture(components: int, dtype: str) -> moderngl.Texture:
@@ -69,10 +69,11 @@ class Targets:
         self._shaded.repeat_x = self._shaded.repeat_y = False
         coarse_px = (-(-size_px[0] // visibility_step), -(-size_px[1] // visibility_step))
         self._noisy_visibility, self._visibility = (context.texture(coarse_px, 4, dtype="f1") for _ in range(2))
-        self._slopes = [texture(2, "f4")] if slopes else []
+        self._lens = {"g_slope": texture(2, "f4"), "g_edges": texture(4, "u4")} if for_lens else {}
         images = [texture(1, "u1"), texture(1, "u2"), texture(2, "f4")]
         self.geometry = context.framebuffer(
-            [self._surface, self._depth, self._color, *images, *self._slopes], context.depth_renderbuffer(size_px)
+            [self._surface, self._depth, self._color, *images, *self._lens.values()],
+            context.depth_renderbuffer(size_px),
         )
         self.noisy_visibility = context.framebuffer([self._noisy_visibility])
         self.visibility = context.framebuffer([self._visibility])
@@ -94,8 +95,8 @@ class Targets:
         self._noisy_visibility.use(TEXTURE_UNITS["noisy_visibility"])
         self._visibility.use(TEXTURE_UNITS["visibility"])
         self._shaded.use(TEXTURE_UNITS["shaded"])
-        for slope in self._slopes:
-            slope.use(TEXTURE_UNITS["g_slope"])
+        for name, kept in self._lens.items():
+            kept.use(TEXTURE_UNITS[name])
 
     @property
     def images(self) -> dict[Modality, Image]:

@@ -24,9 +24,7 @@ class Wetness:
     def ground(self, lamps_lit: bool) -> moderngl.VertexArray:
         """The screen pass that shades wet ground."""
         if lamps_lit not in self._grounds:
-            self._grounds[lamps_lit] = self._library.screen_pass(
-                "shade_ground.frag", LAMPS_LIT=float(lamps_lit), WET=1
-            )
+            self._grounds[lamps_lit] = self._library.screen_pass("shade_ground.frag", LAMPS_LIT=float(lamps_lit), WET=1)
         return self._grounds[lamps_lit]
 
     def draw_mirrored(self, targets: Targets, layer: float) -> None:

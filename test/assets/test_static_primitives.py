@@ -6,7 +6,7 @@ from simbev_ros.assets.architecture.kinds import build, load_kinds
 from simbev_ros.assets.architecture.outlines import outlined
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.walls import STYLES, draw_wall
-from simbev_ros.assets.flora.species import VARIANTS, load_species, reach_m, stock
+from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.materials import Material, load_materials
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, ellipsoid, extrusion, lathe, plate, tube
@@ -184,25 +184,11 @@ def test_furniture_is_closed() -> None:
     poles = [street_light(), mast(), utility_pole()]
     signs = [speed_sign(30), speed_sign(120), stop_sign(), yield_sign(), street_name_sign(color)]
     yard = [trailer(color), container(color), dumpster(color), wheelie_bin(color), pallets(), hay_bale(), wood_pile()]
-    for mesh in (*street, *poles, *signs, *yard, *(panel(kind, 0) for kind in PANEL_M)):
+    panels = [panel(kind, 0) for kind in PANEL_M]
+    for thing in (*street, *poles, *signs, *yard, *panels):
+        mesh = thing.mesh if isinstance(thing, Graded) else thing
         assert is_closed(mesh)
         assert faces_agree_with_normals(mesh)
-
-
-@pytest.mark.parametrize("name", load_species())
-def test_a_plant_stands_upright_on_its_foot(name: str) -> None:
-    for variant in range(VARIANTS):
-        mesh = stock(name, variant)
-        assert mesh.vertices[:, 2].min() < 0.05
-        assert mesh.vertices[:, 2].max() > 0.3
-        assert np.hypot(*mesh.vertices[:, :2].mean(axis=0)) < 0.5 * reach_m(name)
-        assert (mesh.tag == Tag.VEGETATION).all()
-
-
-@pytest.mark.parametrize("name", load_species())
-def test_plants_cost_few_triangles(name: str) -> None:
-    most = 60 if name.startswith("light") or name in ("thicket",) else 410
-    assert max(len(stock(name, variant).triangles) for variant in range(VARIANTS)) <= most
 
 
 def test_every_material_has_plausible_properties() -> None:

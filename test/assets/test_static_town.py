@@ -67,9 +67,9 @@ class Recorder(TileBuilder):
         super().place(mesh, map_from_mesh, level)
         self.objects.append(Placed(mesh.transformed(map_from_mesh), map_from_mesh[:3, 3], False))
 
-    def place_copies(self, mesh, map_from_mesh, tint=None, follow_m=None) -> None:  # type: ignore[no-untyped-def]
-        super().place_copies(mesh, map_from_mesh, tint, follow_m)
-        copies = mesh.copies(map_from_mesh, tint)
+    def place_copies(self, thing, map_from_mesh, tint=None, follow_m=None) -> None:  # type: ignore[no-untyped-def]
+        super().place_copies(thing, map_from_mesh, tint, follow_m)
+        copies = getattr(thing, "mesh", thing).copies(map_from_mesh, tint)
         for copy, pose in zip(copies, map_from_mesh, strict=True):
             if follow_m is not None:
                 copy.vertices[:, 2] += follow_m(copy.vertices[:, :2].astype(np.float64)).astype(np.float32)

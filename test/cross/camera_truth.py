@@ -222,6 +222,7 @@ class Agreement:
         depth: Of the inner pixels: depth right within 1 cm or 0.1 %.
         semantic: Of all pixels.
         instance: Of all pixels.
+        labels: Of the inner pixels: both right.
         flow_px: Errors of the flow on inner pixels.
         jointed_flow_px: The same on wheels, limbs and doors alone.
     """
@@ -230,6 +231,7 @@ class Agreement:
     depth: float
     semantic: float
     instance: float
+    labels: float
     flow_px: Float64Array
     jointed_flow_px: Float64Array
 
@@ -245,11 +247,13 @@ def agreement(images: CameraImages, truth: Truth) -> Agreement:
     error_px = np.linalg.norm(images.flow - truth.flow_px, axis=2)
     error_px[np.isnan(images.flow[..., 0]) & np.isnan(truth.flow_px[..., 0])] = 0.0
     error_px[np.isnan(error_px)] = np.inf
+    semantic, instance = images.semantic == truth.semantic, images.instance == truth.instance
     return Agreement(
         inner=float(inner.mean()),
         depth=float(right[inner].mean()),
-        semantic=float((images.semantic == truth.semantic).mean()),
-        instance=float((images.instance == truth.instance).mean()),
+        semantic=float(semantic.mean()),
+        instance=float(instance.mean()),
+        labels=float((semantic & instance)[inner].mean()),
         flow_px=error_px[inner],
         jointed_flow_px=error_px[inner & truth.jointed],
     )

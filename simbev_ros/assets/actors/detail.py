@@ -1,6 +1,6 @@
 """Levels of detail: how far a mesh may be from its exact form, and what may therefore be left out of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,11 @@ class Detail:
 
     error_m: float = 0.0
     insides: bool = True
+
+    @property
+    def of_spinning(self) -> "Detail":
+        """What a wheel needs: between two pictures it turns so far that an error shows up to twice in its flow."""
+        return replace(self, error_m=self.error_m / 3.0)
 
     def segments(self, wanted: int, radius_m: float, least: int = 4) -> int:
         """Sides of a round thing that has ``wanted`` ones: as few as keep within the error of its circle."""

@@ -131,8 +131,9 @@ def _build(
     meshes = [mesh for shell in shape.shells for mesh in build_shell(shell, tag, part_index, detail)]
     if shape.wheels:
         meshes += build_wheels(shape.wheels, tag, 1, detail)
+    spinning = {part.name for part in shape.parts if part.spins}
     for solid in (*solids, *(seats(shape.doors) if detail.insides else ())):
-        meshes += build_solid(solid, tag, part_index, detail)
+        meshes += build_solid(solid, tag, part_index, detail.of_spinning if solid.part in spinning else detail)
     return _by_part(Mesh.merged(meshes))
 
 

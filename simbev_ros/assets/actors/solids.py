@@ -181,7 +181,7 @@ class Profile(Solid):
     @property
     def thickness_m(self) -> float:
         """See ``Solid``."""
-        return self.width
+        return sorted((*np.ptp(self.polygon, axis=0).tolist(), self.width))[1]
 
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""

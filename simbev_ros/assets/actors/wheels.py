@@ -40,8 +40,8 @@ class Wheels(Model):
 
 
 _SEGMENTS = 20
-_SPOKE_M = 0.016
-"""How thick spokes are, at least; where they do not show, neither does what is behind them."""
+_SPOKE_M = 0.01
+"""How far spokes stand out."""
 
 
 def wheel_parts(wheels: Wheels) -> list[Part]:
@@ -62,6 +62,7 @@ def wheel_parts(wheels: Wheels) -> list[Part]:
 def build_wheels(wheels: Wheels, tag: Tag, first_part: int, detail: Detail) -> list[Mesh]:
     """Meshes of all wheels; those of wheel k move with part ``first_part + k``."""
     meshes = []
+    detail = detail.of_spinning
     single = twin = _wheel(wheels, tag, detail)
     if wheels.twin:
         inner = np.eye(4)
@@ -82,20 +83,17 @@ def _wheel(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
     metal = finish_named(wheels.finish, tag)
     meshes = [_tyre(wheels, tag, detail)]
     segments = detail.segments(_SEGMENTS, wheels.radius, least=6)
-    if not detail.shows(_SPOKE_M):
-        disc = [(rim, 0.85 * face), (0.6 * rim, 0.6 * face), (0.0, 0.9 * face)]
-        meshes.append(lathe(metal, np.array(disc), segments=segments, caps=False))
-        return Mesh.merged(meshes)
-    if not wheels.spokes:
-        disc = [(rim, 0.3 * face), (rim, 0.8 * face), (0.75 * rim, 0.5 * face), (0.45 * rim, 0.9 * face)]
-        meshes.append(lathe(metal, np.array([*disc, (0.0, 0.95 * face)]), segments=segments))
-        return Mesh.merged(meshes)
+    if not (wheels.spokes and detail.shows(_SPOKE_M)):
+        dished = [(rim, 0.3 * face), (rim, 0.8 * face), (0.75 * rim, 0.5 * face), (0.45 * rim, 0.9 * face)]
+        plain = [(rim, 0.5 * face), (rim, 0.85 * face), (0.9 * rim, 0.7 * face)]
+        disc = [*plain, (0.0, 0.66 * face)] if wheels.spokes else [*dished, (0.0, 0.95 * face)]
+        return Mesh.merged([*meshes, lathe(metal, np.array(disc), segments=segments)])
     dark = finish_named("black", tag)
-    meshes.append(lathe(dark, np.array([(rim, 0.3 * face), (0.0, 0.35 * face)]), segments=segments))
+    meshes.append(lathe(dark, np.array([(rim, 0.5 * face), (0.0, 0.55 * face)]), segments=segments))
     meshes.append(_ring([(rim, 0.5 * face), (1.01 * rim, 0.93 * face), (0.9 * rim, 0.8 * face)], metal, segments))
-    meshes.append(lathe(metal, np.array([(0.2 * rim, 0.3 * face), (0.15 * rim, 0.85 * face)]), segments=6))
+    meshes.append(lathe(metal, np.array([(0.2 * rim, 0.5 * face), (0.15 * rim, 0.85 * face)]), segments=6))
     for angle in np.arange(wheels.spokes) * (2.0 * np.pi / wheels.spokes):
-        spoke = box(metal, (0.86 * rim, 0.22 * rim, 0.3 * face), (0.52 * rim, 0.0, 0.62 * face))
+        spoke = box(metal, (0.86 * rim, 0.22 * rim, 0.26 * face), (0.52 * rim, 0.0, 0.62 * face))
         meshes.append(spoke.transformed(matrices_from_xyz_rpy(np.zeros(3), np.array([0.0, 0.0, angle]))))
     return Mesh.merged(meshes)
 
@@ -112,10 +110,7 @@ def _tyre(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
         (0.94 * radius, face),
         (rim, 0.9 * face),
     ]
-    segments = detail.segments(_SEGMENTS, radius, least=6)
-    if not detail.shows(_SPOKE_M):
-        return lathe(rubber, np.array(profile), segments=segments, caps=False)
-    return _ring(profile, rubber, segments)
+    return _ring(profile, rubber, detail.segments(_SEGMENTS, radius, least=6))
 
 
 def _ring(profile: list[tuple[float, float]], finish: Finish, segments: int) -> Mesh:

@@ -2,36 +2,39 @@
 
 import numpy as np
 
-from simbev_ros.assets.flora.crowns import ROOT_M, ball, blossom, leaves
+from simbev_ros.assets.flora.crowns import ROOT_M, blossom, clump, crown, leaves
+from simbev_ros.assets.graded import Graded
+from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import pick_color, shaded
-from simbev_ros.assets.primitives import lathe, loft, tube
+from simbev_ros.assets.primitives import Finish, lathe, loft, tube
+from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
 
-def bush(rng: np.random.Generator) -> Mesh:
+def bush(rng: np.random.Generator) -> Graded:
     """A bush, about 1.2 m high."""
     return _shrub(rng, "hedges", np.array([0.95, 0.8, 0.75]))
 
 
-def oleander(rng: np.random.Generator) -> Mesh:
+def oleander(rng: np.random.Generator) -> Graded:
     """A taller bush of warm lands, about 2 m high, some in flower."""
     radii_m = np.array([1.25, 1.1, 1.15])
     leafage = _shrub(rng, "olive_leaves", radii_m)
     if rng.random() < 0.65:
         return leafage
     middle_m, color = np.array([0.0, 0.0, 0.85 * radii_m[2]]), pick_color(rng, "flowers", 0.15)
-    return Mesh.merged([leafage, blossom(rng, middle_m, radii_m, 24, color)])
+    return Graded.merged([leafage, Graded(blossom(rng, middle_m, radii_m, 40, color), Mesh.empty())])
 
 
-def scrub(rng: np.random.Generator) -> Mesh:
+def scrub(rng: np.random.Generator) -> Graded:
     """A low grey shrub of dry lands, about 0.8 m high."""
     return _shrub(rng, "dry_leaves", np.array([0.75, 0.65, 0.5]))
 
 
 def cactus(rng: np.random.Generator) -> Mesh:
     """A column cactus with arms, about 3.5 m high."""
-    flesh = leaves(pick_color(rng, "cacti", 0.1))
+    flesh = Finish(Material.PLAIN, Tag.VEGETATION, pick_color(rng, "cacti", 0.1))
     height_m = rng.uniform(2.4, 4.2)
     profile = [[0.2, ROOT_M], [0.26, 0.6], [0.25, height_m - 0.3], [0.14, height_m - 0.06], [0.0, height_m]]
     pieces = [lathe(flesh, np.array(profile), segments=8)]
@@ -44,7 +47,7 @@ def cactus(rng: np.random.Generator) -> Mesh:
 
 def agave(rng: np.random.Generator) -> Mesh:
     """A rosette of stiff leaves, about 0.9 m high."""
-    flesh = leaves(pick_color(rng, "cacti", 0.12))
+    flesh = Finish(Material.PLAIN, Tag.VEGETATION, pick_color(rng, "cacti", 0.12))
     turns = np.arange(9) * 2.4 + rng.uniform(0.0, 6.0)
     pieces = []
     for turn, rise_m in zip(turns, rng.uniform(0.3, 0.9, len(turns)), strict=True):
@@ -56,31 +59,32 @@ def agave(rng: np.random.Generator) -> Mesh:
 def thicket(rng: np.random.Generator) -> Mesh:
     """A piece of a distant wood, about 10 m high and 12 m wide: to be seen from afar only."""
     color = pick_color(rng, "needles" if rng.random() < 0.3 else "broad_leaves", 0.1)
-    sizes = rng.uniform((3.5, 3.5, 4.0), (6.0, 6.0, 8.0), (2, 3))
-    spots = np.column_stack([rng.uniform(-4.0, 4.0, (2, 2)), sizes[:, 2] * rng.uniform(0.5, 0.8, 2)])
+    sizes = rng.uniform((3.0, 3.0, 4.0), (5.0, 5.0, 7.5), (3, 3))
+    spots = np.column_stack([rng.uniform(-4.5, 4.5, (3, 2)), sizes[:, 2] * rng.uniform(0.5, 0.8, 3)])
     roots = np.array([0.0, 0.0, -4.0])
-    tones = rng.uniform(0.75, 1.0, 2)
+    tones = rng.uniform(0.75, 1.0, 3)
     balls = [
-        ball(rng, spot, size, roots, 10, shaded(color, tone), cover=0.15)
+        clump(rng, spot, size, roots, shaded(color, tone), irregularity=0.18)
         for spot, size, tone in zip(spots, sizes, tones, strict=True)
     ]
     return Mesh.merged(balls)
 
 
-def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> Mesh:
-    """A clipped hedge along x from 0, 0.7 m wide."""
-    stations = np.linspace(0.0, length_m, max(2, round(length_m / 1.6) + 1))
-    top_m = height_m
-    outline = np.array(
-        [[-0.35, -0.3], [0.35, -0.3], [0.36, 0.7 * top_m], [0.22, top_m], [-0.22, top_m], [-0.36, 0.7 * top_m]]
-    )
-    profile = np.tile(outline, (len(stations), 1, 1)) + rng.normal(0.0, 0.035, (len(stations), 6, 2))
-    sections = np.concatenate([np.broadcast_to(stations[:, None, None], (len(stations), 6, 1)), profile], axis=2)
-    return loft(leaves(pick_color(rng, "hedges", 0.1)), sections, crease_deg=60.0)
+def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> Graded:
+    """A clipped hedge along x from 0, 0.7 m wide, its top uneven."""
+    stations = np.linspace(0.0, length_m, round(length_m / 0.4) + 1)
+    outline = [[-0.33, -0.3], [0.33, -0.3], [0.36, 0.6], [0.3, 0.9], [0.0, 1.0], [-0.3, 0.9], [-0.36, 0.6]]
+    sections = np.empty((len(stations), len(outline), 3))
+    sections[..., 0] = stations[:, None]
+    sections[..., 1:] = np.array(outline) * [1.0, height_m]
+    finish = leaves(pick_color(rng, "hedges", 0.1))
+    coarse = loft(finish, sections[[0, -1]], crease_deg=60.0)
+    sections[1:-1, 2:] += rng.normal(0.0, 0.045, (len(stations) - 2, len(outline) - 2, 3))
+    return Graded(loft(finish, sections, crease_deg=60.0), coarse)
 
 
-def _shrub(rng: np.random.Generator, palette: str, radii_m: Float64Array) -> Mesh:
+def _shrub(rng: np.random.Generator, palette: str, radii_m: Float64Array) -> Graded:
     """A ball of leaves that sits on the ground."""
     radii_m = radii_m * rng.uniform(0.85, 1.15, 3)
-    middle_m, foot_m = np.array([0.0, 0.0, 0.75 * radii_m[2]]), np.array([0.0, 0.0, 0.1])
-    return ball(rng, middle_m, radii_m, foot_m, 40, pick_color(rng, palette, 0.15), cover=0.8)
+    middle_m = np.array([0.0, 0.0, 0.75 * radii_m[2]])
+    return crown(rng, middle_m, radii_m, 70, pick_color(rng, palette, 0.15), lobes=3, cover=0.4, coarse_detail=0)

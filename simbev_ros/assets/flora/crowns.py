@@ -5,19 +5,22 @@ from functools import lru_cache
 
 import numpy as np
 
+from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color, pick_color, shaded
 from simbev_ros.assets.primitives import Finish, solid, tube
 from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array, Int32Array
+from simbev_ros.types import Float64Array, Int32Array, Int64Array
 
 ROOT_M = -0.4
 """Trunks begin so much below the ground."""
 
-_LOBES = 8
-_SPRIG_SHAPE = np.array([[-0.4, -0.48], [-0.4, 0.48], [0.62, 0.0]])  # along and across it, in its length
-_SPRIG_AREA = 0.49
+_THREE_SIDED = 1.21
+"""A triangle that turns is on average as wide as a circle of its circumscribed one's radius over this."""
+_ENVELOPE_COSINES = 0.85, 0.93
+_SPRIG_SHAPE = np.array([[-0.42, -0.42], [-0.42, 0.42], [0.6, 0.0]])  # along and across it, in its length
+_SPRIG_AREA = 0.43
 
 
 def leaves(color: Color) -> Finish:
@@ -25,22 +28,86 @@ def leaves(color: Color) -> Finish:
     return Finish(Material.FOLIAGE, Tag.VEGETATION, color)
 
 
-def trunk(rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float, segments: int = 5) -> Mesh:
-    """A stem along an (N, 3) spine that grows thinner from radius ``start_m`` to ``end_m``."""
+def trunk(rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float, segments: int = 6) -> Graded:
+    """A stem along an (N, 3) spine that grows thinner from radius ``start_m`` to ``end_m``; it flares at the root."""
     finish = Finish(Material.BARK, Tag.VEGETATION, pick_color(rng, "barks"))
-    return tube(finish, spine_m, np.linspace(start_m, end_m, len(spine_m)), segments=segments, crease_deg=80.0)
+    foot_m, onward = spine_m[0] * [1.0, 1.0, 0.0], spine_m[1:]
+    low_m = foot_m + (onward[0] - foot_m) * min(0.5, 0.4 / max(float(onward[0, 2]), 0.1))
+    path_m = np.concatenate([np.array([foot_m + np.array([0.0, 0.0, ROOT_M]), foot_m, low_m]), onward])
+    radii_m = np.concatenate([start_m * np.array([2.0, 1.6, 1.05]), np.linspace(start_m, end_m, len(onward) + 1)[1:]])
+    exact = tube(finish, path_m, radii_m, segments=segments, crease_deg=80.0)
+    ends = [1, 2, -1] if len(onward) > 1 else [1, -1]
+    coarse = tube(finish, path_m[[0, *ends]], _THREE_SIDED * radii_m[[2, *ends]], segments=3, crease_deg=180.0)
+    return Graded(exact, coarse)
 
 
-def crown(rng: np.random.Generator, middle_m: Float64Array, radii_m: Float64Array, sprigs: int, color: Color) -> Mesh:
-    """A big ball of leaves with lobes: sprigs before a dark core."""
-    lobes, outward = _spread(rng, _LOBES), _spread(rng, sprigs)
-    lobe = lobes[(outward @ lobes.T).argmax(axis=1)]
-    direction = _unit(outward - 0.6 * lobe)
-    spots_m = middle_m + (0.55 * lobe + direction * rng.uniform(0.38, 0.5, (sprigs, 1))) * radii_m
-    length_m = _sprig_m(radii_m, sprigs, cover=1.3)
-    core = clump(rng, middle_m, radii_m * 0.8, middle_m, shaded(color, 0.6), irregularity=0.1)
-    along = _sprouting(rng, direction, 0.5, -0.3)
-    return Mesh.merged([core, foliage(rng, spots_m, direction, along, middle_m, length_m, color)])
+def branches(
+    rng: np.random.Generator, fork_m: Float64Array, tips_m: Float64Array, radius_m: float, bark: Color
+) -> Graded:
+    """Bare three-sided branches from a fork, one to each of (N, 3) tips, bent upwards; not seen from afar."""
+    finish = Finish(Material.BARK, Tag.VEGETATION, bark)
+    bends_m = (fork_m + tips_m) / 2.0 + (tips_m - fork_m) * [0.12, 0.12, -0.08]
+    starts_m = fork_m - np.array([0.0, 0.0, 1.0]) * rng.uniform(0.0, 0.5, (len(tips_m), 1))
+    radii_m = radius_m * np.array([1.0, 0.7, 0.3])
+    paths_m = np.stack([starts_m, bends_m, tips_m], axis=1)
+    limbs = [tube(finish, path_m, radii_m, segments=3, crease_deg=180.0) for path_m in paths_m]
+    return Graded(Mesh.merged(limbs), Mesh.empty())
+
+
+def crown(
+    rng: np.random.Generator,
+    middle_m: Float64Array,
+    radii_m: Float64Array,
+    sprigs: int,
+    color: Color,
+    lobes: int = 8,
+    cover: float = 0.5,
+    coarse_detail: int = 1,
+) -> Graded:
+    """A big ball of leaves with lobes: sprigs before a core, darker between the lobes.
+
+    Args:
+        rng: Drawn from.
+        middle_m: (3,) of the crown.
+        radii_m: (3,) of its envelope.
+        sprigs: How many.
+        color: Of the leaves.
+        lobes: Smaller balls that it is made of.
+        cover: Area of the sprigs, of the envelope's.
+        coarse_detail: See ``envelope``.
+    """
+    sizes = rng.uniform(0.38, 0.52, lobes) * (9.0 / lobes) ** 0.33
+    spots = _spread(rng, lobes) * (rng.uniform(0.94, 1.06, lobes) - sizes)[:, None]
+    cores = [
+        clump(rng, middle_m + spot * radii_m, 0.94 * size * radii_m, middle_m, shaded(color, 0.85), irregularity=0.12)
+        for spot, size in zip(spots, sizes, strict=True)
+    ]
+    cores = [_seen(core, (core.vertices - middle_m) / radii_m, spots, 0.75 * sizes) for core in cores]
+    outward = _spread(rng, sprigs)
+    place, lobe = _exits(outward, spots, sizes)
+    facing = _unit((place - spots[lobe]) / radii_m)
+    spots_m = middle_m + place * rng.uniform(0.9, 1.0, (sprigs, 1)) * radii_m
+    along = _sprouting(rng, facing, 0.35, -0.15)
+    hollow = np.linalg.norm(place, axis=1)
+    tone = 0.78 + 0.34 * np.clip((hollow - 0.62) / 0.38, 0.0, 1.0)
+    length_m = _sprig_m(radii_m, sprigs, cover)
+    exact = Mesh.merged([*cores, foliage(rng, spots_m, facing, along, middle_m, length_m, color, tone)])
+    return Graded(exact, envelope(exact, middle_m, detail=coarse_detail))
+
+
+def _seen(mesh: Mesh, place: Float64Array, spots: Float64Array, sizes: Float64Array) -> Mesh:
+    """A mesh without the triangles whose corners, by their (V, 3) places, are all in balls."""
+    inside = (np.linalg.norm(place[:, None] - spots, axis=2) < sizes).any(axis=1)
+    return replace(mesh, triangles=mesh.triangles[~inside[mesh.triangles].all(axis=1)])
+
+
+def _exits(outward: Float64Array, spots: Float64Array, sizes: Float64Array) -> tuple[Float64Array, Int64Array]:
+    """(N, 3) where rays from the origin leave the union of balls, and (N,) the ball that each leaves last."""
+    along = outward @ spots.T
+    inside = sizes**2 - np.sum(spots**2, axis=1) + along**2
+    reach = np.where(inside > 0.0, along + np.sqrt(np.maximum(inside, 0.0)), 0.3)
+    lobe = reach.argmax(axis=1)
+    return outward * np.take_along_axis(reach, lobe[:, None], axis=1), lobe
 
 
 def ball(
@@ -52,7 +119,8 @@ def ball(
     color: Color,
     rise: float = 0.0,
     cover: float = 0.35,
-) -> Mesh:
+    coarse_detail: int = 1,
+) -> Graded:
     """A ball of leaves of few triangles: sprigs on a core.
 
     Args:
@@ -64,19 +132,44 @@ def ball(
         color: Of the leaves.
         rise: Slope of the sprigs, negative where they hang.
         cover: Their area, of the core's.
+        coarse_detail: See ``envelope``.
     """
     outward = _spread(rng, sprigs)
-    core = clump(rng, center_m, radii_m * 0.93, crown_center_m, shaded(color, 0.87), irregularity=0.16)
-    spots_m = center_m + outward * radii_m * rng.uniform(0.74, 0.88, (sprigs, 1))
+    core = clump(rng, center_m, radii_m * 0.93, crown_center_m, shaded(color, 0.85), irregularity=0.16)
+    spots_m = center_m + outward * radii_m * rng.uniform(0.8, 0.92, (sprigs, 1))
     facing = _unit(outward / radii_m)
-    along, length_m = _sprouting(rng, facing, 0.5, rise), _sprig_m(radii_m, sprigs, cover)
-    return Mesh.merged([core, foliage(rng, spots_m, facing, along, crown_center_m, length_m, color)])
+    along, length_m = _sprouting(rng, facing, 0.35, rise), _sprig_m(radii_m, sprigs, cover)
+    exact = Mesh.merged([core, foliage(rng, spots_m, facing, along, crown_center_m, length_m, color)])
+    return Graded(exact, envelope(exact, center_m, detail=coarse_detail))
+
+
+def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85, detail: int = 1) -> Mesh:
+    """What stands for leaves from afar: a closed surface around them, of their mean colour.
+
+    Args:
+        leafage: The leaves.
+        middle_m: (3,) a place among them from where all are seen.
+        reach_quantile: So many of the vertices lie inside.
+        detail: Of the surface: 20 triangles, or 80.
+    """
+    sphere, faces = _icosphere(detail)
+    from_middle_m = leafage.vertices - middle_m
+    half_m = np.abs(from_middle_m).max(axis=0)
+    place = from_middle_m / half_m
+    reach = np.linalg.norm(place, axis=1)
+    near = (place / np.maximum(reach, 1e-9)[:, None]) @ sphere.T > _ENVELOPE_COSINES[detail]
+    rank = np.sort(np.where(near, reach[:, None], -1.0), axis=0)
+    last = len(rank) - 1 - np.round((1.0 - reach_quantile) * near.sum(axis=0)).astype(int)
+    vertices = middle_m + sphere * np.maximum(rank[last, np.arange(len(sphere))], 0.3)[:, None] * half_m
+    red, green, blue = leafage.color[leafage.triangles[:, 0]].mean(axis=0).round().astype(int).tolist()
+    return solid(leaves((red, green, blue)), vertices, faces, crease_deg=180.0, uv=_box_projected(vertices[faces]))
 
 
 def blossom(rng: np.random.Generator, middle_m: Float64Array, radii_m: Float64Array, count: int, color: Color) -> Mesh:
     """Flowers on the upper half of a crown."""
     outward = _spread(rng, count, lowest=0.1)
-    return foliage(rng, middle_m + outward * radii_m, outward, _sprouting(rng, outward, 0.2, 0.0), middle_m, 0.3, color)
+    spots_m = middle_m + 0.92 * outward * radii_m
+    return foliage(rng, spots_m, outward, _sprouting(rng, outward, 0.2, 0.0), middle_m, 0.16, color)
 
 
 def foliage(
@@ -87,6 +180,7 @@ def foliage(
     crown_center_m: Float64Array,
     length_m: float | Float64Array,
     color: Color,
+    tone: float | Float64Array = 1.0,
 ) -> Mesh:
     """Sprigs: pointed triangles, each of a shade of its own.
 
@@ -98,13 +192,29 @@ def foliage(
         crown_center_m: (3,) what the normals lean away from, so that the crown shades as one.
         length_m: Of the sprigs, on average; or (N,) of each.
         color: Of the crown.
+        tone: Lightness, or (N,) of each: less in hollows, where less light comes.
     """
     count = len(spots_m)
     across = _unit(np.cross(outward, along))
     size_m = (length_m * rng.uniform(0.7, 1.3, count))[:, None, None]
     shape_m = (_SPRIG_SHAPE + rng.normal(0.0, 0.09, (count, 3, 2))) * size_m
     corners_m = spots_m[:, None] + shape_m[..., :1] * along[:, None] + shape_m[..., 1:] * across[:, None]
-    normals = _unit(outward[:, None] + 0.6 * _unit(corners_m - crown_center_m))
+    normals = outward[:, None] + 0.7 * _unit(corners_m - crown_center_m) + rng.normal(0.0, 0.1, (count, 1, 3))
+    shade = np.broadcast_to(tone, count) * rng.normal(1.0, 0.04, count)
+    return _leafage(rng, corners_m, _unit(normals), color, shade)
+
+
+def blades(rng: np.random.Generator, corners_m: Float64Array, away_from_m: Float64Array, color: Color) -> Mesh:
+    """(N, 3, 3) corners of leaves, lit as if all faced away from a point."""
+    normals = _unit(corners_m - away_from_m)
+    return _leafage(rng, corners_m, normals, color, rng.normal(1.0, 0.06, len(corners_m)))
+
+
+def _leafage(
+    rng: np.random.Generator, corners_m: Float64Array, normals: Float64Array, color: Color, shade: Float64Array
+) -> Mesh:
+    """Triangles of (N, 3, 3) corners and normals, each of a colour of its own, (N,) times as light."""
+    count = len(corners_m)
     mesh = Mesh.indexed(
         corners_m.reshape(-1, 3),
         np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
@@ -114,8 +224,7 @@ def foliage(
         color=color,
         uv=_box_projected(corners_m).reshape(-1, 2),
     )
-    light = 0.94 + 0.14 * _unit(spots_m - crown_center_m)[:, 2:] + rng.normal(0.0, 0.08, (count, 1))
-    shades = np.clip(np.array(color) * light * rng.uniform(0.94, 1.06, (count, 3)), 0.0, 255.0)
+    shades = np.clip(np.array(color) * shade[:, None] * rng.uniform(0.97, 1.03, (count, 3)), 0.0, 255.0)
     return replace(mesh, color=np.repeat(shades.astype(np.uint8), 3, axis=0))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from simbev_ros.assets.flora import bushes, trees
+from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.config.base import Model
 from simbev_ros.random import stream
@@ -16,7 +17,7 @@ from simbev_ros.random import stream
 VARIANTS = 4
 """Plants in the stock of a species."""
 
-_GROWN: Mapping[str, Callable[[np.random.Generator], Mesh]] = {
+_GROWN: Mapping[str, Callable[[np.random.Generator], Mesh | Graded]] = {
     "round": trees.round_tree,
     "tall": trees.tall_tree,
     "small": trees.small_tree,
@@ -62,15 +63,16 @@ def draw_species(landscape: str, place: str, count: int, rng: np.random.Generato
 
 
 @lru_cache(maxsize=512)
-def stock(species: str, variant: int) -> Mesh:
+def stock(species: str, variant: int) -> Graded:
     """One of the ready-grown plants of a species, the same on every map."""
-    return _GROWN[species](stream(variant, f"flora.{species}"))
+    plant = _GROWN[species](stream(variant, f"flora.{species}"))
+    return plant if isinstance(plant, Graded) else Graded(plant, plant)
 
 
 @lru_cache(maxsize=128)
 def reach_m(species: str) -> float:
     """Radius of the widest crown in the stock of a species."""
-    crowns = [stock(species, variant).vertices[:, :2] for variant in range(VARIANTS)]
+    crowns = [stock(species, variant).mesh.vertices[:, :2] for variant in range(VARIANTS)]
     return float(max(np.hypot(*crown.T).max() for crown in crowns))
 
 

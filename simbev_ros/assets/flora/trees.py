@@ -2,73 +2,82 @@
 
 import numpy as np
 
-from simbev_ros.assets.flora.crowns import ROOT_M, ball, crown, foliage, leaves, trunk
+from simbev_ros.assets.flora.crowns import ROOT_M, ball, blades, branches, crown, foliage, leaves, trunk
+from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color, pick_color, shaded
-from simbev_ros.assets.primitives import lathe, solid
+from simbev_ros.assets.primitives import lathe
 from simbev_ros.types import Float64Array
 
+_FRONDS, _LEAFLETS = 18, 7
+_CONE = 0.8
+"""Radius of the foot of a spruce's stand-in, of the reach of its branches."""
 
-def round_tree(rng: np.random.Generator) -> Mesh:
+
+def round_tree(rng: np.random.Generator) -> Graded:
     """A broad-leaved street tree, about 9 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.9, radius_m=2.3, sprigs=224)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=440)
 
 
-def tall_tree(rng: np.random.Generator) -> Mesh:
+def tall_tree(rng: np.random.Generator) -> Graded:
     """A tall, slender broad-leaved tree, about 13 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=4.2, radius_m=1.9, sprigs=236)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=460)
 
 
-def small_tree(rng: np.random.Generator) -> Mesh:
+def small_tree(rng: np.random.Generator) -> Graded:
     """A young or ornamental tree, about 5 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, sprigs=180)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, sprigs=320)
 
 
-def birch(rng: np.random.Generator) -> Mesh:
+def birch(rng: np.random.Generator) -> Graded:
     """A light-leaved tree, about 10 m high."""
     color = pick_color(rng, "light_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=196)
+    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=360)
 
 
-def olive(rng: np.random.Generator) -> Mesh:
+def olive(rng: np.random.Generator) -> Graded:
     """A gnarled tree with grey-green leaves, about 4.5 m high."""
     color = pick_color(rng, "olive_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.7, sprigs=196, stoutness=0.045)
+    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=340, stoutness=0.045)
 
 
-def spruce(rng: np.random.Generator) -> Mesh:
+def spruce(rng: np.random.Generator) -> Graded:
     """A spruce, about 11 m high: tiers of drooping branches around a straight trunk."""
-    return _spruce(rng, height_m=rng.uniform(9.5, 12.5), reach_m=2.6, tiers=9, sprigs=208, cover=12.0)
+    return _spruce(rng, height_m=rng.uniform(9.5, 12.5), reach_m=2.6, tiers=12, sprigs=360, cover=10.5)
 
 
-def pine(rng: np.random.Generator) -> Mesh:
+def pine(rng: np.random.Generator) -> Graded:
     """A pine with a bare red trunk and a crown high up, about 12 m high."""
-    return _high_crowned(rng, 0.1, (10.5, 13.5), 0.8, (0.22, 0.1), (2.0, 2.0, 2.2), 200)
+    return _high_crowned(rng, 0.1, (10.5, 13.5), 0.77, (0.22, 0.1), (2.1, 2.1, 2.7), 330)
 
 
-def stone_pine(rng: np.random.Generator) -> Mesh:
+def stone_pine(rng: np.random.Generator) -> Graded:
     """An umbrella pine, about 9 m high."""
-    return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.1), 260)
+    return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.2), 360)
 
 
-def cypress(rng: np.random.Generator) -> Mesh:
+def cypress(rng: np.random.Generator) -> Graded:
     """A slender dark column, about 9 m high."""
     color, height_m = pick_color(rng, "needles", 0.1), rng.uniform(7.5, 11.0)
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.2]]), 0.14, 0.12, segments=3)
     middle, radii = np.array([0.0, 0.0, 0.5 + height_m / 2.0]), np.array([0.8, 0.8, height_m / 2.0])
-    return Mesh.merged([stem, ball(rng, middle, radii, middle * [1.0, 1.0, 0.0], 76, color, rise=1.5, cover=0.8)])
+    return Graded.merged([stem, ball(rng, middle, radii, middle * [1.0, 1.0, 0.0], 200, color, rise=1.5, cover=0.9)])
 
 
-def palm(rng: np.random.Generator) -> Mesh:
+def palm(rng: np.random.Generator) -> Graded:
     """A palm, about 8 m high, its fronds drooping."""
     height_m, lean = rng.uniform(6.0, 9.5), rng.normal(0.0, 0.35, 2)
     spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.3, height_m * 0.5], [*lean, height_m]])
-    color, count = pick_color(rng, "palm_leaves", 0.1), 13
-    fronds = [_frond(rng, color, 2.0 * np.pi * k / count, np.array([*lean, height_m])) for k in range(count)]
-    return Mesh.merged([trunk(rng, spine, 0.24, 0.16, segments=7), *fronds])
+    color, top = pick_color(rng, "palm_leaves", 0.1), np.array([*lean, height_m])
+    turns = np.arange(_FRONDS) * 2.4 + rng.normal(0.0, 0.1, _FRONDS)
+    fronds = [
+        _frond(rng, color, turn, rise, top) for turn, rise in zip(turns, np.linspace(-0.5, 1.1, _FRONDS), strict=True)
+    ]
+    leafage = Mesh.merged(fronds)
+    return Graded.merged([trunk(rng, spine, 0.2, 0.15, segments=7), Graded(leafage, leafage)])
 
 
-def acacia(rng: np.random.Generator) -> Mesh:
+def acacia(rng: np.random.Generator) -> Graded:
     """A flat-topped tree of dry lands, about 5 m high, on forked stems."""
     color, height_m = pick_color(rng, "dry_leaves", 0.1), rng.uniform(4.5, 6.0)
     pieces = []
@@ -78,26 +87,28 @@ def acacia(rng: np.random.Generator) -> Mesh:
         pieces.append(trunk(rng, np.array([[0.0, 0.0, ROOT_M], [*out * 0.3, height_m * 0.4], tip]), 0.15, 0.06, 4))
         top = np.array([*out * 1.2, height_m * rng.uniform(0.8, 0.95)])
         size_m = np.array([1.7, 1.7, 0.55]) * rng.uniform(0.85, 1.15)
-        pieces.append(ball(rng, top, size_m, np.array([0.0, 0.0, height_m * 0.6]), 70, color, cover=0.7))
-    return Mesh.merged(pieces)
+        pieces.append(
+            ball(rng, top, size_m, np.array([0.0, 0.0, height_m * 0.6]), 70, color, cover=0.7, coarse_detail=0)
+        )
+    return Graded.merged(pieces)
 
 
-def light_broad_leaved(rng: np.random.Generator) -> Mesh:
+def light_broad_leaved(rng: np.random.Generator) -> Graded:
     """A broad-leaved tree of few triangles, to be seen from afar or behind others, about 10 m high."""
     return _light_tree(rng, _leaf_color(rng), np.array([3.0, 3.0, 3.9]), rng.uniform(9.0, 11.0))
 
 
-def light_spruce(rng: np.random.Generator) -> Mesh:
+def light_spruce(rng: np.random.Generator) -> Graded:
     """A spruce of few triangles, about 11 m high."""
-    return _spruce(rng, height_m=rng.uniform(9.5, 13.5), reach_m=2.4, tiers=5, sprigs=30, cover=7.0)
+    return _spruce(rng, height_m=rng.uniform(9.5, 13.5), reach_m=2.4, tiers=8, sprigs=64, cover=7.0)
 
 
-def light_olive(rng: np.random.Generator) -> Mesh:
+def light_olive(rng: np.random.Generator) -> Graded:
     """An olive or holm oak of few triangles, about 5 m high."""
     return _light_tree(rng, pick_color(rng, "olive_leaves", 0.12), np.array([2.0, 2.0, 1.7]), rng.uniform(4.4, 6.0))
 
 
-def light_acacia(rng: np.random.Generator) -> Mesh:
+def light_acacia(rng: np.random.Generator) -> Graded:
     """A tree of dry lands of few triangles, about 4.5 m high."""
     return _light_tree(rng, pick_color(rng, "dry_leaves", 0.12), np.array([2.1, 2.1, 0.9]), rng.uniform(3.8, 5.2))
 
@@ -114,66 +125,62 @@ def _broad_leaved(
     radius_m: float,
     sprigs: int,
     stoutness: float = 0.018,
-) -> Mesh:
-    """Trunk, a core of leaves and sprigs around it."""
+) -> Graded:
+    """Trunk, branches, and a crown of lobes."""
     height_m *= rng.uniform(0.9, 1.15)
     middle = np.array([*rng.normal(0.0, 0.15, 2), (height_m + trunk_m) / 2.0])
     radii = np.array([radius_m, radius_m, (height_m - trunk_m) / 2.0])
     spine = np.array([[0, 0, ROOT_M], [*rng.normal(0, 0.06, 2), trunk_m * 0.6], middle - [0, 0, radii[2] * 0.2]])
     thickness_m = stoutness * height_m
     stem = trunk(rng, spine, thickness_m, thickness_m * 0.45)
-    return Mesh.merged([stem, crown(rng, middle, radii, sprigs, color)])
+    turn = rng.uniform(0.0, 2.0 * np.pi) + np.arange(3) * 2.1
+    tips = middle + np.column_stack([np.cos(turn), np.sin(turn), rng.uniform(-0.5, 0.1, 3)]) * radii * 0.7
+    red, green, blue = stem.mesh.color[0].tolist()
+    limbs = branches(rng, spine[1] * [1, 1, 1.5], tips, 0.4 * thickness_m, (red, green, blue))
+    return Graded.merged([stem, limbs, crown(rng, middle, radii, sprigs, color)])
 
 
-def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, height_m: float) -> Mesh:
-    """A three-sided stem and one irregular ball of leaves."""
+def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, height_m: float) -> Graded:
+    """A three-sided stem and a crown of few lobes."""
     middle = np.array([*rng.normal(0.0, 0.2, 2), height_m - radii_m[2]])
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], middle]), 0.2, 0.12, segments=3)
-    return Mesh.merged([stem, ball(rng, middle, radii_m, middle - [0.0, 0.0, radii_m[2]], 9, color, cover=0.1)])
+    return Graded.merged([stem, crown(rng, middle, radii_m, 56, color, lobes=3, cover=0.16, coarse_detail=0)])
 
 
-def _spruce(rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float) -> Mesh:
+def _spruce(rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float) -> Graded:
     """A cone of needles, and tiers of sprigs, of an area of about half ``cover`` times the reach times the height."""
     color, low_m = pick_color(rng, "needles", 0.1), rng.uniform(0.9, 1.3)
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, low_m + 0.5]]), 0.2, 0.18, segments=3)
-    profile = np.array([[0.0, low_m + 0.5], [0.72 * reach_m, low_m + 0.3], [0.0, height_m]])
+    profile = np.array([[0.0, low_m + 0.5], [0.6 * reach_m, low_m + 0.3], [0.0, 0.97 * height_m]])
     core = lathe(leaves(shaded(color, 0.6)), profile, segments=5, crease_deg=80.0)
     turn_rad = np.arange(sprigs) * np.pi * (3.0 - 5.0**0.5) + rng.uniform(0.0, 0.5, sprigs)
     around = np.stack([np.cos(turn_rad), np.sin(turn_rad)], axis=1)
     rise = 1.0 - np.sqrt((np.arange(sprigs) + 0.5) / sprigs)  # evenly over the cone, then gathered into tiers
-    rise = (np.floor(rise * tiers) + rng.uniform(0.2, 0.5, sprigs)) / tiers
+    rise = (np.floor(rise * tiers) + rng.uniform(0.15, 0.75, sprigs)) / tiers
     out_m = (reach_m * (1.0 - rise) * rng.uniform(0.6, 0.85, sprigs))[:, None]
     spots_m = np.column_stack([around * out_m, low_m + (height_m - low_m) * rise])
     outward, hanging = (np.column_stack([around, np.full(sprigs, rise)]) / np.hypot(1.0, rise) for rise in (0.6, -0.6))
     length_m = np.sqrt(cover * reach_m * height_m / sprigs) * (1.2 - rise)
     middle_m = np.array([0.0, 0.0, low_m])
-    return Mesh.merged([stem, core, foliage(rng, spots_m, outward, hanging, middle_m, length_m, color)])
+    leafage = Mesh.merged([core, foliage(rng, spots_m, outward, hanging, middle_m, length_m, color)])
+    outline_m = np.array([[0.0, low_m - 0.1], [_CONE * reach_m, low_m - 0.1], [0.0, 1.01 * height_m]])
+    red, green, blue = leafage.color.mean(axis=0).round().astype(int).tolist()
+    cone = lathe(leaves((red, green, blue)), outline_m, segments=6, crease_deg=80.0)
+    return Graded.merged([stem, Graded(leafage, cone)])
 
 
-def _frond(rng: np.random.Generator, color: Color, turn_rad: float, root_m: Float64Array) -> Mesh:
-    """A palm leaf: a bent, tapering wedge, thin but closed."""
-    reach_m, rise_m = rng.uniform(2.2, 3.0), rng.uniform(0.1, 0.9)
-    turn_rad = turn_rad + rng.normal(0.0, 0.12)
-    along = np.array([np.cos(turn_rad), np.sin(turn_rad), 0.0])
-    side = np.array([-along[1], along[0], 0.0])
-    share = np.array([0.0, 0.4, 0.75, 1.0])
-    spine = root_m + np.outer(share * reach_m, along)
-    spine[:, 2] += rise_m * np.array([0.0, 1.0, 0.6, -0.8])
-    half = np.array([0.08, 0.42, 0.34, 0.03])[:, None] * side
-    droop = np.array([0.0, 0.0, 0.16])
-    rows = np.stack([spine - half - droop, spine, spine + half - droop, spine - [0.0, 0.0, 0.08]], axis=1)
-    return _tapered(color, rows)
-
-
-def _tapered(color: Color, rows_m: Float64Array) -> Mesh:
-    """A closed solid through (N, 4, 3) cross-sections, two triangles at each end."""
-    here = np.arange(4)
-    quads = np.stack([here, (here + 1) % 4, (here + 1) % 4 + 4, here, (here + 1) % 4 + 4, here + 4], axis=1)
-    count = len(rows_m)
-    sides = (quads[None] + 4 * np.arange(count - 1)[:, None, None]).reshape(-1, 3)
-    first, last = np.array([[0, 3, 2], [0, 2, 1]]), np.array([[0, 1, 2], [0, 2, 3]]) + 4 * (count - 1)
-    faces = np.concatenate([sides, first, last])[:, ::-1].astype(np.int32)
-    return solid(leaves(color), rows_m.reshape(-1, 3), faces, crease_deg=40.0)
+def _frond(rng: np.random.Generator, color: Color, turn_rad: float, rise: float, root_m: Float64Array) -> Mesh:
+    """A palm leaf: an arching rib, and leaflets that hang from it on both sides, their bases joined."""
+    out = np.array([np.cos(turn_rad), np.sin(turn_rad), 0.0])
+    side = np.array([-out[1], out[0], 0.0])
+    share = np.linspace(0.0, 1.0, _LEAFLETS + 1)[:, None]
+    arch = out * share * (1.0 - 0.25 * share) + [0.0, 0.0, 1.0] * (rise * share - (0.75 + 0.4 * rise) * share**2)
+    rib = root_m + rng.uniform(2.2, 2.7) * arch
+    length_m = (0.75 * np.sin(np.pi * (0.12 + 0.8 * share[1:])) + 0.12) * rng.uniform(0.9, 1.1, (_LEAFLETS, 1))
+    tips = [rib[1:] + length_m * (sign * 0.75 * side + 0.45 * out - [0.0, 0.0, 0.45]) for sign in (1.0, -1.0)]
+    corners = np.concatenate([np.stack([rib[:-1], rib[1:], tip], axis=1) for tip in tips])
+    corners[_LEAFLETS:] = corners[_LEAFLETS:, [1, 0, 2]]
+    return blades(rng, corners, root_m - [0.0, 0.0, 1.0], color)
 
 
 def _high_crowned(
@@ -184,10 +191,10 @@ def _high_crowned(
     trunk_m: tuple[float, float],
     crown_m: tuple[float, float, float],
     sprigs: int,
-) -> Mesh:
+) -> Graded:
     """A needle tree with a leaning bare trunk of two radii, and its crown around a share of its height."""
     color, height_m = pick_color(rng, "needles", variety), rng.uniform(*heights_m)
     lean = rng.normal(0.0, 0.3, 2)
     spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.5, height_m * 0.5], [*lean, height_m * (crown_at + 0.01)]])
     middle = np.array([*lean, height_m * crown_at])
-    return Mesh.merged([trunk(rng, spine, *trunk_m), crown(rng, middle, np.array(crown_m), sprigs, color)])
+    return Graded.merged([trunk(rng, spine, *trunk_m), crown(rng, middle, np.array(crown_m), sprigs, color)])

@@ -24,8 +24,9 @@ def plant(yard: Yard, species: str, xy_m: Float64Array, rng: np.random.Generator
     for number in range(VARIANTS):
         own = variant == number
         if own.any():
-            mesh = stock(species, number)
-            yard.ensemble.put(mesh, xy_m[own], turn_rad[own], base=base, scale=scale[own], tint=tint[own])
+            yard.ensemble.put(
+                stock(species, number), xy_m[own], turn_rad[own], base=base, scale=scale[own], tint=tint[own]
+            )
 
 
 def scatter(

@@ -5,6 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.assets.flora.bushes import hedge
+from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
@@ -20,7 +21,7 @@ PANEL_M = {"picket": 2.2, "boards": 2.4, "wall": 2.4, "hedge": 2.4, "high_hedge"
 
 
 @lru_cache(maxsize=64)
-def panel(kind: str, variant: int) -> Mesh:
+def panel(kind: str, variant: int) -> Mesh | Graded:
     """A panel of a kind in one of its colours."""
     rng = stream(variant, f"barriers.{kind}")
     length_m = PANEL_M[kind]

@@ -21,6 +21,7 @@ void main() {
     v_uv = in_uv;
     uvec4 actor = texelFetch(rigid_actors, ivec2(row & 127u, row >> 7u), 0);
     v_instance = actor.x;
+    set_lift(0.0);
     uint color = in_packed.y & 0xFFFFFFu;
     v_surface = surface_of(in_packed, row, is_tinted(in_packed) ? shaded(actor.z, color) : color);
 }

@@ -34,7 +34,7 @@ void main() {
     float fading = clamp(1.0 - distance * distance / (reach * reach), 0.0, 1.0);
     float wide = max(1.0 - angle * angle / (WIDEST * WIDEST), 0.0), narrow = exp2(-(high ? 50.0 : 30.0) * angle * angle);
     float shape = 0.75 * wide * wide + (high ? 2.4 : 1.5) * narrow * distance / (distance + 6.0);
-    float strength = shape * fading * fading * smoothstep(0.0, 3.0, v_offset.x) / (1.0 + 0.006 * distance * distance);
+    float strength = shape * fading * fading * smoothstep(0.0, 3.0, v_offset.x) / (1.0 + (high ? 0.002 : 0.005) * distance * distance);
     strength *= unhindered(angle, distance);
 
     float kink = RISE * clamp(right, 0.0, RISE_ENDS * ahead);

@@ -15,7 +15,13 @@ layout(location = 2) out vec4 g_color;     // sRGB albedo, shading class
 layout(location = 3) out uint semantic;
 layout(location = 4) out uint instance;
 layout(location = 5) out vec2 flow;
-layout(location = 6) out vec2 g_slope;     // of 1 / depth, per pixel; kept for cameras that distort only (render/lens.py)
+#ifdef LENS
+#include "edges"
+in vec2 v_corner;
+flat in float v_lift;
+layout(location = 6) out vec2 g_slope;     // of 1 / depth, per pixel
+layout(location = 7) out uvec4 g_edges;    // of the triangle; how much nearer it counts, in 1 / depth
+#endif
 
 void main() {
     bool is_leaf = v_surface.x >> 24u == uint(MATERIAL_FOLIAGE);  // leaves shade alike on both sides
@@ -26,5 +32,9 @@ void main() {
     semantic = (v_surface.x >> 16u) & 0xFFu;
     instance = v_instance;
     flow = flow_of(v_before);
+#ifdef LENS
+    vec3 share = vec3(v_corner, 1.0 - v_corner.x - v_corner.y) * gl_FragCoord.w;  // linear on the screen
     g_slope = vec2(dFdx(gl_FragCoord.w), dFdy(gl_FragCoord.w));
+    g_edges = uvec4(pack_edge(share.x), pack_edge(share.y), pack_edge(share.z), floatBitsToUint(v_lift));
+#endif
 }

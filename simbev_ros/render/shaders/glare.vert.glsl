@@ -20,7 +20,7 @@ void main() {
     float lamp_px = 0.09 * focal / distance;
     float point = 38.0 * pow(lux, 0.7) * shown * (1.0 - smoothstep(2.0, 6.0, lamp_px));
     float glare = 2.4 * pow(lux, 0.6) * shown;
-    float spread = focal * GLARE_ANGLE * (1.0 + 0.7 * wetness() + 3.0 * (1.0 - clear)) + lamp_px;
+    float spread = focal * GLARE_ANGLE * (1.0 + 0.7 * wetness() + 7.0 * (1.0 - clear)) + lamp_px;
     float ends = spread * sqrt(max(pow(max(glare, LEAST) / LEAST, 0.6667) - 1.0, 0.0));
     float half_px = min(max(ends, 5.0), LARGEST * viewport.x);
     half_px = max(point, glare) < LEAST ? 0.0 : half_px;

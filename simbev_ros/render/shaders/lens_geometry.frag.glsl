@@ -1,11 +1,13 @@
 #version 330
-// Labels, depth and flow at the pixels of a camera whose lens distorts, from the G-buffer of an ideal one: what its
-// texel nearest to the pixel's ray shows, with the depth at which the ray meets the plane of that texel's triangle.
+// Labels, depth and flow at the pixels of a camera whose lens distorts, from the G-buffer of an ideal one: of the
+// triangles that the four texels around a pixel's ray show, the ray meets the nearest that it does not miss.
+#include "edges"
 #include "view"
 #include "rigid"
 uniform usampler2D g_surface;
 uniform sampler2D g_depth;
 uniform sampler2D g_slope;
+uniform usampler2D g_edges;
 uniform usampler2D rigid_actors;
 uniform sampler2D lens_rays;
 uniform vec4 lens_intrinsics;  // fx, fy, cx, cy, pixels
@@ -18,6 +20,8 @@ layout(location = 2) out float depth;
 layout(location = 3) out vec2 flow;
 
 const float NEAREST_M = 1e-3;
+const float TOLERANCE_PX = 0.01;  // triangles that share an edge must not leave a gap
+const float SMALL_PX = 1.0;
 
 // Pixel of a place on the plane z = 1.
 vec2 lens_pixel(vec2 place) {
@@ -27,11 +31,37 @@ vec2 lens_pixel(vec2 place) {
     return bent * lens_intrinsics.xy + lens_intrinsics.zw;
 }
 
+float inverse_depth(ivec2 texel, vec2 ideal) {
+    return 1.0 / texelFetch(g_depth, texel, 0).x + dot(texelFetch(g_slope, texel, 0).xy, ideal - vec2(texel));
+}
+
+// Pixels from the nearest edge of the texel's triangle, positive within.
+float within(uvec4 edges, vec2 offset) {
+    return min(within_edge(edges.x, offset), min(within_edge(edges.y, offset), within_edge(edges.z, offset)));
+}
+
+// The texel that shows the triangle which is seen at a place. A triangle about as small as the texel is surrounded by
+// others of its surface that no texel may show, so what lies behind it is not taken for seen beside it.
+ivec2 texel_of(vec2 ideal) {
+    ivec2 found = ivec2(round(ideal)), first = ivec2(floor(ideal));
+    uvec4 edges = texelFetch(g_edges, found, 0);
+    bool small = max(edges.x & 0xFFFFu, max(edges.y & 0xFFFFu, edges.z & 0xFFFFu)) < uint(SMALL_PX / EDGE_REACH * 65535.0);
+    float nearest = small ? inverse_depth(found, ideal) : -1.0;
+    for (int tap = 0; tap < 4; ++tap) {
+        ivec2 texel = first + ivec2(tap & 1, tap >> 1);
+        edges = texelFetch(g_edges, texel, 0);
+        float here = inverse_depth(texel, ideal) + uintBitsToFloat(edges.w);
+        bool seen = here > nearest && within(edges, ideal - vec2(texel)) > -TOLERANCE_PX;
+        nearest = seen ? here : nearest;
+        found = seen ? texel : found;
+    }
+    return found;
+}
+
 void main() {
     vec2 place = texelFetch(lens_rays, ivec2(gl_FragCoord.xy), 0).xy;
     vec2 ideal = place * intrinsics.xy + intrinsics.zw;
-    vec2 nearest = round(ideal);
-    ivec2 texel = ivec2(nearest);
+    ivec2 texel = texel_of(ideal);
     uint bits = texelFetch(g_surface, texel, 0).x;
     uint row = bits & 0xFFFFu;
     semantic = (bits >> 16u) & 0xFFu;
@@ -39,8 +69,8 @@ void main() {
 
     float center = texelFetch(g_depth, texel, 0).x;
     bool sky = isinf(center);
-    float change = dot(texelFetch(g_slope, texel, 0).xy, ideal - nearest) * center;
-    depth = sky ? center : center / clamp(1.0 + change, 0.25, 4.0);  // slivers seen edge-on have any slope
+    float change = inverse_depth(texel, ideal) * center;
+    depth = sky ? center : center / clamp(change, 0.25, 4.0);  // slivers seen edge-on have any slope
 
     vec4 now = world_from_optical * (sky ? vec4(place, 1.0, 0.0) : vec4(vec3(place, 1.0) * depth, 1.0));
     vec3 seen = (previous_optical_from_world * vec4(previous_from_now(row, now), now.w)).xyz;

@@ -10,12 +10,16 @@ vec2 flat_place(vec3 position, vec3 facing) {
     return facing.z > max(facing.x, facing.y) ? position.xy : upright;
 }
 
+const float GUST = 0.22;  // metres that leaves are moved by a storm
+
 void main() {
     Pixel p = this_pixel();
     vec2 place = flat_place(p.position + noise_origin.xyz, abs(p.normal));
-    vec4 leaf = noise_at(place / 2.6, p.size / 2.6);
+    vec2 gust = abs(fract(seconds() * vec2(0.83, 1.27) + place.yx * vec2(0.31, 0.23)) * 2.0 - 1.0);
+    place += wind() * GUST * gust;
+    vec4 leaf = texture_at(place / 2.6, p.size / 2.6);
 #if QUALITY >= 1
-    vec4 clump = smooth_noise_at(place / 8.0, p.size / 8.0);
+    vec4 clump = texture_at(place / 8.0, p.size / 8.0);
 #else
     vec4 clump = leaf.abgr;
 #endif
@@ -26,6 +30,7 @@ void main() {
     s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 0.9 + (clump.bar - 0.5) * 0.9);
     s.albedo *= 1.0 - 0.25 * wetness() * max(s.normal.z, 0.0);
     s.roughness = 1.0;
+    s.metallic = 0.0;  // nothing is mirrored, so nothing of that is computed
     s.specular = 0.0;
     s.translucency = 0.6;
     shade(p, s);

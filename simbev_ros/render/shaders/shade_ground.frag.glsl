@@ -1,11 +1,14 @@
 #version 330
 // Asphalt, road markings, paving slabs, concrete, grass, soil and fields; wet by rain.
-#include "enums"
-#include "lighting"
-#include "noise"
 #ifndef WET
 #define WET 0
 #endif
+#if !WET
+#define MATT
+#endif
+#include "enums"
+#include "lighting"
+#include "noise"
 #if WET
 #include "water"
 #endif
@@ -21,7 +24,7 @@ float left(float wavelength, float size) { return clamp(1.5 - 2.0 * size / wavel
 vec3 asphalt(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float stains = (coarse.r - 0.5) * 0.34 + (middle.b - 0.5) * 0.22;
     float stones = (fine.g - 0.5) * 0.75 + (fine.b - 0.5) * 0.25;
-    float crack = line_cover(middle.r - 0.5, 0.006, size * 0.9) * smoothstep(0.52, 0.70, coarse.a) * left(0.1, size);
+    float crack = line_cover(middle.r - 0.5, 0.006, size * 0.9) * smoothstep(0.60, 0.80, coarse.a) * left(0.1, size);
     float sealed = line_cover(coarse.r - 0.62, 0.0042, size * 0.14) * smoothstep(0.40, 0.50, coarse.b) * left(0.6, size);
     float oil = smoothstep(0.80, 0.97, middle.a) * smoothstep(0.35, 0.8, coarse.b) * left(1.0, size);
     vec3 color = albedo * (0.88 + 0.88 * (stains + stones)) * vec3(1.02, 1.0, 0.97);
@@ -31,7 +34,7 @@ vec3 asphalt(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
 vec3 marking(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float tired = 0.40 * middle.b + 0.34 * fine.g + 0.26 * coarse.a;  // flakes off stone by stone, most where much is driven
     float worn = mix(MARKING_WEAR, smoothstep(0.52, 0.66, tired), left(0.06, size));
-    float dust = 0.50 + 0.18 * coarse.r + 0.12 * fine.b + 0.10 * middle.r;
+    float dust = 0.42 + 0.18 * coarse.r + 0.12 * fine.b + 0.10 * middle.r;
     return mix(albedo * dust * vec3(1.0, 0.985, 0.95), OLD_ASPHALT, 0.8 * worn);
 }
 
@@ -85,13 +88,13 @@ vec3 soil(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
 void main() {
     Pixel p = this_pixel();
     float size = p.size;
-    vec4 middle = smooth_noise_at(p.uv.yx / 5.3, size / 5.3);
+    vec4 middle = texture_at(p.uv.yx / 5.3, size / 5.3);
 #if QUALITY >= 1
-    vec4 coarse = smooth_noise_at(p.uv / 37.0, size / 37.0);
+    vec4 coarse = texture_at(p.uv / 37.0, size / 37.0);
 #else
     vec4 coarse = middle.abgr;
 #endif
-    vec4 fine = noise_at(p.uv / 0.75, size / 0.75);
+    vec4 fine = texture_at(p.uv / 0.75, size / 0.75);
 
     Surface s = surface_of(p);
     if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo, coarse, middle, fine, size);

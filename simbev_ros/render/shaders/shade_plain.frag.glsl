@@ -1,5 +1,6 @@
 #version 330
 // Matt things: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, skin, hair, and reflective sheeting.
+#define MATT
 #include "enums"
 #include "lighting"
 #include "masonry"
@@ -18,7 +19,7 @@ float retroreflected(vec3 position, vec3 to_camera) {
 
 // Length and height of one repetition of the noise, metres: stretched along what has a grain.
 vec2 grain_of(uint material) {
-    if (material == MATERIAL_BARK) return vec2(0.7, 3.5);
+    if (material == MATERIAL_BARK) return vec2(0.8, 2.0);
     if (material == MATERIAL_WOOD) return vec2(0.6, 6.0);
     if (material == MATERIAL_HAIR) return vec2(0.15, 1.2);
     if (material == MATERIAL_CLOTH || material == MATERIAL_CLOTH_TINTED) return vec2(0.9, 1.8);
@@ -40,10 +41,16 @@ vec3 roofing(vec3 albedo, vec2 uv, vec4 grain, bool level, float size) {
     return level ? sheets : mix(tiles, vec3(0.07, 0.075, 0.045), 0.35 * moss);
 }
 
+// 0 towards x .. 2 away from it.
+float facing_share(vec3 normal) { return 1.0 - normal.x / (abs(normal.x) + abs(normal.y) + 1e-4); }
+
 void main() {
     Pixel p = this_pixel();
     vec2 period = grain_of(p.material);
-    vec4 grain = noise_at(p.uv / period, p.size * inversesqrt(period.x * period.y));
+    // The sides of a trunk are told apart by where they face: its u is about the same all around.
+    float around = p.normal.y < 0.0 ? 4.0 - facing_share(p.normal) : facing_share(p.normal);
+    vec2 place = p.uv + vec2(p.material == MATERIAL_BARK ? 0.4 * around : 0.0, 0.0);
+    vec4 grain = texture_at(place / period, p.size * inversesqrt(period.x * period.y));
     bool cloth = p.material == MATERIAL_CLOTH || p.material == MATERIAL_CLOTH_TINTED;
     Surface s = surface_of(p);
     s.albedo *= 0.90 + 0.10 * grain.r + 0.10 * (grain.g - 0.5);
@@ -52,9 +59,9 @@ void main() {
     } else if (p.material == MATERIAL_ROOF) {
         s.albedo = roofing(p.albedo, p.uv, grain, p.normal.z > 0.97, p.size);
     } else if (p.material == MATERIAL_PLASTER) {
-        s.albedo *= (1.0 - 0.30 * smoothstep(0.5, 1.0, grain.b)) * (0.86 + 0.14 * grain.g);
+        s.albedo *= (1.0 - 0.30 * smoothstep(0.5, 1.0, grain.b)) * (0.90 + 0.10 * grain.g);
     } else if (p.material == MATERIAL_BARK) {
-        s.albedo *= 0.45 + 1.1 * grain.b;
+        s.albedo *= 0.45 + 0.7 * grain.b + 0.4 * grain.g;
         s.normal = normalize(p.normal + (grain.bag - 0.5) * 0.7);
     } else if (p.material == MATERIAL_WOOD) {
         s.albedo *= 0.70 + 0.35 * grain.b + 0.25 * grain.g;

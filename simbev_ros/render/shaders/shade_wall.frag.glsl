@@ -92,9 +92,9 @@ void main() {
     float glass = within(deep, o.low + o.frame, o.high - o.frame, p.size) * opening * (1.0 - max(mullion, transom));
     float sunny = sun.z > 0.0 ? within(deep + sun.xy / max(sun.z, 0.12) * o.recess, o.low, o.high, p.size + 0.01) : 1.0;
 
-    vec4 grain = noise_at(p.uv / 5.7, p.size / 5.7);
+    vec4 grain = texture_at(p.uv / 5.7, p.size / 5.7);
 #if QUALITY >= 1
-    float streaks = smooth_noise_at(p.uv / vec2(2.3, 23.0), p.size / 3.7).b;
+    float streaks = texture_at(p.uv / vec2(2.3, 23.0), p.size / 3.7).b;
 #else
     float streaks = grain.b;
 #endif

@@ -39,7 +39,7 @@ void main() {
     vec2 sunward = key_direction.xy / (key_direction.z + 0.25) * CLOUD_SCALE * 0.10;
     float sheltered = cloud_field(place * (1.0 + 0.3 * CLOUD_DEPTH) + drift + sunward, pixel_size);
 
-    float grain = 0.1 + 0.8 * fract(52.98 * fract(dot(gl_FragCoord.xy, vec2(0.0671, 0.00584))));  // hides the layers
+    float grain = 0.15 + 0.7 * random(floor(gl_FragCoord.xy));  // hides the layers
     vec3 cloud = vec3(0.0);
     float through = 1.0;
     float silver = 0.38 + 0.10 * phase(to_key, 0.55) + 0.035 * phase(to_key, 0.85);

@@ -11,5 +11,6 @@ void main() {
     v_uv = in_uv;
     v_before = (previous_optical_from_world * place).xyz;
     v_instance = 0u;
+    set_lift(lift_of(in_packed));
     v_surface = surface_of(in_packed, 0u, in_packed.y & 0xFFFFFFu);
 }

@@ -7,6 +7,7 @@ flat out vec3 v_lamp;
 flat out vec3 v_light;
 flat out vec4 v_facing;
 
+const float LEAST_LUX = 0.008;
 const float FOREMOST = 2.5;  // times the camera's height
 
 void main() {
@@ -16,7 +17,7 @@ void main() {
     vec2 away = foot.xy - camera.xy;
     float distance = length(away);
     vec3 near = vec3(camera.xy + away * min(FOREMOST * height / max(distance, 0.1), 0.7), foot.z);
-    bool drawn = height > 0.3 && distance > 2.0 && min(distance_ahead(foot), distance_ahead(near)) > 0.3;
+    bool drawn = in_color.a > LEAST_LUX * distance * distance && height > 0.3 && distance > 2.0 && min(distance_ahead(foot), distance_ahead(near)) > 0.3;
     vec2 top = pixel_of(foot), bottom = pixel_of(near);
     vec2 down = normalize(bottom - top + vec2(0.0, 1e-3)), side = vec2(down.y, -down.x);
     bool is_top = gl_VertexID >> 1 == 0;

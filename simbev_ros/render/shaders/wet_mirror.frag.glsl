@@ -8,11 +8,11 @@
 uniform sampler2D ideal_rgb;  // a copy of the shaded image
 out vec4 shaded;
 
-const int STEPS = QUALITY == 2 ? 16 : 7;
+const int STEPS = QUALITY == 2 ? 16 : 8;
 const int REFINEMENTS = 3;
-const float FIRST = 0.35;     // metres
-const float GROWTH = QUALITY == 2 ? 1.38 : 2.0;
-const float GRAIN = 0.07;     // slope of wet asphalt
+const float FIRST = 0.30;     // metres
+const float GROWTH = QUALITY == 2 ? 1.38 : 1.7;
+const float GRAIN = 0.045;    // slope of wet asphalt
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
 vec2 place_of(vec4 clip) { return clip.xy / clip.w * 0.5 + 0.5; }
@@ -24,7 +24,7 @@ float depth_at(vec2 place) { return texelFetch(g_depth, clamp(ivec2(place * view
 
 void main() {
     Pixel p = this_pixel();
-    vec4 coarse = smooth_noise_at(p.uv / 37.0, p.size / 37.0), middle = smooth_noise_at(p.uv.yx / 5.3, p.size / 5.3);
+    vec4 coarse = texture_at(p.uv / 37.0, p.size / 37.0), middle = texture_at(p.uv.yx / 5.3, p.size / 5.3);
     Water water = water_on(p.material, p.normal, coarse.a * 0.7 + middle.r * 0.4);
     vec2 slope = (noise_at(p.uv / 0.4, p.size / 0.4).ba - 0.5) * GRAIN * (1.0 - water.puddle) + ring_slope(p.uv, p.size) * water.film;
     vec3 normal = normalize(p.normal + vec3(slope, 0.0));
@@ -33,7 +33,7 @@ void main() {
 
     vec4 start = clip_from_world * vec4(p.position + p.normal * 0.02, 1.0), way = clip_from_world * vec4(direction, 0.0);
     float before = 0.0, after = 0.0, found = 0.0, range = FIRST;
-    for (int step = 0; step < STEPS; ++step) {
+    for (int leap = 0; leap < STEPS; ++leap) {
         vec4 clip = start + way * range;
         float behind = clip.w - depth_at(place_of(clip));
         bool hit = found == 0.0 && clip.w > 0.1 && behind > 0.0 && behind < 0.5 + 0.45 * range;

@@ -4,10 +4,10 @@ uniform sampler2D street_field;
 uniform sampler2D beam_field;
 uniform sampler2D glow_field;
 
-const vec3 STREET_COLOR = vec3(0.34, 0.245, 0.14);
-const vec3 BEAM_COLOR = vec3(0.180, 0.175, 0.165);
+const vec3 STREET_COLOR = vec3(0.27, 0.20, 0.12);
+const vec3 BEAM_COLOR = vec3(0.235, 0.228, 0.214);
 const float BEAM_LIFT = 0.5;   // rough ground sends more of a beam's flat light back than smooth ground would
-const float BEAM_STRAY = 0.05; // share of a beam above its edge
+const float BEAM_STRAY = 0.03; // share of a beam above its edge
 const float FINER = 160.0 / 48.0;
 
 // Where a place is in a map of a fine square, left, and a coarse one; coarse: its place in the latter.

@@ -13,6 +13,6 @@ vec3 brickwork(vec3 wall, vec2 uv, float weather, float size) {
     float burnt = brick.y > 0.93 ? 0.45 : 0.0;
     float apart = seen_apart(BRICK_SIZE.y, size);
     vec3 tone = 1.0 + ((brick.x - 0.5) * 0.42 - burnt + 0.03) * apart + vec3(0.10, 0.0, -0.08) * (brick.z - 0.5) * apart;
-    vec3 clay = mix(wall, vec3(dot(wall, GRAY)), 0.22) * tone;
+    vec3 clay = mix(wall, vec3(dot(wall, GRAY)), 0.25) * 0.85 * tone;
     return mix(clay, MORTAR * (0.75 + 0.5 * weather), 0.8 * joint_cover(course * BRICK_SIZE, BRICK_SIZE, 0.011, size));
 }

@@ -8,9 +8,18 @@ vec4 noise_at(vec2 place, float pixel_size) {
     return textureLod(noise, place, log2(max(pixel_size, 1e-6) * NOISE_TEXELS));
 }
 
-// The same from the nearest level of blur alone, at half the cost: for what is smooth at any distance.
-vec4 smooth_noise_at(vec2 place, float pixel_size) {
-    return textureLod(noise, place, floor(log2(max(pixel_size, 1e-6) * NOISE_TEXELS) + 0.5));
+// The same from the nearest level of blur alone, at half the cost. Pebbles, which fade most from level to level, are
+// made fainter little by little, so that no edge is seen where the level changes.
+vec4 texture_at(vec2 place, float pixel_size) {
+#if QUALITY >= 2
+    return noise_at(place, pixel_size);
+#else
+    float blur = log2(max(pixel_size, 1e-6) * NOISE_TEXELS), level = max(floor(blur + 0.5), 0.0);
+    vec4 found = textureLod(noise, place, level);
+    float off = clamp(blur - level, -0.5, 0.5), fading = min(0.17 + 0.10 * level, 0.47);
+    found.g = 0.5 + (found.g - 0.5) * (1.0 - off * fading * (off > 0.0 ? 1.0 : 1.5));
+    return found;
+#endif
 }
 
 uint hash(uvec2 cell) {

@@ -22,6 +22,10 @@ vec3 surroundings(vec3 direction, float roughness) {
     vec2 house = skyline(direction);
     float blur = 0.06 + roughness * 0.5;
     vec3 below = mix(ground_ambient.rgb, sky_ambient.rgb * house.y, smoothstep(-0.3, 0.05, direction.z));
+#ifdef MATT  // by materials that are too rough to show more of the sky than its mean
+    vec3 above = sky_ambient.rgb;
+#else
     vec3 above = textureLod(sky_dome, dome_place(direction), 0.0).rgb;
+#endif
     return mix(below, above, smoothstep(-blur, blur, direction.z - house.x));
 }

@@ -1,0 +1,18 @@
+// The edges of a pixel's triangle as they lie beside its centre: distance, up to EDGE_REACH pixels, and unit normal inward.
+const float EDGE_REACH = 2.0;
+const uint NO_EDGE = 0x8080FFFFu;
+
+// share: any quantity that is linear on the screen, 0 on the edge, positive within.
+uint pack_edge(float share) {
+    vec2 slope = vec2(dFdx(share), dFdy(share));
+    float steepness = max(length(slope), 1e-18);
+    float distance = clamp(share / (steepness * EDGE_REACH), 0.0, 1.0);
+    uvec2 normal = uvec2(round(slope / steepness * 127.0) + 128.0);
+    return uint(round(distance * 65535.0)) | normal.x << 16u | normal.y << 24u;
+}
+
+// Pixels from the edge, positive within, of a place at an offset from the centre.
+float within_edge(uint bits, vec2 offset) {
+    vec2 normal = (vec2((uvec2(bits) >> uvec2(16u, 24u)) & 0xFFu) - 128.0) / 127.0;
+    return float(bits & 0xFFFFu) / 65535.0 * EDGE_REACH + dot(normal, offset);
+}

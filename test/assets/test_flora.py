@@ -1,0 +1,106 @@
+import cv2
+import numpy as np
+import pytest
+
+from simbev_ros.assets.flora.species import VARIANTS, load_species, reach_m, stock
+from simbev_ros.assets.graded import Graded
+from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.street.barriers import panel
+from simbev_ros.assets.tiles import TileBuilder, standing
+from simbev_ros.semantics import Tag
+from simbev_ros.types import UInt8Array
+
+PIXEL_M = 0.03
+LARGE = {"round", "tall", "small", "birch", "olive", "pine", "stone_pine"}
+HEIGHT_M = {  # lowest and highest of the stock, as the species' descriptions have it
+    "round": (8.0, 11.0),
+    "tall": (11.5, 15.5),
+    "small": (4.4, 6.0),
+    "birch": (8.6, 11.7),
+    "spruce": (9.0, 12.7),
+    "cypress": (7.5, 11.8),
+    "bush": (0.9, 1.9),
+}
+
+
+def outline(mesh: Mesh, yaw_rad: float) -> UInt8Array:
+    """(H, W) what of a picture from the side the mesh covers, upside down."""
+    across_m = mesh.vertices[:, :2] @ np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
+    place = np.round((np.stack([across_m + 9.0, mesh.vertices[:, 2] + 5.0], axis=1) / PIXEL_M) * 16.0).astype(np.int32)
+    picture = np.zeros((round(22.0 / PIXEL_M), round(18.0 / PIXEL_M)), np.uint8)
+    for triangle in place[mesh.triangles]:
+        cv2.fillConvexPoly(picture, triangle, 1, shift=4)
+    return picture
+
+
+@pytest.mark.parametrize("name", load_species())
+def test_a_plant_stands_upright_on_its_foot(name: str) -> None:
+    for variant in range(VARIANTS):
+        mesh = stock(name, variant).mesh
+        assert mesh.vertices[:, 2].min() < 0.05
+        assert mesh.vertices[:, 2].max() > 0.3
+        assert np.hypot(*mesh.vertices[:, :2].mean(axis=0)) < 0.5 * reach_m(name)
+        assert (mesh.tag == Tag.VEGETATION).all()
+
+
+@pytest.mark.parametrize("name", load_species())
+def test_plants_cost_few_triangles_and_fewer_from_afar(name: str) -> None:
+    most, most_coarse = (750, 100) if name in LARGE else (430, 300)
+    if name.startswith("light") or name in ("bush", "oleander", "scrub", "thicket"):
+        most, most_coarse = 180, 60
+    for variant in range(VARIANTS):
+        plant = stock(name, variant)
+        assert len(plant.mesh.triangles) <= most
+        assert len(plant.coarse.triangles) <= most_coarse
+
+
+@pytest.mark.parametrize(("name", "height_m"), HEIGHT_M.items())
+def test_a_species_has_its_size(name: str, height_m: tuple[float, float]) -> None:
+    for variant in range(VARIANTS):
+        assert height_m[0] < stock(name, variant).mesh.vertices[:, 2].max() < height_m[1]
+
+
+@pytest.mark.parametrize("name", load_species())
+def test_a_stand_in_has_the_outline_of_its_plant(name: str) -> None:
+    """On average, an outline is off by less than a pixel of a camera of 1600 pixels and 80 degrees 190 m away."""
+    for yaw_rad in (0.3, 1.7):
+        exact, coarse = (outline(mesh, yaw_rad) for mesh in (stock(name, 1).mesh, stock(name, 1).coarse))
+        rims, _ = cv2.findContours(coarse, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        length_px = sum(cv2.arcLength(rim, True) for rim in rims)
+        assert (exact & ~coarse).sum() / length_px * PIXEL_M < 0.2
+        assert (coarse & ~exact).sum() / length_px * PIXEL_M < 0.2
+        assert 0.7 < coarse.sum() / exact.sum() < 1.25
+
+
+def test_a_stand_in_has_the_colours_of_its_plant() -> None:
+    for name in LARGE:
+        plant = stock(name, 0)
+        exact, coarse = (mesh.color[mesh.triangles[:, 0]].mean(axis=0) for mesh in (plant.mesh, plant.coarse))
+        assert np.abs(exact - coarse).max() < 12.0
+        assert (plant.coarse.tag == Tag.VEGETATION).all()
+
+
+def test_hedges_join_without_gaps_in_both_grades() -> None:
+    hedge = panel("hedge", 0)
+    assert isinstance(hedge, Graded)
+    for mesh in (hedge.mesh, hedge.coarse):
+        ends = [mesh.vertices[np.isclose(mesh.vertices[:, 0], x_m)][:, 1:] for x_m in (0.0, 2.4)]
+        first, last = (np.unique(np.round(end, 4), axis=0) for end in ends)
+        assert np.array_equal(first, last)
+    assert len(hedge.coarse.triangles) < 0.3 * len(hedge.mesh.triangles)
+
+
+def test_a_tile_ends_with_what_has_a_stand_in() -> None:
+    tiles, plain, tree = TileBuilder(), stock("agave", 0).mesh, stock("birch", 0)
+    poses = np.stack([standing((10.0, 10.0), 2.0), standing((20.0, 5.0), 3.0, 1.0), standing((-10.0, 5.0), 0.0)])
+    tiles.place_copies(tree, poses)
+    tiles.place_copies(plain, poses[:1])
+    west, east = tiles.finish()
+    assert (west.detail, east.detail) == (len(tree.mesh.triangles), 2 * len(tree.mesh.triangles))
+    assert len(east.mesh.triangles) == east.detail + len(plain.triangles)
+    assert len(east.coarse.triangles) == 2 * len(tree.coarse.triangles)
+    corners = east.mesh.vertices[east.mesh.triangles[-len(tree.mesh.triangles) :]]
+    alone = tree.mesh.transformed(standing(poses[1, :2, 3] - east.origin_m[:2], 3.0, 1.0))
+    assert np.allclose(corners, alone.vertices[alone.triangles], atol=1e-4)
+    middle_m = [mesh.vertices.mean(axis=0) for mesh in (west.mesh, west.coarse)]
+    assert np.hypot(*(middle_m[0] - middle_m[1])[:2]) < 0.3

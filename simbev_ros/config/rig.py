@@ -67,7 +67,7 @@ class Camera(Sensor, Optics):
     fy_px: float | None = Field(None, gt=0, le=1e6, description="with fx_px; None: the same")
     cx_px: float | None = Field(None, ge=-8192, le=16384, description="with fx_px; None: (width_px - 1) / 2")
     cy_px: float | None = Field(None, ge=-8192, le=16384, description="with fx_px; None: (height_px - 1) / 2")
-    distortion: tuple[float, ...] = Field(
+    distortion: tuple[Annotated[float, Field(ge=-100, le=100)], ...] = Field(
         (0.0,) * 5,
         min_length=5,
         max_length=5,

@@ -85,9 +85,9 @@ class LensCamera(PinholeCamera):
             self._refuse()
         undistorted = self._undistorted(distorted)
         xx, xy, yy = _slopes(undistorted.T, self.distortion)
-        folds = xx * yy - xy * xy <= 0.0
-        strays = np.abs(_distorted(undistorted.T, self.distortion).T - distorted).max(axis=1) > 1e-9
-        if folds.any() or strays.any() or np.linalg.norm(undistorted, axis=1).max() > math.tan(WIDEST_RAD):
+        missed = np.abs(_distorted(undistorted.T, self.distortion).T - distorted).max(axis=1)
+        seen = np.linalg.norm(undistorted, axis=1) <= math.tan(WIDEST_RAD)
+        if not ((xx * yy - xy * xy > 0.0) & (missed < 1e-9) & seen).all():
             self._refuse()
 
     @property

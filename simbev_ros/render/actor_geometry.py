@@ -66,7 +66,7 @@ class ActorGeometry:
         """
         array = self._arrays[program]
         for name, matrix in matrices.items():
-            array.program[name].write(matrix.T.astype(np.float32).tobytes())
+            array.program[name].write(matrix.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
         blueprints, levels = world.actors["blueprint"][chosen], self._levels(world, pixel_m)[chosen]
         rows = table.first_row[chosen].astype(np.uint32)
         for blueprint, level in np.unique(np.stack([blueprints, levels], axis=1), axis=0).tolist():
@@ -80,7 +80,8 @@ class ActorGeometry:
         errors_m = self._errors_m[world.actors["blueprint"]]
         fits = errors_m <= _ERROR_PX * pixel_m[:, None]
         fits[world.actors["doors"] != 0, 1:] = False
-        return fits.sum(axis=1) - 1
+        level: Int64Array = fits.sum(axis=1) - 1
+        return level
 
 
 def visible_actors(world: WorldState, table: RigidTable, view: View, look: Look | None, show_ego: bool) -> BoolArray:

@@ -1,8 +1,9 @@
 """From the images of an ideal camera to those of a camera with a lens that distorts and a sensor with noise.
 
-The G-buffer is that of an ideal camera which covers the image of the real one (``geometry.camera.ideal_camera``), and
-has, beside the depth, its slope on the screen. Every pixel of the real camera takes the surface of the ideal pixel
-nearest to its ray and meets it where that surface's plane is: labels, depth and flow are those of its own ray.
+The G-buffer is that of an ideal camera which covers the image of the real one (``geometry.camera.ideal_camera``); for
+a lens it tells, beside the depth, its slope on the screen and where the edges of the pixel's triangle are. So labels,
+depth and flow of a pixel are those of its own ray: of the triangles that the four ideal pixels around it show, it takes
+the nearest that the ray does not miss. The colour image is interpolated.
 """
 
 from collections.abc import Sequence

@@ -73,6 +73,7 @@ class SkyLight:
     lamps_lit: bool
 
     @classmethod
+    @lru_cache(maxsize=8)
     def of(cls, weather: Weather) -> "SkyLight":
         """The light of a weather. Clouds take the sun away and turn the sky grey."""
         altitude_deg, azimuth_deg = weather.sun_altitude_deg, weather.sun_azimuth_deg

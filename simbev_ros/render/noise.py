@@ -46,10 +46,11 @@ def _pebbles(index: int) -> Float64Array:
     """(256, 256) stones, each of its own tone and darker towards its edge, that repeat without a seam."""
     rng = stream(index, "render.noise")
     middles_px, tone = rng.uniform(0.0, SIZE_PX, (_PEBBLES, 2)), rng.random(_PEBBLES)
-    pixels_px = np.stack(np.indices((SIZE_PX, SIZE_PX)), axis=-1).reshape(-1, 2) + 0.5
+    pixels_px = np.indices((SIZE_PX, SIZE_PX)).reshape(2, -1).T + 0.5
     distance_px, nearest = cKDTree(middles_px, boxsize=SIZE_PX).query(pixels_px, k=2)
     inside = np.minimum(distance_px[:, 1] - distance_px[:, 0], 1.5)
-    return (tone[nearest[:, 0]] + _PEBBLE_ROUNDNESS * inside).reshape(SIZE_PX, SIZE_PX)
+    stones: Float64Array = (tone[nearest[:, 0]] + _PEBBLE_ROUNDNESS * inside).reshape(SIZE_PX, SIZE_PX)
+    return stones
 
 
 def _spread(values: Float64Array) -> Float64Array:

@@ -75,7 +75,8 @@ class View:
         distance_m = np.maximum(np.linalg.norm(to_center, axis=1), 1e-6)
         ahead_m = to_center @ self.world_from_optical[:3, 2]
         nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px)
-        return nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # away from the axis pictures are stretched
+        pixel_m: Float64Array = nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis pictures are stretched
+        return pixel_m
 
     def block(self) -> bytes:
         """The uniform block ``View`` of shaders/include/view.glsl, std140."""

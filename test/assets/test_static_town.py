@@ -43,7 +43,7 @@ RECIPES = {
     "woods": {"tree_spacing_m": 0, "street_light_spacing_m": 0},
     "park": {},
 }
-BUDGET = {"farmland": 60_000, "woods": 250_000}
+BUDGET = {"farmland": 75_000, "woods": 250_000}
 UPRIGHT_TAGS = (Tag.TERRAIN, Tag.GROUND, Tag.WATER)
 SLENDER_TAGS = (Tag.POLE, Tag.TRAFFIC_LIGHT, Tag.TRAFFIC_SIGN)
 

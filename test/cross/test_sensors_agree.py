@@ -114,18 +114,14 @@ def _depth_of(hits: Hits, camera: Camera) -> Float64Array:
 
 
 def _off_silhouettes(moment: Moment, index: int) -> BoolArray:
-    """(H, W) pixels whose neighbours lie on the same smooth surface, in depth and in labels, for both sensors.
-
-    Edges in the images of a lens are right to half a pixel only, so there small steps count as edges too.
-    """
-    step = 0.001 if any(CAMERAS[index].distortion) else 0.01
+    """(H, W) pixels whose neighbours lie on the same smooth surface, in depth and in labels, for both sensors."""
     images, hits = moment.images[index], moment.hits[index]
     assert images.depth is not None and images.semantic is not None and images.instance is not None
     shape = images.depth.shape
     flat = np.ones(shape, bool)
     for depth in (images.depth, _depth_of(hits, CAMERAS[index])):
         disparity = 1.0 / np.maximum(depth, 0.01).astype(np.float64)
-        flat &= np.abs(cv2.Laplacian(disparity, cv2.CV_64F, ksize=3)) < step * np.maximum(disparity, 1e-4)
+        flat &= np.abs(cv2.Laplacian(disparity, cv2.CV_64F, ksize=3)) < 0.01 * np.maximum(disparity, 1e-4)
     labels = (
         images.semantic,
         images.instance,

@@ -60,7 +60,8 @@ def test_ideal_camera_covers_the_image_and_is_nowhere_coarser(lens: LensCamera) 
 
 
 def test_points_beyond_the_fold_of_the_model_are_nowhere() -> None:
-    lens = LensCamera(640, 480, 800.0, 800.0, 319.5, 239.5, (-0.3, 0.0, 0.0, 0.0, 0.0))  # r (1 - 0.3 r²) grows up to r² = 1 / 0.9
+    """With k1 = -0.3 the distorted radius grows up to r² = 1 / 0.9."""
+    lens = LensCamera(640, 480, 800.0, 800.0, 319.5, 239.5, (-0.3, 0.0, 0.0, 0.0, 0.0))
     points = np.array([[np.sqrt(1.1), 0.0, 1.0], [np.sqrt(1.2), 0.0, 1.0]])
     assert np.isnan(lens.project(points)).all(axis=1).tolist() == [False, True]
 
@@ -76,5 +77,5 @@ def test_points_beyond_the_fold_of_the_model_are_nowhere() -> None:
 def test_a_lens_that_cannot_be_inverted_is_refused_by_name(
     intrinsics: tuple[int, int, float, float, float, float], distortion: tuple[float, ...]
 ) -> None:
-    with pytest.raises(InputError, match="distortion: k1 .* cannot be inverted over the whole image"):
+    with pytest.raises(InputError, match=r"distortion: k1 .* cannot be inverted over the whole image"):
         LensCamera(*intrinsics, distortion=distortion)

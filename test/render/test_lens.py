@@ -8,7 +8,7 @@ from test_labels import EGO, MAP_OFFSET, OTHER, cast, map_from_optical, pixel_ra
 
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.config.optics import Exposure, Optics, SensorNoise
-from simbev_ros.config.rig import MODALITIES
+from simbev_ros.config.rig import MODALITIES, Camera
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera, ideal_camera
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.render.frame import CameraView, RenderFrame
@@ -158,6 +158,14 @@ def test_the_same_seed_gives_the_same_noise_and_another_another(renderer: Render
     optics = Optics(noise=SensorNoise())
     first, again, other = (_colors(renderer, optics, BARREL, seed) for seed in (7, 7, 7 + (1 << 40)))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
+
+
+def test_every_camera_has_noise_of_its_own_at_every_tick() -> None:
+    left, right = (Camera(type="camera", name=name) for name in ("left", "right"))
+    seeds = [
+        CameraView.of(camera, seed, tick).noise_seed for camera in (left, right) for seed in (0, 1) for tick in (0, 1)
+    ]
+    assert len(set(seeds)) == 8 and CameraView.of(left, 0, 0).noise_seed == seeds[0]
 
 
 def _off_edges(image: AnyArray) -> AnyArray:

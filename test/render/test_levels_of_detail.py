@@ -17,7 +17,14 @@ from simbev_ros.types import AnyArray, BoolArray, Int64Array, Table
 
 pytestmark = pytest.mark.gl
 
-NAMES = ("vehicle.sedan", "vehicle.bus", "vehicle.bicycle", "pedestrian.woman", "vehicle.fire_engine", "prop.sign_works")
+NAMES = (
+    "vehicle.sedan",
+    "vehicle.bus",
+    "vehicle.bicycle",
+    "pedestrian.woman",
+    "vehicle.fire_engine",
+    "prop.sign_works",
+)
 CAMERA = PinholeCamera.from_field_of_view(1600, 900, np.radians(70.0))
 
 

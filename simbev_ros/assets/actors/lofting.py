@@ -18,8 +18,10 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 _CAP_CUTS = (0.45, 1.0)
 _LEDGE = 0.004
+_CROWN_RUN = 4.0
+"""How far in from its ends a cap reaches its crown, over the crown's height."""
 _SEAM_WIDTHS = ((0.0, "seam", 0.018), (0.005, "soft_seam", 0.026))
-"""Up to which error seams have which finish and width: a groove is never thinner than a pixel, but fainter from afar."""
+"""Up to which error seams have which finish and width: hardly thinner than a pixel, and fainter from afar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,7 +272,8 @@ def _cap(shell: Shell, half: Float64Array, lateral: Float64Array) -> Float64Arra
     """(K, F, 3) points of the crowned cap."""
     cap = _level(half, lateral)
     rise = (half[:, 1, None] ** 2 - cap[..., 1] ** 2) / half[:, 1].max() ** 2
-    cap[..., 2] += shell.crown * rise
+    inward = np.minimum(half[0, 0] - cap[..., 0], cap[..., 0] - half[-1, 0])  # no step where an end is nearly straight
+    cap[..., 2] += shell.crown * np.minimum(rise, inward / (_CROWN_RUN * max(shell.crown, 1e-6)))
     if shell.recess:
         front, rear = shell.recess.x
         inside = (cap[..., 0] < front - _LEDGE / 2) & (cap[..., 0] > rear + _LEDGE / 2)

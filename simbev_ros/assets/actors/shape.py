@@ -124,9 +124,7 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     )
 
 
-def _build(
-    shape: Shape, solids: tuple[Solid, ...], tag: Tag, part_index: dict[str, int], detail: Detail
-) -> Mesh:
+def _build(shape: Shape, solids: tuple[Solid, ...], tag: Tag, part_index: dict[str, int], detail: Detail) -> Mesh:
     """The mesh of a shape, as its file has it, in some detail."""
     meshes = [mesh for shell in shape.shells for mesh in build_shell(shell, tag, part_index, detail)]
     if shape.wheels:

@@ -87,4 +87,4 @@ def _shrub(rng: np.random.Generator, palette: str, radii_m: Float64Array) -> Gra
     """A ball of leaves that sits on the ground."""
     radii_m = radii_m * rng.uniform(0.85, 1.15, 3)
     middle_m = np.array([0.0, 0.0, 0.75 * radii_m[2]])
-    return crown(rng, middle_m, radii_m, 70, pick_color(rng, palette, 0.15), lobes=3, cover=0.4, coarse_detail=0)
+    return crown(rng, middle_m, radii_m, 44, pick_color(rng, palette, 0.15), lobes=2, cover=0.4, coarse_detail=0)

@@ -29,16 +29,20 @@ def leaves(color: Color) -> Finish:
 
 
 def trunk(rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float, segments: int = 6) -> Graded:
-    """A stem along an (N, 3) spine that grows thinner from radius ``start_m`` to ``end_m``; it flares at the root."""
+    """A stem along an (N, 3) spine that grows thinner from radius ``start_m`` to ``end_m``; it flares at the root.
+
+    One of three ``segments`` is so simple that it stands for itself from afar.
+    """
     finish = Finish(Material.BARK, Tag.VEGETATION, pick_color(rng, "barks"))
     foot_m, onward = spine_m[0] * [1.0, 1.0, 0.0], spine_m[1:]
     low_m = foot_m + (onward[0] - foot_m) * min(0.5, 0.4 / max(float(onward[0, 2]), 0.1))
     path_m = np.concatenate([np.array([foot_m + np.array([0.0, 0.0, ROOT_M]), foot_m, low_m]), onward])
-    radii_m = np.concatenate([start_m * np.array([2.0, 1.6, 1.05]), np.linspace(start_m, end_m, len(onward) + 1)[1:]])
-    exact = tube(finish, path_m, radii_m, segments=segments, crease_deg=80.0)
-    ends = [1, 2, -1] if len(onward) > 1 else [1, -1]
-    coarse = tube(finish, path_m[[0, *ends]], _THREE_SIDED * radii_m[[2, *ends]], segments=3, crease_deg=180.0)
-    return Graded(exact, coarse)
+    radii_m = np.concatenate([start_m * np.array([1.3, 1.25, 0.92]), np.linspace(start_m, end_m, len(onward) + 1)[1:]])
+    ends = [0, 2, -1] if len(onward) > 1 else [0, -1]
+    coarse = tube(finish, path_m[ends], _THREE_SIDED * radii_m[[2, *ends[1:]]], segments=3, crease_deg=180.0)
+    if segments == 3:
+        return Graded(coarse, coarse)
+    return Graded(tube(finish, path_m, radii_m, segments=segments, crease_deg=80.0), coarse)
 
 
 def branches(
@@ -60,7 +64,7 @@ def crown(
     radii_m: Float64Array,
     sprigs: int,
     color: Color,
-    lobes: int = 8,
+    lobes: int = 7,
     cover: float = 0.5,
     coarse_detail: int = 1,
 ) -> Graded:

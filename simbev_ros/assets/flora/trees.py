@@ -16,44 +16,44 @@ _CONE = 0.8
 
 def round_tree(rng: np.random.Generator) -> Graded:
     """A broad-leaved street tree, about 9 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=440)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=340)
 
 
 def tall_tree(rng: np.random.Generator) -> Graded:
     """A tall, slender broad-leaved tree, about 13 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=460)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=350)
 
 
 def small_tree(rng: np.random.Generator) -> Graded:
     """A young or ornamental tree, about 5 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, sprigs=320)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, sprigs=250)
 
 
 def birch(rng: np.random.Generator) -> Graded:
     """A light-leaved tree, about 10 m high."""
     color = pick_color(rng, "light_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=360)
+    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=280)
 
 
 def olive(rng: np.random.Generator) -> Graded:
     """A gnarled tree with grey-green leaves, about 4.5 m high."""
     color = pick_color(rng, "olive_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=340, stoutness=0.045)
+    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=270, stoutness=0.045)
 
 
 def spruce(rng: np.random.Generator) -> Graded:
     """A spruce, about 11 m high: tiers of drooping branches around a straight trunk."""
-    return _spruce(rng, height_m=rng.uniform(9.5, 12.5), reach_m=2.6, tiers=12, sprigs=360, cover=10.5)
+    return _spruce(rng, height_m=rng.uniform(9.5, 12.5), reach_m=2.6, tiers=12, sprigs=300, cover=10.5)
 
 
 def pine(rng: np.random.Generator) -> Graded:
     """A pine with a bare red trunk and a crown high up, about 12 m high."""
-    return _high_crowned(rng, 0.1, (10.5, 13.5), 0.77, (0.22, 0.1), (2.1, 2.1, 2.7), 330)
+    return _high_crowned(rng, 0.1, (10.5, 13.5), 0.77, (0.22, 0.1), (2.1, 2.1, 2.7), 260)
 
 
 def stone_pine(rng: np.random.Generator) -> Graded:
     """An umbrella pine, about 9 m high."""
-    return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.2), 360)
+    return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.2), 300)
 
 
 def cypress(rng: np.random.Generator) -> Graded:
@@ -100,7 +100,7 @@ def light_broad_leaved(rng: np.random.Generator) -> Graded:
 
 def light_spruce(rng: np.random.Generator) -> Graded:
     """A spruce of few triangles, about 11 m high."""
-    return _spruce(rng, height_m=rng.uniform(9.5, 13.5), reach_m=2.4, tiers=8, sprigs=64, cover=7.0)
+    return _spruce(rng, height_m=rng.uniform(9.5, 13.5), reach_m=2.4, tiers=8, sprigs=50, cover=7.0)
 
 
 def light_olive(rng: np.random.Generator) -> Graded:
@@ -144,7 +144,7 @@ def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, h
     """A three-sided stem and a crown of few lobes."""
     middle = np.array([*rng.normal(0.0, 0.2, 2), height_m - radii_m[2]])
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], middle]), 0.2, 0.12, segments=3)
-    return Graded.merged([stem, crown(rng, middle, radii_m, 56, color, lobes=3, cover=0.16, coarse_detail=0)])
+    return Graded.merged([stem, crown(rng, middle, radii_m, 34, color, lobes=2, cover=0.13, coarse_detail=0)])
 
 
 def _spruce(rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float) -> Graded:

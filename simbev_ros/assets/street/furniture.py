@@ -9,6 +9,7 @@ from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.palette import Color
 from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, lathe
 from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array
 
 FOOT_M = 0.25
 """Feet reach so far into the ground, for slopes."""
@@ -118,19 +119,27 @@ def _parked_bicycle(y_m: float, color: Color) -> Mesh:
     """A bicycle along y, beside its hoop, of few triangles."""
     rubber, frame = Finish(Material.RUBBER, Tag.DYNAMIC, (28, 28, 30)), Finish(Material.METAL, Tag.DYNAMIC, color)
     x_m = -0.14
+    tire = np.array([[0.29, 0.0], [0.33, -0.02], [0.35, 0.0], [0.33, 0.02], [0.29, 0.0]])
     wheels = [
-        cylinder(rubber, (x_m - 0.025, y_m + side, 0.34), (x_m + 0.025, y_m + side, 0.34), 0.34, segments=10)
+        lathe(rubber, tire, segments=12, caps=False).transformed(_along_x(x_m, y_m + side, 0.34))
         for side in (-0.52, 0.52)
     ]
     bars = [
         ((-0.52, 0.34), (-0.15, 0.8)),
+        ((-0.52, 0.34), (-0.1, 0.32)),
+        ((-0.1, 0.32), (-0.18, 0.88)),
         ((-0.15, 0.8), (0.4, 0.78)),
         ((-0.1, 0.32), (0.4, 0.78)),
-        ((0.4, 0.95), (0.52, 0.34)),
+        ((0.38, 0.98), (0.52, 0.34)),
     ]
     tubes = [
-        cylinder(frame, (x_m, y_m + start, low), (x_m, y_m + end, high), 0.025, segments=4)
+        cylinder(frame, (x_m, y_m + start, low), (x_m, y_m + end, high), 0.022, segments=4)
         for (start, low), (end, high) in bars
     ]
     saddle = box(rubber, (0.14, 0.26, 0.06), (x_m, y_m - 0.18, 0.9))
     return Mesh.merged([*wheels, *tubes, saddle, box(frame, (0.46, 0.05, 0.04), (x_m, y_m + 0.4, 0.98))])
+
+
+def _along_x(x_m: float, y_m: float, z_m: float) -> Float64Array:
+    """(4, 4) pose of something turned about z whose axis is to point along x."""
+    return np.array([[0.0, 0.0, 1.0, x_m], [1.0, 0.0, 0.0, y_m], [0.0, 1.0, 0.0, z_m], [0.0, 0.0, 0.0, 1.0]])

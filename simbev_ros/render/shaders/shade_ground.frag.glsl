@@ -35,7 +35,8 @@ vec3 marking(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float tired = 0.40 * middle.b + 0.34 * fine.g + 0.26 * coarse.a;  // flakes off stone by stone, most where much is driven
     float worn = mix(MARKING_WEAR, smoothstep(0.52, 0.66, tired), left(0.06, size));
     float dust = 0.42 + 0.18 * coarse.r + 0.12 * fine.b + 0.10 * middle.r;
-    return mix(albedo * dust * vec3(1.0, 0.985, 0.95), OLD_ASPHALT, 0.8 * worn);
+    vec3 paint = mix(albedo, vec3(dot(albedo, LUMA)), 0.15) * vec3(1.0, 0.985, 0.95);
+    return mix(paint * dust, OLD_ASPHALT, 0.8 * worn);
 }
 
 // Slabs in bond, or small stones; each quarter has its own.
@@ -63,7 +64,7 @@ vec3 concrete(vec3 albedo, vec2 uv, vec3 normal, vec4 coarse, vec4 middle, vec4 
 
 vec3 grass(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float dry = smoothstep(0.45, 1.0, coarse.r * 0.5 + middle.a * 0.5);
-    vec3 color = mix(albedo * vec3(0.56, 0.60, 0.50), albedo * vec3(0.92, 0.76, 0.62), dry);
+    vec3 color = mix(albedo * vec3(0.56, 0.57, 0.54), albedo * vec3(0.84, 0.70, 0.66), 0.75 * dry);
     float mown = (stripe_cover(uv.y / SWATH, 0.5, size / SWATH) - 0.5) * 0.14 * smoothstep(0.75, 0.35, middle.r);
     float blades = 0.75 * (fine.g - 0.5) + 0.65 * (fine.b - 0.5) + 0.35 * (middle.b - 0.5);
     vec3 straw = vec3(1.0 + 0.5 * max(fine.a - 0.7, 0.0), 1.0, 1.0 - 0.4 * max(fine.a - 0.7, 0.0));

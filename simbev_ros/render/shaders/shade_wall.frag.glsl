@@ -134,7 +134,8 @@ void main() {
 #if QUALITY >= 1
     Inside inside = shop ? shop_behind(deep, sight, bay.x, building, p.size) : room_behind(deep, sight, bay, pick, office);
 #else
-    Inside inside = Inside(vec3(0.11, 0.10, 0.09), 0.25);
+    float lighter = smoothstep(0.4, 2.6, deep.y) - 0.5 * step(deep.y, 1.3) * float(shop);
+    Inside inside = Inside(vec3(0.22, 0.20, 0.17) * max(lighter, 0.15), 0.25);
 #endif
     float seen_through = glass * (1.0 - cloth);
 
@@ -153,7 +154,7 @@ void main() {
     vec2 room_at = vec2(floor(bay.x / (shop ? 3.0 : 2.0)), bay.y);  // neighbours have the same lamps
     float chosen = random(room_at + building * vec2(3.0, 1.0) + window_seed + 32768.0);
     vec3 tint = linear_color(window_colors[min(int(chosen * float(window_color_count)), window_color_count - 1)]);
-    vec3 lamplit = mix(inside.albedo * 1.5, vec3(0.50, 0.45, 0.40) * folds, cloth);
+    vec3 lamplit = mix(inside.albedo * 0.85, vec3(0.50, 0.45, 0.40) * folds, cloth);
     float signs_lit = lamps_lit() * step(1e-6, window_share);
     s.emission += tint * glass * is_lit * lamplit + sign_color * sign * signs_lit * 0.5;
     shade(p, s);

@@ -35,11 +35,12 @@ void main() {
 
     vec2 place = direction.xy * flatness * CLOUD_SCALE;
     float pixel_size = CLOUD_SCALE * flatness * flatness * (1.0 + 5.0 * up) / size;
+    pixel_size = max(pixel_size, 0.5 * length(place) * CLOUD_DEPTH / float(LAYERS));  // no detail between layers
     vec2 drift = vec2(sun_direction.w);
     vec2 sunward = key_direction.xy / (key_direction.z + 0.25) * CLOUD_SCALE * 0.10;
     float sheltered = cloud_field(place * (1.0 + 0.3 * CLOUD_DEPTH) + drift + sunward, pixel_size);
 
-    float grain = 0.15 + 0.7 * random(floor(gl_FragCoord.xy));  // hides the layers
+    float grain = mix(0.5, random(floor(gl_FragCoord.xy)), 0.7);  // hides the layers
     vec3 cloud = vec3(0.0);
     float through = 1.0;
     float silver = 0.38 + 0.10 * phase(to_key, 0.55) + 0.035 * phase(to_key, 0.85);

@@ -8,19 +8,21 @@
 uniform sampler2D ideal_rgb;  // a copy of the shaded image
 out vec4 shaded;
 
-const int STEPS = QUALITY == 2 ? 16 : 8;
-const int REFINEMENTS = 3;
-const float FIRST = 0.30;     // metres
-const float GROWTH = QUALITY == 2 ? 1.38 : 1.7;
+const int STEPS = QUALITY == 2 ? 16 : 9;
+const int REFINEMENTS = 2 + QUALITY / 2;
+const float FIRST = QUALITY == 2 ? 0.3 : 0.5;     // metres
+const float GROWTH = QUALITY == 2 ? 1.38 : 1.8;
+const float THICKNESS = QUALITY == 2 ? 0.45 : 0.8;  // of things, of the range
 const float GRAIN = 0.045;    // slope of wet asphalt
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
-vec2 place_of(vec4 clip) { return clip.xy / clip.w * 0.5 + 0.5; }
+// Homogeneous pixels, and depth.
+vec3 pixels_of(vec4 clip) { return vec3((clip.xy + clip.w) * 0.5 * viewport.xy, clip.w); }
 
 // Tone mapping of film.glsl before its gamma, which is taken as 2 here.
 vec3 filmic(vec3 light) { return clamp(light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14), 0.0, 1.0); }
 
-float depth_at(vec2 place) { return texelFetch(g_depth, clamp(ivec2(place * viewport.xy), ivec2(0), ivec2(viewport.xy) - 1), 0).x; }
+float depth_at(vec3 pixels) { return texelFetch(g_depth, ivec2(clamp(pixels.xy / pixels.z, vec2(0.0), viewport.xy - 1.0)), 0).x; }
 
 void main() {
     Pixel p = this_pixel();
@@ -31,12 +33,13 @@ void main() {
     vec3 direction = reflect(-p.to_camera, normal);
     direction.z = max(direction.z, 0.01);
 
-    vec4 start = clip_from_world * vec4(p.position + p.normal * 0.02, 1.0), way = clip_from_world * vec4(direction, 0.0);
+    vec3 start = pixels_of(clip_from_world * vec4(p.position + p.normal * 0.02, 1.0));
+    vec3 way = pixels_of(clip_from_world * vec4(direction, 0.0));
     float before = 0.0, after = 0.0, found = 0.0, range = FIRST;
     for (int leap = 0; leap < STEPS; ++leap) {
-        vec4 clip = start + way * range;
-        float behind = clip.w - depth_at(place_of(clip));
-        bool hit = found == 0.0 && clip.w > 0.1 && behind > 0.0 && behind < 0.5 + 0.45 * range;
+        vec3 at = start + way * range;
+        float behind = at.z - depth_at(at);
+        bool hit = found == 0.0 && at.z > 0.1 && behind > 0.0 && behind < 0.5 + THICKNESS * range;
         found = hit ? 1.0 : found;
         after = hit ? range : after;
         before = found > 0.0 ? before : range;
@@ -44,15 +47,15 @@ void main() {
     }
     for (int turn = 0; turn < REFINEMENTS; ++turn) {
         float middle_range = 0.5 * (before + after);
-        vec4 clip = start + way * middle_range;
-        bool hit = clip.w > depth_at(place_of(clip));
+        vec3 at = start + way * middle_range;
+        bool hit = at.z > depth_at(at);
         after = hit ? middle_range : after;
         before = hit ? before : middle_range;
     }
-    vec2 place = place_of(start + way * after);
-    vec2 to_edge = min(place, 1.0 - place);
+    vec3 end = start + way * after;
+    vec2 pixel = clamp(end.xy / end.z, vec2(0.0), viewport.xy - 1.0), to_edge = 0.5 - abs(pixel / viewport.xy - 0.5);
     found *= clamp(min(to_edge.x, to_edge.y) * 12.0, 0.0, 1.0);
-    vec3 mirrored = texelFetch(ideal_rgb, clamp(ivec2(place * viewport.xy), ivec2(0), ivec2(viewport.xy) - 1), 0).rgb;
+    vec3 mirrored = texelFetch(ideal_rgb, ivec2(pixel), 0).rgb;
 
     float roughness = roughness_under(water, materials[p.material].x);
     float specular = mix(materials[p.material].z, 0.03, water.film);

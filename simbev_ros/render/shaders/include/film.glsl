@@ -1,5 +1,4 @@
 // The response of the camera: filmic tone mapping (Narkowicz 2015) and sRGB, and its inverse.
-
 vec3 film(vec3 light) {
     vec3 filmic = clamp(light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14), 0.0, 1.0);
     return pow(filmic, vec3(1.0 / 2.2));

@@ -70,11 +70,14 @@ class View:
         return boxes_in_clip_space(self.clip_from_world, low_m, high_m)
 
     def pixel_m(self, centers_m: Float64Array, radii_m: Float64Array) -> Float64Array:
-        """(N,) how large a pixel is at least in spheres around (N, 3) world points, across the line of sight."""
+        """(N,) how large a pixel is at least in spheres around (N, 3) world points, across the line of sight.
+
+        For small images that of a larger one: 0.1 % of the distance, so that errors below it do not tell in depth.
+        """
         to_center = centers_m - self.position_m
         distance_m = np.maximum(np.linalg.norm(to_center, axis=1), 1e-6)
         ahead_m = to_center @ self.world_from_optical[:3, 2]
-        nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px)
+        nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px, 1000.0)
         pixel_m: Float64Array = nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis pictures are stretched
         return pixel_m
 

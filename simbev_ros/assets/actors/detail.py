@@ -79,4 +79,5 @@ def _worst(points_m: Float64Array, kept: BoolArray, error_m: float) -> Int64Arra
     off_m = np.linalg.norm(points_m - start - share[..., None] * way, axis=2).max(axis=1)
     order = np.lexsort((off_m, before))
     worst = order[np.append(np.diff(before[order]) > 0, True)]
-    return worst[off_m[worst] > error_m]
+    off: Int64Array = worst[off_m[worst] > error_m]
+    return off

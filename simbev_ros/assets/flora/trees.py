@@ -26,7 +26,7 @@ def tall_tree(rng: np.random.Generator) -> Graded:
 
 def small_tree(rng: np.random.Generator) -> Graded:
     """A young or ornamental tree, about 5 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.9, radius_m=1.4, sprigs=250)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.8, radius_m=1.65, sprigs=250)
 
 
 def birch(rng: np.random.Generator) -> Graded:

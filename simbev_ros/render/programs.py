@@ -33,6 +33,7 @@ TEXTURE_UNITS = {
             "noisy_visibility",
             "visibility",
             "shaded",
+            "coarse_shaded",
             "sky_table",
             "sky_dome",
             "g_slope",
@@ -44,7 +45,10 @@ TEXTURE_UNITS = {
 }
 """Sampler name → texture unit. A texture is bound to its unit for as long as it is valid."""
 
-VISIBILITY_STEPS = (4, 2, 1)
+_SHADING_STEPS = (2, 1, 1)
+"""Of each quality: pixels from texel to texel of the shaded image (shaders/refine.frag.glsl)."""
+
+_VISIBILITY_STEPS = (4, 2, 1)
 """Of each quality: pixels from texel to texel of the visibility of sky and sun (shaders/visibility.frag.glsl)."""
 
 BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}
@@ -63,7 +67,7 @@ class ProgramLibrary:
 
     A file includes another of shaders/include by ``#include "name"``. ``#include "enums"`` gives every ``Material``,
     ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``. The macro ``QUALITY`` is 0 (low),
-    1 (medium) or 2 (high), and ``VISIBILITY_STEP`` belongs to it.
+    1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` belong to it.
     """
 
     def __init__(self, context: moderngl.Context, quality: Quality = "medium") -> None:
@@ -109,13 +113,18 @@ class ProgramLibrary:
             return _ENUMS if name == "enums" else _INCLUDE.sub(expanded, self._read(f"include/{name}"))
 
         version, body = self._read(name).split("\n", 1)
-        level = QUALITIES.index(self.quality)
-        constants = {"QUALITY": level, "VISIBILITY_STEP": VISIBILITY_STEPS[level], **constants}
+        constants = {"QUALITY": QUALITIES.index(self.quality), **steps_of(self.quality), **constants}
         macros = [f"#define {name} {value}" for name, value in constants.items()]
         return "\n".join([version, *macros, _INCLUDE.sub(expanded, body)])
 
     def _read(self, name: str) -> str:
         return self._folder.joinpath(f"{name}.glsl").read_text(encoding="utf-8")
+
+
+def steps_of(quality: Quality) -> dict[str, int]:
+    """The macros ``SHADING_STEP`` and ``VISIBILITY_STEP``."""
+    level = QUALITIES.index(quality)
+    return {"SHADING_STEP": _SHADING_STEPS[level], "VISIBILITY_STEP": _VISIBILITY_STEPS[level]}
 
 
 def draw_screen(screen_pass: moderngl.VertexArray, layer: float = 1.0) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.config.rendering import QUALITIES, Quality
+from simbev_ros.config.rendering import Quality
 from simbev_ros.config.rig import Modality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
@@ -24,7 +24,7 @@ from simbev_ros.render.lamps import VehicleLamps
 from simbev_ros.render.lens import Lenses
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.noise import noise_texture
-from simbev_ros.render.programs import BLOCK_BINDINGS, VISIBILITY_STEPS, ProgramLibrary, draw_screen
+from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, draw_screen, steps_of
 from simbev_ros.render.readback import ReadBack
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
 from simbev_ros.render.shading import Shading
@@ -71,7 +71,7 @@ class Renderer:
         size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
         with self._context, enough_memory(self._context, "the meshes of the scene", size_bytes):
             library = ProgramLibrary(self._context, quality)
-            self._visibility_step = VISIBILITY_STEPS[QUALITIES.index(quality)]
+            self._steps = steps_of(quality)
             self._static, self._actors = self._upload(static, library)
             self._background = library.screen_pass("background.frag")
             self._background_for_lens = library.screen_pass("background.frag", LENS=1)
@@ -207,5 +207,5 @@ class Renderer:
         if (*size_px, for_lens) not in self._targets:
             size_bytes = (84 if for_lens else 60) * size_px[0] * size_px[1]
             with enough_memory(self._context, f"pictures of {size_px[0]} x {size_px[1]} pixels", size_bytes):
-                self._targets[*size_px, for_lens] = Targets(self._context, size_px, self._visibility_step, for_lens)
+                self._targets[*size_px, for_lens] = Targets(self._context, size_px, self._steps, for_lens)
         return self._targets[*size_px, for_lens]

@@ -37,7 +37,7 @@ class Shading:
         self.glare = Glare(context, library)
         self.rain = Rain(context, library)
         self.wetness = Wetness(context, library)
-        self._antialias = library.screen_pass("antialias.frag")
+        self._final = library.screen_pass("refine.frag" if library.quality == "low" else "antialias.frag")
         self._materials = context.buffer(material_block())
         self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
         self._light = context.buffer(reserve=_LIGHT_BLOCK_BYTES)
@@ -79,7 +79,7 @@ class Shading:
             draw_screen(self._visibility)
             targets.visibility.use()
             draw_screen(self._smooth)
-        targets.shaded.use()
+        targets.surfaces.use()
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"
         with self._timer("classes"):
@@ -91,13 +91,14 @@ class Shading:
         for number, (name, shade) in enumerate(zip(shading_classes(), passes, strict=True)):
             with self._timer(f"shading: {name}"):
                 draw_screen(shade, (number + 0.5) * _LAYER_STEP)
-        with self._timer("reflections, glare, rain"):
+        with self._timer("reflections"):
             self.wetness.draw_mirrored(targets, (_GROUND + 0.5) * _LAYER_STEP)
             self._context.enable_only(moderngl.NOTHING)
+        with self._timer("final pass"):
+            targets.rgb.use()
+            draw_screen(self._final)
+        with self._timer("glare, rain"):
             if self._lamps_lit:
                 self.glare.draw()
             self.rain.draw_streaks(self._lamps_lit)
-        with self._timer("final pass"):
-            targets.rgb.use()
-            draw_screen(self._antialias)
             self.rain.draw_lens_drops(targets, camera_seed)

@@ -20,7 +20,9 @@ from simbev_ros.types import Float64Array, Int64Array, UInt8Array
 _PIECE_TRIANGLES = 256
 
 _COARSE_ERROR_M = 0.12
-"""Where this is less than a pixel, stand-ins are drawn, whose outlines err by about so much."""
+_COARSE_FROM_M = 350.0
+"""Stand-ins are drawn from here on, where their depth errs by less than 0.1 %, if their outlines' error is less than a
+pixel."""
 
 _PLAIN, _DETAIL, _COARSE = range(3)
 """Grades of pieces: drawn always, nearby only, and far away only."""
@@ -70,7 +72,7 @@ class StaticGeometry:
         """Draw what a view sees of the world of (3,) ``origin_m``, without what ``look`` finds hidden meanwhile."""
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
-        left_out = np.where(distance_m < _COARSE_ERROR_M * view.camera.fx_px, _COARSE, _DETAIL)
+        left_out = np.where(distance_m < max(_COARSE_ERROR_M * view.camera.fx_px, _COARSE_FROM_M), _COARSE, _DETAIL)
         waiting = np.flatnonzero(view.sees_boxes(low_m, high_m) & (self._grade != left_out[self._tile]))
         triangles = self._end - self._first
         for end_m in _STAGES_M if look else _STAGES_M[-1:]:

@@ -1,5 +1,6 @@
 """What is drawn into: the G-buffer and the images of one size of camera."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import moderngl
@@ -44,17 +45,20 @@ class Image:
 
 
 class Targets:
-    """Framebuffers of one size. ``geometry`` is drawn first; the others are computed from it."""
+    """Framebuffers of one size. ``geometry`` is drawn first; the others are computed from it.
+
+    Surfaces are shaded into ``surfaces``, which is ``shaded`` itself unless that is done at fewer pixels.
+    """
 
     def __init__(
-        self, context: moderngl.Context, size_px: tuple[int, int], visibility_step: int, for_lens: bool = False
+        self, context: moderngl.Context, size_px: tuple[int, int], steps: Mapping[str, int], for_lens: bool = False
     ) -> None:
         """Allocate all targets.
 
         Args:
             context: Of OpenGL.
             size_px: Width, height.
-            visibility_step: Pixels from texel to texel of the visibility.
+            steps: From ``steps_of``: pixels from texel to texel of the shaded image and of the visibility.
             for_lens: Keep what a lens needs of the geometry too (render/lens.py).
         """
 
@@ -67,8 +71,12 @@ class Targets:
         self._shaded = texture(4, "f1")
         self._shaded.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._shaded.repeat_x = self._shaded.repeat_y = False
-        coarse_px = (-(-size_px[0] // visibility_step), -(-size_px[1] // visibility_step))
-        self._noisy_visibility, self._visibility = (context.texture(coarse_px, 4, dtype="f1") for _ in range(2))
+        shading_px, visibility_px = (
+            (-(-size_px[0] // step), -(-size_px[1] // step))
+            for step in (steps["SHADING_STEP"], steps["VISIBILITY_STEP"])
+        )
+        self._coarse_shaded = self._shaded if shading_px == size_px else context.texture(shading_px, 4, dtype="f1")
+        self._noisy_visibility, self._visibility = (context.texture(visibility_px, 4, dtype="f1") for _ in range(2))
         self._lens = {"g_slope": texture(2, "f4"), "g_edges": texture(4, "u4")} if for_lens else {}
         images = [texture(1, "u1"), texture(1, "u2"), texture(2, "f4")]
         self.geometry = context.framebuffer(
@@ -78,6 +86,9 @@ class Targets:
         self.noisy_visibility = context.framebuffer([self._noisy_visibility])
         self.visibility = context.framebuffer([self._visibility])
         self.shaded = context.framebuffer([self._shaded], context.depth_renderbuffer(size_px))
+        self.surfaces = self.shaded
+        if self._coarse_shaded is not self._shaded:
+            self.surfaces = context.framebuffer([self._coarse_shaded], context.depth_renderbuffer(shading_px))
         self.rgb = context.framebuffer([texture(4, "f1")])
 
     def clear_depth(self) -> None:
@@ -95,6 +106,7 @@ class Targets:
         self._noisy_visibility.use(TEXTURE_UNITS["noisy_visibility"])
         self._visibility.use(TEXTURE_UNITS["visibility"])
         self._shaded.use(TEXTURE_UNITS["shaded"])
+        self._coarse_shaded.use(TEXTURE_UNITS["coarse_shaded"])
         for name, kept in self._lens.items():
             kept.use(TEXTURE_UNITS[name])
 

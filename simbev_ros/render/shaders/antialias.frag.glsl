@@ -26,12 +26,8 @@ void main() {
 
     vec2 place = (vec2(texel) + 0.5) * texel_size;
     vec4 inner = 0.5 * (textureLod(shaded, place - along / 6.0, 0.0) + textureLod(shaded, place + along / 6.0, 0.0));
-#if QUALITY == 0
-    rgb = contrast < max(LEAST_CONTRAST, brightest * RELATIVE_CONTRAST) ? center : inner;
-#else
     vec4 outer = inner * 0.5 + 0.25 * (textureLod(shaded, place - along * 0.5, 0.0) + textureLod(shaded, place + along * 0.5, 0.0));
     bool too_far = outer.a < darkest || outer.a > brightest;
     bool flat_here = contrast < max(LEAST_CONTRAST, brightest * RELATIVE_CONTRAST);
     rgb = flat_here ? center : too_far ? inner : outer;
-#endif
 }

@@ -15,7 +15,7 @@ vec3 stars(vec3 direction) {
 }
 
 void main() {
-    vec3 direction = normalize(mat3(world_from_optical) * optical_ray(floor(gl_FragCoord.xy)));
+    vec3 direction = normalize(mat3(world_from_optical) * optical_ray(vec2(shaded_pixel())));
     direction = direction.z < 0.0 ? normalize(vec3(direction.xy, 0.0)) : direction;
     vec4 sky = textureLod(sky_dome, dome_place(direction), 0.0);
     float edge = 1.0 / intrinsics.x;

@@ -10,8 +10,8 @@ void main() {
     vec4 center = texelFetch(noisy_visibility, cell, 0);
     float depth = log2_depth(center.zw);
     vec2 slope = vec2(dFdx(depth), dFdy(depth));
-    vec2 total = center.xy * 1e-3;
-    float weights = 1e-3;
+    vec2 total = vec2(0.0);
+    float weights = 0.0;
     for (int y = -2; y < 2; ++y)
         for (int x = -2; x < 2; ++x) {
             vec4 found = texelFetch(noisy_visibility, clamp(cell + ivec2(x, y), ivec2(0), last), 0);

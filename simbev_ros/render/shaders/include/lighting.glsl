@@ -62,15 +62,15 @@ vec4 developed(vec3 radiance) {
 
 // Openness and share of the key light, from the texels around that lie on about the same surface.
 vec2 visibility_at(float depth) {
-#if VISIBILITY_STEP == 1
+#if VISIBILITY_STEP == SHADING_STEP
     return texelFetch(visibility, ivec2(gl_FragCoord.xy), 0).xy;
 #else
-    ivec2 pixel = ivec2(gl_FragCoord.xy), cell = pixel / VISIBILITY_STEP, last = textureSize(visibility, 0) - 1;
+    ivec2 pixel = shaded_pixel(), cell = pixel / VISIBILITY_STEP, last = textureSize(visibility, 0) - 1;
     vec2 between = vec2(pixel - cell * VISIBILITY_STEP) / float(VISIBILITY_STEP);
     float here = log2(depth);
-    vec2 slope = vec2(dFdx(here), dFdy(here)) * float(VISIBILITY_STEP);
-    vec2 total = vec2(1e-4);
-    float weights = 1e-4;
+    vec2 slope = vec2(dFdx(here), dFdy(here)) * float(VISIBILITY_STEP / SHADING_STEP);
+    vec2 total = vec2(0.0);
+    float weights = 0.0;
     for (int tap = 0; tap < 4; ++tap) {
         vec2 corner = vec2(tap & 1, tap >> 1);
         vec4 found = texelFetch(visibility, min(cell + ivec2(corner), last), 0);

@@ -7,9 +7,9 @@ vec2 packed_log_depth(float depth) {
 
 float log2_depth(vec2 packed_depth) { return dot(packed_depth, vec2(65280.0, 255.0)) * (17.7 / 65535.0) - 4.33; }
 
-// 1 for two places on one surface, 0 where one is much nearer: by how their logarithmic depths differ, and the slope of
+// 1 for two places on one surface, next to 0 where one is much nearer: by how their logarithmic depths differ, and the slope of
 // those on the screen times their distance. Nobody knows whether a slope is that of a surface or a step between two.
 float same_surface(float difference, vec2 slope, vec2 offset) {
     float off = min(abs(difference), abs(difference - dot(slope, offset)));
-    return max(1.0 - 12.0 * off, 0.0);
+    return max(1.0 - 12.0 * off, 1e-3);
 }

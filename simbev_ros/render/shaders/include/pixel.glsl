@@ -21,8 +21,11 @@ struct Pixel {
 
 vec3 linear_color(vec3 srgb) { return srgb * (srgb * (srgb * 0.305306 + 0.682171) + 0.012523); }
 
+// The pixel that a shader of surfaces stands for: of SHADING_STEP x SHADING_STEP the first.
+ivec2 shaded_pixel() { return ivec2(gl_FragCoord.xy) * SHADING_STEP; }
+
 Pixel this_pixel() {
-    ivec2 texel = ivec2(gl_FragCoord.xy);
+    ivec2 texel = shaded_pixel();
     uvec4 surface = texelFetch(g_surface, texel, 0);
     vec3 ray = mat3(world_from_optical) * optical_ray(vec2(texel));
     Pixel p;
@@ -34,6 +37,6 @@ Pixel this_pixel() {
     p.albedo = linear_color(texelFetch(g_color, texel, 0).rgb);
     p.material = surface.x >> 24u;
     p.row = surface.x & 0xFFFFu;
-    p.size = p.depth / intrinsics.x * inversesqrt(max(dot(p.normal, p.to_camera), 0.06));
+    p.size = float(SHADING_STEP) * p.depth / intrinsics.x * inversesqrt(max(dot(p.normal, p.to_camera), 0.06));
     return p;
 }

@@ -15,7 +15,7 @@ from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _MAX_INSTANCES = 4096
 _ERROR_PX = 0.5
@@ -30,14 +30,13 @@ class ActorGeometry:
         context: moderngl.Context,
         models: Sequence[ActorModel],
         programs: Mapping[str, moderngl.Program],
-        shading_class: UInt8Array,
     ) -> None:
         """Upload the models for use with ``programs``."""
         coarser = [model.build_coarser() for model in models]
         meshes = [[model.mesh, *(level.mesh for level in more)] for model, more in zip(models, coarser, strict=True)]
         self._instances = context.buffer(reserve=4 * _MAX_INSTANCES)
         merged = Mesh.merged([mesh for levels in meshes for mesh in levels])
-        self._arrays = upload_mesh(context, merged, programs, shading_class, self._instances)
+        self._arrays = upload_mesh(context, merged, programs, self._instances)
         counts = [[3 * len(mesh.triangles) for mesh in levels] for levels in meshes]
         ends = iter(np.cumsum([count for levels in counts for count in levels]).tolist())
         self._pieces = [[(next(ends) - count, count) for count in levels] for levels in counts]

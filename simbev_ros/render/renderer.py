@@ -24,6 +24,7 @@ from simbev_ros.render.lamps import VehicleLamps
 from simbev_ros.render.lens import Lenses
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.noise import noise_texture
+from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, draw_screen, steps_of
 from simbev_ros.render.readback import ReadBack
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
@@ -31,7 +32,6 @@ from simbev_ros.render.shading import Shading
 from simbev_ros.render.shadows import ShadowMap
 from simbev_ros.render.sky_dome import SkyDome
 from simbev_ros.render.static_geometry import StaticGeometry
-from simbev_ros.render.surfaces import shading_class_of_material
 from simbev_ros.render.targets import Targets
 from simbev_ros.render.timer import Timer, untimed
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
@@ -64,6 +64,8 @@ class Renderer:
         """
         self._context = open_context() if context is None else context
         self._on_gpu = not is_software(self._context.info["GL_RENDERER"])
+        if not self._on_gpu:
+            keep_freed_memory()
         self._read_back = ReadBack(self._context, self._on_gpu)
         self._models = models
         self._timer = timer
@@ -75,7 +77,7 @@ class Renderer:
             self._static, self._actors = self._upload(static, library)
             self._background = library.screen_pass("background.frag")
             self._background_for_lens = library.screen_pass("background.frag", LENS=1)
-            self._shading = Shading(self._context, library, timer)
+            self._shading = Shading(self._context, library, timer, self._on_gpu)
             self._lenses = Lenses(self._context, library)
             self._shadow_map = ShadowMap(self._context)
             self._sky_dome = SkyDome(self._context, library)
@@ -129,10 +131,9 @@ class Renderer:
             }
             for kind in ("static", "actor")
         )
-        classes = shading_class_of_material()
         return (
-            StaticGeometry(self._context, static.tiles, of_static, classes),
-            ActorGeometry(self._context, self._models, of_actors, classes),
+            StaticGeometry(self._context, static.tiles, of_static),
+            ActorGeometry(self._context, self._models, of_actors),
         )
 
     def _prepare_light(

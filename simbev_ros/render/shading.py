@@ -4,6 +4,7 @@ import moderngl
 import numpy as np
 
 from simbev_ros.config.lights import MOST_COLORS
+from simbev_ros.render.class_areas import class_areas
 from simbev_ros.render.glare import Glare
 from simbev_ros.render.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary, draw_screen
 from simbev_ros.render.rain import Rain
@@ -14,7 +15,6 @@ from simbev_ros.render.wetness import Wetness
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array, Table
 
-_LAYER_STEP = 1.0 / 16.0
 _MOST_SEEDS = 4096
 _GROUND = shading_classes().index("ground")
 _LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
@@ -23,20 +23,19 @@ _LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
 class Shading:
     """Lights the G-buffer. Light, matrices and signal states are those of the frame, set before its first camera."""
 
-    def __init__(self, context: moderngl.Context, library: ProgramLibrary, timer: Timer) -> None:
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary, timer: Timer, on_gpu: bool) -> None:
         self._context = context
         self._timer = timer
         self._visibility = library.screen_pass("visibility.frag")
         self._smooth = library.screen_pass("smooth.frag")
-        self._classify = library.screen_pass("classify.frag")
-        self._classify.program["layer_step"] = _LAYER_STEP
+        self._areas = class_areas(context, library, on_gpu)
         self._passes = {
-            lit: [library.screen_pass(f"shade_{name}.frag", LAMPS_LIT=float(lit)) for name in shading_classes()]
+            lit: [self._areas.surface_pass(f"shade_{name}.frag", LAMPS_LIT=float(lit)) for name in shading_classes()]
             for lit in (False, True)
         }
         self.glare = Glare(context, library)
         self.rain = Rain(context, library)
-        self.wetness = Wetness(context, library)
+        self.wetness = Wetness(context, self._areas, library.quality)
         self._final = library.screen_pass("refine.frag" if library.quality == "low" else "antialias.frag")
         self._materials = context.buffer(material_block())
         self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
@@ -79,20 +78,16 @@ class Shading:
             draw_screen(self._visibility)
             targets.visibility.use()
             draw_screen(self._smooth)
-        targets.surfaces.use()
-        self._context.enable_only(moderngl.DEPTH_TEST)
-        self._context.depth_func = "1"
         with self._timer("classes"):
-            draw_screen(self._classify)
-        self._context.depth_func = "=="
+            self._areas.find(targets)
         passes = list(self._passes[self._lamps_lit])
         if self.wetness.wet:
             passes[_GROUND] = self.wetness.ground(self._lamps_lit)
         for number, (name, shade) in enumerate(zip(shading_classes(), passes, strict=True)):
             with self._timer(f"shading: {name}"):
-                draw_screen(shade, (number + 0.5) * _LAYER_STEP)
+                self._areas.draw(shade, number)
         with self._timer("reflections"):
-            self.wetness.draw_mirrored(targets, (_GROUND + 0.5) * _LAYER_STEP)
+            self.wetness.draw_mirrored(targets, _GROUND)
             self._context.enable_only(moderngl.NOTHING)
         with self._timer("final pass"):
             targets.rgb.use()

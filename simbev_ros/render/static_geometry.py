@@ -15,7 +15,7 @@ from simbev_ros.assets.static_scene import Tile
 from simbev_ros.render.hidden import Look
 from simbev_ros.render.vertices import upload_mesh
 from simbev_ros.render.view import View, boxes_in_clip_space
-from simbev_ros.types import Float64Array, Int64Array, UInt8Array
+from simbev_ros.types import Float64Array, Int64Array
 
 _PIECE_TRIANGLES = 256
 
@@ -55,12 +55,11 @@ class StaticGeometry:
         context: moderngl.Context,
         tiles: Sequence[Tile],
         programs: Mapping[str, moderngl.Program],
-        shading_class: UInt8Array,
     ) -> None:
         """Upload the tiles for use with ``programs``, each of which has a uniform vec3 ``tile``."""
         seen = [tile for tile in tiles if len(tile.mesh.triangles)]
         meshes = [Mesh.merged([tile.mesh, tile.coarse]) for tile in seen]
-        self._arrays = [upload_mesh(context, mesh, programs, shading_class) for mesh in meshes]
+        self._arrays = [upload_mesh(context, mesh, programs) for mesh in meshes]
         self._origins_m = np.array([tile.origin_m for tile in seen], np.float64).reshape(-1, 3)
         self._tile_bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in seen]).reshape(-1, 2, 3)
         pieces = [_pieces(tile, mesh) for tile, mesh in zip(seen, meshes, strict=True)]

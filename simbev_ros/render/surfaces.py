@@ -19,11 +19,11 @@ def shading_classes() -> tuple[str, ...]:
     return ("sky", *_classes())
 
 
-def shading_class_of_material() -> UInt8Array:
-    """(256,) uint8 shading class of each ``Material``."""
-    result = np.zeros(256, np.uint8)
+def shading_flag_of_material() -> UInt8Array:
+    """(256,) uint8 shading class of each ``Material``, as the bit of its number."""
+    result = np.ones(256, np.uint8)
     for number, names in enumerate(_classes().values(), start=1):
-        result[[Material[name] for name in names]] = number
+        result[[Material[name] for name in names]] = 1 << number
     return result
 
 

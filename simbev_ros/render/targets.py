@@ -8,7 +8,7 @@ import numpy as np
 
 from simbev_ros.config.rig import Modality
 from simbev_ros.render.programs import TEXTURE_UNITS
-from simbev_ros.types import AnyArray
+from simbev_ros.types import AnyArray, UInt32Array
 
 _DTYPES = {"f1": np.uint8, "u1": np.uint8, "u2": np.uint16, "f4": np.float32}
 
@@ -97,6 +97,13 @@ class Targets:
         self.geometry.color_mask = ((False,) * 4,) * count  # type: ignore[assignment]
         self.geometry.clear()
         self.geometry.color_mask = ((True,) * 4,) * count  # type: ignore[assignment]
+
+    def seen_classes(self) -> UInt32Array:
+        """(H, W) what the G-buffer shows; shading class k is bit 24 + k."""
+        width, height = self.geometry.size
+        colors = np.empty((height, width), np.uint32)
+        self.geometry.read_into(colors, components=4, attachment=2)
+        return colors
 
     def bind(self) -> None:
         """Make the G-buffer and the shaded image readable by the passes that follow."""

@@ -7,23 +7,20 @@ import numpy as np
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.types import Float32Array, Table, UInt8Array, UInt32Array
+from simbev_ros.render.surfaces import shading_flag_of_material
+from simbev_ros.types import Float32Array, Table, UInt32Array
 
 _VERTEX_DTYPE = np.dtype([("in_position", "<f4", 3), ("in_uv", "<f4", 2), ("in_packed", "<u4", 3)])
 _FORMATS = {"in_position": ("3f4", "12x"), "in_uv": ("2f4", "8x"), "in_packed": ("3u4", "12x")}
 
 _MATERIALS = np.arange(256)
+_SHADING_FLAG = shading_flag_of_material().astype(np.uint32)
 _TINTED = np.isin(_MATERIALS, [Material.CAR_PAINT, Material.CLOTH_TINTED]).astype(np.uint32)
 _LIFTED = (_MATERIALS == Material.MARKING).astype(np.uint32)
 
 
-def pack_vertices(mesh: Mesh, shading_class: UInt8Array) -> Table:
-    """(V,) vertices as the geometry shaders read them.
-
-    Args:
-        mesh: The mesh.
-        shading_class: (256,) uint8, the shading class of each material.
-    """
+def pack_vertices(mesh: Mesh) -> Table:
+    """(V,) vertices as the geometry shaders read them."""
     vertices = np.empty(len(mesh.vertices), _VERTEX_DTYPE)
     vertices["in_position"] = mesh.vertices
     vertices["in_uv"] = mesh.uv
@@ -32,7 +29,7 @@ def pack_vertices(mesh: Mesh, shading_class: UInt8Array) -> Table:
     flags = _TINTED[mesh.material] | _LIFTED[mesh.material] << 1
     vertices["in_packed"][:, 0] = _octahedral(mesh.normals)
     vertices["in_packed"][:, 1] = red | green << 8 | blue << 16 | material << 24
-    vertices["in_packed"][:, 2] = tag | part << 8 | shading_class[mesh.material].astype(np.uint32) << 16 | flags << 24
+    vertices["in_packed"][:, 2] = tag | part << 8 | _SHADING_FLAG[mesh.material] << 16 | flags << 24
     return vertices
 
 
@@ -40,7 +37,6 @@ def upload_mesh(
     context: moderngl.Context,
     mesh: Mesh,
     programs: Mapping[str, moderngl.Program],
-    shading_class: UInt8Array,
     instances: moderngl.Buffer | None = None,
 ) -> dict[str, moderngl.VertexArray]:
     """The mesh on the GPU: one vertex array per program, on shared buffers.
@@ -49,10 +45,9 @@ def upload_mesh(
         context: Current context.
         mesh: A mesh with at least one triangle.
         programs: Programs that read some of the vertex attributes, by name.
-        shading_class: See ``pack_vertices``.
         instances: One uint32 ``in_row`` per instance.
     """
-    vertex_buffer = context.buffer(pack_vertices(mesh, shading_class).tobytes())
+    vertex_buffer = context.buffer(pack_vertices(mesh).tobytes())
     index_buffer = context.buffer(mesh.triangles.astype(np.uint32).tobytes())
     arrays = {}
     for name, program in programs.items():

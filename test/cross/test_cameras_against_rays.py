@@ -1,10 +1,9 @@
 """Semantic, instance, depth and flow images of simulated towns against Embree rays through the pixels' centres.
 
-The truth is that of the exact meshes, so levels of detail pass only where they can hardly be told apart.
+The truth is that of the exact meshes. What is drawn from afar in their stead has to pass for them.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
-from simbev_ros.render import actor_geometry, static_geometry
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.draw import draw_scene, planned_scenes
@@ -117,40 +115,21 @@ def check(found: Sequence[Agreement], jointed_px: int) -> None:
     assert np.quantile(error_px, 0.99) < 0.2
 
 
-@contextmanager
-def exact_meshes() -> Iterator[None]:
-    """Here no levels of detail are drawn but the finest."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(static_geometry, "_COARSE_ERROR_M", np.inf)
-        patch.setattr(actor_geometry, "_ERROR_PX", 0.0)
-        yield
-
-
 @pytest.fixture(scope="module")
 def blocks() -> Studio:
     return Studio("Blocks", 3)
 
 
 def test_images_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
-    with exact_meshes():
-        check(blocks.agreements(random_views(blocks.state, SMALL, 4, 1)), 100)
-
-
-def test_levels_of_detail_change_no_label_visibly(blocks: Studio) -> None:
-    for each in blocks.agreements(random_views(blocks.state, MEDIUM, 4, 1)):
-        assert each.labels >= 0.998
-        assert each.semantic >= 0.99
-        assert each.instance >= 0.999
+    check(blocks.agreements(random_views(blocks.state, MEDIUM, 4, 1)), 1000)
 
 
 def test_a_lens_that_distorts_shows_what_its_rays_hit(blocks: Studio) -> None:
     """Next to silhouettes, and in depth next to edges, it is right to a pixel only: its images are resampled."""
-    with exact_meshes():
-        found = blocks.agreements(random_views(blocks.state, LENS, 4, 1))
-    for each in found:
+    for each in blocks.agreements(random_views(blocks.state, LENS, 4, 1)):
         assert each.inner > 0.3
         assert each.labels >= 0.999
-        assert each.depth >= 0.985
+        assert each.depth >= 0.99
         assert np.median(each.flow_px) < 0.02
         assert np.quantile(each.flow_px, 0.99) < 0.2
 

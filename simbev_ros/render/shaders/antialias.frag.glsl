@@ -25,9 +25,14 @@ void main() {
     along = clamp(along / (min(abs(along.x), abs(along.y)) + damping), -MAX_SPAN, MAX_SPAN) * texel_size;
 
     vec2 place = (vec2(texel) + 0.5) * texel_size;
+    bool flat_here = contrast < max(LEAST_CONTRAST, brightest * RELATIVE_CONTRAST);
+#if QUALITY < 2
+    vec4 mixed = 0.5 * (textureLod(shaded, place - along * 0.3, 0.0) + textureLod(shaded, place + along * 0.3, 0.0));
+    rgb = flat_here ? center : mixed;
+#else
     vec4 inner = 0.5 * (textureLod(shaded, place - along / 6.0, 0.0) + textureLod(shaded, place + along / 6.0, 0.0));
     vec4 outer = inner * 0.5 + 0.25 * (textureLod(shaded, place - along * 0.5, 0.0) + textureLod(shaded, place + along * 0.5, 0.0));
     bool too_far = outer.a < darkest || outer.a > brightest;
-    bool flat_here = contrast < max(LEAST_CONTRAST, brightest * RELATIVE_CONTRAST);
     rgb = flat_here ? center : too_far ? inner : outer;
+#endif
 }

@@ -17,7 +17,7 @@ layout(location = 7) out uvec4 g_edges;
 void main() {
     g_surface = uvec4(TAG_SKY << 16u, 0u, 0u, 0u);
     g_depth = uintBitsToFloat(0x7F800000u);  // +inf
-    g_color = vec4(0.0);                     // shading class 0
+    g_color = vec4(vec3(0.0), 1.0 / 255.0);  // shading class 0
     semantic = TAG_SKY;
     instance = 0u;
 #ifdef LENS

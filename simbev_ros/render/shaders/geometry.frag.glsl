@@ -11,7 +11,7 @@ in vec3 v_before;  // in the previous frame, optical
 
 layout(location = 0) out uvec4 g_surface;  // rigid row | tag << 16 | material << 24; normal; u; v
 layout(location = 1) out float g_depth;    // metres along the optical axis
-layout(location = 2) out vec4 g_color;     // sRGB albedo, shading class
+layout(location = 2) out vec4 g_color;     // sRGB albedo, 2^shading class
 layout(location = 3) out uint semantic;
 layout(location = 4) out uint instance;
 layout(location = 5) out vec2 flow;

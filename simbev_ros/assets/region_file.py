@@ -1,13 +1,13 @@
 """A region's scene as flat arrays in one file, and back."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from simbev_ros.assets.land.plazas import plaza_arrays, plazas_from
 from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh_arrays import mesh_arrays, meshes_from
 from simbev_ros.assets.region_scene import RegionScene, Streetside
 from simbev_ros.assets.static_scene import StreetLight, Tile
 from simbev_ros.types import AnyArray
@@ -27,19 +27,19 @@ def read_region(path: Path) -> RegionScene:
         ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile: The file is damaged.
     """
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
+        meshes = meshes_from(arrays)
         origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
         details = arrays["detail"].tolist()
         obstacles, plazas = arrays["obstacle"], plazas_from(arrays)
         owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
     by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
-    for index, (row, name) in enumerate(owners):
-        by_tile[row][name] = Mesh(**{field: column[index] for field, column in columns.items()})
+    for (row, name), mesh in zip(owners, meshes, strict=True):
+        by_tile[row][name] = mesh
     tiles = zip(origins_m, by_tile, levels, details, strict=True)
     return RegionScene(
         tuple(
-            Tile(origin_m, meshes.pop(""), meshes, level, meshes.pop(_COARSE), detail)
-            for origin_m, meshes, level, detail in tiles
+            Tile(origin_m, named.pop(""), named, level, named.pop(_COARSE), detail)
+            for origin_m, named, level, detail in tiles
         ),
         tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
         obstacles,
@@ -64,10 +64,7 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
     yield from plaza_arrays(scene.plazas)
     yield "tile", np.array([row for row, _, _ in meshes])
     yield "name", np.array([name for _, name, _ in meshes])
-    for field in fields(Mesh):
-        columns = [getattr(mesh, field.name) for _, _, mesh in meshes]
-        yield field.name, np.concatenate(columns)
-        yield f"{field.name}_count", np.array([len(column) for column in columns])
+    yield from mesh_arrays([mesh for _, _, mesh in meshes])
 
 
 def _named(tile: Tile) -> Iterator[tuple[str, Mesh]]:
@@ -75,7 +72,3 @@ def _named(tile: Tile) -> Iterator[tuple[str, Mesh]]:
     yield "", tile.mesh
     yield _COARSE, tile.coarse
     yield from tile.surfaces.items()
-
-
-def _split(arrays: Mapping[str, AnyArray], name: str) -> list[AnyArray]:
-    return np.split(arrays[name], np.cumsum(arrays[f"{name}_count"])[:-1])

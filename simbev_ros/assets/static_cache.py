@@ -1,19 +1,16 @@
 """Static scenes on demand: each region is built once, alone, and then read from its file."""
 
 import hashlib
-import tempfile
-import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from functools import cached_property, lru_cache, partial
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from simbev_ros.assets.build import build_region
+from simbev_ros.assets.cached_file import assets_version, cached
 from simbev_ros.assets.facets import TILE_M
 from simbev_ros.assets.far_land import FarLand, cells_of, far_land, far_tiles
 from simbev_ros.assets.materials import Material
@@ -21,14 +18,13 @@ from simbev_ros.assets.region_file import read_region, read_streetside, write_re
 from simbev_ros.assets.region_scene import RegionScene, Streetside
 from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
-from simbev_ros.errors import InputError
 from simbev_ros.maps.cache import default_cache_dir
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
 from simbev_ros.maps.spec import MapSpec
 
-_DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
+_KIND = "surroundings"
 _T = TypeVar("_T")
 
 
@@ -84,8 +80,8 @@ class StaticCache:
     def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
         """Arguments as of ``load_static_scene``."""
         self._network = network
-        key = hashlib.sha256(f"{network.net_path.parent.name}\n{spec.seed}\n".encode() + _code_version())
-        root = (cache_dir or default_cache_dir()) / "surroundings"
+        key = hashlib.sha256(f"{network.net_path.parent.name}\n{spec.seed}\n".encode() + assets_version())
+        root = (cache_dir or default_cache_dir()) / _KIND
         self._folder = root / f"{spec.name}-{key.hexdigest()[:20]}"
 
     def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
@@ -102,13 +98,11 @@ class StaticCache:
 
     def _read_region(self, region: Region, read: Callable[[Path], _T]) -> _T:
         """Of a region, built if it is not there."""
-        build = partial(self._write, write=partial(self._write_region, region=region))
-        return _read(self._path(region), read, build)
+        return cached(self._path(region), _KIND, read, partial(self._write_region, region=region))
 
     def far_land(self) -> FarLand:
         """What lies beyond the regions; raises as ``load_static_scene``."""
-        build = partial(self._write, write=self._write_far_land)
-        return _read(self._folder / "far_land.npz", _read_far_land, build)
+        return cached(self._folder / "far_land.npz", _KIND, _read_far_land, self._write_far_land)
 
     @cached_property
     def _terrain(self) -> Terrain:
@@ -122,27 +116,6 @@ class StaticCache:
 
     def _write_far_land(self, path: Path) -> None:
         np.savez(path, allow_pickle=False, **asdict(far_land(self._network, self._terrain)))
-
-    def _write(self, path: Path, write: Callable[[Path], None]) -> None:
-        """Write under another name, then rename: readers see all or nothing, and of several writers the last wins."""
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(prefix=f".{path.stem}-", dir=self._folder) as work:
-                write(Path(work) / path.name)
-                (Path(work) / path.name).replace(path)
-        except OSError as error:
-            raise InputError(f"cache of surroundings {self._folder}: cannot be written: {error.strerror}") from error
-
-
-def _read(path: Path, read: Callable[[Path], _T], build: Callable[[Path], None]) -> _T:
-    """Read a file; if it is not there or damaged, write it first."""
-    if path.is_file():
-        try:
-            return read(path)
-        except _DAMAGED:
-            pass
-    build(path)
-    return read(path)
 
 
 def _read_far_land(path: Path) -> FarLand:
@@ -163,20 +136,3 @@ def _renumbered(tile: Tile, first: int) -> Tile:
     uv = tile.mesh.uv.copy()
     uv[lamps, 0] += first
     return replace(tile, mesh=replace(tile.mesh, uv=uv))
-
-
-@lru_cache(maxsize=1)
-def _code_version() -> bytes:
-    """Hash of the sources and tables that build static scenes, beside those that build maps."""
-    content = hashlib.sha256(np.__version__.encode())
-    for name, source in _sources(files("simbev_ros.assets")):
-        content.update(name.encode() + source)
-    return content.digest()
-
-
-def _sources(folder: Traversable) -> Iterator[tuple[str, bytes]]:
-    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
-        if entry.is_dir():
-            yield from _sources(entry)
-        elif entry.name.endswith((".py", ".yaml")):
-            yield entry.name, entry.read_bytes()

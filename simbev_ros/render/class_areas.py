@@ -1,7 +1,7 @@
 """Where on the screen each shading class is, so that its shader runs there and nowhere else.
 
-The depth test chooses the pixels: each pixel's class is written as depth, and a shader is drawn at its class's depth. On
-the CPU even a rejected pixel costs. So there the screen is cut into squares, and a class is drawn where it is seen.
+The depth test chooses the pixels: each pixel's class is written as depth, and a shader is drawn at that of its class.
+On the CPU even a rejected pixel costs. So there the screen is cut into squares, and a class is drawn where it is seen.
 """
 
 from typing import Protocol

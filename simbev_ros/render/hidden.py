@@ -15,7 +15,7 @@ import numpy as np
 from simbev_ros.render.view import NEAR_M, View
 from simbev_ros.types import BoolArray, Float32Array, Float64Array
 
-_BLOCK_PX = 8
+_BLOCK_PX = 16
 _MARGIN = 2e-6
 """Of the depth buffer's range 0..1: 0.2 m at 100 m, 1 cm at 20 m. Float32 vertices are right to 5e-7, road markings are
 brought forward by 3e-7 (shaders/include/vertex.glsl), and the buffer's steps are 6e-8."""

@@ -1,5 +1,7 @@
 """The noise that all procedural surfaces and the clouds are made from: a repeating texture, filtered by mipmaps."""
 
+from functools import lru_cache
+
 import moderngl
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,6 +26,7 @@ def noise_texture(context: moderngl.Context) -> moderngl.Texture:
     return texture
 
 
+@lru_cache(maxsize=1)
 def noise_image() -> UInt8Array:
     """(256, 256, 4) uint8 noise, of spectral amplitude 1/f^slope or pebbles; values are spread evenly over 0..255."""
     channels = [

@@ -34,6 +34,7 @@ TEXTURE_UNITS = {
             "visibility",
             "shaded",
             "coarse_shaded",
+            "coarse_rgb",
             "sky_table",
             "sky_dome",
             "g_slope",
@@ -46,9 +47,9 @@ TEXTURE_UNITS = {
 """Sampler name → texture unit. A texture is bound to its unit for as long as it is valid."""
 
 _SHADING_STEPS = (2, 1, 1)
-"""Of each quality: pixels from texel to texel of the shaded image (shaders/refine.frag.glsl)."""
+"""Of each quality: pixels from texel to texel of the shaded image (shaders/enlarge.frag.glsl)."""
 
-_VISIBILITY_STEPS = (4, 2, 1)
+_VISIBILITY_STEPS = (4, 3, 1)
 """Of each quality: pixels from texel to texel of the visibility of sky and sun (shaders/visibility.frag.glsl)."""
 
 BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}

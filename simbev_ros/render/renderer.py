@@ -23,8 +23,8 @@ from simbev_ros.render.lamp_field import LampField
 from simbev_ros.render.lamps import VehicleLamps
 from simbev_ros.render.lens import Lenses
 from simbev_ros.render.light import SkyLight
-from simbev_ros.render.noise import noise_texture
 from simbev_ros.render.memory import keep_freed_memory
+from simbev_ros.render.noise import noise_texture
 from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, draw_screen, steps_of
 from simbev_ros.render.readback import ReadBack
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures

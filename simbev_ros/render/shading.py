@@ -36,7 +36,8 @@ class Shading:
         self.glare = Glare(context, library)
         self.rain = Rain(context, library)
         self.wetness = Wetness(context, self._areas, library.quality)
-        self._final = library.screen_pass("refine.frag" if library.quality == "low" else "antialias.frag")
+        self._antialias = library.screen_pass("antialias.frag")
+        self._enlarge = library.screen_pass("enlarge.frag")
         self._materials = context.buffer(material_block())
         self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
         self._light = context.buffer(reserve=_LIGHT_BLOCK_BYTES)
@@ -90,8 +91,11 @@ class Shading:
             self.wetness.draw_mirrored(targets, _GROUND)
             self._context.enable_only(moderngl.NOTHING)
         with self._timer("final pass"):
+            targets.smoothed.use()
+            draw_screen(self._antialias)
             targets.rgb.use()
-            draw_screen(self._final)
+            if targets.smoothed is not targets.rgb:
+                draw_screen(self._enlarge)
         with self._timer("glare, rain"):
             if self._lamps_lit:
                 self.glare.draw()

@@ -47,7 +47,8 @@ class Image:
 class Targets:
     """Framebuffers of one size. ``geometry`` is drawn first; the others are computed from it.
 
-    Surfaces are shaded into ``surfaces``, which is ``shaded`` itself unless that is done at fewer pixels.
+    Surfaces are shaded into ``surfaces`` and freed of jagged edges into ``smoothed``: these are ``shaded`` and ``rgb``,
+    unless that is done at fewer pixels.
     """
 
     def __init__(
@@ -68,14 +69,18 @@ class Targets:
             return result
 
         self._surface, self._depth, self._color = texture(4, "u4"), texture(1, "f4"), texture(4, "f1")
-        self._shaded = texture(4, "f1")
-        self._shaded.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self._shaded.repeat_x = self._shaded.repeat_y = False
+
+        def smooth_texture(size_px: tuple[int, int]) -> moderngl.Texture:
+            result = context.texture(size_px, 4, dtype="f1")
+            result.repeat_x = result.repeat_y = False
+            return result
+
+        self._shaded = smooth_texture(size_px)
         shading_px, visibility_px = (
             (-(-size_px[0] // step), -(-size_px[1] // step))
             for step in (steps["SHADING_STEP"], steps["VISIBILITY_STEP"])
         )
-        self._coarse_shaded = self._shaded if shading_px == size_px else context.texture(shading_px, 4, dtype="f1")
+        self._coarse = [smooth_texture(shading_px) for _ in range(2)] if shading_px != size_px else []
         self._noisy_visibility, self._visibility = (context.texture(visibility_px, 4, dtype="f1") for _ in range(2))
         self._lens = {"g_slope": texture(2, "f4"), "g_edges": texture(4, "u4")} if for_lens else {}
         images = [texture(1, "u1"), texture(1, "u2"), texture(2, "f4")]
@@ -86,10 +91,11 @@ class Targets:
         self.noisy_visibility = context.framebuffer([self._noisy_visibility])
         self.visibility = context.framebuffer([self._visibility])
         self.shaded = context.framebuffer([self._shaded], context.depth_renderbuffer(size_px))
-        self.surfaces = self.shaded
-        if self._coarse_shaded is not self._shaded:
-            self.surfaces = context.framebuffer([self._coarse_shaded], context.depth_renderbuffer(shading_px))
         self.rgb = context.framebuffer([texture(4, "f1")])
+        self.surfaces, self.smoothed = self.shaded, self.rgb
+        if self._coarse:
+            self.surfaces = context.framebuffer(self._coarse[:1], context.depth_renderbuffer(shading_px))
+            self.smoothed = context.framebuffer(self._coarse[1:])
 
     def clear_depth(self) -> None:
         """Clear the depth of ``geometry``; its colours are drawn at every pixel anyway."""
@@ -113,7 +119,8 @@ class Targets:
         self._noisy_visibility.use(TEXTURE_UNITS["noisy_visibility"])
         self._visibility.use(TEXTURE_UNITS["visibility"])
         self._shaded.use(TEXTURE_UNITS["shaded"])
-        self._coarse_shaded.use(TEXTURE_UNITS["coarse_shaded"])
+        for name, coarse in zip(("coarse_shaded", "coarse_rgb"), self._coarse, strict=False):
+            coarse.use(TEXTURE_UNITS[name])
         for name, kept in self._lens.items():
             kept.use(TEXTURE_UNITS[name])
 

@@ -1,15 +1,16 @@
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import open3d as o3d
 import pytest
 from catalogue_models import ON_FOOT, PEOPLE, blueprint, model, posed, rows
 
-from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.assets.actor_model import ActorModel, Cycle, part_poses
 from simbev_ros.assets.actors.finishes import finish_named
 from simbev_ros.assets.actors.shape import Shape, build_model, load_shape
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh import Mesh
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.semantics import BOX_CLASSES, Tag
 from simbev_ros.types import Float64Array
@@ -263,12 +264,24 @@ def test_a_riders_hands_hold_the_handlebar_and_the_rider_sits_above_the_ground(n
     assert seat[2] > 0.05
 
 
-def test_models_are_the_same_every_time() -> None:
-    for name in ("vehicle.ambulance", "rider.bicycle"):
-        again = build_model(blueprint(name), load_shape(name))
-        assert again.parts == model(name).parts
-        for field in ("vertices", "normals", "uv", "color", "material", "part", "triangles"):
-            np.testing.assert_array_equal(getattr(again.mesh, field), getattr(model(name).mesh, field))
+def assert_same_arrays(mine: Mesh | Cycle, theirs: Mesh | Cycle) -> None:
+    for field in fields(mine):
+        np.testing.assert_array_equal(getattr(mine, field.name), getattr(theirs, field.name))
+
+
+@pytest.mark.parametrize("name", ["vehicle.ambulance", "rider.bicycle", "pedestrian.man"])
+def test_models_from_the_cache_are_those_that_are_built(name: str) -> None:
+    cached, built = model(name), build_model(blueprint(name), load_shape(name))
+    for field in fields(ActorModel):
+        if field.name not in ("mesh", "cycle", "build_coarser"):
+            assert getattr(cached, field.name) == getattr(built, field.name)
+    assert_same_arrays(cached.mesh, built.mesh)
+    assert (cached.cycle is None) == (built.cycle is None)
+    if cached.cycle and built.cycle:
+        assert_same_arrays(cached.cycle, built.cycle)
+    for mine, theirs in zip(cached.build_coarser(), built.build_coarser(), strict=True):
+        assert mine.error_m == theirs.error_m
+        assert_same_arrays(mine.mesh, theirs.mesh)
 
 
 def test_a_shape_that_is_far_from_its_blueprints_size_is_refused() -> None:

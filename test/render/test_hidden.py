@@ -65,7 +65,7 @@ def test_no_box_is_hidden_whose_rectangle_has_a_farther_pixel() -> None:
     """Against a search of all pixels, for a wall with many holes of one pixel and boxes of all sizes."""
     rng = np.random.default_rng(5)
     depth = wall(20.0)
-    depth[tuple(rng.integers(0, [[90], [160]], (2, 25)))] = 1.0
+    depth[tuple(rng.integers(0, [[90], [160]], (2, 8)))] = 1.0
     pixels = rng.uniform([-20, -20], [180, 110], (2000, 2))
     centers = apply(VIEW.world_from_optical, CAMERA.rays(pixels) * rng.uniform(10.0, 90.0, (2000, 1)))
     halves = rng.uniform(0.05, 8.0, (2000, 3))

@@ -1,0 +1,62 @@
+"""Files that are written once and then read by many processes; a cached thing has the same bytes as one built anew."""
+
+import hashlib
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from simbev_ros.errors import InputError
+
+_DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
+_T = TypeVar("_T")
+
+
+def cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callable[[Path], None]) -> _T:
+    """What a file holds; if it is not there or damaged, it is written first.
+
+    Args:
+        path: The file.
+        kind: Of thing, in the plural, for messages.
+        read: Raises what numpy's readers raise if the file is damaged.
+        write: Is given another path. Readers see all or nothing, and of several writers the last wins.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    if path.is_file():
+        try:
+            return read(path)
+        except _DAMAGED:
+            pass
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{path.stem}-", dir=path.parent) as work:
+            write(Path(work) / path.name)
+            (Path(work) / path.name).replace(path)
+    except OSError as error:
+        raise InputError(f"cache of {kind} {path.parent}: cannot be written: {error.strerror}") from error
+    return read(path)
+
+
+@lru_cache(maxsize=1)
+def assets_version() -> bytes:
+    """Hash of the sources and tables of this package, which decide what its things are like."""
+    content = hashlib.sha256(np.__version__.encode())
+    for name, source in _sources(files("simbev_ros.assets")):
+        content.update(name.encode() + source)
+    return content.digest()
+
+
+def _sources(folder: Traversable) -> Iterator[tuple[str, bytes]]:
+    for entry in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if entry.is_dir():
+            yield from _sources(entry)
+        elif entry.name.endswith((".py", ".yaml")):
+            yield entry.name, entry.read_bytes()

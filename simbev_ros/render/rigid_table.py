@@ -14,12 +14,14 @@ from simbev_ros.errors import RenderError
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.semantics import Tag
 from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table, UInt32Array
 
 _ROWS_PER_LINE = 128
 _TEXELS_PER_ROW = 6
 _MAX_ROWS = 1 << 16
 _LIMB_REACH_M = 0.6
+_SIZE_UNITS_M = {"length": 0.1, "width": 0.02, "height": 0.02}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,8 @@ class RigidTable:
 
     Attributes:
         poses: (R, 6, 4) float32: three rows of world-from-rest, three of world-before-from-world-now.
-        actors: (R, 4) uint32: actor id, light bits, colour red | green << 8 | blue << 16, 0.
+        actors: (R, 4) uint32: actor id, light bits, colour red | green << 8 | blue << 16, and of what
+            has a cabin length / 0.1 m | width / 0.02 m << 8 | height / 0.02 m << 16 | tag << 24.
         first_row: (N,) row of each actor's part 0, in the order of the actors table.
         center_m: (N, 3) world, middle of a sphere around each actor.
         radius_m: (N,) its radius. Limbs swing out of the actor's box, but not out of the sphere.
@@ -140,4 +143,8 @@ def _looks(actors: Table) -> UInt32Array:
     looks[1:, 0] = actors["id"]
     looks[1:, 1] = actors["lights"]
     looks[1:, 2] = color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16
+    has_cabin = np.isin(actors["tag"], [Tag.CAR, Tag.TRUCK, Tag.BUS])
+    size = np.stack([actors[name] / unit_m for name, unit_m in _SIZE_UNITS_M.items()], axis=1).round().astype(np.uint32)
+    length, width, height = np.minimum(size, 255).T
+    looks[1:, 3] = has_cabin * (length | width << 8 | height << 16 | actors["tag"].astype(np.uint32) << 24)
     return looks

@@ -72,7 +72,11 @@ class StaticGeometry:
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
         left_out = np.where(distance_m < max(_COARSE_ERROR_M * view.camera.fx_px, _COARSE_FROM_M), _COARSE, _DETAIL)
-        waiting = np.flatnonzero(view.sees_boxes(low_m, high_m) & (self._grade != left_out[self._tile]))
+        if look:
+            seen = view.sees_boxes(low_m, high_m)
+        else:  # a GPU draws a whole tile faster than several parts of it
+            seen = view.sees_boxes(*np.moveaxis(self._tile_bounds_m - origin_m, 1, 0))[self._tile]
+        waiting = np.flatnonzero(seen & (self._grade != left_out[self._tile]))
         triangles = self._end - self._first
         for end_m in _STAGES_M if look else _STAGES_M[-1:]:
             if look and end_m > _STAGES_M[0] and triangles[waiting].sum() > _WORTH_A_LOOK:

@@ -154,7 +154,7 @@ def test_no_byte_of_any_image_depends_on_what_is_left_out(
     for name in ("sees_boxes", "sees_spheres", "sees_shadows"):
         monkeypatch.setattr(View, name, everything)
     expected = draw(renderer, x_m, yaw_rad)
-    assert sum(left_out) > 5
+    assert sum(left_out) > 2
     for modality in MODALITIES:
         assert getattr(images, modality).tobytes() == getattr(expected, modality).tobytes(), modality
 

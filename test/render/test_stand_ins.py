@@ -49,7 +49,7 @@ def test_nearby_only_the_exact_mesh_is_drawn() -> None:
 
 
 def test_far_away_labels_change_only_at_outlines_and_by_a_pixel() -> None:
-    graded, exact = (images.semantic for images in (seen(150.0, exact=False), seen(150.0, exact=True)))
+    graded, exact = (images.semantic for images in (seen(370.0, exact=False), seen(370.0, exact=True)))
     assert graded is not None and exact is not None
     is_tree, was_tree = (np.uint8(image == Tag.VEGETATION) for image in (graded, exact))
     assert was_tree.sum() > 5_000

@@ -3,6 +3,7 @@
 #include "glare"
 
 out vec2 v_offset;        // pixels from the lamp
+out vec2 v_corner;        // the same, 1 where the glare ends
 flat out vec3 v_color;
 flat out vec4 v_strength; // of the point, of the glare; radius of each, pixels
 
@@ -22,12 +23,14 @@ void main() {
     float glare = 2.4 * pow(lux, 0.6) * shown;
     float spread = focal * GLARE_ANGLE * (1.0 + 0.7 * wetness() + 7.0 * (1.0 - clear)) + lamp_px;
     float ends = spread * sqrt(max(pow(max(glare, LEAST) / LEAST, 0.6667) - 1.0, 0.0));
-    float half_px = min(max(ends, 5.0), LARGEST * viewport.x);
+    float core = max(0.5 * lamp_px, 0.9);
+    float half_px = min(max(ends, core * sqrt(log2(max(point, LEAST) / LEAST))), LARGEST * viewport.x);
     half_px = max(point, glare) < LEAST ? 0.0 : half_px;
 
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
     v_offset = corner * half_px;
+    v_corner = corner;
     v_color = in_color.rgb + 0.03;
-    v_strength = vec4(point, glare, max(0.5 * lamp_px, 0.9), spread);
+    v_strength = vec4(point, glare, core, spread);
     gl_Position = half_px > 0.0 ? clip_of(pixel_of(in_at) + v_offset) : vec4(2.0, 2.0, 2.0, 1.0);
 }

@@ -4,6 +4,9 @@
 #include "enums"
 #include "noise"
 #include "lighting"
+#if QUALITY >= 1
+#include "cabin"
+#endif
 
 const float FLAKE = 0.0015;  // metres
 
@@ -23,6 +26,14 @@ void main() {
         s.albedo *= 0.12;
         s.roughness = 0.03;
         s.specular = 0.09;
+#if QUALITY >= 1
+        uvec4 looks = texelFetch(rigid_actors, ivec2(int(p.row & 127u), int(p.row >> 7u)), 0);
+        if (looks.w != 0u) {
+            float through = 1.0 - facing;
+            through = 0.9 - 0.9 * through * through * through * through * through;
+            s.emission = cabin_behind(p, looks, surroundings(-p.to_camera, 0.1) * 0.6) * (through * exposure());
+        }
+#endif
     }
     if (p.material == MATERIAL_WATER) {
         s.normal = normalize(p.normal + vec3(ripples(p.uv, p.size), 0.0));

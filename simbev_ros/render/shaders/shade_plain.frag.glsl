@@ -5,6 +5,7 @@
 #include "lighting"
 #include "masonry"
 #include "noise"
+#include "number"
 
 const float SHEETING_GAIN = 30.0;
 const vec2 TILE = vec2(0.24, 0.32);
@@ -75,8 +76,9 @@ void main() {
         s.translucency = 0.15;
     } else if (p.material == MATERIAL_RUBBER) {
         s.albedo = mix(s.albedo, vec3(0.05, 0.047, 0.042), 0.3 + 0.4 * grain.a);  // dust of the road
-    } else if (p.material == MATERIAL_PLATE && lamps_lit() > 0.0) {
-        s.emission = s.albedo * retroreflected(p.position, p.to_camera);
+    } else if (p.material == MATERIAL_PLATE) {
+        s.albedo = numbered(s.albedo, p.uv, p.row, p.size);
+        if (lamps_lit() > 0.0) s.emission = s.albedo * retroreflected(p.position, p.to_camera);
     }
     s.albedo *= 1.0 - 0.25 * wetness() * max(p.normal.z, 0.0);
     shade(p, s);

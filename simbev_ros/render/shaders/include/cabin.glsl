@@ -1,0 +1,72 @@
+// What is seen through the panes of cars, vans, trucks and buses: seats, a driver, and the windows on the far side.
+#include "rigid"
+uniform usampler2D rigid_actors;
+
+const float SEAT = 0.38;  // metres from the middle
+
+struct Cabin {  // metres, actor frame
+    vec3 low, high;
+    float belt;         // lower edge of the windows
+    bool has_rear_window;
+};
+
+// size: length, width, height of the vehicle.
+Cabin cabin_of(uint tag, vec3 size) {
+    bool car = tag == TAG_CAR, bus = tag == TAG_BUS;
+    float ahead = car ? 0.2 * size.x : 0.5 * size.x - (size.x < 6.5 ? 1.0 : 0.3);
+    float behind = car ? -0.36 * size.x : bus ? -0.47 * size.x : ahead - 1.8;
+    float belt = size.z * (car ? 0.67 : bus ? 0.40 : 0.53), roof = car ? size.z - 0.09 : size.z * 0.88;
+    float side = size.y * (car ? 0.35 : 0.42);
+    return Cabin(vec3(behind, -side, belt - 0.6), vec3(ahead, side, roof), belt, car || bus);
+}
+
+// Whether a ray meets an ellipsoid, with a soft edge.
+float meets(vec3 from, vec3 ray, vec3 middle, vec3 radius) {
+    vec3 to = (middle - from) / radius, way = ray / radius;
+    float along = dot(to, way);
+    return along > 0.0 ? smoothstep(1.08, 0.84, dot(to, to) - along * along / dot(way, way)) : 0.0;
+}
+
+// Radiance of the inside. looks: of the actor, as render/rigid_table.py has them; beyond: radiance of what lies on the far side.
+vec3 cabin_behind(Pixel p, uvec4 looks, vec3 beyond) {
+    vec3 x = rigid_texel(p.row, 0).xyz, y = rigid_texel(p.row, 1).xyz, z = rigid_texel(p.row, 2).xyz;
+    vec3 foot = vec3(rigid_texel(p.row, 0).w, rigid_texel(p.row, 1).w, rigid_texel(p.row, 2).w);
+    mat3 world_from_actor = transpose(mat3(x, y, z));
+    vec3 from = (p.position - foot) * world_from_actor, ray = -p.to_camera * world_from_actor;
+    ray += mix(vec3(-1e-4), vec3(1e-4), greaterThan(ray, vec3(0.0)));
+    uint tag = looks.w >> 24u;
+    vec3 size = vec3((uvec3(looks.w) >> uvec3(0u, 8u, 16u)) & 0xFFu) * vec3(0.1, 0.02, 0.02);
+    Cabin cabin = cabin_of(tag, size);
+    if (abs(from.y) > size.y * (tag == TAG_CAR ? 0.415 : 0.468)) return vec3(0.0);  // a mirror
+
+    vec3 ends = (mix(cabin.low, cabin.high, greaterThan(ray, vec3(0.0))) - from) / ray;
+    float least = max(min(ends.x, min(ends.y, ends.z)), 0.0);
+    vec3 far = from + ray * least;
+    vec3 head = vec3(cabin.high.x - 1.0, SEAT, mix(cabin.belt, cabin.high.z, 0.45));
+    float pillar = smoothstep(0.09, 0.06, abs(far.x - head.x + 0.25)) * step(ends.y, ends.x);
+    float window = smoothstep(-0.02, 0.02, far.z - cabin.belt) * step(least, min(ends.x, ends.y)) * (1.0 - pillar);
+    if (ends.x < ends.y && ray.x < 0.0 && !cabin.has_rear_window) window = 0.0;
+
+    vec4 own = randoms(vec2(float(looks.x), 3.0));
+    vec3 daylight = sky_ambient.rgb * 0.4 + key_light.rgb * 0.05;
+    vec3 seat = vec3(0.03 + 0.12 * own.x * own.x);
+    vec3 seen = mix(vec3(far.z > cabin.belt ? 0.16 : 0.03) * daylight, beyond, window);
+    float rests = meets(from, ray, head + vec3(-1.05, -SEAT, -0.36), vec3(0.13, 0.60, 0.34));
+    rests = tag == TAG_CAR ? rests : 0.0;
+    seen = mix(seen, seat * daylight, rests);
+    float driver = meets(from, ray, head, vec3(0.10, 0.085, 0.125)), body = meets(from, ray, head + vec3(0.0, 0.0, -0.42), vec3(0.13, 0.23, 0.30));
+    vec3 clothes = own.yzw * own.yzw * 0.4 + 0.02;
+    float top = from.z + ray.z * dot(head - from, ray) / dot(ray, ray) - head.z;
+    vec3 face = mix(ray.x < 0.3 ? vec3(0.30, 0.19, 0.14) : vec3(0.04, 0.03, 0.024), vec3(0.04, 0.03, 0.024), smoothstep(0.03, 0.06, top));
+    seen = mix(seen, clothes * daylight, body);
+    seen = mix(seen, face * daylight, driver);
+    for (int side = 0; side < 2; ++side) {
+        vec3 back = vec3(head.x - 0.17, side == 0 ? SEAT : -SEAT, head.z - 0.44);
+        float chair = max(meets(from, ray, back, vec3(0.09, 0.25, 0.38)), meets(from, ray, back + vec3(-0.05, 0.0, 0.39), vec3(0.05, 0.145, 0.075)));
+        // From ahead the driver hides the seat, from behind the seat hides the driver.
+        chair *= side == 0 && ray.x < 0.0 ? 1.0 - max(driver, body) : 1.0;
+        seen = mix(seen, seat * daylight, chair);
+    }
+    float tint = from.x < head.x - 0.4 ? 0.5 : 0.8;
+    return seen * tint;
+}

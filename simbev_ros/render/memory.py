@@ -10,7 +10,7 @@ def keep_freed_memory() -> None:
     """Let the process keep what it frees, for the next frame, instead of handing it back to the kernel.
 
     Images and the CPU renderer's buffers come and go with each frame; getting them afresh, page by page, takes 7 % of
-    its time. Only glibc knows these settings; elsewhere nothing changes.
+    the CPU renderer's time, and more of a GPU's. Only glibc knows these settings; elsewhere nothing changes.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:

@@ -64,8 +64,7 @@ class Renderer:
         """
         self._context = open_context() if context is None else context
         self._on_gpu = not is_software(self._context.info["GL_RENDERER"])
-        if not self._on_gpu:
-            keep_freed_memory()
+        keep_freed_memory()
         self._read_back = ReadBack(self._context, self._on_gpu)
         self._models = models
         self._timer = timer

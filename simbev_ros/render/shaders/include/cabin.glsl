@@ -17,7 +17,7 @@ Cabin cabin_of(uint tag, vec3 size) {
     float behind = car ? -0.36 * size.x : bus ? -0.47 * size.x : ahead - 1.8;
     float belt = size.z * (car ? 0.67 : bus ? 0.40 : 0.53), roof = car ? size.z - 0.09 : size.z * 0.88;
     float side = size.y * (car ? 0.35 : 0.42);
-    return Cabin(vec3(behind, -side, belt - 0.6), vec3(ahead, side, roof), belt, car || bus);
+    return Cabin(vec3(behind, -side, belt - 0.6), vec3(ahead, side, roof), belt, car);
 }
 
 // Whether a ray meets an ellipsoid, with a soft edge.

@@ -23,13 +23,8 @@ def preview(
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace pictures that are there.")] = False,
     gallery: Annotated[
-        Path | None,
-        typer.Option(
-            help="No bag: draw towns, weathers and modalities into this folder.",
-            metavar="OUT",
-            rich_help_panel=_GALLERY,
-        ),
-    ] = None,
+        bool, typer.Option("--gallery", help="No bag: draw towns, weathers and modalities.", rich_help_panel=_GALLERY)
+    ] = False,
     maps: Annotated[
         list[str] | None,
         typer.Option("--map", help="Only of this town or map file; may be repeated.", rich_help_panel=_GALLERY),
@@ -50,15 +45,19 @@ def preview(
 
     simbev preview out/demo/scenes/train/Blocks-0000 --frame 12 --no-video
 
-    simbev preview --gallery pictures --map Town03 --map Town10HD
+    simbev preview --gallery --out pictures --map Town03 --map Town10HD
     """
     from simbev_ros.cli.gallery import make_gallery
 
     console = Console()
-    if (bag is None) == (gallery is None):
-        raise InputError("give either a scene's bag, or --gallery and a folder for its pictures")
-    if gallery is not None:
-        paths = make_gallery(gallery, maps or [], size, quality, seed, overwrite=overwrite, console=console)
+    if (bag is not None) == gallery:
+        raise InputError("give either a scene's bag, or --gallery")
+    if gallery and (frame is not None or not video):
+        raise InputError("--frame and --no-video are for a scene's bag, not for --gallery")
+    if maps and not gallery:
+        raise InputError("--map is for --gallery; a bag has the map of its scene")
+    if gallery:
+        paths = make_gallery(out, maps or [], size, quality, seed, overwrite=overwrite, console=console)
     else:
         assert bag is not None
         paths = make_preview(bag, out, frame=frame, video=video, overwrite=overwrite, console=console)

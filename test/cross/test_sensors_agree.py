@@ -295,18 +295,21 @@ def _class_triangles(state: WorldState, static_scene: StaticScene) -> dict[str, 
 def _inside_any(points: Float64Array, triangles: Float64Array) -> BoolArray:
     """(N,) points that lie in any triangle, by the signs of three cross products."""
     low, high = points.min(axis=0), points.max(axis=0)
-    near = (triangles.max(axis=1) >= low).all(axis=1) & (triangles.min(axis=1) <= high).all(axis=1)
+    triangles = triangles[(triangles.max(axis=1) >= low).all(axis=1) & (triangles.min(axis=1) <= high).all(axis=1)]
     inside = np.zeros(len(points), bool)
-    for block in np.array_split(triangles[near], max(near.sum() // 200, 1)):
+    for start_row in range(0, len(triangles), 100):
+        block = triangles[start_row : start_row + 100]
+        bounds = block.reshape(-1, 2)
+        open_ = np.flatnonzero(~inside & ((points >= bounds.min(axis=0)) & (points <= bounds.max(axis=0))).all(axis=1))
         signs = []
         for k in range(3):
             start, edge = block[:, k], block[:, (k + 1) % 3] - block[:, k]
-            offset = points[:, None] - start[None]
+            offset = points[open_, None] - start[None]
             signs.append(edge[None, :, 0] * offset[..., 1] - edge[None, :, 1] * offset[..., 0])
         stacked = np.stack(signs)
         first, second = block[:, 1] - block[:, 0], block[:, 2] - block[:, 0]
         area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) > 1e-12
-        inside |= (((stacked >= 0).all(axis=0) | (stacked <= 0).all(axis=0)) & area).any(axis=1)
+        inside[open_] = (((stacked >= 0).all(axis=0) | (stacked <= 0).all(axis=0)) & area).any(axis=1)
     return inside
 
 

@@ -13,7 +13,7 @@ import shapely
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.palette import Color
+from simbev_ros.assets.palette import Color, shaded
 from simbev_ros.assets.primitives import Finish, box, boxes, extrusion, plate
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
@@ -112,7 +112,7 @@ def balconies(width_m: float, bays: Sequence[int], floors_m: Sequence[float], co
     rails_m = np.tile(_RAIL_SIZES_M, (len(spots), 1))
     return [
         boxes(built(Material.CONCRETE, color), np.tile((2.5, 1.3, 0.16), (len(spots), 1)), spots[:, 0]),
-        boxes(built(Material.METAL, (70, 72, 74)), rails_m, (spots + _RAIL_PLACES_M).reshape(-1, 3)),
+        boxes(built(Material.PLASTER, shaded(color, 0.85)), rails_m, (spots + _RAIL_PLACES_M).reshape(-1, 3)),
     ]
 
 

@@ -65,7 +65,7 @@ def crown(
     sprigs: int,
     color: Color,
     lobes: int = 7,
-    cover: float = 0.5,
+    cover: float = 0.40,
     coarse_detail: int = 1,
 ) -> Graded:
     """A big ball of leaves with lobes: sprigs before a core, darker between the lobes.
@@ -234,7 +234,9 @@ def _leafage(
 
 def _sprouting(rng: np.random.Generator, outward: Float64Array, lean: float, rise: float) -> Float64Array:
     """(N, 3) unit vectors along sprigs that lie like shingles on leaves below, tips out."""
-    return _unit(rng.normal(0.0, 0.8, outward.shape) + lean * outward + [0.0, 0.0, rise])
+    along = rng.normal(0.0, 0.8, outward.shape)
+    along -= 0.6 * np.sum(along * outward, axis=1, keepdims=True) * outward
+    return _unit(along + lean * outward + [0.0, 0.0, rise])
 
 
 def _sprig_m(radii_m: Float64Array, sprigs: int, cover: float) -> float:

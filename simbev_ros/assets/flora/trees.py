@@ -16,29 +16,29 @@ _CONE = 0.8
 
 def round_tree(rng: np.random.Generator) -> Graded:
     """A broad-leaved street tree, about 9 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=340)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=420)
 
 
 def tall_tree(rng: np.random.Generator) -> Graded:
     """A tall, slender broad-leaved tree, about 13 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=350)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=430)
 
 
 def small_tree(rng: np.random.Generator) -> Graded:
     """A young or ornamental tree, about 5 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.8, radius_m=1.65, sprigs=250)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.8, radius_m=1.65, sprigs=310)
 
 
 def birch(rng: np.random.Generator) -> Graded:
     """A light-leaved tree, about 10 m high."""
     color = pick_color(rng, "light_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=280)
+    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=340)
 
 
 def olive(rng: np.random.Generator) -> Graded:
     """A gnarled tree with grey-green leaves, about 4.5 m high."""
     color = pick_color(rng, "olive_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=270, stoutness=0.045)
+    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=330, stoutness=0.045)
 
 
 def spruce(rng: np.random.Generator) -> Graded:

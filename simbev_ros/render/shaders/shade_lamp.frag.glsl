@@ -22,7 +22,7 @@ vec3 vehicle_lamp(uint material, vec3 albedo, uint bits) {
 
 vec3 signal_lamp(uint material, uint state) {
     if (material == MATERIAL_SIGNAL_RED) return vec3(1.0, 0.04, 0.02) * (state == STATE_RED || state == STATE_RED_YELLOW ? 1.8 : 0.0);
-    if (material == MATERIAL_SIGNAL_YELLOW) return vec3(1.0, 0.42, 0.02) * (state == STATE_YELLOW || state == STATE_RED_YELLOW ? 1.8 : 0.0);
+    if (material == MATERIAL_SIGNAL_YELLOW) return vec3(1.0, 0.28, 0.01) * (state == STATE_YELLOW || state == STATE_RED_YELLOW ? 1.8 : 0.0);
     return vec3(0.05, 1.0, 0.45) * (state == STATE_GREEN ? 1.5 : 0.0);
 }
 

@@ -36,12 +36,15 @@ Inside shop_behind(vec2 place, vec3 sight, float bay, float building, float size
     vec2 at = vec2(place.x + 3.0 * mod(bay, 3.0), clamp(place.y, 0.01, 2.69));
     vec4 hit = far_side(vec2(clamp(at.x, 0.01, 8.99), at.y), vec3(9.0, 2.7, 5.0), sight);
     vec2 along = vec2(hit.w == 2.0 ? hit.x : hit.z + 17.0, hit.y);
-    vec2 shelf = vec2(0.28, 0.42);
-    vec4 good = randoms(floor(along / shelf) + building + 99.0);
+    vec4 trade = randoms(vec2(floor(bay / 3.0) + 33.0, building * 61.0 + 12.0));  // what is sold: books, clothes on rails, furniture ..
+    vec2 shelf = trade.w < 0.35 ? vec2(0.28, 0.42) : trade.w < 0.7 ? vec2(0.09, 1.05) : vec2(0.9, 0.7);
+    vec3 paint = (0.19 + 0.2 * trade.x) * mix(vec3(1.08, 1.0, 0.9), vec3(0.93, 1.0, 1.03), trade.y);
+    vec4 good = randoms(floor(along / shelf) + building + 37.0 * floor(bay / 3.0) + 99.0);
     float top = fract(along.y / shelf.y), board = 1.0 - step(0.07, top);
     vec3 tone = mix(vec3(good.y), good.yzw * vec3(1.0, 0.85, 0.7), 0.4) * 0.34 + 0.03;
-    vec3 stock = top < 0.25 + 0.65 * good.x ? tone : vec3(0.10, 0.09, 0.08);
-    vec3 wall = along.y < 2.15 ? mix(stock, vec3(0.30, 0.27, 0.23), board) : vec3(0.30, 0.28, 0.25);
+    float reach = shelf.x < 0.1 ? 0.95 - top : top;  // clothes hang
+    vec3 stock = reach < 0.25 + 0.65 * good.x ? tone : paint * 0.35;
+    vec3 wall = along.y < 2.15 ? mix(stock, paint, board) : paint;
     bool lamp = abs(fract(hit.z / 1.6) - 0.5) < 0.1 && abs(fract(hit.x / 2.2) - 0.5) < 0.34;
     vec3 level = hit.y > 1.0 ? vec3(0.30) + (lamp ? 2.0 : 0.0) : vec3(0.19, 0.16, 0.13);
     Inside inside = Inside(hit.w == 1.0 ? level : wall, 0.22 / (1.0 + 0.12 * hit.z * hit.z));

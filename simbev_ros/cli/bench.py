@@ -84,7 +84,9 @@ def graph(
 @bench.command()
 def cameras(
     map_name: Annotated[str, typer.Option("--map", help="A town, or a file.")] = "Town03",
-    actors: Annotated[int, typer.Option(help="Half vehicles, half people on foot; riders come on top.", min=2)] = 100,
+    actors: Annotated[
+        int, typer.Option(help="Half vehicles, half people on foot; riders come on top.", min=2, max=20_000)
+    ] = 100,
     quality: Annotated[Quality | None, typer.Option(help="Of the colour images; all of them when omitted.")] = None,
     size: Annotated[str, typer.Option(help="Of every image, pixels.", metavar="WIDTHxHEIGHT")] = "1600x900",
     frames: Annotated[int, typer.Option(help="Frames to time; the median counts.", min=1, max=1000)] = 5,

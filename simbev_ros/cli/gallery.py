@@ -9,10 +9,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.cli.picture_size import picture_size_px
+from simbev_ros.cli.preview import make_room
 from simbev_ros.cli.scenes import map_roads, prepare_regions
 from simbev_ros.config.rendering import Quality
 from simbev_ros.config.rig import MODALITIES
-from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import known_maps
@@ -56,9 +56,7 @@ def make_gallery(
     specs = [map_spec(name, seed) for name in maps or known_maps()]
     street = next((spec for spec in specs if spec.name == STREET_MAP), specs[0])
     sections = _sections(specs, street)
-    taken = [path for section in sections for path in (_sheet(out, section), out / section.name) if path.exists()]
-    if taken and not overwrite:
-        raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")
+    make_room(out, [path for section in sections for path in (_sheet(out, section), out / section.name)], overwrite)
     for spec in specs:
         network = map_roads(spec, console)
         prepare_regions(spec, network, regions_of(network.layout, _reach(network)), console)

@@ -86,7 +86,7 @@ def make_preview(
             raise InputError(f"--frame {index}: {bag.name} has frames 0 to {count - 1}")
         picture, film = out / f"{bag.name}.png", out / f"{bag.name}.mp4"
         targets = [picture, film] if video else [picture]
-        _make_room(out, targets, overwrite)
+        make_room(out, targets, overwrite)
         write_picture(reader, index, picture)
         if video:
             with Progress(console=console, transient=True) as progress:
@@ -95,7 +95,8 @@ def make_preview(
     return targets
 
 
-def _make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
+def make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
+    """Make a folder in which none of the targets is; raises ``InputError``."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

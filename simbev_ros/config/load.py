@@ -98,8 +98,16 @@ def _validated(data: dict[str, Any], file: YamlFile, rig_file: YamlFile | None) 
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        lines = [_explain(entry, data, file, rig_file) for entry in error.errors()]
+        entries = _deepest(error.errors(), data)
+        lines = [_explain(entry, data, file, rig_file) for entry in entries]
         raise InputError("\n".join(dict.fromkeys(lines))) from None
+
+
+def _deepest(entries: Sequence[Any], data: Any) -> list[Any]:
+    """Pydantic's errors without those that only follow from an error in a part of the same thing."""
+    places = [tuple(_keys_in_data(entry["loc"], data)) for entry in entries]
+    above = {place[:depth] for place in places for depth in range(len(place))}
+    return [entry for entry, place in zip(entries, places, strict=True) if place not in above]
 
 
 def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -> str:
@@ -113,6 +121,10 @@ def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -
         message = f"unknown key{_suggestion(str(keys[-1]), entry['loc'], data)}"
     elif entry["type"] == "missing":
         message = "is missing"
+    elif entry["type"] == "too_short":
+        message = f"must have at least {entry['ctx']['min_length']} items, not {entry['ctx']['actual_length']}"
+    elif entry["type"] == "too_long":
+        message = f"must have at most {entry['ctx']['max_length']} items, not {entry['ctx']['actual_length']}"
     elif entry["type"] != "value_error":
         message = f"{message}, not {_shown(entry['input'])}"
     return f"{source.path}:{line}: {field + ': ' if field else ''}{message}"

@@ -10,6 +10,8 @@ from typing import Any
 import cv2
 import pytest
 
+from simbev_ros.maps.cache import default_cache_dir
+
 STREETS = """<osm version="0.6">
  <node id="1" lat="50.0" lon="8.0"/> <node id="2" lat="50.0" lon="8.002"/>
  <node id="3" lat="50.001" lon="8.001"/> <node id="4" lat="50.0" lon="8.001"/>
@@ -21,7 +23,9 @@ LAUGHS = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>\n<osm>&b;</o
 
 @pytest.fixture(scope="module", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Of maps, surroundings and models; shaders need not be compiled once more."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MESA_SHADER_CACHE_DIR", str(default_cache_dir().parent))
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         yield
 

@@ -65,6 +65,8 @@ def test_intrinsics_by_focal_length_and_by_field_of_view() -> None:
         (rig("{type: camera, name: a, rate_hz: 7}"), "sensor a: rate_hz 7 does not divide the tick rate 20 Hz"),
         (rig("{type: camera, name: a, fx_px: 900, horizontal_fov_deg: 70}"), "horizontal_fov_deg and fx_px are set"),
         (rig("{type: camera, name: a, cx_px: 300}"), "cx_px without fx_px"),
+        (rig("{type: camera, name: a, distortion: [1, 2]}"), r"\[0\].distortion: must have at least 5 items, not 2$"),
+        (rig("{type: camera, name: a, modalities: [radar]}"), r"\.yaml:\d+: [^\n]*modalities\[0\]: [^\n]*not 'radar'$"),
         (rig("{type: camera, name: a, fx_px: 20}"), r"fx_px 20, fy_px 20: .* 1600 x 900 .* more than 85°"),
         (rig("{type: camera, name: a, distortion: [1, 2]}"), r"rig.sensors\[0\].distortion: .*at least 5 items"),
         (

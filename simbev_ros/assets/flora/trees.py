@@ -16,12 +16,12 @@ _CONE = 0.8
 
 def round_tree(rng: np.random.Generator) -> Graded:
     """A broad-leaved street tree, about 9 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=420)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=400)
 
 
 def tall_tree(rng: np.random.Generator) -> Graded:
     """A tall, slender broad-leaved tree, about 13 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=430)
+    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=410)
 
 
 def small_tree(rng: np.random.Generator) -> Graded:
@@ -32,7 +32,7 @@ def small_tree(rng: np.random.Generator) -> Graded:
 def birch(rng: np.random.Generator) -> Graded:
     """A light-leaved tree, about 10 m high."""
     color = pick_color(rng, "light_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=340)
+    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=280)
 
 
 def olive(rng: np.random.Generator) -> Graded:

@@ -1,13 +1,22 @@
 #version 330
-// Lamps of vehicles by their light bits, traffic signals by their state, street lamps by the time of day, unless they are broken.
+// Reflective sheeting, and lamps: of vehicles by their light bits, traffic signals by their state, street lamps by the
+// time of day, unless they are broken.
 #include "enums"
 #include "lighting"
 #include "noise"
-uniform usampler2D rigid_actors;
+#include "number"
 uniform usampler2D signal_states;
 uniform sampler2D street_lamps;  // how strongly each shines when it is dark, 128 a line
 
+const float SHEETING_GAIN = 30.0;
 const vec2 FLUTE = vec2(0.026, 0.043);  // of lenses and the reflectors behind them, metres
+
+// Brightness of retroreflective sheeting: it sends the light of headlamps back to them, and to a camera near them.
+float retroreflected(vec3 position, vec3 to_camera) {
+    vec4 field = texture(beam_field, map_place(coarse_place(position)));
+    float towards = dot(field.xy, normalize(to_camera.xy)) / max(field.z, 1e-4);
+    return min(SHEETING_GAIN * field.z * smoothstep(0.95, 0.99, towards), 0.9);
+}
 
 float on(uint bits, uint mask) { return (bits & mask) != 0u ? 1.0 : 0.0; }
 
@@ -30,7 +39,10 @@ void main() {
     Pixel p = this_pixel();
     Surface s = surface_of(p);
     uint bits = texelFetch(rigid_actors, ivec2(p.row & 127u, p.row >> 7u), 0).y;
-    if (p.material <= MATERIAL_LAMP_EMERGENCY) {
+    if (p.material == MATERIAL_PLATE) {
+        s.albedo = numbered(s.albedo, p.uv, p.row, p.size);
+        if (lamps_lit() > 0.0) s.emission = s.albedo * retroreflected(p.position, p.to_camera);
+    } else if (p.material <= MATERIAL_LAMP_EMERGENCY) {
         vec2 flute = fract(p.uv / FLUTE) - 0.5;
         float apart = seen_apart(FLUTE.x, p.size), bulge = 1.0 - 4.0 * dot(flute, flute) * apart;
         vec3 along = normalize(cross(vec3(0.0, 0.0, 1.0), p.normal) + vec3(1e-4, 0.0, 0.0));

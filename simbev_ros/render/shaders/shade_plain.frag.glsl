@@ -1,22 +1,13 @@
 #version 330
-// Matt things: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, skin, hair, and reflective sheeting.
+// Matt things: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, skin and hair.
 #define MATT
 #include "enums"
 #include "lighting"
 #include "masonry"
 #include "noise"
-#include "number"
 
-const float SHEETING_GAIN = 30.0;
 const vec2 TILE = vec2(0.24, 0.32);
 const float SEAM = 1.0;  // between the sheets of flat roofs
-
-// Brightness of retroreflective sheeting: it sends the light of headlamps back to them, and to a camera near them.
-float retroreflected(vec3 position, vec3 to_camera) {
-    vec4 field = texture(beam_field, map_place(coarse_place(position)));
-    float towards = dot(field.xy, normalize(to_camera.xy)) / max(field.z, 1e-4);
-    return min(SHEETING_GAIN * field.z * smoothstep(0.95, 0.99, towards), 0.9);
-}
 
 // Length and height of one repetition of the noise, metres: stretched along what has a grain.
 vec2 grain_of(uint material) {
@@ -76,9 +67,6 @@ void main() {
         s.translucency = 0.15;
     } else if (p.material == MATERIAL_RUBBER) {
         s.albedo = mix(s.albedo, vec3(0.05, 0.047, 0.042), 0.3 + 0.4 * grain.a);  // dust of the road
-    } else if (p.material == MATERIAL_PLATE) {
-        s.albedo = numbered(s.albedo, p.uv, p.row, p.size);
-        if (lamps_lit() > 0.0) s.emission = s.albedo * retroreflected(p.position, p.to_camera);
     }
     s.albedo *= 1.0 - 0.25 * wetness() * max(p.normal.z, 0.0);
     shade(p, s);

@@ -165,8 +165,8 @@ def test_interrupt_closes_the_bag_and_exits_130(
 
 
 def test_stopped_node_is_named_when_it_has_been_silent_for_too_long(simbev: Simbev, small_config: Config) -> None:
-    command = simbev("run", small_config(60, "graph: {silence_timeout_s: 12}"))
-    command.wait_for(lambda: len(command.nodes()) == 5 and command.cpu_s("camera") > 6)
+    command = simbev("run", small_config(600, "graph: {silence_timeout_s: 12}"))
+    command.wait_for(lambda: len(command.nodes()) == 5 and command.cpu_s("annotator") > 4)
     os.kill(command.nodes()["annotator"], signal.SIGSTOP)
     code, output = command.finish(timeout_s=40)
     assert code == 1

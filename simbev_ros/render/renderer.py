@@ -78,7 +78,7 @@ class Renderer:
             self._background_for_lens = library.screen_pass("background.frag", LENS=1)
             self._shading = Shading(self._context, library, timer, self._on_gpu)
             self._lenses = Lenses(self._context, library)
-            self._shadow_map = ShadowMap(self._context)
+            self._shadow_map = ShadowMap(self._context, quality)
             self._sky_dome = SkyDome(self._context, library)
             self._lamp_field = LampField(self._context, library, static, VehicleLamps(models))
             self._contact_map = ContactMap(self._context, library)

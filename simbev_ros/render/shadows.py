@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
+from simbev_ros.config.rendering import QUALITIES, Quality
 from simbev_ros.render.actor_geometry import ActorGeometry
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.render.rigid_table import RigidTable
@@ -18,7 +19,7 @@ from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import Float64Array
 
-_SIZE_PX = 2048
+_SIZES_PX = (1024, 2048, 2048)  # of a square, by quality
 _DEPTH_HALF_M = 400.0
 _BLUR_M = 1.0
 """Shadows are looked up less than this away from the surface that they fall on."""
@@ -31,23 +32,23 @@ class Cascade:
     Attributes:
         half_m: Half its width.
         step_m: Its middle follows the ego in such steps.
-        left_px: Where it begins in the texture.
     """
 
     half_m: float
     step_m: float
-    left_px: int
 
 
-CASCADES = (Cascade(36.0, 6.0, 0), Cascade(150.0, 24.0, _SIZE_PX))
+CASCADES = (Cascade(36.0, 6.0), Cascade(150.0, 24.0))
+"""Side by side in the texture."""
 
 
 class ShadowMap:
     """The depth of the static world as the light sees it, and the same with actors added."""
 
-    def __init__(self, context: moderngl.Context) -> None:
+    def __init__(self, context: moderngl.Context, quality: Quality) -> None:
         self._context = context
-        size_px = (_SIZE_PX * len(CASCADES), _SIZE_PX)
+        self._square_px = _SIZES_PX[QUALITIES.index(quality)]
+        size_px = (self._square_px * len(CASCADES), self._square_px)
         # moderngl copies depth only along with a colour attachment, so there is one, unused.
         unused = context.renderbuffer(size_px, 1)
         depth = context.depth_texture(size_px)
@@ -81,7 +82,7 @@ class ShadowMap:
         for index, cascade in enumerate(CASCADES):
             drawn = (*centers_m[index], *direction)
             if self._drawn[index] != drawn:
-                self._begin(self._static, cascade)
+                self._begin(self._static, index)
                 self._static.clear(depth=1.0, viewport=self._static.viewport)
                 reach_m = cascade.half_m + _DEPTH_HALF_M / 2.0
                 static.draw_around("shadow", clip_from_center[index], centers_m[index], reach_m)
@@ -95,19 +96,19 @@ class ShadowMap:
         for index, cascade in enumerate(CASCADES):
             clip = clip_from_center[index].copy()
             clip[:, 3] += clip[:, :3] @ (origin_m - centers_m[index])
-            self._begin(self._all, cascade)
+            self._begin(self._all, index)
             across = table.center_m @ clip[:2, :3].T + clip[:2, 3]
             within = np.all(np.abs(across) < 1.0 + table.radius_m[:, None] / cascade.half_m, axis=1)
-            pixel_m = np.full(len(seen), 2.0 * cascade.half_m / _SIZE_PX)
+            pixel_m = np.full(len(seen), 2.0 * cascade.half_m / self._square_px)
             actors.draw("shadow", world, table, seen & within, pixel_m, clip_from_shadow=clip)
             clip_from_world.append(clip)
         return clip_from_world
 
-    @staticmethod
-    def _begin(framebuffer: moderngl.Framebuffer, cascade: Cascade) -> None:
+    def _begin(self, framebuffer: moderngl.Framebuffer, index: int) -> None:
         """Draw into one cascade's square."""
         framebuffer.use()
-        framebuffer.viewport = framebuffer.scissor = (cascade.left_px, 0, _SIZE_PX, _SIZE_PX)
+        square = (index * self._square_px, 0, self._square_px, self._square_px)
+        framebuffer.viewport = framebuffer.scissor = square
 
 
 def _clip_from_center(direction: Float64Array, half_m: float) -> Float64Array:

@@ -11,13 +11,13 @@ uniform sampler2D contact_map;
 out vec4 visibility;  // openness, sunlit, depth
 
 const int TAPS = QUALITY == 0 ? 4 : 6;
+const float TEXEL = QUALITY == 0 ? 2.0 : 1.0;  // of the shadow map, in those of the medium quality
 const int SHADOW_TAPS = QUALITY == 0 ? 1 : 2;
 const float REACH = 1.1;      // metres
 const mat2 TURN = mat2(-0.73737, 0.67549, -0.67549, -0.73737);  // from tap to tap: the golden angle
 const float BIAS = 0.002;     // of the depth, against the steps of flat surfaces
 const float STRENGTH = 4.0;
 const float SHADOW_EDGE = 0.99;
-const vec2 SHADOW_SIZE = vec2(4096.0, 2048.0);
 const float PENUMBRA = 1.6;   // texels of the shadow map
 
 vec3 optical_point(ivec2 texel) {
@@ -44,17 +44,18 @@ float openness(ivec2 texel, vec3 point, vec3 normal, vec2 aside) {
 float sunlit(vec3 position, vec3 normal, vec2 aside) {
     float facing = dot(normal, key_direction.xyz);
     float slope = sqrt(max(1.0 - facing * facing, 0.0));
-    vec3 near = (near_clip_from_world * vec4(position + normal * (0.02 + 0.05 * slope), 1.0)).xyz;
-    vec3 far = (far_clip_from_world * vec4(position + normal * (0.06 + 0.2 * slope), 1.0)).xyz;
+    vec3 near = (near_clip_from_world * vec4(position + normal * TEXEL * (0.02 + 0.05 * slope), 1.0)).xyz;
+    vec3 far = (far_clip_from_world * vec4(position + normal * TEXEL * (0.06 + 0.2 * slope), 1.0)).xyz;
     bool is_near = max(abs(near.x), abs(near.y)) < SHADOW_EDGE;
     vec3 place = 0.5 + 0.5 * (is_near ? near : far);
     bool outside = max(abs(far.x), abs(far.y)) > SHADOW_EDGE;
     place.x = 0.5 * place.x + (is_near ? 0.0 : 0.5);  // the squares lie side by side
-    place.z -= is_near ? 4e-5 : 1e-4;
+    place.z -= TEXEL * (is_near ? 4e-5 : 1e-4);
+    vec2 size = vec2(textureSize(shadow_map, 0));
     float light = 0.0;
     for (int tap = 0; tap < SHADOW_TAPS; ++tap) {
         vec2 offset = aside * (PENUMBRA * sqrt((float(tap) + 0.5) / float(SHADOW_TAPS)));
-        light += texture(shadow_map, place + vec3(offset / SHADOW_SIZE, 0.0));
+        light += texture(shadow_map, place + vec3(offset / size, 0.0));
         aside = TURN * aside;
     }
     return outside ? 1.0 : facing < -0.2 ? 0.0 : light / float(SHADOW_TAPS);

@@ -16,7 +16,7 @@ from simbev_ros.types import Int64Array, UInt32Array
 
 _LAYER_STEP = 1.0 / 16.0
 _SQUARE_PX = 32
-_MOST_SQUARES = 1 << 18
+_MOST_SQUARES = 1 << 20  # more than all classes need in an image of 8192 x 8192 pixels
 
 
 class ClassAreas(Protocol):

@@ -171,11 +171,15 @@ def _beam_rows(beams: Table) -> Float32Array:
 
 
 def _glow_rows(lamps: Table, stamp_ns: int) -> Float32Array:
-    """(N, 14) lamps that glow. Beacons, which shine all around, send two beams that turn."""
+    """(N, 14) lamps that glow. Beacons shine all around and turn; neighbours on a vehicle are half a turn apart."""
     rows = np.zeros((len(lamps), _ROW_FLOATS), np.float32)
     period_ns = round(1e9 / _BEACON_HZ)
-    turn = 2.0 * np.pi * ((stamp_ns % period_ns) / period_ns + 0.5 * (np.arange(len(lamps)) % 2))
-    beacon = (lamps["forward"] == 0.0)[:, None]
+    beacons = lamps["forward"] == 0.0
+    _, first, vehicle = np.unique(lamps["row"][beacons], return_index=True, return_inverse=True)
+    apart = np.zeros(len(lamps))
+    apart[beacons] = (np.arange(len(vehicle)) - first[vehicle]) % 2  # a vehicle's are neighbours
+    turn = 2.0 * np.pi * ((stamp_ns % period_ns) / period_ns + 0.5 * apart)
+    beacon = beacons[:, None]
     heading = np.where(beacon, np.stack([np.cos(turn), np.sin(turn)], axis=1), lamps["facing"][:, :2])
     reach_m = lamps["reach_m"][:, None]
     rows[:, :3], rows[:, 3:5] = lamps["at"], heading

@@ -1,23 +1,14 @@
 #version 330
 // A drop of rain on the lens: it falls, stays, slides down a little and is gone (render/rain.py).
 #include "view"
+#include "random_words"
 uniform float time;        // seconds
 uniform uint camera_seed;
 
 out vec2 v_place;          // in the drop, its rim at 1
 flat out vec4 v_middle;    // pixels; radius, pixels; opacity
 
-uvec4 words(uvec2 seed) {
-    uvec4 bits = uvec4(seed, seed.x ^ seed.y, seed.x + seed.y * 0x9E3779B9u) * 1664525u + 1013904223u;
-    for (int turn = 0; turn < 2; ++turn) {
-        bits.x += bits.y * bits.w;
-        bits.y += bits.z * bits.x;
-        bits.z += bits.x * bits.y;
-        bits.w += bits.y * bits.z;
-        bits ^= bits >> 16u;
-    }
-    return bits;
-}
+uvec4 words(uvec2 seed) { return random_words(uvec4(seed, seed.x ^ seed.y, seed.x + seed.y * 0x9E3779B9u)); }
 
 void main() {
     uint number = uint(gl_InstanceID) + camera_seed * 64u;

@@ -1,21 +1,9 @@
 // What lens and sensor do to the light: vignetting, shot and read noise.
 #include "film"
+#include "random_words"
 uniform float vignetting;  // exponent on cos⁴
 uniform vec2 electrons;    // that make white; variance of reading
 uniform uvec2 noise_seed;
-
-// Four random words of a pixel: PCG4D (Jarzynski, Olano 2020).
-uvec4 random_words(uvec4 bits) {
-    bits = bits * 1664525u + 1013904223u;
-    for (int turn = 0; turn < 2; ++turn) {
-        bits.x += bits.y * bits.w;
-        bits.y += bits.z * bits.x;
-        bits.z += bits.x * bits.y;
-        bits.w += bits.y * bits.z;
-        bits ^= bits >> 16u;
-    }
-    return bits;
-}
 
 // Three independent normal deviates of a pixel: Box, Muller.
 vec3 normal_deviates(uvec2 texel) {

@@ -65,6 +65,16 @@ def cast(
     return depth[rows, nearest], nearest, margin[rows, nearest]
 
 
+def triangles(now: WorldState) -> tuple[Float64Array, AnyArray]:
+    """(T, 3, 3) corners around the map's offset and (T,) tags of all that is seen; the other car's come last."""
+    posed = pose_actors([car()], now.actors[1:], np.array(MAP_OFFSET))
+    tiles = scene().tiles
+    corners = [(tile.mesh.vertices.astype(np.float64) + tile.origin_m)[tile.mesh.triangles] for tile in tiles]
+    corners.append(posed.vertices.astype(np.float64)[posed.triangles])
+    tags = np.concatenate([*(tile.mesh.triangle_tag for tile in tiles), car().mesh.triangle_tag])
+    return np.concatenate(corners), tags
+
+
 def vertex_snap_px() -> float:
     """GPUs move vertices to a grid of 1/256 pixel, which tilts the ground that they pass under the camera."""
     return 0.0 if "llvmpipe" in describe_renderer() else 1.0 / 256.0
@@ -73,17 +83,12 @@ def vertex_snap_px() -> float:
 def test_labels_and_depth_equal_brute_force_rays(renderer: Renderer) -> None:
     now = world(EGO, OTHER)
     images = draw(renderer, now)
-    ego_at = np.array(MAP_OFFSET)
-    posed = pose_actors([car()], now.actors[1:], ego_at)
-    tiles = scene().tiles
-    corners = [(tile.mesh.vertices.astype(np.float64) + tile.origin_m)[tile.mesh.triangles] for tile in tiles]
-    corners.append(posed.vertices.astype(np.float64)[posed.triangles])
-    tags = np.concatenate([*(tile.mesh.triangle_tag for tile in tiles), car().mesh.triangle_tag])
-    ids = np.concatenate([np.zeros(sum(len(c) for c in corners[:-1])), np.full(len(corners[-1]), 77)])
+    corners, tags = triangles(now)
+    ids = np.where(np.arange(len(tags)) < len(tags) - len(car().mesh.triangles), 0, 77)
 
     pose = map_from_optical(now)
     rays = pixel_rays(CAMERA) @ pose[:3, :3].T
-    depth, triangle, _ = cast(pose[:3, 3] - ego_at, rays, np.concatenate(corners))
+    depth, triangle, _ = cast(pose[:3, 3] - MAP_OFFSET, rays, corners)
     sky = np.isinf(depth)
     semantic = np.where(sky, Tag.SKY, tags[triangle]).reshape(90, 160)
     instance = np.where(sky, 0, ids[triangle]).reshape(90, 160)

@@ -4,9 +4,8 @@ import cv2
 import numpy as np
 import pytest
 from render_scene import car, front_pose, scene, world
-from test_labels import EGO, MAP_OFFSET, OTHER, cast, map_from_optical, pixel_rays, vertex_snap_px
+from test_labels import EGO, MAP_OFFSET, OTHER, cast, map_from_optical, pixel_rays, triangles, vertex_snap_px
 
-from simbev_ros.assets.posing import pose_actors
 from simbev_ros.config.optics import Exposure, Optics, SensorNoise
 from simbev_ros.config.rig import MODALITIES, Camera
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera, ideal_camera
@@ -33,15 +32,10 @@ def test_labels_and_depth_are_those_of_the_rays_that_the_lens_bends(renderer: Re
     now = world(EGO, OTHER)
     [images] = renderer.render([CameraView(camera, front_pose(), MODALITIES)], RenderFrame(now))
     assert images.semantic is not None and images.instance is not None and images.depth is not None
-    ego_at = np.array(MAP_OFFSET)
-    posed = pose_actors([car()], now.actors[1:], ego_at)
-    tiles = scene().tiles
-    corners = [(tile.mesh.vertices.astype(np.float64) + tile.origin_m)[tile.mesh.triangles] for tile in tiles]
-    corners.append(posed.vertices.astype(np.float64)[posed.triangles])
-    tags = np.concatenate([*(tile.mesh.triangle_tag for tile in tiles), car().mesh.triangle_tag])
+    corners, tags = triangles(now)
     pose = map_from_optical(now)
     rays = pixel_rays(camera) @ pose[:3, :3].T
-    depth, triangle, _ = cast(pose[:3, 3] - ego_at, rays, np.concatenate(corners))
+    depth, triangle, _ = cast(pose[:3, 3] - MAP_OFFSET, rays, corners)
     shape = images.depth.shape
     semantic = np.where(np.isinf(depth), Tag.SKY, tags[triangle]).reshape(shape)
     is_car = (triangle >= len(tags) - len(car().mesh.triangle_tag)) & np.isfinite(depth)

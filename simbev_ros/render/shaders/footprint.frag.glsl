@@ -7,6 +7,6 @@ out vec2 contact;
 void main() {
     vec2 soft = min(v_actor.xy, vec2(0.45));
     vec2 outside = max(abs(v_offset) - v_actor.xy + soft, 0.0) / (soft + 0.4);
-    float hidden = 0.8 * smoothstep(1.0, 0.0, length(outside));
+    float hidden = 0.8 * (1.0 - smoothstep(0.0, 1.0, length(outside)));
     contact = hidden * vec2(1.0, v_actor.z);
 }

@@ -16,6 +16,6 @@ void main() {
     for (int tap = 0; tap < 4; ++tap)
         color += 0.25 * textureLod(shaded, seen + blur * (vec2(tap & 1, tap >> 1) - 0.5), 0.0).rgb;
     color *= 1.0 - 0.45 * smoothstep(0.5, 1.0, distance2);
-    color += 0.10 * smoothstep(0.35, 0.0, length(v_place - vec2(-0.25, -0.45)));
-    rgb = vec4(color, v_middle.w * smoothstep(1.0, 0.72, distance2) * 0.85);
+    color += 0.10 * (1.0 - smoothstep(0.0, 0.35, length(v_place - vec2(-0.25, -0.45))));
+    rgb = vec4(color, v_middle.w * (1.0 - smoothstep(0.72, 1.0, distance2)) * 0.85);
 }

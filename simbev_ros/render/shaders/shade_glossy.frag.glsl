@@ -48,7 +48,7 @@ void main() {
         float colorful = max(p.albedo.r, max(p.albedo.g, p.albedo.b)) - min(p.albedo.r, min(p.albedo.g, p.albedo.b));
         s.albedo = mix(p.albedo, vec3(dot(p.albedo, LUMA)), 0.18 * clamp(colorful * 2.0, 0.0, 1.0)) * (0.62 + 0.34 * facing + flakes * 0.6);
         // Dust of the road on the lower flanks.
-        s.roughness += 0.25 * smoothstep(0.2, -0.3, p.normal.z);
+        s.roughness += 0.25 * (1.0 - smoothstep(-0.3, 0.2, p.normal.z));
     }
     shade(p, s);
 }

@@ -65,7 +65,7 @@ vec3 concrete(vec3 albedo, vec2 uv, vec3 normal, vec4 coarse, vec4 middle, vec4 
 vec3 grass(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float dry = smoothstep(0.45, 1.0, coarse.r * 0.5 + middle.a * 0.5);
     vec3 color = mix(albedo * vec3(0.56, 0.57, 0.54), albedo * vec3(0.84, 0.70, 0.66), 0.75 * dry);
-    float mown = (stripe_cover(uv.y / SWATH, 0.5, size / SWATH) - 0.5) * 0.14 * smoothstep(0.75, 0.35, middle.r);
+    float mown = (stripe_cover(uv.y / SWATH, 0.5, size / SWATH) - 0.5) * 0.14 * (1.0 - smoothstep(0.35, 0.75, middle.r));
     float blades = 0.75 * (fine.g - 0.5) + 0.65 * (fine.b - 0.5) + 0.35 * (middle.b - 0.5);
     vec3 straw = vec3(1.0 + 0.5 * max(fine.a - 0.7, 0.0), 1.0, 1.0 - 0.4 * max(fine.a - 0.7, 0.0));
     return color * max(1.0 + blades + mown, 0.15) * straw;
@@ -74,7 +74,7 @@ vec3 grass(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size
 // Rows of plants with bare soil between them; from afar only their mean is left.
 vec3 crop(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float across = uv.y / CROP_ROW + 0.35 * (middle.r - 0.5);
-    float soil = mix(0.36, smoothstep(0.12, 0.42, abs(fract(across) - 0.5)), smoothstep(0.6, 0.1, size / CROP_ROW));
+    float soil = mix(0.36, smoothstep(0.12, 0.42, abs(fract(across) - 0.5)), (1.0 - smoothstep(0.1, 0.6, size / CROP_ROW)));
     vec3 color = albedo * (0.45 + 0.3 * coarse.r + 0.55 * fine.g) * (0.9 + 0.2 * middle.a);
     return mix(color, vec3(0.105, 0.078, 0.052) * (0.6 + 0.8 * fine.g), 0.7 * soil);
 }

@@ -49,7 +49,7 @@ vec3 clad(vec3 wall, uint material, vec2 uv, float weather, float size) {
         return wall * (1.0 + tone) * (1.0 - 0.6 * joint_cover(uv + 0.015, vec2(BAY), 0.03, size));
     }
     if (material == MATERIAL_METAL_FACADE) {
-        float seen = smoothstep(0.5, 0.12, size / SHEET);
+        float seen = (1.0 - smoothstep(0.12, 0.5, size / SHEET));
         return wall * (1.0 + 0.22 * cos(6.2832 * uv.x / SHEET) * seen);
     }
     return wall;
@@ -101,7 +101,7 @@ void main() {
     vec3 wall = clad(p.albedo, p.material, p.uv, grain.a, p.size) * (0.84 + 0.20 * grain.r + 0.12 * grain.g);
     // Rain takes dirt down from the ends of sills, and throws it up at the foot.
     float below_sill = span_cover(place.x, o.low.x - 0.15, o.high.x + 0.15, 0.2) * smoothstep(o.low.y - 1.6, o.low.y - 0.1, place.y) * step(place.y, o.low.y);
-    float splashed = smoothstep(0.9, 0.0, p.uv.y) * above_ground;
+    float splashed = (1.0 - smoothstep(0.0, 0.9, p.uv.y)) * above_ground;
     float dirt = 0.30 * streaks * streaks + (punched ? 0.75 : 0.3) * below_sill * smoothstep(0.45, 0.95, streaks) + 0.7 * splashed * smoothstep(0.2, 0.9, grain.b);
     wall = mix(wall, DIRT, min(dirt * (office || shop ? 0.15 : 0.5), 0.6));
 

@@ -65,7 +65,7 @@ float sunlit(vec3 position, vec3 normal, vec2 aside) {
 float under_actors(vec3 position, vec3 normal) {
     vec2 contact = texture(contact_map, position.xy / (2.0 * noise_origin.w) + 0.5).xy;
     float above = abs(position.z - contact.y / max(contact.x, 1e-3));
-    return min(contact.x, 0.9) * smoothstep(0.8, 0.3, above) * smoothstep(0.5, 0.9, normal.z);
+    return min(contact.x, 0.9) * (1.0 - smoothstep(0.3, 0.8, above)) * smoothstep(0.5, 0.9, normal.z);
 }
 
 void main() {

@@ -24,7 +24,7 @@ Cabin cabin_of(uint tag, vec3 size) {
 float meets(vec3 from, vec3 ray, vec3 middle, vec3 radius) {
     vec3 to = (middle - from) / radius, way = ray / radius;
     float along = dot(to, way);
-    return along > 0.0 ? smoothstep(1.08, 0.84, dot(to, to) - along * along / dot(way, way)) : 0.0;
+    return along > 0.0 ? (1.0 - smoothstep(0.84, 1.08, dot(to, to) - along * along / dot(way, way))) : 0.0;
 }
 
 // Radiance of the inside. looks: of the actor, as render/rigid_table.py has them; beyond: radiance of what lies on the far side.
@@ -43,7 +43,7 @@ vec3 cabin_behind(Pixel p, uvec4 looks, vec3 beyond) {
     float least = max(min(ends.x, min(ends.y, ends.z)), 0.0);
     vec3 far = from + ray * least;
     vec3 head = vec3(cabin.high.x - 1.0, SEAT, mix(cabin.belt, cabin.high.z, 0.45));
-    float pillar = smoothstep(0.09, 0.06, abs(far.x - head.x + 0.25)) * step(ends.y, ends.x);
+    float pillar = (1.0 - smoothstep(0.06, 0.09, abs(far.x - head.x + 0.25))) * step(ends.y, ends.x);
     float window = smoothstep(-0.02, 0.02, far.z - cabin.belt) * step(least, min(ends.x, ends.y)) * (1.0 - pillar);
     if (ends.x < ends.y && ray.x < 0.0 && !cabin.has_rear_window) window = 0.0;
 

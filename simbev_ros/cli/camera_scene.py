@@ -8,9 +8,9 @@ from rich.console import Console
 from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.cli.scenes import build_surroundings, drawn_scenes
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.rig import Camera
 from simbev_ros.config.scenario import MapScenes, Timing, Traffic, WeatherConfig
 from simbev_ros.maps.build import load_network
 from simbev_ros.scene.lights import LightSpec

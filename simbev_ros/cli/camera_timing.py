@@ -11,8 +11,8 @@ from statistics import median
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.cli.camera_scene import CameraScene
 from simbev_ros.cli.mujoco_scene import MujocoScene, has_mujoco
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.rendering import Quality
-from simbev_ros.config.rig import Camera
 from simbev_ros.render.context import describe_context, open_context
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer

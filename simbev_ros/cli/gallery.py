@@ -11,8 +11,8 @@ from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.cli.preview import make_room
 from simbev_ros.cli.scenes import map_roads, prepare_regions
+from simbev_ros.config.camera import MODALITIES
 from simbev_ros.config.rendering import Quality
-from simbev_ros.config.rig import MODALITIES
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import known_maps

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import yaml
 
-from simbev_ros.config.rig import Camera, Gnss, Imu, Lidar
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.scenario import Scenario
 
 _Parameters = Mapping[str, object]

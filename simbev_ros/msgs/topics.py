@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from simbev_ros.config.rig import Camera, Gnss, Imu, Lidar, Modality
+from simbev_ros.config.camera import Camera, Modality
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.scene.spec import SceneSpec
 
 CLOCK = "/clock"

@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.config.rig import Camera
+from simbev_ros.config.camera import Camera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.qos import qos_of, rclpy_qos

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.assets.catalogue import load_models
+from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import QUALITIES, Device, Quality, Rendering
-from simbev_ros.config.rig import Camera, Modality
 from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import InputError
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message

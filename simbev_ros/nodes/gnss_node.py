@@ -2,7 +2,7 @@
 
 from sensor_msgs.msg import NavSatFix
 
-from simbev_ros.config.rig import Gnss
+from simbev_ros.config.positioning import Gnss
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.build import load_datum
 from simbev_ros.msgs.motion import fix_message

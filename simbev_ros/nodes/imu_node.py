@@ -2,7 +2,7 @@
 
 from sensor_msgs.msg import Imu as ImuMessage
 
-from simbev_ros.config.rig import Imu
+from simbev_ros.config.positioning import Imu
 from simbev_ros.msgs.motion import imu_message
 from simbev_ros.msgs.topics import Topic
 from simbev_ros.nodes.participant import Participant

@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.config.rig import Camera, Gnss, Imu, Lidar, Rig
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.rig import Rig
 from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import locate_mcap
 from simbev_ros.recording.reader import SceneBag, Topic

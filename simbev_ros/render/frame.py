@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
+from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.optics import IDEAL_OPTICS, Optics
-from simbev_ros.config.rig import Camera, Modality
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
+from simbev_ros.config.camera import Modality
 from simbev_ros.config.optics import Optics
-from simbev_ros.config.rig import Modality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.frame import CameraView
 from simbev_ros.render.programs import TEXTURE_UNITS, ProgramLibrary, draw_screen

@@ -9,8 +9,8 @@ import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.config.camera import Modality
 from simbev_ros.config.rendering import Quality
-from simbev_ros.config.rig import Modality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
 from simbev_ros.render.contact import HALF_M, ContactMap

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from simbev_ros.config.rig import Modality
+from simbev_ros.config.camera import Modality
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.types import AnyArray, UInt32Array
 

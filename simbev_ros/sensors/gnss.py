@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.config.rig import Gnss
+from simbev_ros.config.positioning import Gnss
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.config.rig import Imu
+from simbev_ros.config.positioning import Imu
 from simbev_ros.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState, map_from_actors

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.assets.materials import load_materials
-from simbev_ros.config.rig import Lidar
+from simbev_ros.config.lidar import Lidar
 from simbev_ros.random import stream
 from simbev_ros.raycast.scene import Hits, RayScene
 from simbev_ros.scene.state import WorldState

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.config.rig import Pose
+from simbev_ros.config.sensor import Pose
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.types import Float64Array, Table
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import yaml
 
-from simbev_ros.config.rig import MODALITIES
+from simbev_ros.config.camera import MODALITIES
 from simbev_ros.errors import InputError
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import UInt8Array

@@ -7,8 +7,8 @@ import numpy as np
 
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.config.camera import Modality
 from simbev_ros.config.rendering import Quality
-from simbev_ros.config.rig import Modality
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.maps.network import RoadNetwork

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.rig import Camera
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 

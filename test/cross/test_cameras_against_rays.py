@@ -11,7 +11,8 @@ from camera_truth import Agreement, Triangles, agreement, truth_of
 
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.static_cache import load_static_scene
-from simbev_ros.config.rig import MODALITIES, Rig
+from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy

@@ -18,7 +18,8 @@ from simbev_ros.annotation.levels import Levels
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.config.rig import Camera, Lidar
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply
 from simbev_ros.maps.build import load_network

@@ -9,7 +9,7 @@ from render_scene import CAMERA, NOON, box, car, front_pose, plane, world
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, Tile
-from simbev_ros.config.rig import MODALITIES
+from simbev_ros.config.camera import MODALITIES
 from simbev_ros.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.hidden import Occluders

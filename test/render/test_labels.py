@@ -7,7 +7,7 @@ from render_scene import CAMERA, car, front_pose, plane, scene, world
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.assets.static_scene import StaticScene, Tile
-from simbev_ros.config.rig import MODALITIES
+from simbev_ros.config.camera import MODALITIES
 from simbev_ros.errors import RenderError
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy

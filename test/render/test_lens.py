@@ -6,8 +6,8 @@ import pytest
 from render_scene import car, front_pose, scene, world
 from test_labels import EGO, MAP_OFFSET, OTHER, cast, map_from_optical, pixel_rays, triangles, vertex_snap_px
 
+from simbev_ros.config.camera import MODALITIES, Camera
 from simbev_ros.config.optics import Exposure, Optics, SensorNoise
-from simbev_ros.config.rig import MODALITIES, Camera
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera, ideal_camera
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.render.frame import CameraView, RenderFrame

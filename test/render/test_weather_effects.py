@@ -12,7 +12,7 @@ from render_scene import CAMERA, NOON, box, car, front_pose, plane, scene, world
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, Tile
-from simbev_ros.config.rig import MODALITIES
+from simbev_ros.config.camera import MODALITIES
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.render.context import open_context

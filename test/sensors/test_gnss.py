@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from synthetic_world import actor, box_model, world
 
-from simbev_ros.config.rig import Gnss, Pose
+from simbev_ros.config.positioning import Gnss
+from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.gnss import measure_gnss

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic_world import TICK_NS, actor, box_model, world
 
-from simbev_ros.config.rig import Imu, Pose
+from simbev_ros.config.positioning import Imu
+from simbev_ros.config.sensor import Pose
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.imu import GRAVITY_MPS2, ImuSample, measure_imu
 

@@ -5,7 +5,8 @@ from synthetic_world import EGO_ID, actor, box, box_model, cart_model, mesh, she
 from simbev_ros.assets.materials import Material, load_materials
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.config.rig import Lidar, Pose
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.state import WorldState, map_from_actors

@@ -9,7 +9,11 @@ from synthetic_world import mesh, static_scene
 from world_scenes import TICK_S, blocks, scene
 
 from simbev_ros.assets.catalogue import load_models
-from simbev_ros.config.rig import Camera, Imu, Lidar, Pose, Rig
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.positioning import Imu
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Strip

@@ -1,0 +1,99 @@
+"""Cameras: intrinsics, lens and sensor, modalities."""
+
+import math
+from dataclasses import asdict
+from functools import lru_cache
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from simbev_ros.config.optics import Optics
+from simbev_ros.config.sensor import Sensor
+from simbev_ros.errors import InputError
+from simbev_ros.geometry.camera import WIDEST_RAD, LensCamera, PinholeCamera
+
+Modality = Literal["rgb", "semantic", "instance", "depth", "flow"]
+MODALITIES: tuple[Modality, ...] = ("rgb", "semantic", "instance", "depth", "flow")
+
+_FIELD_OF_VIEW_DEG = 80.0
+
+
+class Camera(Sensor, Optics):
+    """A camera with up to five modalities.
+
+    Its intrinsics are a horizontal field of view, or a focal length with all else that differs from the default.
+    """
+
+    type: Literal["camera"]
+    width_px: int = Field(1600, ge=16, le=8192)
+    height_px: int = Field(900, ge=16, le=8192)
+    horizontal_fov_deg: float | None = Field(
+        None, gt=1, lt=170, description="from edge to edge, without distortion; 80 if fx_px is not set either"
+    )
+    fx_px: float | None = Field(None, gt=0, le=1e6, description="focal length, instead of horizontal_fov_deg")
+    fy_px: float | None = Field(None, gt=0, le=1e6, description="with fx_px; None: the same")
+    cx_px: float | None = Field(None, ge=-8192, le=16384, description="with fx_px; None: (width_px - 1) / 2")
+    cy_px: float | None = Field(None, ge=-8192, le=16384, description="with fx_px; None: (height_px - 1) / 2")
+    distortion: tuple[Annotated[float, Field(ge=-100, le=100)], ...] = Field(
+        (0.0,) * 5,
+        min_length=5,
+        max_length=5,
+        description="k1, k2, p1, p2, k3 of plumb_bob (sensor_msgs/CameraInfo, OpenCV)",
+    )
+    modalities: tuple[Modality, ...] = Field(MODALITIES, min_length=1)
+
+    @model_validator(mode="after")
+    def _modalities_once(self) -> Self:
+        if len(set(self.modalities)) != len(self.modalities):
+            raise ValueError(f"modalities: each at most once, not {list(self.modalities)}")
+        return self
+
+    @model_validator(mode="after")
+    def _one_kind_of_intrinsics(self) -> Self:
+        given = [name for name in ("fx_px", "fy_px", "cx_px", "cy_px") if getattr(self, name) is not None]
+        if given and self.horizontal_fov_deg is not None:
+            raise ValueError(f"horizontal_fov_deg and {', '.join(given)} are set: give one or the other")
+        if given and self.fx_px is None:
+            raise ValueError(f"{', '.join(given)} without fx_px, which is to be set with them")
+        return self
+
+    @model_validator(mode="after")
+    def _within_85_degrees(self) -> Self:
+        try:
+            camera = self.model
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        edges = camera.rays(np.array([[-0.5, -0.5], [self.width_px - 0.5, self.height_px - 0.5]]))[:, :2]
+        if np.abs(edges).max() > math.tan(WIDEST_RAD):
+            raise ValueError(
+                f"fx_px {camera.fx_px:g}, fy_px {camera.fy_px:g}: a pixel of an image of {self.width_px} x "
+                f"{self.height_px} would look more than 85° away from the optical axis; take a greater focal length"
+            )
+        return self
+
+    @property
+    def model(self) -> PinholeCamera:
+        """The camera's geometry: a ``LensCamera`` if it distorts."""
+        ideal = self._pinhole()
+        return _lens_camera(ideal, self.distortion) if any(self.distortion) else ideal
+
+    def _pinhole(self) -> PinholeCamera:
+        width_px, height_px = self.width_px, self.height_px
+        if self.fx_px is None:
+            fov_deg = _FIELD_OF_VIEW_DEG if self.horizontal_fov_deg is None else self.horizontal_fov_deg
+            return PinholeCamera.from_field_of_view(width_px, height_px, math.radians(fov_deg))
+        return PinholeCamera(
+            width_px,
+            height_px,
+            self.fx_px,
+            self.fx_px if self.fy_px is None else self.fy_px,
+            (width_px - 1) / 2.0 if self.cx_px is None else self.cx_px,
+            (height_px - 1) / 2.0 if self.cy_px is None else self.cy_px,
+        )
+
+
+@lru_cache(maxsize=64)
+def _lens_camera(ideal: PinholeCamera, distortion: tuple[float, ...]) -> LensCamera:
+    """The camera with distortion; its check takes a millisecond."""
+    return LensCamera(**asdict(ideal), distortion=distortion)

@@ -1,0 +1,41 @@
+"""What all sensors share: a name, a place on the agent, a rate."""
+
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from simbev_ros.config.base import Model
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.types import Float64Array
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
+"""A part of a topic and of a frame."""
+
+
+class Pose(Model):
+    """Pose of a sensor in the ego frame: x forward, y left, z up, origin at the ground below the box's centre."""
+
+    x_m: float = Field(0.0, ge=-20, le=20)
+    y_m: float = Field(0.0, ge=-20, le=20)
+    z_m: float = Field(0.0, ge=-5, le=20)
+    roll_deg: float = Field(0.0, ge=-180, le=180)
+    pitch_deg: float = Field(0.0, ge=-180, le=180, description="positive looks down (REP-103)")
+    yaw_deg: float = Field(0.0, ge=-180, le=180, description="positive looks left (REP-103)")
+
+    @cached_property
+    def ego_from_sensor(self) -> Float64Array:
+        """(4, 4) transform; for cameras the sensor frame is the body frame (x forward), not the optical one."""
+        return matrices_from_xyz_rpy(
+            np.array([self.x_m, self.y_m, self.z_m]),
+            np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg]),
+        )
+
+
+class Sensor(Model):
+    """What all sensors share."""
+
+    name: Name
+    pose: Pose = Pose()
+    rate_hz: float | None = Field(None, gt=0, le=1000, description="None: at every tick")

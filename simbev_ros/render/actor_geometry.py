@@ -1,4 +1,4 @@
-"""The actors on the GPU: all models, each in several levels of detail, in one vertex array that is drawn in pieces.
+"""The actors on the GPU: all models, each in several levels of detail, in one store.
 
 An actor's level follows from the world and the view alone. Poses come from the table of rigid parts.
 """
@@ -9,15 +9,14 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.mesh import Mesh
 from simbev_ros.render.hidden import Look
 from simbev_ros.render.rigid_table import RigidTable
-from simbev_ros.render.vertices import upload_mesh
+from simbev_ros.render.triangle_store import TriangleStore
 from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-_MAX_INSTANCES = 4096
+_INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
 _ERROR_PX = 0.5
 """How far coarser meshes may be from the exact one."""
 
@@ -34,13 +33,12 @@ class ActorGeometry:
         """Upload the models for use with ``programs``."""
         coarser = [model.build_coarser() for model in models]
         meshes = [[model.mesh, *(level.mesh for level in more)] for model, more in zip(models, coarser, strict=True)]
-        self._instances = context.buffer(reserve=4 * _MAX_INSTANCES)
-        merged = Mesh.merged([mesh for levels in meshes for mesh in levels])
-        self._arrays = upload_mesh(context, merged, programs, self._instances)
-        counts = [[3 * len(mesh.triangles) for mesh in levels] for levels in meshes]
-        ends = iter(np.cumsum([count for levels in counts for count in levels]).tolist())
-        self._pieces = [[(next(ends) - count, count) for count in levels] for levels in counts]
-        self._errors_m = np.full((len(models), max(map(len, meshes), default=1)), np.inf)
+        self.store = TriangleStore(context, [mesh for levels in meshes for mesh in levels], programs, _INSTANCE_DTYPE)
+        self._counts = np.zeros((len(models), max(map(len, meshes), default=1)), np.int64)
+        for row, levels in zip(self._counts, meshes, strict=True):
+            row[: len(levels)] = [len(mesh.triangles) for mesh in levels]
+        self._ends = np.cumsum(self._counts).reshape(self._counts.shape)
+        self._errors_m = np.full(self._counts.shape, np.inf)
         for row, more in zip(self._errors_m, coarser, strict=True):
             row[: 1 + len(more)] = [0.0, *(level.error_m for level in more)]
 
@@ -63,16 +61,14 @@ class ActorGeometry:
             pixel_m: (N,) the size of a pixel where they are.
             matrices: The program's uniforms, (4, 4).
         """
-        array = self._arrays[program]
         for name, matrix in matrices.items():
-            array.program[name].write(matrix.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
-        blueprints, levels = world.actors["blueprint"][chosen], self._levels(world, pixel_m)[chosen]
-        rows = table.first_row[chosen].astype(np.uint32)
-        for blueprint, level in np.unique(np.stack([blueprints, levels], axis=1), axis=0).tolist():
-            alike = rows[(blueprints == blueprint) & (levels == level)]
-            first, count = self._pieces[blueprint][level]
-            self._instances.write(alike.tobytes())
-            array.render(vertices=count, first=first, instances=len(alike))
+            self.store.program(program)[name].write(matrix.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
+        kinds = np.stack([world.actors["blueprint"][chosen], self._levels(world, pixel_m)[chosen]], axis=1)
+        alike, counts = np.unique(kinds, axis=0, return_counts=True)
+        instances = np.empty(len(kinds), _INSTANCE_DTYPE)
+        instances["in_row"] = table.first_row[chosen][np.lexsort(kinds.T[::-1])]
+        ends = self._ends[*alike.T]
+        self.store.draw(program, ends - self._counts[*alike.T], ends, counts, instances)
 
     def _levels(self, world: WorldState, pixel_m: Float64Array) -> Int64Array:
         """(N,) the coarsest level of each actor that may be drawn."""

@@ -9,7 +9,8 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from simbev_ros.render.programs import ProgramLibrary, draw_screen
+from simbev_ros.render.programs import ProgramLibrary
+from simbev_ros.render.screen_pass import ScreenPass
 from simbev_ros.render.surfaces import shading_classes
 from simbev_ros.render.targets import Targets
 from simbev_ros.types import Int64Array, UInt32Array
@@ -20,64 +21,50 @@ _MOST_SQUARES = 1 << 20  # more than all classes need in an image of 8192 x 8192
 
 
 class ClassAreas(Protocol):
-    """Draws the shaders of shading classes, which are numbered, on the pixels of their class."""
+    """Makes shaders of shading classes, which are numbered, run on the pixels of their class."""
 
-    def surface_pass(self, fragment: str, **constants: float) -> moderngl.VertexArray:
-        """The program of a fragment shader, for ``draw``."""
+    def surface_pass(self, fragment: str, number: int, **constants: float) -> ScreenPass:
+        """A fragment shader for the pixels of a class, of framebuffers as large as ``targets.surfaces`` of ``find``."""
         ...
 
     def find(self, targets: Targets) -> None:
-        """Find the classes in the G-buffer, which must be bound. ``targets.surfaces`` is in use then."""
-        ...
-
-    def draw(self, surface_pass: moderngl.VertexArray, number: int) -> None:
-        """Draw on the pixels of a class, into the framebuffer in use, which has the depth of ``targets.surfaces``."""
+        """Find the classes in the G-buffer, which must be bound."""
         ...
 
 
-def class_areas(context: moderngl.Context, library: ProgramLibrary, on_gpu: bool) -> ClassAreas:
-    """What is faster there."""
-    return _WholeScreen(context, library) if on_gpu else _Squares(context, library)
+def class_areas(context: moderngl.Context, library: ProgramLibrary) -> ClassAreas:
+    """What fits the library's screen passes."""
+    return _Computed(library) if library.computes else _Squares(context, library)
 
 
-class _WholeScreen:
-    """Every shader is drawn over the whole screen."""
+class _Computed:
+    """Every shader runs over the whole screen and looks up each pixel's class first, which costs a GPU little."""
 
-    def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
-        self._context, self._library = context, library
-        self._classify = library.screen_pass("classify.frag")
-        self._classify.program["layer_step"] = _LAYER_STEP
+    def __init__(self, library: ProgramLibrary) -> None:
+        self._library = library
 
-    def surface_pass(self, fragment: str, **constants: float) -> moderngl.VertexArray:
-        return self._library.screen_pass(fragment, **constants)
+    def surface_pass(self, fragment: str, number: int, **constants: float) -> ScreenPass:
+        flag = "uint(texelFetch(g_color, pixel * SHADING_STEP, 0).a * 255.0 + 0.5)"
+        return self._library.screen_pass(fragment, f"{flag} == {1 << number}u", **constants)
 
     def find(self, targets: Targets) -> None:
-        targets.surfaces.use()
-        self._context.enable_only(moderngl.DEPTH_TEST)
-        self._context.depth_func = "1"
-        draw_screen(self._classify)
-        self._context.depth_func = "=="
-
-    def draw(self, surface_pass: moderngl.VertexArray, number: int) -> None:
-        self._context.enable_only(moderngl.DEPTH_TEST)
-        draw_screen(surface_pass, (number + 0.5) * _LAYER_STEP)
+        """There is nothing to find."""
 
 
 class _Squares:
-    """Every shader is drawn on the squares where its class is. Those of one class alone need no depth test."""
+    """The screen in squares. The depth of ``targets.surfaces`` tells the classes apart in squares that hold several."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context, self._library = context, library
         self._squares = context.buffer(reserve=4 * _MOST_SQUARES, dynamic=True)
-        self._classify = self.surface_pass("classify.frag")
+        self._classify = self._array("classify.frag")
         self._classify.program["layer_step"] = _LAYER_STEP
         self._size_px, self._square_px = (1, 1), 1
         self._pure: list[range] = []
         self._mixed: list[range] = []
 
-    def surface_pass(self, fragment: str, **constants: float) -> moderngl.VertexArray:
-        program = self._library.load("square.vert", fragment, None, **constants)
-        return self._context.vertex_array(program, [(self._squares, "2u2", "in_square")])
+    def surface_pass(self, fragment: str, number: int, **constants: float) -> ScreenPass:
+        return _SquaresPass(self, self._array(fragment, **constants), number)
 
     def find(self, targets: Targets) -> None:
         self._size_px = targets.surfaces.size
@@ -105,17 +92,35 @@ class _Squares:
         self._draw(self._classify, ranges[0], 0.0)
         self._context.depth_func = "=="
 
-    def draw(self, surface_pass: moderngl.VertexArray, number: int) -> None:
+    def draw(self, array: moderngl.VertexArray, number: int) -> None:
+        """Draw into the framebuffer in use, on the pixels of a class."""
         self._context.enable_only(moderngl.PROGRAM_POINT_SIZE)
-        self._draw(surface_pass, self._pure[number], 0.0)
+        self._draw(array, self._pure[number], 0.0)
         self._context.enable_only(moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
-        self._draw(surface_pass, self._mixed[number], (number + 0.5) * _LAYER_STEP)
+        self._draw(array, self._mixed[number], (number + 0.5) * _LAYER_STEP)
+        self._context.enable_only(moderngl.NOTHING)
 
-    def _draw(self, surface_pass: moderngl.VertexArray, squares: range, layer: float) -> None:
+    def _array(self, fragment: str, **constants: float) -> moderngl.VertexArray:
+        program = self._library.load("square.vert", fragment, None, **constants)
+        return self._context.vertex_array(program, [(self._squares, "2u2", "in_square")])
+
+    def _draw(self, array: moderngl.VertexArray, squares: range, layer: float) -> None:
         if squares:
-            program = surface_pass.program
+            program = array.program
             program["layer"], program["target_px"], program["square_px"] = layer, self._size_px, self._square_px
-            surface_pass.render(moderngl.POINTS, vertices=len(squares), first=squares.start)
+            array.render(moderngl.POINTS, vertices=len(squares), first=squares.start)
+
+
+class _SquaresPass:
+    """A ``ScreenPass`` on the squares of one class."""
+
+    def __init__(self, areas: _Squares, array: moderngl.VertexArray, number: int) -> None:
+        self.program = array.program
+        self._areas, self._array, self._number = areas, array, number
+
+    def draw(self, target: moderngl.Framebuffer) -> None:
+        target.use()
+        self._areas.draw(self._array, self._number)
 
 
 def _starts(size_px: int, square_px: int) -> Int64Array:

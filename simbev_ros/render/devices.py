@@ -4,6 +4,7 @@ import ctypes
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from simbev_ros.errors import RenderError
@@ -43,6 +44,11 @@ class EglDevice:
     software: bool
     file: str | None = None
 
+    @property
+    def may_be_opened(self) -> bool:
+        """Whether this user has the right to, as far as can be told."""
+        return self.file is None or not Path(self.file).exists() or os.access(self.file, os.R_OK | os.W_OK)
+
 
 def list_devices() -> tuple[EglDevice, ...]:
     """All devices in the order of their numbers; GPUs mostly come before the software renderer.
@@ -69,6 +75,16 @@ def software_wanted() -> str | None:
             return f"{name}={os.environ[name]}"
     value = os.environ.get("LIBGL_ALWAYS_SOFTWARE", "")
     return None if value.lower() in _OFF else f"LIBGL_ALWAYS_SOFTWARE={value}"
+
+
+def count_gpus() -> int:
+    """How many GPUs there are that this user may open, each once, even if several drivers know it.
+
+    Raises:
+        RenderError: As ``list_devices``.
+    """
+    gpus = [device for device in list_devices() if not device.software]
+    return len({gpu.file or gpu.index for gpu in gpus if gpu.may_be_opened})
 
 
 def is_software(renderer: str) -> bool:

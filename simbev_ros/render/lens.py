@@ -15,7 +15,8 @@ from simbev_ros.config.camera import Modality
 from simbev_ros.config.optics import Optics
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.frame import CameraView
-from simbev_ros.render.programs import TEXTURE_UNITS, ProgramLibrary, draw_screen
+from simbev_ros.render.programs import TEXTURE_UNITS, ProgramLibrary
+from simbev_ros.render.screen_pass import ScreenPass
 from simbev_ros.render.targets import Image, Targets
 
 _GEOMETRIC: tuple[Modality, ...] = ("semantic", "instance", "depth", "flow")
@@ -29,7 +30,7 @@ class Lenses:
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         """Take where and with what to draw."""
         self._context, self._library = context, library
-        self._passes: dict[str, moderngl.VertexArray] = {}
+        self._passes: dict[str, ScreenPass] = {}
         self._rays: dict[LensCamera, moderngl.Texture] = {}
         self._geometry: dict[tuple[int, int], moderngl.Framebuffer] = {}
         self._color: dict[tuple[int, int], moderngl.Framebuffer] = {}
@@ -54,8 +55,7 @@ class Lenses:
         program["lens_radial"] = k1, k2, k3, camera.widest
         program["lens_tangential"] = p1, p2
         self._bind_rays(camera)
-        target.use()
-        draw_screen(screen_pass)
+        screen_pass.draw(target)
         return target
 
     def _draw_color(self, view: CameraView, ideal: moderngl.Framebuffer) -> moderngl.Framebuffer:
@@ -73,8 +73,7 @@ class Lenses:
         assert isinstance(image, moderngl.Texture)
         image.use(TEXTURE_UNITS["ideal_rgb"])
         target = self._target(self._color, camera, [(4, "f1")])
-        target.use()
-        draw_screen(screen_pass)
+        screen_pass.draw(target)
         return target
 
     def _bind_rays(self, camera: LensCamera) -> None:
@@ -87,11 +86,11 @@ class Lenses:
             self._rays[camera].filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._rays[camera].use(TEXTURE_UNITS["lens_rays"])
 
-    def _pass(self, fragment: str, **constants: bool) -> moderngl.VertexArray:
+    def _pass(self, fragment: str, **constants: bool) -> ScreenPass:
         key = f"{fragment} {constants}"
         if key not in self._passes:
             macros = {name: int(value) for name, value in constants.items()}
-            self._passes[key] = self._library.screen_pass(fragment, **macros)
+            self._passes[key] = self._library.screen_pass(fragment, "true", **macros)
         return self._passes[key]
 
     def _target(
@@ -108,7 +107,7 @@ class Lenses:
         return targets[size_px]
 
 
-def _set_sensor(program: moderngl.Program, optics: Optics, noise_seed: int) -> None:
+def _set_sensor(program: moderngl.Program | moderngl.ComputeShader, optics: Optics, noise_seed: int) -> None:
     """Set the uniforms of shaders/include/lens.glsl."""
     program["vignetting"] = optics.vignetting
     noise = optics.noise

@@ -9,6 +9,7 @@ import moderngl
 from simbev_ros.assets.materials import Material
 from simbev_ros.config.rendering import QUALITIES, Quality
 from simbev_ros.render.failures import not_compiled
+from simbev_ros.render.screen_pass import ComputedPass, DrawnPass, ScreenPass, compute_source
 from simbev_ros.scene.state import Light, SignalState
 from simbev_ros.semantics import Tag
 
@@ -41,6 +42,8 @@ TEXTURE_UNITS = {
             "g_edges",
             "lens_rays",
             "ideal_rgb",
+            "triangle_ids",
+            "triangle_depth",
         )
     )
 }
@@ -71,9 +74,11 @@ class ProgramLibrary:
     1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` belong to it.
     """
 
-    def __init__(self, context: moderngl.Context, quality: Quality = "medium") -> None:
+    def __init__(self, context: moderngl.Context, quality: Quality = "medium", *, computes: bool = False) -> None:
+        """Compile for a quality; ``computes``: run screen passes as compute shaders."""
         self._context = context
         self.quality = quality
+        self.computes = computes
         self._folder = files("simbev_ros.render").joinpath("shaders")
 
     def load(self, vertex: str, fragment: str, geometry: str | None = None, **constants: float) -> moderngl.Program:
@@ -90,17 +95,32 @@ class ProgramLibrary:
             )
         except moderngl.Error as error:
             raise not_compiled(self._context, f"shaders {vertex}, {fragment}", error) from None
-        for name in program:
-            member = program[name]
-            if isinstance(member, moderngl.UniformBlock):
-                member.binding = BLOCK_BINDINGS[name]
-            elif name in TEXTURE_UNITS and isinstance(member, moderngl.Uniform):
-                member.value = TEXTURE_UNITS[name]
+        _wire(program)
         return program
 
-    def screen_pass(self, fragment: str, **constants: float) -> moderngl.VertexArray:
-        """A fragment shader to be run on every pixel: draw it with ``draw_screen``."""
-        return self._context.vertex_array(self.load("screen", fragment, None, **constants), [])
+    def screen_pass(self, fragment: str, condition: str = "true", **constants: float) -> ScreenPass:
+        """A fragment shader to be run on every pixel.
+
+        Args:
+            fragment: Its name, without ``.glsl``.
+            condition: GLSL; where it does not hold, a compute shader leaves pixels as they are.
+            constants: Macros.
+
+        Raises:
+            RenderError: The driver does not compile it.
+        """
+        if not self.computes:
+            return self.drawn_pass(fragment, **constants)
+        try:
+            program = self._context.compute_shader(compute_source(self._source(fragment, constants), condition))
+        except moderngl.Error as error:
+            raise not_compiled(self._context, f"shader {fragment}", error) from None
+        _wire(program)
+        return ComputedPass(self._context, program)
+
+    def drawn_pass(self, fragment: str, **constants: float) -> DrawnPass:
+        """A fragment shader to be run on every pixel that passes the depth test."""
+        return DrawnPass(self._context, self.load("screen", fragment, None, **constants))
 
     def _source(self, name: str, constants: Mapping[str, float]) -> str:
         """The file with its includes put in, each once, and macros after its first line, the version."""
@@ -128,12 +148,11 @@ def steps_of(quality: Quality) -> dict[str, int]:
     return {"SHADING_STEP": _SHADING_STEPS[level], "VISIBILITY_STEP": _VISIBILITY_STEPS[level]}
 
 
-def draw_screen(screen_pass: moderngl.VertexArray, layer: float = 1.0) -> None:
-    """Draw one triangle that covers the screen.
-
-    Args:
-        screen_pass: From ``ProgramLibrary.screen_pass``.
-        layer: Its depth, 0 near … 1 far, for passes that choose their pixels by depth test.
-    """
-    screen_pass.program["layer"] = layer
-    screen_pass.render(moderngl.TRIANGLES, vertices=3)
+def _wire(program: moderngl.Program | moderngl.ComputeShader) -> None:
+    """Connect uniform blocks and samplers by their names."""
+    for name in program:
+        member = program[name]
+        if isinstance(member, moderngl.UniformBlock):
+            member.binding = BLOCK_BINDINGS[name]
+        elif name in TEXTURE_UNITS and isinstance(member, moderngl.Uniform):
+            member.value = TEXTURE_UNITS[name]

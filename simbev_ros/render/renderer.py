@@ -25,7 +25,7 @@ from simbev_ros.render.lens import Lenses
 from simbev_ros.render.light import SkyLight
 from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.render.noise import noise_texture
-from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, draw_screen, steps_of
+from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, steps_of
 from simbev_ros.render.readback import ReadBack
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
 from simbev_ros.render.shading import Shading
@@ -34,6 +34,7 @@ from simbev_ros.render.sky_dome import SkyDome
 from simbev_ros.render.static_geometry import StaticGeometry
 from simbev_ros.render.targets import Targets
 from simbev_ros.render.timer import Timer, untimed
+from simbev_ros.render.triangle_ids import TriangleIds
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import AnyArray, Float64Array
@@ -49,6 +50,7 @@ class Renderer:
         context: moderngl.Context | None = None,
         quality: Quality = "medium",
         timer: Timer = untimed,
+        computes: bool | None = None,
     ) -> None:
         """Upload everything.
 
@@ -58,12 +60,13 @@ class Renderer:
             context: From ``open_context``; by default a new one.
             quality: Of the colour image.
             timer: Is entered before and left after each part of a frame.
+            computes: Draw as little and compute as much as can be; by default on GPUs. The images are the same.
 
         Raises:
             RenderError: OpenGL is not usable here, or has too little memory.
         """
         self._context = open_context() if context is None else context
-        self._on_gpu = not is_software(self._context.info["GL_RENDERER"])
+        self._on_gpu = not is_software(self._context.info["GL_RENDERER"]) if computes is None else computes
         keep_freed_memory()
         self._read_back = ReadBack(self._context, self._on_gpu)
         self._models = models
@@ -71,12 +74,13 @@ class Renderer:
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
         with self._context, enough_memory(self._context, "the meshes of the scene", size_bytes):
-            library = ProgramLibrary(self._context, quality)
+            library = ProgramLibrary(self._context, quality, computes=self._on_gpu)
             self._steps = steps_of(quality)
             self._static, self._actors = self._upload(static, library)
-            self._background = library.screen_pass("background.frag")
-            self._background_for_lens = library.screen_pass("background.frag", LENS=1)
-            self._shading = Shading(self._context, library, timer, self._on_gpu)
+            self._background = library.drawn_pass("background.frag")
+            self._background_for_lens = library.drawn_pass("background.frag", LENS=1)
+            self._triangle_ids = TriangleIds(self._context, library) if self._on_gpu else None
+            self._shading = Shading(self._context, library, timer)
             self._lenses = Lenses(self._context, library)
             self._shadow_map = ShadowMap(self._context, quality)
             self._sky_dome = SkyDome(self._context, library)
@@ -127,6 +131,7 @@ class Renderer:
                 "geometry": library.load(f"{kind}_geometry.vert", "geometry.frag"),
                 "geometry_for_lens": library.load(f"{kind}_geometry.vert", "geometry.frag", "corners.geom", LENS=1),
                 "shadow": library.load(f"{kind}_shadow.vert", "shadow.frag"),
+                **({"id": library.load(f"{kind}_id.vert", "id.frag")} if library.computes else {}),
             }
             for kind in ("static", "actor")
         )
@@ -186,6 +191,10 @@ class Renderer:
     ) -> None:
         """Fill the G-buffer; the sky last, where nothing else is."""
         context, world = self._context, frame.world
+        if self._triangle_ids is not None and not for_lens:
+            seen = visible_actors(world, table, view, None, frame.show_ego)
+            self._triangle_ids.draw(targets, view, origin_m, self._static, self._actors, world, table, seen)
+            return
         program = "geometry_for_lens" if for_lens else "geometry"
         targets.geometry.use()
         targets.clear_depth()
@@ -199,7 +208,7 @@ class Renderer:
         self._actors.draw(program, world, table, seen, view.pixel_m(table.center_m, table.radius_m))
         context.disable(moderngl.CULL_FACE)
         context.depth_func = "<="
-        draw_screen(self._background_for_lens if for_lens else self._background)
+        (self._background_for_lens if for_lens else self._background).draw(targets.geometry)
         context.enable_only(moderngl.NOTHING)
 
     def _targets_of(self, camera: PinholeCamera, for_lens: bool) -> Targets:

@@ -6,7 +6,7 @@ import numpy as np
 from simbev_ros.config.lights import MOST_COLORS
 from simbev_ros.render.class_areas import class_areas
 from simbev_ros.render.glare import Glare
-from simbev_ros.render.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary, draw_screen
+from simbev_ros.render.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.render.rain import Rain
 from simbev_ros.render.surfaces import material_block, shading_classes
 from simbev_ros.render.targets import Targets
@@ -23,19 +23,22 @@ _LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
 class Shading:
     """Lights the G-buffer. Light, matrices and signal states are those of the frame, set before its first camera."""
 
-    def __init__(self, context: moderngl.Context, library: ProgramLibrary, timer: Timer, on_gpu: bool) -> None:
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary, timer: Timer) -> None:
         self._context = context
         self._timer = timer
         self._visibility = library.screen_pass("visibility.frag")
         self._smooth = library.screen_pass("smooth.frag")
-        self._areas = class_areas(context, library, on_gpu)
+        self._areas = class_areas(context, library)
         self._passes = {
-            lit: [self._areas.surface_pass(f"shade_{name}.frag", LAMPS_LIT=float(lit)) for name in shading_classes()]
+            lit: [
+                self._areas.surface_pass(f"shade_{name}.frag", number, LAMPS_LIT=float(lit))
+                for number, name in enumerate(shading_classes())
+            ]
             for lit in (False, True)
         }
         self.glare = Glare(context, library)
         self.rain = Rain(context, library)
-        self.wetness = Wetness(context, self._areas, library.quality)
+        self.wetness = Wetness(context, self._areas, library.quality, _GROUND)
         self._antialias = library.screen_pass("antialias.frag")
         self._enlarge = library.screen_pass("enlarge.frag")
         self._materials = context.buffer(material_block())
@@ -75,28 +78,24 @@ class Shading:
     def draw(self, targets: Targets, camera_seed: int) -> None:
         """Fill ``targets.rgb`` from the G-buffer, which must be bound; every camera has other drops on its lens."""
         with self._timer("sun and occlusion"):
-            targets.noisy_visibility.use()
-            draw_screen(self._visibility)
-            targets.visibility.use()
-            draw_screen(self._smooth)
+            self._visibility.draw(targets.noisy_visibility)
+            self._smooth.draw(targets.visibility)
         with self._timer("classes"):
             self._areas.find(targets)
         passes = list(self._passes[self._lamps_lit])
         if self.wetness.wet:
             passes[_GROUND] = self.wetness.ground(self._lamps_lit)
-        for number, (name, shade) in enumerate(zip(shading_classes(), passes, strict=True)):
+        for name, shade in zip(shading_classes(), passes, strict=True):
             with self._timer(f"shading: {name}"):
-                self._areas.draw(shade, number)
+                shade.draw(targets.surfaces)
         with self._timer("reflections"):
-            self.wetness.draw_mirrored(targets, _GROUND)
-            self._context.enable_only(moderngl.NOTHING)
+            self.wetness.draw_mirrored(targets)
         with self._timer("final pass"):
-            targets.smoothed.use()
-            draw_screen(self._antialias)
-            targets.rgb.use()
+            self._antialias.draw(targets.smoothed)
             if targets.smoothed is not targets.rgb:
-                draw_screen(self._enlarge)
+                self._enlarge.draw(targets.rgb)
         with self._timer("glare, rain"):
+            targets.rgb.use()
             if self._lamps_lit:
                 self.glare.draw()
             self.rain.draw_streaks(self._lamps_lit)

@@ -4,7 +4,7 @@ import moderngl
 
 from simbev_ros.config.rendering import QUALITIES
 from simbev_ros.render.light import CLEAR_HAZE_PER_M, SKY_SIZE_PX, SkyLight
-from simbev_ros.render.programs import TEXTURE_UNITS, ProgramLibrary, draw_screen
+from simbev_ros.render.programs import TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.types import Float64Array
 
 _SIZES_PX = (320, 512, 1024)
@@ -38,5 +38,4 @@ class SkyDome:
         self._shown = what.tobytes()
         self._table.write(sky.sky.astype("f4").tobytes())
         self._context.enable_only(moderngl.NOTHING)
-        self._dome.use()
-        draw_screen(self._pass)
+        self._pass.draw(self._dome)

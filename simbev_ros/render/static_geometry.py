@@ -1,4 +1,4 @@
-"""The static world on the GPU: one vertex array per tile, drawn in pieces, nearest tiles first.
+"""The static world on the GPU: all tiles in one store, drawn in pieces, nearest tiles first.
 
 A piece is a run of a tile's triangles with a box around it. Which pieces are drawn depends on what may be seen, but
 never their order: of two surfaces at the same depth the first one stays.
@@ -13,10 +13,11 @@ import numpy as np
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import Tile
 from simbev_ros.render.hidden import Look
-from simbev_ros.render.vertices import upload_mesh
+from simbev_ros.render.triangle_store import TriangleStore
 from simbev_ros.render.view import View, boxes_in_clip_space
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.types import Float32Array, Float64Array, Int64Array
 
+_INSTANCE_DTYPE = np.dtype([("in_place", "<f4", 3), ("in_tile", "<u4"), ("in_first", "<u4")])
 _PIECE_TRIANGLES = 256
 
 _COARSE_ERROR_M = 0.12
@@ -35,7 +36,7 @@ _WORTH_A_LOOK = 16_000
 
 
 class _Pieces(NamedTuple):
-    """(K,) first triangles and ends of pieces, (K,) their grades, and (K, 2, 3) their boxes in the map frame."""
+    """(K,) first triangles and ends of pieces of a tile, (K,) their grades, and (K, 2, 3) their boxes in the map."""
 
     first: Int64Array
     end: Int64Array
@@ -56,26 +57,25 @@ class StaticGeometry:
         tiles: Sequence[Tile],
         programs: Mapping[str, moderngl.Program],
     ) -> None:
-        """Upload the tiles for use with ``programs``, each of which has a uniform vec3 ``tile``."""
+        """Upload the tiles for use with ``programs``, whose instances have the place and the number of a tile."""
         seen = [tile for tile in tiles if len(tile.mesh.triangles)]
         meshes = [Mesh.merged([tile.mesh, tile.coarse]) for tile in seen]
-        self._arrays = [upload_mesh(context, mesh, programs) for mesh in meshes]
+        self.store = TriangleStore(context, meshes, programs, _INSTANCE_DTYPE)
         self._origins_m = np.array([tile.origin_m for tile in seen], np.float64).reshape(-1, 3)
         self._tile_bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in seen]).reshape(-1, 2, 3)
         pieces = [_pieces(tile, mesh) for tile, mesh in zip(seen, meshes, strict=True)]
         self._tile = np.repeat(np.arange(len(seen)), [len(piece.first) for piece in pieces])
         columns = zip(_NO_PIECES, *pieces, strict=True)
         self._first, self._end, self._grade, self._bounds_m = (np.concatenate(column) for column in columns)
+        starts = np.cumsum([0, *(len(mesh.triangles) for mesh in meshes)])[self._tile]
+        self._first, self._end = self._first + starts, self._end + starts
 
     def draw_view(self, program: str, view: View, origin_m: Float64Array, look: Look | None) -> None:
         """Draw what a view sees of the world of (3,) ``origin_m``, without what ``look`` finds hidden meanwhile."""
         low_m, high_m = np.moveaxis(self._bounds_m - origin_m, 1, 0)
         distance_m = _distance_m(view.position_m, self._tile_bounds_m - origin_m)
         left_out = np.where(distance_m < max(_COARSE_ERROR_M * view.camera.fx_px, _COARSE_FROM_M), _COARSE, _DETAIL)
-        if look:
-            seen = view.sees_boxes(low_m, high_m)
-        else:  # a GPU draws a whole tile faster than several parts of it
-            seen = view.sees_boxes(*np.moveaxis(self._tile_bounds_m - origin_m, 1, 0))[self._tile]
+        seen = view.sees_boxes(low_m, high_m)
         waiting = np.flatnonzero(seen & (self._grade != left_out[self._tile]))
         triangles = self._end - self._first
         for end_m in _STAGES_M if look else _STAGES_M[-1:]:
@@ -94,21 +94,23 @@ class StaticGeometry:
         distance_m = _distance_m(np.zeros(2), (self._tile_bounds_m - origin_m)[..., :2])
         shown = boxes_in_clip_space(clip_from_world, low_m, high_m) & (distance_m[self._tile] < radius_m)
         shown &= self._grade != _COARSE
-        for array in self._arrays[:1]:
-            array[program].program["clip_from_shadow"] = tuple(clip_from_world.T.ravel())
+        self.store.program(program)["clip_from_shadow"] = tuple(clip_from_world.T.ravel())
         self._draw(program, origin_m, np.flatnonzero(shown), distance_m)
 
     def _draw(self, program: str, origin_m: Float64Array, pieces: Int64Array, distance_m: Float64Array) -> None:
         """Draw pieces, given in ascending order, tile after tile by the tiles' (T,) distances."""
-        places_m = (self._origins_m - origin_m).astype(np.float32)
         pieces = pieces[np.argsort(distance_m[self._tile[pieces]], kind="stable")]
         tiles = self._tile[pieces]
         begins = (np.diff(pieces, prepend=-2) != 1) | (np.diff(tiles, prepend=-1) != 0)
-        firsts, ends = self._first[pieces[begins]], self._end[pieces[np.roll(begins, -1)]]
-        for tile, first, end in zip(tiles[begins], firsts, ends, strict=True):
-            array = self._arrays[tile][program]
-            array.program["tile"] = tuple(places_m[tile])
-            array.render(vertices=3 * (end - first), first=3 * first)
+        instances = np.empty(begins.sum(), _INSTANCE_DTYPE)
+        instances["in_tile"] = tiles[begins]
+        instances["in_place"] = self.places_m(origin_m)[tiles[begins]]
+        counts = np.ones(len(instances), np.int64)
+        self.store.draw(program, self._first[pieces[begins]], self._end[pieces[np.roll(begins, -1)]], counts, instances)
+
+    def places_m(self, origin_m: Float64Array) -> Float32Array:
+        """(T, 3) the tiles' origins in the world of (3,) ``origin_m``."""
+        return (self._origins_m - origin_m).astype(np.float32)
 
 
 def _pieces(tile: Tile, mesh: Mesh) -> _Pieces:

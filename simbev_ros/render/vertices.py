@@ -1,8 +1,5 @@
 """Meshes packed for the GPU, 32 bytes a vertex. shaders/include/vertex.glsl unpacks what this module packs."""
 
-from collections.abc import Mapping
-
-import moderngl
 import numpy as np
 
 from simbev_ros.assets.materials import Material
@@ -10,8 +7,7 @@ from simbev_ros.assets.mesh import Mesh
 from simbev_ros.render.surfaces import shading_flag_of_material
 from simbev_ros.types import Float32Array, Table, UInt32Array
 
-_VERTEX_DTYPE = np.dtype([("in_position", "<f4", 3), ("in_uv", "<f4", 2), ("in_packed", "<u4", 3)])
-_FORMATS = {"in_position": ("3f4", "12x"), "in_uv": ("2f4", "8x"), "in_packed": ("3u4", "12x")}
+VERTEX_DTYPE = np.dtype([("in_position", "<f4", 3), ("in_uv", "<f4", 2), ("in_packed", "<u4", 3)])
 
 _MATERIALS = np.arange(256)
 _SHADING_FLAG = shading_flag_of_material().astype(np.uint32)
@@ -21,7 +17,7 @@ _LIFTED = (_MATERIALS == Material.MARKING).astype(np.uint32)
 
 def pack_vertices(mesh: Mesh) -> Table:
     """(V,) vertices as the geometry shaders read them."""
-    vertices = np.empty(len(mesh.vertices), _VERTEX_DTYPE)
+    vertices = np.empty(len(mesh.vertices), VERTEX_DTYPE)
     vertices["in_position"] = mesh.vertices
     vertices["in_uv"] = mesh.uv
     material, tag, part = (column.astype(np.uint32) for column in (mesh.material, mesh.tag, mesh.part))
@@ -31,33 +27,6 @@ def pack_vertices(mesh: Mesh) -> Table:
     vertices["in_packed"][:, 1] = red | green << 8 | blue << 16 | material << 24
     vertices["in_packed"][:, 2] = tag | part << 8 | _SHADING_FLAG[mesh.material] << 16 | flags << 24
     return vertices
-
-
-def upload_mesh(
-    context: moderngl.Context,
-    mesh: Mesh,
-    programs: Mapping[str, moderngl.Program],
-    instances: moderngl.Buffer | None = None,
-) -> dict[str, moderngl.VertexArray]:
-    """The mesh on the GPU: one vertex array per program, on shared buffers.
-
-    Args:
-        context: Current context.
-        mesh: A mesh with at least one triangle.
-        programs: Programs that read some of the vertex attributes, by name.
-        instances: One uint32 ``in_row`` per instance.
-    """
-    vertex_buffer = context.buffer(pack_vertices(mesh).tobytes())
-    index_buffer = context.buffer(mesh.triangles.astype(np.uint32).tobytes())
-    arrays = {}
-    for name, program in programs.items():
-        used = [attribute for attribute in _FORMATS if attribute in program]
-        layout = " ".join(kept if attribute in used else skipped for attribute, (kept, skipped) in _FORMATS.items())
-        content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [(vertex_buffer, layout, *used)]
-        if instances is not None:
-            content.append((instances, "1u4/i", "in_row"))
-        arrays[name] = context.vertex_array(program, content, index_buffer)
-    return arrays
 
 
 def _octahedral(normals: Float32Array) -> UInt32Array:

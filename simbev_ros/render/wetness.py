@@ -5,6 +5,7 @@ import moderngl
 from simbev_ros.config.rendering import Quality
 from simbev_ros.render.class_areas import ClassAreas
 from simbev_ros.render.programs import TEXTURE_UNITS
+from simbev_ros.render.screen_pass import ScreenPass
 from simbev_ros.render.targets import Targets
 from simbev_ros.scene.weather import Weather
 
@@ -12,31 +13,33 @@ from simbev_ros.scene.weather import Weather
 class Wetness:
     """Programs of wet ground, compiled when it first is wet: dry ground knows nothing of water."""
 
-    def __init__(self, context: moderngl.Context, areas: ClassAreas, quality: Quality) -> None:
-        self._context, self._areas, self._quality = context, areas, quality
-        self._grounds: dict[bool, moderngl.VertexArray] = {}
-        self._mirror: moderngl.VertexArray | None = None
+    def __init__(self, context: moderngl.Context, areas: ClassAreas, quality: Quality, ground: int) -> None:
+        """Take where to draw, and the number of the ground's shading class."""
+        self._context, self._areas, self._quality, self._ground = context, areas, quality, ground
+        self._grounds: dict[bool, ScreenPass] = {}
+        self._mirror: ScreenPass | None = None
         self.wet = False
 
     def set_weather(self, weather: Weather) -> None:
         """Set whether the ground is wet."""
         self.wet = weather.wetness > 0.0 or weather.precipitation_deposits > 0.0
 
-    def ground(self, lamps_lit: bool) -> moderngl.VertexArray:
+    def ground(self, lamps_lit: bool) -> ScreenPass:
         """The screen pass that shades wet ground."""
         if lamps_lit not in self._grounds:
-            self._grounds[lamps_lit] = self._areas.surface_pass("shade_ground.frag", LAMPS_LIT=float(lamps_lit), WET=1)
+            self._grounds[lamps_lit] = self._areas.surface_pass(
+                "shade_ground.frag", self._ground, LAMPS_LIT=float(lamps_lit), WET=1
+            )
         return self._grounds[lamps_lit]
 
-    def draw_mirrored(self, targets: Targets, number: int) -> None:
-        """Add what wet ground, of a number of the shading classes, mirrors of the rest of ``targets.shaded``."""
+    def draw_mirrored(self, targets: Targets) -> None:
+        """Add what wet ground mirrors of the rest of ``targets.shaded``."""
         if not self.wet or self._quality == "low":
             return
         if self._mirror is None:
-            self._mirror = self._areas.surface_pass("wet_mirror.frag")
+            self._mirror = self._areas.surface_pass("wet_mirror.frag", self._ground)
         self._context.copy_framebuffer(targets.rgb, targets.shaded)
         copy = targets.rgb.color_attachments[0]
         assert isinstance(copy, moderngl.Texture)
         copy.use(TEXTURE_UNITS["ideal_rgb"])
-        targets.shaded.use()
-        self._areas.draw(self._mirror, number)
+        self._mirror.draw(targets.shaded)

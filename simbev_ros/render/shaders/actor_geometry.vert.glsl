@@ -5,13 +5,6 @@
 uniform usampler2D rigid_actors;
 in uint in_row;
 
-// sRGB colour a in the shade of b, 0xBBGGRR.
-uint shaded(uint a, uint b) {
-    uvec3 shift = uvec3(0u, 8u, 16u);
-    uvec3 c = ((uvec3(a) >> shift) & 0xFFu) * ((uvec3(b) >> shift) & 0xFFu) / 255u;
-    return c.x | (c.y << 8u) | (c.z << 16u);
-}
-
 void main() {
     uint row = in_row + part_of(in_packed);
     vec4 now = vec4(world_from_rest(row, vec4(in_position, 1.0)), 1.0);
@@ -22,6 +15,5 @@ void main() {
     uvec4 actor = texelFetch(rigid_actors, ivec2(row & 127u, row >> 7u), 0);
     v_instance = actor.x;
     set_lift(0.0);
-    uint color = in_packed.y & 0xFFFFFFu;
-    v_surface = surface_of(in_packed, row, is_tinted(in_packed) ? shaded(actor.z, color) : color);
+    v_surface = surface_of(in_packed, row, actor.z);
 }

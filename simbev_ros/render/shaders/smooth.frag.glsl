@@ -5,11 +5,18 @@ uniform sampler2D noisy_visibility;
 
 out vec4 smoothed;
 
+float depth_at(ivec2 cell) { return log2_depth(texelFetch(noisy_visibility, cell, 0).zw); }
+
 void main() {
     ivec2 cell = ivec2(gl_FragCoord.xy), last = textureSize(noisy_visibility, 0) - 1;
     vec4 center = texelFetch(noisy_visibility, cell, 0);
     float depth = log2_depth(center.zw);
+#ifdef COMPUTED
+    ivec2 first = cell & ~1, next = min(first + 1, last);
+    vec2 slope = vec2(depth_at(ivec2(next.x, cell.y)) - depth_at(ivec2(first.x, cell.y)), depth_at(ivec2(cell.x, next.y)) - depth_at(ivec2(cell.x, first.y)));
+#else
     vec2 slope = vec2(dFdx(depth), dFdy(depth));
+#endif
     vec2 total = vec2(0.0);
     float weights = 0.0;
     for (int y = -2; y < 2; ++y)

@@ -1,10 +1,10 @@
 #version 330
 #include "vertex"
 #include "view"
-uniform vec3 tile;  // its origin in the world
+in vec3 in_place;  // of its tile's origin
 
 void main() {
-    vec4 place = vec4(tile + in_position, 1.0);
+    vec4 place = vec4(in_place + in_position, 1.0);
     gl_Position = clip_from_world * place;
     gl_Position.z -= lift_of(in_packed) * gl_Position.w;
     v_normal = unpack_normal(in_packed.x);
@@ -12,5 +12,5 @@ void main() {
     v_before = (previous_optical_from_world * place).xyz;
     v_instance = 0u;
     set_lift(lift_of(in_packed));
-    v_surface = surface_of(in_packed, 0u, in_packed.y & 0xFFFFFFu);
+    v_surface = surface_of(in_packed, 0u, 0u);
 }

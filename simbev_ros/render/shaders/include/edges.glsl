@@ -2,6 +2,7 @@
 const float EDGE_REACH = 2.0;
 const uint NO_EDGE = 0x8080FFFFu;
 
+#ifdef LENS
 // share: any quantity that is linear on the screen, 0 on the edge, positive within.
 uint pack_edge(float share) {
     vec2 slope = vec2(dFdx(share), dFdy(share));
@@ -10,6 +11,7 @@ uint pack_edge(float share) {
     uvec2 normal = uvec2(round(slope / steepness * 127.0) + 128.0);
     return uint(round(distance * 65535.0)) | normal.x << 16u | normal.y << 24u;
 }
+#endif
 
 // Pixels from the edge, positive within, of a place at an offset from the centre.
 float within_edge(uint bits, vec2 offset) {

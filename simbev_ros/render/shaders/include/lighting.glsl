@@ -60,6 +60,8 @@ vec4 developed(vec3 radiance) {
     return vec4(color, dot(color, LUMA));
 }
 
+float log2_at(ivec2 pixel) { return log2(texelFetch(g_depth, pixel, 0).x); }
+
 // Openness and share of the key light, from the texels around that lie on about the same surface.
 vec2 visibility_at(float depth) {
 #if VISIBILITY_STEP == SHADING_STEP
@@ -68,7 +70,13 @@ vec2 visibility_at(float depth) {
     ivec2 pixel = shaded_pixel(), cell = pixel / VISIBILITY_STEP, last = textureSize(visibility, 0) - 1;
     vec2 between = vec2(pixel - cell * VISIBILITY_STEP) / float(VISIBILITY_STEP);
     float here = log2(depth);
-    vec2 slope = vec2(dFdx(here), dFdy(here)) * float(VISIBILITY_STEP / SHADING_STEP);
+#ifdef COMPUTED
+    ivec2 first = pixel - (ivec2(gl_FragCoord.xy) & 1) * SHADING_STEP, next = min(first + SHADING_STEP, ivec2(viewport.xy) - 1);
+    vec2 slope = vec2(log2_at(ivec2(next.x, pixel.y)) - log2_at(ivec2(first.x, pixel.y)), log2_at(ivec2(pixel.x, next.y)) - log2_at(ivec2(pixel.x, first.y)));
+#else
+    vec2 slope = vec2(dFdx(here), dFdy(here));
+#endif
+    slope *= float(VISIBILITY_STEP / SHADING_STEP);
     vec2 total = vec2(0.0);
     float weights = 0.0;
     for (int tap = 0; tap < 4; ++tap) {

@@ -1,0 +1,6 @@
+#version 430
+// Which triangle a pixel shows, and whose.
+flat in uvec2 v_id;
+layout(location = 0) out uvec2 triangle_id;
+
+void main() { triangle_id = v_id + uvec2(gl_PrimitiveID, 0); }

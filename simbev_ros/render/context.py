@@ -10,7 +10,7 @@ from simbev_ros.config.rendering import Device
 from simbev_ros.errors import RenderError
 from simbev_ros.render.devices import INSTALL_MESA, TO_CPU, EglDevice, is_software, list_devices, software_wanted
 
-GL_VERSION = 430
+GL_VERSION = 440
 _LEAST_VERSION = 100
 
 _log = logging.getLogger(__name__)
@@ -25,14 +25,14 @@ class Survey(NamedTuple):
 
 
 def open_context(device: Device = "auto", turn: int = 0) -> moderngl.Context:
-    """A stand-alone OpenGL 4.3 core context that is current in this thread.
+    """A stand-alone OpenGL 4.4 core context that is current in this thread.
 
     Args:
         device: A GPU if EGL has one that can be used, else the CPU (``auto``); the CPU; or the EGL device of a number.
         turn: Of the GPUs that ``auto`` may take, which to try first; counted round.
 
     Raises:
-        RenderError: EGL or the device is missing, cannot be opened, or is older than OpenGL 4.3.
+        RenderError: EGL or the device is missing, cannot be opened, or is older than OpenGL 4.4.
     """
     devices = list_devices()
     if isinstance(device, int):
@@ -146,7 +146,7 @@ def _why_closed(device: EglDevice, error: Exception) -> str:
         return f"cannot be opened: {error}; update its driver"
     forced = os.environ.get("MESA_GL_VERSION_OVERRIDE")
     remedy = f"unset MESA_GL_VERSION_OVERRIDE={forced}" if forced else "update its driver"
-    return f"has only OpenGL {version}, and 4.3 is needed; {remedy}"
+    return f"has only OpenGL {version}, and 4.4 is needed; {remedy}"
 
 
 def _created(device: EglDevice, version: int) -> moderngl.Context:

@@ -60,8 +60,9 @@ class CameraImages:
         rgb: (H, W, 3) uint8, sRGB.
         semantic: (H, W) uint8, a semantic ``Tag``.
         instance: (H, W) uint16, actor id, 0 = none.
-        depth: (H, W) float32, metres along the optical axis, +inf for the sky (REP-118). On a GPU it is that of a point
-            up to 1/256 pixel beside the pixel's centre, because GPUs snap vertices to such a grid.
+        depth: (H, W) float32, metres along the optical axis, +inf for the sky (REP-118). On a GPU
+            and with a lens that distorts, it is that of a point up to 1/256 pixel beside the pixel's centre, because
+            GPUs snap vertices to such a grid.
         flow: (H, W, 2) float32, pixels, x right and y down: position now minus position in the previous frame of the
             surface point seen now. NaN where that point was behind the previous camera, or so far beside the view that
             the model of the lens does not hold there. The sky counts as infinitely far. An actor that was not there

@@ -1,6 +1,6 @@
 """The renderer: from the world's meshes and state to a camera's exact images, one geometry pass per camera."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from zlib import crc32
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.config.camera import Modality
 from simbev_ros.config.rendering import Quality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
@@ -26,7 +25,7 @@ from simbev_ros.render.light import SkyLight
 from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.render.noise import noise_texture
 from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, steps_of
-from simbev_ros.render.readback import ReadBack
+from simbev_ros.render.readback import read_back
 from simbev_ros.render.rigid_table import RigidTable, RigidTextures
 from simbev_ros.render.shading import Shading
 from simbev_ros.render.shadows import ShadowMap
@@ -37,7 +36,7 @@ from simbev_ros.render.timer import Timer, untimed
 from simbev_ros.render.triangle_ids import TriangleIds
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
 from simbev_ros.scene.lights import LightSpec
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.types import Float64Array
 
 
 class Renderer:
@@ -68,7 +67,7 @@ class Renderer:
         self._context = open_context() if context is None else context
         self._on_gpu = not is_software(self._context.info["GL_RENDERER"]) if computes is None else computes
         keep_freed_memory()
-        self._read_back = ReadBack(self._context, self._on_gpu)
+        self._read_back = read_back(self._context, self._on_gpu)
         self._models = models
         self._timer = timer
         self._targets: dict[tuple[int, int, bool], Targets] = {}
@@ -119,7 +118,8 @@ class Renderer:
                 for camera, view in zip(cameras, views, strict=True)
             ]
             with self._timer("read-back"):
-                return [CameraImages(**{modality: read() for modality, read in images.items()}) for images in drawn]
+                self._read_back.finish()
+            return drawn
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
@@ -165,8 +165,8 @@ class Renderer:
 
     def _render_view(
         self, camera: CameraView, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
-    ) -> dict[Modality, Callable[[], AnyArray]]:
-        """Draw one camera; its images are read when they are called."""
+    ) -> CameraImages:
+        """Draw one camera; its images are there when all are read back."""
         for_lens = isinstance(camera.camera, LensCamera)
         targets = self._targets_of(view.camera, for_lens)
         self._view_block.write(view.block())
@@ -178,7 +178,7 @@ class Renderer:
         with self._timer("lens"):
             images = self._lenses.images(camera, targets)
         with self._timer("read-back"):
-            return {modality: self._read_back.begin(images[modality]) for modality in camera.modalities}
+            return CameraImages(**{modality: self._read_back.begin(images[modality]) for modality in camera.modalities})
 
     def _draw_geometry(
         self,

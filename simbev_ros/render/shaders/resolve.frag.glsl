@@ -22,6 +22,7 @@ layout(location = 5) out vec2 flow;
 
 const uint STATIC = 0x80000000u;
 const uint WORDS = 8u;  // of a vertex
+const float OVERHANG = 0.05;  // of a triangle's sides: vertices are drawn on a grid of 1/256 pixel
 
 struct Corner {
     vec3 position;  // at rest
@@ -74,13 +75,13 @@ void main() {
         c.position = world_from_rest(row, vec4(c.position, 1.0));
     }
 
-    // Where the pixel's ray meets the triangle's plane; of slivers, the next place in the triangle.
+    // Where the pixel's ray meets the triangle's plane, or the next place that is not far from the triangle.
     vec3 eye = world_from_optical[3].xyz, ray = mat3(world_from_optical) * optical_ray(vec2(texel));
     vec3 side_b = b.position - a.position, side_c = c.position - a.position, across = cross(side_b, side_c);
     vec3 from_a = eye + ray * (dot(across, a.position - eye) / dot(across, ray)) - a.position;
     vec2 share = vec2(dot(across, cross(from_a, side_c)), dot(across, cross(side_b, from_a))) / dot(across, across);
-    share.x = clamp(share.x, 0.0, 1.0);
-    share.y = clamp(share.y, 0.0, 1.0 - share.x);
+    share.x = clamp(share.x, -OVERHANG, 1.0 + OVERHANG);
+    share.y = clamp(share.y, -OVERHANG, 1.0 + OVERHANG - share.x);
     vec3 place = a.position + share.x * side_b + share.y * side_c;
     vec3 weights = vec3(1.0 - share.x - share.y, share);
 

@@ -1,0 +1,57 @@
+"""Drawn and computed pictures are the same: in all weathers, by day and night, at every quality, with every lens."""
+
+import numpy as np
+import pytest
+from render_scene import CAMERA, NOON, car, front_pose, scene, world
+
+from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.optics import IDEAL_OPTICS
+from simbev_ros.config.rendering import QUALITIES, Quality
+from simbev_ros.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.render.renderer import Renderer
+
+pytestmark = pytest.mark.gl
+
+NIGHT = {"sun_altitude_deg": -40.0}
+WET = {"precipitation": 60.0, "precipitation_deposits": 80.0, "wetness": 90.0, "wind_intensity": 50.0}
+FOG = {"fog_density": 60.0, "cloudiness": 90.0}
+LENS = LensCamera(161, 91, 120.0, 120.0, 78.0, 44.0, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0))
+EGO = {"id": 1}
+OTHER = {"id": 7, "x": 10.0, "y": -1.0, "yaw": 0.4, "lights": 0b1111}
+
+
+def draw(quality: Quality, computes: bool, camera: PinholeCamera, changes: dict[str, float]) -> CameraImages:
+    weather = NOON.model_copy(update=changes)
+    before = world(EGO, OTHER, weather=weather)
+    now = world({**EGO, "x": 0.5}, {**OTHER, "x": 10.4, "wheel": 0.3}, weather=weather)
+    renderer = Renderer(scene(), [car()], quality=quality, computes=computes)
+    view = CameraView(camera, front_pose(), MODALITIES, IDEAL_OPTICS)
+    images = renderer.render([view], RenderFrame(now, before))[0]
+    renderer.close()
+    return images
+
+
+@pytest.mark.parametrize(
+    ("quality", "camera", "changes"),
+    [
+        *((quality, CAMERA, {}) for quality in QUALITIES),
+        ("medium", CAMERA, {**NIGHT, **WET}),
+        ("high", CAMERA, {**WET, **FOG}),
+        ("low", CAMERA, NIGHT),
+        ("medium", LENS, {}),
+    ],
+)
+def test_computed_images_are_the_drawn_ones(quality: Quality, camera: PinholeCamera, changes: dict[str, float]) -> None:
+    drawn, computed = (draw(quality, computes, camera, changes) for computes in (False, True))
+    assert np.mean(drawn.semantic != computed.semantic) < 1e-3
+    assert np.mean(drawn.instance != computed.instance) < 1e-3
+    np.testing.assert_array_equal(np.isinf(drawn.depth), np.isinf(computed.depth))
+    solid = np.isfinite(drawn.depth) & (drawn.semantic == computed.semantic)
+    off_m = np.abs(computed.depth[solid] - drawn.depth[solid])
+    assert np.mean(off_m > 1e-4 * drawn.depth[solid]) < 5e-4
+    off_px = np.linalg.norm(computed.flow - drawn.flow, axis=2)[solid]
+    assert np.nanquantile(off_px, 0.99) < 0.01
+    off = np.abs(computed.rgb.astype(int) - drawn.rgb)
+    assert off.mean() < 0.1
+    assert drawn.rgb.std() > 10.0

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from simbev_ros.render.atmosphere import MIE_EXTINCTION_PER_KM, RAYLEIGH_PER_KM, clear_sky, sun_transmittance
+from simbev_ros.scene.air import fog_falloff_per_m, fog_halvings_per_m, rain_halvings_per_m
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array
 
@@ -36,9 +37,6 @@ _AMBIENT_WHITENING = 0.45
 _UPRIGHT_SHARE = 0.3
 _BRIGHTEST_GLOW = 3.0
 _BRIGHTEST_SKY = 2.6  # around the sun, of the mean, as no camera shows more
-_FOG_PER_M = 0.06
-_FALLOFF_PER_M = 0.02
-_RAIN_HAZE_PER_M = 1.0 / 350.0
 CLEAR_HAZE_PER_M = float(np.mean(RAYLEIGH_PER_KM + MIE_EXTINCTION_PER_KM)) / 1000.0 / np.log(2.0)
 
 
@@ -118,9 +116,8 @@ class SkyLight:
         drift_per_s = _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0)
         drift = (hour * _CLOUDS_APART + drifting_s * drift_per_s) % 1.0
         rain = weather.precipitation / 100.0
-        fog_per_m = (weather.fog_density / 100.0) ** 2 * _FOG_PER_M
-        haze_per_m = CLEAR_HAZE_PER_M + rain**1.5 * _RAIN_HAZE_PER_M
-        fog = np.array([fog_per_m, weather.fog_distance_m, weather.fog_falloff * _FALLOFF_PER_M])
+        haze_per_m = CLEAR_HAZE_PER_M + rain_halvings_per_m(weather)
+        fog = np.array([fog_halvings_per_m(weather), weather.fog_distance_m, fog_falloff_per_m(weather)])
         rows: list[tuple[Float64Array, float]] = [
             (self.key_direction, self.exposure),
             (self.key, weather.wind_intensity / 100.0),

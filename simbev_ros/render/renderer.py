@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.skeletons import Skeletons
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.config.rendering import Quality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
@@ -68,7 +69,7 @@ class Renderer:
         self._on_gpu = not is_software(self._context.info["GL_RENDERER"]) if computes is None else computes
         keep_freed_memory()
         self._read_back = read_back(self._context, self._on_gpu)
-        self._models = models
+        self._models, self._skeletons = models, Skeletons(models)
         self._timer = timer
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
@@ -107,7 +108,7 @@ class Renderer:
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
         with self._context, enough_memory(self._context, f"pictures of {len(cameras)} cameras"):
             flow = any("flow" in camera.modalities for camera in cameras)
-            table = RigidTable.of(self._models, frame.world, frame.previous if flow else None, origin_m)
+            table = RigidTable.of(self._skeletons, frame.world, frame.previous if flow else None, origin_m)
             self._rigid.upload(table)
             views = [View.of(camera, frame.world, frame.previous, origin_m) for camera in cameras]
             colored = [view for camera, view in zip(cameras, views, strict=True) if "rgb" in camera.modalities]

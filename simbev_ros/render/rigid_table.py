@@ -3,13 +3,12 @@
 Row 0 stands for all that does not move. The parts of one actor are neighbours, in the order of its model.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.assets.skeletons import Skeletons
 from simbev_ros.errors import RenderError
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.render.programs import TEXTURE_UNITS
@@ -45,7 +44,7 @@ class RigidTable:
 
     @classmethod
     def of(
-        cls, models: Sequence[ActorModel], world: WorldState, previous: WorldState | None, origin_m: Float64Array
+        cls, skeletons: Skeletons, world: WorldState, previous: WorldState | None, origin_m: Float64Array
     ) -> "RigidTable":
         """The table of a world whose origin is (3,) ``origin_m`` in the map frame.
 
@@ -53,19 +52,17 @@ class RigidTable:
             RenderError: The world has more parts than 65,535, or an id that an instance image cannot hold.
         """
         actors = world.actors
-        part_count = np.array([len(model.parts) for model in models], np.int64)[actors["blueprint"]]
-        ends = 1 + np.cumsum(part_count)
-        rows = int(ends[-1]) if len(ends) else 1
+        actor, _ = skeletons.rows(actors)
+        rows = 1 + len(actor)
         if rows > _MAX_ROWS or (len(actors) and actors["id"].max() >= _MAX_ROWS):
             raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
         before = None if previous is None else _rows_before(actors, previous.actors)
-        first_row = ends - part_count
         size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
         foot_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
         return cls(
-            poses=_poses(models, actors, before, origin_m, first_row, rows),
-            actors=np.repeat(_looks(actors), np.concatenate([[1], part_count]), axis=0),
-            first_row=first_row,
+            poses=_poses(skeletons, actors, before, origin_m),
+            actors=_looks(actors)[np.concatenate([[0], 1 + actor])],
+            first_row=1 + np.searchsorted(actor, np.arange(len(actors))),
             center_m=foot_m + size_m * [0.0, 0.0, 0.5],
             radius_m=np.linalg.norm(size_m, axis=1) / 2.0 + _LIMB_REACH_M,
         )
@@ -101,28 +98,21 @@ class RigidTextures:
         return poses, actors
 
 
-def _poses(
-    models: Sequence[ActorModel],
-    actors: Table,
-    before: Table | None,
-    origin_m: Float64Array,
-    first_row: Int64Array,
-    count: int,
-) -> Float32Array:
-    """(count, 6, 4) ``RigidTable.poses`` of actors now and, where wanted, before."""
-    poses = np.tile(np.eye(4, dtype=np.float32)[[0, 1, 2, 0, 1, 2]], (count, 1, 1))
-    moments = actors if before is None else np.concatenate([actors, before])
-    world_from_actor = map_from_actors(moments)
+def _poses(skeletons: Skeletons, actors: Table, before: Table | None, origin_m: Float64Array) -> Float32Array:
+    """(R, 6, 4) ``RigidTable.poses`` of actors now and, where wanted, before."""
+    now = _world_from_rest(skeletons, actors, origin_m)
+    poses = np.tile(np.eye(4, dtype=np.float32)[[0, 1, 2, 0, 1, 2]], (1 + len(now), 1, 1))
+    poses[1:, :3] = now[:, :3]
+    if before is not None:
+        poses[1:, 3:] = (_world_from_rest(skeletons, before, origin_m) @ inverse(now))[:, :3]
+    return poses
+
+
+def _world_from_rest(skeletons: Skeletons, actors: Table, origin_m: Float64Array) -> Float64Array:
+    """(R - 1, 4, 4) poses of all parts."""
+    world_from_actor = map_from_actors(actors)
     world_from_actor[:, :3, 3] -= origin_m
-    for blueprint in np.unique(actors["blueprint"]):
-        chosen = np.flatnonzero(moments["blueprint"] == blueprint)
-        world_from_rest = world_from_actor[chosen, None] @ part_poses(models[blueprint], moments[chosen])
-        chosen = chosen[chosen < len(actors)]
-        now, then = np.split(world_from_rest, [len(chosen)])
-        rows = first_row[chosen, None] + np.arange(now.shape[1])
-        poses[rows, :3] = now[..., :3, :]
-        if before is not None:
-            poses[rows, 3:] = (then @ inverse(now))[..., :3, :]
+    poses: Float64Array = world_from_actor[skeletons.rows(actors)[0]] @ skeletons.poses(actors)
     return poses
 
 

@@ -132,6 +132,20 @@ def lidar_points(scene: Street, ego_x_m: float, columns: int = 512, channels: in
     return points
 
 
+def radar_points(scene: Street, ego_x_m: float, yaw_deg: float) -> Table:
+    rng = np.random.default_rng(0)
+    azimuth, elevation = np.radians(rng.uniform([-50, -6], [50, 6], (2000, 2))).T
+    rays = np.stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)], axis=1)
+    cos, sin = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
+    turned = rays @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    range_m, _, _, _ = cast(scene, np.array([ego_x_m, -1.9, 0.6]), turned)
+    seen = range_m < 120
+    points = np.zeros(int(seen.sum()), [(name, "<f4") for name in ("x", "y", "z", "doppler_velocity")])
+    points["x"], points["y"], points["z"] = (rays[seen] * range_m[seen, None]).T
+    points["doppler_velocity"] = -STEP_M / TICK_NS * 1e9 * turned[seen, 0]
+    return points
+
+
 def bev_labels(scene: Street, ego_x_m: float, cells: int = 360, cell_m: float = 0.4) -> AnyArray:
     axis = ((cells - 1) / 2 - np.arange(cells)) * cell_m
     x, y = axis[:, None] + ego_x_m, axis[None, :] - 1.9
@@ -156,6 +170,7 @@ def write_scene(
     modalities: tuple[str, ...] = MODALITIES,
     compressed: bool = True,
     from_above: bool = True,
+    radars: tuple[str, ...] = (),
     attachments: dict[str, bytes] | None = None,
 ) -> Path:
     """Write the bag; the modalities other than rgb only for the front camera."""
@@ -185,4 +200,7 @@ def write_scene(
                 cloud = point_cloud(stamp_ns, lidar_points(scene, ego_x_m))
                 write("/ego/lidar/semantic_points", "PointCloud2", stamp_ns, cloud)
                 write("/ego/bev/labels", "Image", stamp_ns, image(stamp_ns, "mono16", bev_labels(scene, ego_x_m)))
+            for radar in radars:
+                cloud = point_cloud(stamp_ns, radar_points(scene, ego_x_m, YAWS_DEG[radar]))
+                write(f"/ego/radar_{radar}/points", "PointCloud2", stamp_ns, cloud)
         return writer.finish({"scene": path.name})

@@ -1,6 +1,6 @@
 """Surface materials: what a triangle is made of. Shaders and lidar look their properties up in materials.yaml."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import lru_cache
 from importlib.resources import files
@@ -67,6 +67,11 @@ class MaterialTable:
     metallic: Float32Array
     specular: Float32Array
     lidar_reflectance: Float32Array
+    lidar_retroreflection: Float32Array
+    lidar_retroreflection_fall: Float32Array
+
+
+_WITHOUT = {"lidar_retroreflection": 0.0, "lidar_retroreflection_fall": 0.0}
 
 
 @lru_cache(maxsize=1)
@@ -75,6 +80,7 @@ def load_materials() -> MaterialTable:
     entries = yaml.safe_load(files("simbev_ros.assets").joinpath("materials.yaml").read_text(encoding="utf-8"))
 
     def column(name: str) -> Float32Array:
-        return np.array([entries[material.name][name] for material in Material], np.float32)
+        rows = (_WITHOUT | entries[material.name] for material in Material)
+        return np.array([row[name] for row in rows], np.float32)
 
-    return MaterialTable(column("roughness"), column("metallic"), column("specular"), column("lidar_reflectance"))
+    return MaterialTable(*(column(field.name) for field in fields(MaterialTable)))

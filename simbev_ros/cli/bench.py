@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.rendering import QUALITIES, Quality
+from simbev_ros.config.rendering import QUALITIES, Quality, Rendering
 from simbev_ros.config.scenario import Scenario, Timing
 
 _DEFAULT = "graph"
@@ -90,13 +90,17 @@ def cameras(
     quality: Annotated[Quality | None, typer.Option(help="Of the colour images; all of them when omitted.")] = None,
     size: Annotated[str, typer.Option(help="Of every image, pixels.", metavar="WIDTHxHEIGHT")] = "1600x900",
     frames: Annotated[int, typer.Option(help="Frames to time; the median counts.", min=1, max=1000)] = 5,
+    processes: Annotated[
+        int | None,
+        typer.Option(help="That share the cameras; as many as a graph would have when omitted.", min=1, max=16),
+    ] = None,
     as_json: _Json = False,
 ) -> None:
     """Time the paper's six cameras with five modalities each, by day, at each quality: a whole frame, and its parts.
 
-    A frame begins with the state of the world and ends with all images in memory. The parts are timed in frames of
-    their own, because waiting for each takes longer. Where the package mujoco is installed, its renderer draws the
-    same triangles for comparison.
+    A frame begins with the state of the world and ends with all images in memory, those of all processes. The parts are
+    timed in one process and in frames of their own, because waiting for each takes longer. Where the package mujoco is
+    installed, its renderer draws the same triangles in as many processes for comparison.
 
     [bold]Example[/]
 
@@ -111,7 +115,8 @@ def cameras(
     columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, expand=True, transient=True) as bars:
         task = bars.add_task("", total=steps(scene, qualities))
-        result = timed_cameras(scene, paper_cameras(), size_px, qualities, lambda: bars.advance(task))
+        rendering = Rendering(processes=processes or "auto")
+        result = timed_cameras(scene, paper_cameras(), size_px, qualities, rendering, lambda: bars.advance(task))
     rows = [
         (timing.quality if cost is timing.total else "", cost.name, f"{cost.wall_ms:.1f}", f"{cost.cpu_ms:.1f}")
         for timing in result.qualities
@@ -123,7 +128,8 @@ def cameras(
     _show(
         result,
         f"{result.cameras} cameras of {result.width_px} x {result.height_px} on {result.map}, {result.actors} actors, "
-        f"{result.triangles:,} triangles; {result.renderer}",
+        f"{result.triangles:,} triangles; {result.processes} "
+        f"{'process' if result.processes == 1 else 'processes'}; {result.renderer}",
         ("quality", "", "wall ms/frame", "CPU ms/frame"),
         rows,
         as_json=as_json,

@@ -5,16 +5,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
-from itertools import pairwise
 from statistics import median
 
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.cli.camera_scene import CameraScene
-from simbev_ros.cli.mujoco_scene import MujocoScene, has_mujoco
+from simbev_ros.cli.camera_team import CameraTeam, Painter, moments
+from simbev_ros.cli.mujoco_scene import has_mujoco
 from simbev_ros.config.camera import Camera
-from simbev_ros.config.rendering import Quality
+from simbev_ros.config.rendering import Quality, Rendering
 from simbev_ros.render.context import describe_context, open_context
-from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.frame import CameraView
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.render.timer import PartClock
 
@@ -30,7 +30,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class QualityTiming:
-    """One quality: the whole, and its parts, which were timed in other frames and each waited for."""
+    """One quality: the whole, and its parts, which were timed in other frames and one process, and each waited for."""
 
     quality: Quality
     total: Cost
@@ -43,7 +43,7 @@ class Comparison:
 
     Attributes:
         version: Of MuJoCo.
-        total: Colour, depth and segmentation; there is no flow.
+        total: Colour, depth and segmentation; there is no flow. As many processes share the cameras.
         wall_ratio: Its time over ours at medium quality, or the first one timed: above 1 ours is faster.
         cpu_ratio: The same of the processor's time.
     """
@@ -59,6 +59,7 @@ class CameraTiming:
     """What was drawn and what it took; ``mujoco`` is None where that package is not installed."""
 
     renderer: str
+    processes: int
     map: str
     actors: int
     triangles: int
@@ -72,7 +73,7 @@ class CameraTiming:
 
 def steps(scene: CameraScene, qualities: Sequence[Quality]) -> int:
     """How many frames ``timed_cameras`` draws."""
-    return len(_pairs(scene)) * (2 * len(qualities) + has_mujoco())
+    return len(moments(scene)) * (2 * len(qualities) + has_mujoco())
 
 
 def timed_cameras(
@@ -80,6 +81,7 @@ def timed_cameras(
     cameras: Sequence[Camera],
     size_px: tuple[int, int],
     qualities: Sequence[Quality],
+    rendering: Rendering,
     progress: Callable[[], None] = lambda: None,
 ) -> CameraTiming:
     """Draw the moments of a scene with all cameras, read all back, and take the median of what it took.
@@ -89,72 +91,80 @@ def timed_cameras(
         cameras: Their poses and modalities.
         size_px: Width and height of every image.
         qualities: To be timed one after the other.
+        rendering: How many processes share the cameras, and on what they draw.
         progress: Called after each frame.
 
     Raises:
         RenderError: OpenGL is not usable here.
+        SimbevError: A process was killed.
     """
     width_px, height_px = size_px
     size = {"width_px": width_px, "height_px": height_px}
     sized = [Camera.model_validate({**camera.model_dump(), **size}) for camera in cameras]
     views = [CameraView.of(camera, seed=0, tick=0) for camera in sized]
-    context = open_context()
+    context = open_context(rendering.device_of(0))
     name = describe_context(context)
     context.release()
-    timings = [_timed_quality(scene, views, quality, progress) for quality in qualities]
+    with CameraTeam(scene, views, rendering) as team:
+        totals = [_total(team, quality, scene, progress) for quality in qualities]
+        rival = _total(team, "MuJoCo", scene, progress) if has_mujoco() else None
+    parts = [_parts(scene, views, quality, rendering, progress) for quality in qualities]
+    timings = [QualityTiming(*timing) for timing in zip(qualities, totals, parts, strict=True)]
     state = scene.states[-1]
     return CameraTiming(
         renderer=name,
+        processes=team.processes,
         map=scene.map,
         actors=len(state.actors),
         triangles=_triangles(scene),
         cameras=len(views),
         width_px=width_px,
         height_px=height_px,
-        frames=len(_pairs(scene)) - 1,
+        frames=len(moments(scene)) - 1,
         qualities=timings,
-        mujoco=_compared(scene, views, timings, progress) if has_mujoco() else None,
+        mujoco=None if rival is None else _compared(rival, timings),
     )
 
 
-def _timed_quality(
-    scene: CameraScene, views: Sequence[CameraView], quality: Quality, progress: Callable[[], None]
-) -> QualityTiming:
-    context = open_context()
+def _total(team: CameraTeam, painter: Painter, scene: CameraScene, progress: Callable[[], None]) -> Cost:
+    """Of a frame, from the common start until the last process has all its images."""
+    team.prepare(painter)
+    costs = []
+    for moment in range(len(moments(scene))):
+        wall_s, cpu_s = team.draw(moment)
+        costs.append(Cost("total", 1000.0 * wall_s, 1000.0 * cpu_s))
+        progress()
+    return _median("MuJoCo" if painter == "MuJoCo" else "total", costs[1:])
+
+
+def _parts(
+    scene: CameraScene,
+    views: Sequence[CameraView],
+    quality: Quality,
+    rendering: Rendering,
+    progress: Callable[[], None],
+) -> list[Cost]:
+    """Of a frame that this process alone draws."""
+    context = open_context(rendering.device_of(0))
     clock = PartClock(context)
     renderer = Renderer(scene.static, load_models(), context, quality, timer=clock)
     renderer.set_lights(scene.lights)
-    totals = [_timed("total", partial(renderer.render, views, frame), progress) for frame in _pairs(scene)]
     clock.is_on = True
     parts = []
-    for frame in _pairs(scene):
+    for frame in moments(scene):
         whole = _timed("total", partial(renderer.render, views, frame), progress)
         costs = [Cost(part, *cost_ms) for part, cost_ms in clock.take().items()]
         rest = Cost("rest", whole.wall_ms - sum(c.wall_ms for c in costs), whole.cpu_ms - sum(c.cpu_ms for c in costs))
         parts.append([*costs, rest])
     renderer.close()
     names = dict.fromkeys(cost.name for costs in parts[1:] for cost in costs)
-    return QualityTiming(
-        quality,
-        _median("total", totals[1:]),
-        [_median(name, [cost for costs in parts[1:] for cost in costs if cost.name == name]) for name in names],
-    )
+    return [_median(name, [cost for costs in parts[1:] for cost in costs if cost.name == name]) for name in names]
 
 
-def _compared(
-    scene: CameraScene, views: Sequence[CameraView], timings: Sequence[QualityTiming], progress: Callable[[], None]
-) -> Comparison:
-    """MuJoCo's renderer on the last moment, over and over, against our medium quality, or else the first."""
-    rival = MujocoScene(scene.static, load_models(), scene.states[-1], views)
-    total = _median("MuJoCo", [_timed("MuJoCo", rival.render, progress) for _ in _pairs(scene)][1:])
-    rival.close()
+def _compared(rival: Cost, timings: Sequence[QualityTiming]) -> Comparison:
+    """MuJoCo's renderer against our medium quality, or else the first."""
     ours = next((timing for timing in timings if timing.quality == "medium"), timings[0]).total
-    return Comparison(version("mujoco"), total, total.wall_ms / ours.wall_ms, total.cpu_ms / ours.cpu_ms)
-
-
-def _pairs(scene: CameraScene) -> list[RenderFrame]:
-    """The moments to draw, the first one to warm up."""
-    return [RenderFrame(now, before) for before, now in pairwise(scene.states)]
+    return Comparison(version("mujoco"), rival, rival.wall_ms / ours.wall_ms, rival.cpu_ms / ours.cpu_ms)
 
 
 def _timed(name: str, draw: Callable[[], object], progress: Callable[[], None]) -> Cost:

@@ -1,30 +1,154 @@
-"""Lidars."""
+"""Rotating lidars: which way their rays go, what comes back, and how it is disturbed."""
 
-from typing import Literal, Self
+from functools import lru_cache
+from importlib.resources import files
+from typing import Annotated, Any, Literal, Self
 
+import yaml
 from pydantic import Field, model_validator
 
 from simbev_ros.config.sensor import Sensor
 
+_Elevation = Annotated[float, Field(ge=-90, le=90)]
+_AzimuthOffset = Annotated[float, Field(ge=-180, le=180)]
+_VERTICAL = ("channels", "upper_fov_deg", "lower_fov_deg", "elevations_deg", "azimuth_offsets_deg")
+_TOLERANCE_DEG = 1e-6
+
 
 class Lidar(Sensor):
-    """A rotating lidar, and the noise-free semantic lidar with the same rays."""
+    """A rotating lidar, and the undisturbed semantic lidar with the same rays.
+
+    A cloud is one turn: ``rate_hz`` is the rate of rotation. Defaults are those of the paper.
+    """
 
     type: Literal["lidar"]
-    channels: int = Field(128, ge=1, le=1024)
-    columns: int = Field(2048, ge=1, le=16384, description="firings per turn")
+    preset: str | None = Field(None, description="a maker's model, which fills in what is not given here")
+    channels: int = Field(
+        128, ge=1, le=1024, description="rays of a column, evenly from lower_fov_deg to upper_fov_deg"
+    )
+    columns: int = Field(2048, ge=1, le=16384, description="firings per turn, evenly over horizontal_fov_deg")
+    points_per_second: int | None = Field(
+        None,
+        ge=1,
+        le=10**9,
+        description="channels x columns x rate_hz; columns follow from it where they are not given",
+    )
     range_m: float = Field(120.0, gt=0, le=1000)
+    min_range_m: float = Field(0.0, ge=0, le=100, description="what is nearer gives no return")
     upper_fov_deg: float = Field(10.67, ge=-90, le=90)
     lower_fov_deg: float = Field(-30.67, ge=-90, le=90)
+    horizontal_fov_deg: float = Field(360.0, gt=0, le=360, description="half of it to each side of ahead")
+    elevations_deg: tuple[_Elevation, ...] | None = Field(
+        None, min_length=1, max_length=1024, description="of the channels, in the order of their ring numbers"
+    )
+    azimuth_offsets_deg: tuple[_AzimuthOffset, ...] | None = Field(
+        None, description="of the channels from their column, positive to the left"
+    )
     drop_off: float = Field(0.14, ge=0, le=1, description="share of returns lost at random")
+    drop_off_intensity_limit: float = Field(0.8, gt=0, le=1, description="weaker returns may be lost, stronger are not")
+    drop_off_at_zero_intensity: float = Field(
+        0.0, ge=0, le=1, description="share of returns of no intensity that is lost, falling evenly to 0 at the limit"
+    )
     range_noise_sigma_m: float = Field(0.01, ge=0, le=10)
-    points: bool = Field(True, description="publish points (with drop-off and noise)")
-    semantic_points: bool = Field(True, description="publish semantic_points (neither)")
+    attenuation_per_m: float = Field(0.004, ge=0, le=1, description="of the intensity, in clear air")
+    weather_effects: bool = Field(True, description="rain and fog weaken returns, and drops give some of their own")
+    beam_divergence_mrad: float = Field(3.0, gt=0, le=50, description="full angle; wider beams see fewer single drops")
+    rolling: bool = Field(False, description="each column at its own time; else all rays are cast at the stamp")
+    hits_own_vehicle: bool = Field(False, description="rays also hit the vehicle that carries it, and its rider")
+    points: bool = Field(True, description="publish points (with drop-off, noise, weather)")
+    semantic_points: bool = Field(True, description="publish semantic_points (without)")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, data: Any) -> Any:
+        """What follows from a preset, from listed elevations and from points per second."""
+        if not isinstance(data, dict):
+            return data
+        name = data.get("preset")
+        data = {**_preset_for(data, load_lidar_presets().get(name, {}) if isinstance(name, str) else {}), **data}
+        listed = data.get("elevations_deg")
+        if isinstance(listed, (list, tuple)) and listed and all(isinstance(each, (int, float)) for each in listed):
+            extent = {"channels": len(listed), "lower_fov_deg": min(listed), "upper_fov_deg": max(listed)}
+            data = {**extent, **data}
+        factors = data.get("points_per_second"), data.get("channels", 128), data.get("rate_hz")
+        if "points_per_second" in data and all(isinstance(each, (int, float)) and each > 0 for each in factors):
+            points, channels, rate_hz = factors
+            data.setdefault("columns", max(1, round(points / (channels * rate_hz))))
+        return data
+
+    @model_validator(mode="after")
+    def _known_preset(self) -> Self:
+        if self.preset is not None and self.preset not in load_lidar_presets():
+            raise ValueError(f"preset {self.preset!r} is not known; allowed: {', '.join(load_lidar_presets())}")
+        return self
 
     @model_validator(mode="after")
     def _fields_of_view(self) -> Self:
         if self.lower_fov_deg > self.upper_fov_deg:
-            raise ValueError(f"lower_fov_deg {self.lower_fov_deg} is above upper_fov_deg {self.upper_fov_deg}")
+            raise ValueError(f"lower_fov_deg {self.lower_fov_deg:g} is above upper_fov_deg {self.upper_fov_deg:g}")
+        if self.elevations_deg is not None:
+            self._expect("channels", self.channels, len(self.elevations_deg), "the number of elevations_deg")
+            self._expect("lower_fov_deg", self.lower_fov_deg, min(self.elevations_deg), "the lowest of elevations_deg")
+            self._expect("upper_fov_deg", self.upper_fov_deg, max(self.elevations_deg), "the highest of elevations_deg")
+        if self.azimuth_offsets_deg is not None and len(self.azimuth_offsets_deg) != self.channels:
+            given = len(self.azimuth_offsets_deg)
+            raise ValueError(
+                f"azimuth_offsets_deg has {given} numbers; it must have one for each of {self.channels} channels"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _points_per_second(self) -> Self:
+        if self.points_per_second is None:
+            return self
+        if self.rate_hz is None:
+            raise ValueError("points_per_second needs rate_hz, the turns per second")
+        firings_hz = self.channels * self.rate_hz
+        if abs(self.points_per_second / firings_hz - self.columns) > 0.5 + 1e-9:
+            raise ValueError(
+                f"points_per_second {self.points_per_second} is not channels {self.channels} x columns {self.columns} "
+                f"x rate_hz {self.rate_hz:g} = {firings_hz * self.columns:.0f}; leave columns or points_per_second out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _something_to_see(self) -> Self:
+        if self.min_range_m >= self.range_m:
+            raise ValueError(f"min_range_m {self.min_range_m:g} is not below range_m {self.range_m:g}")
         if not (self.points or self.semantic_points):
             raise ValueError("points and semantic_points are both off: the lidar would publish nothing")
         return self
+
+    @staticmethod
+    def _expect(name: str, given: float, expected: float, what: str) -> None:
+        if abs(given - expected) > _TOLERANCE_DEG:
+            raise ValueError(f"{name} {given:g} is not {what}, {expected:g}; leave it out")
+
+
+@lru_cache(maxsize=1)
+def load_lidar_presets() -> dict[str, dict[str, Any]]:
+    """lidar_presets.yaml: properties by name of the model."""
+    text = files("simbev_ros.config").joinpath("lidar_presets.yaml").read_text(encoding="utf-8")
+    presets: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return presets
+
+
+def _preset_for(data: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:
+    """What of a preset holds beside the properties that the rig gives.
+
+    Channels that the rig changes are spread evenly over those listed. Who turns faster or slower fires as often.
+    """
+    kept = dict(preset)
+    listed = preset.get("elevations_deg")
+    if listed and any(name in data for name in _VERTICAL):
+        kept.update(channels=len(listed), lower_fov_deg=min(listed), upper_fov_deg=max(listed))
+        del kept["elevations_deg"]
+        kept.pop("azimuth_offsets_deg", None)
+    if "elevations_deg" in data:
+        kept = {name: value for name, value in kept.items() if name not in _VERTICAL}
+    if "points_per_second" in data:
+        kept.pop("columns", None)
+    rate_hz = data.get("rate_hz")
+    if "columns" in kept and isinstance(rate_hz, (int, float)) and rate_hz > 0:
+        kept["columns"] = max(1, round(preset["columns"] * preset["rate_hz"] / rate_hz))
+    return kept

@@ -145,7 +145,7 @@ def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
     return keys
 
 
-_BRANCHES = {"number", "distribution", "paper", "camera", "lidar", "gnss", "imu"}
+_BRANCHES = {"number", "distribution", "paper", "camera", "lidar", "radar", "gnss", "imu"}
 
 
 def _suggestion(key: str, location: Sequence[str | int], data: Any) -> str:

@@ -22,7 +22,9 @@ class Rendering(Model):
         "auto",
         description="auto: all that EGL has, else the CPU; []: the CPU; or EGL devices as `simbev doctor` counts them",
     )
-    processes: int = Field(1, ge=1, le=16, description="the rig's cameras are shared among them, and they among GPUs")
+    processes: Literal["auto"] | Annotated[int, Field(ge=1, le=16)] = Field(
+        "auto", description="that share the rig's cameras; auto: one for each GPU, or on the CPU one for each core"
+    )
 
     @model_validator(mode="after")
     def _gpus_once(self) -> Self:

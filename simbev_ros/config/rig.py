@@ -9,9 +9,10 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Name, Sensor
 
-AnySensor = Annotated[Camera | Lidar | Gnss | Imu, Field(discriminator="type")]
+AnySensor = Annotated[Camera | Lidar | Radar | Gnss | Imu, Field(discriminator="type")]
 
 
 S = TypeVar("S", bound=Sensor)

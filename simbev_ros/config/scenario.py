@@ -8,6 +8,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
+from simbev_ros.config.positioning import Imu
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
 from simbev_ros.geometry.grid import BevGrid
@@ -59,6 +60,10 @@ class Timing(Model):
     def tick_ns(self) -> int:
         """Length of a tick."""
         return round(self.tick_s * 1e9)
+
+
+def _is_whole(ratio: float) -> bool:
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
 
 
 class WeatherParameters(Model):
@@ -192,16 +197,22 @@ class Scenario(Model):
     graph: GraphConfig = GraphConfig()
 
     @model_validator(mode="after")
-    def _rates_divide_tick_rate(self) -> Self:
+    def _rates_fit_tick_rate(self) -> Self:
+        tick_hz = 1 / self.time.tick_s
         for sensor in self.rig.sensors:
-            if sensor.rate_hz is None:
+            rate_hz = sensor.rate_hz
+            if rate_hz is None or _is_whole(tick_hz / rate_hz):
                 continue
-            ticks = 1 / (sensor.rate_hz * self.time.tick_s)
-            if abs(ticks - round(ticks)) > 1e-6 or round(ticks) < 1:
-                tick_rate_hz = 1 / self.time.tick_s
+            slower = f"{tick_hz:g}, {tick_hz / 2:g}, {tick_hz / 3:g}, …"
+            if not isinstance(sensor, Imu):
                 raise ValueError(
-                    f"rig: sensor {sensor.name}: rate_hz {sensor.rate_hz:g} does not divide the tick rate "
-                    f"{tick_rate_hz:g} Hz; allowed are {tick_rate_hz:g}, {tick_rate_hz / 2:g}, {tick_rate_hz / 3:g}, …"
+                    f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; "
+                    f"allowed are {slower} (only an imu can be faster than the ticks)"
+                )
+            if not _is_whole(rate_hz / tick_hz):
+                raise ValueError(
+                    f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} neither divides the tick rate {tick_hz:g} Hz nor "
+                    f"is a multiple of it; allowed are {slower} and {2 * tick_hz:g}, {3 * tick_hz:g}, …"
                 )
         return self
 

@@ -38,4 +38,4 @@ class Sensor(Model):
 
     name: Name
     pose: Pose = Pose()
-    rate_hz: float | None = Field(None, gt=0, le=1000, description="None: at every tick")
+    rate_hz: float | None = Field(None, gt=0, le=1000, description="None: at every tick; a divisor of their rate")

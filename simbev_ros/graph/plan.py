@@ -1,4 +1,4 @@
-"""Which processes a graph has, with which nodes and parameters: from the configuration alone."""
+"""Which processes a graph has, with which nodes and parameters; nothing is looked up on the machine."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,7 +9,9 @@ import yaml
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.radar import Radar
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.sensor import Sensor
 
 _Parameters = Mapping[str, object]
 
@@ -26,16 +28,22 @@ class NodePlan:
 ProcessPlan = tuple[NodePlan, ...]
 """The nodes that share one process."""
 
+_TOGETHER: tuple[Mapping[str, type[Sensor]], ...] = ({"lidar": Lidar, "radar": Radar}, {"gnss": Gnss, "imu": Imu})
+"""Kinds of nodes that share a process. Radars take a tenth of a lidar's time, and the same meshes in memory."""
 
-def planned_processes(scenario: Scenario, *, live: bool, dataset: Path | None) -> list[ProcessPlan]:
+
+def planned_processes(
+    scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None
+) -> list[ProcessPlan]:
     """Every process of the graph, the world first.
 
     Args:
         scenario: The configuration.
+        camera_processes: How many share the rig's cameras, at most one for each.
         live: Paced by the wall clock.
         dataset: Where scenes are recorded; None: they are not.
     """
-    behind = list(_processes_behind_world(scenario, live=live, dataset=dataset))
+    behind = list(_processes_behind_world(scenario, camera_processes, live=live, dataset=dataset))
     names = [node.name for process in behind for node in process]
     state_readers = len([name for name in names if name != "recorder"]) + (dataset is not None)
     parameters = {
@@ -48,16 +56,15 @@ def planned_processes(scenario: Scenario, *, live: bool, dataset: Path | None) -
     return [(NodePlan("world", "world", parameters),), *behind]
 
 
-def _processes_behind_world(scenario: Scenario, *, live: bool, dataset: Path | None) -> Iterator[ProcessPlan]:
+def _processes_behind_world(
+    scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None
+) -> Iterator[ProcessPlan]:
     common = {"live": live, "recorded": dataset is not None}
-    yield from _camera_processes(scenario, common)
-    if scenario.rig.of_type(Lidar):
-        yield (NodePlan("lidar", "lidar", common),)
-    light = [
-        NodePlan(kind, kind, common) for kind, model in (("gnss", Gnss), ("imu", Imu)) if scenario.rig.of_type(model)
-    ]
-    if light:
-        yield tuple(light)
+    yield from _camera_processes(scenario, camera_processes, common)
+    for kinds in _TOGETHER:
+        nodes = tuple(NodePlan(kind, kind, common) for kind, sensor in kinds.items() if scenario.rig.of_type(sensor))
+        if nodes:
+            yield nodes
     yield (NodePlan("annotator", "annotator", common),)
     if dataset is not None:
         parameters = {
@@ -70,10 +77,9 @@ def _processes_behind_world(scenario: Scenario, *, live: bool, dataset: Path | N
         yield (NodePlan("recorder", "recorder", parameters),)
 
 
-def _camera_processes(scenario: Scenario, common: _Parameters) -> Iterator[ProcessPlan]:
+def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -> Iterator[ProcessPlan]:
     """The rig's cameras, dealt out to processes, and those to GPUs."""
     cameras = [camera.name for camera in scenario.rig.of_type(Camera)]
-    processes = min(scenario.rendering.processes, len(cameras))
     for index in range(processes):
         parameters = {
             "sensors": cameras[index::processes],

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, InputError
 from simbev_ros.graph.domain import DomainLock
@@ -16,6 +17,7 @@ from simbev_ros.graph.monitor import GraphMonitor
 from simbev_ros.graph.plan import planned_processes
 from simbev_ros.graph.process import NodeProcess
 from simbev_ros.graph.shared_memory import held_files, remove_orphans
+from simbev_ros.render.shares import camera_processes, drawing_environment
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
@@ -66,7 +68,9 @@ class GraphSession:
     def _start(self) -> None:
         environment = graph_environment(self.domain)
         os.environ.update(environment)  # for the monitor: the middleware reads it when the first node is made
-        plans = planned_processes(self._scenario, live=self._live, dataset=self._dataset)
+        cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
+        environment |= drawing_environment(cameras)
+        plans = planned_processes(self._scenario, cameras, live=self._live, dataset=self._dataset)
         for nodes in plans:
             parameters = {node.name: node.parameters for node in nodes}
             kinds = [node.kind for node in nodes]

@@ -1,37 +1,46 @@
 """GNSS fixes and IMU samples → messages."""
 
+from collections.abc import Iterator
+
 from sensor_msgs.msg import Imu, NavSatFix, NavSatStatus
 
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.world import quaternion_message, vector_message
 from simbev_ros.sensors.gnss import GnssFix
-from simbev_ros.sensors.imu import ImuSample
+from simbev_ros.sensors.imu import ImuSamples
 
 
 def fix_message(fix: GnssFix, stamp_ns: int, frame: str) -> NavSatFix:
-    """NavSatFix with the covariance of its noise, known in full."""
-    return NavSatFix(
+    """NavSatFix with the covariance of its errors; without a fix NaN, of unknown covariance, as drivers send it."""
+    message = NavSatFix(
         header=header(stamp_ns, frame),
-        status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=NavSatStatus.SERVICE_GPS),
+        status=NavSatStatus(status=NavSatStatus.STATUS_NO_FIX, service=NavSatStatus.SERVICE_GPS),
         latitude=fix.latitude_deg,
         longitude=fix.longitude_deg,
         altitude=fix.altitude_m,
-        position_covariance=fix.covariance_m2.ravel().tolist(),
-        position_covariance_type=NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN,
+        position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
     )
-
-
-def imu_message(sample: ImuSample, stamp_ns: int, frame: str, *, oriented: bool) -> Imu:
-    """Imu; without orientation its covariance begins with -1, as the message's definition asks."""
-    message = Imu(
-        header=header(stamp_ns, frame),
-        angular_velocity=vector_message(sample.angular_velocity_radps),
-        angular_velocity_covariance=sample.angular_velocity_covariance.ravel().tolist(),
-        linear_acceleration=vector_message(sample.linear_acceleration_mps2),
-        linear_acceleration_covariance=sample.linear_acceleration_covariance.ravel().tolist(),
-        orientation_covariance=[-1.0] + [0.0] * 8,
-    )
-    if oriented:
-        message.orientation = quaternion_message(sample.orientation_xyzw)
-        message.orientation_covariance = sample.orientation_covariance.ravel().tolist()
+    if fix.covariance_m2 is not None:
+        message.status.status = NavSatStatus.STATUS_FIX
+        message.position_covariance = fix.covariance_m2.ravel().tolist()
+        message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_KNOWN
     return message
+
+
+def imu_messages(samples: ImuSamples, frame: str, *, oriented: bool) -> Iterator[Imu]:
+    """Imu, one a sample; without orientation its covariance begins with -1, as the message's definition asks."""
+    rate_covariance = samples.angular_velocity_covariance.ravel().tolist()
+    force_covariance = samples.linear_acceleration_covariance.ravel().tolist()
+    orientation_covariance = samples.orientation_covariance.ravel().tolist() if oriented else [-1.0] + [0.0] * 8
+    for row, stamp_ns in enumerate(samples.stamps_ns.tolist()):
+        message = Imu(
+            header=header(stamp_ns, frame),
+            angular_velocity=vector_message(samples.angular_velocity_radps[row]),
+            angular_velocity_covariance=rate_covariance,
+            linear_acceleration=vector_message(samples.linear_acceleration_mps2[row]),
+            linear_acceleration_covariance=force_covariance,
+            orientation_covariance=orientation_covariance,
+        )
+        if oriented:
+            message.orientation = quaternion_message(samples.orientation_xyzw[row])
+        yield message

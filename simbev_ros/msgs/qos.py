@@ -1,5 +1,7 @@
 """Quality of service of every kind of topic."""
 
+from dataclasses import replace
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from simbev_ros.msgs.topics import Topic
@@ -23,7 +25,8 @@ def qos_of(topic: Topic, *, live: bool) -> QosProfile:
     if topic.sporadic:
         return EVENTS
     if topic.sensor:
-        return SENSOR_LIVE if live else SENSOR_LOCKSTEP
+        profile = SENSOR_LIVE if live else SENSOR_LOCKSTEP
+        return replace(profile, depth=profile.depth * topic.messages_per_tick)
     return STATE
 
 

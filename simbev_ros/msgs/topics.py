@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.radar import Radar
 from simbev_ros.scene.spec import SceneSpec
 
 CLOCK = "/clock"
@@ -44,6 +45,8 @@ class Topic:
         period_ticks: One message every so many ticks from tick 0 on; 0: latched, one message a scene.
         sensor: Sensor data, which live graphs send as best effort.
         sporadic: Messages come when something happens, none, one or more at a tick.
+        messages_per_tick: At each tick but the first so many, stamped at equal distances, the last one at the tick; at
+            tick 0 one. More than one only where ``period_ticks`` is 1.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Topic:
     period_ticks: int = 1
     sensor: bool = False
     sporadic: bool = False
+    messages_per_tick: int = 1
 
 
 def image_topic(agent: str, camera: str, modality: str) -> str:
@@ -118,11 +122,16 @@ def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic
                     yield Topic(f"{base}/points", "sensor_msgs/msg/PointCloud2", period, sensor=True)
                 if sensor.semantic_points:
                     yield Topic(f"{base}/semantic_points", "sensor_msgs/msg/PointCloud2", period, sensor=True)
+            case Radar():
+                yield Topic(f"{base}/points", "sensor_msgs/msg/PointCloud2", period, sensor=True)
             case Gnss():
                 yield Topic(f"{base}/fix", "sensor_msgs/msg/NavSatFix", period, sensor=True)
             case Imu():
-                yield Topic(f"{base}/data_raw", "sensor_msgs/msg/Imu", period, sensor=True)
-                yield Topic(f"{base}/data", "sensor_msgs/msg/Imu", period, sensor=True)
+                per_tick = spec.messages_per_tick(sensor.rate_hz)
+                for name in ("data_raw", "data"):
+                    yield Topic(
+                        f"{base}/{name}", "sensor_msgs/msg/Imu", period, sensor=True, messages_per_tick=per_tick
+                    )
 
 
 def transform_topics() -> Iterator[Topic]:

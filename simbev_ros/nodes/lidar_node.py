@@ -1,7 +1,9 @@
 """The lidar node: casts the rays of the rig's lidars and publishes their clouds."""
 
+import math
 from typing import NamedTuple
 
+import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from simbev_ros.assets.catalogue import load_models
@@ -11,12 +13,15 @@ from simbev_ros.msgs.topics import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.raycast.scene import RayScene
+from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
-from simbev_ros.sensors.mount import map_from_sensor
+from simbev_ros.sensors.mount import vector
+from simbev_ros.types import Float64Array
 
-_BESIDE_EGO_M = 20.0  # sensors may be mounted so far from it
+_AHEAD_S = 1.0
+"""Static triangles are got ready for where the ego will be by then, after a cloud is out rather than before."""
 
 
 class _Mounted(NamedTuple):
@@ -24,23 +29,32 @@ class _Mounted(NamedTuple):
     model: LidarModel
     period_ticks: int
 
+    @property
+    def turn_ticks(self) -> int:
+        """How far back the rays of a turn go."""
+        return self.period_ticks if self.lidar.rolling else 0
+
 
 class LidarNode(Participant):
-    """Serves all lidars of the rig."""
+    """Serves all lidars of the rig, which share what their rays hit."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        keep_freed_memory()
         self._surroundings = Surroundings()
         self._rays: RayScene | None = None
         self._mounted: list[_Mounted] = []
+        self._reach_m = 0.0
+        self._states: list[WorldState] = []
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
         lidars = spec.rig.of_type(Lidar)
-        static = self._surroundings.changed(spec, max((lidar.range_m for lidar in lidars), default=0.0) + _BESIDE_EGO_M)
+        self._reach_m = max((_reach_m(lidar) for lidar in lidars), default=0.0)
+        static = self._surroundings.changed(spec, self._reach_m)
         if static is not None:
             self._rays = RayScene(static, load_models())
-        self._mounted = []
+        self._mounted, self._states = [], []
         recorded = []
         for lidar in lidars:
             period = spec.period_ticks(lidar.rate_hz)
@@ -53,19 +67,42 @@ class LidarNode(Participant):
                     recorded.append(name)
         return recorded
 
+    def is_due(self, spec: SceneSpec, tick: int) -> bool:
+        """Whether a lidar ends a turn."""
+        return tick >= 0 and any(tick % mounted.period_ticks == 0 for mounted in self._mounted)
+
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Cast what is due, and publish it. Rays pass through the ego and through its rider."""
+        """Cast what is due, and publish it; clouds of the lead-in only warm the ray caster up."""
+        earlier = self._states
         due = [mounted for mounted in self._mounted if state.tick % mounted.period_ticks == 0]
-        for lidar, model, _ in due:
-            assert self._rays is not None
-            center_m = map_from_sensor(lidar.pose, state)[:3, 3]
-            self._rays.update(state, center_m, lidar.range_m, state.ego_ids)
-            scan = model.scan(self._rays, state)
-            if state.tick < 0:  # clouds of the lead-in only warm the ray caster up
-                continue
-            frame = f"{spec.rig.agent}/{lidar.name}"
-            if lidar.points:
-                self.publish(f"/{frame}/points", message_from_table(scan.points, state.stamp_ns, frame))
-            if lidar.semantic_points:
-                message = message_from_table(scan.semantic_points, state.stamp_ns, frame)
-                self.publish(f"/{frame}/semantic_points", message)
+        for mounted in due:
+            self._scan(spec, state, earlier, mounted)
+        farthest = state.tick - max((mounted.turn_ticks for mounted in self._mounted), default=0)
+        self._states = [each for each in (*earlier, state) if each.tick > farthest]
+        if self._rays is not None:
+            self._rays.build_ahead(_place_m(state) + _AHEAD_S * vector(state.ego, "vx vy vz"), self._reach_m)
+
+    def _scan(self, spec: SceneSpec, state: WorldState, earlier: list[WorldState], mounted: _Mounted) -> None:
+        """One turn of one lidar."""
+        assert self._rays is not None
+        lidar, rays = mounted.lidar, self._rays
+        of_turn = [each for each in earlier if each.tick >= state.tick - mounted.turn_ticks]
+        hidden_ids = frozenset() if lidar.hits_own_vehicle else state.ego_ids
+        rays.update(state, _place_m(state), self._reach_m, hidden_ids, of_turn if lidar.rolling else ())
+        scan = mounted.model.scan(rays, state, of_turn)
+        if state.tick < 0:
+            return
+        frame = f"{spec.rig.agent}/{lidar.name}"
+        for cloud, table in (("points", scan.points), ("semantic_points", scan.semantic_points)):
+            if table is not None:
+                self.publish(f"/{frame}/{cloud}", message_from_table(table, state.stamp_ns, frame))
+
+
+def _reach_m(lidar: Lidar) -> float:
+    """How far from the ego's place its rays reach."""
+    return lidar.range_m + math.hypot(lidar.pose.x_m, lidar.pose.y_m)
+
+
+def _place_m(state: WorldState) -> Float64Array:
+    """(3,) where the ego is, map frame."""
+    return np.array([state.ego["x"], state.ego["y"], state.ego["z"]])

@@ -18,6 +18,7 @@ KINDS = {
     "world": ("world_node", "WorldNode"),
     "camera": ("camera_node", "CameraNode"),
     "lidar": ("lidar_node", "LidarNode"),
+    "radar": ("radar_node", "RadarNode"),
     "gnss": ("gnss_node", "GnssNode"),
     "imu": ("imu_node", "ImuNode"),
     "annotator": ("annotator_node", "AnnotatorNode"),

@@ -67,7 +67,7 @@ class RecorderNode(GraphNode):
         self._end, self._lead_in = None, []
         self._loaded_reported = False
         self._manifest = topics.manifest(spec, compressed_images=self._compressed)
-        schedules = {topic.name: Schedule(0, topic.period_ticks, topic.sporadic) for topic in self._manifest}
+        schedules = {topic.name: _schedule(topic) for topic in self._manifest}
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
         self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_lists)
         self._next_tick = 0
@@ -129,7 +129,7 @@ class RecorderNode(GraphNode):
         spec = self._spec
         if spec is None or self._writer is None or self._accounting.add(topic, stamp_ns) is not Verdict.EXPECTED:
             return
-        tick = spec.tick_of(stamp_ns)
+        tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
             self._writer.write(topic, stamp_ns, canonical(payload, "std_msgs/msg/String"))
             return
@@ -162,9 +162,9 @@ class RecorderNode(GraphNode):
         if topics.MAP in messages:
             map_text = deserialize_message(messages[topics.MAP][0][1], String).data
             self._writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
-        for topic in self._manifest:
-            for stamp_ns, payload in messages[topic.name]:
-                self._writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
+        entries = [(stamp_ns, topic, payload) for topic in self._manifest for stamp_ns, payload in messages[topic.name]]
+        for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
+            self._writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
         """Give the bag its final name, if all is in it: the last tick, and events, which may come after their tick."""
@@ -190,6 +190,10 @@ class RecorderNode(GraphNode):
         else:
             self._writer.abandon(self._facts(self._spec))
         self._writer = self._spec = None
+
+
+def _schedule(topic: Topic) -> Schedule:
+    return Schedule(0, topic.period_ticks, topic.sporadic, topic.messages_per_tick)
 
 
 def _lists() -> defaultdict[str, list[tuple[int, bytes]]]:

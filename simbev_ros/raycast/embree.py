@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import open3d
 
-from simbev_ros.types import AnyArray, Float32Array, Int32Array
+from simbev_ros.types import AnyArray, Float32Array, Int32Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +23,33 @@ class TriangleHits:
     normal: Float32Array
 
 
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """All places where rays go through triangles, in no particular order.
+
+    Attributes:
+        ray: (K,) int64 index of the ray.
+        triangle: (K,) int64.
+        range_m: (K,) float32.
+    """
+
+    ray: Int64Array
+    triangle: Int64Array
+    range_m: Float32Array
+
+
 class TriangleSet:
     """An immutable bounding volume hierarchy of (T, 3) triangles over (V, 3) float32 vertices in metres."""
 
     def __init__(self, vertices_m: Float32Array, triangles: Int32Array) -> None:
         self._scene = open3d.t.geometry.RaycastingScene()
-        if len(triangles):
+        self._is_empty = not len(triangles)
+        if not self._is_empty:
             self._scene.add_triangles(_tensor(vertices_m), _tensor(triangles.astype(np.uint32)))
+
+    def build(self) -> None:
+        """Do now what the first cast would otherwise have to do."""
+        self.cast(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]], np.float32))
 
     def cast(self, rays: Float32Array) -> TriangleHits:
         """First hits of (N, 6) float32 rays: origin in metres, unit direction."""
@@ -38,6 +58,17 @@ class TriangleSet:
             found["t_hit"].numpy(),
             found["primitive_ids"].numpy().view(np.int32),  # Embree's invalid id is all ones
             found["primitive_normals"].numpy(),
+        )
+
+    def crossings(self, rays: Float32Array) -> Crossings:
+        """Where (N, 6) float32 rays, as in ``cast``, go through any triangle, from either side."""
+        if self._is_empty or not len(rays):
+            return Crossings(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.float32))
+        found = self._scene.list_intersections(_tensor(rays))
+        return Crossings(
+            found["ray_ids"].numpy().astype(np.int64),
+            found["primitive_ids"].numpy().astype(np.int64),
+            found["t_hit"].numpy(),
         )
 
 

@@ -9,7 +9,7 @@ from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array
 
 _SKIN_M = 0.01
-"""Bounding spheres are this much larger than what they hold, so that a ray can start outside of the surface."""
+"""Bounding boxes and spheres are so much larger than what they hold: a ray can start at them, outside of the part."""
 
 
 class PartStack:
@@ -20,7 +20,8 @@ class PartStack:
     Attributes:
         first: (M + 1,) first part of each model.
         part: Index of the part in its model.
-        center_m: (P, 3) centre of its bounding sphere, actor frame.
+        center_m: (P, 3) centre of its bounding box and sphere, actor frame.
+        half_m: (P, 3) half sizes of the box.
         radius_m: Radius of the sphere.
         height_m: Where along z the centre lies in the stack.
         triangles: All of them, each part shifted to its place.
@@ -29,16 +30,18 @@ class PartStack:
     """
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
-        first, part, center_m, radius_m, vertices, triangles, material = [0], [], [], [], [], [], []
+        first, part, center_m, half_m, radius_m, vertices, triangles, material = [0], [], [], [], [], [], [], []
         for model in models:
             mesh = model.mesh
             owner = mesh.part[mesh.triangles[:, 0]]
             for index in np.unique(owner):
                 used, own = np.unique(mesh.triangles[owner == index], return_inverse=True)
                 points = mesh.vertices[used].astype(np.float64)
-                center = (points.min(axis=0) + points.max(axis=0)) / 2.0
+                low, high = points.min(axis=0), points.max(axis=0)
+                center = (low + high) / 2.0
                 part.append(int(index))
                 center_m.append(center)
+                half_m.append((high - low) / 2.0 + _SKIN_M)
                 radius_m.append(float(np.linalg.norm(points - center, axis=1).max()) + _SKIN_M)
                 vertices.append(points - center)
                 triangles.append(own.reshape(-1, 3))
@@ -47,6 +50,7 @@ class PartStack:
         self.first = np.array(first)
         self.part = np.array(part, np.int64)
         self.center_m = np.array(center_m).reshape(-1, 3)
+        self.half_m = np.array(half_m).reshape(-1, 3)
         self.radius_m = np.array(radius_m, np.float32)
         self.height_m: Float32Array = 2.0 * np.cumsum(self.radius_m) - self.radius_m
         self.height_m -= self.height_m[-1:] / 2.0

@@ -1,4 +1,4 @@
-"""What rays hit: the static tiles near a place and the actors of one tick."""
+"""What rays hit: the static tiles near a place and the actors of one tick, or of the time up to it."""
 
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
@@ -8,9 +8,13 @@ import numpy as np
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.raycast.actors import ActorTriangles
+from simbev_ros.raycast.between import Course, known_before
+from simbev_ros.raycast.motion import body_velocities, part_velocities
 from simbev_ros.raycast.static import StaticTriangles
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import Float32Array, Float64Array, UInt8Array, UInt32Array
+from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
+
+_NS_PER_S = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,28 +24,44 @@ class Hits:
     Attributes:
         range_m: (N,) float32, inf where nothing was hit; the other fields are 0 there.
         object_id: (N,) uint32 id of the actor, 0 on static surfaces.
+        row: (N,) int32 row of the actor in ``RayScene.actors``, -1 on static surfaces and where nothing was hit.
+        part: (N,) int32 rigid part of the actor that was hit, an index into its model's parts; -1 as ``row``.
         tag: (N,) uint8 semantic tag.
         material: (N,) uint8 material.
         normal: (N, 3) float32 unit normal of the triangle on the side that the ray comes from, map axes.
+        cos_angle: (N,) float32 cosine of the angle between the ray and the normal, 0 grazing, 1 perpendicular.
     """
 
     range_m: Float32Array
     object_id: UInt32Array
+    row: Int32Array
+    part: Int32Array
     tag: UInt8Array
     material: UInt8Array
     normal: Float32Array
+    cos_angle: Float32Array
 
 
 class RayScene:
-    """Geometry for rays. Its hits are a function of the world state alone; a replay repeats them to the bit."""
+    """Geometry for rays. Its hits are a function of the world states alone; a replay repeats them to the bit.
+
+    Attributes:
+        actors: (A,) ``ACTOR_DTYPE`` rows of those that rays can hit, at the tick.
+    """
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
         """Takes the immobile scene and the catalogue's models, indexed by blueprint."""
+        self._models = models
         self._static = StaticTriangles(static)
         self._actors = ActorTriangles(models)
 
     def update(
-        self, state: WorldState, center_m: Float64Array, radius_m: float, hidden_ids: Set[int] = frozenset()
+        self,
+        state: WorldState,
+        center_m: Float64Array,
+        radius_m: float,
+        hidden_ids: Set[int] = frozenset(),
+        earlier: Sequence[WorldState] = (),
     ) -> None:
         """Moves to a tick.
 
@@ -50,37 +70,76 @@ class RayScene:
             center_m: (3,) map frame: where rays start, or the middle of it.
             radius_m: Everything nearer than this to the centre is there (in the ground plane).
             hidden_ids: Actors that rays pass through, such as the one that carries the sensor.
+            earlier: The world at the ticks before, as far back as rays are cast; none: all are cast at the tick.
         """
-        actors = state.actors
-        reach_m = radius_m + np.hypot(actors["length"], actors["width"])
-        near = np.hypot(actors["x"] - center_m[0], actors["y"] - center_m[1]) < reach_m
-        near &= ~np.isin(actors["id"], sorted(hidden_ids))
-        self._rows = actors[near]
-        self._origin_m = np.asarray(center_m, np.float64)
-        self._static.update(self._origin_m, radius_m)
-        self._actors.update(self._rows, self._origin_m)
+        course = Course.of(state, earlier)
+        near = np.any([_within(actors, center_m, radius_m) for actors in course.tables], axis=0)
+        course = course.only(near & ~np.isin(state.actors["id"], sorted(hidden_ids)))
+        self.actors: Table = course.now
+        self._stamp_ns = state.stamp_ns
+        self._near = self._static.around(np.asarray(center_m, np.float64), radius_m)
+        self._actors.update(course, np.asarray(center_m, np.float64))
 
-    def cast(self, origins_m: Float64Array, directions: Float32Array | Float64Array) -> Hits:
+    def build_ahead(self, center_m: Float64Array, radius_m: float) -> None:
+        """Gets the static triangles ready for a place that will soon be the centre of an ``update``."""
+        self._static.around(np.asarray(center_m, np.float64), radius_m)
+
+    def cast(
+        self,
+        origins_m: Float64Array,
+        directions: Float32Array | Float64Array,
+        lag_s: Float64Array | None = None,
+    ) -> Hits:
         """First hit of each ray.
 
         Args:
             origins_m: (N, 3) float64 in the map frame, or (1, 3) for rays that start at one point.
             directions: (N, 3) unit vectors, map axes.
+            lag_s: (N,) how long before the tick each ray is cast, when actors were elsewhere; None: at the tick.
         """
         directions = np.ascontiguousarray(directions, np.float32)
-        static = self._static
+        near = self._near
         rays = np.empty((len(directions), 6), np.float32)
-        rays[:, :3] = origins_m - static.origin_m
+        rays[:, :3] = origins_m - near.origin_m
         rays[:, 3:] = directions
-        hits = static.triangles.cast(rays)
-        hit = hits.triangle >= 0
+        hits = near.triangles.cast(rays)
         range_m, normal = hits.range_m.copy(), hits.normal.copy()
-        tag, material = np.zeros((2, len(rays)), np.uint8)
-        tag[hit], material[hit] = static.tag[hits.triangle[hit]], static.material[hits.triangle[hit]]
+        tag, material = near.tag[hits.triangle], near.material[hits.triangle]
         object_id = np.zeros(len(rays), np.uint32)
-        moving = self._actors.cast(origins_m - self._origin_m, directions, range_m)
+        row, part = np.full((2, len(rays)), -1, np.int32)
+        moving = self._actors.cast(origins_m, directions, range_m, lag_s)
         range_m[moving.ray], normal[moving.ray] = moving.range_m, moving.normal
-        material[moving.ray] = moving.material
-        object_id[moving.ray], tag[moving.ray] = self._rows["id"][moving.row], self._rows["tag"][moving.row]
-        normal[np.einsum("ni,ni->n", normal, directions) > 0] *= -1.0
-        return Hits(range_m, object_id, tag, material, normal)
+        material[moving.ray], row[moving.ray], part[moving.ray] = moving.material, moving.row, moving.part
+        object_id[moving.ray], tag[moving.ray] = self.actors["id"][moving.row], self.actors["tag"][moving.row]
+        facing = -np.einsum("ni,ni->n", normal, directions)
+        normal *= np.copysign(np.float32(1.0), facing)[:, None]
+        return Hits(range_m, object_id, row, part, tag, material, normal, np.minimum(np.abs(facing), np.float32(1.0)))
+
+    def velocities(self, hits: Hits, points_m: Float64Array, previous: WorldState | None = None) -> Float64Array:
+        """Velocities of the points that were hit: zero on static surfaces and where nothing was hit.
+
+        Args:
+            hits: (N,) what ``cast`` has found since the last ``update``.
+            points_m: (N, 3) where that is, map frame; not finite where nothing was hit.
+            previous: The world one tick ago. With it wheels, steering and limbs move as they have since then; without
+                it (None) every point moves with the body of its actor.
+
+        Returns:
+            (N, 3) m/s, map axes.
+        """
+        velocity_mps = np.zeros((len(hits.row), 3))
+        moving = np.flatnonzero(hits.row >= 0)
+        row, part, place_m = hits.row[moving], hits.part[moving], np.asarray(points_m, np.float64)[moving]
+        velocity_mps[moving] = body_velocities(self.actors[row], place_m)
+        if previous is not None and len(moving):
+            before = known_before(self.actors, previous.actors)
+            elapsed_s = (self._stamp_ns - previous.stamp_ns) / _NS_PER_S
+            velocity_mps[moving] += part_velocities(self._models, before, self.actors, elapsed_s, row, part, place_m)
+        return velocity_mps
+
+
+def _within(actors: Table, center_m: Float64Array, radius_m: float) -> BoolArray:
+    """(N,) actors of which a part may be so near to a place."""
+    reach_m = radius_m + np.hypot(actors["length"], actors["width"])
+    near: BoolArray = np.hypot(actors["x"] - center_m[0], actors["y"] - center_m[1]) < reach_m
+    return near

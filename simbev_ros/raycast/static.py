@@ -1,5 +1,7 @@
 """Rays against the static tiles around a place."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from simbev_ros.assets.mesh import Mesh
@@ -10,41 +12,62 @@ from simbev_ros.types import Float32Array, Float64Array, UInt8Array
 _CELL_M = 128.0
 """The place is known only to the cell of this size that it lies in, so that a rebuild is rare and leaves no trace."""
 
+_KEPT = 3
+"""So many cells' triangles are kept: who drives along a border, or comes back, needs no rebuild."""
 
-class StaticTriangles:
-    """The tiles within reach. Which tiles, and their order, depends on the place alone, not on how it was reached.
+_Key = tuple[int, int, int, float]
+"""Column, row and storey of a cell, and how far from it triangles are wanted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Near:
+    """What can be hit from a cell.
 
     Attributes:
-        origin_m: (3,) point of the map frame that the vertices in Embree are relative to.
-        tag: (T,) semantic tag per triangle.
-        material: (T,) material per triangle.
+        origin_m: (3,) point of the map frame that the triangles are relative to.
+        tag: (T + 1,) semantic tag per triangle, and 0 for triangle -1, which is none.
+        material: (T + 1,) material, in the same way.
         triangles: The triangles for Embree.
     """
+
+    origin_m: Float64Array
+    tag: UInt8Array
+    material: UInt8Array
+    triangles: TriangleSet
+
+
+class StaticTriangles:
+    """The tiles within reach, all of which, and their order, depends on the place alone, not on how it was reached."""
 
     def __init__(self, static: StaticScene) -> None:
         self._tiles = static.tiles
         self._bounds_m = np.array([_bounds_m(tile) for tile in static.tiles]).reshape(-1, 2, 2)
-        self._chosen: tuple[int, ...] | None = None
+        self._near: dict[_Key, Near] = {}
 
-    def update(self, center_m: Float64Array, radius_m: float) -> None:
-        """Rebuilds if other tiles are now within ``radius_m`` of (3,) ``center_m`` (map frame), or may soon be."""
-        low = np.floor(center_m[:2] / _CELL_M) * _CELL_M - radius_m
-        high = low + _CELL_M + 2.0 * radius_m
-        near = ((self._bounds_m[:, 0] <= high) & (self._bounds_m[:, 1] >= low)).all(axis=1)
-        chosen = tuple(int(index) for index in np.flatnonzero(near))
-        if chosen != self._chosen:
-            self._chosen = chosen
-            self._build([self._tiles[index] for index in chosen])
+    def around(self, center_m: Float64Array, radius_m: float) -> Near:
+        """All tiles within ``radius_m`` of (3,) ``center_m``, map frame, and of the rest of its cell; kept or built."""
+        column, row, storey = np.floor(center_m / _CELL_M).astype(int).tolist()
+        key = column, row, storey, radius_m
+        near = self._near.pop(key, None) or self._build(key)
+        self._near[key] = near  # last: dictionaries keep their order
+        for old in list(self._near)[:-_KEPT]:
+            del self._near[old]
+        return near
 
-    def _build(self, tiles: list[Tile]) -> None:
+    def _build(self, key: _Key) -> Near:
+        low = np.array(key[:2]) * _CELL_M - key[3]
+        high = low + _CELL_M + 2.0 * key[3]
+        within = ((self._bounds_m[:, 0] <= high) & (self._bounds_m[:, 1] >= low)).all(axis=1)
+        tiles = [self._tiles[index] for index in np.flatnonzero(within)]
+        origin_m = (np.array(key[:3]) + 0.5) * _CELL_M
         origins_m = np.array([tile.origin_m for tile in tiles]).reshape(-1, 3)
-        self.origin_m: Float64Array = np.round(origins_m.mean(axis=0)) if tiles else np.zeros(3)
         mesh = Mesh.merged([tile.mesh for tile in tiles])
-        shift_m = np.repeat(origins_m - self.origin_m, [len(tile.mesh.vertices) for tile in tiles], axis=0)
+        shift_m = np.repeat(origins_m - origin_m, [len(tile.mesh.vertices) for tile in tiles], axis=0)
         vertices_m: Float32Array = (mesh.vertices + shift_m).astype(np.float32)
-        self.tag: UInt8Array = mesh.triangle_tag
-        self.material: UInt8Array = mesh.material[mesh.triangles[:, 0]]
-        self.triangles = TriangleSet(vertices_m, mesh.triangles)
+        triangles = TriangleSet(vertices_m, mesh.triangles)
+        triangles.build()
+        material = mesh.material[mesh.triangles[:, 0]]
+        return Near(origin_m, np.append(mesh.triangle_tag, np.uint8(0)), np.append(material, np.uint8(0)), triangles)
 
 
 def _bounds_m(tile: Tile) -> Float64Array:

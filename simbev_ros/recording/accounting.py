@@ -27,20 +27,35 @@ class Verdict(Enum):
 class Schedule:
     """When a topic has a message: every ``period_ticks`` from ``first_tick`` on; with period 0, once, at any stamp.
 
-    A sporadic one has any number of messages at any tick; how many in all is known when the scene ends.
+    A sporadic one has any number of messages at any tick; how many in all is known when the scene ends. With more
+    messages than one per tick, which must have period 1, they are stamped at equal distances from ``first_tick`` on,
+    and those after one tick up to the next are due at the latter.
     """
 
     first_tick: int = 0
     period_ticks: int = 1
     sporadic: bool = False
+    messages_per_tick: int = 1
 
     def due(self, ticks: int) -> range:
-        """The ticks, of a scene of so many, at which a message is due."""
+        """The messages of a scene of so many ticks, by their places on the grid of stamps, whose 0 is tick 0."""
         if self.sporadic:
             return range(0)
         if self.period_ticks == 0:
             return range(self.first_tick, min(self.first_tick + 1, ticks))
-        return range(self.first_tick, ticks, self.period_ticks)
+        per_tick = self.messages_per_tick
+        return range(self.first_tick * per_tick, (ticks - 1) * per_tick + 1, self.period_ticks)
+
+    def tick_of(self, place: int) -> int:
+        """The tick at which the message of a place is due."""
+        return -(-place // self.messages_per_tick)
+
+    def place_of(self, since_start_ns: int, tick_ns: int) -> int | None:
+        """The place of a stamp, nanoseconds since tick 0; None if it lies beside the grid."""
+        if self.period_ticks == 0:
+            return self.first_tick
+        place = -(-since_start_ns * self.messages_per_tick // tick_ns)
+        return place if place * tick_ns // self.messages_per_tick == since_start_ns else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,36 +111,37 @@ class Accounting:
 
     def __init__(self, manifest: Mapping[str, Schedule], *, start_ns: int, tick_ns: int, ticks: int) -> None:
         self.finished_tick = -1
+        self._manifest = manifest
         self._start_ns, self._tick_ns, self._ticks = start_ns, tick_ns, ticks
-        self._first_ticks = {topic: entry.first_tick for topic, entry in manifest.items() if not entry.period_ticks}
         self._sporadic = {topic: 0 for topic, entry in manifest.items() if entry.sporadic}
         self._announced: Mapping[str, int] = {}
         self._due = {topic: entry.due(ticks) for topic, entry in manifest.items()}
         self._missing = {topic: set(due) for topic, due in self._due.items()}
         self._awaited = [0] * ticks
-        for due in self._due.values():
-            for tick in due:
-                self._awaited[tick] += 1
+        for topic, due in self._due.items():
+            for place in due:
+                self._awaited[manifest[topic].tick_of(place)] += 1
         self._duplicates: Counter[str] = Counter()
         self._unexpected: Counter[str] = Counter()
         self._advance()
 
     def add(self, topic: str, stamp_ns: int) -> Verdict:
         """Enter one message."""
-        if stamp_ns < self._start_ns and topic not in self._first_ticks:
+        schedule = self._manifest.get(topic, Schedule())
+        if stamp_ns < self._start_ns and schedule.period_ticks:
             return Verdict.WARM_UP
-        tick = self._tick_of(topic, stamp_ns)
-        if topic in self._sporadic and tick is not None and tick < self._ticks:
+        place = schedule.place_of(stamp_ns - self._start_ns, self._tick_ns)
+        if topic in self._sporadic and place is not None and place < self._ticks:
             self._sporadic[topic] += 1
             return Verdict.EXPECTED
-        if tick not in self._due.get(topic, ()):
+        if place is None or place not in self._due.get(topic, ()):
             self._unexpected[topic] += 1
             return Verdict.UNEXPECTED
-        if tick not in self._missing[topic]:
+        if place not in self._missing[topic]:
             self._duplicates[topic] += 1
             return Verdict.DUPLICATE
-        self._missing[topic].remove(tick)
-        self._awaited[tick] -= 1
+        self._missing[topic].remove(place)
+        self._awaited[schedule.tick_of(place)] -= 1
         self._advance()
         return Verdict.EXPECTED
 
@@ -137,9 +153,9 @@ class Accounting:
             sporadic: Messages of sporadic topics that there are in all; of those not given, as many as have come.
         """
         self._ticks, self._announced = ticks, sporadic or {}
-        self._due = {topic: due[: len(range(due.start, ticks, due.step))] for topic, due in self._due.items()}
-        for topic, due in self._due.items():
-            self._missing[topic].intersection_update(due)
+        for topic, schedule in self._manifest.items():
+            self._due[topic] = self._due[topic][: len(schedule.due(ticks))]
+            self._missing[topic].intersection_update(self._due[topic])
         self._awaited = self._awaited[:ticks]
 
     @property
@@ -149,8 +165,8 @@ class Accounting:
         return all_sporadic and self.finished_tick + 1 >= self._ticks
 
     def awaited(self, tick: int) -> list[str]:
-        """The topics whose message of this tick has not come."""
-        return [topic for topic, missing in self._missing.items() if tick in missing]
+        """The topics of which a message of this tick has not come."""
+        return [topic for topic in self._missing if tick in self._missing_ticks(topic)]
 
     def report(self) -> Report:
         """The books as they are now."""
@@ -158,18 +174,15 @@ class Accounting:
         return Report(self._ticks, {topic: self._account(topic) for topic in [*self._due, *strangers]})
 
     def _account(self, topic: str) -> TopicAccount:
-        missing = tuple(sorted(self._missing.get(topic, ())))
+        missing = self._missing.get(topic, set())
         happened = self._sporadic.get(topic, 0)
         due = len(self._due.get(topic, range(0)))
         expected, recorded = due + self._announced.get(topic, happened), due - len(missing) + happened
-        return TopicAccount(expected, recorded, missing, self._duplicates[topic], self._unexpected[topic])
+        ticks = tuple(sorted(self._missing_ticks(topic)))
+        return TopicAccount(expected, recorded, ticks, self._duplicates[topic], self._unexpected[topic])
 
-    def _tick_of(self, topic: str, stamp_ns: int) -> int | None:
-        """The tick of a stamp, None between ticks; a topic that comes once has one tick."""
-        if topic in self._first_ticks:
-            return self._first_ticks[topic]
-        tick, rest = divmod(stamp_ns - self._start_ns, self._tick_ns)
-        return None if rest else tick
+    def _missing_ticks(self, topic: str) -> set[int]:
+        return {self._manifest[topic].tick_of(place) for place in self._missing.get(topic, ())}
 
     def _advance(self) -> None:
         while self.finished_tick + 1 < self._ticks and not self._awaited[self.finished_tick + 1]:

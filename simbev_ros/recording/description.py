@@ -1,6 +1,7 @@
 """A bag in words and numbers, fit for JSON."""
 
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import Rig
 from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import locate_mcap
@@ -111,5 +113,9 @@ def _rig(rig: Rig) -> list[str]:
         cameras[kind] = cameras.get(kind, 0) + 1
     phrases = [f"{count} camera{'s' * (count > 1)} {kind}" for kind, count in cameras.items()]
     phrases += [f"lidar {lidar.channels}x{lidar.columns} {lidar.range_m:g} m" for lidar in rig.of_type(Lidar)]
+    radars = Counter(
+        f"{radar.range_m:g} m {radar.horizontal_fov_deg:g}x{radar.vertical_fov_deg:g}°" for radar in rig.of_type(Radar)
+    )
+    phrases += [f"{count} radar{'s' * (count > 1)} {kind}" for kind, count in radars.items()]
     phrases += ["GNSS"] * len(rig.of_type(Gnss)) + ["IMU"] * len(rig.of_type(Imu))
     return phrases

@@ -120,12 +120,20 @@ class SceneSpec(Model):
         return self.weather.towards(self.final_weather, min(tick / (self.ticks - 1), 1.0) if self.ticks > 1 else 1.0)
 
     def tick_of(self, stamp_ns: int) -> int:
-        """The tick of a stamp."""
+        """The tick of a stamp, of one between two ticks the former."""
         return (stamp_ns - self.start_ns) // self.tick_ns
+
+    def publishing_tick_of(self, stamp_ns: int) -> int:
+        """The tick at which a message with this stamp is published: of a stamp between two ticks the latter."""
+        return -((self.start_ns - stamp_ns) // self.tick_ns)
 
     def period_ticks(self, rate_hz: float | None) -> int:
         """Every how many ticks something with this rate is due."""
         return 1 if rate_hz is None else max(1, round(NS_PER_S / (rate_hz * self.tick_ns)))
+
+    def messages_per_tick(self, rate_hz: float | None) -> int:
+        """How many messages something with this rate has at a tick that it is due at; more than 1 above the ticks'."""
+        return 1 if rate_hz is None else max(1, round(rate_hz * self.tick_ns / NS_PER_S))
 
     @cached_property
     def lead_in_ticks(self) -> int:

@@ -1,5 +1,6 @@
 """GNSS receiver: world state in, position on Earth out. No ROS."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,8 +8,10 @@ import numpy as np
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.random import stream
+from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import map_from_sensor
+from simbev_ros.sensors.processes import Drift, Outages
 from simbev_ros.types import Float64Array
 
 _SEMI_MAJOR_M = 6378137.0
@@ -18,38 +21,74 @@ _FLATTENING = 1.0 / 298.257223563
 
 @dataclass(frozen=True, slots=True)
 class GnssFix:
-    """One fix.
+    """One fix, or that there is none.
 
     Attributes:
-        latitude_deg: WGS84.
+        latitude_deg: WGS84; NaN, as the next two, without a fix.
         longitude_deg: WGS84.
         altitude_m: Above the ellipsoid.
-        covariance_m2: (3, 3) of the noise: east, north, up.
+        covariance_m2: (3, 3) of the errors: east, north, up; None without a fix.
     """
 
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
-    covariance_m2: Float64Array
+    covariance_m2: Float64Array | None
 
 
-def measure_gnss(gnss: Gnss, state: WorldState, datum: MapDatum, seed: int) -> GnssFix:
-    """Position of the antenna with normally distributed errors; ``seed`` is the scene's."""
-    antenna_m = map_from_sensor(gnss.pose, state)[:3, 3]
-    latitude_deg, longitude_deg, altitude_m = datum.geodetic_from_map(antenna_m)
-    errors = stream(seed, f"gnss.{gnss.name}", state.tick).standard_normal(3)
-    east_m, north_m = metres_per_degree(latitude_deg, altitude_m)
-    sigmas_m = [
-        gnss.longitude_noise_sigma_deg * east_m,
-        gnss.latitude_noise_sigma_deg * north_m,
-        gnss.altitude_noise_sigma_m,
-    ]
-    return GnssFix(
-        latitude_deg + gnss.latitude_noise_sigma_deg * float(errors[0]),
-        longitude_deg + gnss.longitude_noise_sigma_deg * float(errors[1]),
-        altitude_m + gnss.altitude_noise_sigma_m * float(errors[2]),
-        np.diag(np.square(sigmas_m)),
-    )
+NO_FIX = GnssFix(math.nan, math.nan, math.nan, None)
+"""What a receiver says during a drop-out."""
+
+
+class GnssModel:
+    """One receiver through one scene."""
+
+    def __init__(self, gnss: Gnss, datum: MapDatum, seed: int, tick_ns: int, period_ticks: int = 1) -> None:
+        """At tick 0.
+
+        Args:
+            gnss: Its configuration.
+            datum: Where the map lies on Earth.
+            seed: The scene's.
+            tick_ns: Length of a tick.
+            period_ticks: It measures at every so many ticks.
+        """
+        self._gnss, self._datum, self._seed, self._period_ticks = gnss, datum, seed, period_ticks
+        step_s = tick_ns / NS_PER_S * period_ticks
+        horizontal_m, vertical_m = gnss.bias_walk_horizontal_sigma_m, gnss.bias_walk_vertical_sigma_m
+        self._walk_sigma_m = np.array([horizontal_m, horizontal_m, vertical_m])
+        rng = stream(seed, f"gnss.{gnss.name}.bias_walk")
+        self._walk_m = Drift.gauss_markov(rng, self._walk_sigma_m, gnss.bias_walk_time_s, step_s)
+        rng = stream(seed, f"gnss.{gnss.name}.dropouts")
+        self._dropouts = Outages(rng, gnss.dropout_share, gnss.dropout_mean_s, step_s)
+
+    def is_due(self, tick: int) -> bool:
+        """Whether there is something to measure at a tick."""
+        return tick >= 0 and tick % self._period_ticks == 0
+
+    def measure(self, state: WorldState) -> GnssFix:
+        """The fix at a tick that is due; ticks rise from call to call."""
+        index = state.tick // self._period_ticks
+        walk_m = self._walk_m.until(index)[0]
+        if self._dropouts.at(index):
+            return NO_FIX
+        gnss = self._gnss
+        antenna_m = map_from_sensor(gnss.pose, state)[:3, 3]
+        latitude_deg, longitude_deg, altitude_m = self._datum.geodetic_from_map(antenna_m)
+        east_m, north_m = metres_per_degree(latitude_deg, altitude_m)
+        noise = stream(self._seed, f"gnss.{gnss.name}", state.tick).standard_normal(3)  # north, east, up
+        sigma_m = [
+            gnss.longitude_noise_sigma_deg * east_m,
+            gnss.latitude_noise_sigma_deg * north_m,
+            gnss.altitude_noise_sigma_m,
+        ]
+        error_m = np.multiply(sigma_m, noise[[1, 0, 2]]) + walk_m
+        return GnssFix(
+            latitude_deg + float(error_m[1]) / north_m,
+            longitude_deg + float(error_m[0]) / east_m,
+            altitude_m + float(error_m[2]),
+            np.diag(np.square(sigma_m) + np.square(self._walk_sigma_m)),
+        )
 
 
 def metres_per_degree(latitude_deg: float, altitude_m: float) -> tuple[float, float]:

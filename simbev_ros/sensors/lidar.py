@@ -1,22 +1,27 @@
-"""Rotating lidar and semantic lidar: world state and rays in, two clouds out. No ROS.
+"""Rotating lidar and semantic lidar: world states and rays in, two clouds out. No ROS.
 
-A turn starts behind the sensor (-x) and runs clockwise seen from above: behind, left, ahead, right. Column c of C looks
-at azimuth π - 2π (c + ½) / C and is fired (c + 1 - C) / C of a turn after the stamp, i.e. the last column at the stamp.
-Ring 0 is the lowest. All rays are cast at the stamp and from the pose at the stamp, as in CARLA: the cloud is already
-compensated for the motion during the turn, and ``time`` must not be used to do so again.
+Which way the rays go is said in ``lidar_pattern``, how strong echoes are in ``lidar_echo``, what rain and fog do in
+``lidar_weather``. By default all rays of a turn are cast at the stamp and from the pose at the stamp, as in CARLA: the
+cloud is already compensated for the motion during the turn, and ``time`` must not be used to do so again. A rolling
+scan casts each column at its own ``time``, with the sensor and all actors where they were then, and its points are in
+the sensor's frame of that time, as a real lidar's.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.assets.materials import load_materials
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.random import stream
+from simbev_ros.raycast.between import Course
 from simbev_ros.raycast.scene import Hits, RayScene
-from simbev_ros.scene.state import WorldState
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.sensors.lidar_echo import echo_strength, intensity, lost_for_weakness
+from simbev_ros.sensors.lidar_pattern import ScanPattern
+from simbev_ros.sensors.lidar_weather import LidarWeather
 from simbev_ros.sensors.mount import map_from_sensor
-from simbev_ros.types import Float32Array, Int64Array, Table, UInt16Array
+from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table
 
 POINT_DTYPE = np.dtype(
     [
@@ -24,7 +29,7 @@ POINT_DTYPE = np.dtype(
         ("y", "<f4"),
         ("z", "<f4"),
         ("intensity", "<f4"),  # 0..1
-        ("ring", "<u2"),  # 0 is the lowest
+        ("ring", "<u2"),  # channel, 0 is the lowest unless listed otherwise
         ("time", "<f4"),  # s from the stamp, ≤ 0
     ]
 )
@@ -38,25 +43,41 @@ SEMANTIC_POINT_DTYPE = np.dtype(
         ("cos_angle", "<f4"),  # between the ray and the surface's normal, 0 grazing, 1 perpendicular
         ("object_id", "<u4"),  # id of the actor, 0 on static surfaces
         ("tag", "<u4"),  # semantic tag
+        ("time", "<f4"),  # s from the stamp, ≤ 0
     ]
 )
-"""One row per return of the semantic lidar, without noise and without loss; 24 bytes."""
-
-_ATTENUATION_PER_M = 0.004
-"""Loss of intensity in air; CARLA's default ``atmosphere_attenuation_rate``."""
+"""One row per return of the semantic lidar, without noise, loss or weather; 28 bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class LidarScan:
-    """One turn; rows in firing order, rings upward within a column.
+    """One turn; rows in firing order. What the lidar does not publish is None.
 
     Attributes:
         points: (M,) ``POINT_DTYPE``.
         semantic_points: (N,) ``SEMANTIC_POINT_DTYPE``.
     """
 
-    points: Table
-    semantic_points: Table
+    points: Table | None
+    semantic_points: Table | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Rays:
+    """(N,) rays in the map frame; ``origins_m`` is (1, 3) and ``lag_s`` None when all are cast at the stamp."""
+
+    origins_m: Float64Array
+    directions: Float32Array
+    lag_s: Float64Array | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Echoes:
+    """(M,) echoes: their rays, ascending, their ranges, and how strong they are (``lidar_echo``)."""
+
+    ray: Int64Array
+    range_m: Float32Array
+    strength: Float32Array
 
 
 class LidarModel:
@@ -72,64 +93,93 @@ class LidarModel:
         """
         self._lidar = lidar
         self._seed = seed
-        self.directions: Float32Array = _directions(lidar)
-        """(columns · channels, 3) unit vectors in the sensor frame, in firing order."""
-        columns, channels = np.arange(lidar.columns), np.arange(lidar.channels)
-        self._ring: UInt16Array = np.tile(channels, lidar.columns).astype(np.uint16)
-        self._time_s = np.repeat((columns + 1 - lidar.columns) / lidar.columns * turn_s, lidar.channels)
-        self._reflectance = load_materials().lidar_reflectance
+        self.pattern = ScanPattern.of(lidar, turn_s)
+        self._time_s = self.pattern.time_s.astype(np.float32)
 
-    def scan(self, scene: RayScene, state: WorldState) -> LidarScan:
-        """The clouds of one tick; ``scene`` has been updated with the same state."""
-        pose = map_from_sensor(self._lidar.pose, state)
-        hits = scene.cast(pose[None, :3, 3], self.directions @ pose[:3, :3].T.astype(np.float32))
-        returned = np.flatnonzero(hits.range_m <= self._lidar.range_m)
-        cos_angle = self._cos_angle(hits, returned, pose[:3, :3].astype(np.float32))
+    def scan(self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState] = ()) -> LidarScan:
+        """The clouds of one tick.
+
+        Args:
+            scene: Updated with the same states.
+            state: The world at the stamp.
+            earlier: The world at the ticks of the turn before; only a rolling scan needs them.
+        """
+        lidar = self._lidar
+        rays = self._rolling_rays(state, earlier) if lidar.rolling else self._rays(state)
+        hits = scene.cast(rays.origins_m, rays.directions, rays.lag_s)
+        returned = np.flatnonzero((hits.range_m >= lidar.min_range_m) & (hits.range_m <= lidar.range_m))
         return LidarScan(
-            self._points(hits, returned, cos_angle, state.tick), self._semantic_points(hits, returned, cos_angle)
+            self._points(hits, returned, rays, state) if lidar.points else None,
+            self._semantic_points(hits, returned) if lidar.semantic_points else None,
         )
 
-    def _cos_angle(self, hits: Hits, returned: Int64Array, map_from_sensor: Float32Array) -> Float32Array:
-        """(M,) cosine between the returned rays and the normals of what they hit."""
-        normal_sensor = hits.normal[returned] @ map_from_sensor
-        cosine: Float32Array = -np.einsum("ni,ni->n", normal_sensor, self.directions[returned])
-        return np.clip(cosine, 0.0, 1.0)
+    def _rays(self, state: WorldState) -> _Rays:
+        pose = map_from_sensor(self._lidar.pose, state)
+        directions = np.einsum("ni,ji->nj", self.pattern.directions, pose[:3, :3].astype(np.float32))
+        return _Rays(pose[None, :3, 3], directions, None)
 
-    def _semantic_points(self, hits: Hits, returned: Int64Array, cos_angle: Float32Array) -> Table:
+    def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> _Rays:
+        pattern, channels = self.pattern, self._lidar.channels
+        ego = Course.of(state, earlier).only(state.actors["id"] == state.ego_id)
+        egos = ego.at(np.zeros(len(pattern.column_time_s), np.int64), -pattern.column_time_s)
+        poses = map_from_actors(egos) @ self._lidar.pose.ego_from_sensor
+        columns = pattern.directions.reshape(len(poses), channels, 3)
+        directions = np.einsum("cri,cji->crj", columns, poses[:, :3, :3].astype(np.float32))
+        origins_m = np.repeat(poses[:, :3, 3], channels, axis=0)
+        return _Rays(origins_m, directions.reshape(-1, 3), -pattern.time_s)
+
+    def _semantic_points(self, hits: Hits, returned: Int64Array) -> Table:
         cloud = np.empty(len(returned), SEMANTIC_POINT_DTYPE)
-        _fill_xyz(cloud, self.directions[returned] * hits.range_m[returned, None])
-        cloud["cos_angle"] = cos_angle
+        self._place(cloud, returned, hits.range_m[returned])
+        cloud["cos_angle"] = hits.cos_angle[returned]
         cloud["object_id"] = hits.object_id[returned]
         cloud["tag"] = hits.tag[returned]
         return cloud
 
-    def _points(self, hits: Hits, returned: Int64Array, cos_angle: Float32Array, tick: int) -> Table:
-        """Returns that are not lost. Every ray has its own draw, whether it returns or not."""
-        lidar, count = self._lidar, len(self.directions)
-        name = f"lidar.{lidar.name}"
-        lottery = stream(self._seed, f"{name}.drop_off", tick).random(count, np.float32)
-        noise_m = stream(self._seed, f"{name}.range_noise", tick).standard_normal(count, np.float32)
-        kept = lottery[returned] >= lidar.drop_off
-        ray = returned[kept]
-        range_m = hits.range_m[ray]
+    def _points(self, hits: Hits, returned: Int64Array, rays: _Rays, state: WorldState) -> Table:
+        """Returns that are not lost. Every ray has its own draws, whether it returns or not."""
+        lidar, count = self._lidar, len(self._time_s)
+        strength = echo_strength(hits.material[returned], hits.cos_angle[returned])
+        echoes = _Echoes(returned, hits.range_m[returned], strength)
+        air = LidarWeather(lidar, state.weather, float(rays.origins_m[-1, 2]))
+        if not air.is_clear:
+            echoes = self._through(air, echoes, hits, rays, state.tick)
+        lottery, noise = self._stream("drop_off", state.tick), self._stream("range_noise", state.tick)
+        kept = lottery.random(count, np.float32)[echoes.ray] >= lidar.drop_off
+        brightness = intensity(lidar, echoes.strength, echoes.range_m)
+        if lidar.drop_off_at_zero_intensity > 0.0:
+            weakness = self._stream("intensity_drop_off", state.tick).random(count, np.float32)
+            kept &= ~lost_for_weakness(lidar, brightness, weakness[echoes.ray])
+        ray = echoes.ray[kept]
+        noise_m = noise.standard_normal(count, np.float32)[ray] * np.float32(lidar.range_noise_sigma_m)
         cloud = np.empty(len(ray), POINT_DTYPE)
-        noisy_m = np.maximum(range_m + noise_m[ray] * np.float32(lidar.range_noise_sigma_m), 0.0)
-        _fill_xyz(cloud, self.directions[ray] * noisy_m[:, None])
-        attenuation = np.exp(-_ATTENUATION_PER_M * range_m)
-        cloud["intensity"] = self._reflectance[hits.material[ray]] * cos_angle[kept] * attenuation
-        cloud["ring"] = self._ring[ray]
-        cloud["time"] = self._time_s[ray]
+        self._place(cloud, ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0))
+        cloud["intensity"] = brightness[kept]
+        cloud["ring"] = self.pattern.ring[ray]
         return cloud
 
+    def _through(self, air: LidarWeather, echoes: _Echoes, hits: Hits, rays: _Rays, tick: int) -> _Echoes:
+        """The strongest echo of each ray in rain or fog: what is left of the target's, or the air's own."""
+        rng, count = self._stream("weather", tick), len(self._time_s)
+        lottery = rng.random(count, np.float32)
+        left = air.share_left(echoes.range_m, rays.directions[echoes.ray, 2])
+        detected = air.detected(echoes.strength, left, echoes.range_m, lottery[echoes.ray])
+        strength, range_m = np.zeros(count, np.float32), hits.range_m.copy()
+        strength[echoes.ray] = np.where(detected, echoes.strength * left, 0.0)
+        of_air = air.from_air(count, rng)
+        ahead = (of_air.range_m < range_m) & (of_air.range_m >= self._lidar.min_range_m)
+        # Received power falls with the square of the range; what is farther away than the range was never received.
+        near = np.flatnonzero(ahead)
+        power = strength[near] / np.square(range_m[near])
+        wins = near[of_air.strength[near] / np.square(of_air.range_m[near]) > power]
+        strength[wins], range_m[wins] = of_air.strength[wins], of_air.range_m[wins]
+        ray = np.flatnonzero(strength > 0.0)
+        return _Echoes(ray, range_m[ray], strength[ray])
 
-def _directions(lidar: Lidar) -> Float32Array:
-    elevation = np.radians(np.linspace(lidar.lower_fov_deg, lidar.upper_fov_deg, lidar.channels))
-    azimuth = np.pi - 2.0 * np.pi * (np.arange(lidar.columns) + 0.5) / lidar.columns
-    azimuth, elevation = (angle.ravel() for angle in np.meshgrid(azimuth, elevation, indexing="ij"))
-    level = np.cos(elevation)
-    xyz = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=1)
-    return xyz.astype(np.float32)
+    def _stream(self, name: str, tick: int) -> np.random.Generator:
+        return stream(self._seed, f"lidar.{self._lidar.name}.{name}", tick)
 
-
-def _fill_xyz(cloud: Table, points: Float32Array) -> None:
-    cloud["x"], cloud["y"], cloud["z"] = points.T
+    def _place(self, cloud: Table, ray: Int64Array, range_m: Float32Array) -> None:
+        """Write where points are, and when."""
+        cloud["x"], cloud["y"], cloud["z"] = (self.pattern.directions[ray] * range_m[:, None]).T
+        cloud["time"] = self._time_s[ray]

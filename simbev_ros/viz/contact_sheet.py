@@ -38,9 +38,9 @@ class Captions:
 
 @dataclass(frozen=True, slots=True)
 class _Panel:
-    """A topic's place: its words, and how it is made from a frame's arrays."""
+    """The place of some topics, named by the first of them: its words, and how it is made from a frame's arrays."""
 
-    topic: str
+    topics: Sequence[str]
     title: str
     note: str
     paint: _Paint
@@ -86,8 +86,8 @@ class ContactSheet:
         sheet = np.full((height, width, 3), BACKGROUND, np.uint8)
         self._draw_header(sheet, frame)
         for panel in self._panels:
-            box = self._boxes[panel.topic]
-            if panel.topic in frame.arrays:
+            box = self._boxes[panel.topics[0]]
+            if any(topic in frame.arrays for topic in panel.topics):
                 picture, note = panel.paint(frame.arrays, box), panel.note
             else:
                 picture, note = np.full((box.height, box.width, 3), SURFACE, np.uint8), "nothing received"
@@ -119,7 +119,7 @@ def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
         return Row([Tile(topic, aspects[topic]) for topic in topics])
 
     cameras, others = list(views.cameras.values()), list(views.modalities.values())
-    above = [topic for topic in (views.points, views.bev) if topic is not None]
+    above = [topic for topic in (views.points, next(iter(views.radars), None), views.bev) if topic is not None]
     if len(cameras) == 1:  # it alone would fill the sheet
         return Column([part for part in (row([*cameras, *above]), row(others)) if part.blocks])
     rows = -(-len(cameras) // (3 if len(cameras) <= 6 else 4))
@@ -136,16 +136,18 @@ def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
 
 def _panels(views: Views, half_extent_m: float) -> Iterator[_Panel]:
     for camera, topic in views.cameras.items():
-        yield _Panel(topic, _words(camera), "", _paint_rgb(topic))
+        yield _Panel([topic], _words(camera), "", _paint_rgb(topic))
     rgb = views.cameras.get(views.main_camera)
     for modality, topic in views.modalities.items():
         entry = panels.MODALITY_PICTURES[modality]
         note = ", ".join(part for part in (_words(views.main_camera).lower(), entry.note) if part)
-        yield _Panel(topic, entry.title, note, _paint_modality(topic, rgb, entry.picture))
+        yield _Panel([topic], entry.title, note, _paint_modality(topic, rgb, entry.picture))
     if views.points is not None:
-        yield _Panel(views.points, "Lidar", "from above, by class", _paint_points(views.points, half_extent_m))
+        yield _Panel([views.points], "Lidar", "from above, by class", _paint_points(views.points, half_extent_m))
+    if views.radars:
+        yield _Panel(list(views.radars), "Radar", "blue approaches, red recedes", _paint_radars(views, half_extent_m))
     if views.bev is not None:
-        yield _Panel(views.bev, "Bird's-eye view", "ground truth", _paint_bev(views.bev))
+        yield _Panel([views.bev], "Bird's-eye view", "ground truth", _paint_bev(views.bev))
 
 
 def _paint_rgb(topic: str) -> _Paint:
@@ -158,6 +160,14 @@ def _paint_modality(topic: str, rgb: str | None, picture: panels.ModalityPicture
 
 def _paint_points(topic: str, half_extent_m: float) -> _Paint:
     return lambda arrays, box: panels.lidar_picture(arrays[topic], box.width, half_extent_m)
+
+
+def _paint_radars(views: Views, half_extent_m: float) -> _Paint:
+    def paint(arrays: Mapping[str, AnyArray], box: Box) -> UInt8Array:
+        clouds = [(arrays[topic], pose) for topic, pose in views.radars.items() if topic in arrays]
+        return panels.radar_picture(clouds, box.width, half_extent_m)
+
+    return paint
 
 
 def _paint_bev(topic: str) -> _Paint:

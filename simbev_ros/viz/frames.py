@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from simbev_ros.config.radar import Radar
 from simbev_ros.errors import BagError
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.types import AnyArray
+from simbev_ros.types import AnyArray, Float64Array
 
 CAMERA_ORDER = ("front_left", "front", "front_right", "back_left", "back", "back_right")
 MODALITIES = ("semantic", "instance", "depth", "flow")
@@ -30,6 +31,7 @@ class Views:
         main_camera: The camera whose other modalities are shown.
         modalities: Topic by modality, of the main camera.
         points: Topic of the semantic lidar.
+        radars: (4, 4) ego_from_radar by the radar's topic.
         bev: Topic of the bird's-eye-view labels.
     """
 
@@ -37,13 +39,14 @@ class Views:
     main_camera: str
     modalities: Mapping[str, str]
     points: str | None
+    radars: Mapping[str, Float64Array]
     bev: str | None
 
     @property
     def topics(self) -> list[str]:
         """All of them."""
         single = [topic for topic in (self.points, self.bev) if topic is not None]
-        return [*self.cameras.values(), *self.modalities.values(), *single]
+        return [*self.cameras.values(), *self.modalities.values(), *self.radars, *single]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +82,7 @@ def find_views(bag: SceneBag) -> Views:
         main,
         {modality: images[main, modality] for modality in MODALITIES if (main, modality) in images},
         next((name for name in names if _POINTS.fullmatch(name)), None),
+        {topic: pose for topic, pose in _radar_poses(bag).items() if topic in names},
         next((name for name in names if _BEV.fullmatch(name)), None),
     )
     if not views.topics:
@@ -139,6 +143,13 @@ class FrameReader:
     def _array(self, message: RawMessage) -> AnyArray:
         array = point_array if message.type_name == "sensor_msgs/msg/PointCloud2" else image_array
         return array(self.bag.decode(message))
+
+
+def _radar_poses(bag: SceneBag) -> dict[str, Float64Array]:
+    """Topic of each radar of the scene's rig → where it is."""
+    rig = bag.spec.rig if bag.spec else None
+    radars = rig.of_type(Radar) if rig else ()
+    return {f"/{rig.agent}/{radar.name}/points": radar.pose.ego_from_sensor for radar in radars} if rig else {}
 
 
 def _panorama_place(camera: str) -> tuple[int, str]:

@@ -1,19 +1,24 @@
 """Arrays as a sensor or annotator gives them → RGB pictures to look at."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
+from simbev_ros.geometry.transforms import apply
 from simbev_ros.palette import bev_color, semantic_color
-from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Array
+from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array, UInt16Array
 from simbev_ros.viz.canvas import ACCENT, DIM, LINE, SURFACE, draw_text
 
 NEAREST_DEPTH_M, FARTHEST_DEPTH_M = 2.0, 200.0
 FULL_FLOW_SHARE = 0.04
 """Flow of this share of the image's width has full brightness."""
+FULL_SPEED_MPS = 15.0
+"""Radial speed from which on a radar's detections have their full colour."""
+
+_APPROACHING, _RECEDING, _NEITHER = (70, 150, 255), (255, 90, 70), (135, 135, 130)
 
 
 def semantic_picture(tags: UInt8Array, rgb: UInt8Array | None, width_px: int) -> UInt8Array:
@@ -85,17 +90,42 @@ def lidar_picture(points: Table, size_px: int, half_extent_m: float) -> UInt8Arr
         size_px: Width and height of the picture.
         half_extent_m: From the centre of the picture to its edge.
     """
-    fine = 2 * size_px  # drawn finer, then averaged: soft dots of one and a half pixels
-    picture = np.full((fine, fine, 3), SURFACE, np.uint8)
-    order = np.argsort(points["z"], kind="stable")
-    row = (half_extent_m - points["x"][order]) / (2 * half_extent_m) * fine
-    column = (half_extent_m - points["y"][order]) / (2 * half_extent_m) * fine
-    inside = (row >= 0) & (row < fine - 2) & (column >= 0) & (column < fine - 2)
-    row, column = row[inside].astype(np.intp), column[inside].astype(np.intp)
-    colors = semantic_color(points["tag"][order][inside].astype(np.uint8))
+    points = points[np.argsort(points["z"], kind="stable")]
+    colors = semantic_color(points["tag"].astype(np.uint8))
     colors = np.maximum(colors, (colors // 2 + 80).astype(np.uint8))  # dark tags must show on the dark ground
-    for down, right in np.ndindex(3, 3):
-        picture[row + down, column + right] = colors
+    return _from_above(np.stack([points["x"], points["y"]], axis=1), colors, 3, size_px, half_extent_m)
+
+
+def radar_picture(clouds: Sequence[tuple[Table, Float64Array]], size_px: int, half_extent_m: float) -> UInt8Array:
+    """Detections of all radars from above, the ego looking up: blue approaches, red recedes, what does neither is grey.
+
+    Args:
+        clouds: Of each radar its (N,) rows with x, y, z and doppler_velocity, and (4, 4) ego_from_radar.
+        size_px: Width and height of the picture.
+        half_extent_m: From the centre of the picture to its edge.
+    """
+    places = [apply(pose, np.stack([cloud[axis] for axis in "xyz"], axis=1)) for cloud, pose in clouds]
+    speed_mps = np.concatenate([np.zeros(0), *(cloud["doppler_velocity"] for cloud, _ in clouds)])
+    share = np.clip(speed_mps / FULL_SPEED_MPS, -1.0, 1.0)[:, None]
+    end = np.where(share < 0, _APPROACHING, _RECEDING)
+    strength = np.sqrt(np.abs(share))
+    colors = np.rint(end * strength + np.array(_NEITHER) * (1 - strength)).astype(np.uint8)
+    fastest_last = np.argsort(np.abs(share[:, 0]), kind="stable")
+    xy_m = np.concatenate([np.zeros((0, 3)), *places])[:, :2]
+    return _from_above(xy_m[fastest_last], colors[fastest_last], 4, size_px, half_extent_m)
+
+
+def _from_above(
+    xy_m: Float32Array | Float64Array, colors: UInt8Array, dot_px: int, size_px: int, half_extent_m: float
+) -> UInt8Array:
+    """(N, 2) points in their colours, later ones on top, over range rings; dots have half of ``dot_px`` pixels."""
+    fine = 2 * size_px  # drawn finer, then averaged: soft dots
+    picture = np.full((fine, fine, 3), SURFACE, np.uint8)
+    place = (half_extent_m - xy_m) / (2 * half_extent_m) * fine
+    inside = ((place >= 0) & (place < fine - dot_px + 1)).all(axis=1)
+    row, column = place[inside].astype(np.intp).T
+    for down, right in np.ndindex(dot_px, dot_px):
+        picture[row + down, column + right] = colors[inside]
     picture = np.asarray(cv2.resize(picture, (size_px, size_px), interpolation=cv2.INTER_AREA), np.uint8)
     _draw_rings(picture, half_extent_m)
     _draw_ego(picture)

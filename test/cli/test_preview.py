@@ -7,8 +7,11 @@ import pytest
 from synthetic_scene import write_scene
 
 from simbev_ros.cli.preview import preview
+from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
+from simbev_ros.maps.build import load_network
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.scene.draw import draw_scene, planned_scenes
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.contact_sheet import Captions, ContactSheet
 from simbev_ros.viz.frames import FrameReader, find_views
@@ -68,6 +71,25 @@ def test_smaller_rigs_fill_the_same_width(
     boxes = list(sheet._boxes.values())
     assert len(boxes) == tiles
     assert max(b.left + b.width for b in boxes) == pytest.approx(480 - 6, abs=1)
+
+
+def test_all_radars_of_the_scenes_rig_share_a_panel(tmp_path: Path) -> None:
+    scenario = load_scenario("demo")
+    planned = next(planned_scenes(scenario))
+    spec = draw_scene(scenario, planned, load_network(planned.map)).model_dump_json().encode()
+    path = write_scene(tmp_path / "a", ticks=2, width_px=32, radars=("front", "back"), attachments={"scene.json": spec})
+    with SceneBag(path) as bag:
+        views = find_views(bag)
+    assert list(views.radars) == ["/ego/radar_front/points", "/ego/radar_back/points"]
+    assert views.radars["/ego/radar_back/points"][:2] == pytest.approx(np.array([[-1, 0, 0, -2.4], [0, -1, 0, 0]]))
+    sheet, picture = draw(path)
+    assert len(sheet._boxes) == 13
+    box = sheet._boxes["/ego/radar_front/points"]
+    panel = picture[box.top : box.top + box.height, box.left : box.left + box.width].astype(int)
+    blue, red = panel[..., 2] - panel[..., 0] > 60, panel[..., 0] - panel[..., 2] > 60
+    assert min(blue.sum(), red.sum()) > 50
+    assert np.argwhere(blue)[:, 0].mean() < 0.45 * box.height, "what is ahead approaches, and is above"
+    assert np.argwhere(red)[:, 0].mean() > 0.55 * box.height
 
 
 def test_preview_writes_a_picture_and_a_video_of_all_frames(bag_path: Path, tmp_path: Path) -> None:

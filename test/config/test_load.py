@@ -63,6 +63,20 @@ def test_intrinsics_by_focal_length_and_by_field_of_view() -> None:
         (rig("{type: camera, name: a, pose: {x: 3}}"), r"rig.sensors\[0\].pose.x: unknown key; did you mean x_m\?"),
         (rig("{type: sonar, name: a}"), r"rig.sensors\[0\]: .*'sonar'.*'camera', 'lidar'"),
         (rig("{type: camera, name: a, rate_hz: 7}"), "sensor a: rate_hz 7 does not divide the tick rate 20 Hz"),
+        (
+            rig("{type: gnss, name: a, rate_hz: 100}"),
+            r"20 Hz; allowed are 20, .*only an imu can be faster",
+        ),
+        (
+            rig("{type: imu, name: a, rate_hz: 125}"),
+            r"125 neither divides the tick rate 20 Hz nor .* and 40, 60",
+        ),
+        (
+            rig("{type: imu, name: a, gyroscope_bias_radps: [0, 1]}"),
+            r"is \[0, 1\], but a number for all axes or",
+        ),
+        (rig("{type: imu, name: a, gyroscope_bias_radps: [0, 11, 0]}"), r"_bias_radps\[1\]: .* equal to 10, not 11"),
+        (rig("{type: gnss, name: a, dropout_share: 1}"), r"dropout_share: .*less than or equal to 0.99, not 1"),
         (rig("{type: camera, name: a, fx_px: 900, horizontal_fov_deg: 70}"), "horizontal_fov_deg and fx_px are set"),
         (rig("{type: camera, name: a, cx_px: 300}"), "cx_px without fx_px"),
         (rig("{type: camera, name: a, distortion: [1, 2]}"), r"\[0\].distortion: must have at least 5 items, not 2$"),

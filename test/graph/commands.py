@@ -20,8 +20,10 @@ rig:
   sensors:
     - {type: camera, name: cam_front, pose: {x_m: 0.6, z_m: 1.6}, width_px: 96, height_px: 64, rate_hz: 10}
     - {type: lidar, name: lidar, pose: {z_m: 1.8}, channels: 8, columns: 128}
+    - {type: radar, name: radar_front, pose: {x_m: 2.4, z_m: 0.6}, points_per_second: 4000, micro_doppler: true}
     - {type: gnss, name: gnss}
     - {type: imu, name: imu}
+    - {type: imu, name: imu_fast, rate_hz: 100}
 weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}
 traffic: {vehicles: 15, pedestrians: 15, spawn_radius_m: 150}
 annotation: {bev: {rows: 100, columns: 100}}

@@ -52,9 +52,12 @@ def test_every_topic_has_exactly_its_messages(recorded: Path) -> None:
     once = {"/world/scene", "/world/map", "/world/lights", "/world/building_lights", "/tf_static"}
     camera = {name for name in counts if name.startswith("/ego/cam_front/")}
     assert len(camera) == 10
+    fast = {"/ego/imu_fast/data", "/ego/imu_fast/data_raw"}
+    assert {counts.pop(name) for name in fast} == {1 + 19 * 5}  # from tick 0 on
     for name in counts.keys() - {"/world/events"}:  # there may be any number of those
         assert counts[name] == (1 if name in once else 10 if name in camera else 20), name
-    assert {"/tf", "/clock", "/ego/odom", "/ego/lidar/points", "/ego/bev/labels", "/ego/boxes"} <= counts.keys()
+    sensed = {"/ego/lidar/points", "/ego/radar_front/points", "/ego/bev/labels", "/ego/boxes"}
+    assert {"/tf", "/clock", "/ego/odom", *sensed} <= counts.keys()
 
 
 def test_chunks_and_attachments_pass_their_checksums(recorded: Path) -> None:
@@ -125,7 +128,7 @@ def test_another_seed_changes_everything_that_is_not_static(
 @pytest.mark.parametrize(
     "node",
     [
-        "lidar",
+        "lidar+radar",
         "recorder",
         *(pytest.param(node, marks=pytest.mark.slow) for node in ("world", "camera", "gnss+imu", "annotator")),
     ],
@@ -199,7 +202,7 @@ def test_bench_says_where_the_time_goes(simbev: Simbev, small_config: Config) ->
     result = json.loads(output[output.index("{") :])
     assert result["ticks_per_s"] > 0
     processes = {process["name"]: process for process in result["processes"]}
-    assert processes.keys() == {"world", "camera", "lidar", "gnss+imu", "annotator", "recorder"}
+    assert processes.keys() == {"world", "camera", "lidar+radar", "gnss+imu", "annotator", "recorder"}
     assert all(process["memory_mib"] > 50 for process in processes.values())
     assert processes["camera"]["cpu_ms"] > 0  # the clock is too coarse for nodes that hardly work
 

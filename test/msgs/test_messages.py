@@ -32,13 +32,15 @@ from simbev_ros.scene.draw_weather import draw_weather
 from simbev_ros.scene.lights import STREET_LIGHT_DTYPE
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
+from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
 
 STAMP_NS = 7_204_050_000_001
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 @pytest.mark.parametrize(
-    "dtype", [ACTOR_DTYPE, SIGNAL_DTYPE, STREET_LIGHT_DTYPE, BOX_DTYPE, POINT_DTYPE, SEMANTIC_POINT_DTYPE]
+    "dtype",
+    [ACTOR_DTYPE, SIGNAL_DTYPE, STREET_LIGHT_DTYPE, BOX_DTYPE, POINT_DTYPE, SEMANTIC_POINT_DTYPE, RADAR_POINT_DTYPE],
 )
 def test_tables_survive_the_wire_and_their_fields_fit_into_point_step(dtype: np.dtype) -> None:
     table = np.frombuffer(np.random.default_rng(0).bytes(5 * dtype.itemsize), dtype)

@@ -101,6 +101,25 @@ def test_a_tick_at_which_nothing_is_due_does_not_hold_up() -> None:
     assert account.finished_tick == 3
 
 
+def test_several_messages_a_tick_are_due_at_the_tick_that_ends_their_time() -> None:
+    account = Accounting({"/fast": Schedule(messages_per_tick=7)}, start_ns=START_NS, tick_ns=TICK_NS, ticks=3)
+    stamps = [START_NS + TICK_NS * n // 7 for n in range(15)]  # of the first tick only the one at it
+    assert account.add("/fast", stamps[0]) is Verdict.EXPECTED
+    assert account.finished_tick == 0
+    assert {account.add("/fast", stamp_ns) for stamp_ns in stamps[1:7]} == {Verdict.EXPECTED}
+    assert (account.finished_tick, account.awaited(1)) == (0, ["/fast"])
+    assert account.report().topics["/fast"].missing_ticks == (1, 2)
+    account.add("/fast", stamps[7])
+    assert account.finished_tick == 1
+    assert account.add("/fast", stamps[7]) is Verdict.DUPLICATE
+    assert account.add("/fast", stamps[8] + 1) is Verdict.UNEXPECTED
+    assert account.add("/fast", START_NS - TICK_NS // 7) is Verdict.WARM_UP
+    assert account.report().topics["/fast"].expected == 15
+    account.end_at(2)
+    assert account.is_finished and account.report().topics["/fast"].expected == 8
+    assert account.add("/fast", stamps[8]) is Verdict.UNEXPECTED
+
+
 def test_the_report_fits_into_the_bags_description() -> None:
     account = books()
     account.add("/every", stamp(0))

@@ -194,3 +194,10 @@ def test_time_never_runs_backwards_from_scene_to_scene(network: RoadNetwork) -> 
     two = draw_scene(scenario(), PLANNED._replace(number=4), network)
     assert one.stamp_ns(one.ticks) < two.stamp_ns(two.loaded_tick)
     assert one.tick_of(one.stamp_ns(-1)) == -1
+
+
+def test_what_is_stamped_between_two_ticks_is_published_at_the_latter(network: RoadNetwork) -> None:
+    spec = draw_scene(scenario(), PLANNED, network)
+    around = [spec.stamp_ns(3) - 1, spec.stamp_ns(3), spec.stamp_ns(3) + 1]
+    assert [spec.publishing_tick_of(stamp_ns) for stamp_ns in around] == [3, 3, 4]
+    assert [spec.messages_per_tick(rate_hz) for rate_hz in (None, 10, 20, 40, 100)] == [1, 1, 1, 2, 5]

@@ -1,51 +1,126 @@
+import math
+
 import numpy as np
 import pytest
-from synthetic_world import actor, box_model, world
+from pyproj import Transformer
+from synthetic_world import TICK_NS, actor, box_model, world
 
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.build import load_datum
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.semantics import Tag
-from simbev_ros.sensors.gnss import measure_gnss
+from simbev_ros.sensors.gnss import GnssFix, GnssModel
 
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
 DATUM = MapDatum(latitude_deg=60.0, longitude_deg=24.0, altitude_m=50.0)
+SILENT = {"latitude_noise_sigma_deg": 0, "longitude_noise_sigma_deg": 0, "altitude_noise_sigma_m": 0}
+UTM = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs"
 
 
 def gnss(**properties: object) -> Gnss:
     return Gnss.model_validate({"type": "gnss", "name": "gnss"} | properties)
 
 
+def fixes(sensor: Gnss, ticks: range, seed: int = 1) -> list[GnssFix]:
+    """Of an ego that stands at (10, 20)."""
+    model = GnssModel(sensor, DATUM, seed, TICK_NS)
+    return [model.measure(world(actor(CAR, x=10.0, y=20.0), tick=tick)) for tick in ticks]
+
+
+def errors_m(found: list[GnssFix]) -> np.ndarray:
+    """(N, 3) east, north, up."""
+    places = [DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m) for fix in found]
+    return np.array(places) - [10.0, 20.0, 0.0]
+
+
 def test_fix_without_noise_converts_back_to_the_antenna() -> None:
-    sensor = gnss(
-        pose=Pose(x_m=2.0, y_m=0.5, z_m=1.0),
-        latitude_noise_sigma_deg=0,
-        longitude_noise_sigma_deg=0,
-        altitude_noise_sigma_m=0,
-    )
+    sensor = gnss(pose=Pose(x_m=2.0, y_m=0.5, z_m=1.0), **SILENT)
     state = world(actor(CAR, x=300.0, y=-120.0, z=4.0, yaw=np.pi / 2))
-    fix = measure_gnss(sensor, state, DATUM, seed=1)
+    fix = GnssModel(sensor, DATUM, 1, TICK_NS).measure(state)
     place_m = DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
     assert place_m == pytest.approx((299.5, -118.0, 5.0), abs=1e-5)
-    assert not fix.covariance_m2.any()
+    assert fix.covariance_m2 is not None and not fix.covariance_m2.any()
+
+
+def pipeline(datum: MapDatum) -> Transformer:
+    """Longitude and latitude of the map frame, in PROJ's own words."""
+    if datum.projection:
+        turn = f"+step +proj=affine +s11={math.cos(datum.heading_rad)!r} +s12={-math.sin(datum.heading_rad)!r} "
+        turn += f"+s21={math.sin(datum.heading_rad)!r} +s22={math.cos(datum.heading_rad)!r} "
+        turn += f"+xoff={datum.false_easting_m!r} +yoff={datum.false_northing_m!r} "
+        plane = "+step +inv +proj=utm +zone=32 +ellps=WGS84 "
+    else:
+        turn = ""
+        plane = f"+step +inv +proj=tmerc +lat_0={datum.latitude_deg!r} +lon_0={datum.longitude_deg!r} +ellps=WGS84 "
+    return Transformer.from_pipeline(f"+proj=pipeline {turn}{plane}+step +proj=unitconvert +xy_in=rad +xy_out=deg")
+
+
+@pytest.mark.parametrize(
+    "datum",
+    [
+        load_datum(MapSpec(name="Blocks", seed=0)),
+        DATUM,
+        MapDatum(-33.9, 151.2, 20.0),
+        MapDatum(48.1, 11.5, 500.0, UTM, 691_000.25, 5_335_000.5),
+        MapDatum(48.1, 11.5, 500.0, UTM, 691_000.25, 5_335_000.5, heading_rad=0.7),
+    ],
+    ids=["blocks", "north", "south", "utm", "turned"],
+)
+@pytest.mark.parametrize("place_m", [(3.0, -2.0, 0.5), (850.0, -400.0, 12.0), (9000.0, 7000.0, 80.0)])
+def test_fix_without_noise_is_the_ego_in_projs_own_words(datum: MapDatum, place_m: tuple[float, float, float]) -> None:
+    x, y, z = place_m
+    fix = GnssModel(gnss(**SILENT), datum, 1, TICK_NS).measure(world(actor(CAR, x=x, y=y, z=z)))
+    back_m = pipeline(datum).transform(fix.longitude_deg, fix.latitude_deg, direction="INVERSE")
+    assert math.dist(back_m, (x, y)) < 1e-3
+    assert fix.altitude_m == pytest.approx(datum.altitude_m + z)
 
 
 def test_errors_have_the_variances_of_the_covariance() -> None:
     sensor = gnss(latitude_noise_sigma_deg=2e-6, longitude_noise_sigma_deg=6e-6, altitude_noise_sigma_m=0.7)
-    errors_m = []
-    for tick in range(3000):
-        fix = measure_gnss(sensor, world(actor(CAR, x=10.0, y=20.0), tick=tick), DATUM, seed=1)
-        place_m = DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
-        errors_m.append(np.subtract(place_m, [10.0, 20.0, 0.0]))
-    variances = np.var(errors_m, axis=0)
-    assert np.diag(fix.covariance_m2) == pytest.approx(variances, rel=0.1)
-    assert fix.covariance_m2[0, 0] ** 0.5 == pytest.approx(6e-6 * 55800, rel=2e-3)  # a degree at 60° north: 55.80 km
-    assert fix.covariance_m2[1, 1] ** 0.5 == pytest.approx(2e-6 * 111412, rel=2e-3)  # … of latitude: 111.41 km
-    assert np.mean(errors_m, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
+    found = fixes(sensor, range(2000))
+    told = found[0].covariance_m2
+    assert told is not None
+    assert np.diag(told) == pytest.approx(np.var(errors_m(found), axis=0), rel=0.1)
+    assert told[0, 0] ** 0.5 == pytest.approx(6e-6 * 55800, rel=2e-3)  # a degree at 60° north: 55.80 km
+    assert told[1, 1] ** 0.5 == pytest.approx(2e-6 * 111412, rel=2e-3)  # … of latitude: 111.41 km
+    assert np.mean(errors_m(found), axis=0) == pytest.approx([0, 0, 0], abs=0.05)
 
 
 def test_noise_repeats_for_a_tick_and_differs_between_receivers() -> None:
-    state = world(actor(CAR), tick=4)
-    assert measure_gnss(gnss(), state, DATUM, 1).latitude_deg == measure_gnss(gnss(), state, DATUM, 1).latitude_deg
-    other = measure_gnss(gnss(name="spare"), state, DATUM, 1)
-    assert other.latitude_deg != measure_gnss(gnss(), state, DATUM, 1).latitude_deg
+    here = fixes(gnss(), range(4, 5))
+    assert here[0].latitude_deg == fixes(gnss(), range(5))[4].latitude_deg
+    assert here[0].latitude_deg != fixes(gnss(name="spare"), range(4, 5))[0].latitude_deg
+
+
+def test_a_bias_that_walks_is_in_the_covariance_and_changes_slowly() -> None:
+    walk = {"bias_walk_horizontal_sigma_m": 2.0, "bias_walk_vertical_sigma_m": 5.0, "bias_walk_time_s": 30.0}
+    found = fixes(gnss(**SILENT, **walk), range(200))
+    errors = errors_m(found)
+    assert np.ptp(errors[:, 0]) > 0.05 and np.abs(np.diff(errors, axis=0)).max() < 1.5
+    told = found[0].covariance_m2
+    assert told is not None and np.diag(told) == pytest.approx([4.0, 4.0, 25.0])
+    starts = [errors_m(fixes(gnss(**SILENT, **walk), range(1), seed))[0] for seed in range(200)]
+    assert np.std(starts, axis=0) == pytest.approx([2.0, 2.0, 5.0], rel=0.15)
+
+
+def test_without_a_fix_there_is_neither_a_place_nor_a_covariance() -> None:
+    found = fixes(gnss(dropout_share=0.5, dropout_mean_s=0.2), range(100))
+    lost = [fix for fix in found if fix.covariance_m2 is None]
+    assert 20 < len(lost) < 80
+    assert all(math.isnan(fix.latitude_deg + fix.longitude_deg + fix.altitude_m) for fix in lost)
+    assert not any(math.isnan(fix.latitude_deg) for fix in found if fix.covariance_m2 is not None)
+
+
+def test_walk_and_drop_outs_go_on_over_ticks_that_were_dropped() -> None:
+    sensor = gnss(bias_walk_horizontal_sigma_m=2.0, dropout_share=0.3, dropout_mean_s=0.4)
+    whole, thinned = fixes(sensor, range(200)), fixes(sensor, range(0, 200, 7))
+    places = [np.array([[fix.latitude_deg, fix.longitude_deg] for fix in each]) for each in (whole[::7], thinned)]
+    assert np.array_equal(*places, equal_nan=True)
+    assert np.isnan(places[1]).any() and not np.isnan(places[1]).all()
+
+
+def test_a_slower_receiver_is_due_at_its_ticks() -> None:
+    model = GnssModel(gnss(), DATUM, 1, TICK_NS, period_ticks=4)
+    assert [model.is_due(tick) for tick in (-4, 0, 1, 4)] == [False, True, False, True]

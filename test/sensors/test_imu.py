@@ -1,84 +1,181 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from analytic_motion import CAR, TICK_S, Path, circle, rolling, screw, state_at, straight
 from scipy.spatial.transform import Rotation
-from synthetic_world import TICK_NS, actor, box_model, world
+from synthetic_world import TICK_NS, actor, world
 
 from simbev_ros.config.positioning import Imu
 from simbev_ros.config.sensor import Pose
-from simbev_ros.semantics import Tag
-from simbev_ros.sensors.imu import GRAVITY_MPS2, ImuSample, measure_imu
+from simbev_ros.sensors.imu import GRAVITY_MPS2, ImuModel, ImuSamples
 
-CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
+SILENT = {"accelerometer_noise_sigma_mps2": 0, "gyroscope_noise_sigma_radps": 0, "gyroscope_bias_radps": 0}
 
 
 def imu(**properties: object) -> Imu:
-    silent = {"accelerometer_noise_sigma_mps2": 0, "gyroscope_noise_sigma_radps": 0, "gyroscope_bias_radps": 0}
-    return Imu.model_validate({"type": "imu", "name": "imu"} | silent | properties)
+    return Imu.model_validate({"type": "imu", "name": "imu"} | SILENT | properties)
 
 
-def measured(pose: Pose | None = None, **ego: float) -> ImuSample:
-    return measure_imu(imu(pose=pose or Pose()), world(actor(CAR, **ego)), None, seed=1)
+def measured(pose: Pose | None = None, **ego: float) -> ImuSamples:
+    """At one tick, without a past."""
+    return ImuModel(imu(pose=pose or Pose()), 1, TICK_NS).measure(world(actor(CAR, **ego)), None)
+
+
+def on_path(path: Path, pose: Pose, samples: int = 5) -> tuple[ImuSamples, np.ndarray]:
+    """The samples of tick 7 of a path, and their times."""
+    model = ImuModel(imu(pose=pose), 1, TICK_NS, samples=samples)
+    return model.measure(state_at(path, 7), state_at(path, 6)), np.arange(-samples + 1, 1) / samples * TICK_S + 0.35
 
 
 def test_at_rest_and_level_it_reads_plus_g() -> None:
     sample = measured(yaw=1.0, x=5.0)
-    assert sample.linear_acceleration_mps2 == pytest.approx([0, 0, 9.81])
+    assert sample.linear_acceleration_mps2 == pytest.approx(np.array([[0, 0, 9.81]]))
     assert not sample.angular_velocity_radps.any()
 
 
 def test_nose_down_it_reads_g_towards_the_rear() -> None:
     sample = measured(pitch=0.3, yaw=2.0)
-    assert sample.linear_acceleration_mps2 == pytest.approx([-9.81 * math.sin(0.3), 0, 9.81 * math.cos(0.3)], abs=1e-5)
+    expected = [-9.81 * math.sin(0.3), 0, 9.81 * math.cos(0.3)]
+    assert sample.linear_acceleration_mps2[0] == pytest.approx(expected, abs=1e-5)
 
 
 def test_leaning_left_side_up_it_reads_g_to_the_left() -> None:
     sample = measured(roll=0.2)
-    assert sample.linear_acceleration_mps2 == pytest.approx([0, 9.81 * math.sin(0.2), 9.81 * math.cos(0.2)], abs=1e-5)
+    expected = [0, 9.81 * math.sin(0.2), 9.81 * math.cos(0.2)]
+    assert sample.linear_acceleration_mps2[0] == pytest.approx(expected, abs=1e-5)
 
 
-def test_on_a_left_hand_circle_it_reads_v2_over_r_to_the_left() -> None:
-    speed_mps, radius_m, yaw = 10.0, 25.0, 0.7
-    toward_center = yaw + math.pi / 2
-    a = speed_mps**2 / radius_m
-    sample = measured(yaw=yaw, ax=a * math.cos(toward_center), ay=a * math.sin(toward_center), wz=speed_mps / radius_m)
-    assert sample.linear_acceleration_mps2 == pytest.approx([0, 4.0, 9.81], abs=1e-5)
-    assert sample.angular_velocity_radps == pytest.approx([0, 0, 0.4])
+def test_on_a_left_hand_circle_it_reads_v2_over_r_to_the_left_at_any_moment() -> None:
+    samples, _ = on_path(circle(10.0, 25.0), Pose())
+    assert samples.linear_acceleration_mps2 == pytest.approx(np.tile([0, 4.0, 9.81], (5, 1)), abs=2e-3)
+    assert samples.angular_velocity_radps == pytest.approx(np.tile([0, 0, 0.4], (5, 1)), abs=1e-4)
 
 
-def test_lever_arm_adds_centripetal_acceleration() -> None:
+def test_off_the_origin_it_is_on_a_circle_of_its_own() -> None:
+    samples, _ = on_path(circle(10.0, 25.0), Pose(x_m=2.0, y_m=5.0, z_m=1.0))  # 20 m from the centre and 2 m ahead
+    assert samples.linear_acceleration_mps2 == pytest.approx(np.tile([-0.32, 3.2, 9.81], (5, 1)), abs=2e-3)
+
+
+def test_without_a_past_the_lever_arm_reads_the_centripetal_acceleration() -> None:
     sample = measured(Pose(x_m=2.0, y_m=0.5), yaw=1.1, wz=0.5)
-    assert sample.linear_acceleration_mps2 == pytest.approx([-0.25 * 2.0, -0.25 * 0.5, GRAVITY_MPS2], abs=1e-6)
+    assert sample.linear_acceleration_mps2[0] == pytest.approx([-0.25 * 2.0, -0.25 * 0.5, GRAVITY_MPS2], abs=1e-4)
 
 
-def test_lever_arm_adds_tangential_acceleration() -> None:
-    before, now = world(actor(CAR, yaw=0.4, wz=0.1)), world(actor(CAR, yaw=0.4, wz=0.2), tick=1)
-    assert now.stamp_ns - before.stamp_ns == TICK_NS
-    sample = measure_imu(imu(pose=Pose(x_m=2.0)), now, before, seed=1)  # α = 0.1 / 0.05 s = 2 rad/s²
-    assert sample.linear_acceleration_mps2 == pytest.approx([-0.04 * 2.0, 4.0, GRAVITY_MPS2], abs=1e-5)
+def test_a_growing_spin_accelerates_the_lever_arm_sideways() -> None:
+    samples, times_s = on_path(lambda t: (np.zeros(3), np.array([0.0, 0.0, t**2])), Pose(x_m=2.0))  # 2 rad/s²
+    expected = np.stack([-((2 * times_s) ** 2) * 2.0, np.full(5, 4.0), np.full(5, GRAVITY_MPS2)], axis=1)
+    assert samples.linear_acceleration_mps2 == pytest.approx(expected, abs=0.015)
 
 
-def test_measurements_are_in_the_frame_of_the_turned_sensor() -> None:
-    sample = measured(Pose(yaw_deg=90.0), ax=3.0, wx=0.25)
-    assert sample.linear_acceleration_mps2 == pytest.approx([0, -3.0, GRAVITY_MPS2], abs=1e-6)
-    assert sample.angular_velocity_radps == pytest.approx([0, -0.25, 0], abs=1e-7)
+def test_speeding_up_it_reads_the_acceleration_ahead() -> None:
+    samples, _ = on_path(straight(20.0, 3.0, 2.5), Pose(x_m=1.0))
+    assert samples.linear_acceleration_mps2 == pytest.approx(np.tile([3.0, 0, 9.81], (5, 1)), abs=1e-5)
 
 
-def test_orientation_is_that_of_the_sensor_in_the_map() -> None:
+def test_a_turned_sensor_measures_along_its_own_axes() -> None:
+    samples, _ = on_path(straight(20.0, 3.0, 2.5), Pose(yaw_deg=90.0))
+    assert samples.linear_acceleration_mps2 == pytest.approx(np.tile([0, -3.0, 9.81], (5, 1)), abs=1e-5)
+    samples, _ = on_path(rolling(0.25), Pose(yaw_deg=90.0))
+    assert samples.angular_velocity_radps == pytest.approx(np.tile([0, -0.25, 0], (5, 1)), abs=1e-5)
+
+
+def test_a_screw_motion_is_measured_as_worked_out_by_hand() -> None:
+    spin, roll, pitch = 0.8, 0.15, -0.2
+    pose = Pose(x_m=1.5, y_m=-0.5, z_m=1.0, roll_deg=20, pitch_deg=-35, yaw_deg=130)
+    samples, times_s = on_path(screw(spin, 3.0, roll, pitch), pose)
+    tilted = Rotation.from_euler("xyz", [roll, pitch, 0.0])
+    sensor = tilted * Rotation.from_euler("xyz", [20, -35, 130], degrees=True)
+    toward_axis = tilted.apply([1.5, -0.5, 1.0]) * [-(spin**2), -(spin**2), 0.0]  # the place circles about the vertical
+    force = sensor.inv().apply(toward_axis + np.array([0, 0, 9.81]))
+    assert samples.linear_acceleration_mps2 == pytest.approx(np.tile(force, (5, 1)), abs=1e-3)
+    assert samples.angular_velocity_radps == pytest.approx(np.tile(sensor.inv().apply([0, 0, spin]), (5, 1)), abs=1e-4)
+    turned = Rotation.from_rotvec(np.outer(spin * times_s, [0, 0, 1])) * sensor
+    assert (Rotation.from_quat(samples.orientation_xyzw).inv() * turned).magnitude().max() < 1e-6
+
+
+def test_orientation_at_the_tick_is_that_of_the_sensor_in_the_map() -> None:
     sample = measured(Pose(yaw_deg=30.0, pitch_deg=10.0), roll=0.1, pitch=-0.2, yaw=2.5)
     ego = Rotation.from_euler("xyz", [0.1, -0.2, 2.5])
     expected = ego * Rotation.from_euler("xyz", [0.0, 10.0, 30.0], degrees=True)
-    assert (Rotation.from_quat(sample.orientation_xyzw).inv() * expected).magnitude() < 1e-6
+    assert (Rotation.from_quat(sample.orientation_xyzw[0]).inv() * expected).magnitude() < 1e-6
+
+
+def test_stamps_are_at_equal_distances_and_begin_with_tick_0() -> None:
+    model = ImuModel(imu(), 1, TICK_NS, samples=7)
+    states = [state_at(straight(5.0, 0.0, 0.0), tick) for tick in range(-1, 3)]
+    stamps = [model.measure(now, before).stamps_ns for before, now in pairwise(states)]
+    assert [len(each) for each in stamps] == [1, 7, 7]
+    assert np.concatenate(stamps).tolist() == [TICK_NS * n // 7 for n in range(15)]
+
+
+def test_the_past_is_only_the_tick_just_before() -> None:
+    path = straight(20.0, 3.0, 2.5)
+    model, again = ImuModel(imu(), 1, TICK_NS, samples=4), ImuModel(imu(), 1, TICK_NS, samples=4)
+    late, alone = model.measure(state_at(path, 9), state_at(path, 4)), again.measure(state_at(path, 9), None)
+    assert np.array_equal(late.linear_acceleration_mps2, alone.linear_acceleration_mps2)
+
+
+def errors(sensor: Imu, ticks: range, samples: int = 1, step: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) of specific force and of angular rate, of an ego at rest."""
+    model = ImuModel(sensor, 1, TICK_NS, samples=samples)
+    rest = [model.measure(world(actor(CAR), tick=tick), None) for tick in ticks[::step]]
+    force = np.concatenate([each.linear_acceleration_mps2 for each in rest]) - [0, 0, GRAVITY_MPS2]
+    return force, np.concatenate([each.angular_velocity_radps for each in rest])
 
 
 def test_noise_has_bias_and_sigma_as_configured_and_as_in_the_covariances() -> None:
-    sensor = imu(accelerometer_noise_sigma_mps2=0.2, gyroscope_noise_sigma_radps=0.03, gyroscope_bias_radps=-0.1)
-    samples = [measure_imu(sensor, world(actor(CAR), tick=tick), None, seed=1) for tick in range(4000)]
-    force = np.array([sample.linear_acceleration_mps2 for sample in samples])
-    rate = np.array([sample.angular_velocity_radps for sample in samples])
-    assert force.mean(axis=0) == pytest.approx([0, 0, 9.81], abs=0.02)
-    assert rate.mean(axis=0) == pytest.approx([-0.1] * 3, abs=0.003)
-    assert np.cov(force.T) == pytest.approx(samples[0].linear_acceleration_covariance, abs=0.004)
-    assert np.cov(rate.T) == pytest.approx(samples[0].angular_velocity_covariance, abs=1e-4)
-    assert (samples[0].orientation_covariance.diagonal() > 0).all()
+    sensor = imu(
+        accelerometer_noise_sigma_mps2=0.2,
+        gyroscope_noise_sigma_radps=0.03,
+        accelerometer_bias_mps2=[0.5, 0.0, -0.5],
+        gyroscope_bias_radps=-0.1,
+    )
+    force, rate = errors(sensor, range(1000), samples=5)
+    assert force.mean(axis=0) == pytest.approx([0.5, 0, -0.5], abs=0.01)
+    assert rate.mean(axis=0) == pytest.approx([-0.1] * 3, abs=0.002)
+    told = ImuModel(sensor, 1, TICK_NS).measure(world(actor(CAR)), None)
+    assert np.cov(force.T) == pytest.approx(told.linear_acceleration_covariance, abs=0.003)
+    assert np.cov(rate.T) == pytest.approx(told.angular_velocity_covariance, abs=7e-5)
+
+
+def test_without_noise_no_covariance_is_that_of_something_unknown() -> None:
+    told = measured()
+    for covariance in (
+        told.linear_acceleration_covariance,
+        told.angular_velocity_covariance,
+        told.orientation_covariance,
+    ):
+        assert 0 < covariance[0, 0] < 1e-10
+
+
+def test_samples_at_ticks_have_noise_of_their_own_at_each_rate() -> None:
+    sensor = imu(accelerometer_noise_sigma_mps2=0.2)
+    force, _ = errors(sensor, range(200), samples=5)
+    assert len(np.unique(force)) == force.size
+    assert abs(np.corrcoef(force[:-1, 0], force[1:, 0])[0, 1]) < 0.1
+
+
+@pytest.mark.parametrize("samples", [1, 5])
+def test_a_walk_grows_with_the_root_of_time_whatever_the_rate(samples: int) -> None:
+    ends = []
+    for seed in range(150):
+        model = ImuModel(
+            imu(accelerometer_bias_walk_mps2_per_sqrt_s=0.3, gyroscope_bias_walk_radps_per_sqrt_s=0.02),
+            seed,
+            TICK_NS,
+            samples=samples,
+        )
+        first = model.measure(world(actor(CAR), tick=0), None)
+        assert not first.angular_velocity_radps.any()
+        last = model.measure(world(actor(CAR), tick=80), None)  # 4 s
+        ends.append([last.linear_acceleration_mps2[-1] - [0, 0, GRAVITY_MPS2], last.angular_velocity_radps[-1]])
+    assert np.std(ends, axis=(0, 2)) == pytest.approx([0.6, 0.04], rel=0.1)
+
+
+def test_a_walk_goes_on_over_ticks_that_were_dropped() -> None:
+    sensor = imu(gyroscope_bias_walk_radps_per_sqrt_s=0.02, accelerometer_bias_walk_mps2_per_sqrt_s=0.1)
+    whole, thinned = errors(sensor, range(1, 90), samples=5), errors(sensor, range(1, 90), samples=5, step=11)
+    for all_values, some in zip(whole, thinned, strict=True):
+        assert np.array_equal(all_values.reshape(-1, 5, 3)[::11].reshape(-1, 3), some)

@@ -28,7 +28,7 @@ def lidar(**properties: object) -> Lidar:
 def scan(sensor: Lidar, static: StaticScene, state: WorldState, seed: int = 5) -> LidarScan:
     scene = RayScene(static, MODELS)
     ego_m = np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
-    scene.update(state, ego_m, sensor.range_m, state.ego_ids)
+    scene.update(state, ego_m, sensor.range_m + 10.0, frozenset() if sensor.hits_own_vehicle else state.ego_ids)
     return LidarModel(sensor, seed, TURN_S).scan(scene, state)
 
 
@@ -45,9 +45,9 @@ def test_tables_have_the_offsets_that_consumers_expect() -> None:
     ]  # fmt: skip
     assert POINT_DTYPE.itemsize == 22
     assert [(name, field[1]) for name, field in semantic_fields.items()] == [
-        ("x", 0), ("y", 4), ("z", 8), ("cos_angle", 12), ("object_id", 16), ("tag", 20)
+        ("x", 0), ("y", 4), ("z", 8), ("cos_angle", 12), ("object_id", 16), ("tag", 20), ("time", 24)
     ]  # fmt: skip
-    assert SEMANTIC_POINT_DTYPE.itemsize == 24
+    assert SEMANTIC_POINT_DTYPE.itemsize == 28
 
 
 def test_rings_on_level_ground_have_the_analytic_range() -> None:
@@ -149,3 +149,58 @@ def test_intensity_is_reflectance_times_cosine_times_attenuation() -> None:
     reflectance = load_materials().lidar_reflectance[Material.PLASTER]
     expected = reflectance * 20.0 / range_m * np.exp(-0.004 * range_m)
     assert found.points["intensity"] == pytest.approx(expected, rel=1e-4)
+
+
+def test_retroreflective_plates_are_bright_from_all_angles_and_markings_where_rays_are_flat() -> None:
+    plate = mesh(box([21.0, 0.0, 2.0], [2.0, 120.0, 100.0]), Tag.TRAFFIC_SIGN, Material.PLATE)
+    sensor = lidar(channels=1, columns=3600, lower_fov_deg=0.0, upper_fov_deg=0.0, drop_off=0.0, attenuation_per_m=0.0)
+    cloud = scan(sensor, static_scene(plate), world(actor(MODELS[0]))).points
+    assert cloud["intensity"] == pytest.approx(np.ones(len(cloud)))
+    painted = mesh(sheet([-300, -300], [300, 300]), Tag.ROAD_LINE, Material.MARKING)
+    flat = lidar(channels=1, lower_fov_deg=-1.5, upper_fov_deg=-1.5, drop_off=0.0, attenuation_per_m=0.0)
+    cloud = scan(flat, static_scene(painted), world(actor(MODELS[0]))).points
+    reflectance = load_materials().lidar_reflectance[Material.MARKING]
+    assert cloud["intensity"] == pytest.approx(
+        np.full(360, np.pi * 0.15 + reflectance * np.sin(np.radians(1.5))), abs=2e-3
+    )
+
+
+def test_weak_returns_are_lost_with_the_share_of_their_intensity() -> None:
+    limits = {"drop_off_at_zero_intensity": 0.4, "drop_off_intensity_limit": 0.2, "attenuation_per_m": 0.0}
+    sensor = lidar(channels=64, columns=2048, lower_fov_deg=-60.0, upper_fov_deg=-2.0, drop_off=0.0, **limits)
+    found = scan(sensor, static_scene(GROUND), world(actor(MODELS[0])))
+    sines = np.sin(np.radians(-np.linspace(-60.0, -2.0, 64)))
+    share = 0.4 * (1.0 - np.minimum(0.17 * sines, 0.2) / 0.2)
+    assert len(found.semantic_points) == 64 * 2048
+    lost = 1.0 - np.bincount(found.points["ring"], minlength=64) / 2048
+    assert lost == pytest.approx(share, abs=0.045)
+    assert lost.mean() == pytest.approx(share.mean(), abs=0.004)
+
+
+def test_returns_nearer_than_the_least_range_are_missing() -> None:
+    cloud = scan(lidar(min_range_m=5.0), static_scene(GROUND), world(actor(MODELS[0]))).semantic_points
+    assert np.linalg.norm(xyz(cloud), axis=1).min() >= 5.0
+
+
+def test_its_own_vehicle_is_hit_only_if_asked_for() -> None:
+    rider = actor(MODELS[1], 1, id=8, parent=EGO_ID, x=-1.0)
+    cloud = scan(lidar(hits_own_vehicle=True), static_scene(GROUND), world(actor(MODELS[0]), rider)).semantic_points
+    assert set(cloud["object_id"]) == {0, EGO_ID, 8}
+
+
+def test_two_lidars_share_a_scene_and_neither_changes_the_other() -> None:
+    state = world(actor(MODELS[0], yaw=0.5), actor(MODELS[0], id=9, x=8.0, yaw=0.2), actor(MODELS[0], id=10, x=-9.0))
+    roof, bumper = lidar(), lidar(name="bumper", pose=Pose(x_m=2.2, z_m=0.6, pitch_deg=5.0), range_m=30.0)
+    scene = RayScene(static_scene(GROUND), MODELS)
+    scene.update(state, np.zeros(3), 130.0, state.ego_ids)
+    together = [LidarModel(sensor, 5, TURN_S).scan(scene, state) for sensor in (roof, bumper)]
+    for sensor, found in zip((roof, bumper), together, strict=True):
+        alone = scan(sensor, static_scene(GROUND), state)
+        assert found.points.tobytes() == alone.points.tobytes()
+        assert found.semantic_points.tobytes() == alone.semantic_points.tobytes()
+
+
+def test_what_is_not_published_is_not_made() -> None:
+    found = scan(lidar(semantic_points=False), static_scene(GROUND), world(actor(MODELS[0])))
+    assert found.semantic_points is None
+    assert len(found.points)

@@ -45,6 +45,21 @@ def test_a_point_ahead_left_is_above_left_and_the_higher_one_is_seen() -> None:
     assert np.abs(changed - semantic_color(np.array([Tag.TERRAIN]))[0]).max() < 60
 
 
+def test_radars_are_put_where_they_look_and_coloured_by_what_their_targets_do() -> None:
+    rows = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("doppler_velocity", "<f4")])
+    front, back = np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])
+    clouds = [
+        (np.array([(40, 30, 0, -20), (20, -30, 0, 0)], rows), front),
+        (np.array([(40, 30, 0, 20)], rows), back),
+    ]
+    picture = panels.radar_picture(clouds, size_px=100, half_extent_m=50.0).astype(int)
+    ahead_left, ahead_right, behind_right = picture[11, 21], picture[31, 81], picture[91, 81]
+    assert ahead_left[2] - ahead_left[0] > 100
+    assert behind_right[0] - behind_right[2] > 100
+    assert np.ptp(ahead_right) < 20 and ahead_right.min() > 80
+    assert (panels.radar_picture([], 100, 50.0) == panels.lidar_picture(np.zeros(0, POINTS), 100, 50.0)).all()
+
+
 def test_bev_keeps_its_orientation_and_its_ground_is_dark() -> None:
     labels = np.zeros((40, 40), np.uint16)
     labels[:10, :10] = 1 << BEV_CLASSES.index("car")

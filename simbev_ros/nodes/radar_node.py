@@ -1,0 +1,70 @@
+"""The radar node: casts the rays of the rig's radars and publishes their detections."""
+
+import math
+
+from sensor_msgs.msg import PointCloud2
+
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.config.radar import Radar
+from simbev_ros.msgs.tables import message_from_table
+from simbev_ros.msgs.topics import Topic
+from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.surroundings import Surroundings
+from simbev_ros.raycast.scene import RayScene
+from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.state import WorldState
+from simbev_ros.sensors.mount import vector
+from simbev_ros.sensors.radar import RadarModel, scan_radars
+
+_BESIDE_EGO_M = 20.0  # as for lidars: with the same range both see the same surroundings, which are loaded once
+
+
+class RadarNode(Participant):
+    """Serves all radars of the rig: those that are due send their rays together."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._surroundings = Surroundings()
+        self._rays: RayScene | None = None
+        self._reach_m = 0.0  # of all radars, from the ego's origin
+        self._models: list[tuple[RadarModel, int]] = []  # with the ticks from scan to scan
+        self._previous: WorldState | None = None
+
+    def start_scene(self, spec: SceneSpec) -> list[str]:
+        """Load the meshes around the ego (kept while scenes stay there) and advertise the radars' topics."""
+        radars = spec.rig.of_type(Radar)
+        self._reach_m = max(
+            (radar.range_m + math.hypot(radar.pose.x_m, radar.pose.y_m) for radar in radars), default=0.0
+        )
+        static = self._surroundings.changed(spec, max((each.range_m for each in radars), default=0.0) + _BESIDE_EGO_M)
+        if static is not None:
+            self._rays = RayScene(static, load_models())
+        self._previous = None
+        self._models = []
+        for radar in radars:
+            period = spec.period_ticks(radar.rate_hz)
+            scan_s = period * spec.tick_ns / NS_PER_S
+            self._models.append((RadarModel(radar, spec.seed, scan_s), period))
+            self.advertise(Topic(_topic(spec, radar), "sensor_msgs/msg/PointCloud2", period, sensor=True), PointCloud2)
+        return [_topic(spec, radar) for radar in radars]
+
+    def is_due(self, spec: SceneSpec, tick: int) -> bool:
+        """At ticks at which a radar scans."""
+        return tick >= 0 and any(tick % period == 0 for _, period in self._models)
+
+    def process(self, spec: SceneSpec, state: WorldState) -> None:
+        """Cast what is due, and publish it. Rays pass through the ego and through its rider."""
+        due = [model for model, period in self._models if state.tick % period == 0]
+        if due:
+            assert self._rays is not None
+            self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
+            clouds = scan_radars(due, self._rays, state, self._previous)
+            if state.tick >= 0:  # scans of the lead-in only warm the ray caster up
+                for model, cloud in zip(due, clouds, strict=True):
+                    frame = f"{spec.rig.agent}/{model.radar.name}"
+                    self.publish(_topic(spec, model.radar), message_from_table(cloud, state.stamp_ns, frame))
+        self._previous = state
+
+
+def _topic(spec: SceneSpec, radar: Radar) -> str:
+    return f"/{spec.rig.agent}/{radar.name}/points"

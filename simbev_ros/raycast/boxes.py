@@ -1,0 +1,63 @@
+"""Which rays come near what: boxes around the parts of actors, in a small Embree scene that is built for each tick."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.raycast.embree import TriangleSet
+from simbev_ros.types import Float32Array, Float64Array, Int64Array
+
+CORNERS = np.array([[x, y, z] for z in (-1.0, 1.0) for y in (-1.0, 1.0) for x in (-1.0, 1.0)])
+"""(8, 3) corners of a box of half sizes 1."""
+
+_QUADS = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
+_FACES = np.concatenate([_QUADS[:, [0, 1, 2]], _QUADS[:, [0, 2, 3]]])
+"""(12, 3) triangles between these corners, outward."""
+
+_THINNEST_M = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Passages:
+    """Pairs of a ray and a box that it passes before its limit, ascending by ray, then by box; each pair once.
+
+    Attributes:
+        ray: (K,) int64.
+        box: (K,) int64.
+        entry_m: (K,) float32 range at which the ray enters the box; 0 where it starts in it.
+    """
+
+    ray: Int64Array
+    box: Int64Array
+    entry_m: Float32Array
+
+
+class Boxes:
+    """A set of boxes that rays can be tested against."""
+
+    def __init__(self, corners_m: Float64Array) -> None:
+        """Takes (B, 8, 3) corners, in the order of ``CORNERS``."""
+        self._count = len(corners_m)
+        triangles = (_FACES + 8 * np.arange(self._count)[:, None, None]).reshape(-1, 3).astype(np.int32)
+        self._faces = TriangleSet(corners_m.reshape(-1, 3).astype(np.float32), triangles)
+
+    def passages(self, rays: Float32Array, limit_m: Float32Array) -> Passages:
+        """Boxes on the way of (N, 6) rays up to (N,) ranges."""
+        first = self._faces.cast(rays)
+        touched = np.flatnonzero(first.triangle >= 0)
+        # Seen from inside, a box is passed however far away its wall is.
+        leaving = np.einsum("ni,ni->n", first.normal[touched], rays[touched, 3:]) > 0
+        chosen = touched[leaving | (first.range_m[touched] < limit_m[touched])]
+        crossings = self._faces.crossings(rays[chosen])
+        pair = crossings.ray * self._count + crossings.triangle // len(_FACES)
+        order = np.lexsort((crossings.range_m, pair))
+        pair, range_m = pair[order], crossings.range_m[order]
+        starts = np.flatnonzero(np.diff(pair, prepend=-1))
+        ends = np.append(starts[1:], len(pair)) - 1 if len(pair) else starts
+        # A ray that starts in a box only leaves it, if perhaps through two triangles, on their common edge.
+        passes = range_m[ends] - range_m[starts] > _THINNEST_M
+        entry_m = np.where(passes, range_m[starts], np.float32(0.0))
+        ray, box = np.divmod(pair[starts], max(self._count, 1))
+        ray = chosen[ray]
+        near = entry_m < limit_m[ray]
+        return Passages(ray[near], box[near], entry_m[near])

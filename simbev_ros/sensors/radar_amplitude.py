@@ -1,0 +1,88 @@
+"""How much of a radar's power comes back: cross-sections of what was hit, the radar equation, rain.
+
+Left out: the antenna's pattern (the field of view ends sharply), paths with more than one reflection, fading.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+import yaml
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array, UInt8Array
+
+_RAIN_K, _RAIN_ALPHA = 1.13, 0.712
+"""Attenuation k · rate^alpha in dB/km for rain in mm/h: ITU-R P.838-3 at 77 GHz, mean of both polarisations."""
+_HEAVIEST_RAIN_MMPH = 50.0
+"""Rain at precipitation 100: "violent" by the usual classes (Met Office)."""
+_KM_PER_M = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class CrossSections:
+    """Cross-sections in m², explained in radar_surfaces.yaml.
+
+    Attributes:
+        diffuse_m2, exponent, specular_m2, spread: (len(Material),) by material.
+        kind: (256,) factor by semantic tag.
+    """
+
+    diffuse_m2: Float64Array
+    exponent: Float64Array
+    specular_m2: Float64Array
+    spread: Float64Array
+    kind: Float64Array
+
+    def at(self, material: UInt8Array, tag: UInt8Array, cos_angle: Float64Array) -> Float64Array:
+        """(N,) m² of surfaces seen under (N,) cosines of the angle of incidence."""
+        cosine = np.clip(cos_angle, 1e-6, 1.0)
+        slope = np.sqrt(1.0 - cosine**2) / cosine / self.spread[material]
+        diffuse_m2 = self.diffuse_m2[material] * cosine ** self.exponent[material]
+        total_m2: Float64Array = diffuse_m2 + self.specular_m2[material] * np.exp(-(np.minimum(slope, 26.0) ** 2))
+        return total_m2 * self.kind[tag]
+
+
+@lru_cache(maxsize=1)
+def load_cross_sections() -> CrossSections:
+    """The tables of radar_surfaces.yaml, in which each material is named once."""
+    data = yaml.safe_load(files("simbev_ros.sensors").joinpath("radar_surfaces.yaml").read_text(encoding="utf-8"))
+    surface_of = {material: surface for surface in data["surfaces"].values() for material in surface["materials"]}
+
+    def column(name: str) -> Float64Array:
+        return np.array([surface_of[material.name][name] for material in Material], np.float64)
+
+    kind_db = np.zeros(256)
+    for name, gain_db in data["kinds"].items():
+        kind_db[Tag[name]] = gain_db
+    return CrossSections(
+        diffuse_m2=from_db(column("diffuse")),
+        exponent=column("exponent"),
+        specular_m2=from_db(column("specular")),
+        spread=column("spread"),
+        kind=from_db(kind_db),
+    )
+
+
+def amplitude_db(cross_section_m2: Float64Array, range_m: Float64Array, reference_range_m: float) -> Float64Array:
+    """Radar equation: power falls with the fourth power of the range.
+
+    Returns:
+        (N,) dB of the power that 1 m² returns from the reference range.
+    """
+    ratio: Float64Array = reference_range_m / np.maximum(range_m, 1e-3)
+    return 10.0 * np.log10(cross_section_m2) + 40.0 * np.log10(ratio)
+
+
+def rain_loss_db_per_m(precipitation: float) -> float:
+    """Loss per metre of range, there and back, at 77 GHz; ``precipitation`` is the weather's, 0 to 100."""
+    rate_mmph = precipitation / 100.0 * _HEAVIEST_RAIN_MMPH
+    return float(2.0 * _RAIN_K * rate_mmph**_RAIN_ALPHA * _KM_PER_M)
+
+
+def from_db(value_db: Float64Array) -> Float64Array:
+    """Ratio of powers."""
+    ratio: Float64Array = 10.0 ** (value_db / 10.0)
+    return ratio

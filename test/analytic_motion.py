@@ -1,0 +1,67 @@
+"""Motions known in closed form, as the world reports them: poses at ticks, central differences, columns of float32."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from synthetic_world import TICK_NS, actor, box_model, world
+
+from simbev_ros.scene.state import WorldState
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array
+
+TICK_S = TICK_NS / 1e9
+_COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "roll", "pitch", "yaw", "wx", "wy", "wz")
+CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
+
+Path = Callable[[float], tuple[Float64Array, Float64Array]]
+"""Position (m) and roll, pitch, yaw (rad) at a time (s)."""
+
+
+def state_at(path: Path, tick: int) -> WorldState:
+    """The ego on a path."""
+    (before_m, before_rad), (now_m, now_rad), (after_m, after_rad) = (
+        map(np.asarray, path((tick + step) * TICK_S)) for step in (-1, 0, 1)
+    )
+    velocity = (after_m - before_m) / (2 * TICK_S)
+    acceleration = (after_m - 2 * now_m + before_m) / TICK_S**2
+    roll_rate, pitch_rate, yaw_rate = (after_rad - before_rad) / (2 * TICK_S)
+    yaw_only, yaw_and_pitch = Rotation.from_euler("z", now_rad[2]), Rotation.from_euler("yz", now_rad[1:])
+    spin = yaw_and_pitch.apply([roll_rate, 0, 0]) + yaw_only.apply([0, pitch_rate, 0]) + [0, 0, yaw_rate]
+    values = [now_m, velocity, acceleration, now_rad, spin]
+    columns = dict(zip(_COLUMNS, np.concatenate(values).tolist(), strict=True))
+    return world(actor(CAR, **columns), tick=tick)
+
+
+def circle(speed_mps: float, radius_m: float) -> Path:
+    """To the left about the origin, on the level, looking ahead."""
+
+    def at(time_s: float) -> tuple[Float64Array, Float64Array]:
+        angle = speed_mps / radius_m * time_s
+        place_m = np.array([radius_m * np.sin(angle), -radius_m * np.cos(angle), 0.0])
+        return place_m, np.array([0.0, 0.0, angle])
+
+    return at
+
+
+def straight(speed_mps: float, acceleration_mps2: float, yaw_rad: float) -> Path:
+    """Ahead in one direction."""
+
+    def at(time_s: float) -> tuple[Float64Array, Float64Array]:
+        way_m = speed_mps * time_s + acceleration_mps2 * time_s**2 / 2
+        return way_m * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0]), np.array([0.0, 0.0, yaw_rad])
+
+    return at
+
+
+def screw(spin_radps: float, climb_mps: float, roll_rad: float, pitch_rad: float) -> Path:
+    """Tilted, turning about the vertical through the origin and rising along it."""
+    return lambda time_s: (
+        np.array([0.0, 0.0, climb_mps * time_s]),
+        np.array([roll_rad, pitch_rad, spin_radps * time_s]),
+    )
+
+
+def rolling(spin_radps: float) -> Path:
+    """Turning about its own x axis, which stands still."""
+    return lambda time_s: (np.zeros(3), np.array([spin_radps * time_s, 0.0, 0.0]))

@@ -51,14 +51,22 @@ class CameraScene:
 
 
 def camera_scene(
-    map_name: str, actors: int, moments: int, console: Console, weather: WeatherConfig = _DAY
+    map_name: str,
+    actors: int,
+    moments: int,
+    console: Console,
+    weather: WeatherConfig = _DAY,
+    *,
+    vehicle_share: float = 0.5,
+    spawn_radius_m: float = 400.0,
 ) -> CameraScene:
-    """Simulate traffic on a map, half of it vehicles, half people on foot; there are no hazard areas.
+    """Simulate traffic on a map, by default half of it vehicles, half people on foot; there are no hazard areas.
 
     Raises:
         InputError: There is no such map, or it has no room for so many.
     """
-    traffic = Traffic(vehicles=actors // 2, pedestrians=actors - actors // 2)
+    vehicles = int(actors * vehicle_share)
+    traffic = Traffic(vehicles=vehicles, pedestrians=actors - vehicles, spawn_radius_m=spawn_radius_m)
     time = Timing(warm_up_s=_WARM_UP_S, duration_s=4.0)
     update = {"scenes": (MapScenes(map=map_name, train=1),), "traffic": traffic, "time": time, "weather": weather}
     scenario = load_scenario("paper").model_copy(update={**update, "hazards": Hazards(count=0)})

@@ -13,6 +13,8 @@ _Elevation = Annotated[float, Field(ge=-90, le=90)]
 _AzimuthOffset = Annotated[float, Field(ge=-180, le=180)]
 _VERTICAL = ("channels", "upper_fov_deg", "lower_fov_deg", "elevations_deg", "azimuth_offsets_deg")
 _TOLERANCE_DEG = 1e-6
+_MOST_RAYS = 4_000_000
+"""Of a turn; bounds its memory."""
 
 
 class Lidar(Sensor):
@@ -67,7 +69,7 @@ class Lidar(Sensor):
         name = data.get("preset")
         data = {**_preset_for(data, load_lidar_presets().get(name, {}) if isinstance(name, str) else {}), **data}
         listed = data.get("elevations_deg")
-        if isinstance(listed, (list, tuple)) and listed and all(isinstance(each, (int, float)) for each in listed):
+        if isinstance(listed, (list, tuple)) and listed and all(_is_elevation(each) for each in listed):
             extent = {"channels": len(listed), "lower_fov_deg": min(listed), "upper_fov_deg": max(listed)}
             data = {**extent, **data}
         factors = data.get("points_per_second"), data.get("channels", 128), data.get("rate_hz")
@@ -113,6 +115,9 @@ class Lidar(Sensor):
 
     @model_validator(mode="after")
     def _something_to_see(self) -> Self:
+        if self.channels * self.columns > _MOST_RAYS:
+            rays = f"channels {self.channels} x columns {self.columns} = {self.channels * self.columns} rays per turn"
+            raise ValueError(f"{rays} are too many; allowed are {_MOST_RAYS}")
         if self.min_range_m >= self.range_m:
             raise ValueError(f"min_range_m {self.min_range_m:g} is not below range_m {self.range_m:g}")
         if not (self.points or self.semantic_points):
@@ -131,6 +136,10 @@ def load_lidar_presets() -> dict[str, dict[str, Any]]:
     text = files("simbev_ros.config").joinpath("lidar_presets.yaml").read_text(encoding="utf-8")
     presets: dict[str, dict[str, Any]] = yaml.safe_load(text)
     return presets
+
+
+def _is_elevation(given: Any) -> bool:
+    return isinstance(given, (int, float)) and -90 <= given <= 90
 
 
 def _preset_for(data: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ class Radar(Sensor):
         100.0, gt=0, le=10_000, description="amplitude 0 dB is what 1 m² of cross-section returns from this range"
     )
     threshold_db: float | None = Field(None, ge=-300, le=300, description="what returns less amplitude is not detected")
-    rain_attenuation: bool = Field(False, description="rain weakens what returns; 4 dB at 100 m in the heaviest")
+    rain_attenuation: bool = Field(False, description="rain weakens what returns: 1.5 dB at 100 m in the heaviest")
 
     range_noise_sigma_m: float = Field(0.0, ge=0, le=100)
     azimuth_noise_sigma_deg: float = Field(0.0, ge=0, le=45)

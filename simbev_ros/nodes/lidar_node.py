@@ -1,6 +1,8 @@
 """The lidar node: casts the rays of the rig's lidars and publishes their clouds."""
 
 import math
+from collections.abc import Iterable
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -24,15 +26,21 @@ _AHEAD_S = 1.0
 """Static triangles are got ready for where the ego will be by then, after a cloud is out rather than before."""
 
 
+class _Way(NamedTuple):
+    """How lidars look at the world; those with the same way share what is built for a tick."""
+
+    hits_own_vehicle: bool
+    turn_ticks: int  # how far back their rays go; 0: all are cast at the tick
+
+
 class _Mounted(NamedTuple):
     lidar: Lidar
     model: LidarModel
     period_ticks: int
 
     @property
-    def turn_ticks(self) -> int:
-        """How far back the rays of a turn go."""
-        return self.period_ticks if self.lidar.rolling else 0
+    def way(self) -> _Way:
+        return _Way(self.lidar.hits_own_vehicle, self.period_ticks if self.lidar.rolling else 0)
 
 
 class LidarNode(Participant):
@@ -73,29 +81,26 @@ class LidarNode(Participant):
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Cast what is due, and publish it; clouds of the lead-in only warm the ray caster up."""
-        earlier = self._states
         due = [mounted for mounted in self._mounted if state.tick % mounted.period_ticks == 0]
-        for mounted in due:
-            self._scan(spec, state, earlier, mounted)
-        farthest = state.tick - max((mounted.turn_ticks for mounted in self._mounted), default=0)
-        self._states = [each for each in (*earlier, state) if each.tick > farthest]
+        for way, alike in groupby(sorted(due, key=lambda mounted: mounted.way), key=lambda mounted: mounted.way):
+            self._scan(spec, state, way, alike)
+        farthest = state.tick - max((mounted.way.turn_ticks for mounted in self._mounted), default=0)
+        self._states = [each for each in (*self._states, state) if each.tick > farthest]
         if self._rays is not None:
             self._rays.build_ahead(_place_m(state) + _AHEAD_S * vector(state.ego, "vx vy vz"), self._reach_m)
 
-    def _scan(self, spec: SceneSpec, state: WorldState, earlier: list[WorldState], mounted: _Mounted) -> None:
-        """One turn of one lidar."""
+    def _scan(self, spec: SceneSpec, state: WorldState, way: _Way, alike: Iterable[_Mounted]) -> None:
+        """Turns of lidars that look at the world in the same way."""
         assert self._rays is not None
-        lidar, rays = mounted.lidar, self._rays
-        of_turn = [each for each in earlier if each.tick >= state.tick - mounted.turn_ticks]
-        hidden_ids = frozenset() if lidar.hits_own_vehicle else state.ego_ids
-        rays.update(state, _place_m(state), self._reach_m, hidden_ids, of_turn if lidar.rolling else ())
-        scan = mounted.model.scan(rays, state, of_turn)
-        if state.tick < 0:
-            return
-        frame = f"{spec.rig.agent}/{lidar.name}"
-        for cloud, table in (("points", scan.points), ("semantic_points", scan.semantic_points)):
-            if table is not None:
-                self.publish(f"/{frame}/{cloud}", message_from_table(table, state.stamp_ns, frame))
+        earlier = [each for each in self._states if each.tick >= state.tick - way.turn_ticks]
+        hidden_ids = frozenset() if way.hits_own_vehicle else state.ego_ids
+        self._rays.update(state, _place_m(state), self._reach_m, hidden_ids, earlier)
+        for lidar, model, _ in alike:
+            scan = model.scan(self._rays, state, earlier)
+            frame = f"{spec.rig.agent}/{lidar.name}"
+            for cloud, table in (("points", scan.points), ("semantic_points", scan.semantic_points)):
+                if table is not None and state.tick >= 0:
+                    self.publish(f"/{frame}/{cloud}", message_from_table(table, state.stamp_ns, frame))
 
 
 def _reach_m(lidar: Lidar) -> float:

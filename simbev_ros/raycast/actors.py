@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.skeletons import Skeletons
 from simbev_ros.raycast.between import Course
 from simbev_ros.raycast.boxes import CORNERS, Boxes, Passages
 from simbev_ros.raycast.part_stack import PartStack
@@ -45,9 +46,10 @@ class ActorHits:
 class ActorTriangles:
     """Actors as instances of the stack's parts, the parts of an actor one after the other."""
 
-    def __init__(self, models: Sequence[ActorModel]) -> None:
-        self._models = models
+    def __init__(self, models: Sequence[ActorModel], skeletons: Skeletons) -> None:
+        """For models, indexed by blueprint, and how their parts move."""
         self._stack = PartStack(models)
+        self._skeletons = skeletons
 
     def update(self, course: Course, origin_m: Float64Array) -> None:
         """Moves to a tick.
@@ -57,27 +59,27 @@ class ActorTriangles:
             origin_m: (3,) point of the map frame that rays are relative to.
         """
         self._course, self._origin_m = course, origin_m
-        blueprint = course.now["blueprint"].astype(np.int64)
-        count = self._stack.first[blueprint + 1] - self._stack.first[blueprint]
-        self._first = np.cumsum(count) - count
-        self._row = np.repeat(np.arange(len(blueprint)), count)
-        self._part = np.arange(len(self._row)) + (self._stack.first[blueprint] - self._first)[self._row]
+        self._first, self._row, self._part = self._instances(course.now)
         self._poses = self._placed(course.now)
         self._boxes = Boxes(self._corners_now() if len(course.lags_s) == 1 else self._corners_of_course())
 
-    def _placed(self, actors: Table) -> Float64Array:
-        """(I, 4, 4) poses of the parts at rest of (N,) rows, relative to the origin, actor by actor."""
+    def _instances(self, actors: Table) -> tuple[Int64Array, Int64Array, Int64Array]:
+        """(N,) first instance of each of (N,) rows, and per instance, actor by actor, its row and part of the stack."""
         first, blueprint = self._stack.first, actors["blueprint"].astype(np.int64)
-        row = np.repeat(np.arange(len(actors)), first[blueprint + 1] - first[blueprint])
+        count = first[blueprint + 1] - first[blueprint]
+        start = np.cumsum(count) - count
+        row = np.repeat(np.arange(len(actors)), count)
+        return start, row, np.arange(len(row)) + (first[blueprint] - start)[row]
+
+    def _placed(self, actors: Table) -> Float64Array:
+        """(I, 4, 4) poses of the instances of (N,) rows, from at rest, relative to the origin."""
+        _, row, part = self._instances(actors)
+        owner, _ = self._skeletons.rows(actors)
+        posed = self._skeletons.poses(actors)[np.searchsorted(owner, row) + self._stack.part[part]]
         poses = map_from_actors(actors)
         poses[:, :3, 3] -= self._origin_m
-        poses = poses[row]
-        for index in np.unique(blueprint):
-            parts = self._stack.part[first[index] : first[index + 1]]
-            same = part_poses(self._models[index], actors[blueprint == index])[:, parts]
-            mine = blueprint[row] == index
-            poses[mine] = poses[mine] @ same.reshape(-1, 4, 4)
-        return poses
+        placed: Float64Array = poses[row] @ posed
+        return placed
 
     def _corners_now(self) -> Float64Array:
         """(I, 8, 3) corners of the boxes around the parts."""
@@ -119,7 +121,8 @@ class ActorTriangles:
         passages = self._boxes.passages(rays, limit_m)
         poses = self._poses[passages.box] if lag_s is None else self._poses_then(passages, lag_s)
         origin_m = origins_m[passages.ray] if len(origins_m) > 1 else origins_m
-        return self._cast_parts(passages, poses, origin_m - self._origin_m, directions[passages.ray], limit_m)
+        center_m = _moved(poses, self._stack.center_m[self._part[passages.box]])
+        return self._cast_parts(passages, poses, origin_m - self._origin_m - center_m, directions, limit_m)
 
     def _poses_then(self, passages: Passages, lag_s: Float64Array) -> Float64Array:
         """(K, 4, 4) poses of the passed parts at the times of the rays."""
@@ -128,9 +131,7 @@ class ActorTriangles:
         moved, place = np.unique(row * max(len(lags_s), 1) + moment, return_inverse=True)
         actor, moment = np.divmod(moved, max(len(lags_s), 1))
         poses = self._placed(self._course.at(actor, lags_s[moment]))
-        blueprint = self._course.now["blueprint"][actor].astype(np.int64)
-        count = self._stack.first[blueprint + 1] - self._stack.first[blueprint]
-        first = np.cumsum(count) - count
+        first, _, _ = self._instances(self._course.now[actor])
         chosen: Float64Array = poses[first[place] + passages.box - self._first[row]]
         return chosen
 
@@ -138,27 +139,33 @@ class ActorTriangles:
         self,
         passages: Passages,
         poses: Float64Array,
-        origins_m: Float64Array,
+        from_center_m: Float64Array,
         directions: Float32Array,
         limit_m: Float32Array,
     ) -> ActorHits:
-        """Casts rays in the rest frames of the parts that they pass, and keeps each ray's nearest hit."""
-        stack, part = self._stack, self._part[passages.box]
+        """Casts rays in the rest frames of the parts that they pass, and keeps each ray's nearest hit.
+
+        They start where they enter a part's sphere: before, others may be in the way in the stack.
+        """
+        stack, part, ray = self._stack, self._part[passages.box], passages.ray
+        along = directions[ray].astype(np.float64)
+        middle_m = -np.einsum("ni,ni->n", from_center_m, along)
+        half2_m2 = middle_m**2 + stack.radius_m[part] ** 2 - np.einsum("ni,ni->n", from_center_m, from_center_m)
+        start_m = np.maximum(middle_m - np.sqrt(np.maximum(half2_m2, 0.0)), 0.0)
+        from_center_m = from_center_m + along * start_m[:, None]
         rotation = poses[:, :3, :3].astype(np.float32)
-        start_m = directions * passages.entry_m[:, None].astype(np.float64) + origins_m
-        from_center_m = (start_m - _moved(poses, stack.center_m[part])).astype(np.float32)
         rays = np.empty((len(part), 6), np.float32)
-        rays[:, :3] = np.einsum("nji,nj->ni", rotation, from_center_m)
+        rays[:, :3] = np.einsum("nji,nj->ni", rotation, from_center_m.astype(np.float32))
         rays[:, 2] += stack.height_m[part]
-        rays[:, 3:] = np.einsum("nji,nj->ni", rotation, directions)
+        rays[:, 3:] = np.einsum("nji,nj->ni", rotation, directions[ray])
         hits = stack.triangles.cast(rays)
-        range_m = hits.range_m + passages.entry_m
-        own = (hits.triangle >= 0) & (stack.triangle_part[hits.triangle] == part) & (range_m < limit_m[passages.ray])
-        found = np.flatnonzero(own)
-        found = found[np.lexsort((range_m[found], passages.ray[found]))]  # of equal ranges the first part wins
-        kept = found[np.flatnonzero(np.diff(passages.ray[found], prepend=-1))]
+        range_m = hits.range_m + start_m.astype(np.float32)
+        own = (hits.triangle >= 0) & (stack.triangle_part[hits.triangle] == part)
+        found = np.flatnonzero(own & (half2_m2 > 0.0) & (range_m < limit_m[ray]))
+        found = found[np.lexsort((range_m[found], ray[found]))]  # of equal ranges the first part wins
+        kept = found[np.flatnonzero(np.diff(ray[found], prepend=-1))]
         return ActorHits(
-            ray=passages.ray[kept],
+            ray=ray[kept],
             range_m=range_m[kept],
             row=self._row[passages.box[kept]].astype(np.int32),
             part=stack.part[part[kept]].astype(np.int32),

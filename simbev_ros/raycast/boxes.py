@@ -24,12 +24,10 @@ class Passages:
     Attributes:
         ray: (K,) int64.
         box: (K,) int64.
-        entry_m: (K,) float32 range at which the ray enters the box; 0 where it starts in it.
     """
 
     ray: Int64Array
     box: Int64Array
-    entry_m: Float32Array
 
 
 class Boxes:
@@ -50,14 +48,15 @@ class Boxes:
         chosen = touched[leaving | (first.range_m[touched] < limit_m[touched])]
         crossings = self._faces.crossings(rays[chosen])
         pair = crossings.ray * self._count + crossings.triangle // len(_FACES)
-        order = np.lexsort((crossings.range_m, pair))
+        order = np.argsort(pair, kind="stable")
         pair, range_m = pair[order], crossings.range_m[order]
         starts = np.flatnonzero(np.diff(pair, prepend=-1))
-        ends = np.append(starts[1:], len(pair)) - 1 if len(pair) else starts
+        enter_m, leave_m = (
+            extreme.reduceat(range_m, starts) if len(starts) else range_m for extreme in (np.minimum, np.maximum)
+        )
         # A ray that starts in a box only leaves it, if perhaps through two triangles, on their common edge.
-        passes = range_m[ends] - range_m[starts] > _THINNEST_M
-        entry_m = np.where(passes, range_m[starts], np.float32(0.0))
+        entry_m = np.where(leave_m - enter_m > _THINNEST_M, enter_m, np.float32(0.0))
         ray, box = np.divmod(pair[starts], max(self._count, 1))
         ray = chosen[ray]
         near = entry_m < limit_m[ray]
-        return Passages(ray[near], box[near], entry_m[near])
+        return Passages(ray[near], box[near])

@@ -1,10 +1,8 @@
 """Velocities of points on actors: that of the body, and what wheels, steering and limbs add to it."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.assets.skeletons import Skeletons
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.raycast.between import actors_between
 from simbev_ros.scene.state import map_from_actors
@@ -24,7 +22,7 @@ def body_velocities(actors: Table, points_m: Float64Array) -> Float64Array:
 
 
 def part_velocities(
-    models: Sequence[ActorModel],
+    skeletons: Skeletons,
     before: Table,
     now: Table,
     elapsed_s: float,
@@ -35,29 +33,26 @@ def part_velocities(
     """Velocities of points on moving parts relative to the body that carries them.
 
     Args:
-        models: The catalogue's models, indexed by blueprint.
+        skeletons: Of the catalogue's models.
         before: (A,) ``ACTOR_DTYPE`` a tick ago; wheels, steering and gait have turned evenly since.
         now: (A,) the same actors now.
         elapsed_s: Length of the tick.
         row: (N,) row of the actor of each point.
-        part: (N,) the part.
+        part: (N,) the part, an index into its model's parts.
         points_m: (N, 3) map frame.
 
     Returns:
         (N, 3) m/s, map axes.
     """
-    velocity_mps = np.zeros((len(row), 3))
-    map_from_body = map_from_actors(now)[row]
+    moving, which = np.unique(row, return_inverse=True)
+    before, now = before[moving], now[moving]
+    then, soon = (actors_between(before, now, 1.0 + step) for step in (-_STEP, _STEP))
+    change = skeletons.poses(soon) - skeletons.poses(then)
+    rates = change @ inverse(skeletons.poses(now)) / (2.0 * _STEP * elapsed_s)
+    actor, _ = skeletons.rows(now)
+    rate = rates[np.searchsorted(actor, which) + part]
+    map_from_body = map_from_actors(now)[which]
     points_body = np.einsum("nji,nj->ni", map_from_body[:, :3, :3], points_m - map_from_body[:, :3, 3])
-    soon, just_before = (actors_between(before, now, 1.0 + step) for step in (_STEP, -_STEP))
-    for blueprint in np.unique(now["blueprint"][row]):
-        actors = np.flatnonzero(now["blueprint"] == blueprint)
-        poses_then, poses, poses_soon = (
-            part_poses(models[blueprint], table[actors]) for table in (just_before, now, soon)
-        )
-        rates = (poses_soon - poses_then) @ inverse(poses) / (2.0 * _STEP * elapsed_s)
-        mine = np.flatnonzero(now["blueprint"][row] == blueprint)
-        rate = rates[np.searchsorted(actors, row[mine]), part[mine]]
-        velocity_mps[mine] = np.einsum("nij,nj->ni", rate[:, :3, :3], points_body[mine]) + rate[:, :3, 3]
-    rotated_mps: Float64Array = np.einsum("nij,nj->ni", map_from_body[:, :3, :3], velocity_mps)
-    return rotated_mps
+    velocity_body_mps = np.einsum("nij,nj->ni", rate[:, :3, :3], points_body) + rate[:, :3, 3]
+    velocity_mps: Float64Array = np.einsum("nij,nj->ni", map_from_body[:, :3, :3], velocity_body_mps)
+    return velocity_mps

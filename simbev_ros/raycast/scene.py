@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.skeletons import Skeletons
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.raycast.actors import ActorTriangles
 from simbev_ros.raycast.between import Course, known_before
@@ -51,9 +52,9 @@ class RayScene:
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
         """Takes the immobile scene and the catalogue's models, indexed by blueprint."""
-        self._models = models
+        self._skeletons = Skeletons(models)
         self._static = StaticTriangles(static)
-        self._actors = ActorTriangles(models)
+        self._actors = ActorTriangles(models, self._skeletons)
 
     def update(
         self,
@@ -134,7 +135,7 @@ class RayScene:
         if previous is not None and len(moving):
             before = known_before(self.actors, previous.actors)
             elapsed_s = (self._stamp_ns - previous.stamp_ns) / _NS_PER_S
-            velocity_mps[moving] += part_velocities(self._models, before, self.actors, elapsed_s, row, part, place_m)
+            velocity_mps[moving] += part_velocities(self._skeletons, before, self.actors, elapsed_s, row, part, place_m)
         return velocity_mps
 
 

@@ -1,13 +1,13 @@
 """Rays against the static tiles around a place."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, Tile
 from simbev_ros.raycast.embree import TriangleSet
-from simbev_ros.types import Float32Array, Float64Array, UInt8Array
+from simbev_ros.types import Float64Array, Int64Array, UInt8Array
 
 _CELL_M = 128.0
 """The place is known only to the cell of this size that it lies in, so that a rebuild is rare and leaves no trace."""
@@ -46,28 +46,38 @@ class StaticTriangles:
 
     def around(self, center_m: Float64Array, radius_m: float) -> Near:
         """All tiles within ``radius_m`` of (3,) ``center_m``, map frame, and of the rest of its cell; kept or built."""
-        column, row, storey = np.floor(center_m / _CELL_M).astype(int).tolist()
+        column, row, storey = _cell(center_m).tolist()
         key = column, row, storey, radius_m
-        near = self._near.pop(key, None) or self._build(key)
+        near = self._near.pop(key, None) or self._build(center_m, radius_m)
         self._near[key] = near  # last: dictionaries keep their order
         for old in list(self._near)[:-_KEPT]:
             del self._near[old]
         return near
 
-    def _build(self, key: _Key) -> Near:
-        low = np.array(key[:2]) * _CELL_M - key[3]
-        high = low + _CELL_M + 2.0 * key[3]
+    def mesh_around(self, center_m: Float64Array, radius_m: float) -> tuple[Mesh, Float64Array]:
+        """The tiles of ``around`` as one mesh, and the (3,) point of the map frame that it is relative to."""
+        cell = _cell(center_m)
+        low = cell[:2] * _CELL_M - radius_m
+        high = low + _CELL_M + 2.0 * radius_m
         within = ((self._bounds_m[:, 0] <= high) & (self._bounds_m[:, 1] >= low)).all(axis=1)
         tiles = [self._tiles[index] for index in np.flatnonzero(within)]
-        origin_m = (np.array(key[:3]) + 0.5) * _CELL_M
+        origin_m = (cell.astype(np.float64) + 0.5) * _CELL_M
         origins_m = np.array([tile.origin_m for tile in tiles]).reshape(-1, 3)
         mesh = Mesh.merged([tile.mesh for tile in tiles])
         shift_m = np.repeat(origins_m - origin_m, [len(tile.mesh.vertices) for tile in tiles], axis=0)
-        vertices_m: Float32Array = (mesh.vertices + shift_m).astype(np.float32)
-        triangles = TriangleSet(vertices_m, mesh.triangles)
+        return replace(mesh, vertices=(mesh.vertices + shift_m).astype(np.float32)), origin_m
+
+    def _build(self, center_m: Float64Array, radius_m: float) -> Near:
+        mesh, origin_m = self.mesh_around(center_m, radius_m)
+        triangles = TriangleSet(mesh.vertices, mesh.triangles)
         triangles.build()
         material = mesh.material[mesh.triangles[:, 0]]
         return Near(origin_m, np.append(mesh.triangle_tag, np.uint8(0)), np.append(material, np.uint8(0)), triangles)
+
+
+def _cell(center_m: Float64Array) -> Int64Array:
+    """(3,) column, row and storey of the cell that a place lies in."""
+    return np.floor(center_m / _CELL_M).astype(np.int64)
 
 
 def _bounds_m(tile: Tile) -> Float64Array:

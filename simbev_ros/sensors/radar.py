@@ -95,7 +95,7 @@ class RadarModel:
         clear_db = amplitude_db(cross_section_m2, range_m, self.radar.reference_range_m)
         if not self.radar.rain_attenuation:
             return clear_db
-        return clear_db - rain_loss_db_per_m(state.weather.precipitation) * range_m
+        return clear_db - rain_loss_db_per_m(state.weather) * range_m
 
     def _noise(self, tick: int) -> Float64Array:
         return self._stream("noise", tick).standard_normal((self.rays, _DRAWS))

@@ -11,13 +11,16 @@ import numpy as np
 import yaml
 
 from simbev_ros.assets.materials import Material
+from simbev_ros.scene.air import rain_halvings_per_m
+from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import Tag
+from simbev_ros.sensors.lidar_weather import drop_slope_per_m
 from simbev_ros.types import Float64Array, UInt8Array
 
 _RAIN_K, _RAIN_ALPHA = 1.13, 0.712
 """Attenuation k · rate^alpha in dB/km for rain in mm/h: ITU-R P.838-3 at 77 GHz, mean of both polarisations."""
-_HEAVIEST_RAIN_MMPH = 50.0
-"""Rain at precipitation 100: "violent" by the usual classes (Met Office)."""
+_DROP_SLOPE_PER_M, _DROP_SLOPE_POWER = 4100.0, -0.21
+"""Of the sizes of drops in rain of 1 mm/h, and how that changes with the rate: Marshall and Palmer, 1948."""
 _KM_PER_M = 1e-3
 
 
@@ -76,10 +79,17 @@ def amplitude_db(cross_section_m2: Float64Array, range_m: Float64Array, referenc
     return 10.0 * np.log10(cross_section_m2) + 40.0 * np.log10(ratio)
 
 
-def rain_loss_db_per_m(precipitation: float) -> float:
-    """Loss per metre of range, there and back, at 77 GHz; ``precipitation`` is the weather's, 0 to 100."""
-    rate_mmph = precipitation / 100.0 * _HEAVIEST_RAIN_MMPH
-    return float(2.0 * _RAIN_K * rate_mmph**_RAIN_ALPHA * _KM_PER_M)
+def rain_loss_db_per_m(weather: Weather) -> float:
+    """Loss per metre of range, there and back, at 77 GHz, in the rain that cameras and lidars see. Fog: none."""
+    return float(2.0 * _RAIN_K * rain_rate_mmph(weather) ** _RAIN_ALPHA * _KM_PER_M)
+
+
+def rain_rate_mmph(weather: Weather) -> float:
+    """The rate at which rain has the weather's extinction of light; 15 mm/h at precipitation 100."""
+    extinction_per_m = rain_halvings_per_m(weather) * np.log(2.0)
+    if extinction_per_m == 0.0:
+        return 0.0
+    return float((drop_slope_per_m(extinction_per_m) / _DROP_SLOPE_PER_M) ** (1.0 / _DROP_SLOPE_POWER))
 
 
 def from_db(value_db: Float64Array) -> Float64Array:

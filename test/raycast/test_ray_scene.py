@@ -7,6 +7,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.raycast.between import Course, actors_between
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Int64Array
@@ -159,3 +160,52 @@ def test_an_empty_world_is_hit_nowhere() -> None:
     hits = scene.cast(np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]))
     assert np.isinf(hits.range_m).all()
     assert not hits.object_id.any()
+
+
+def test_rays_of_the_past_hit_actors_where_they_were() -> None:
+    rng = np.random.default_rng(6)
+    states = []
+    for tick in (-2, -1, 0):
+        pose = {"yaw": 3.0 + 0.2 * tick, "steer": 0.3 * tick, "wheel": 50.0 + 2.4 * tick, "z": 0.2 * tick}
+        other = {"x": -5.0 + 0.3 * tick, "y": 4.0, "yaw": -3.1 - 0.2 * tick}
+        rows = [actor(MODELS[0], x=-60.0), actor(MODELS[0], id=8, x=6.0 + 1.1 * tick, y=0.5 * tick, **pose)]
+        states.append(world(*rows, actor(MODELS[1], 1, id=9, **other), tick=tick))
+    now = states[-1]
+    scene = RayScene(StaticScene((), ()), MODELS)
+    scene.update(now, ORIGIN, 30.0, now.ego_ids, states[:-1])
+    lags_s = np.array([0.1, 0.087, 0.061, 0.05, 0.02, 0.0])
+    origins = rng.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0], (6000, 3))
+    targets = np.where(rng.random((6000, 1)) < 0.7, [5.0, 0.0, 0.6], [-5.2, 4.0, 0.8]) + rng.normal(size=(6000, 3))
+    directions = (targets - origins) / np.linalg.norm(targets - origins, axis=1, keepdims=True)
+    lag_s = np.repeat(lags_s, 1000)
+    hits = scene.cast(origins, directions, lag_s)
+    course = Course.of(now, states[:-1])
+    for lag in lags_s:
+        mine = lag_s == lag
+        posed = pose_actors(MODELS, course.at(np.array([1, 2]), np.full(2, lag)), ORIGIN)
+        corners = posed.vertices.astype(np.float64)[posed.triangles]
+        range_m, first, margin = first_triangles(origins[mine], directions[mine], corners)
+        clear, hit = margin > 1e-4, np.isfinite(range_m)
+        assert 200 < hit.sum() < 800
+        assert np.array_equal(np.isfinite(hits.range_m[mine])[clear], hit[clear])
+        both = clear & hit
+        assert np.abs(hits.range_m[mine][both] - range_m[both]).max() < 2e-4
+        assert np.array_equal(hits.object_id[mine][both], np.array([8, 9])[posed.triangle_row[first[both]]])
+
+
+def test_between_ticks_angles_take_the_short_way_and_wheels_the_long_one() -> None:
+    before = actor(MODELS[0], yaw=3.1, gait=6.2, wheel=100.0, x=2.0)
+    after = actor(MODELS[0], yaw=-3.1, gait=0.1, wheel=105.0, x=4.0, doors=1)
+    row = actors_between(before, after, 0.25)[0]
+    assert row["x"] == 2.5
+    assert row["yaw"] == pytest.approx(3.1 + 0.25 * (2 * np.pi - 6.2), abs=1e-6)
+    assert row["gait"] == pytest.approx(6.2 + 0.25 * (2 * np.pi - 6.1), abs=1e-6)
+    assert np.cos(row["wheel"]) == pytest.approx(np.cos(101.25), abs=1e-5)
+    assert row["doors"] == 1
+
+
+def test_an_actor_that_was_not_there_before_stands_still() -> None:
+    now = world(actor(MODELS[0]), actor(MODELS[1], 1, id=9, x=5.0, vx=2.0), tick=1)
+    course = Course.of(now, [world(actor(MODELS[0], x=-3.0))])
+    assert list(course.at(np.array([0, 1]), np.array([0.025, 0.025]))["x"]) == [-1.5, 5.0]
+    assert course.at(np.array([0]), np.array([9.0]))["x"][0] == -3.0

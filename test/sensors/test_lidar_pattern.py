@@ -96,7 +96,11 @@ def test_columns_follow_from_points_per_second() -> None:
             "azimuth_offsets_deg has 2 numbers; it must have one for each of 3",
         ),
         ({"min_range_m": 50, "range_m": 50}, "min_range_m 50 is not below range_m 50"),
-        ({"elevations_deg": [0, 91]}, "less than or equal to 90"),
+        ({"elevations_deg": [0, 91]}, "elevations_deg.1\n  Input should be less than or equal to 90"),
+        (
+            {"channels": 1024, "columns": 16384},
+            "1024 x columns 16384 = 16777216 rays per turn are too many; allowed are 4000000",
+        ),
         ({"horizontal_fov_deg": 0}, "greater than 0"),
     ],
 )

@@ -10,6 +10,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.config.radar import Radar
 from simbev_ros.raycast.scene import RayScene
+from simbev_ros.scene.air import extinction_per_m
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors import radar_amplitude
@@ -98,8 +99,12 @@ def test_rain_weakens_by_the_way_there_and_back() -> None:
     state = driving(precipitation=100.0)
     dry, wet = scan(radar(), wall(60.0), state), scan(radar(rain_attenuation=True), wall(60.0), state)
     loss_db = (dry["amplitude"] - wet["amplitude"]).astype(float)
-    assert loss_db == pytest.approx(2e-3 * dry["range"] * 1.13 * 50.0**0.712, abs=1e-4)
-    assert loss_db.min() > 2.0
+    rate_mmph = radar_amplitude.rain_rate_mmph(state.weather)
+    # Drops of N0 exp(-4.1 rate^-0.21 D), N0 = 8000 per m³ and mm, extinguish light by twice their cross-section.
+    assert 8e6 * np.pi / (4100.0 * rate_mmph**-0.21) ** 3 == pytest.approx(extinction_per_m(state.weather, 0.0)[1])
+    assert 10.0 < rate_mmph < 20.0
+    assert loss_db == pytest.approx(2e-3 * dry["range"] * 1.13 * rate_mmph**0.712, abs=1e-4)
+    assert loss_db.min() > 0.8
     assert scan(radar(rain_attenuation=True), wall(60.0)).tobytes() == scan(radar(), wall(60.0)).tobytes()
 
 

@@ -17,9 +17,9 @@ void main() {
     vec2 place = flat_place(p.position + noise_origin.xyz, abs(p.normal));
     vec2 gust = abs(fract(seconds() * vec2(0.83, 1.27) + place.yx * vec2(0.31, 0.23)) * 2.0 - 1.0);
     place += wind() * GUST * gust;
-    vec4 leaf = texture_at(place / 2.6, p.size / 2.6);
+    vec4 leaf = texture_at(place, 2.6, p.size);
 #if QUALITY >= 1
-    vec4 clump = texture_at(place / 8.0, p.size / 8.0);
+    vec4 clump = texture_at(place, 8.0, p.size);
 #else
     vec4 clump = leaf.abgr;
 #endif

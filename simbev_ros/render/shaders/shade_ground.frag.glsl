@@ -89,13 +89,13 @@ vec3 soil(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
 void main() {
     Pixel p = this_pixel();
     float size = p.size;
-    vec4 middle = texture_at(p.uv.yx / 5.3, size / 5.3);
+    vec4 middle = texture_at(p.uv.yx, 5.3, size);
 #if QUALITY >= 1
-    vec4 coarse = texture_at(p.uv / 37.0, size / 37.0);
+    vec4 coarse = texture_at(p.uv, 37.0, size);
 #else
     vec4 coarse = middle.abgr;
 #endif
-    vec4 fine = texture_at(p.uv / 0.75, size / 0.75);
+    vec4 fine = texture_at(p.uv, 0.75, size);
 
     Surface s = surface_of(p);
     if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo, coarse, middle, fine, size);

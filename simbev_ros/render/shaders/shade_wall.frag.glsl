@@ -50,7 +50,7 @@ vec3 clad(vec3 wall, uint material, vec2 uv, float weather, float size) {
     }
     if (material == MATERIAL_METAL_FACADE) {
         float seen = (1.0 - smoothstep(0.12, 0.5, size / SHEET));
-        return wall * (1.0 + 0.22 * cos(6.2832 * uv.x / SHEET) * seen);
+        return wall * (1.0 + 0.22 * wave(uv.x / SHEET) * seen);
     }
     return wall;
 }
@@ -92,9 +92,9 @@ void main() {
     float glass = within(deep, o.low + o.frame, o.high - o.frame, p.size) * opening * (1.0 - max(mullion, transom));
     float sunny = sun.z > 0.0 ? within(deep + sun.xy / max(sun.z, 0.12) * o.recess, o.low, o.high, p.size + 0.01) : 1.0;
 
-    vec4 grain = texture_at(p.uv / 5.7, p.size / 5.7);
+    vec4 grain = texture_at(p.uv, 5.7, p.size);
 #if QUALITY >= 1
-    float streaks = texture_at(p.uv / vec2(2.3, 23.0), p.size / 3.7).b;
+    float streaks = texture_at(p.uv * vec2(1.61, 0.161), 3.7, p.size).b;
 #else
     float streaks = grain.b;
 #endif
@@ -127,7 +127,7 @@ void main() {
     float blind = pick.x > 0.62 ? span_cover(deep.y, o.high.y - (0.25 + 1.1 * pick.y) * (shop ? 0.0 : 1.0), o.high.y, p.size) : 0.0;
     float drawn = punched && pick.x < 0.42 ? 0.10 + 0.35 * pick.y * (o.high.x - o.low.x) : 0.0;
     float drape = 1.0 - span_cover(deep.x, o.low.x + drawn, o.high.x - drawn, p.size + 0.03);
-    float folds = 0.8 + 0.2 * cos(deep.x * 52.0) * clamp(1.2 - p.size * 25.0, 0.0, 1.0);
+    float folds = 0.8 + 0.2 * wave(deep.x * 8.3) * clamp(1.2 - p.size * 25.0, 0.0, 1.0);
     float cloth = max(blind, drape);
     vec3 cloth_color = mix(vec3(0.42, 0.40, 0.36), vec3(0.30, 0.24, 0.19), pick.z) * mix(folds, 1.0, blind) * (0.35 + 0.3 * sunny);
 

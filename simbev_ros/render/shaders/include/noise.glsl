@@ -8,19 +8,22 @@ vec4 noise_at(vec2 place, float pixel_size) {
     return textureLod(noise, place, log2(max(pixel_size, 1e-6) * NOISE_TEXELS));
 }
 
-// The same from the nearest level of blur alone, at half the cost. Pebbles, which fade most from level to level, are
-// made fainter little by little, so that no edge is seen where the level changes.
-vec4 texture_at(vec2 place, float pixel_size) {
+// The same from the nearest level of blur alone, at half the cost; it repeats every `period`, and of several periods the
+// logarithm of the pixel's size is the same. Pebbles, which fade most from level to level, are made fainter little by
+// little, so that no edge is seen where the level changes.
+vec4 texture_at(vec2 place, float period, float pixel_size) {
 #if QUALITY >= 2
-    return noise_at(place, pixel_size);
+    return noise_at(place / period, pixel_size / period);
 #else
-    float blur = log2(max(pixel_size, 1e-6) * NOISE_TEXELS), level = max(floor(blur + 0.5), 0.0);
-    vec4 found = textureLod(noise, place, level);
+    float blur = log2(max(pixel_size, 1e-6)) + log2(NOISE_TEXELS / period), level = max(floor(blur + 0.5), 0.0);
+    vec4 found = textureLod(noise, place / period, level);
     float off = clamp(blur - level, -0.5, 0.5), fading = min(0.17 + 0.10 * level, 0.47);
     found.g = 0.5 + (found.g - 0.5) * (1.0 - off * fading * (off > 0.0 ? 1.0 : 1.5));
     return found;
 #endif
 }
+
+vec4 texture_at(vec2 place, float pixel_size) { return texture_at(place, 1.0, pixel_size); }
 
 uint hash(uvec2 cell) {
     uint bits = cell.x * 0x9E3779B1u ^ (cell.y * 0x85EBCA77u + 0x165667B1u);
@@ -64,6 +67,12 @@ float joint_cover(vec2 place, vec2 stone, float joint, float pixel_size) {
     vec2 share = joint / stone, blur = pixel_size / stone;
     float across = stripe_cover(place.x / stone.x, share.x, blur.x), along = stripe_cover(place.y / stone.y, share.y, blur.y);
     return across + along - across * along;
+}
+
+// A wave from 1 at every whole number to -1 between them, within 0.02 of the cosine, which takes far longer.
+float wave(float place) {
+    float up = abs(fract(place) - 0.5) * 2.0;
+    return up * up * (6.0 - 4.0 * up) - 1.0;
 }
 
 // How much of what differs from stone to stone is still to be seen: 1 near, 0 where a pixel holds several.

@@ -143,8 +143,8 @@ def cameras(
     else:
         ratios = f"{result.mujoco.wall_ratio:.2f} times our time, {result.mujoco.cpu_ratio:.2f} times our CPU time"
         console.print(
-            f"MuJoCo {result.mujoco.version}, the same triangles and cameras: {ratios}; flat colours, depth and "
-            "segmentation in three passes; no sky, textures, ambient occlusion, anti-aliasing or flow",
+            f"MuJoCo {result.mujoco.version}, the same triangles, cameras and number of processes: {ratios}; "
+            "flat colours, depth and segmentation in three passes; no sky, textures, occlusion, anti-aliasing or flow",
             style="dim",
             highlight=False,
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from simbev_ros.assets.static_cache import load_static_scene
+from simbev_ros.assets.static_cache import load_static_scene, load_streetside
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.cli.scenes import build_surroundings, drawn_scenes
 from simbev_ros.config.camera import Camera
@@ -73,9 +73,11 @@ def camera_scene(
     [spec] = drawn_scenes(scenario, console)
     build_surroundings([spec], console)
     network = load_network(spec.map)
-    with console.status("traffic"), Simulation(spec, network) as simulation:
+    reach = loaded_reach(spec, network)
+    beside = load_streetside(spec.map, network, reach=reach)
+    with console.status("traffic"), Simulation(spec, network, beside.obstacles, beside.plazas) as simulation:
         states = [simulation.step() for _ in range(spec.warm_up_ticks + moments)][-moments:]
-    static = load_static_scene(spec.map, network, reach=loaded_reach(spec, network))
+    static = load_static_scene(spec.map, network, reach=reach)
     return CameraScene(spec.map.name, static, spec.lights, states)
 
 

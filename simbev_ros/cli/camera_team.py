@@ -69,9 +69,8 @@ class CameraTeam:
         context = get_context("spawn")
         environment = drawing_environment(self.processes)
         resource_tracker.ensure_running()  # when it starts, it lets SIGINT through again
-        signal.pthread_sigmask(
-            signal.SIG_BLOCK, {signal.SIGINT}
-        )  # by the workers for good: Ctrl-C is the parent's business
+        # By the workers for good: Ctrl-C is the parent's business.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             for _ in range(self.processes):
                 line, far_end = context.Pipe()

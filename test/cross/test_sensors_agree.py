@@ -245,6 +245,34 @@ def test_lidar_points_project_to_the_pixels_that_show_them(
         assert (np.abs(inverse_depth * depth - 1.0) < 0.005)[chosen].mean() >= 0.999
 
 
+@pytest.mark.parametrize("index", range(len(CAMERAS)))
+def test_the_roof_lidar_agrees_with_depth_images_where_the_camera_sees_its_points(
+    moments: list[Moment], static_scene: StaticScene, index: int
+) -> None:
+    camera = CAMERAS[index]
+    lidar = Lidar(type="lidar", name="lidar", pose={"z_m": 1.8}, channels=128, columns=2048)
+    rays = RayScene(static_scene, load_models())
+    for moment in moments:
+        pose, map_from_optical = map_from_sensor(lidar.pose, moment.state), _map_from_optical(camera, moment.state)
+        rays.update(moment.state, pose[:3, 3], lidar.range_m + 5.0, moment.state.ego_ids)
+        points = LidarModel(lidar, 1, 0.05).scan(rays, moment.state).semantic_points
+        points_map = apply(pose, np.stack([points["x"], points["y"], points["z"]], axis=1).astype(np.float64))
+        optical = apply(inverse(map_from_optical), points_map)
+        ahead = np.flatnonzero(optical[:, 2] > 0.5)
+        pixels = camera.model.project(optical[ahead])
+        with np.errstate(invalid="ignore"):
+            inside = ((pixels >= 0.0) & (pixels <= [camera.width_px - 1, camera.height_px - 1])).all(axis=1)
+        pixels, seen = pixels[inside].astype(np.float32), ahead[inside]
+        way = points_map[seen] - map_from_optical[:3, 3]
+        far = np.linalg.norm(way, axis=1)
+        first = rays.cast(map_from_optical[None, :3, 3], way / far[:, None]).range_m
+        free = np.flatnonzero(np.abs(first - far) < 0.02)[:30_000]  # OpenCV maps no more at once
+        inverse_depth = cv2.remap(1.0 / moment.images[index].depth, pixels[free], None, cv2.INTER_LINEAR)[:, 0]
+        assert len(free) > 1000
+        depth = optical[seen[free], 2]
+        assert np.median(np.abs(1.0 - inverse_depth * depth) * depth) < 0.01
+
+
 def test_bev_cells_are_the_projection_of_the_meshes(moments: list[Moment], static_scene: StaticScene) -> None:
     """Against a point-in-triangle test of every cell centre with every triangle, on a part of the grid's cells."""
     grid = BevGrid(120, 120, 0.5)

@@ -1,0 +1,102 @@
+"""Which turns the lidar node makes of the ticks that it is given; its clouds are those of the models."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from synthetic_world import actor, cart_model, mesh, sheet, static_scene, world
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.msgs.tables import table_from_message
+from simbev_ros.nodes import lidar_node
+from simbev_ros.nodes.lidar_node import LidarNode
+from simbev_ros.raycast.scene import RayScene
+from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import WorldState
+from simbev_ros.semantics import Tag
+from simbev_ros.sensors.lidar import LidarModel
+
+MODELS = (cart_model(),)
+STATIC = static_scene(mesh(sheet([-200, -200], [200, 200]), Tag.ROAD, Material.ASPHALT))
+SMALL = {"type": "lidar", "channels": 8, "columns": 180, "range_m": 60.0, "pose": {"z_m": 2.0}}
+LIDARS = (
+    {**SMALL, "name": "slow", "rate_hz": 10, "rolling": True},
+    {**SMALL, "name": "fast", "semantic_points": False},
+    {**SMALL, "name": "own", "hits_own_vehicle": True, "points": False},
+)
+
+
+@pytest.fixture(scope="module")
+def spec() -> SceneSpec:
+    rig = {"sensors": LIDARS}
+    scenario = Scenario.model_validate(
+        {"scenes": [{"map": "Blocks", "train": 1}], "rig": rig, "traffic": {"vehicles": 0}}
+    )
+    planned = next(planned_scenes(scenario))
+    return draw_scene(scenario, planned, load_network(planned.map))
+
+
+@pytest.fixture
+def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A lidar node that has started a scene; what it publishes is in its list ``sent``."""
+    monkeypatch.setattr(lidar_node, "load_models", lambda: MODELS)
+    monkeypatch.setattr(lidar_node.Surroundings, "changed", lambda *_: STATIC)
+    rclpy.init(domain_id=39)
+    made: Any = LidarNode("lidar")
+    made.sent = []
+    made.recorded_topics = made.start_scene(spec)
+    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
+    yield made
+    made.close()
+    made.destroy_node()
+    rclpy.shutdown()
+
+
+def at(tick: int) -> WorldState:
+    ego = actor(MODELS[0], x=0.6 * tick, y=3.0, yaw=0.1 * tick, vx=12.0)
+    return world(ego, actor(MODELS[0], id=9, x=9.0 - 0.7 * tick, y=-1.0, yaw=3.0), tick=tick)
+
+
+def test_each_lidar_publishes_at_its_rate_and_nothing_in_the_lead_in(node: Any, spec: SceneSpec) -> None:
+    assert node.recorded_topics == [
+        "/ego/slow/points",
+        "/ego/slow/semantic_points",
+        "/ego/fast/points",
+        "/ego/own/semantic_points",
+    ]
+    names = []
+    for tick in range(-2, 3):
+        node.sent.clear()
+        node.process(spec, at(tick))
+        names.append(sorted(name for name, _ in node.sent))
+    often = ["/ego/fast/points", "/ego/own/semantic_points"]
+    every = sorted([*often, "/ego/slow/points", "/ego/slow/semantic_points"])
+    assert names == [[], [], every, often, every]
+    assert all(node.is_due(spec, tick) for tick in range(3))
+    assert not node.is_due(spec, -2)
+
+
+def test_clouds_are_those_of_the_models_with_the_states_of_their_turn(node: Any, spec: SceneSpec) -> None:
+    for tick in range(-2, 3):
+        node.sent.clear()
+        node.process(spec, at(tick))
+    sent = dict(node.sent)
+    for properties in LIDARS:
+        lidar = Lidar.model_validate(properties)
+        earlier = [at(0), at(1)] if lidar.rolling else []
+        state, rays = at(2), RayScene(STATIC, MODELS)
+        hidden_ids = frozenset() if lidar.hits_own_vehicle else state.ego_ids
+        rays.update(state, np.array([1.2, 3.0, 0.0]), 60.0, hidden_ids, earlier)
+        scan = LidarModel(lidar, spec.seed, 0.1 if lidar.rolling else 0.05).scan(rays, state, earlier)
+        for cloud, table in (("points", scan.points), ("semantic_points", scan.semantic_points)):
+            if table is not None:
+                assert len(table) > 200
+                assert table_from_message(sent[f"/ego/{lidar.name}/{cloud}"]).tobytes() == table.tobytes()
+    own = table_from_message(sent["/ego/own/semantic_points"])
+    assert at(2).ego_id in own["object_id"]

@@ -178,33 +178,16 @@ def rays(
     with Progress(*columns, console=console, expand=True, transient=True) as bars:
         task = bars.add_task("", total=frames + 1)
         result = timed_rays(scene, lambda: bars.advance(task))
-    rows = [
-        (
-            group,
-            cost.name,
-            f"{cost.wall_ms:.1f}",
-            f"{cost.least_ms:.1f}",
-            f"{cost.cpu_ms:.1f}",
-            f"{cost.rays_per_s:,.0f}",
-        )
-        for group, costs in (("sensors", result.whole), ("parts", result.parts), ("Open3D, merged", result.merged))
-        for cost in costs
-    ]
     _show(
         result,
         f"{result.rays:,} lidar rays on {result.map}, {result.near_actors} of {result.actors} actors in range, "
         f"{result.triangles:,} triangles",
         ("", "", "wall ms/tick", "least", "CPU ms/tick", "rays/s"),
-        rows,
+        result.rows(),
         as_json=as_json,
     )
     if not as_json:
-        console.print(
-            f"One merged mesh in plain Open3D takes {result.whole_ratio:.1f} times our time, {result.cast_ratio:.1f} "
-            f"times when it is not built anew; {100 * result.agreement:.2f} % of the ranges are the same within 1 mm",
-            style="dim",
-            highlight=False,
-        )
+        console.print(result.comparison(), style="dim", highlight=False)
 
 
 @bench.command()

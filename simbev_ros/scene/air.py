@@ -16,6 +16,8 @@ _FOG_HALVINGS_PER_M = 0.06
 _FOG_FALLOFF_PER_M = 0.02
 _RAIN_HALVINGS_PER_M = 1.0 / 350.0
 _LEAST_FALL = 1e-2
+_MOST_DOUBLINGS = 30.0
+"""Fog below height 0 that hugs the ground would exceed all numbers; nothing is seen in far less."""
 
 
 def fog_halvings_per_m(weather: Weather) -> float:
@@ -35,7 +37,8 @@ def rain_halvings_per_m(weather: Weather) -> float:
 
 def extinction_per_m(weather: Weather, height_m: float) -> tuple[float, float]:
     """Optical depth per metre of fog, where it has begun, and of rain at a height in the map."""
-    fog = fog_halvings_per_m(weather) * 2.0 ** (-fog_falloff_per_m(weather) * max(height_m, FOG_FLOOR_M))
+    doublings = min(-fog_falloff_per_m(weather) * max(height_m, FOG_FLOOR_M), _MOST_DOUBLINGS)
+    fog = fog_halvings_per_m(weather) * 2.0**doublings
     return fog * np.log(2.0), rain_halvings_per_m(weather) * np.log(2.0)
 
 
@@ -51,7 +54,7 @@ def optical_depth(
     share = in_fog_m / np.maximum(range_m, 1e-9)
     start_m = np.maximum(to_height_m + (from_height_m - to_height_m) * share, FOG_FLOOR_M)
     end_m = np.maximum(to_height_m, FOG_FLOOR_M)
-    start, end = np.exp2(-start_m * falloff), np.exp2(-end_m * falloff)
+    start, end = (np.exp2(np.minimum(-height_m * falloff, _MOST_DOUBLINGS)) for height_m in (start_m, end_m))
     fall = (end_m - start_m) * falloff * np.log(2.0)
     steep = np.abs(fall) > _LEAST_FALL
     mean = np.where(steep, (start - end) / np.where(steep, fall, 1.0), (start + end) / 2.0)

@@ -35,6 +35,8 @@ _FOG_BACKSCATTER = 0.046 / np.log(20.0)
 _DROP_REFLECTANCE = ((1.33 - 1.0) / (1.33 + 1.0)) ** 2
 _DROPS_PER_M4 = 8e6
 _STEPS = 400
+_DARK = 500.0
+"""Optical depths from which on nothing is left, and which still leave numbers that can be divided by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +62,14 @@ class LidarWeather:
         step_m = np.geomspace(_NEAREST_M, max(lidar.range_m, 2.0 * _NEAREST_M), _STEPS)
         in_fog_m = np.maximum(step_m - weather.fog_distance_m, 0.0)
         self._step_m = step_m
-        self._clear = np.exp(-2.0 * (self._fog_per_m * in_fog_m + self._rain_per_m * step_m))
+        self._clear = np.exp(-np.minimum(2.0 * (self._fog_per_m * in_fog_m + self._rain_per_m * step_m), _DARK))
         self._in_fog = in_fog_m > 0.0
 
     @property
     def is_clear(self) -> bool:
         """Whether there is neither rain nor fog, and nothing changes."""
-        return not self._lidar.weather_effects or self._fog_per_m + self._rain_per_m == 0.0
+        weather = self._weather
+        return not self._lidar.weather_effects or weather.fog_density + weather.precipitation == 0.0
 
     def share_left(self, range_m: Float32Array, upward: Float32Array) -> Float32Array:
         """(N,) share of an echo that is left after (N,) metres there and back; ``upward`` is z of the unit vectors."""

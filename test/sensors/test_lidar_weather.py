@@ -143,3 +143,20 @@ def test_the_number_of_drops_is_that_of_the_beams_volume() -> None:
 
     expected = 1.0 - np.exp(-quad(per_m, 1.0, 100.0, limit=200)[0])
     assert np.isfinite(echoes.range_m).mean() == pytest.approx(expected, rel=0.05)
+
+
+def test_no_fog_is_too_thick_to_be_computed() -> None:
+    deep = state(fog_density=100.0, fog_falloff=1e4, precipitation=100.0)
+    low = WorldState(deep.stamp_ns, deep.tick, deep.ego_id, deep.actors.copy(), deep.signals, deep.weather)
+    low.actors["z"] = -50.0
+    cloud = scan(lidar(range_m=500.0), low).points
+    assert np.isfinite(cloud["x"]).all()
+    assert np.isfinite(cloud["intensity"]).all()
+
+
+def test_a_lidar_above_the_fog_sees_less_of_what_is_in_it() -> None:
+    clear, foggy = (
+        scan(lidar(pose=Pose(z_m=18.0)), state(fog_density=density, fog_falloff=20.0)).points for density in (0, 100)
+    )
+    assert len(foggy) == pytest.approx(len(clear), rel=0.5)
+    assert foggy["intensity"].mean() < 0.9 * clear["intensity"].mean()

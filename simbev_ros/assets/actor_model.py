@@ -7,7 +7,7 @@ import numpy as np
 
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,55 +107,3 @@ class ActorModel:
     wheel_radius_m: float
     cycle: Cycle | None = None
     build_coarser: Callable[[], tuple[CoarserMesh, ...]] = tuple
-
-
-def part_poses(model: ActorModel, actors: Table) -> Float64Array:
-    """Poses of every part of actors that share a model.
-
-    Args:
-        model: Their model.
-        actors: (N,) ``ACTOR_DTYPE`` rows.
-
-    Returns:
-        (N, P, 4, 4) transforms actor from actor-at-rest: applied to rest-pose vertices of part p they give posed ones.
-    """
-    gait = actors["gait"].astype(np.float64)
-    parts = np.array([_numbers(part) for part in model.parts])
-    spins, steers, cranks, door, opening_rad = parts[:, 3:].T
-    angle_y = spins * actors["wheel"][:, None] + cranks * gait[:, None]
-    rise_m: float | Float64Array = 0.0
-    if model.cycle:
-        turn_rad, rise_m = model.cycle.at(np.hypot(actors["vx"], actors["vy"]).astype(np.float64), gait)
-        angle_y = angle_y + turn_rad
-    is_open = actors["doors"][:, None] >> door.astype(np.uint8) & 1
-    angle_z = steers * actors["steer"][:, None] + opening_rad * is_open
-    poses = _turns_about(parts[:, :3], angle_y, angle_z)
-    poses[:, 0, 2, 3] += rise_m
-    for index, part in enumerate(model.parts):
-        if part.parent >= 0:
-            poses[:, index] = poses[:, part.parent] @ poses[:, index]
-    return poses
-
-
-def _numbers(part: Part) -> tuple[float, ...]:
-    """Everything that says how a part moves."""
-    return (
-        *part.pivot_m,
-        part.spins,
-        part.steers,
-        part.cranks,
-        part.door,
-        part.opening_rad,
-    )
-
-
-def _turns_about(pivots_m: Float64Array, angle_y_rad: Float64Array, angle_z_rad: Float64Array) -> Float64Array:
-    """(N, P, 4, 4) rotations Rz Ry about (P, 3) fixed points."""
-    cy, sy, cz, sz = np.cos(angle_y_rad), np.sin(angle_y_rad), np.cos(angle_z_rad), np.sin(angle_z_rad)
-    turns = np.zeros((*angle_y_rad.shape, 4, 4))
-    turns[..., 0, 0], turns[..., 0, 1], turns[..., 0, 2] = cz * cy, -sz, cz * sy
-    turns[..., 1, 0], turns[..., 1, 1], turns[..., 1, 2] = sz * cy, cz, sz * sy
-    turns[..., 2, 0], turns[..., 2, 2] = -sy, cy
-    turns[..., :3, 3] = pivots_m - (turns[..., :3, :3] @ pivots_m[..., None])[..., 0]
-    turns[..., 3, 3] = 1.0
-    return turns

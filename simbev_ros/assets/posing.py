@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel, part_poses
+from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.skeletons import part_poses
 from simbev_ros.scene.state import map_from_actors
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import NamedTuple
 
-import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from simbev_ros.assets.catalogue import load_models
@@ -13,17 +12,13 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.topics import Topic
 from simbev_ros.nodes.participant import Participant
-from simbev_ros.nodes.surroundings import Surroundings
+from simbev_ros.nodes.surroundings import Surroundings, place_soon_m, view_of_rays_m
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import vector
-from simbev_ros.types import Float64Array
-
-_AHEAD_S = 1.0
-"""Static triangles are got ready for where the ego will be by then, after a cloud is out rather than before."""
 
 
 class _Way(NamedTuple):
@@ -59,7 +54,7 @@ class LidarNode(Participant):
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
         lidars = spec.rig.of_type(Lidar)
         self._reach_m = max((_reach_m(lidar) for lidar in lidars), default=0.0)
-        static = self._surroundings.changed(spec, self._reach_m)
+        static = self._surroundings.changed(spec, view_of_rays_m(lidar.range_m for lidar in lidars))
         if static is not None:
             self._rays = RayScene(static, load_models())
         self._mounted, self._states = [], []
@@ -87,14 +82,14 @@ class LidarNode(Participant):
         farthest = state.tick - max((mounted.way.turn_ticks for mounted in self._mounted), default=0)
         self._states = [each for each in (*self._states, state) if each.tick > farthest]
         if self._rays is not None:
-            self._rays.build_ahead(_place_m(state) + _AHEAD_S * vector(state.ego, "vx vy vz"), self._reach_m)
+            self._rays.build_ahead(place_soon_m(state), self._reach_m)
 
     def _scan(self, spec: SceneSpec, state: WorldState, way: _Way, alike: Iterable[_Mounted]) -> None:
         """Turns of lidars that look at the world in the same way."""
         assert self._rays is not None
         earlier = [each for each in self._states if each.tick >= state.tick - way.turn_ticks]
         hidden_ids = frozenset() if way.hits_own_vehicle else state.ego_ids
-        self._rays.update(state, _place_m(state), self._reach_m, hidden_ids, earlier)
+        self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
         for lidar, model, _ in alike:
             scan = model.scan(self._rays, state, earlier)
             frame = f"{spec.rig.agent}/{lidar.name}"
@@ -106,8 +101,3 @@ class LidarNode(Participant):
 def _reach_m(lidar: Lidar) -> float:
     """How far from the ego's place its rays reach."""
     return lidar.range_m + math.hypot(lidar.pose.x_m, lidar.pose.y_m)
-
-
-def _place_m(state: WorldState) -> Float64Array:
-    """(3,) where the ego is, map frame."""
-    return np.array([state.ego["x"], state.ego["y"], state.ego["z"]])

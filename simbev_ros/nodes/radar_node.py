@@ -9,14 +9,12 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.topics import Topic
 from simbev_ros.nodes.participant import Participant
-from simbev_ros.nodes.surroundings import Surroundings
+from simbev_ros.nodes.surroundings import Surroundings, place_soon_m, view_of_rays_m
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import vector
 from simbev_ros.sensors.radar import RadarModel, scan_radars
-
-_BESIDE_EGO_M = 20.0  # as for lidars: with the same range both see the same surroundings, which are loaded once
 
 
 class RadarNode(Participant):
@@ -36,7 +34,7 @@ class RadarNode(Participant):
         self._reach_m = max(
             (radar.range_m + math.hypot(radar.pose.x_m, radar.pose.y_m) for radar in radars), default=0.0
         )
-        static = self._surroundings.changed(spec, max((each.range_m for each in radars), default=0.0) + _BESIDE_EGO_M)
+        static = self._surroundings.changed(spec, view_of_rays_m(radar.range_m for radar in radars))
         if static is not None:
             self._rays = RayScene(static, load_models())
         self._previous = None
@@ -63,6 +61,7 @@ class RadarNode(Participant):
                 for model, cloud in zip(due, clouds, strict=True):
                     frame = f"{spec.rig.agent}/{model.radar.name}"
                     self.publish(_topic(spec, model.radar), message_from_table(cloud, state.stamp_ns, frame))
+            self._rays.build_ahead(place_soon_m(state), self._reach_m)
         self._previous = state
 
 

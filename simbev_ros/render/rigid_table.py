@@ -12,6 +12,7 @@ from simbev_ros.assets.skeletons import Skeletons
 from simbev_ros.errors import RenderError
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.render.programs import TEXTURE_UNITS
+from simbev_ros.scene.between import known_before
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table, UInt32Array
@@ -56,7 +57,7 @@ class RigidTable:
         rows = 1 + len(actor)
         if rows > _MAX_ROWS or (len(actors) and actors["id"].max() >= _MAX_ROWS):
             raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
-        before = None if previous is None else _rows_before(actors, previous.actors)
+        before = None if previous is None else known_before(actors, previous.actors)
         size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
         foot_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
         return cls(
@@ -114,16 +115,6 @@ def _world_from_rest(skeletons: Skeletons, actors: Table, origin_m: Float64Array
     world_from_actor[:, :3, 3] -= origin_m
     poses: Float64Array = world_from_actor[skeletons.rows(actors)[0]] @ skeletons.poses(actors)
     return poses
-
-
-def _rows_before(actors: Table, previous: Table) -> Table:
-    """The actors as they were; those that are new, as they are."""
-    before = actors.copy()
-    if len(previous):
-        found = np.minimum(np.searchsorted(previous["id"], actors["id"]), len(previous) - 1)
-        known = previous["id"][found] == actors["id"]
-        before[known] = previous[found[known]]
-    return before
 
 
 def _looks(actors: Table) -> UInt32Array:

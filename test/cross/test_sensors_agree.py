@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.assets.actor_model import part_poses
 from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.skeletons import part_poses
 from simbev_ros.assets.static_cache import load_static_scene
 from simbev_ros.assets.static_scene import StaticScene
 from simbev_ros.config.camera import Camera

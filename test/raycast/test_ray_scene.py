@@ -7,8 +7,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.raycast.between import Course, actors_between
 from simbev_ros.raycast.scene import RayScene
+from simbev_ros.scene.between import Course, actors_between
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Int64Array
 

@@ -8,8 +8,8 @@ from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.posing import pose_actors
-from simbev_ros.raycast.between import actors_between
 from simbev_ros.raycast.scene import Hits, RayScene
+from simbev_ros.scene.between import actors_between
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Table

@@ -14,8 +14,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
-from simbev_ros.raycast.between import Course
 from simbev_ros.raycast.scene import RayScene
+from simbev_ros.scene.between import Course
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar import LidarModel, LidarScan

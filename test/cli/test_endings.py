@@ -60,7 +60,7 @@ def test_an_interrupt_ends_all_processes_and_leaves_nothing(
 def test_workers_end_when_their_parent_is_killed(building: subprocess.Popen[str]) -> None:
     building.kill()
     building.wait()
-    _until(lambda: not _group_lives(building.pid), 20.0)
+    _until(lambda: not _group_lives(building.pid))
 
 
 def test_a_fault_of_ours_is_said_with_what_it_happened_to(

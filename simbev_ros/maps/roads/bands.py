@@ -63,12 +63,7 @@ def painted_bands(borders: Sequence[Border]) -> tuple[Int64Array, AnyArray]:
     ]
     row, left_m, half_m, style = np.array(parts, np.float64).reshape(-1, 4).T
     lines = Polylines.of([borders[int(each)].along_m[:, :2] for each in row], dimensions=2)
-    middles_m = lines.beside(left_m[lines.row])
-    wanted = np.flatnonzero(_first_of_each(lines, middles_m, style) & (lines.length_m > _SHORTEST_M))
-    shapes = np.array([shapely.LineString(middle_m) for middle_m in lines.split(middles_m)], object)[wanted]
-    stretches, source = shapely.get_parts(_apart(shapes, row[wanted]), return_index=True)
-    long = shapely.length(stretches) > _SHORTEST_M
-    stretches, source = stretches[long], wanted[source[long]]
+    stretches, source = _stretches(lines, left_m, row, style)
     lines = Polylines.of([shapely.get_coordinates(stretch) for stretch in stretches], dimensions=2)
     sides_m = lines.beside(half_m[source][lines.row]), lines.beside(-half_m[source][lines.row])
     painted = [
@@ -77,6 +72,30 @@ def painted_bands(borders: Sequence[Border]) -> tuple[Int64Array, AnyArray]:
     ]
     line = np.concatenate([each for each, _ in painted])
     return row[source[line]].astype(np.int64), np.concatenate([polygons for _, polygons in painted])
+
+
+def painted_lines(borders: Sequence[Border]) -> tuple[Int64Array, AnyArray]:
+    """Where paint runs: its middle, double lines as one; of borders at the same place it is the first one's.
+
+    Returns:
+        (K,) border of each line, and (K,) linestrings in the border's direction, with heights.
+    """
+    left_m = np.array([-border.outward * border.inset_m for border in borders], np.float64)
+    lines = Polylines.of([border.along_m for border in borders])
+    stretches, row = _stretches(lines, left_m, np.arange(len(borders), dtype=np.float64), np.zeros(len(borders)))
+    return row, stretches
+
+
+def _stretches(
+    lines: Polylines, left_m: Float64Array, row: Float64Array, style: Float64Array
+) -> tuple[AnyArray, Int64Array]:
+    """(K,) stretches of what runs (L,) to the left of lines, each place once, and (K,) the line that each is beside."""
+    middles_m = lines.beside(left_m[lines.row])
+    wanted = np.flatnonzero(_first_of_each(lines, middles_m, style) & (lines.length_m > _SHORTEST_M))
+    shapes = np.array([shapely.LineString(middle_m) for middle_m in lines.split(middles_m)], object)[wanted]
+    stretches, source = shapely.get_parts(_apart(shapes, row[wanted]), return_index=True)
+    long = shapely.length(stretches) > _SHORTEST_M
+    return stretches[long], wanted[source[long]]
 
 
 def _first_of_each(lines: Polylines, middles_m: Float64Array, style: Float64Array) -> BoolArray:

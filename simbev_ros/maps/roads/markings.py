@@ -49,7 +49,8 @@ class Marking:
     color: PaintColor = PaintColor.WHITE
 
 
-_Side = tuple[Border, MarkingKind, PaintColor]
+PaintedSide = tuple[Border, MarkingKind, PaintColor]
+"""A painted border of a lane, and what its paint means."""
 
 
 def lane_markings(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> tuple[Marking, ...]:
@@ -75,12 +76,7 @@ def lane_markings(layout: Layout, level: int = 0, area: shapely.Polygon | None =
 
 def _lines(layout: Layout, level: int, crosswalks: Sequence[Crosswalk]) -> Iterator[Marking]:
     """Lines along the borders of lanes, clear of crosswalks."""
-    by_lane = {strip.lane: strip for strip in layout.strips}
-    # Where lines coincide, those of roads come before those of junctions, which roads lead through.
-    strips = sorted((strip for strip in layout.strips if strip.level == level), key=lambda strip: bool(strip.junction))
-    sides = [side for strip in strips for side in _sides(strip, by_lane)]
-    if layout.corner_radius_m:  # lanes are all that the map describes
-        sides.extend(_across_nodes(tuple(sides)))
+    sides = painted_sides(layout, level)
     row, polygons = painted_bands([border for border, _, _ in sides])
     clear = shapely.difference(polygons, shapely.union_all(crosswalk_polygons(crosswalks)))
     for number, polygon in zip(row.tolist(), clear, strict=True):
@@ -88,7 +84,18 @@ def _lines(layout: Layout, level: int, crosswalks: Sequence[Crosswalk]) -> Itera
         yield Marking(kind, polygon, color)
 
 
-def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[_Side]:
+def painted_sides(layout: Layout, level: int) -> tuple[PaintedSide, ...]:
+    """All painted borders of one level, those that lead others where they coincide first."""
+    by_lane = {strip.lane: strip for strip in layout.strips}
+    # Where lines coincide, those of roads come before those of junctions, which roads lead through.
+    strips = sorted((strip for strip in layout.strips if strip.level == level), key=lambda strip: bool(strip.junction))
+    sides = [side for strip in strips for side in _sides(strip, by_lane)]
+    if layout.corner_radius_m:  # lanes are all that the map describes
+        sides.extend(_across_nodes(tuple(sides)))
+    return tuple(sides)
+
+
+def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[PaintedSide]:
     """The painted borders of a strip, and what their paint means."""
     for along_m, line, neighbour, outward in (
         (strip.left_m, strip.left_line, by_lane.get(strip.left), 1.0),
@@ -107,7 +114,7 @@ def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[_Side]:
         yield Border(along_m, line.paint, line.width_m, outward, inset_m), kind, line.color
 
 
-def _across_nodes(sides: Sequence[_Side]) -> Iterator[_Side]:
+def _across_nodes(sides: Sequence[PaintedSide]) -> Iterator[PaintedSide]:
     """Edge lines from where one ends to where the next begins, where a road merely goes on in between."""
     edges = [side for side in sides if side[1] is MarkingKind.EDGE and side[0].paint is Paint.SOLID]
     if not edges:
@@ -125,7 +132,7 @@ def _across_nodes(sides: Sequence[_Side]) -> Iterator[_Side]:
     for i, j in pairs[straight].tolist():
         border, kind, color = edges[i]
         if edges[j][2] == color and edges[j][0].outward == border.outward:
-            yield replace(border, along_m=np.stack([end_m[i], start_m[j]])), kind, color
+            yield replace(border, along_m=np.stack([border.along_m[-1], edges[j][0].along_m[0]])), kind, color
 
 
 def _direction(step_m: Float64Array) -> Float64Array:

@@ -1,0 +1,138 @@
+"""Tracks and futures of a scene made by formula, checked box by box against a search of its tables."""
+
+import io
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from simbev_ros.annotation.boxes import boxes
+from simbev_ros.annotation.trajectories import Tracks, futures, npz_of, tracks_of, tracks_of_npz
+from simbev_ros.errors import BagError, InputError
+from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
+from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.types import Table
+
+TICK_NS = 50_000_000
+START_NS = 7_200_000_000_000
+SEDAN = blueprint_index()["vehicle.sedan"]
+RIDER = next(row for row, blueprint in enumerate(load_blueprints()) if not blueprint.box_class)
+PRESENT = {EGO_ID: (0, 40), 2: (0, 40), 5: (10, 30), 9: (0, 15), 12: (25, 40)}
+"""First frame and the one after the last, of each actor."""
+
+
+def table(frame: int, left_out: int = 0) -> Table:
+    """Actors on circles of their own; a rider, who has no class, is always there."""
+    ids = [number for number, (first, end) in PRESENT.items() if first <= frame < end and number != left_out]
+    rows = np.zeros(len(ids) + 1, ACTOR_DTYPE)
+    rows["id"] = [*ids, 20]
+    rows["blueprint"] = [*[SEDAN] * len(ids), RIDER]
+    angle = rows["id"] + 0.1 * frame
+    rows["x"], rows["y"], rows["z"] = 10.0 * np.cos(angle), 10.0 * np.sin(angle), 0.3 * rows["id"]
+    rows["yaw"] = (angle + np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
+    rows["roll"], rows["pitch"] = 0.02, -0.1
+    rows["vx"], rows["vy"], rows["vz"] = -20.0 * np.sin(angle), 20.0 * np.cos(angle), 0.5
+    rows["length"], rows["width"], rows["height"] = 4.0, 2.0, 1.5
+    return rows
+
+
+def scene(*missing: int) -> Tracks:
+    frames = ((START_NS + frame * TICK_NS, table(frame)) for frame in range(40) if frame not in missing)
+    return tracks_of(frames, TICK_NS)
+
+
+def boxes_at(frame: int) -> Table:
+    state = WorldState(START_NS + frame * TICK_NS, frame, EGO_ID, table(frame), np.zeros(0, SIGNAL_DTYPE), None)  # type: ignore[arg-type]
+    return boxes(state, 500.0)
+
+
+@pytest.mark.parametrize(("horizon_s", "step_s", "stride"), [(1.0, None, 1), (1.3, 0.25, 5)])
+def test_each_box_of_each_frame_has_the_boxes_of_later_frames_as_its_future(
+    horizon_s: float, step_s: float | None, stride: int
+) -> None:
+    tracks = scene()
+    later = [{row["id"]: row for row in boxes_at(frame)} for frame in range(40)]
+    for frame in range(40):
+        now = boxes_at(frame)
+        found = futures(tracks, now["id"], np.full(len(now), START_NS + frame * TICK_NS), horizon_s, step_s)
+        assert len(found.after_s) == int(horizon_s / (0.05 * stride) + 1e-9)
+        assert found.after_s == pytest.approx(0.05 * stride * np.arange(1, len(found.after_s) + 1))
+        for number, row in enumerate(now):
+            for step in range(len(found.after_s)):
+                at = frame + (step + 1) * stride
+                then = later[at].get(row["id"]) if at < 40 else None
+                assert found.valid[number, step] == (then is not None)
+                place, velocity = found.position_m[number, step], found.velocity_mps[number, step]
+                if then is None:
+                    assert not place.any() and not velocity.any() and found.yaw_rad[number, step] == 0.0
+                else:
+                    assert place.tolist() == [then["x"], then["y"], then["z"]]
+                    assert velocity.tolist() == [then["vx"], then["vy"], then["vz"]]
+                    assert found.yaw_rad[number, step] == then["yaw"]
+
+
+def test_tracks_are_of_those_that_have_a_class_and_know_when_they_are_there() -> None:
+    tracks = scene()
+    assert tracks.id.tolist() == sorted(PRESENT)
+    assert [(int(np.argmax(row)), int(row.sum())) for row in tracks.valid] == [
+        (first, end - first) for _, (first, end) in sorted(PRESENT.items())
+    ]
+    assert [BOX_CLASSES[number] for number in tracks.box_class] == ["car"] * len(PRESENT)
+    assert tracks.size_m.tolist() == [[4.0, 2.0, 1.5]] * len(PRESENT)
+
+
+def test_a_frame_that_is_missing_is_no_future() -> None:
+    found = futures(scene(8), np.array([2], np.uint32), np.array([START_NS + 5 * TICK_NS]), 0.25)
+    assert found.valid.tolist() == [[True, True, False, True, True]]
+    assert found.position_m[0, 3].tolist() == scene().position_m[1, 9].tolist()
+
+
+def test_futures_of_many_frames_are_those_of_each() -> None:
+    tracks = scene()
+    stamps_ns = START_NS + TICK_NS * np.array([3, 12, 39])
+    together = futures(tracks, np.array([2, 5, 12], np.uint32), stamps_ns, 0.5)
+    for row, (number, stamp_ns) in enumerate(zip((2, 5, 12), stamps_ns, strict=True)):
+        alone = futures(tracks, np.array([number], np.uint32), np.array([stamp_ns]), 0.5)
+        assert together.valid[row].tolist() == alone.valid[0].tolist()
+        assert together.position_m[row].tolist() == alone.position_m[0].tolist()
+    assert not together.valid[2].any()  # after the last frame
+
+
+def test_the_file_holds_all_of_it_and_numpy_reads_it() -> None:
+    tracks, file = scene(), npz_of(scene())
+    back = tracks_of_npz(file)
+    assert back.tick_ns == TICK_NS
+    for name in ("stamp_ns", "id", "box_class", "size_m", "valid", "position_m", "yaw_rad", "velocity_mps"):
+        wanted, found = getattr(tracks, name), getattr(back, name)
+        assert found.dtype == wanted.dtype and np.array_equal(found, wanted)
+    assert npz_of(back) == file
+    with np.load(io.BytesIO(file)) as arrays:
+        assert arrays["class_names"][arrays["class"]].tolist() == ["car"] * len(PRESENT)
+        assert arrays["position_m"].shape == (len(PRESENT), 40, 3)
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", npz_of(scene())[:200], b"\x93NUMPY"])
+def test_a_damaged_file_is_named(damage: bytes) -> None:
+    with pytest.raises(BagError, match="trajectories are damaged"):
+        tracks_of_npz(damage)
+
+
+@pytest.mark.parametrize(
+    ("horizon_s", "step_s", "message"),
+    [(6.0, 0.07, "step_s: 0.07 is not a whole number"), (6.0, 0.0, "step_s: 0 is"), (0.2, 0.5, "horizon_s: 0.2 is")],
+)
+def test_steps_that_no_frame_is_at_are_refused(horizon_s: float, step_s: float, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        futures(scene(), np.array([2], np.uint32), np.array([START_NS]), horizon_s, step_s)
+
+
+def test_an_actor_without_a_track_is_named() -> None:
+    with pytest.raises(KeyError, match="no track of actor 20"):
+        futures(scene(), np.array([2, 20], np.uint32), np.array([START_NS, START_NS]))
+
+
+def test_a_scene_of_nothing_has_no_tracks() -> None:
+    tracks = tracks_of(islice([(START_NS, np.zeros(0, ACTOR_DTYPE))], 0), TICK_NS)
+    assert tracks.position_m.shape == (0, 0, 3)
+    assert tracks_of_npz(npz_of(tracks)).valid.shape == (0, 0)

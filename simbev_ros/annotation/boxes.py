@@ -6,7 +6,7 @@ from simbev_ros.annotation.levels import EgoLevel, on_ego_level
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE, WorldState, map_from_actors
 from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import Table
+from simbev_ros.types import Float64Array, Table, UInt8Array
 
 BOX_DTYPE = np.dtype(
     [
@@ -45,7 +45,20 @@ BOX_DTYPE = np.dtype(
 """One row per box. Field names and order are those of /ego/boxes."""
 
 _SHARED_COLUMNS = [name for name in BOX_DTYPE.names or () if name in (ACTOR_DTYPE.names or ())]
-_NO_CLASS = 255
+NO_CLASS = 255
+
+
+def class_of_blueprint() -> UInt8Array:
+    """(B,) index into BOX_CLASSES of each blueprint of the catalogue, ``NO_CLASS`` where it has none."""
+    names = [blueprint.box_class for blueprint in load_blueprints()]
+    return np.array([BOX_CLASSES.index(name) if name else NO_CLASS for name in names], np.uint8)
+
+
+def box_centers_m(actors: Table) -> Float64Array:
+    """(N, 3) centres of the boxes of (N,) ``ACTOR_DTYPE`` rows, map frame."""
+    pose = map_from_actors(actors)
+    center_m: Float64Array = pose[:, :3, 3] + pose[:, :3, 2] * (actors["height"] / 2.0)[:, None]
+    return center_m
 
 
 def boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None = None) -> Table:
@@ -60,19 +73,12 @@ def boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None = None)
         (N,) ``BOX_DTYPE``, ascending id.
     """
     actors = state.actors
-    classes = np.array(
-        [
-            BOX_CLASSES.index(blueprint.box_class) if blueprint.box_class else _NO_CLASS
-            for blueprint in load_blueprints()
-        ],
-        np.uint8,
-    )[actors["blueprint"]]
-    pose = map_from_actors(actors)
-    center_m = pose[:, :3, 3] + pose[:, :3, 2] * (actors["height"] / 2.0)[:, None]
+    classes = class_of_blueprint()[actors["blueprint"]]
+    center_m = box_centers_m(actors)
     ego = int(np.searchsorted(actors["id"], state.ego_id))
-    to_center_ego = (center_m - center_m[ego]) @ pose[ego, :3, :3]
+    to_center_ego = (center_m - center_m[ego]) @ map_from_actors(state.ego)[:3, :3]
     distance_m = np.linalg.norm(to_center_ego, axis=1)
-    chosen = (distance_m <= radius_m) & (classes != _NO_CLASS) & (actors["id"] != state.ego_id)
+    chosen = (distance_m <= radius_m) & (classes != NO_CLASS) & (actors["id"] != state.ego_id)
     result = np.empty(int(chosen.sum()), BOX_DTYPE)
     for name in _SHARED_COLUMNS:
         result[name] = actors[name][chosen]

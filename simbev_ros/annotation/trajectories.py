@@ -23,10 +23,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from simbev_ros.annotation.boxes import NO_CLASS, box_centers_m, class_of_blueprint
 from simbev_ros.errors import BagError, InputError
-from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.spec import NS_PER_S
-from simbev_ros.scene.state import map_from_actors
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array, Table, UInt8Array, UInt32Array
 
@@ -91,11 +90,11 @@ def tracks_of(frames: Iterable[tuple[int, Table]], tick_ns: int) -> Tracks:
         frames: Stamp and (N,) ``ACTOR_DTYPE`` of each frame, ascending, as on /world/actors.
         tick_ns: Length of a tick.
     """
-    classes = np.array([_class_of(blueprint.box_class) for blueprint in load_blueprints()], np.int64)
+    classes = class_of_blueprint()
     stamps_ns, parts = [], []
     for stamp_ns, actors in frames:
         stamps_ns.append(stamp_ns)
-        parts.append(_part(actors[classes[actors["blueprint"]] >= 0]))
+        parts.append(_part(actors[classes[actors["blueprint"]] != NO_CLASS]))
     every = np.concatenate([np.empty(0, _PART_DTYPE), *parts])
     ids, first, row = np.unique(every["id"], return_index=True, return_inverse=True)
     frame = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
@@ -108,7 +107,7 @@ def tracks_of(frames: Iterable[tuple[int, Table]], tick_ns: int) -> Tracks:
         tick_ns=tick_ns,
         stamp_ns=np.array(stamps_ns, np.int64),
         id=ids,
-        box_class=classes[every["blueprint"][first]].astype(np.uint8),
+        box_class=classes[every["blueprint"][first]],
         size_m=every["size_m"][first],
         **moving,
     )
@@ -188,18 +187,12 @@ _PART_DTYPE = np.dtype(
 )
 
 
-def _class_of(name: str | None) -> int:
-    """Number of a detection class; -1: none."""
-    return BOX_CLASSES.index(name) if name else -1
-
-
 def _part(actors: Table) -> Table:
     """What tracks keep of (N,) actors of a frame."""
     part = np.empty(len(actors), _PART_DTYPE)
     part["id"], part["blueprint"], part["valid"] = actors["id"], actors["blueprint"], True
     part["size_m"] = np.stack([actors["length"], actors["width"], actors["height"]], axis=1)
-    pose = map_from_actors(actors)
-    part["position_m"] = pose[:, :3, 3] + pose[:, :3, 2] * (actors["height"] / 2.0)[:, None]
+    part["position_m"] = box_centers_m(actors)
     part["yaw_rad"] = actors["yaw"]
     part["velocity_mps"] = np.stack([actors["vx"], actors["vy"], actors["vz"]], axis=1)
     return part

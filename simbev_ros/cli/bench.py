@@ -114,40 +114,19 @@ def cameras(
     size_px, console = picture_size_px(size, _LEAST_PX), Console(stderr=True)
     qualities = QUALITIES if quality is None else (quality,)
     scene = camera_scene(map_name, actors, frames + 2, console)
-    columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, expand=True, transient=True) as bars:
+    with _progress("frames", console) as bars:
         task = bars.add_task("", total=steps(scene, qualities))
         rendering = Rendering(processes=processes or "auto")
         result = timed_cameras(scene, paper_cameras(), size_px, qualities, rendering, lambda: bars.advance(task))
-    rows = [
-        (timing.quality if cost is timing.total else "", cost.name, f"{cost.wall_ms:.1f}", f"{cost.cpu_ms:.1f}")
-        for timing in result.qualities
-        for cost in (timing.total, *timing.parts)
-    ]
-    if result.mujoco is not None:
-        total = result.mujoco.total
-        rows.append(("", total.name, f"{total.wall_ms:.1f}", f"{total.cpu_ms:.1f}"))
     _show(
         result,
-        f"{result.cameras} cameras of {result.width_px} x {result.height_px} on {result.map}, {result.actors} actors, "
-        f"{result.triangles:,} triangles; {result.processes} "
-        f"{'process' if result.processes == 1 else 'processes'}; {result.renderer}",
+        result.title(),
         ("quality", "", "wall ms/frame", "CPU ms/frame"),
-        rows,
+        result.rows(),
         as_json=as_json,
     )
-    if as_json:
-        return
-    if result.mujoco is None:
-        console.print("To compare with another renderer: pip install mujoco", style="dim")
-    else:
-        ratios = f"{result.mujoco.wall_ratio:.2f} times our time, {result.mujoco.cpu_ratio:.2f} times our CPU time"
-        console.print(
-            f"MuJoCo {result.mujoco.version}, the same triangles, cameras and number of processes: {ratios}; "
-            "flat colours, depth and segmentation in three passes; no sky, textures, occlusion, anti-aliasing or flow",
-            style="dim",
-            highlight=False,
-        )
+    if not as_json:
+        console.print(result.comparison(), style="dim", highlight=False)
 
 
 @bench.command()
@@ -174,8 +153,7 @@ def rays(
 
     console = Console(stderr=True)
     scene = camera_scene(map_name, actors, frames + 1, console, vehicle_share=1 / 3, spawn_radius_m=radius)
-    columns = (TextColumn("ticks"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, expand=True, transient=True) as bars:
+    with _progress("ticks", console) as bars:
         task = bars.add_task("", total=frames + 1)
         result = timed_rays(scene, lambda: bars.advance(task))
     _show(
@@ -218,6 +196,12 @@ def world(
         ],
         as_json=as_json,
     )
+
+
+def _progress(what: str, console: Console) -> Progress:
+    """A bar that counts."""
+    columns = (TextColumn(what), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, expand=True, transient=True)
 
 
 def _shortened(config: str, ticks: int) -> Scenario:

@@ -70,6 +70,35 @@ class CameraTiming:
     qualities: list[QualityTiming]
     mujoco: Comparison | None
 
+    def title(self) -> str:
+        """What was timed, in a line."""
+        return (
+            f"{self.cameras} cameras of {self.width_px} x {self.height_px} on {self.map}, {self.actors} actors, "
+            f"{self.triangles:,} triangles; {self.processes} "
+            f"{'process' if self.processes == 1 else 'processes'}; {self.renderer}"
+        )
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Of a table: quality, name, wall and processor's milliseconds per frame."""
+        costs = [
+            (timing.quality if cost is timing.total else "", cost)
+            for timing in self.qualities
+            for cost in (timing.total, *timing.parts)
+        ]
+        if self.mujoco is not None:
+            costs.append(("", self.mujoco.total))
+        return [(quality, cost.name, f"{cost.wall_ms:.1f}", f"{cost.cpu_ms:.1f}") for quality, cost in costs]
+
+    def comparison(self) -> str:
+        """The ratios in a sentence."""
+        if self.mujoco is None:
+            return "To compare with another renderer: pip install mujoco"
+        return (
+            f"MuJoCo {self.mujoco.version}, the same triangles, cameras and number of processes: "
+            f"{self.mujoco.wall_ratio:.2f} times our time, {self.mujoco.cpu_ratio:.2f} times our CPU time; "
+            "flat colours, depth and segmentation in three passes; no sky, textures, occlusion, anti-aliasing or flow"
+        )
+
 
 def steps(scene: CameraScene, qualities: Sequence[Quality]) -> int:
     """How many frames ``timed_cameras`` draws."""

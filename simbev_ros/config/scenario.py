@@ -4,7 +4,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from simbev_ros.config.annotation import Occupancy
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.hazards import Hazards
@@ -162,7 +161,6 @@ class Annotation(Model):
 
     box_radius_m: float = Field(120.0, gt=0, le=1000)
     bev: Bev = Bev()
-    occupancy: Occupancy | None = Field(None, description="none: no voxels")
 
 
 class Recording(Model):
@@ -216,16 +214,6 @@ class Scenario(Model):
                     f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} neither divides the tick rate {tick_hz:g} Hz nor "
                     f"is a multiple of it; allowed are {slower} and {2 * tick_hz:g}, {3 * tick_hz:g}, …"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _occupancy_rate_fits_tick_rate(self) -> Self:
-        occupancy, tick_hz = self.annotation.occupancy, 1 / self.time.tick_s
-        if occupancy and occupancy.rate_hz and not _is_whole(tick_hz / occupancy.rate_hz):
-            raise ValueError(
-                f"annotation: occupancy: rate_hz {occupancy.rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; "
-                f"allowed are {tick_hz:g}, {tick_hz / 2:g}, {tick_hz / 3:g}, …"
-            )
         return self
 
     @model_validator(mode="after")

@@ -95,7 +95,7 @@ def is_software(renderer: str) -> bool:
 
 def _handles(egl: ctypes.CDLL) -> list[int]:
     """EGL's own references to its devices."""
-    query = _function(egl, "eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
+    query = egl_function(egl, "eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
     handles, count = (ctypes.c_void_p * _MOST)(), ctypes.c_int()
     if query is None or not query(_MOST, ctypes.byref(handles), ctypes.byref(count)):
         return []
@@ -103,7 +103,7 @@ def _handles(egl: ctypes.CDLL) -> list[int]:
 
 
 def _described(egl: ctypes.CDLL, index: int, handle: int) -> EglDevice:
-    query = _function(egl, "eglQueryDeviceStringEXT", ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int)
+    query = egl_function(egl, "eglQueryDeviceStringEXT", ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int)
 
     def text(name: int) -> str:
         return ((query and query(handle, name)) or b"").decode(errors="replace")
@@ -116,8 +116,8 @@ def _described(egl: ctypes.CDLL, index: int, handle: int) -> EglDevice:
     return EglDevice(index, name, software, found.get(_RENDER_NODE) or found.get(_DRM_FILE) or None)
 
 
-def _function(egl: ctypes.CDLL, name: str, result: Any, *arguments: Any) -> Callable[..., Any] | None:
-    """A function of an extension of EGL; None: there is none."""
+def egl_function(egl: ctypes.CDLL, name: str, result: Any, *arguments: Any) -> Callable[..., Any] | None:
+    """A function of EGL, of its extensions or of OpenGL; None: there is none."""
     egl.eglGetProcAddress.restype = ctypes.c_void_p
     egl.eglGetProcAddress.argtypes = [ctypes.c_char_p]
     address = egl.eglGetProcAddress(name.encode())

@@ -8,6 +8,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from simbev_ros.render.devices import egl_function
 from simbev_ros.types import UInt8Array
 
 _PIXEL_PACK_BUFFER = 0x88EB
@@ -72,6 +73,6 @@ class Fence:
 @lru_cache(maxsize=16)
 def _function(name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
     """A function of OpenGL."""
-    egl = ctypes.CDLL("libEGL.so.1")
-    egl.eglGetProcAddress.restype, egl.eglGetProcAddress.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
-    return ctypes.CFUNCTYPE(result, *arguments)(egl.eglGetProcAddress(name.encode()))
+    function = egl_function(ctypes.CDLL("libEGL.so.1"), name, result, *arguments)
+    assert function is not None, f"OpenGL 4.4 without {name}"
+    return function

@@ -72,7 +72,8 @@ class ComputedPass:
 def compute_source(fragment: str, condition: str) -> str:
     """A compute shader that does what a fragment shader does, pixel by pixel, where a condition in GLSL holds.
 
-    The macro ``COMPUTED`` is set; there are no derivatives such as dFdx.
+    The macro ``COMPUTED`` is set; there are no derivatives such as dFdx. Every output in the text counts, so none may
+    stand under a condition of the preprocessor.
     """
     stores: list[str] = []
 

@@ -63,7 +63,6 @@ def test_intrinsics_by_focal_length_and_by_field_of_view() -> None:
         (rig("{type: camera, name: a, pose: {x: 3}}"), r"rig.sensors\[0\].pose.x: unknown key; did you mean x_m\?"),
         (rig("{type: sonar, name: a}"), r"rig.sensors\[0\]: .*'sonar'.*'camera', 'lidar'"),
         (rig("{type: camera, name: a, rate_hz: 7}"), "sensor a: rate_hz 7 does not divide the tick rate 20 Hz"),
-        (BASE + "annotation: {occupancy: {rate_hz: 3}}", "occupancy: rate_hz 3 does not divide the tick rate 20 Hz; "),
         (
             rig("{type: gnss, name: a, rate_hz: 100}"),
             r"20 Hz; allowed are 20, .*only an imu can be faster",

@@ -1,7 +1,6 @@
 #version 330
-// From the triangle that a pixel shows to the G-buffer (geometry.frag.glsl), with flow and labels.
-#include "enums"
-#include "flow"
+// From the triangle that a pixel shows to the G-buffer, with flow and labels.
+#include "g_buffer"
 #include "rigid"
 #include "vertex_bits"
 uniform usampler2D triangle_ids;  // triangle; an actor's first row, or a tile's number and the highest bit
@@ -12,13 +11,6 @@ layout(std430, binding = 1) readonly buffer StaticTriangles { uint static_corner
 layout(std430, binding = 2) readonly buffer TilePlaces { float tile_places[]; };
 layout(std430, binding = 3) readonly buffer ActorVertices { uint actor_words[]; };
 layout(std430, binding = 4) readonly buffer ActorTriangles { uint actor_corners[]; };
-
-layout(location = 0) out uvec4 g_surface;
-layout(location = 1) out float g_depth;
-layout(location = 2) out vec4 g_color;
-layout(location = 3) out uint semantic;
-layout(location = 4) out uint instance;
-layout(location = 5) out vec2 flow;
 
 const uint STATIC = 0x80000000u;
 const uint WORDS = 8u;  // of a vertex
@@ -44,19 +36,10 @@ Corner actor_corner(uint index) {
     return Corner(position, uv, uvec3(actor_words[w + 5u], actor_words[w + 6u], actor_words[w + 7u]));
 }
 
-void show_sky(vec2 pixel) {
-    g_surface = uvec4(TAG_SKY << 16u, 0u, 0u, 0u);
-    g_depth = uintBitsToFloat(0x7F800000u);  // +inf
-    g_color = vec4(vec3(0.0), 1.0 / 255.0);  // shading class 0
-    semantic = TAG_SKY;
-    instance = 0u;
-    flow = flow_of(mat3(previous_optical_from_world) * mat3(world_from_optical) * optical_ray(pixel));
-}
-
 void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
     if (texelFetch(triangle_depth, texel, 0).x == 1.0) {
-        show_sky(vec2(texel));
+        show_sky();
         return;
     }
     uvec2 id = texelFetch(triangle_ids, texel, 0).xy;
@@ -93,7 +76,7 @@ void main() {
     uvec2 surface = surface_of(c.bits, row, actor.z);
     g_surface = uvec4(surface.x, pack_normal(normal), floatBitsToUint(weights.x * a.uv + weights.y * b.uv + weights.z * c.uv));
     g_depth = dot(place - eye, world_from_optical[2].xyz);
-    g_color = vec4((uvec4(surface.y) >> uvec4(0u, 8u, 16u, 24u)) & 0xFFu) / 255.0;
+    g_color = color_of(surface.y);
     semantic = c.bits.z & 0xFFu;
     instance = actor.x;
     vec3 before = row == 0u ? place : previous_from_now(row, vec4(place, 1.0));

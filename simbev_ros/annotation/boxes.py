@@ -30,6 +30,10 @@ BOX_DTYPE = np.dtype(
         ("wz", "<f4"),
         ("distance", "<f4"),  # m, from the centre of the ego's box to that of this one
         ("angle", "<f4"),  # rad, direction to the centre in the ego frame, 0 ahead, left positive
+        ("visibility", "<f4"),  # visible pixels over those of the object drawn alone, all cameras together; NaN: unseen
+        ("limit", "<f4"),  # m/s that a speed limit's sign allows, else 0
+        ("lidar_points", "<i4"),  # of all lidars inside the box; -1: none was received at this tick
+        ("radar_points", "<i4"),
         ("id", "<u4"),
         ("parent", "<u4"),  # id of the actor that it belongs to, else 0
         ("color", "<u4"),  # 0xRRGGBB, sRGB
@@ -40,9 +44,18 @@ BOX_DTYPE = np.dtype(
         ("tag", "u1"),  # semantic Tag
         ("doors", "u1"),  # bit k: door k is open
         ("on_ego_level", "u1"),  # 1: on a road of the ego's level; 0: on one that passes above or beneath it
+        ("valid", "u1"),  # 1: at least one point of a lidar or radar is inside
+        ("difficulty", "u1"),  # index into DIFFICULTIES
+        ("state", "u1"),  # SignalState of a traffic light
+        ("sign", "u1"),  # index into SIGN_TYPES of a traffic sign
     ]
 )
 """One row per box. Field names and order are those of /ego/boxes."""
+
+DIFFICULTIES: tuple[str, ...] = ("easy", "medium", "hard")
+
+SIGN_TYPES: tuple[str, ...] = ("", "stop", "yield", "speed_limit", "works", "accident")
+"""Of no sign, of those of the map, and of those that warn of hazards."""
 
 _SHARED_COLUMNS = [name for name in BOX_DTYPE.names or () if name in (ACTOR_DTYPE.names or ())]
 NO_CLASS = 255
@@ -79,7 +92,8 @@ def boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None = None)
     to_center_ego = (center_m - center_m[ego]) @ map_from_actors(state.ego)[:3, :3]
     distance_m = np.linalg.norm(to_center_ego, axis=1)
     chosen = (distance_m <= radius_m) & (classes != NO_CLASS) & (actors["id"] != state.ego_id)
-    result = np.empty(int(chosen.sum()), BOX_DTYPE)
+    result = np.zeros(int(chosen.sum()), BOX_DTYPE)
+    result["visibility"], result["lidar_points"], result["radar_points"] = np.nan, -1, -1
     for name in _SHARED_COLUMNS:
         result[name] = actors[name][chosen]
     result["x"], result["y"], result["z"] = center_m[chosen].T

@@ -17,7 +17,7 @@ RIDER = blueprint_index()["rider.bicycle"]
 def test_columns_have_types_that_point_clouds_know_and_are_aligned() -> None:
     assert BOX_DTYPE.fields is not None
     for kind, offset, *_ in BOX_DTYPE.fields.values():
-        assert kind.str[1:] in {"u1", "u2", "u4", "f4", "f8"}
+        assert kind.str[1:] in {"u1", "u2", "u4", "i4", "f4", "f8"}
         assert offset % kind.itemsize == 0
 
 

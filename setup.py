@@ -37,6 +37,7 @@ setup(
         "opencv-python-headless>=4.10",
         "av>=14",
         "pillow>=11.2",
+        "pyarrow>=18",
         "pydantic>=2.10",
         "pyproj>=3.6",
         "pyyaml>=6.0",

@@ -68,3 +68,9 @@ BOX_CLASSES: tuple[str, ...] = (
     "barrier",
 )
 """Detection classes. ``truck`` holds trucks, vans and HGVs."""
+
+DIFFICULTIES: tuple[str, ...] = ("easy", "medium", "hard")
+"""Of detecting a box."""
+
+SIGN_TYPES: tuple[str, ...] = ("", "stop", "yield", "speed_limit", "works", "accident")
+"""Of no sign, of those of the map, and of those that warn of hazards."""

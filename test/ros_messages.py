@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.geometry.transforms import quaternion_from_rpy
 from simbev_ros.recording import image_codecs
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.types import AnyArray, Float64Array, Table
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _POINT_FIELD_TYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
@@ -49,6 +50,25 @@ def compressed_image(stamp_ns: int, encoding: str, array: AnyArray) -> bytes:
         header=header(stamp_ns),
         format=image_codecs.compressed_format(encoding),
         data=np.frombuffer(image_codecs.encode(encoding, array), np.uint8),
+    )
+
+
+def odometry(stamp_ns: int, xyz_m: Float64Array, rpy_rad: Float64Array) -> bytes:
+    """The pose of the ego, at rest."""
+    place, turn = np.asarray(xyz_m, float).tolist(), quaternion_from_rpy(rpy_rad).tolist()
+    pose = message(
+        "geometry_msgs/msg/Pose",
+        position=message("geometry_msgs/msg/Point", **dict(zip("xyz", place, strict=True))),
+        orientation=message("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", turn, strict=True))),
+    )
+    none = message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+    twist = message("geometry_msgs/msg/Twist", linear=none, angular=none)
+    return serialise(
+        "nav_msgs/msg/Odometry",
+        header=header(stamp_ns),
+        child_frame_id="ego/base_link",
+        pose=message("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
+        twist=message("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
     )
 
 

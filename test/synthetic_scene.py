@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from ros_messages import compressed_image, image, point_cloud
+from ros_messages import compressed_image, image, odometry, point_cloud
 
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.semantics import BEV_CLASSES, Tag
+from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
 from simbev_ros.types import AnyArray, Float64Array, Table
 
 START_NS, TICK_NS = 3_604_000_000_000, 50_000_000
@@ -18,6 +18,7 @@ YAWS_DEG = {"front_left": 55, "front": 0, "front_right": -55, "back_left": 110, 
 MODALITIES = ("rgb", "semantic", "instance", "depth", "flow")
 ENCODINGS = {"rgb": "rgb8", "semantic": "mono8", "instance": "mono16", "depth": "32FC1", "flow": "32FC2"}
 
+_BOX_COLUMNS = ("x", "y", "z", "roll", "pitch", "yaw", "length", "width", "height")
 _TINT = {
     Tag.ROAD: (92, 94, 98),
     Tag.ROAD_LINE: (230, 230, 225),
@@ -161,6 +162,18 @@ def bev_labels(scene: Street, ego_x_m: float, cells: int = 360, cell_m: float = 
     return labels.astype(np.uint16)
 
 
+def box_table(scene: Street) -> Table:
+    """Rows of /ego/boxes, as far as they are known here."""
+    classes = {Tag.CAR: "car", Tag.TRUCK: "truck", Tag.PEDESTRIAN: "pedestrian"}
+    actors = np.isin(scene.tags, list(classes))
+    low, high = scene.low[actors], scene.high[actors]
+    rows = np.zeros(len(low), [(name, "<f8") for name in _BOX_COLUMNS] + [("class", "u1")])
+    rows["x"], rows["y"], rows["z"] = (low + high).T / 2
+    rows["length"], rows["width"], rows["height"] = (high - low).T
+    rows["class"] = [BOX_CLASSES.index(classes[Tag(tag)]) for tag in scene.tags[actors]]
+    return rows
+
+
 def write_scene(
     path: Path,
     *,
@@ -171,6 +184,7 @@ def write_scene(
     compressed: bool = True,
     from_above: bool = True,
     radars: tuple[str, ...] = (),
+    boxes: bool = False,
     attachments: dict[str, bytes] | None = None,
 ) -> Path:
     """Write the bag; the modalities other than rgb only for the front camera."""
@@ -183,7 +197,8 @@ def write_scene(
 
         def write(topic: str, type_name: str, stamp_ns: int, data: bytes) -> None:
             if topic not in topics:
-                writer.add_topic(topic, f"sensor_msgs/msg/{type_name}", QosProfile())
+                package = "nav_msgs" if type_name == "Odometry" else "sensor_msgs"
+                writer.add_topic(topic, f"{package}/msg/{type_name}", QosProfile())
                 topics.add(topic)
             writer.write(topic, stamp_ns, data)
 
@@ -203,4 +218,8 @@ def write_scene(
             for radar in radars:
                 cloud = point_cloud(stamp_ns, radar_points(scene, ego_x_m, YAWS_DEG[radar]))
                 write(f"/ego/radar_{radar}/points", "PointCloud2", stamp_ns, cloud)
+            if boxes:
+                write("/ego/boxes", "PointCloud2", stamp_ns, point_cloud(stamp_ns, box_table(scene)))
+                pose = odometry(stamp_ns, np.array([ego_x_m, -1.9, 0.0]), np.zeros(3))
+                write("/ego/odom", "Odometry", stamp_ns, pose)
         return writer.finish({"scene": path.name})

@@ -18,6 +18,7 @@ FLOORS = [
     {"sensors"},
     {"annotation"},
     {"recording"},
+    {"dataset"},
     {"viz"},
     {"msgs"},
     {"nodes"},

@@ -9,12 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from simbev_ros.annotation.actor_plans import ActorPlans
 from simbev_ros.annotation.footprint import Footprint, merged
 from simbev_ros.annotation.hazards import LabelledArea
 from simbev_ros.annotation.levels import EgoLevel, on_ego_level
+from simbev_ros.annotation.raster import corners_near_centers, covered_cells
 from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.posing import pose_actors
 from simbev_ros.assets.static_scene import StaticScene, Tile
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.scene.state import WorldState
@@ -40,7 +41,7 @@ class BevAnnotator:
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
         """Takes the immobile scene and the catalogue's models, indexed by blueprint."""
-        self._models = models
+        self._plans = ActorPlans(models)
         # Riders have no detection class, but a tag of their own; cones and barriers share theirs with other things.
         names = [model.box_class or model.tag.name.lower() for model in models]
         self._plane_of_blueprint = np.array([_plane(name) for name in names], np.uint8)
@@ -70,11 +71,16 @@ class BevAnnotator:
             (rows, columns): bit k is ``BEV_CLASSES[k]``; row 0 ahead of the ego, column 0 left of it.
         """
         radius_m = float(np.hypot(grid.rows, grid.columns)) * grid.cell_m / 2.0
-        tiles = self._tiles_within(np.array([state.ego["x"], state.ego["y"]]), radius_m)
-        footprints = [self._actors_within(state, radius_m, ego_level)]
-        for ground, level in (*((self._tiles[tile], int(self._levels[tile])) for tile in tiles.tolist()), *areas):
-            footprints.append(ground if ego_level is None else ego_level.counting(ground, level))
-        return _labels(merged(footprints), state, grid)
+        ego_m = np.array([state.ego["x"], state.ego["y"]])
+        tiles = [(self._tiles[tile], int(self._levels[tile])) for tile in self._tiles_within(ego_m, radius_m).tolist()]
+        ground = merged([each if ego_level is None else ego_level.counting(each, at) for each, at in (*tiles, *areas)])
+        cells_from_map = grid.cells_from_map(ego_m, float(state.ego["yaw"]))
+        points_cells = cells_from_map[:, :2] @ ground.points_m.T + cells_from_map[:, 2:]
+        corners, triangle = corners_near_centers(points_cells, ground.triangles, grid.rows, grid.columns)
+        actors = self._actors_within(state, radius_m, ego_level)
+        actor_corners, row = self._plans.corners_near_centers(actors, cells_from_map, grid)
+        planes = np.concatenate([ground.planes[triangle], self._plane_of_blueprint[actors["blueprint"][row]]])
+        return _labels(np.concatenate([corners, actor_corners], axis=2), planes, grid)
 
     def _tiles_within(self, ego_m: Float64Array, radius_m: float) -> Int64Array:
         """Indices of tiles whose bounds touch the circle around the grid."""
@@ -82,25 +88,22 @@ class BevAnnotator:
         near: Int64Array = np.flatnonzero(np.hypot(gap_m[:, 0], gap_m[:, 1]) <= radius_m)
         return near
 
-    def _actors_within(self, state: WorldState, radius_m: float, ego_level: EgoLevel | None) -> Footprint:
-        """Posed actors that can touch the grid."""
+    def _actors_within(self, state: WorldState, radius_m: float, ego_level: EgoLevel | None) -> Table:
+        """Labelled actors that can touch the grid."""
         actors: Table = state.actors
         reach_m = radius_m + np.hypot(actors["length"], actors["width"])
         distance_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
         labelled = self._plane_of_blueprint[actors["blueprint"]] != _NO_CLASS
-        actors = actors[labelled & (distance_m < reach_m) & on_ego_level(state, ego_level)]
-        origin_m = np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
-        posed = pose_actors(self._models, actors, origin_m)
-        planes = self._plane_of_blueprint[actors["blueprint"]]
-        return Footprint(posed.vertices[:, :2] + origin_m[:2], posed.triangles, planes[posed.triangle_row])
+        near: Table = actors[labelled & (distance_m < reach_m) & on_ego_level(state, ego_level)]
+        return near
 
 
-def _labels(everything: Footprint, state: WorldState, grid: BevGrid) -> UInt16Array:
-    """(rows, columns) bits of the planes that cover each cell."""
-    drawn, planes = np.unique(everything.planes, return_inverse=True)  # every plane takes its time, empty ones too
-    numbered = Footprint(everything.points_m, everything.triangles, planes.astype(np.uint8))
+def _labels(corners_cells: Float64Array, planes: UInt8Array, grid: BevGrid) -> UInt16Array:
+    """(rows, columns) bits of the planes that cover each cell, of (2, 3, T) triangles and their (T,) planes."""
+    drawn, number = np.unique(planes, return_inverse=True)  # every plane takes its time, empty ones too
+    covered = covered_cells(corners_cells, number.astype(np.uint8), (len(drawn), grid.rows, grid.columns))
     labels = np.zeros((grid.rows, grid.columns), np.uint16)
-    for bit, plane in zip(drawn.tolist(), numbered.covers(state, grid, len(drawn)), strict=True):
+    for bit, plane in zip(drawn.tolist(), covered, strict=True):
         labels |= plane.astype(np.uint16) << np.uint16(bit)
     return labels
 

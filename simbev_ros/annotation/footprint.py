@@ -6,9 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from simbev_ros.annotation.raster import covered_cells
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.scene.state import WorldState
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
 
 
@@ -32,15 +29,6 @@ class Footprint:
         """Those of the triangles that (T,) marks, and the points that they use."""
         used, indices = np.unique(self.triangles[triangles], return_inverse=True)
         return Footprint(self.points_m[used], indices.reshape(-1, 3).astype(np.int32), self.planes[triangles])
-
-    def covers(self, state: WorldState, grid: BevGrid, planes: int) -> BoolArray:
-        """(planes, rows, columns) whether the centre of each cell around the ego lies in a triangle of the plane."""
-        yaw_rad = float(state.ego["yaw"])
-        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-        map_from_heading = np.array([[cosine, -sine], [sine, cosine]])
-        points_ego = (self.points_m - np.array([state.ego["x"], state.ego["y"]])) @ map_from_heading
-        shape = planes, grid.rows, grid.columns
-        return covered_cells(grid.cells_from_ego(points_ego), self.triangles, self.planes, shape)
 
 
 def merged(footprints: Sequence[Footprint]) -> Footprint:

@@ -30,6 +30,9 @@ from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array,
 
 VOXEL_DTYPE = np.dtype(
     [
+        ("x", "<f4"),  # m, ego frame: centre of the voxel
+        ("y", "<f4"),
+        ("z", "<f4"),
         ("ix", "<u2"),  # voxels ahead of the box's rear
         ("iy", "<u2"),  # voxels left of its right side
         ("iz", "<u2"),  # voxels above its bottom
@@ -127,11 +130,13 @@ class OccupancyAnnotator:
         return Soup(points, rank, _by_corner(posed.triangles), np.concatenate([np.zeros(0, bool), *is_solid]))
 
 
-def occupied(tags: UInt8Array) -> Table:
+def occupied(tags: UInt8Array, grid: VoxelGrid) -> Table:
     """(N,) ``VOXEL_DTYPE`` the occupied ones of (x, y, z) tags, x slowest."""
     place = np.flatnonzero(tags)
     table = np.empty(len(place), VOXEL_DTYPE)
-    table["ix"], table["iy"], table["iz"] = np.unravel_index(place, tags.shape)
+    for axis, low_m, index in zip("xyz", grid.low_m, np.unravel_index(place, tags.shape), strict=True):
+        table[f"i{axis}"] = index
+        table[axis] = low_m + (index + 0.5) * grid.voxel_m
     table["tag"] = tags.reshape(-1)[place]
     return table
 

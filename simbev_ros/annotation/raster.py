@@ -9,23 +9,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.types import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
+from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 
 _FLAT_EDGE_ROWS = 1e-12
 """Edges that rise by less than this many rows count as parallel to the rows; it keeps slopes finite."""
 
+_COLUMN = np.int32(0xFFFF)
+_ON_CENTER = np.int32(0x10001)
+"""Bits of a number that holds the steps to a row above those to a column."""
 
-def covered_cells(
-    points_cells: Float64Array,
-    triangles: Int32Array,
-    planes: UInt8Array,
-    shape: tuple[int, int, int],
-) -> BoolArray:
+
+def corners_near_centers(
+    points_cells: Float32Array | Float64Array, triangles: Int32Array, rows: int, columns: int
+) -> tuple[Float64Array, Int64Array]:
+    """Triangles in whose bounds a cell's centre lies; of finely meshed things hardly any.
+
+    Args:
+        points_cells: (2, ..., V) continuous (row, column) of points, a cell's centre at integers; in between, several
+            times the same mesh.
+        triangles: (T, 3) indices into the last axis.
+        rows: Of the grid, fewer than 2**14.
+        columns: As many at most.
+
+    Returns:
+        (2, 3, K) float64 (row, column) of their three corners, and (K,) where they are among (..., T).
+    """
+    place = _steps(points_cells[0], rows) << 16 | _steps(points_cells[1], columns)
+    a, b, c = (np.take(place, corner, axis=-1) for corner in triangles.T)
+    differs = (a ^ b) | (a ^ c) | (a & _ON_CENTER)
+    near = np.flatnonzero((differs > _COLUMN) & ((differs & _COLUMN) != 0))
+    mesh, triangle = np.divmod(near, max(len(triangles), 1))
+    corner = triangles[triangle].T + mesh * points_cells.shape[-1]
+    return np.take(points_cells.reshape(2, -1), corner, axis=1).astype(np.float64), near
+
+
+def covered_cells(corners_cells: Float64Array, planes: UInt8Array, shape: tuple[int, int, int]) -> BoolArray:
     """Cells whose centre lies in the closed union of the triangles, plane by plane.
 
     Args:
-        points_cells: (V, 2) float64 continuous (row, column) of the corners, a cell's centre at integers.
-        triangles: (T, 3) indices into the points, in either orientation.
+        corners_cells: (2, 3, T) continuous (row, column) of the three corners, a cell's centre at integers.
         planes: (T,) the plane that each triangle is drawn into.
         shape: Planes, rows, columns of the result.
 
@@ -33,15 +55,11 @@ def covered_cells(
         ``shape`` bool.
     """
     _, rows, columns = shape
-    corners = np.ascontiguousarray(triangles.T)
-    corner_row = np.ascontiguousarray(points_cells[:, 0])[corners]
-    corner_column = np.ascontiguousarray(points_cells[:, 1])[corners]
+    corner_row, corner_column = corners_cells
     first_row, last_row = _integers_between(corner_row.min(axis=0), corner_row.max(axis=0), rows)
-    first_column, last_column = _integers_between(corner_column.min(axis=0), corner_column.max(axis=0), columns)
-    kept = np.flatnonzero((first_row <= last_row) & (first_column <= last_column))
-    spans = _spans(_edges(corner_row[:, kept], corner_column[:, kept]), first_row[kept], last_row[kept])
+    spans = _spans(_edges(corner_row, corner_column), first_row, last_row)
     first, last = _integers_between(spans.low, spans.high, columns)
-    line = (planes[kept].astype(np.int64) * rows)[spans.triangle] + spans.row
+    line = (planes.astype(np.int64) * rows)[spans.triangle] + spans.row
     return _filled(line, first, last, shape)
 
 
@@ -65,6 +83,13 @@ class _Spans:
     row: Int64Array
     low: Float64Array
     high: Float64Array
+
+
+def _steps(at: Float32Array | Float64Array, count: int) -> Int32Array:
+    """How far coordinates are along a grid's axis: odd at the centres 0..count-1, even between them."""
+    clipped = np.clip(at, -0.5, count - 0.5)
+    steps: Int32Array = (np.ceil(clipped) + np.floor(clipped)).astype(np.int32) + np.int32(1)
+    return steps
 
 
 def _integers_between(low: Float64Array, high: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:

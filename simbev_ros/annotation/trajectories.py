@@ -11,14 +11,15 @@ it can be read without this package, with arrays in the manner of the Waymo Open
     class_names    (C,)        str
     size_m         (A, 3)      float32, length, width, height
     valid          (A, T)      bool, whether the actor is there; all else is 0 where it is not
-    position_m     (A, T, 3)   float64, centre of the box, map frame
+    position_m     (A, T, 3)   float64, centre of the box at rest, map frame
     yaw_rad        (A, T)      float32, map frame
     velocity_mps   (A, T, 3)   float32, map frame
+
+Sizes are those at rest and do not change; a box of /ego/boxes fits its actor's pose, a person's stride for one.
 """
 
 import io
 import zipfile
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -83,34 +84,37 @@ class Futures:
     velocity_mps: Float32Array
 
 
-def tracks_of(frames: Iterable[tuple[int, Table]], tick_ns: int) -> Tracks:
-    """The tracks of a scene.
+class Tracker:
+    """Follows all actors of a scene, frame by frame."""
 
-    Args:
-        frames: Stamp and (N,) ``ACTOR_DTYPE`` of each frame, ascending, as on /world/actors.
-        tick_ns: Length of a tick.
-    """
-    classes = class_of_blueprint()
-    stamps_ns, parts = [], []
-    for stamp_ns, actors in frames:
-        stamps_ns.append(stamp_ns)
-        parts.append(_part(actors[classes[actors["blueprint"]] != NO_CLASS]))
-    every = np.concatenate([np.empty(0, _PART_DTYPE), *parts])
-    ids, first, row = np.unique(every["id"], return_index=True, return_inverse=True)
-    frame = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    moving = {
-        name: np.zeros((len(ids), len(parts), *_PART_DTYPE[name].shape), _PART_DTYPE[name].base) for name in _MOVING
-    }
-    for name, values in moving.items():
-        values[row, frame] = every[name]
-    return Tracks(
-        tick_ns=tick_ns,
-        stamp_ns=np.array(stamps_ns, np.int64),
-        id=ids,
-        box_class=classes[every["blueprint"][first]],
-        size_m=every["size_m"][first],
-        **moving,
-    )
+    def __init__(self, tick_ns: int) -> None:
+        self._tick_ns = tick_ns
+        self._classes = class_of_blueprint()
+        self._stamps_ns: list[int] = []
+        self._parts: list[Table] = []
+
+    def add(self, stamp_ns: int, actors: Table) -> None:
+        """The next frame: (N,) ``ACTOR_DTYPE``, as on /world/actors."""
+        self._stamps_ns.append(stamp_ns)
+        self._parts.append(_part(actors[self._classes[actors["blueprint"]] != NO_CLASS]))
+
+    def tracks(self) -> Tracks:
+        """Those of all frames so far."""
+        every = np.concatenate([np.empty(0, _PART_DTYPE), *self._parts])
+        ids, first, row = np.unique(every["id"], return_index=True, return_inverse=True)
+        frame = np.repeat(np.arange(len(self._parts)), [len(part) for part in self._parts])
+        shape = len(ids), len(self._parts)
+        moving = {name: np.zeros((*shape, *_PART_DTYPE[name].shape), _PART_DTYPE[name].base) for name in _MOVING}
+        for name, values in moving.items():
+            values[row, frame] = every[name]
+        return Tracks(
+            tick_ns=self._tick_ns,
+            stamp_ns=np.array(self._stamps_ns, np.int64),
+            id=ids,
+            box_class=self._classes[every["blueprint"][first]],
+            size_m=every["size_m"][first],
+            **moving,
+        )
 
 
 def futures(

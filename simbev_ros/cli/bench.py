@@ -1,18 +1,14 @@
-"""``simbev bench``: what a graph, its cameras, its rays or its world cost on this machine."""
+"""``simbev bench``: what a graph, its cameras, rays, labels or its world cost on this machine."""
 
-import json
 import tempfile
-from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from typer.core import TyperGroup
 
+from simbev_ros.cli.bench_report import progress_bar, show_timing
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import QUALITIES, Quality, Rendering
@@ -22,6 +18,12 @@ _DEFAULT = "graph"
 _LEAST_PX = 16
 
 _Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+_Map = Annotated[str, typer.Option("--map", help="A town, or a file.")]
+_Crowd = Annotated[
+    int, typer.Option(help="A third vehicles, the others people on foot; riders come on top.", min=2, max=2_000)
+]
+_Radius = Annotated[float, typer.Option(help="Of the circle around the ego that they are in, m.", min=20)]
+_Frames = Annotated[int, typer.Option(help="Ticks to time; the median counts.", min=1, max=1000)]
 
 
 class _DefaultGroup(TyperGroup):
@@ -39,7 +41,7 @@ bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
 
 @bench.callback()
 def _bench() -> None:
-    """Time the whole graph, or the cameras, the rays or the world alone. Without a command's name it is the graph.
+    """Time the whole graph, or its cameras, rays, labels or world alone. Without a command's name it is the graph.
 
     [bold]Examples[/]
 
@@ -50,6 +52,8 @@ def _bench() -> None:
     simbev bench cameras --quality low --size 800x450
 
     simbev bench rays --actors 200
+
+    simbev bench labels --map Town10HD
 
     simbev bench world Town10HD --ticks 200
     """
@@ -74,7 +78,7 @@ def graph(
 
     with tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as folder:
         result = timed_graph(_shortened(config, ticks), Path(folder) / "dataset" if record else None)
-    _show(
+    show_timing(
         result,
         f"{result.ticks_per_s:.2f} ticks/s",
         ("process", "busy ms/tick", "CPU ms/tick", "memory MiB"),
@@ -85,7 +89,7 @@ def graph(
 
 @bench.command()
 def cameras(
-    map_name: Annotated[str, typer.Option("--map", help="A town, or a file.")] = "Town03",
+    map_name: _Map = "Town03",
     actors: Annotated[
         int, typer.Option(help="Half vehicles, half people on foot; riders come on top.", min=2, max=20_000)
     ] = 100,
@@ -114,29 +118,26 @@ def cameras(
     size_px, console = picture_size_px(size, _LEAST_PX), Console(stderr=True)
     qualities = QUALITIES if quality is None else (quality,)
     scene = camera_scene(map_name, actors, frames + 2, console)
-    with _progress("frames", console) as bars:
+    with progress_bar("frames", console) as bars:
         task = bars.add_task("", total=steps(scene, qualities))
         rendering = Rendering(processes=processes or "auto")
         result = timed_cameras(scene, paper_cameras(), size_px, qualities, rendering, lambda: bars.advance(task))
-    _show(
+    show_timing(
         result,
         result.title(),
         ("quality", "", "wall ms/frame", "CPU ms/frame"),
         result.rows(),
         as_json=as_json,
+        comparison=result.comparison(),
     )
-    if not as_json:
-        console.print(result.comparison(), style="dim", highlight=False)
 
 
 @bench.command()
 def rays(
-    map_name: Annotated[str, typer.Option("--map", help="A town, or a file.")] = "Town03",
-    actors: Annotated[
-        int, typer.Option(help="A third vehicles, the others people on foot; riders come on top.", min=2, max=2_000)
-    ] = 100,
-    radius: Annotated[float, typer.Option(help="Of the circle around the ego that they are in, m.", min=20)] = 110.0,
-    frames: Annotated[int, typer.Option(help="Ticks to time; the median counts.", min=1, max=1000)] = 10,
+    map_name: _Map = "Town03",
+    actors: _Crowd = 100,
+    radius: _Radius = 110.0,
+    frames: _Frames = 10,
     as_json: _Json = False,
 ) -> None:
     """Time the rays of the paper's lidar and of its four radars, the moving actors placed anew for each tick.
@@ -153,19 +154,55 @@ def rays(
 
     console = Console(stderr=True)
     scene = camera_scene(map_name, actors, frames + 1, console, vehicle_share=1 / 3, spawn_radius_m=radius)
-    with _progress("ticks", console) as bars:
+    with progress_bar("ticks", console) as bars:
         task = bars.add_task("", total=frames + 1)
         result = timed_rays(scene, lambda: bars.advance(task))
-    _show(
+    show_timing(
         result,
         f"{result.rays:,} lidar rays on {result.map}, {result.near_actors} of {result.actors} actors in range, "
         f"{result.triangles:,} triangles",
         ("", "", "wall ms/tick", "least", "CPU ms/tick", "rays/s"),
         result.rows(),
         as_json=as_json,
+        comparison=result.comparison(),
     )
-    if not as_json:
-        console.print(result.comparison(), style="dim", highlight=False)
+
+
+@bench.command()
+def labels(
+    map_name: _Map = "Town03",
+    actors: _Crowd = 150,
+    radius: _Radius = 100.0,
+    frames: _Frames = 10,
+    as_json: _Json = False,
+) -> None:
+    """Time the labels of a tick: grid, boxes, points in them, the vector map and voxels.
+
+    The grid, the points of the lidar and of the four radars, and the radius of the boxes are those of the paper. For
+    comparison, the same grid is made from the same triangles in shapely.
+
+    [bold]Example[/]
+
+    simbev bench labels --map Town10HD --actors 200 --frames 20 --json
+    """
+    from simbev_ros.cli.camera_scene import camera_scene
+    from simbev_ros.cli.label_timing import timed_labels
+
+    console = Console(stderr=True)
+    scene = camera_scene(
+        map_name, actors, frames + 1, console, vehicle_share=1 / 3, spawn_radius_m=radius, spacing_m=12.0
+    )
+    with progress_bar("ticks", console) as bars:
+        task = bars.add_task("", total=frames + 1)
+        result = timed_labels(scene, lambda: bars.advance(task))
+    show_timing(
+        result,
+        result.title(),
+        ("", "wall ms/tick", "least", "CPU ms/tick"),
+        result.rows(),
+        as_json=as_json,
+        comparison=result.comparison(),
+    )
 
 
 @bench.command()
@@ -186,7 +223,7 @@ def world(
     from simbev_ros.cli.world_timing import timed_world
 
     grown = timed_world(_shortened(config, ticks), map_name)
-    _show(
+    show_timing(
         grown,
         f"world node on {grown.map}, growth {grown.growth:.2f}",
         ("vehicles", "people", "busy ms/tick", "99th percentile", "CPU ms/tick"),
@@ -198,12 +235,6 @@ def world(
     )
 
 
-def _progress(what: str, console: Console) -> Progress:
-    """A bar that counts."""
-    columns = (TextColumn(what), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, expand=True, transient=True)
-
-
 def _shortened(config: str, ticks: int) -> Scenario:
     """A configuration's first scene, of so many ticks."""
     scenario = load_scenario(config)
@@ -211,14 +242,3 @@ def _shortened(config: str, ticks: int) -> Scenario:
         tick_s=scenario.time.tick_s, warm_up_s=scenario.time.warm_up_s, duration_s=ticks * scenario.time.tick_s
     )
     return scenario.model_copy(update={"time": timing, "scenes": scenario.scenes[:1]})
-
-
-def _show(result: Any, title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
-    """Print a result as a table, or as it is in JSON."""
-    if as_json:
-        typer.echo(json.dumps(asdict(result), indent=2))
-        return
-    table = Table(*columns, title=title)
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)

@@ -59,6 +59,7 @@ def camera_scene(
     *,
     vehicle_share: float = 0.5,
     spawn_radius_m: float = 400.0,
+    spacing_m: float = 24.0,
 ) -> CameraScene:
     """Simulate traffic on a map, by default half of it vehicles, half people on foot; there are no hazard areas.
 
@@ -66,7 +67,9 @@ def camera_scene(
         InputError: There is no such map, or it has no room for so many.
     """
     vehicles = int(actors * vehicle_share)
-    traffic = Traffic(vehicles=vehicles, pedestrians=actors - vehicles, spawn_radius_m=spawn_radius_m)
+    traffic = Traffic(
+        vehicles=vehicles, pedestrians=actors - vehicles, spawn_radius_m=spawn_radius_m, waypoint_spacing_m=spacing_m
+    )
     time = Timing(warm_up_s=_WARM_UP_S, duration_s=4.0)
     update = {"scenes": (MapScenes(map=map_name, train=1),), "traffic": traffic, "time": time, "weather": weather}
     scenario = load_scenario("paper").model_copy(update={**update, "hazards": Hazards(count=0)})

@@ -13,9 +13,11 @@ from simbev_ros.cli.doctor import doctor
 from simbev_ros.cli.info import info
 from simbev_ros.cli.map import map_
 from simbev_ros.cli.preview import preview
+from simbev_ros.cli.repair import repair
 from simbev_ros.cli.replay import replay
 from simbev_ros.cli.run import run
 from simbev_ros.cli.scene import scene
+from simbev_ros.cli.verify import verify
 from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
@@ -31,7 +33,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (demo, run, replay, scene, info, preview, doctor):
+for _verb in (demo, run, replay, scene, info, preview, verify, repair, doctor):
     app.command()(_verb)
 app.command("map")(map_)
 app.add_typer(bench, name="bench")

@@ -10,6 +10,7 @@ from rich.progress import Progress
 
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
+from simbev_ros.viz.layout import LabelPlace
 
 _GALLERY = "Gallery"
 
@@ -20,6 +21,10 @@ def preview(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path(),
     frame: Annotated[int | None, typer.Option(help="Frame of the contact sheet; by default the middle one.")] = None,
+    labels: Annotated[
+        LabelPlace,
+        typer.Option(help="Drawn over: nothing (off), one more picture and views from above (panel), all (cameras)."),
+    ] = "panel",
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace pictures that are there.")] = False,
     gallery: Annotated[
@@ -60,13 +65,20 @@ def preview(
         paths = make_gallery(out, maps or [], size, quality, seed, overwrite=overwrite, console=console)
     else:
         assert bag is not None
-        paths = make_preview(bag, out, frame=frame, video=video, overwrite=overwrite, console=console)
+        paths = make_preview(bag, out, frame=frame, labels=labels, video=video, overwrite=overwrite, console=console)
     for path in paths:
         console.print(f"[green]wrote[/] {escape(str(path))}", highlight=False, soft_wrap=True)
 
 
 def make_preview(
-    path: Path, out: Path, *, frame: int | None = None, video: bool = True, overwrite: bool = False, console: Console
+    path: Path,
+    out: Path,
+    *,
+    frame: int | None = None,
+    labels: LabelPlace = "panel",
+    video: bool = True,
+    overwrite: bool = False,
+    console: Console,
 ) -> list[Path]:
     """Write the pictures of a bag and return their paths: ``<scene>.png`` and ``<scene>.mp4``.
 
@@ -75,11 +87,12 @@ def make_preview(
         BagError: The bag cannot be read, or has nothing to show.
     """
     from simbev_ros.recording.reader import SceneBag
-    from simbev_ros.viz.frames import FrameReader, find_views
+    from simbev_ros.viz.frames import FrameReader
     from simbev_ros.viz.preview import write_picture, write_video
+    from simbev_ros.viz.views import find_views
 
     with SceneBag(path) as bag:
-        reader = FrameReader(bag, find_views(bag))
+        reader = FrameReader(bag, find_views(bag, labels))
         count = len(reader.stamps_ns)
         index = count // 2 if frame is None else frame
         if not 0 <= index < count:

@@ -1,15 +1,13 @@
 """Timing rays: what the paper's lidar and radars cost, where it goes, and what one merged mesh would cost instead."""
 
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from statistics import median
-from typing import TypeVar
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.cli.camera_scene import CameraScene
+from simbev_ros.cli.stopwatch import Cost, Stopwatch
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar
@@ -26,17 +24,12 @@ from simbev_ros.types import Float32Array, Float64Array
 _TURN_S = 0.05
 _BESIDE_EGO_M = 5.0
 _SAME_M = 1e-3
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
-class RayCost:
-    """One thing that was timed, per tick: the median, the least, and the processor's time of all threads together."""
+class RayCost(Cost):
+    """What casting rays took."""
 
-    name: str
-    wall_ms: float
-    least_ms: float
-    cpu_ms: float
     rays_per_s: float
 
 
@@ -94,27 +87,6 @@ class RayTiming:
         )
 
 
-class _Stopwatch:
-    """Collects times by name."""
-
-    def __init__(self) -> None:
-        self._spent: dict[str, list[tuple[float, float]]] = {}
-
-    def run(self, name: str, work: Callable[[], _T]) -> _T:
-        """Time a piece of work."""
-        wall_s, cpu_s = time.perf_counter(), time.process_time()
-        result = work()
-        spent = time.perf_counter() - wall_s, time.process_time() - cpu_s
-        self._spent.setdefault(name, []).append(spent)
-        return result
-
-    def cost(self, name: str, rays: int) -> RayCost:
-        """What it took; the first time was to warm up."""
-        wall_s, cpu_s = zip(*self._spent[name][1:], strict=True)
-        middle_s = median(wall_s)
-        return RayCost(name, 1e3 * middle_s, 1e3 * min(wall_s), 1e3 * median(cpu_s), rays / middle_s)
-
-
 def timed_rays(scene: CameraScene, progress: Callable[[], None] = lambda: None) -> RayTiming:
     """Scan the moments of a scene, the first one to warm up, with the lidar and the radars of the paper's rig.
 
@@ -132,9 +104,9 @@ def timed_rays(scene: CameraScene, progress: Callable[[], None] = lambda: None) 
         agreed.append(sensors.time_parts(state))
         progress()
     watch, rays, state = sensors.watch, lidar.channels * lidar.columns, scene.states[-1]
-    whole = [watch.cost(_POINTS, rays), watch.cost(_BOTH, rays), watch.cost(_RADARS, sensors.radar_rays)]
-    parts = [watch.cost(name, rays) for name in (_PLACED, _STATIC, _CAST, _REBUILT)]
-    merged = [watch.cost(name, rays) for name in (_BUILT, _PLAIN)]
+    whole = [_cost(watch, name, rays) for name in (_POINTS, _BOTH)] + [_cost(watch, _RADARS, sensors.radar_rays)]
+    parts = [_cost(watch, name, rays) for name in (_PLACED, _STATIC, _CAST, _REBUILT)]
+    merged = [_cost(watch, name, rays) for name in (_BUILT, _PLAIN)]
     ours_ms = parts[0].wall_ms + parts[2].wall_ms
     far_m = np.hypot(state.actors["x"] - state.ego["x"], state.actors["y"] - state.ego["y"])
     return RayTiming(
@@ -153,6 +125,11 @@ def timed_rays(scene: CameraScene, progress: Callable[[], None] = lambda: None) 
     )
 
 
+def _cost(watch: Stopwatch, name: str, rays: int) -> RayCost:
+    cost = watch.cost(name)
+    return RayCost(**asdict(cost), rays_per_s=1e3 * rays / cost.wall_ms)
+
+
 _POINTS, _BOTH, _RADARS = "lidar: points", "lidar: points and semantic points", "radars"
 _PLACED, _STATIC, _CAST = "actors placed", "cast, static triangles alone", "cast, static triangles and actors"
 _REBUILT = "static triangles built (once in 128 m)"
@@ -164,7 +141,7 @@ class _Sensors:
 
     def __init__(self, scene: CameraScene, lidar: Lidar, radars: Sequence[Radar]) -> None:
         models = load_models()
-        self.watch = _Stopwatch()
+        self.watch = Stopwatch()
         self._static = scene.static
         self._lidar = lidar
         self._both = LidarModel(lidar, 0, _TURN_S)

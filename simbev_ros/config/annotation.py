@@ -1,14 +1,29 @@
-"""Labels that are made only if they are asked for."""
+"""What is annotated; occupancy and the vector map only if they are asked for (``{}`` asks for the defaults)."""
 
 from typing import Self
 
 from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
+from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.voxel_grid import VoxelGrid
 
 _MOST_VOXELS = 150_000_000
 _WHOLE = 1e-6
+_RATE = "a divisor of the ticks' rate; none: at every tick"
+
+
+class Bev(Model):
+    """The bird's-eye-view grid."""
+
+    rows: int = Field(360, ge=1, le=4096)
+    columns: int = Field(360, ge=1, le=4096)
+    cell_m: float = Field(0.4, gt=0, le=10)
+
+    @property
+    def grid(self) -> BevGrid:
+        """Its geometry."""
+        return BevGrid(self.rows, self.columns, self.cell_m)
 
 
 class Occupancy(Model):
@@ -18,7 +33,7 @@ class Occupancy(Model):
     bottom_m: float = Field(-1.0, ge=-50, le=50, description="height of its lowest corner above the ego's ground")
     top_m: float = Field(7.0, ge=-50, le=50)
     voxel_m: float = Field(0.4, ge=0.1, le=4)
-    rate_hz: float | None = Field(2.0, gt=0, le=1000, description="a divisor of the ticks' rate; none: at every tick")
+    rate_hz: float | None = Field(2.0, gt=0, le=1000, description=_RATE)
     ego: bool = Field(False, description="the ego's own voxels count too")
 
     @model_validator(mode="after")
@@ -42,3 +57,21 @@ class Occupancy(Model):
         layers = round((self.top_m - self.bottom_m) / self.voxel_m)
         low_m = -self.half_side_m, -self.half_side_m, self.bottom_m
         return VoxelGrid(low_m, self.voxel_m, (side, side, layers))
+
+
+class VectorMapPatch(Model):
+    """The roads around the ego as lines and outlines."""
+
+    length_m: float = Field(60.0, gt=0, le=1000, description="half of it ahead of the ego")
+    width_m: float = Field(30.0, gt=0, le=1000)
+    rate_hz: float | None = Field(None, gt=0, le=1000, description=_RATE)
+
+
+class Annotation(Model):
+    """What is annotated."""
+
+    box_radius_m: float = Field(120.0, gt=0, le=1000)
+    views: bool = Field(True, description="2D boxes and visibility, of cameras that have instance images")
+    bev: Bev = Bev()
+    occupancy: Occupancy | None = None
+    vector_map: VectorMapPatch | None = None

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.hazards import Hazards
@@ -11,7 +12,6 @@ from simbev_ros.config.lights import Lights
 from simbev_ros.config.positioning import Imu
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
-from simbev_ros.geometry.grid import BevGrid
 
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
@@ -64,6 +64,11 @@ class Timing(Model):
 
 def _is_whole(ratio: float) -> bool:
     return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
+
+
+def _slower(tick_hz: float) -> str:
+    """The rates that divide that of the ticks, in words."""
+    return f"{tick_hz:g}, {tick_hz / 2:g}, {tick_hz / 3:g}, …"
 
 
 class WeatherParameters(Model):
@@ -143,26 +148,6 @@ class Traffic(Model):
     green_time_s: Annotated[Drawn, within(2, 300)] = Distribution(uniform=(4, 28))
 
 
-class Bev(Model):
-    """The bird's-eye-view grid."""
-
-    rows: int = Field(360, ge=1, le=4096)
-    columns: int = Field(360, ge=1, le=4096)
-    cell_m: float = Field(0.4, gt=0, le=10)
-
-    @property
-    def grid(self) -> BevGrid:
-        """Its geometry."""
-        return BevGrid(self.rows, self.columns, self.cell_m)
-
-
-class Annotation(Model):
-    """What is annotated."""
-
-    box_radius_m: float = Field(120.0, gt=0, le=1000)
-    bev: Bev = Bev()
-
-
 class Recording(Model):
     """How scenes are recorded."""
 
@@ -203,7 +188,7 @@ class Scenario(Model):
             rate_hz = sensor.rate_hz
             if rate_hz is None or _is_whole(tick_hz / rate_hz):
                 continue
-            slower = f"{tick_hz:g}, {tick_hz / 2:g}, {tick_hz / 3:g}, …"
+            slower = _slower(tick_hz)
             if not isinstance(sensor, Imu):
                 raise ValueError(
                     f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; "
@@ -213,6 +198,18 @@ class Scenario(Model):
                 raise ValueError(
                     f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} neither divides the tick rate {tick_hz:g} Hz nor "
                     f"is a multiple of it; allowed are {slower} and {2 * tick_hz:g}, {3 * tick_hz:g}, …"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _label_rates_divide_tick_rate(self) -> Self:
+        tick_hz = 1 / self.time.tick_s
+        for name in ("occupancy", "vector_map"):
+            rate_hz = getattr(getattr(self.annotation, name), "rate_hz", None)
+            if rate_hz is not None and not _is_whole(tick_hz / rate_hz):
+                raise ValueError(
+                    f"annotation.{name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; allowed are "
+                    f"{_slower(tick_hz)}"
                 )
         return self
 

@@ -21,6 +21,18 @@ class BevGrid:
         column = (self.columns - 1) / 2.0 - points_ego[:, 1] / self.cell_m
         return np.stack([row, column], axis=1)
 
+    def cells_from_map(self, ego_m: Float64Array, yaw_rad: float) -> Float64Array:
+        """(2, 3) affine transform that gives (row, column), as above, of (x, y, 1) in the map frame.
+
+        Args:
+            ego_m: (2,) where the ego is.
+            yaw_rad: Its heading; the grid stays level whatever its roll and pitch.
+        """
+        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+        turn = -np.array([[cosine, sine], [-sine, cosine]]) / self.cell_m
+        middle = np.array([self.rows - 1, self.columns - 1]) / 2.0
+        return np.column_stack([turn, middle - turn @ ego_m])
+
     @property
     def centers_ego(self) -> Float64Array:
         """(rows, columns, 2) x and y of the cell centres, metres, ego frame."""

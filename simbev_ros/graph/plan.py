@@ -59,19 +59,20 @@ def planned_processes(
 def _processes_behind_world(
     scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None
 ) -> Iterator[ProcessPlan]:
-    common = {"live": live, "recorded": dataset is not None}
-    yield from _camera_processes(scenario, camera_processes, common)
+    common = {"live": live, "recorded": dataset is not None, "annotated": True}
+    compressed = scenario.recording.images == "compressed" and dataset is not None
+    yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
     for kinds in _TOGETHER:
         nodes = tuple(NodePlan(kind, kind, common) for kind, sensor in kinds.items() if scenario.rig.of_type(sensor))
         if nodes:
             yield nodes
-    yield (NodePlan("annotator", "annotator", common),)
+    yield (NodePlan("annotator", "annotator", {**common, "annotated": False, "compressed": compressed}),)
     if dataset is not None:
         parameters = {
             "live": live,
             "dataset": str(dataset.resolve()),
             "config": yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False),
-            "compressed": scenario.recording.images == "compressed",
+            "compressed": compressed,
             "chunk_kib": scenario.recording.chunk_kib,
         }
         yield (NodePlan("recorder", "recorder", parameters),)
@@ -83,7 +84,6 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
     for index in range(processes):
         parameters = {
             "sensors": cameras[index::processes],
-            "compressed": scenario.recording.images == "compressed",
             "jpeg_quality": scenario.recording.jpeg_quality,
             "quality": scenario.rendering.quality,
             "device": str(scenario.rendering.device_of(index)),

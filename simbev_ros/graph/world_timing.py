@@ -37,7 +37,7 @@ class _TickTimes(LoadMeter):
         self.times_s: list[tuple[float, float]] = []
 
     @contextmanager
-    def busy(self) -> Iterator[None]:
+    def busy(self, ticks: int = 1) -> Iterator[None]:
         wall_s, cpu_s = time.perf_counter(), time.process_time()
         yield
         self.times_s.append((time.perf_counter() - wall_s, time.process_time() - cpu_s))

@@ -1,4 +1,4 @@
-"""Arrays → Image, CompressedImage and CameraInfo."""
+"""Arrays ↔ Image and CompressedImage; CameraInfo."""
 
 from array import array
 
@@ -40,6 +40,12 @@ def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
         step=image.nbytes // height,
         data=array("B", image.tobytes()),
     )
+
+
+def labels_of_image(message: Image) -> AnyArray:
+    """(H, W) of a mono8 or mono16 image as ``image_message`` makes it; shares the message's data."""
+    kind = {"mono8": "u1", "mono16": "<u2"}[message.encoding]
+    return np.frombuffer(message.data, kind).reshape(message.height, message.width)
 
 
 def compressed_image_message(data: bytes, image_format: str, stamp_ns: int, frame: str) -> CompressedImage:

@@ -3,30 +3,40 @@
 from array import array
 
 import numpy as np
-from geometry_msgs.msg import Point
+from geometry_msgs.msg import Point, Pose
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 
 from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
 from simbev_ros.msgs.stamps import header, time_message
-from simbev_ros.types import BoolArray
+from simbev_ros.msgs.world import quaternion_message
+from simbev_ros.types import BoolArray, Table
 
 
-def occupancy_grid_message(covered: BoolArray, grid: BevGrid, stamp_ns: int, frame: str) -> OccupancyGrid:
+def occupancy_grid_message(covered: BoolArray, grid: BevGrid, stamp_ns: int, frame: str, ego: Table) -> OccupancyGrid:
     """OccupancyGrid, 100 where covered and 0 elsewhere.
 
     Its cell (0, 0) is the one at the smallest x and y (behind and right of the ego) and x runs fastest, so that the
-    grid of (rows, columns) with row 0 ahead and column 0 left is turned.
+    grid of (rows, columns) with row 0 ahead and column 0 left is turned. The grid is level, the ego's frame is not: the
+    pose of its origin turns it back, by nothing on a level road.
 
     Args:
         covered: (rows, columns).
-        grid: Its geometry, in ``frame``.
+        grid: Its geometry.
         stamp_ns: Stamp.
-        frame: The ego's frame.
+        frame: The ego's frame, fixed to the car.
+        ego: Its ``ACTOR_DTYPE`` row, shape ().
     """
+    tilt_rad = np.array([ego["roll"], ego["pitch"], 0.0])
+    corner_m = np.array([-grid.rows, -grid.columns, 0.0]) * grid.cell_m / 2.0
+    x, y, z = (corner_m @ rotations_from_rpy(tilt_rad)).tolist()
+    level = quaternion_message(quaternion_from_rpy(tilt_rad) * [-1.0, -1.0, -1.0, 1.0])
     info = MapMetaData(
-        map_load_time=time_message(stamp_ns), resolution=grid.cell_m, width=grid.rows, height=grid.columns
+        map_load_time=time_message(stamp_ns),
+        resolution=grid.cell_m,
+        width=grid.rows,
+        height=grid.columns,
+        origin=Pose(position=Point(x=x, y=y, z=z), orientation=level),
     )
-    info.origin.position = Point(x=-grid.rows * grid.cell_m / 2.0, y=-grid.columns * grid.cell_m / 2.0)
-    info.origin.orientation.w = 1.0
     cells = np.ascontiguousarray(covered[::-1, ::-1].T).astype(np.int8) * np.int8(100)
     return OccupancyGrid(header=header(stamp_ns, frame), info=info, data=array("b", cells.tobytes()))

@@ -12,6 +12,7 @@ from simbev_ros.scene.spec import SceneSpec
 CLOCK = "/clock"
 SCENE = "/world/scene"
 MAP = "/world/map"
+LEGEND = "/world/legend"
 REQUEST = "/world/request"
 END = "/world/end"
 ACTORS = "/world/actors"
@@ -72,6 +73,11 @@ def camera_info_topic(agent: str, camera: str, modality: str) -> str:
     return f"/{agent}/{camera}/{modality}/camera_info"
 
 
+def views_topic(agent: str, camera: str) -> str:
+    """What of the boxes a camera sees."""
+    return f"/{agent}/{camera}/boxes"
+
+
 def agent_topic(agent: str, name: str) -> str:
     """A topic in an agent's namespace."""
     return f"/{agent}/{name}"
@@ -81,6 +87,7 @@ def world_topics(spec: SceneSpec) -> Iterator[Topic]:
     """What the world node publishes and every scene has."""
     yield Topic(SCENE, "std_msgs/msg/String", 0)
     yield Topic(MAP, "std_msgs/msg/String", 0)
+    yield Topic(LEGEND, "std_msgs/msg/String", 0)
     yield Topic(LIGHTS, "sensor_msgs/msg/PointCloud2", 0)
     yield Topic(BUILDING_LIGHTS, "std_msgs/msg/String", 0)
     yield Topic(EVENTS, "std_msgs/msg/String", sporadic=True)
@@ -99,6 +106,35 @@ def annotation_topics(spec: SceneSpec) -> Iterator[Topic]:
     yield Topic(agent_topic(agent, "boxes"), "sensor_msgs/msg/PointCloud2")
     yield Topic(agent_topic(agent, "boxes/markers"), "visualization_msgs/msg/MarkerArray")
     yield Topic(agent_topic(agent, "hd_map"), "std_msgs/msg/String")
+    for camera in viewing_cameras(spec):
+        yield Topic(views_topic(agent, camera.name), "sensor_msgs/msg/PointCloud2", spec.period_ticks(camera.rate_hz))
+    occupancy, vector_map = spec.annotation.occupancy, spec.annotation.vector_map
+    if occupancy is not None:
+        period = spec.period_ticks(occupancy.rate_hz)
+        yield Topic(agent_topic(agent, "occupancy/points"), "sensor_msgs/msg/PointCloud2", period)
+    if vector_map is not None:
+        yield Topic(agent_topic(agent, "vector_map"), "std_msgs/msg/String", spec.period_ticks(vector_map.rate_hz))
+
+
+def viewing_cameras(spec: SceneSpec) -> list[Camera]:
+    """The cameras of which the annotator says what they see."""
+    return [each for each in spec.rig.of_type(Camera) if spec.annotation.views and "instance" in each.modalities]
+
+
+def read_by_annotator(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
+    """By sensor the topic that the annotator reads of it: a cloud, or instance images in their compressed or raw form.
+
+    Of a lidar the cloud with its errors counts, as that is what perception gets, if there is one.
+    """
+    taken: dict[str, Topic] = {}
+    clouds = [sensor.name for sensor in (*spec.rig.of_type(Lidar), *spec.rig.of_type(Radar))]
+    images = [camera.name for camera in viewing_cameras(spec)]
+    for topic in sensor_topics(spec, compressed_images=compressed_images):
+        _, _, sensor, modality, *_ = topic.name.split("/")
+        is_image = modality == "instance" and "CameraInfo" not in topic.type
+        if sensor in clouds or (sensor in images and is_image):
+            taken.setdefault(sensor, topic)
+    return taken
 
 
 def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:

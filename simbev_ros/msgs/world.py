@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Quaternion, Vector3
@@ -10,8 +11,6 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
-from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.roads.hd_map import lane_record
 from simbev_ros.msgs.stamps import header, stamp_of
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.scene.lights import BuildingLightSpec
@@ -47,11 +46,9 @@ def weather_message(state: WorldState) -> String:
     return String(data=json.dumps({"stamp_ns": state.stamp_ns, **state.weather.model_dump()}))
 
 
-def hd_map_message(network: RoadNetwork, state: WorldState) -> String:
-    """The record of the lane under the ego as JSON, with the stamp that a String lacks."""
-    ego = state.ego
-    record = lane_record(network, np.array([ego["x"], ego["y"], ego["z"]], np.float64), float(ego["yaw"]))
-    return String(data=json.dumps({"stamp_ns": state.stamp_ns, **record}))
+def record_message(record: dict[str, Any], stamp_ns: int) -> String:
+    """A record as JSON, with the stamp that a String lacks."""
+    return String(data=json.dumps({"stamp_ns": stamp_ns, **record}))
 
 
 def event_message(event: Event, state: WorldState) -> String:

@@ -1,95 +1,210 @@
-"""The annotator node: bird's-eye-view grids, boxes and the lane under the ego at every tick."""
+"""The annotator node: grids, boxes and maps at every tick; into the boxes goes what the sensors see of them.
 
-import math
+What follows from the state of the world is published at once, boxes when the clouds and images of their tick have come.
+"""
 
-import shapely
+import gc
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
 from nav_msgs.msg import OccupancyGrid
-from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import String
-from visualization_msgs.msg import MarkerArray
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.boxes import boxes
-from simbev_ros.annotation.hazards import LabelledArea, hazard_areas
-from simbev_ros.annotation.levels import Levels
+from simbev_ros.annotation.points import map_points, with_points
+from simbev_ros.annotation.scene_annotator import Labels, MeshAnnotators, SceneAnnotator, meshes_radius_m
+from simbev_ros.annotation.views import ViewAnnotator, visibility
 from simbev_ros.assets.catalogue import load_models
-from simbev_ros.config.scenario import Bev
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.radar import Radar
+from simbev_ros.config.sensor import Sensor
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.hd_map import lane_record
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.images import image_message
+from simbev_ros.msgs.images import image_message, labels_of_image
 from simbev_ros.msgs.markers import box_markers
+from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.occupancy import occupancy_grid_message
-from simbev_ros.msgs.tables import message_from_table
-from simbev_ros.msgs.world import MAP_FRAME, hd_map_message
+from simbev_ros.msgs.qos import qos_of, rclpy_qos
+from simbev_ros.msgs.stamps import stamp_of_serialised
+from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.world import MAP_FRAME, record_message
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.sensor_join import SensorJoin
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.palette import bev_color
-from simbev_ros.scene.reach import reach_of
+from simbev_ros.recording.image_codecs import decode_labels
+from simbev_ros.render.frame import CameraView
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import UInt16Array
+from simbev_ros.sensors.mount import map_from_sensor, vector
+from simbev_ros.types import Float64Array, Table, UInt16Array
 
-_MESSAGE_TYPES = {"PointCloud2": PointCloud2, "Image": Image, "MarkerArray": MarkerArray, "String": String}
+_LIVE_PATIENCE_TICKS = 8
+"""Live: boxes go out without what has not come by then. Longer than a lidar or camera takes that keeps up."""
+
+
+class _Tick(NamedTuple):
+    """What waits for the sensors."""
+
+    state: WorldState
+    boxes: Table
 
 
 class AnnotatorNode(Participant):
-    """Publishes /ego/bev/*, /ego/boxes* and /ego/hd_map."""
+    """Publishes all labels."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        self._compressed = self.declared("compressed", True, "Read the compressed instance images instead of the raw")
         self._surroundings = Surroundings()
-        self._bev: BevAnnotator | None = None
+        self._meshes: MeshAnnotators | None = None
+        self._scene: SceneAnnotator | None = None
         self._network: RoadNetwork | None = None
-        self._levels: Levels | None = None
-        self._hazards: tuple[LabelledArea, ...] = ()
+        self._views = ViewAnnotator(load_models())
+        self._sensors: dict[str, Topic] = {}
+        self._subscriptions_of: dict[str, Any] = {}
+        self._join: SensorJoin[_Tick, bytes] = SensorJoin({})
+        self._decoders = ThreadPoolExecutor(os.cpu_count())
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load the meshes around the ego (kept while scenes stay there) and advertise the topics."""
-        grid = spec.annotation.bev.grid
-        static = self._surroundings.changed(spec, math.hypot(grid.rows, grid.columns) * grid.cell_m / 2.0)
+        """Load the meshes around the ego (kept while scenes stay there), advertise the topics, read the sensors'."""
+        gc.unfreeze()
+        static = self._surroundings.changed(spec, meshes_radius_m(spec.annotation))
         if static is not None:
-            self._bev = BevAnnotator(static, load_models())
+            self._meshes = MeshAnnotators(static, load_models())
+        assert self._meshes is not None
         self._network = load_network(spec.map)
-        reach = reach_of(spec, self._network)
-        area = shapely.Point(reach.center_m).buffer(reach.radius_m)
-        layout = self._network.layout.near(area, margin_m=0.0)
-        self._levels, self._hazards = Levels(layout), hazard_areas(spec.hazards, layout)
+        self._scene = SceneAnnotator(spec, self._network, self._meshes)
+        self._read_sensors(spec)
         recorded = list(topics.annotation_topics(spec))
         for topic in recorded:
-            self.advertise(topic, _MESSAGE_TYPES[topic.type.rsplit("/", 1)[1]])
+            self.advertise(topic, message_class(topic.type))
         for name in BEV_CLASSES:
-            topic = topics.Topic(_grid_topic(spec.rig.agent, name), "nav_msgs/msg/OccupancyGrid")
-            self.advertise(topic, OccupancyGrid)
+            self.advertise(Topic(_grid_topic(spec.rig.agent, name), "nav_msgs/msg/OccupancyGrid"), OccupancyGrid)
+        gc.collect()
+        gc.freeze()  # maps are many objects, which the collector would go through again and again
         return [topic.name for topic in recorded]
 
+    def _read_sensors(self, spec: SceneSpec) -> None:
+        """Subscribe to what the boxes need, once for all scenes that have it."""
+        self._sensors = topics.read_by_annotator(spec, compressed_images=self._compressed)
+        names = {topic.name for topic in self._sensors.values()}
+        for name in self._subscriptions_of.keys() - names:
+            self.inputs.remove(self._subscriptions_of[name])
+            self.destroy_subscription(self._subscriptions_of.pop(name))
+        for sensor, topic in self._sensors.items():
+            if topic.name not in self._subscriptions_of:
+                qos, callback = rclpy_qos(qos_of(topic, live=self.live)), self._callback(sensor, topic)
+                kind = message_class(topic.type)
+                self._subscriptions_of[topic.name] = self.create_subscription(kind, topic.name, callback, qos, raw=True)
+                self.inputs.append(self._subscriptions_of[topic.name])
+        periods = {sensor: topic.period_ticks for sensor, topic in self._sensors.items()}
+        self._join = SensorJoin(periods, _LIVE_PATIENCE_TICKS if self.live else None)
+
+    def _callback(self, sensor: str, topic: Topic) -> Callable[[bytes], None]:
+        def receive(payload: bytes) -> None:
+            spec, stamp_ns = self.spec, stamp_of_serialised(payload, topic.type)
+            if spec is not None and stamp_ns is not None:
+                self._join.add(sensor, spec.tick_of(stamp_ns), payload)
+                self._publish_seen(spec)
+
+        return receive
+
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Annotate and publish a tick."""
+        """Annotate a tick; its boxes are kept until the sensors have sent theirs."""
         if state.tick < 0:
             return
-        assert self._bev is not None and self._network is not None and self._levels is not None
-        agent, annotation = spec.rig.agent, spec.annotation
-        frame = f"{agent}/base_link"
-        ego_level = self._levels.of_ego(state)
-        labels = self._bev.labels(state, annotation.bev.grid, ego_level, self._hazards)
-        self.publish(f"/{agent}/bev/labels", image_message(labels, state.stamp_ns, frame))
-        if self.readers(f"/{agent}/bev/color"):
-            self.publish(f"/{agent}/bev/color", image_message(bev_color(labels), state.stamp_ns, frame))
-        self._publish_grids(labels, annotation.bev, state.stamp_ns, frame)
-        table = boxes(state, annotation.box_radius_m, ego_level)
-        self.publish(f"/{agent}/boxes", message_from_table(table, state.stamp_ns, MAP_FRAME))
-        if self.readers(f"/{agent}/boxes/markers"):
-            self.publish(f"/{agent}/boxes/markers", box_markers(table, state.stamp_ns))
-        self.publish(topics.agent_topic(agent, "hd_map"), hd_map_message(self._network, state))
+        assert self._scene is not None and self._network is not None
+        labels = self._scene.labels(state)
+        self._publish_labels(spec, state, labels)
+        place_m = vector(state.ego, "x y z")
+        lane = record_message(lane_record(self._network, place_m, float(state.ego["yaw"])), state.stamp_ns)
+        self.publish(topics.agent_topic(spec.rig.agent, "hd_map"), lane)
+        self._join.expect(state.tick, _Tick(state, labels.boxes))
 
-    def _publish_grids(self, labels: UInt16Array, bev: Bev, stamp_ns: int, frame: str) -> None:
-        agent = frame.partition("/")[0]
+    def finish(self, spec: SceneSpec, state: WorldState) -> None:
+        """Report ticks of the lead-in; others are finished with their boxes."""
+        if state.tick < 0:
+            super().finish(spec, state)
+        else:
+            self._publish_seen(spec)
+
+    def _publish_labels(self, spec: SceneSpec, state: WorldState, labels: Labels) -> None:
+        agent, stamp_ns = spec.rig.agent, state.stamp_ns
+        frame = f"{agent}/base_link"
+        self.publish(f"/{agent}/bev/labels", image_message(labels.grid, stamp_ns, frame))
+        if self.readers(f"/{agent}/bev/color"):
+            self.publish(f"/{agent}/bev/color", image_message(bev_color(labels.grid), stamp_ns, frame))
+        self._publish_grids(labels.grid, spec, state)
+        if labels.voxels is not None:
+            self.publish(f"/{agent}/occupancy/points", message_from_table(labels.voxels, stamp_ns, frame))
+        if labels.roads is not None:
+            self.publish(f"/{agent}/vector_map", record_message(labels.roads, stamp_ns))
+
+    def _publish_grids(self, grid: UInt16Array, spec: SceneSpec, state: WorldState) -> None:
+        agent, geometry, ego = spec.rig.agent, spec.annotation.bev.grid, state.ego
         for index, name in enumerate(BEV_CLASSES):
             topic = _grid_topic(agent, name)
             if self.readers(topic):
-                covered = (labels >> index & 1).astype(bool)
-                self.publish(topic, occupancy_grid_message(covered, bev.grid, stamp_ns, frame))
+                covered = (grid >> index & 1).astype(bool)
+                frame = f"{agent}/base_link"
+                self.publish(topic, occupancy_grid_message(covered, geometry, state.stamp_ns, frame, ego))
+
+    def _publish_seen(self, spec: SceneSpec) -> None:
+        """Publish the boxes of all ticks that need not wait any longer."""
+        for tick, messages in self._join.ready():
+            with self.meter.busy(ticks=0):
+                self._publish_boxes(spec, tick, messages)
+            self.report_finished(spec, tick.state.tick)
+
+    def _publish_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> None:
+        agent, state = spec.rig.agent, tick.state
+        lidar_m, radar_m = (self._clouds(spec.rig.of_type(kind), state, messages) for kind in (Lidar, Radar))
+        boxes = with_points(tick.boxes, lidar_m, radar_m)
+        seen = self._seen(spec, tick, messages)
+        boxes["visibility"] = visibility(boxes["id"], seen.values())
+        self.publish(f"/{agent}/boxes", message_from_table(boxes, state.stamp_ns, MAP_FRAME))
+        if self.readers(f"/{agent}/boxes/markers"):
+            self.publish(f"/{agent}/boxes/markers", box_markers(boxes, state.stamp_ns))
+        for camera, table in seen.items():
+            message = message_from_table(table, state.stamp_ns, f"{agent}/{camera}_optical")
+            self.publish(topics.views_topic(agent, camera), message)
+
+    def _clouds(
+        self, sensors: Iterable[Sensor], state: WorldState, messages: dict[str, bytes]
+    ) -> list[Float64Array] | None:
+        """(N, 3) points of each sensor that has sent some, map frame; None if none has."""
+        clouds = []
+        for sensor in sensors:
+            if sensor.name in messages:
+                table = table_from_message(deserialize_message(messages[sensor.name], PointCloud2))
+                carrier = state.ego if isinstance(sensor, Lidar) and sensor.rolling else None
+                clouds.append(map_points(table, map_from_sensor(sensor.pose, state), carrier))
+        return clouds or None
+
+    def _seen(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> dict[str, Table]:
+        """By camera that has sent an image what it sees of the boxes."""
+        cameras = [camera for camera in topics.viewing_cameras(spec) if camera.name in messages]
+        images = self._decoders.map(self._image, [messages[camera.name] for camera in cameras])
+        views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in cameras]
+        tables = self._views.views(tick.state, tick.boxes, views, list(images))
+        return dict(zip((camera.name for camera in cameras), tables, strict=True))
+
+    def _image(self, payload: bytes) -> UInt16Array:
+        """(H, W) ids of an instance image."""
+        if self._compressed:
+            return decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
+        return labels_of_image(deserialize_message(payload, Image))
+
+    def close(self) -> None:
+        """End the threads that decode."""
+        self._decoders.shutdown()
 
 
 def _grid_topic(agent: str, class_name: str) -> str:

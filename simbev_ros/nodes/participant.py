@@ -18,6 +18,9 @@ class Participant(GraphNode):
     """Base of the sensor and annotation nodes.
 
     A subclass advertises its topics in ``start_scene`` and publishes in ``process``.
+
+    Attributes:
+        inputs: Subscriptions that must be connected before a scene begins.
     """
 
     def __init__(self, name: str) -> None:
@@ -25,8 +28,11 @@ class Participant(GraphNode):
         self.recorded: bool = self.declared(
             "recorded", False, "A recorder reads all topics: wait until it is connected"
         )
-        self._spec: SceneSpec | None = None
-        self._recorded_topics: list[str] = []
+        self.annotated: bool = self.declared(
+            "annotated", False, "An annotator reads clouds and instance images: wait until it is connected"
+        )
+        self.spec: SceneSpec | None = None
+        self._awaited_readers: dict[str, int] = {}
         self._loaded_reported = False
         self._last_tick = 0
         self._actors: dict[int, PointCloud2] = {}
@@ -36,7 +42,7 @@ class Participant(GraphNode):
         if self.live:
             state_qos.depth = 1
         self.create_subscription(String, topics.SCENE, self._on_scene, rclpy_qos(LATCHED))
-        self._state_subscriptions = [
+        self.inputs = [
             self.create_subscription(PointCloud2, topics.ACTORS, self._on_actors, state_qos),
             self.create_subscription(PointCloud2, topics.SIGNALS, self._on_signals, state_qos),
             self.create_subscription(String, topics.WEATHER, self._on_weather, state_qos),
@@ -55,27 +61,37 @@ class Participant(GraphNode):
         """Do the work of one tick, lead-in ticks (negative, nothing is published) included."""
         raise NotImplementedError
 
+    def finish(self, spec: SceneSpec, state: WorldState) -> None:
+        """Report a tick that has been processed; a node that has more to do for it reports it later."""
+        self.report_finished(spec, state.tick)
+
     def _on_scene(self, message: String) -> None:
-        self._spec = None
+        self.spec = None
         for waiting in (self._actors, self._signals, self._weather):
             waiting.clear()
         spec = SceneSpec.model_validate_json(message.data)
-        self._recorded_topics = self.start_scene(spec)
+        self._awaited_readers = self._readers_of(spec, self.start_scene(spec))
         self._last_tick = spec.loaded_tick
-        self._spec = spec
+        self.spec = spec
         self._loaded_reported = False
         self._report_loaded()
 
     def _report_loaded(self) -> None:
         """Report the scene as loaded once all readers and writers are connected; a timer tries until they are."""
-        if self._spec is None or self._loaded_reported:
+        if self.spec is None or self._loaded_reported:
             return
-        if any(subscription.get_publisher_count() == 0 for subscription in self._state_subscriptions):
+        if any(subscription.get_publisher_count() == 0 for subscription in self.inputs):
             return
-        if self.recorded and any(self.readers(name) == 0 for name in self._recorded_topics):
+        if any(self.readers(name) < count for name, count in self._awaited_readers.items()):
             return
         self._loaded_reported = True
-        self.report_finished(self._spec, self._spec.loaded_tick)
+        self.report_finished(self.spec, self.spec.loaded_tick)
+
+    def _readers_of(self, spec: SceneSpec, recorded_topics: list[str]) -> dict[str, int]:
+        """How many readers each topic will have."""
+        forms = [topics.read_by_annotator(spec, compressed_images=compressed) for compressed in (False, True)]
+        labelled = {topic.name for form in forms for topic in form.values()}
+        return {name: self.recorded + (self.annotated and name in labelled) for name in recorded_topics}
 
     def _on_actors(self, message: PointCloud2) -> None:
         self._take(self._actors, stamp_of(message.header.stamp), message)
@@ -89,17 +105,17 @@ class Participant(GraphNode):
     def _take(self, waiting: dict[int, Any], stamp_ns: int, message: Any) -> None:
         """Keep a message; when it completes a tick, process it (live: only the newest complete one)."""
         waiting[stamp_ns] = message
-        while self._spec is not None:
+        while self.spec is not None:
             complete = self._actors.keys() & self._signals.keys() & self._weather.keys()
             if not complete:
                 return
             stamp_ns = max(complete) if self.live else min(complete)
-            tick = self._spec.tick_of(stamp_ns)
+            tick = self.spec.tick_of(stamp_ns)
             state = world_state(self._actors[stamp_ns], self._signals[stamp_ns], self._weather[stamp_ns], tick)
             for table in (self._actors, self._signals, self._weather):
                 for old in [key for key in table if key <= stamp_ns]:
                     del table[old]
-            self._process(self._spec, state)
+            self._process(self.spec, state)
 
     def _process(self, spec: SceneSpec, state: WorldState) -> None:
         skipped = range(self._last_tick + 1, state.tick)
@@ -110,4 +126,4 @@ class Participant(GraphNode):
                 self.process(spec, state)
         else:
             self.process(spec, state)
-        self.report_finished(spec, state.tick)
+        self.finish(spec, state)

@@ -2,18 +2,22 @@
 
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from simbev_ros.annotation.trajectories import Tracker, npz_of
 from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of_serialised
+from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topics import Topic
 from simbev_ros.msgs.transforms import ego_transform, serialised_transforms, static_transforms
 from simbev_ros.nodes.graph_node import GraphNode
@@ -26,6 +30,7 @@ from simbev_ros.recording.layout import (
     MAP_ATTACHMENT,
     MAP_SOURCE_ATTACHMENT,
     SCENE_ATTACHMENT,
+    TRAJECTORIES_ATTACHMENT,
     scene_folder,
 )
 from simbev_ros.recording.lead_in import lead_in_attachment
@@ -71,6 +76,7 @@ class RecorderNode(GraphNode):
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
         self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_lists)
         self._next_tick = 0
+        self._tracker = Tracker(spec.tick_ns)
         self._writer = SceneBagWriter(
             scene_folder(self._dataset, spec.split, spec.name), chunk_bytes=self._chunk_kib << 10
         )
@@ -163,6 +169,8 @@ class RecorderNode(GraphNode):
             map_text = deserialize_message(messages[topics.MAP][0][1], String).data
             self._writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
         entries = [(stamp_ns, topic, payload) for topic in self._manifest for stamp_ns, payload in messages[topic.name]]
+        for stamp_ns, payload in messages[topics.ACTORS]:
+            self._tracker.add(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
             self._writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
 
@@ -170,9 +178,14 @@ class RecorderNode(GraphNode):
         """Give the bag its final name, if all is in it: the last tick, and events, which may come after their tick."""
         if self._writer is None or self._end is None or not self._accounting.is_finished:
             return
+        self._add_tracks(self._writer)
         self._writer.finish(self._facts(spec))
         self._writer = self._spec = None
         self.report_finished(spec, self._end.tick + 1)
+
+    def _add_tracks(self, writer: SceneBagWriter) -> None:
+        """Put in where everything has gone, which is known now that the scene is over."""
+        writer.add_attachment(TRAJECTORIES_ATTACHMENT, "application/x-npz", npz_of(self._tracker.tracks()))
 
     def _facts(self, spec: SceneSpec) -> dict[str, str]:
         """What the bag's description says of the scene."""
@@ -185,6 +198,8 @@ class RecorderNode(GraphNode):
             return
         for tick in sorted(self._waiting):
             self._write_tick(tick)
+        with suppress(OSError):  # the disk may be full, which may be why
+            self._add_tracks(self._writer)
         if self.live and self._next_tick > 0:
             self._writer.finish(self._facts(self._spec))
         else:

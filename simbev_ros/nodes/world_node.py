@@ -1,5 +1,6 @@
 """The world node: owns time. Gets a scene to simulate or replay, and starts a tick when all participants may follow."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
 from simbev_ros.recording.replay import Replay
 from simbev_ros.scene.ending import Ending, SceneEnd
+from simbev_ros.scene.legend import legend
 from simbev_ros.scene.lights import street_lights
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.request import SceneRequest
@@ -43,6 +45,7 @@ from simbev_ros.world.source import Source
 _MESSAGE_TYPES = {
     topics.SCENE: String,
     topics.MAP: String,
+    topics.LEGEND: String,
     topics.CLOCK: Clock,
     topics.ACTORS: PointCloud2,
     topics.SIGNALS: PointCloud2,
@@ -99,6 +102,7 @@ class WorldNode(GraphNode):
         self._spec = spec
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
+        self.publish(topics.LEGEND, String(data=json.dumps(legend())))
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
         self._publish_lights(spec, streetside)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))

@@ -54,7 +54,7 @@ class SceneBagWriter:
         self._schema_ids: dict[str, int] = {}
         self._start_ns: int | None = None
         self._end_ns = 0
-        self._writer = Writer(self._stream, chunk_size=chunk_bytes)
+        self._writer = Writer(self._stream, chunk_size=chunk_bytes, enable_data_crcs=True)
         self._writer.start(profile="ros2", library=f"simbev_ros {__version__}")
 
     def add_topic(self, name: str, type_name: str, qos: QosProfile) -> None:

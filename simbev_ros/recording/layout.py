@@ -11,6 +11,8 @@ MAP_ATTACHMENT = "map.xodr"
 MAP_SOURCE_ATTACHMENT = "map_source.gz"
 """The file that the map was made from, for maps that are files."""
 LEAD_IN_ATTACHMENT = "lead_in.json"
+TRAJECTORIES_ATTACHMENT = "trajectories.npz"
+"""Where every actor has gone: ``annotation/trajectories.py``."""
 METADATA_FILE = "metadata.yaml"
 
 

@@ -16,10 +16,11 @@ from zstandard import ZstdError
 
 from simbev_ros.errors import BagError
 
-DAMAGE = (McapError, ZstdError, ValueError, KeyError, struct.error)
+DAMAGE = (McapError, ZstdError, ValueError, KeyError, struct.error, OverflowError, MemoryError)
 """What reading damaged records raises."""
 
-_HEAD = struct.Struct("<BQ")
+RECORD_HEAD = struct.Struct("<BQ")
+"""Opcode and length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +79,7 @@ def read_index(stream: BinaryIO, name: str) -> McapIndex:
 
 def read_chunk(stream: BinaryIO, offset: int) -> list[McapRecord]:
     """The records of the chunk at an offset, its CRC checked. Raises one of ``DAMAGE``."""
-    stream.seek(offset + _HEAD.size)
+    stream.seek(offset + RECORD_HEAD.size)
     return breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
 
 
@@ -95,7 +96,7 @@ def _from_summary(stream: BinaryIO) -> McapIndex:
         ids = frozenset(chunk.message_index_offsets)
         index.chunks.append(ChunkEntry(chunk.chunk_start_offset, chunk.message_start_time, chunk.message_end_time, ids))
         for channel_id, offset in chunk.message_index_offsets.items():
-            stream.seek(offset + _HEAD.size)
+            stream.seek(offset + RECORD_HEAD.size)
             entries = MessageIndex.read(ReadDataStream(stream)).records
             index.stamps_ns.setdefault(channel_id, []).extend(stamp_ns for stamp_ns, _ in entries)
     index.attachments = {attachment.name: attachment.data for attachment in reader.iter_attachments()}
@@ -120,13 +121,13 @@ def _walk(stream: BinaryIO, size: int) -> McapIndex:
 def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
     """Opcode and offset of each whole record, the stream standing behind the record's head."""
     offset = len(MCAP0_MAGIC)
-    while offset + _HEAD.size <= size:
+    while offset + RECORD_HEAD.size <= size:
         stream.seek(offset)
-        opcode, length = _HEAD.unpack(stream.read(_HEAD.size))
-        if opcode in (0, Opcode.DATA_END) or offset + _HEAD.size + length > size:
+        opcode, length = RECORD_HEAD.unpack(stream.read(RECORD_HEAD.size))
+        if opcode in (0, Opcode.DATA_END) or offset + RECORD_HEAD.size + length > size:
             return
         yield opcode, offset
-        offset += _HEAD.size + length
+        offset += RECORD_HEAD.size + length
 
 
 def _enter_chunk(index: McapIndex, offset: int, records: list[McapRecord]) -> None:

@@ -9,16 +9,15 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.render.detail import LevelsOfDetail
 from simbev_ros.render.hidden import Look
 from simbev_ros.render.rigid_table import RigidTable
 from simbev_ros.render.triangle_store import TriangleStore
 from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.types import BoolArray, Float64Array
 
 _INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
-_ERROR_PX = 0.5
-"""How far coarser meshes may be from the exact one."""
 
 
 class ActorGeometry:
@@ -31,16 +30,13 @@ class ActorGeometry:
         programs: Mapping[str, moderngl.Program],
     ) -> None:
         """Upload the models for use with ``programs``."""
-        coarser = [model.build_coarser() for model in models]
-        meshes = [[model.mesh, *(level.mesh for level in more)] for model, more in zip(models, coarser, strict=True)]
+        self._detail = LevelsOfDetail(models)
+        meshes = self._detail.meshes
         self.store = TriangleStore(context, [mesh for levels in meshes for mesh in levels], programs, _INSTANCE_DTYPE)
         self._counts = np.zeros((len(models), max(map(len, meshes), default=1)), np.int64)
         for row, levels in zip(self._counts, meshes, strict=True):
             row[: len(levels)] = [len(mesh.triangles) for mesh in levels]
         self._ends = np.cumsum(self._counts).reshape(self._counts.shape)
-        self._errors_m = np.full(self._counts.shape, np.inf)
-        for row, more in zip(self._errors_m, coarser, strict=True):
-            row[: 1 + len(more)] = [0.0, *(level.error_m for level in more)]
 
     def draw(
         self,
@@ -63,20 +59,12 @@ class ActorGeometry:
         """
         for name, matrix in matrices.items():
             self.store.program(program)[name].write(matrix.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
-        kinds = np.stack([world.actors["blueprint"][chosen], self._levels(world, pixel_m)[chosen]], axis=1)
+        kinds = np.stack([world.actors["blueprint"], self._detail.of(world.actors, pixel_m)], axis=1)[chosen]
         alike, counts = np.unique(kinds, axis=0, return_counts=True)
         instances = np.empty(len(kinds), _INSTANCE_DTYPE)
         instances["in_row"] = table.first_row[chosen][np.lexsort(kinds.T[::-1])]
         ends = self._ends[*alike.T]
         self.store.draw(program, ends - self._counts[*alike.T], ends, counts, instances)
-
-    def _levels(self, world: WorldState, pixel_m: Float64Array) -> Int64Array:
-        """(N,) the coarsest level of each actor that may be drawn."""
-        errors_m = self._errors_m[world.actors["blueprint"]]
-        fits = errors_m <= _ERROR_PX * pixel_m[:, None]
-        fits[world.actors["doors"] != 0, 1:] = False
-        level: Int64Array = fits.sum(axis=1) - 1
-        return level
 
 
 def visible_actors(world: WorldState, table: RigidTable, view: View, look: Look | None, show_ego: bool) -> BoolArray:

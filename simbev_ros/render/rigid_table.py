@@ -11,6 +11,7 @@ import numpy as np
 from simbev_ros.assets.skeletons import Skeletons
 from simbev_ros.errors import RenderError
 from simbev_ros.geometry.transforms import inverse
+from simbev_ros.render.detail import bounding_spheres
 from simbev_ros.render.programs import TEXTURE_UNITS
 from simbev_ros.scene.between import known_before
 from simbev_ros.scene.state import WorldState, map_from_actors
@@ -20,7 +21,6 @@ from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table, UInt
 _ROWS_PER_LINE = 128
 _TEXELS_PER_ROW = 6
 _MAX_ROWS = 1 << 16
-_LIMB_REACH_M = 0.6
 _SIZE_UNITS_M = {"length": 0.1, "width": 0.02, "height": 0.02}
 
 
@@ -34,7 +34,7 @@ class RigidTable:
             has a cabin length / 0.1 m | width / 0.02 m << 8 | height / 0.02 m << 16 | tag << 24.
         first_row: (N,) row of each actor's part 0, in the order of the actors table.
         center_m: (N, 3) world, middle of a sphere around each actor.
-        radius_m: (N,) its radius. Limbs swing out of the actor's box, but not out of the sphere.
+        radius_m: (N,) its radius.
     """
 
     poses: Float32Array
@@ -58,14 +58,13 @@ class RigidTable:
         if rows > _MAX_ROWS or (len(actors) and actors["id"].max() >= _MAX_ROWS):
             raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
         before = None if previous is None else known_before(actors, previous.actors)
-        size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
-        foot_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
+        center_m, radius_m = bounding_spheres(actors, origin_m)
         return cls(
             poses=_poses(skeletons, actors, before, origin_m),
             actors=_looks(actors)[np.concatenate([[0], 1 + actor])],
             first_row=1 + np.searchsorted(actor, np.arange(len(actors))),
-            center_m=foot_m + size_m * [0.0, 0.0, 0.5],
-            radius_m=np.linalg.norm(size_m, axis=1) / 2.0 + _LIMB_REACH_M,
+            center_m=center_m,
+            radius_m=radius_m,
         )
 
 

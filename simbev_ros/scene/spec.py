@@ -4,9 +4,10 @@ from functools import cached_property
 
 from pydantic import Field
 
+from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import Annotation, EgoDriverKind
+from simbev_ros.config.scenario import EgoDriverKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.hazards import HazardSpec
 from simbev_ros.scene.lights import LightSpec

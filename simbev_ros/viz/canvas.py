@@ -75,7 +75,7 @@ def draw_label(image: UInt8Array, box: Box, title: str, note: str, scale: float)
     height = round(25 * scale)
     width = text_width(title, size, BOLD) + (text_width(note, size) + padding if note else 0) + 2 * padding
     plate = Box(round(box.left + inset), round(box.top + inset), round(width), height)
-    mask = _rounded(plate.width, plate.height, round(5 * scale, 1)) * np.float32(0.66)
+    mask = _rounded(plate.width, plate.height, round(5 * scale, 1)) * np.float32(0.78)
     _blend(image, np.full((plate.height, plate.width, 3), BACKGROUND, np.uint8), plate, mask)
     baseline = plate.top + 0.71 * height
     end = draw_text(image, title, plate.left + padding, baseline, size=size, weight=BOLD)

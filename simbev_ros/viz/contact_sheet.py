@@ -1,22 +1,22 @@
 """One frame of a scene as one picture: cameras, the front camera's other modalities, lidar and labels from above."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, UInt8Array
+from simbev_ros.types import UInt8Array
 from simbev_ros.viz import panels
 from simbev_ros.viz.canvas import ACCENT, BACKGROUND, BOLD, DIM, LINE, SURFACE, draw_label, draw_picture, draw_text
-from simbev_ros.viz.frames import Frame, Views
-from simbev_ros.viz.layout import Block, Box, Column, Row, Tile, place_in_width
+from simbev_ros.viz.frames import Frame
+from simbev_ros.viz.layout import Block, Column, Row, Tile, place_in_width
+from simbev_ros.viz.sheet_panels import LABEL_PANEL, PanelPainter
+from simbev_ros.viz.views import Views
 
 DESIGN_WIDTH_PX = 1920
 """All lengths below are for this width and scale with it."""
 
 _MARGIN, _GAP, _HEADER, _RADIUS = 24, 10, 78, 7
-
-_Paint = Callable[[Mapping[str, AnyArray], Box], UInt8Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +34,6 @@ class Captions:
     facts: str
     frames: int
     start_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Panel:
-    """The place of some topics, named by the first of them: its words, and how it is made from a frame's arrays."""
-
-    topics: Sequence[str]
-    title: str
-    note: str
-    paint: _Paint
 
 
 class ContactSheet:
@@ -73,7 +63,7 @@ class ContactSheet:
         """
         self._captions = captions
         self._scale = width_px / DESIGN_WIDTH_PX
-        self._panels = list(_panels(views, half_extent_m))
+        self._panels = list(PanelPainter(views, half_extent_m, self._scale).panels())
         self._margin = round(_MARGIN * self._scale)
         top, gap = round(_HEADER * self._scale), round(_GAP * self._scale)
         self._boxes = place_in_width(_arrange(views, aspects), self._margin, top, width_px - 2 * self._margin, gap)
@@ -86,9 +76,9 @@ class ContactSheet:
         sheet = np.full((height, width, 3), BACKGROUND, np.uint8)
         self._draw_header(sheet, frame)
         for panel in self._panels:
-            box = self._boxes[panel.topics[0]]
+            box = self._boxes[panel.place]
             if any(topic in frame.arrays for topic in panel.topics):
-                picture, note = panel.paint(frame.arrays, box), panel.note
+                picture, note = panel.paint(frame, box), panel.note
             else:
                 picture, note = np.full((box.height, box.width, 3), SURFACE, np.uint8), "nothing received"
             draw_picture(sheet, picture, box, _RADIUS * self._scale)
@@ -113,67 +103,28 @@ class ContactSheet:
 
 
 def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
-    """Cameras in rows of a panorama; below them modalities, two by two, beside the views from above."""
+    """Cameras in rows of a panorama; below them modalities, and the views with labels.
+
+    Without a picture with labels, four modalities are put two by two beside the views from above.
+    """
 
     def row(topics: Sequence[str]) -> Row:
         return Row([Tile(topic, aspects[topic]) for topic in topics])
 
     cameras, others = list(views.cameras.values()), list(views.modalities.values())
-    above = [topic for topic in (views.points, next(iter(views.radars), None), views.bev) if topic is not None]
+    above = row([topic for topic in (views.points, next(iter(views.radars), None), views.bev) if topic is not None])
+    if views.label_panel is not None:
+        above = Row([Tile(LABEL_PANEL, aspects[views.label_panel[1].rgb]), *above.blocks])
     if len(cameras) == 1:  # it alone would fill the sheet
-        return Column([part for part in (row([*cameras, *above]), row(others)) if part.blocks])
+        return Column([part for part in (Row([*row(cameras).blocks, *above.blocks]), row(others)) if part.blocks])
     rows = -(-len(cameras) // (3 if len(cameras) <= 6 else 4))
     lengths = [len(cameras) // rows + (i < len(cameras) % rows) for i in range(rows)]
     starts = np.cumsum([0, *lengths]).tolist()
     blocks: list[Block] = [row(cameras[a : a + n]) for a, n in zip(starts, lengths, strict=False)]
-    bottom: list[Block] = list(row(above).blocks)
-    if len(others) == len(panels.MODALITY_PICTURES) and above:
-        bottom.insert(0, Column([row(others[:2]), row(others[2:])]))
+    if views.label_panel is None and len(others) == len(panels.MODALITY_PICTURES) and above.blocks:
+        bottom = [Row([Column([row(others[:2]), row(others[2:])]), *above.blocks])]
+    elif len(others) == len(panels.MODALITY_PICTURES):
+        bottom = [row(others), above]
     else:
-        bottom[:0] = row(others).blocks
-    return Column([*blocks, Row(bottom)] if bottom else blocks)
-
-
-def _panels(views: Views, half_extent_m: float) -> Iterator[_Panel]:
-    for camera, topic in views.cameras.items():
-        yield _Panel([topic], _words(camera), "", _paint_rgb(topic))
-    rgb = views.cameras.get(views.main_camera)
-    for modality, topic in views.modalities.items():
-        entry = panels.MODALITY_PICTURES[modality]
-        note = ", ".join(part for part in (_words(views.main_camera).lower(), entry.note) if part)
-        yield _Panel([topic], entry.title, note, _paint_modality(topic, rgb, entry.picture))
-    if views.points is not None:
-        yield _Panel([views.points], "Lidar", "from above, by class", _paint_points(views.points, half_extent_m))
-    if views.radars:
-        yield _Panel(list(views.radars), "Radar", "blue approaches, red recedes", _paint_radars(views, half_extent_m))
-    if views.bev is not None:
-        yield _Panel([views.bev], "Bird's-eye view", "ground truth", _paint_bev(views.bev))
-
-
-def _paint_rgb(topic: str) -> _Paint:
-    return lambda arrays, box: arrays[topic]
-
-
-def _paint_modality(topic: str, rgb: str | None, picture: panels.ModalityPicture) -> _Paint:
-    return lambda arrays, box: picture(arrays[topic], arrays.get(rgb) if rgb else None, box.width)
-
-
-def _paint_points(topic: str, half_extent_m: float) -> _Paint:
-    return lambda arrays, box: panels.lidar_picture(arrays[topic], box.width, half_extent_m)
-
-
-def _paint_radars(views: Views, half_extent_m: float) -> _Paint:
-    def paint(arrays: Mapping[str, AnyArray], box: Box) -> UInt8Array:
-        clouds = [(arrays[topic], pose) for topic, pose in views.radars.items() if topic in arrays]
-        return panels.radar_picture(clouds, box.width, half_extent_m)
-
-    return paint
-
-
-def _paint_bev(topic: str) -> _Paint:
-    return lambda arrays, box: panels.bev_picture(arrays[topic], box.width)
-
-
-def _words(camera: str) -> str:
-    """``cam_front_left`` → ``Front left``."""
-    return camera.removeprefix("cam_").replace("_", " ").capitalize()
+        bottom = [Row([*row(others).blocks, *above.blocks])]
+    return Column([*blocks, *(part for part in bottom if part.blocks)])

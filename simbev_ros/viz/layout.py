@@ -6,7 +6,10 @@ nesting of them has exactly one height for a given width.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+LabelPlace = Literal["off", "panel", "cameras"]
+"""Where labels are drawn: nowhere; over a second picture of the main camera, and from above; over all cameras too."""
 
 
 class Box(NamedTuple):

@@ -54,12 +54,13 @@ def flow_picture(flow_px: Float32Array, rgb: UInt8Array | None, width_px: int) -
     """Colour wheel of (H, W, 2) flow: hue is the direction, strength the length; what has none is dark."""
     full_length_px = FULL_FLOW_SHARE * flow_px.shape[1]
     flow_px = _thin(flow_px, width_px)
-    u, v = np.nan_to_num(flow_px[..., 0]), np.nan_to_num(flow_px[..., 1])
-    hue = np.degrees(np.arctan2(v, u)) / 2 % 180  # OpenCV counts hue in steps of 2 degrees
-    strength = np.minimum(np.sqrt(np.hypot(u, v) / full_length_px), 1)[..., None]
-    hsv = np.stack([hue, np.full_like(hue, 185), np.full_like(hue, 255)], axis=-1).astype(np.uint8)
-    picture = cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * strength + np.array(SURFACE) * (1 - strength)
-    return np.asarray(np.rint(picture), np.uint8)
+    u, v = cv2.split(np.nan_to_num(flow_px))
+    length_px, angle_deg = cv2.cartToPolar(u, v, angleInDegrees=True)
+    strength = np.minimum(np.sqrt(length_px / full_length_px), 1)
+    hsv = np.full((*u.shape, 3), (0, 185, 255), np.uint8)
+    hsv[..., 0] = angle_deg / 2  # OpenCV counts hue in steps of 2 degrees
+    dark = np.full_like(hsv, SURFACE)
+    return np.asarray(cv2.blendLinear(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), dark, strength, 1 - strength), np.uint8)
 
 
 ModalityPicture = Callable[[AnyArray, UInt8Array | None, int], UInt8Array]
@@ -82,18 +83,20 @@ MODALITY_PICTURES = {
 }
 
 
-def lidar_picture(points: Table, size_px: int, half_extent_m: float) -> UInt8Array:
-    """Points from above, the x axis up, coloured by tag; the higher one hides the lower one.
+def lidar_picture(points: Table, ego_from_lidar: Float64Array, size_px: int, half_extent_m: float) -> UInt8Array:
+    """Points from above, the ego looking up, coloured by tag; the higher one hides the lower one.
 
     Args:
         points: (N,) rows with x, y, z in metres and a semantic tag; the sensor's frame.
+        ego_from_lidar: (4, 4).
         size_px: Width and height of the picture.
         half_extent_m: From the centre of the picture to its edge.
     """
-    points = points[np.argsort(points["z"], kind="stable")]
-    colors = semantic_color(points["tag"].astype(np.uint8))
+    places = apply(ego_from_lidar, np.stack([points[axis] for axis in "xyz"], axis=1))
+    upwards = np.argsort(places[:, 2], kind="stable")
+    colors = semantic_color(points["tag"][upwards].astype(np.uint8))
     colors = np.maximum(colors, (colors // 2 + 80).astype(np.uint8))  # dark tags must show on the dark ground
-    return _from_above(np.stack([points["x"], points["y"]], axis=1), colors, 3, size_px, half_extent_m)
+    return _from_above(places[upwards, :2], colors, 3, size_px, half_extent_m)
 
 
 def radar_picture(clouds: Sequence[tuple[Table, Float64Array]], size_px: int, half_extent_m: float) -> UInt8Array:

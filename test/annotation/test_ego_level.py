@@ -5,7 +5,7 @@ import pytest
 from synthetic_world import EGO_ID, actor, box_model, mesh, sheet, world
 
 from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.boxes import boxes
+from simbev_ros.annotation.boxes import SIGN_IDS, Standing, blank, boxes
 from simbev_ros.annotation.levels import Levels, on_ego_level
 from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, Tile
@@ -166,6 +166,18 @@ def test_boxes_of_all_levels_are_there_and_say_whether_they_are_on_the_egos(plac
     found = boxes(state, 120.0, levels.of_ego(state))
     assert list(found["id"]) == list(range(8, 17))
     assert set(found["id"][found["on_ego_level"] == 1].tolist()) == ids
+
+
+@pytest.mark.parametrize(("place", "counts"), [("beneath", [0, 1, 1]), ("on the deck", [1, 0, 0])])
+def test_lights_and_signs_are_on_the_level_of_the_road_that_they_stand_beside(place: str, counts: list[int]) -> None:
+    levels, _ = crossing()
+    state = world(EGOS[place])
+    feet_m = np.array([[10.0, -4.5, HEIGHT_M], [3.3, 2.0, 0.0], [-3.3, 60.0, 0.0]])
+    signs = blank(3)
+    signs["id"], signs["tag"] = SIGN_IDS + 1 + np.arange(3), Tag.TRAFFIC_SIGN
+    signs["x"], signs["y"], signs["z"] = feet_m.T
+    found = boxes(state, 120.0, levels.of_ego(state), standing=Standing(signs, feet_m))
+    assert found["on_ego_level"].tolist() == counts
 
 
 def test_a_rider_is_where_the_bicycle_is() -> None:

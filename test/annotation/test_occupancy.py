@@ -98,8 +98,10 @@ def test_a_box_without_a_face_is_closed_and_one_without_three_is_a_sheet() -> No
 
 def test_the_table_of_occupied_voxels_gives_the_dense_form_back() -> None:
     found = tags(mesh(box([3.1, -2.2, 1.1], [4.0, 3.0, 2.0]), Tag.BUILDING))
-    table = occupied(found)
-    assert table.dtype.names == ("ix", "iy", "iz", "tag") and len(table) == (found > 0).sum()
+    table = occupied(found, GRID)
+    assert table.dtype.names == ("x", "y", "z", "ix", "iy", "iz", "tag") and len(table) == (found > 0).sum()
+    index = np.floor(apply(GRID.grid_from_ego, np.stack([table["x"], table["y"], table["z"]], axis=1)))
+    assert np.array_equal(index, np.stack([table["ix"], table["iy"], table["iz"]], axis=1))
     assert np.array_equal(dense(table, GRID), found)
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.raster import covered_cells
+from simbev_ros.annotation.raster import corners_near_centers, covered_cells
 from simbev_ros.types import BoolArray, Float64Array
 
 ROWS, COLUMNS = 40, 56
@@ -9,9 +9,9 @@ ROWS, COLUMNS = 40, 56
 
 def drawn(corners: Float64Array, rows: int = ROWS, columns: int = COLUMNS) -> BoolArray:
     """(rows, columns) of (T, 3, 2) triangles."""
-    triangles = np.arange(len(corners) * 3, dtype=np.int32).reshape(-1, 3)
-    planes = np.zeros(len(corners), np.uint8)
-    return covered_cells(corners.reshape(-1, 2), triangles, planes, (1, rows, columns))[0]
+    points = corners.reshape(-1, 2).T
+    near, _ = corners_near_centers(points, np.arange(len(corners) * 3, dtype=np.int32).reshape(-1, 3), rows, columns)
+    return covered_cells(near, np.zeros(near.shape[2], np.uint8), (1, rows, columns))[0]
 
 
 def signed_distances(corners: Float64Array) -> Float64Array:
@@ -85,8 +85,8 @@ def test_nothing_is_drawn_outside_of_the_grid() -> None:
 
 def test_planes_are_drawn_apart() -> None:
     points = np.array([[1.0, 1.0], [5.0, 1.0], [1.0, 5.0], [9.0, 9.0], [7.0, 9.0], [9.0, 7.0]])
-    triangles = np.array([[0, 1, 2], [3, 4, 5]], np.int32)
-    filled = covered_cells(points, triangles, np.array([2, 0], np.uint8), (3, 12, 12))
+    corners = points.reshape(2, 3, 2).transpose(2, 1, 0)
+    filled = covered_cells(corners, np.array([2, 0], np.uint8), (3, 12, 12))
     assert filled[2].sum() == 15
     assert filled[2, 1, 5]
     assert filled[0].sum() == 6

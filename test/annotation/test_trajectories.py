@@ -1,13 +1,12 @@
 """Tracks and futures of a scene made by formula, checked box by box against a search of its tables."""
 
 import io
-from itertools import islice
 
 import numpy as np
 import pytest
 
 from simbev_ros.annotation.boxes import boxes
-from simbev_ros.annotation.trajectories import Tracks, futures, npz_of, tracks_of, tracks_of_npz
+from simbev_ros.annotation.trajectories import Tracker, Tracks, futures, npz_of, tracks_of_npz
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
@@ -39,7 +38,10 @@ def table(frame: int, left_out: int = 0) -> Table:
 
 def scene(*missing: int) -> Tracks:
     frames = ((START_NS + frame * TICK_NS, table(frame)) for frame in range(40) if frame not in missing)
-    return tracks_of(frames, TICK_NS)
+    tracker = Tracker(TICK_NS)
+    for stamp_ns, actors in frames:
+        tracker.add(stamp_ns, actors)
+    return tracker.tracks()
 
 
 def boxes_at(frame: int) -> Table:
@@ -133,6 +135,6 @@ def test_an_actor_without_a_track_is_named() -> None:
 
 
 def test_a_scene_of_nothing_has_no_tracks() -> None:
-    tracks = tracks_of(islice([(START_NS, np.zeros(0, ACTOR_DTYPE))], 0), TICK_NS)
+    tracks = Tracker(TICK_NS).tracks()
     assert tracks.position_m.shape == (0, 0, 3)
     assert tracks_of_npz(npz_of(tracks)).valid.shape == (0, 0)

@@ -4,17 +4,26 @@ import av
 import cv2
 import numpy as np
 import pytest
-from synthetic_scene import write_scene
+from synthetic_scene import STEP_M, YAWS_DEG, camera_images, street, write_scene
 
 from simbev_ros.cli.preview import preview
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
-from simbev_ros.errors import InputError
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.sensor import Pose
+from simbev_ros.errors import BagError, InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.draw import draw_scene, planned_scenes
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.contact_sheet import Captions, ContactSheet
-from simbev_ros.viz.frames import FrameReader, find_views
+from simbev_ros.viz.frames import FrameReader
+from simbev_ros.viz.layout import LabelPlace
+from simbev_ros.viz.sheet_panels import LABEL_PANEL
+from simbev_ros.viz.views import find_views
+
+FRONT = "/ego/cam_front/rgb/image_raw/compressed"
+LIDAR, BEV = "/ego/lidar/semantic_points", "/ego/bev/labels"
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +31,24 @@ def bag_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_scene(tmp_path_factory.mktemp("bag") / "Town01-0007")
 
 
-def draw(path: Path, width_px: int = 960) -> tuple[ContactSheet, UInt8Array]:
+@pytest.fixture(scope="module")
+def labelled_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With boxes, the ego's pose, and a rig that tells where the cameras are."""
+    scenario = load_scenario("demo")
+    planned = next(planned_scenes(scenario))
+    cameras = tuple(
+        Camera(type="camera", name=f"cam_{name}", pose=Pose(z_m=1.6, yaw_deg=yaw), width_px=320, height_px=180)
+        for name, yaw in YAWS_DEG.items()
+    )
+    spec = draw_scene(scenario, planned, load_network(planned.map)).model_copy(update={"rig": Rig(sensors=cameras)})
+    attachments = {"scene.json": spec.model_dump_json().encode()}
+    folder = tmp_path_factory.mktemp("labelled")
+    return write_scene(folder / "Town01-0007", width_px=320, boxes=True, attachments=attachments)
+
+
+def draw(path: Path, width_px: int = 960, labels: LabelPlace = "panel") -> tuple[ContactSheet, UInt8Array]:
     with SceneBag(path) as bag:
-        reader = FrameReader(bag, find_views(bag))
+        reader = FrameReader(bag, find_views(bag, labels))
         captions = Captions(bag.name, "", len(reader.stamps_ns), reader.stamps_ns[0])
         sheet = ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px)
         return sheet, sheet.draw(next(reader.frames(1, 1)))
@@ -90,6 +114,46 @@ def test_all_radars_of_the_scenes_rig_share_a_panel(tmp_path: Path) -> None:
     assert min(blue.sum(), red.sum()) > 50
     assert np.argwhere(blue)[:, 0].mean() < 0.45 * box.height, "what is ahead approaches, and is above"
     assert np.argwhere(red)[:, 0].mean() > 0.55 * box.height
+
+
+def panel(sheet: ContactSheet, picture: UInt8Array, place: str) -> UInt8Array:
+    box = sheet._boxes[place]
+    return picture[box.top : box.top + box.height, box.left : box.left + box.width]
+
+
+def test_labels_have_a_panel_of_their_own_and_leave_the_cameras_clean(labelled_path: Path) -> None:
+    plain, clean = draw(labelled_path, labels="off")
+    sheet, picture = draw(labelled_path)
+    assert set(sheet._boxes) == {*plain._boxes, LABEL_PANEL}
+    assert (panel(sheet, picture, FRONT) == panel(plain, clean, FRONT)).all()
+    labels = panel(sheet, picture, LABEL_PANEL).astype(int)
+    assert (labels[..., 2] - labels[..., 0] > 90).sum() > 50, "cars have blue boxes"
+
+
+def test_labels_over_all_cameras_are_where_what_they_name_is(labelled_path: Path) -> None:
+    plain, clean = draw(labelled_path, width_px=1024, labels="off")
+    sheet, picture = draw(labelled_path, width_px=1024, labels="cameras")
+    assert sheet._boxes == plain._boxes
+    for place in (FRONT, FRONT.replace("front", "back"), LIDAR, BEV):
+        assert (panel(sheet, picture, place) != panel(plain, clean, place)).any()
+    ids = camera_images(street(), STEP_M, 0, 320)["instance"]  # frame 1
+    rows, columns = np.nonzero(ids == 2)  # the car ahead
+    was, now = (panel(s, p, FRONT).astype(int) for s, p in ((plain, clean), (sheet, picture)))
+    scale = was.shape[1] / 320
+    bluer = np.argwhere((now - was)[..., 2] - (now - was)[..., 0] > 40) / scale
+    around = (bluer > [rows.min() - 3, columns.min() - 3]) & (bluer < [rows.max() + 4, columns.max() + 4])
+    assert around.all(axis=1).sum() > 100
+
+
+def test_images_of_another_size_than_the_rigs_camera_are_refused_with_labels_only(
+    labelled_path: Path, tmp_path: Path
+) -> None:
+    with SceneBag(labelled_path) as bag:
+        attachments = {"scene.json": bag.attachments["scene.json"]}
+    path = write_scene(tmp_path / "a", ticks=2, width_px=64, boxes=True, attachments=attachments)
+    with pytest.raises(BagError, match=r"cam_front/rgb.*64.*320.*--labels off"):
+        draw(path)
+    draw(path, labels="off")
 
 
 def test_preview_writes_a_picture_and_a_video_of_all_frames(bag_path: Path, tmp_path: Path) -> None:

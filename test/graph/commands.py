@@ -26,8 +26,15 @@ rig:
     - {type: imu, name: imu_fast, rate_hz: 100}
 weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}
 traffic: {vehicles: 15, pedestrians: 15, spawn_radius_m: 150}
-annotation: {bev: {rows: 100, columns: 100}}
+annotation:
+  bev: {rows: 100, columns: 100}
+  occupancy: {half_side_m: 20, voxel_m: 1, rate_hz: 10}
+  vector_map: {rate_hz: 5}
 """
+
+
+SCENE = Path("scenes/train/Blocks-0000")
+"""Of the first scene in its dataset."""
 
 
 class Command:
@@ -85,6 +92,13 @@ class Command:
             assert self.process.poll() is None, self.process.stdout and self.process.stdout.read()
             assert time.monotonic() < end_s, "timed out"
             time.sleep(0.05)
+
+
+def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
+    """Record a configuration's scenes; give the first one's bag."""
+    code, output = simbev("run", config, "--record", dataset).finish()
+    assert code == 0, output
+    return dataset / SCENE
 
 
 def children_of(pid: int) -> list[int]:

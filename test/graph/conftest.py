@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from commands import SMALL, Command, node_processes, orphaned_files
+from commands import SMALL, Command, node_processes, orphaned_files, record
 
 from simbev_ros.msgs.message_types import message_class
 
@@ -20,6 +20,14 @@ def small_config(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bag of a second of the small configuration."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "small.yaml").write_text(SMALL.replace("DURATION", "1"))
+    return record(Command, folder / "small.yaml", folder / "dataset")
 
 
 @pytest.fixture

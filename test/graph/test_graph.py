@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import DOMAIN, SMALL, Command, node_processes, wait_until
+from commands import DOMAIN, SCENE, Command, node_processes, record, wait_until
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
@@ -25,7 +25,6 @@ pytestmark = pytest.mark.graph
 
 Simbev = Callable[..., Command]
 Config = Callable[..., Path]
-SCENE = Path("scenes/train/Blocks-0000")
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -33,25 +32,14 @@ def digests(folder: Path) -> dict[str, str]:
         return topic_digests(bag)
 
 
-def record(simbev: Simbev, config: Path, dataset: Path) -> Path:
-    code, output = simbev("run", config, "--record", dataset).finish()
-    assert code == 0, output
-    return dataset / SCENE
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("recorded")
-    (folder / "small.yaml").write_text(SMALL.replace("DURATION", "1"))
-    return record(Command, folder / "small.yaml", folder / "dataset")
-
-
 def test_every_topic_has_exactly_its_messages(recorded: Path) -> None:
     with AnyReader([recorded]) as reader:
         counts = {name: topic.msgcount for name, topic in reader.topics.items()}
-    once = {"/world/scene", "/world/map", "/world/lights", "/world/building_lights", "/tf_static"}
+    world = ("scene", "map", "legend", "lights", "building_lights")
+    once = {"/tf_static", *(f"/world/{name}" for name in world)}
     camera = {name for name in counts if name.startswith("/ego/cam_front/")}
-    assert len(camera) == 10
+    assert len(camera) == 11
+    assert (counts.pop("/ego/occupancy/points"), counts.pop("/ego/vector_map")) == (10, 5)
     fast = {"/ego/imu_fast/data", "/ego/imu_fast/data_raw"}
     assert {counts.pop(name) for name in fast} == {1 + 19 * 5}  # from tick 0 on
     for name in counts.keys() - {"/world/events"}:  # there may be any number of those
@@ -69,6 +57,7 @@ def test_chunks_and_attachments_pass_their_checksums(recorded: Path) -> None:
             "config.yaml",
             "map.xodr",
             "lead_in.json",
+            "trajectories.npz",
         }
 
 
@@ -121,7 +110,13 @@ def test_another_seed_changes_everything_that_is_not_static(
     seed_12.write_text(seed_12.read_text().replace("seed: 11", "seed: 12"))
     other = digests(record(simbev, seed_12, tmp_path / "other"))
     same = {name for name, digest in digests(recorded).items() if digest == other[name]}
-    static = {"/clock", "/world/map", "/tf_static", *(name for name in other if name.endswith("camera_info"))}
+    static = {
+        "/clock",
+        "/world/map",
+        "/world/legend",
+        "/tf_static",
+        *(name for name in other if name.endswith("camera_info")),
+    }
     assert same - {"/world/events"} == static, "events may be missing in both"
 
 

@@ -14,23 +14,19 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.annotation.boxes import BOX_DTYPE
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import WeatherConfig
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
-from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.roads.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, image_message
-from simbev_ros.msgs.markers import box_markers
-from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised, time_message
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.msgs.transforms import serialised_transforms, static_transforms
-from simbev_ros.msgs.world import hd_map_message, odometry_message
+from simbev_ros.msgs.world import odometry_message, record_message
 from simbev_ros.scene.draw import draw_scene, planned_scenes
-from simbev_ros.scene.draw_weather import draw_weather
 from simbev_ros.scene.lights import STREET_LIGHT_DTYPE
-from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
 
@@ -136,25 +132,6 @@ def test_odometry_has_its_twist_in_the_child_frame() -> None:
     assert message.pose.pose.position.x == 10.0
 
 
-def test_occupancy_grid_cell_of_a_place_is_where_the_message_says() -> None:
-    grid = BevGrid(4, 6, 0.5)
-    covered = np.zeros((4, 6), bool)
-    covered[0, 1] = True  # ahead, left: x 0.75, y 0.75
-    message = occupancy_grid_message(covered, grid, 0, "ego/base_link")
-    column = int((0.75 - message.info.origin.position.x) / message.info.resolution)
-    row = int((0.75 - message.info.origin.position.y) / message.info.resolution)
-    assert message.data[row * message.info.width + column] == 100
-    assert sum(message.data) == 100
-
-
-def test_markers_begin_with_deleteall_and_keep_the_actors_ids() -> None:
-    boxes = np.zeros(2, BOX_DTYPE)
-    boxes["id"], boxes["class"] = [7, 9], [0, 5]
-    markers = box_markers(boxes, STAMP_NS).markers
-    assert markers[0].action == Marker.DELETEALL
-    assert [(marker.ns, marker.id) for marker in markers[1:]] == [("car", 7), ("pedestrian", 9)]
-
-
 def test_every_sensor_hangs_on_base_link_and_cameras_have_an_optical_frame() -> None:
     scenario = load_scenario("demo")
     planned = next(planned_scenes(scenario))
@@ -174,8 +151,8 @@ def test_the_record_of_the_egos_lane_carries_the_stamp_and_names_the_lane() -> N
     row = np.zeros(1, ACTOR_DTYPE)
     row["id"], row["yaw"] = EGO_ID, np.arctan2(*(after - before)[1::-1])
     row["x"], row["y"], row["z"] = (before + after) / 2.0
-    weather = draw_weather(WeatherConfig(), 0, hilly=False)
-    message = hd_map_message(network, WorldState(STAMP_NS, 0, EGO_ID, row, np.zeros(0, SIGNAL_DTYPE), weather))
+    place_m = np.array([row["x"][0], row["y"][0], row["z"][0]])
+    message = record_message(lane_record(network, place_m, float(row["yaw"][0])), STAMP_NS)
     assert stamp_of_serialised(serialize_message(message), "std_msgs/msg/String") == STAMP_NS
     record = json.loads(message.data)
     assert (record["id"], record["lane_type"]) == (strip.lane, "Driving")

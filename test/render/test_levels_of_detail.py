@@ -8,7 +8,7 @@ from simbev_ros.assets.actor_model import ActorModel
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.render.actor_geometry import ActorGeometry
+from simbev_ros.render.detail import LevelsOfDetail
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.blueprints import blueprint_index
@@ -83,16 +83,13 @@ def test_coarser_meshes_change_labels_and_depth_only_at_silhouettes() -> None:
     assert np.mean(off_m > np.maximum(0.01, 1e-3 * exact.depth[inner])) < 5e-3
 
 
-def levels(geometry: ActorGeometry, table: Table, pixel_m: float) -> Int64Array:
-    world = WorldState(0, 0, 1, table, np.zeros(0, SIGNAL_DTYPE), NOON)
-    return geometry._levels(world, np.full(len(table), pixel_m))
-
-
 def test_the_level_follows_the_size_of_a_pixel_and_is_exact_while_a_door_is_open() -> None:
-    renderer = Renderer(scene(), models())
-    geometry = renderer._actors
-    assert (levels(geometry, crowd(), 0.0) == 1).all()
-    found = [int(levels(geometry, crowd(), pixel_m).max()) for pixel_m in (0.009, 0.011, 0.04, 0.08, 0.2)]
+    detail = LevelsOfDetail(models())
+
+    def levels(table: Table, pixel_m: float) -> Int64Array:
+        return detail.of(table, np.full(len(table), pixel_m))
+
+    assert (levels(crowd(), 0.0) == 1).all()
+    found = [int(levels(crowd(), pixel_m).max()) for pixel_m in (0.009, 0.011, 0.04, 0.08, 0.2)]
     assert found == [1, 2, 3, 4, 5]
-    assert (levels(geometry, crowd(doors=1), 0.2) == 0).all()
-    renderer.close()
+    assert (levels(crowd(doors=1), 0.2) == 0).all()

@@ -37,8 +37,8 @@ def test_labels_are_not_blended_when_a_large_image_is_thinned() -> None:
 
 def test_a_point_ahead_left_is_above_left_and_the_higher_one_is_seen() -> None:
     points = np.array([(40, 30, 2, Tag.TERRAIN), (40, 30, 0, Tag.ROAD), (500, 0, 0, Tag.ROAD)], POINTS)
-    picture = panels.lidar_picture(points, size_px=100, half_extent_m=50.0)
-    empty = panels.lidar_picture(points[:0], size_px=100, half_extent_m=50.0)
+    picture = panels.lidar_picture(points, np.eye(4), size_px=100, half_extent_m=50.0)
+    empty = panels.lidar_picture(points[:0], np.eye(4), size_px=100, half_extent_m=50.0)
     ((row, column),) = np.unique(np.argwhere((picture != empty).any(-1)) // 2 * 2, axis=0).tolist()
     assert (row, column) == (10, 20)
     changed = picture[10:12, 20:22].reshape(-1, 3).max(axis=0).astype(int)
@@ -57,7 +57,9 @@ def test_radars_are_put_where_they_look_and_coloured_by_what_their_targets_do() 
     assert ahead_left[2] - ahead_left[0] > 100
     assert behind_right[0] - behind_right[2] > 100
     assert np.ptp(ahead_right) < 20 and ahead_right.min() > 80
-    assert (panels.radar_picture([], 100, 50.0) == panels.lidar_picture(np.zeros(0, POINTS), 100, 50.0)).all()
+    assert (
+        panels.radar_picture([], 100, 50.0) == panels.lidar_picture(np.zeros(0, POINTS), np.eye(4), 100, 50.0)
+    ).all()
 
 
 def test_bev_keeps_its_orientation_and_its_ground_is_dark() -> None:

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
+from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import Annotation
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind

@@ -37,7 +37,7 @@ def signal_poles(ground: RegionGround) -> Iterator[tuple[Mesh, Float64Array]]:
     by_pole: dict[tuple[float, ...], list[tuple[int, Signal]]] = defaultdict(list)
     for row in np.flatnonzero(ground.owns(feet_m)).tolist():
         by_pole[tuple(np.round(signals[row].pole_m, 2))].append((row, signals[row]))
-    head = _head()
+    head = signal_head()
     for members in by_pole.values():
         foot_m = members[0][1].pole_m
         pieces = _carrier([signal for _, signal in members])
@@ -69,7 +69,7 @@ def _carrier(signals: Sequence[Signal]) -> list[Mesh]:
 
 
 @lru_cache(maxsize=1)
-def _head() -> Mesh:
+def signal_head() -> Mesh:
     """Housing with three lamps, red uppermost, and visors; lamps shine along x; origin at its centre."""
     front_m = _HEAD_M[0] / 2.0
     arc = np.linspace(-0.15, np.pi + 0.15, 7)

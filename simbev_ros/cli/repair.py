@@ -1,0 +1,32 @@
+"""``simbev repair``: a valid bag with everything that can be saved of a damaged one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+
+def repair(
+    bag: Annotated[Path, typer.Argument(help="A scene's bag, damaged or unfinished: its folder or its .mcap file.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the new bag; default: the old one's, with -repaired.")
+    ] = None,
+) -> None:
+    """Write a new bag with every message that can be read, and say what is lost. The old bag stays as it is.
+
+    [bold]Example[/]
+
+    simbev repair datasets/first/scenes/train/Town01-0000.partial
+    """
+    from simbev_ros.recording.layout import PARTIAL_SUFFIX, locate_mcap
+    from simbev_ros.recording.repair import repair_bag
+
+    folder = locate_mcap(bag).parent
+    target = out or folder.with_name(folder.name.removesuffix(PARTIAL_SUFFIX) + "-repaired")
+    console = Console()
+    with console.status(f"reading {folder.name}"):
+        repaired = repair_bag(bag, target)
+    console.print(f"{sum(repaired.counts.values()):,} messages of {len(repaired.counts)} topics saved in {target}")
+    for loss in repaired.lost:
+        console.print(f"[yellow]lost:[/] {loss}", highlight=False, soft_wrap=True)

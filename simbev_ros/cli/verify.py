@@ -1,0 +1,81 @@
+"""``simbev verify``: whether bags and datasets are whole and right."""
+
+import json
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from simbev_ros.errors import InputError
+from simbev_ros.recording.layout import is_dataset, scenes_of
+
+if TYPE_CHECKING:
+    from simbev_ros.recording.verify import Fault
+
+_MOST_SHOWN = 200
+
+
+def verify(
+    paths: Annotated[list[Path], typer.Argument(help="Scenes' bags, their .mcap files, or datasets.")],
+    jobs: Annotated[int | None, typer.Option(help="Bags to read at once; as many as there are cores.", min=1)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+) -> None:
+    """Read every byte: checksums, indexes, types, payloads, stamps, and whether all is there that belongs to a scene.
+
+    The exit code is 1 if anything is wrong.
+
+    [bold]Examples[/]
+
+    simbev verify out/demo
+
+    simbev verify datasets/first datasets/second --json
+    """
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: no such file or folder")
+    bags = [bag for path in paths for bag in (scenes_of(path) if is_dataset(path) else [path])]
+    faults = _faults(bags, jobs or os.cpu_count() or 1)
+    if as_json:
+        print(json.dumps({"bags": len(bags), "faults": [_plain(fault) for fault in faults]}, indent=2))
+    else:
+        _print(len(bags), faults)
+    raise typer.Exit(1 if faults else 0)
+
+
+def _faults(bags: Sequence[Path], jobs: int) -> "list[Fault]":
+    """Of all bags, in their order, several of them at once."""
+    from simbev_ros.recording.verify import verify_bag
+
+    columns = (TextColumn("bags"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
+    bars = Progress(*columns, console=Console(stderr=True), expand=True, transient=True)
+    with bars, ProcessPoolExecutor(min(jobs, max(len(bags), 1))) as pool:
+        task = bars.add_task("", total=len(bags))
+        waiting = [pool.submit(verify_bag, bag) for bag in bags]
+        for _ in as_completed(waiting):
+            bars.advance(task)
+        return [fault for each in waiting for fault in each.result()]
+
+
+def _plain(fault: "Fault") -> dict[str, str]:
+    return {name: str(value) for name, value in asdict(fault).items()}
+
+
+def _print(bags: int, faults: "Sequence[Fault]") -> None:
+    console = Console()
+    if not faults:
+        console.print(f"[green]{bags} bag{'s' * (bags != 1)}: nothing is wrong[/]")
+        return
+    table = Table("bag", "where", "what")
+    for fault in faults[:_MOST_SHOWN]:
+        table.add_row(*map(escape, (str(fault.bag), fault.place, fault.problem)))
+    console.print(table)
+    damaged = len({fault.bag for fault in faults})
+    console.print(f"[red]{damaged} of {bags} bag{'s' * (bags != 1)}: {len(faults)} faults[/]")

@@ -1,0 +1,183 @@
+"""The index of a dataset, as Parquet: of each finished scene its settings, its weather and what is in it."""
+
+import hashlib
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from simbev_ros import __version__
+from simbev_ros.config.camera import Camera
+from simbev_ros.errors import BagError, InputError
+from simbev_ros.recording.arrays import point_array
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, locate_mcap
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.weather import Weather
+from simbev_ros.semantics import BOX_CLASSES
+
+INDEX_FILE = "index.parquet"
+_HASHED_BYTES = 1 << 22
+
+Row = dict[str, Any]
+
+
+def read_index(dataset: Path) -> list[Row]:
+    """The rows of a dataset's index, by ascending number; none if it has no index.
+
+    Raises:
+        InputError: The file is damaged.
+    """
+    path = dataset / INDEX_FILE
+    if not path.exists():
+        return []
+    try:
+        rows: list[Row] = pq.read_table(path).to_pylist()
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{path}: {error}") from None
+    return rows
+
+
+def write_index(dataset: Path, rows: Iterable[Row]) -> None:
+    """Write the index, in one step that is never half done.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    path = dataset / INDEX_FILE
+    unfinished = path.with_suffix(".part")
+    try:
+        pq.write_table(pa.Table.from_pylist(sorted(rows, key=lambda row: row["number"]), _schema()), unfinished)
+        with unfinished.open("rb") as file:
+            os.fsync(file.fileno())
+        unfinished.rename(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def brought_up_to_date(dataset: Path, bags: Sequence[Path]) -> list[Row]:
+    """Rows of finished bags: those of the index, and new ones of bags that it does not have as they are now.
+
+    Raises:
+        BagError: A bag cannot be read.
+    """
+    known = {row["path"]: row for row in read_index(dataset)}
+    rows = []
+    for bag in bags:
+        row = known.get(str(bag.relative_to(dataset)))
+        size = locate_mcap(bag).stat().st_size
+        rows.append(row if row is not None and row["bytes"] == size else row_of(bag, dataset))
+    return rows
+
+
+def row_of(bag_path: Path, dataset: Path) -> Row:
+    """The row of a finished bag.
+
+    Raises:
+        BagError: It cannot be read, or is no scene.
+    """
+    file = locate_mcap(bag_path)
+    with SceneBag(bag_path) as bag:
+        spec = bag.spec
+        if spec is None:
+            raise BagError(f"{bag_path}: it holds no scene")
+        facts = bag.custom_data
+        return {
+            "path": str(bag_path.relative_to(dataset)),
+            **_settings(spec),
+            **_weather("", spec.weather),
+            **_weather("final_", spec.final_weather),
+            **_content(bag),
+            "ended": facts.get("ended", ""),
+            "complete": facts.get("complete") == "true",
+            "recorded_ticks": int(facts.get("ticks", spec.ticks)),
+            "bytes": file.stat().st_size,
+            "sha256": sha256_of(file),
+            "config_sha256": hashlib.sha256(bag.attachments.get(CONFIG_ATTACHMENT, b"")).hexdigest(),
+            "simbev_ros": __version__,
+        }
+
+
+def sha256_of(file: Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    digest = hashlib.sha256()
+    with file.open("rb") as stream:
+        while block := stream.read(_HASHED_BYTES):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def _settings(spec: SceneSpec) -> Row:
+    kinds = [hazard.kind for hazard in spec.hazards]
+    return {
+        "name": spec.name,
+        "number": spec.number,
+        "map": spec.map.name,
+        "split": spec.split,
+        "seed": spec.seed,
+        "tick_s": spec.tick_ns / NS_PER_S,
+        "ticks": spec.ticks,
+        "vehicles": len(spec.vehicles),
+        "pedestrians": len(spec.pedestrians),
+        "accidents": sum(kind == "accident" for kind in kinds),
+        "work_zones": sum(kind != "accident" for kind in kinds),
+        "walker_cross_factor": spec.walker_cross_factor,
+        "ego_blueprint": spec.vehicles[0].blueprint,
+        "cameras": len(spec.rig.of_type(Camera)),
+    }
+
+
+def _weather(prefix: str, weather: Weather | None) -> Row:
+    return {f"{prefix}{name}": None if weather is None else getattr(weather, name) for name in Weather.model_fields}
+
+
+def _content(bag: SceneBag) -> Row:
+    """Counts of messages and boxes, and how the ego has moved."""
+    counts = np.zeros((2, len(BOX_CLASSES)), np.int64)
+    ids: set[int] = set()
+    places_m = []
+    topics = [name for name in bag.topics if name.endswith(("/boxes", "/odom")) and name.count("/") == 2]
+    for message in bag.messages(topics):
+        if message.topic.endswith("/odom"):
+            place = bag.decode(message).pose.pose.position
+            places_m.append((place.x, place.y, place.z))
+            continue
+        table = point_array(bag.decode(message))
+        counts += [np.bincount(table["class"][rows], minlength=len(BOX_CLASSES)) for rows in (..., table["valid"] > 0)]
+        ids.update(table["id"].tolist())
+    steps_m = np.diff(np.array(places_m).reshape(-1, 3), axis=0)
+    return {
+        "messages": sum(len(topic.stamps_ns) for topic in bag.topics.values()),
+        "objects": len(ids),
+        "ego_way_m": float(np.linalg.norm(steps_m, axis=1).sum()),
+        **{f"boxes_{name}": int(count) for name, count in zip(BOX_CLASSES, counts[0], strict=True)},
+        **{f"valid_{name}": int(count) for name, count in zip(BOX_CLASSES, counts[1], strict=True)},
+    }
+
+
+def _schema() -> pa.Schema:
+    """Columns and their types."""
+    texts = ("path", "name", "map", "split", "ego_blueprint", "ended", "sha256", "config_sha256", "simbev_ros")
+    numbers = ("tick_s", "walker_cross_factor", "ego_way_m", *_WEATHER, *(f"final_{name}" for name in _WEATHER))
+    counts = ("number", "seed", "ticks", "recorded_ticks", "vehicles", "pedestrians", "accidents", "work_zones")
+    contents = (
+        "cameras",
+        "messages",
+        "objects",
+        *(f"{kind}_{name}" for kind in ("boxes", "valid") for name in BOX_CLASSES),
+    )
+    return pa.schema(
+        [
+            *((name, pa.string()) for name in texts),
+            ("complete", pa.bool_()),
+            *((name, pa.int64()) for name in (*counts, *contents, "bytes")),
+            *((name, pa.float64()) for name in numbers),
+        ]
+    )
+
+
+_WEATHER = tuple(Weather.model_fields)

@@ -1,0 +1,42 @@
+"""One writer a dataset."""
+
+import fcntl
+import os
+from pathlib import Path
+from typing import Self
+
+from simbev_ros.errors import InputError
+
+_LOCK_FILE = ".lock"
+
+
+class DatasetLock:
+    """Held by the process that writes into a dataset; the system frees it, whatever ends the process.
+
+    Raises:
+        InputError: The folder cannot be made or written to, or another process writes into it.
+    """
+
+    def __init__(self, dataset: Path) -> None:
+        try:
+            dataset.mkdir(parents=True, exist_ok=True)
+            self._file = (dataset / _LOCK_FILE).open("a+")
+        except OSError as error:
+            raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.seek(0)
+            holder = self._file.read().strip() or "unknown"
+            self._file.close()
+            raise InputError(f"{dataset}: process {holder} is writing into it") from None
+        self._file.truncate(0)
+        self._file.write(str(os.getpid()))
+        self._file.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.truncate(0)
+        self._file.close()

@@ -1,0 +1,139 @@
+"""Reading what is left of a damaged MCAP file: every record that is whole, wherever it stands."""
+
+import io
+import mmap
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import MCAP0_MAGIC
+
+from simbev_ros.recording.mcap_index import DAMAGE, RECORD_HEAD
+
+_ZSTD = b"\x04\x00\x00\x00zstd"
+_BEFORE_COMPRESSION = RECORD_HEAD.size + 28
+"""Bytes from the start of a chunk to the name of its compression."""
+_CRC_BYTES = 4
+
+
+@dataclass(slots=True)
+class Salvage:
+    """What could be read.
+
+    Attributes:
+        lost: What could not, in words that name the place.
+    """
+
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    attachments: dict[str, Attachment] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    lost: list[str] = field(default_factory=list)
+
+
+def salvage(path: Path, found: Salvage) -> Iterator[Message]:
+    """The messages of all chunks that are whole, in the order of the file, and whose channel is known.
+
+    A record whose length cannot be right ends the chain of records: the next chunk is then looked for by its looks.
+
+    Args:
+        path: The file.
+        found: Is filled on the way; channels before their messages, ``lost`` at the end.
+    """
+    nameless, closed = 0, False
+    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for opcode, offset, end in _records(data, []):  # a file that was closed repeats its channels at its end
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                with suppress(*DAMAGE):
+                    _enter(_READERS[opcode](_body(data[offset:end])), found)
+        for opcode, offset, end in _records(data, found.lost):
+            closed |= opcode == Opcode.FOOTER
+            try:
+                for message in _messages(opcode, bytes(data[offset:end]), found):
+                    if message.channel_id in found.channels:
+                        yield message
+                    else:
+                        nameless += 1
+            except DAMAGE as error:
+                found.lost.append(f"{Opcode(opcode).name.lower()} at byte {offset:,} ({end - offset:,} bytes): {error}")
+        if not closed:
+            found.lost.append(f"whatever would have followed byte {len(data):,}, where the file is cut off")
+    if nameless:
+        found.lost.append(f"{nameless} messages of topics whose names are lost with another chunk")
+
+
+def _records(data: mmap.mmap, lost: list[str]) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end of each record that may be whole."""
+    offset, size = len(MCAP0_MAGIC), len(data)
+    while offset + RECORD_HEAD.size <= size:
+        opcode, length = RECORD_HEAD.unpack_from(data, offset)
+        end = offset + RECORD_HEAD.size + length
+        if opcode in _OPCODES and end <= size:
+            yield opcode, offset, end
+            if opcode == Opcode.FOOTER:
+                return
+        else:
+            end = _next_chunk(data, offset + 1)
+            lost.append(f"bytes {offset:,} to {end - 1:,}: no record can be read there")
+        offset = end
+
+
+_OPCODES = frozenset(int(opcode) for opcode in Opcode)
+
+
+def _next_chunk(data: mmap.mmap, start: int) -> int:
+    """Where the next thing stands that looks like a chunk; the end of the file if there is none."""
+    place = start
+    while (place := data.find(_ZSTD, place)) >= 0:
+        head = place - _BEFORE_COMPRESSION
+        if head >= start:
+            opcode, length = RECORD_HEAD.unpack_from(data, head)
+            if opcode == Opcode.CHUNK and head + RECORD_HEAD.size + length <= len(data):
+                return head
+        place += 1
+    return len(data)
+
+
+def _messages(opcode: int, record: bytes, found: Salvage) -> Iterator[Message]:
+    """Those of a chunk; all other records are entered. Raises one of ``DAMAGE``."""
+    body = _body(record)
+    if opcode == Opcode.CHUNK:
+        for inner in breakup_chunk(Chunk.read(body), validate_crc=True):
+            if isinstance(inner, Message):
+                yield inner
+            else:
+                _enter(inner, found)
+    elif opcode == Opcode.ATTACHMENT:
+        if zlib.crc32(record[RECORD_HEAD.size : -_CRC_BYTES]) != int.from_bytes(record[-_CRC_BYTES:], "little"):
+            raise ValueError("the CRC is wrong")
+        _enter(Attachment.read(body), found)
+    elif opcode == Opcode.METADATA:
+        _enter(Metadata.read(body), found)
+
+
+def _body(record: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :]))
+
+
+_READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
+    Opcode.SCHEMA: Schema.read,
+    Opcode.CHANNEL: Channel.read,
+}
+
+
+def _enter(record: McapRecord, found: Salvage) -> None:
+    match record:
+        case Channel():
+            found.channels[record.id] = record
+        case Schema():
+            found.schemas[record.id] = record
+        case Attachment():
+            found.attachments[record.name] = record
+        case Metadata():
+            found.metadata[record.name] = record.metadata

@@ -1,0 +1,153 @@
+"""Whether a recorded scene is whole and right: its file, its messages, its books, and what describes it."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from mcap.records import Message
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+
+from simbev_ros.annotation.trajectories import tracks_of_npz
+from simbev_ros.errors import BagError
+from simbev_ros.recording.layout import (
+    METADATA_FILE,
+    PARTIAL_SUFFIX,
+    SCENE_ATTACHMENT,
+    TRAJECTORIES_ATTACHMENT,
+    locate_mcap,
+)
+from simbev_ros.recording.mcap_check import McapContent, check_mcap
+from simbev_ros.recording.reader import SceneBag
+
+_TYPES = get_typestore(Stores.ROS2_JAZZY)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that is wrong.
+
+    Attributes:
+        bag: The bag's folder.
+        place: A file of it, or a topic.
+        problem: What is wrong there.
+    """
+
+    bag: Path
+    place: str
+    problem: str
+
+
+def verify_bag(path: Path) -> list[Fault]:
+    """Everything that is wrong with a scene's bag, its folder or its file; a sound one has no faults.
+
+    Every byte of the file is read: CRCs, indexes, types, payloads, stamps and their order, counts against what the
+    scene must have. ``metadata.yaml`` must say what the file says.
+    """
+    try:
+        file = locate_mcap(path)
+    except BagError as error:
+        return [Fault(path, "", str(error).removeprefix(f"{path}: "))]
+    folder = file.parent
+    messages = _Messages()
+    with file.open("rb") as stream:
+        content = check_mcap(stream, messages.see)
+    faults = [(file.name, problem) for problem in content.faults]
+    faults += messages.faults
+    if folder.name.endswith(PARTIAL_SUFFIX):
+        faults.append(("", "the scene was not finished: what ended it is in the dataset's log"))
+    if not content.faults:
+        faults += _books_faults(file, content)
+        faults += [(METADATA_FILE, problem) for problem in _description_faults(folder / METADATA_FILE, content)]
+    faults += _attachment_faults(content)
+    return [Fault(folder, place, problem) for place, problem in faults]
+
+
+class _Messages:
+    """Checks messages as they come."""
+
+    def __init__(self) -> None:
+        self.faults: list[tuple[str, str]] = []
+        self._last_ns: dict[int, int] = {}
+
+    def see(self, message: Message, content: McapContent) -> None:
+        """The next message of the file."""
+        channel = content.channels.get(message.channel_id)
+        if channel is None or channel.schema_id not in content.schemas:
+            self.faults.append((f"channel {message.channel_id}", "a message of a channel that is not described"))
+            return
+        kind = content.schemas[channel.schema_id].name
+        try:
+            stamp_ns = stamp_in(_TYPES.deserialize_cdr(message.data, kind))
+        except (SerdeError, KeyError, ValueError, AssertionError) as error:
+            self.faults.append((channel.topic, f"at {message.log_time} ns: no {kind}: {error}"))
+            return
+        if stamp_ns not in (None, message.log_time):
+            self.faults.append((channel.topic, f"at {message.log_time} ns: its header says {stamp_ns} ns"))
+        last_ns = self._last_ns.setdefault(message.channel_id, message.log_time)
+        if message.log_time < last_ns:
+            self.faults.append((channel.topic, f"at {message.log_time} ns: it stands behind one of {last_ns} ns"))
+        self._last_ns[message.channel_id] = message.log_time
+
+
+def stamp_in(message: Any) -> int | None:
+    """The stamp that a decoded message carries, ns; None if it has none."""
+    match message:
+        case object(header=header):
+            stamp = header.stamp
+        case object(clock=clock):
+            stamp = clock
+        case object(transforms=[first, *_]) | object(markers=[first, *_]):
+            stamp = first.header.stamp
+        case object(data=str(text)):
+            record = json.loads(text) if text.startswith("{") else {}
+            found = record.get("stamp_ns")
+            return None if found is None else int(found)
+        case _:
+            return None
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _books_faults(file: Path, content: McapContent) -> Iterator[tuple[str, str]]:
+    """Of a whole file: whether it holds what the recorder says that the scene has."""
+    with SceneBag(file) as bag:
+        facts, counts = bag.custom_data, {name: len(topic.stamps_ns) for name, topic in bag.topics.items()}
+    if "expected" not in facts:
+        yield file.name, "the recorder left no books"
+        return
+    if facts.get("complete") != "true":
+        yield file.name, f"the scene is incomplete ({facts.get('ended', 'nobody knows why')})"
+    for topic, expected in json.loads(facts["expected"]).items():
+        if counts.get(topic, 0) != expected:
+            yield topic, f"{counts.get(topic, 0)} of {expected} messages"
+    for topic in counts.keys() - json.loads(facts["expected"]).keys():
+        yield topic, "a topic that the scene does not have"
+
+
+def _description_faults(path: Path, content: McapContent) -> Iterator[str]:
+    """Whether ``metadata.yaml`` is there and says the same as its copy in the file."""
+    try:
+        described = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        yield "it is missing"
+        return
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        yield f"it cannot be read: {error}"
+        return
+    copy = yaml.safe_load(content.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
+    if not isinstance(described, dict) or described.get("rosbag2_bagfile_information") != copy:
+        yield "it does not say what the file says of itself"
+
+
+def _attachment_faults(content: McapContent) -> Iterator[tuple[str, str]]:
+    """Whether what was put in can be read."""
+    if SCENE_ATTACHMENT not in content.attachments:
+        yield SCENE_ATTACHMENT, "it is missing"
+    if TRAJECTORIES_ATTACHMENT in content.attachments:
+        try:
+            tracks_of_npz(content.attachments[TRAJECTORIES_ATTACHMENT])
+        except BagError as error:
+            yield TRAJECTORIES_ATTACHMENT, str(error)

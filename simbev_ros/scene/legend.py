@@ -1,0 +1,32 @@
+"""What the numbers in tables and images mean, for readers that do not have this package."""
+
+from enum import IntEnum, IntFlag
+from typing import Any
+
+from simbev_ros.scene.blueprints import Blueprint, load_blueprints
+from simbev_ros.scene.state import Behavior, Light, SignalState
+from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
+
+
+def legend() -> dict[str, Any]:
+    """Plain values, for JSON: lists are indexed by the number that they explain, bits are given by their value."""
+    return {
+        "blueprints": [_blueprint(blueprint) for blueprint in load_blueprints()],
+        "box_classes": list(BOX_CLASSES),
+        "bev_classes": list(BEV_CLASSES),
+        "difficulties": list(DIFFICULTIES),
+        "sign_types": list(SIGN_TYPES),
+        "tags": _values(Tag),
+        "signal_states": _values(SignalState),
+        "light_bits": _values(Light),
+        "behavior_bits": _values(Behavior),
+    }
+
+
+def _blueprint(blueprint: Blueprint) -> dict[str, Any]:
+    tag = blueprint.tag.name.lower()
+    return {"name": blueprint.name, "tag": tag, "class": blueprint.box_class, "emergency": blueprint.emergency}
+
+
+def _values(numbers: type[IntEnum | IntFlag]) -> dict[str, int]:
+    return {member.name.lower(): int(member) for member in numbers if member.name}

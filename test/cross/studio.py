@@ -1,0 +1,78 @@
+"""A simulated moment of a town to take pictures of, and places to take them from."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.static_cache import load_static_scene
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.region import Reach
+from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.render.renderer import Renderer
+from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.types import Float64Array
+from simbev_ros.world.simulation import Simulation
+
+EXACT = ("semantic", "instance", "depth", "flow")
+VIEW_M = 700.0
+
+
+class Studio:
+    """A simulated moment of a town, and its static surroundings."""
+
+    def __init__(self, town: str, seed: int) -> None:
+        """Two ticks, after some seconds in which all have set off."""
+        scenario = Scenario.model_validate(
+            {
+                "seed": seed,
+                "scenes": [{"map": town, "train": 1}],
+                "rig": Rig(sensors=()),
+                "time": {"warm_up_s": 3.0, "duration_s": 4.0},
+                "traffic": {"vehicles": 20, "pedestrians": 60, "spawn_radius_m": 150.0},
+            }
+        )
+        planned = next(planned_scenes(scenario))
+        network = load_network(planned.map)
+        spec = draw_scene(scenario, planned, network)
+        with Simulation(spec, network) as simulation:
+            states = [simulation.step() for _ in range(spec.warm_up_ticks)]
+        self.state, self.previous = states[-1], states[-2]
+        ego = self.state.ego
+        self.origin_m = np.array([ego["x"], ego["y"], ego["z"]])
+        reach = Reach((float(ego["x"]), float(ego["y"])), VIEW_M)
+        self.static = load_static_scene(planned.map, network, reach=reach)
+        self.models = load_models()
+        self._renderer = Renderer(self.static, self.models)
+
+    def images(self, views: Sequence[CameraView]) -> list[CameraImages]:
+        return self._renderer.render(views, RenderFrame(self.state, self.previous))
+
+
+def random_views(state: WorldState, camera: PinholeCamera, count: int, seed: int) -> list[CameraView]:
+    """By turns from the ego in any direction, and from nearby at an actor that walks, rides or drives."""
+    rng = np.random.default_rng(seed)
+    actors = state.actors
+    moving = actors[(np.hypot(actors["vx"], actors["vy"]) > 0.5) & ~np.isin(actors["id"], sorted(state.ego_ids))]
+    views = []
+    for index in range(count):
+        if index % 2 == 0:
+            place_m, tilt = rng.uniform([-1.0, -1.0, 1.0], [2.0, 1.0, 4.0]), rng.uniform([-0.1, -0.2], [0.1, 0.4])
+            pose = matrices_from_xyz_rpy(place_m, np.array([*tilt, rng.uniform(-np.pi, np.pi)]))
+        else:
+            pose = inverse(map_from_actors(state.ego.reshape(1))[0]) @ _looking_at(rng.choice(moving), rng)
+        views.append(CameraView(camera, pose, EXACT))
+    return views
+
+
+def _looking_at(actor: np.void, rng: np.random.Generator) -> Float64Array:
+    """(4, 4) map from a camera some metres away from an actor."""
+    yaw, distance_m, height_m = rng.uniform([-np.pi, 3.0, 0.5], [np.pi, 9.0, 2.5])
+    away_m = distance_m * np.array([np.cos(yaw), np.sin(yaw)])
+    eye_m = np.array([actor["x"] + away_m[0], actor["y"] + away_m[1], actor["z"] + height_m])
+    return matrices_from_xyz_rpy(eye_m, np.array([0.05, np.arctan2(height_m - 0.8, distance_m), yaw + np.pi]))

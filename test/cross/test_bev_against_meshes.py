@@ -1,0 +1,74 @@
+"""Every class of the bird's-eye view against vertical rays through the meshes, 8 × 8 a cell, on frames of six towns.
+
+A cell counts for a class if the sample at its centre lies below or above the class's mesh on the ego's level, and so
+the annotator says; the rule of most samples, in which a cell counts if half of it is covered, differs at borders only.
+"""
+
+import numpy as np
+import pytest
+from bev_truth import Town, Truth, load_town, places
+
+from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.semantics import BEV_CLASSES
+
+PAPER = BevGrid(360, 360, 0.4)
+GRIDS = (BevGrid(120, 120, 0.4), BevGrid(96, 160, 0.5), BevGrid(200, 120, 0.25), BevGrid(250, 200, 0.1))
+LEAST_IOU = 0.995
+ALWAYS = {"road", "hazard", "road_line", "car", "rider"}
+
+
+class Tally:
+    """Cells of both, and of either, by class."""
+
+    def __init__(self) -> None:
+        self.both, self.either = dict.fromkeys(BEV_CLASSES, 0), dict.fromkeys(BEV_CLASSES, 0)
+
+    def add(self, name: str, found: np.ndarray, truth: np.ndarray) -> None:
+        self.both[name] += int((found & truth).sum())
+        self.either[name] += int((found | truth).sum())
+
+    def iou(self) -> dict[str, float]:
+        return {name: self.both[name] / cells for name, cells in self.either.items() if cells}
+
+
+def tallies(town: Town, grids: tuple[BevGrid, ...]) -> tuple[Tally, Tally, list[bool]]:
+    """By cells' centres, by halves of cells, and whether roads had to be told apart in each frame."""
+    centers, halves, told_apart = Tally(), Tally(), []
+    for grid, state in zip(grids, places(town, len(grids), seed=len(grids)), strict=True):
+        found, truth = town.labels(state, grid), Truth(town, state, grid)
+        told_apart.append(truth.told_apart)
+        for name, at_center, by_half in truth.samples():
+            centers.add(name, found[name], at_center)
+            if by_half is not None:
+                halves.add(name, found[name], by_half)
+    return centers, halves, told_apart
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "near_m", "frames"),
+    [
+        ("Town01", None, 8),
+        ("Town03", None, 8),
+        ("Town04", (0.0, 0.0), 9),
+        ("Town05", (-10.0, 0.0), 9),
+        ("Town07", None, 8),
+        ("Town10HD", None, 8),
+    ],
+)
+def test_every_class_of_a_town(name: str, near_m: tuple[float, float] | None, frames: int) -> None:
+    grids = (PAPER, *(GRIDS[k % len(GRIDS)] for k in range(1, frames)))
+    centers, halves, told_apart = tallies(load_town(name, near_m), grids)
+    print(name, {each: f"{iou:.4f} ({centers.either[each]} cells)" for each, iou in centers.iou().items()})
+    print("by halves", {each: f"{iou:.3f}" for each, iou in halves.iou().items()})
+    assert min(centers.iou().values()) >= LEAST_IOU
+    assert set(centers.iou()) >= ALWAYS
+    assert sum(told_apart) >= (3 if near_m else 0)
+
+
+def test_every_class_on_and_beneath_a_motorway() -> None:
+    grids = tuple(GRIDS[k % len(GRIDS)] for k in range(4))
+    centers, _, told_apart = tallies(load_town("Town04", (0.0, 0.0)), grids)
+    assert min(centers.iou().values()) >= LEAST_IOU
+    assert set(centers.iou()) >= ALWAYS
+    assert any(told_apart)

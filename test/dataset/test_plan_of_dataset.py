@@ -1,0 +1,85 @@
+"""Numbers that have been given stay; what is there counts; what is missing is made, and no more."""
+
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.lock import DatasetLock
+from simbev_ros.dataset.plan import Plan, bag_of, numbers_of
+from simbev_ros.errors import InputError
+from simbev_ros.scene.draw import planned_scenes
+
+
+def asking(*scenes: dict[str, object]) -> Scenario:
+    return Scenario.model_validate({"scenes": scenes, "rig": {"sensors": []}})
+
+
+BLOCKS, TOWN = {"map": "Blocks", "train": 3, "val": 1}, {"map": "Town01", "train": 2, "test": 1}
+
+
+def test_a_new_dataset_has_the_scenes_that_run_would_play(tmp_path: Path) -> None:
+    scenario = asking(BLOCKS, TOWN)
+    plan = Plan.of(tmp_path).extended(scenario)
+    expected = [(scene.number, scene.map.name, scene.split) for scene in planned_scenes(scenario)]
+    assert [(entry.number, entry.map, entry.split) for entry in plan.scenes] == expected
+    assert plan.to_make(tmp_path, scenario) == list(plan.scenes)
+
+
+def test_what_is_asked_for_later_comes_after_and_nothing_is_renumbered(tmp_path: Path) -> None:
+    first = Plan.of(tmp_path).extended(asking(BLOCKS, TOWN))
+    first.save(tmp_path)
+    bag_of(tmp_path, first.scenes[1]).mkdir(parents=True)
+    more = asking(BLOCKS | {"train": 5}, TOWN)
+    plan = Plan.of(tmp_path).extended(more)
+    assert plan.scenes[: len(first.scenes)] == first.scenes
+    assert [entry.name for entry in plan.scenes[len(first.scenes) :]] == ["Blocks-0007", "Blocks-0008"]
+    assert [entry.number for entry in plan.to_make(tmp_path, more)] == [0, 2, 3, 4, 5, 6, 7, 8]
+
+
+def test_less_that_is_asked_for_is_less_that_is_made(tmp_path: Path) -> None:
+    plan = Plan.of(tmp_path).extended(asking(BLOCKS | {"train": 9}))
+    for number in (4, 5):
+        bag_of(tmp_path, plan.scenes[number]).mkdir(parents=True)
+    less = asking(BLOCKS)
+    assert [entry.number for entry in plan.extended(less).to_make(tmp_path, less)] == [0, 9]
+
+
+def test_bags_without_a_plan_are_taken_into_it(tmp_path: Path) -> None:
+    for name in ("train/Blocks-0000", "train/Blocks-0006", "val/my-town-0003", "train/Blocks-0001.partial"):
+        (tmp_path / "scenes" / name).mkdir(parents=True)
+    plan = Plan.of(tmp_path).extended(asking(BLOCKS))
+    names = [(entry.name, entry.split) for entry in plan.scenes]
+    assert names[:3] == [("Blocks-0000", "train"), ("my-town-0003", "val"), ("Blocks-0006", "train")]
+    assert names[3:] == [("Blocks-0007", "train"), ("Blocks-0008", "val")]
+
+
+def test_a_damaged_plan_is_named(tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_text('{"scenes": [{"number": 1}]}')
+    with pytest.raises(InputError, match=r"plan\.json: "):
+        Plan.of(tmp_path)
+
+
+@pytest.mark.parametrize(("words", "numbers"), [(["3", "17-20"], {3, 17, 18, 19, 20}), (["3, 5", "5-5"], {3, 5})])
+def test_numbers_and_ranges(words: list[str], numbers: set[int]) -> None:
+    assert numbers_of(words) == numbers
+
+
+@pytest.mark.parametrize("word", ["x", "", "5-3", "-1", "1.5"])
+def test_what_is_no_number_is_refused(word: str) -> None:
+    with pytest.raises(InputError, match="--replace"):
+        numbers_of([word])
+
+
+def test_a_scene_that_is_not_there_cannot_be_replaced(tmp_path: Path) -> None:
+    plan = Plan.of(tmp_path).extended(asking(BLOCKS))
+    assert [entry.number for entry in plan.chosen({1, 2})] == [1, 2]
+    with pytest.raises(InputError, match="no scene 7, 9"):
+        plan.chosen({1, 7, 9})
+
+
+def test_a_dataset_has_one_writer(tmp_path: Path) -> None:
+    with DatasetLock(tmp_path / "set"), pytest.raises(InputError, match=r"process \d+ is writing into it"):
+        DatasetLock(tmp_path / "set")
+    with DatasetLock(tmp_path / "set"):
+        pass

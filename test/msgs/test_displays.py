@@ -1,0 +1,130 @@
+"""Grids and markers as RViz and Foxglove want them: checked by what a reader makes of the serialised messages."""
+
+import numpy as np
+import pytest
+from nav_msgs.msg import OccupancyGrid
+from rclpy.serialization import deserialize_message, serialize_message
+from synthetic_world import actor, box_model
+from visualization_msgs.msg import Marker, MarkerArray
+
+from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.geometry.transforms import apply, inverse
+from simbev_ros.msgs.markers import box_markers
+from simbev_ros.msgs.occupancy import occupancy_grid_message
+from simbev_ros.msgs.stamps import stamp_of
+from simbev_ros.scene.state import map_from_actors
+from simbev_ros.semantics import BOX_CLASSES, Tag
+from simbev_ros.types import BoolArray, Float64Array, Table
+
+STAMP_NS = 7_204_050_000_001
+GRID = BevGrid(rows=40, columns=30, cell_m=0.5)
+EGO = {"x": 210.0, "y": -35.0, "z": 4.0, "yaw": 2.1}
+TILTS = [{}, {"roll": 0.06, "pitch": -0.11}]
+
+
+def pattern(points_m: Float64Array) -> BoolArray:
+    """An L, and a line through the ego, none of it symmetric, of (..., 2) map coordinates."""
+    x, y = points_m[..., 0] - EGO["x"], points_m[..., 1] - EGO["y"]
+    line: BoolArray = np.abs(0.4 * x - y) < 0.6
+    return ((x > 1.0) & (x < 8.0) & (y > 2.0) & (y < 3.5)) | ((x > 1.0) & (x < 2.5) & (y > 2.0) & (y < 7.0)) | line
+
+
+def matrix(xyz: list[float], xyzw: list[float]) -> Float64Array:
+    """A pose as ROS means it."""
+    x, y, z, w = xyzw
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    pose[:3, 3] = xyz
+    return pose
+
+
+@pytest.mark.parametrize("tilt", TILTS)
+def test_grid_cells_are_where_the_message_puts_them_in_the_map(tilt: dict[str, float]) -> None:
+    ego = actor(box_model(Tag.CAR, (4.0, 2.0, 1.5)), **EGO, **tilt)
+    turn = np.array([[np.cos(EGO["yaw"]), -np.sin(EGO["yaw"])], [np.sin(EGO["yaw"]), np.cos(EGO["yaw"])]])
+    covered = pattern(GRID.centers_ego @ turn.T + [EGO["x"], EGO["y"]])
+    made = occupancy_grid_message(covered, GRID, STAMP_NS, "ego/base_link", ego[0])
+    message = deserialize_message(serialize_message(made), OccupancyGrid)
+    assert (message.header.frame_id, stamp_of(message.header.stamp)) == ("ego/base_link", STAMP_NS)
+    info, position, q = message.info, message.info.origin.position, message.info.origin.orientation
+    assert (info.width, info.height, info.resolution) == (GRID.rows, GRID.columns, 0.5)
+    assert np.linalg.norm([q.x, q.y, q.z, q.w]) == pytest.approx(1.0)
+    data = np.array(message.data).reshape(info.height, info.width)  # as nav_msgs says: row by row from the origin
+    assert set(data.ravel().tolist()) == {0, 100}
+    column, row = np.meshgrid(np.arange(info.width), np.arange(info.height))
+    local_m = np.stack([column + 0.5, row + 0.5, np.zeros_like(row)], axis=-1).reshape(-1, 3) * info.resolution
+    frame_from_grid = matrix([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
+    places_m = apply(map_from_actors(ego)[0] @ frame_from_grid, local_m)
+    assert np.array_equal(data.ravel() == 100, pattern(places_m[:, :2]))
+    assert places_m[:, 2] == pytest.approx(EGO["z"], abs=1e-5)  # level, whatever the ego's tilt
+
+
+def boxes(count: int = 12) -> Table:
+    rng = np.random.default_rng(0)
+    table = np.zeros(count, BOX_DTYPE)
+    table["id"], table["class"] = np.sort(rng.choice(1 << 18, count, replace=False)), np.arange(count) % 10
+    for name in ["x", "y", "z", "roll", "pitch", "yaw", "vx", "vy"]:
+        table[name] = rng.normal(0.0, 5.0, count)
+    for name in ["length", "width", "height"]:
+        table[name] = rng.uniform(0.2, 9.0, count)
+    table["vx"][::3], table["vy"][::3] = 0.0, 0.0
+    return table
+
+
+def read(table: Table, stamp_ns: int = STAMP_NS) -> list[Marker]:
+    markers: list[Marker] = deserialize_message(serialize_message(box_markers(table, stamp_ns)), MarkerArray).markers
+    return markers
+
+
+def test_markers_replace_those_before_and_keep_their_ids() -> None:
+    table = boxes()
+    first, second = read(table), read(table[1:], STAMP_NS + 1)
+    for markers, stamp_ns in (first, STAMP_NS), (second, STAMP_NS + 1):
+        assert markers[0].action == Marker.DELETEALL
+        assert {marker.action for marker in markers[1:]} == {Marker.ADD}
+        assert {(marker.header.frame_id, stamp_of(marker.header.stamp)) for marker in markers} == {("map", stamp_ns)}
+        names = [(marker.ns, marker.id) for marker in markers[1:]]
+        assert len(set(names)) == len(names)
+    assert [(marker.ns, marker.id) for marker in first[2:]] == [(marker.ns, marker.id) for marker in second[1:]]
+    assert [marker.ns for marker in first[1:13]] == [BOX_CLASSES[each] for each in table["class"]]
+
+
+def test_markers_can_be_drawn_as_they_are() -> None:
+    for marker in read(boxes())[1:]:
+        q, scale, color = marker.pose.orientation, marker.scale, marker.color
+        assert np.linalg.norm([q.x, q.y, q.z, q.w]) == pytest.approx(1.0)
+        assert min(scale.x, scale.y, scale.z) > 0.0
+        assert 0.0 < color.a <= 1.0
+        assert all(0.0 <= channel <= 1.0 for channel in (color.r, color.g, color.b))
+        assert (marker.lifetime.sec, marker.lifetime.nanosec) == (0, 0)  # until DELETEALL
+        assert not marker.frame_locked
+        assert len(marker.points) % 2 == 0
+        assert (marker.type == Marker.LINE_LIST) == bool(marker.points)
+
+
+def test_cubes_are_the_boxes_and_lines_show_heading_and_velocity() -> None:
+    table = boxes()
+    _, *cubes, heading, velocity = read(table)
+    for row, cube in zip(table, cubes, strict=True):
+        position, q = cube.pose.position, cube.pose.orientation
+        pose = matrix([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
+        assert pose == pytest.approx(map_from_actors(row[None])[0], abs=1e-6)
+        assert [cube.scale.x, cube.scale.y, cube.scale.z] == pytest.approx(list(row[["length", "width", "height"]]))
+    ends = np.array([[point.x, point.y, point.z] for point in heading.points]).reshape(-1, 2, 3)
+    for row, line in zip(table, ends, strict=True):
+        half = np.array([row["length"], row["height"]]) / 2.0
+        local = apply(inverse(map_from_actors(row[None])[0]), line)
+        assert local == pytest.approx(np.array([[0, 0, half[1]], [half[0], 0, half[1]]]), abs=1e-5)
+    ends = np.array([[point.x, point.y, point.z] for point in velocity.points]).reshape(-1, 2, 3)
+    moving = table[np.hypot(table["vx"], table["vy"]) > 0.2]
+    assert 0 < len(moving) < len(table)
+    assert ends[:, 1] - ends[:, 0] == pytest.approx(np.stack([moving["vx"], moving["vy"], moving["vz"]], axis=1))
+
+
+def test_without_boxes_only_the_old_markers_are_removed() -> None:
+    assert [marker.action for marker in read(boxes(0))] == [Marker.DELETEALL]

@@ -1,0 +1,64 @@
+"""Messages come in any order between the sensors; ticks go out in theirs, with all that is due."""
+
+from itertools import chain
+
+import numpy as np
+import pytest
+
+from simbev_ros.nodes.sensor_join import SensorJoin
+
+PERIODS = {"lidar": 1, "radar": 2, "cam": 4}
+
+
+def due(tick: int) -> dict[str, str]:
+    return {sensor: f"{sensor} {tick}" for sensor, period in PERIODS.items() if tick % period == 0}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_tick_goes_out_once_in_order_with_all_that_is_due(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    join: SensorJoin[str, str] = SensorJoin(PERIODS)
+    streams = [
+        [(None, tick) for tick in range(12)],
+        *([(name, t) for t in range(0, 12, p)] for name, p in PERIODS.items()),
+    ]
+    given = []
+    while any(streams):
+        sender, tick = streams[rng.choice([k for k, stream in enumerate(streams) if stream])].pop(0)
+        if sender is None:
+            join.expect(tick, f"tick {tick}")
+        else:
+            join.add(sender, tick, f"{sender} {tick}")
+        given += list(join.ready())
+    assert given == [(f"tick {tick}", due(tick)) for tick in range(12)]
+
+
+def test_with_patience_a_tick_goes_without_what_is_lost_and_what_is_late_is_dropped() -> None:
+    join: SensorJoin[int, str] = SensorJoin({"lidar": 1}, patience_ticks=3)
+    for tick in range(4):
+        join.expect(tick, tick)
+        if tick != 0:
+            join.add("lidar", tick, f"lidar {tick}")
+        if tick < 3:
+            assert list(join.ready()) == []
+    assert list(join.ready()) == [(0, {}), *((tick, {"lidar": f"lidar {tick}"}) for tick in (1, 2, 3))]
+    join.add("lidar", 0, "late")
+    join.expect(4, 4)
+    join.add("lidar", 4, "lidar 4")
+    assert list(join.ready()) == [(4, {"lidar": "lidar 4"})]
+
+
+def test_ticks_that_the_node_has_left_out_leave_nothing_behind() -> None:
+    join: SensorJoin[int, str] = SensorJoin({"lidar": 1}, patience_ticks=3)
+    for tick in range(9):
+        join.add("lidar", tick, f"lidar {tick}")
+    for tick in (2, 8):
+        join.expect(tick, tick)
+    assert list(chain(join.ready())) == [(2, {"lidar": "lidar 2"}), (8, {"lidar": "lidar 8"})]
+    assert not join._messages
+
+
+def test_without_sensors_nothing_waits() -> None:
+    join: SensorJoin[int, str] = SensorJoin({})
+    join.expect(7, 7)
+    assert list(join.ready()) == [(7, {})]

@@ -1,0 +1,98 @@
+"""Every chunk that is whole is saved, byte for byte; what is lost is named; the old bag stays as it is."""
+
+import random
+from pathlib import Path
+
+import pytest
+from damage import TICKS, sound_bag
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from simbev_ros.errors import BagError, InputError
+from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.recording.repair import repair_bag
+from simbev_ros.recording.verify import verify_bag
+
+
+def messages(path: Path) -> list[RawMessage]:
+    with SceneBag(path) as bag:
+        return list(bag.messages())
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    return sound_bag(tmp_path / "a")
+
+
+def chunk_ends(file: Path) -> list[tuple[int, int]]:
+    """Of each chunk the end in the file, and how many messages there are up to it."""
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None and len(summary.chunk_indexes) > 10
+    ends, counted = [], 0
+    with SceneBag(file) as bag:
+        for chunk in summary.chunk_indexes:
+            counted += sum(type(record).__name__ == "Message" for record in bag._records(chunk.chunk_start_offset))
+            ends.append((chunk.chunk_start_offset + chunk.chunk_length, counted))
+    return ends
+
+
+def test_of_a_file_that_is_cut_off_every_whole_chunk_is_saved(bag: Path, tmp_path: Path) -> None:
+    file = bag / "a_0.mcap"
+    data, ends, original = file.read_bytes(), chunk_ends(file), messages(bag)
+    for number, size in enumerate(random.Random(1).sample(range(ends[0][0], len(data)), 60)):
+        file.write_bytes(data[:size])
+        repaired = repair_bag(bag, tmp_path / f"saved{number}")
+        whole = max(count for end, count in ends if end <= size)
+        assert messages(repaired.path) == original[:whole]
+        assert f"whatever would have followed byte {size:,}, where the file is cut off" in repaired.lost
+        assert file.read_bytes() == data[:size]
+        with AnyReader([repaired.path]) as reader:
+            assert reader.message_count == whole
+
+
+def test_of_a_file_with_flipped_bits_at_most_the_hit_chunk_is_lost(bag: Path, tmp_path: Path) -> None:
+    file = bag / "a_0.mcap"
+    data, ends, original = file.read_bytes(), chunk_ends(file), messages(bag)
+    sizes = [count - before for (_, count), before in zip(ends, [0, *(count for _, count in ends)], strict=False)]
+    choice = random.Random(3)
+    for number in range(60):
+        place = choice.randrange(8, ends[-1][0])
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << choice.randrange(8)
+        file.write_bytes(damaged)
+        repaired = repair_bag(bag, tmp_path / f"saved{number}")
+        saved = messages(repaired.path)
+        assert set(saved) <= set(original)
+        assert len(saved) >= len(original) - max(sizes)
+        if len(saved) < len(original):
+            assert repaired.lost
+
+
+def test_a_half_indexed_file_loses_nothing(bag: Path, tmp_path: Path) -> None:
+    file = bag / "a_0.mcap"
+    original = messages(bag)
+    data = file.read_bytes()
+    file.write_bytes(data[: chunk_ends(file)[-1][0] + 40] + bytes(100))
+    repaired = repair_bag(file, tmp_path / "saved")
+    assert messages(repaired.path) == original and repaired.counts == {"/cam/image_raw": TICKS, "/world/weather": TICKS}
+    places = {fault.place for fault in verify_bag(repaired.path)}
+    assert places == {"saved_0.mcap"}  # the books are gone with the end of the file
+
+
+def test_a_sound_bag_stays_complete(bag: Path, tmp_path: Path) -> None:
+    repaired = repair_bag(bag, tmp_path / "saved")
+    assert repaired.lost == [] and verify_bag(repaired.path) == [] and messages(repaired.path) == messages(bag)
+    with SceneBag(repaired.path) as new, SceneBag(bag) as old:
+        assert new.attachments == old.attachments
+        assert [topic.type_hash for topic in new.topics.values()] == [topic.type_hash for topic in old.topics.values()]
+
+
+def test_nothing_is_overwritten_and_nothing_comes_of_nothing(bag: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="exists already"):
+        repair_bag(bag, bag)
+    for content, problem in ((b"", "empty"), (b"x" * 5000, "no message")):
+        file = tmp_path / "bad.mcap"
+        file.write_bytes(content)
+        with pytest.raises(BagError, match=problem):
+            repair_bag(file, tmp_path / "saved")

@@ -1,0 +1,103 @@
+"""A sound bag has no faults; whatever is cut off, flipped or changed in one is found."""
+
+import json
+import random
+from pathlib import Path
+
+import pytest
+import yaml
+from damage import TICK_NS, sound_bag
+from ros_messages import string
+
+from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.verify import verify_bag
+
+
+def problems(path: Path) -> list[str]:
+    return [f"{fault.place}: {fault.problem}" for fault in verify_bag(path)]
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    path = sound_bag(tmp_path / "a")
+    assert verify_bag(path) == []
+    return path
+
+
+def test_every_truncation_is_found(bag: Path) -> None:
+    file = bag / "a_0.mcap"
+    data = file.read_bytes()
+    for size in random.Random(1).sample(range(len(data)), 200):
+        file.write_bytes(data[:size])
+        assert problems(bag), size
+
+
+def test_every_flipped_bit_is_found(bag: Path) -> None:
+    file = bag / "a_0.mcap"
+    data = file.read_bytes()
+    choice = random.Random(2)
+    for place in choice.sample(range(len(data)), 200):
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << choice.randrange(8)
+        file.write_bytes(damaged)
+        assert problems(bag), place
+
+
+def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Path) -> None:
+    description = bag / "metadata.yaml"
+    text = description.read_text()
+    description.write_text("{")
+    assert "metadata.yaml: it cannot be read" in problems(bag)[0]
+    facts = yaml.safe_load(text)
+    facts["rosbag2_bagfile_information"]["message_count"] += 1
+    description.write_text(yaml.safe_dump(facts))
+    assert problems(bag) == ["metadata.yaml: it does not say what the file says of itself"]
+    description.unlink()
+    assert problems(bag) == ["metadata.yaml: it is missing"]
+
+
+def test_an_unfinished_scene_is_found(bag: Path) -> None:
+    unfinished = bag.rename(bag.with_name("a.partial"))
+    assert problems(unfinished) == [": the scene was not finished: what ended it is in the dataset's log"]
+
+
+def write(path: Path, messages: list[tuple[str, int, bytes]], **facts: str) -> Path:
+    with SceneBagWriter(path) as writer:
+        writer.add_attachment("scene.json", "application/json", b"{}")
+        for topic in sorted({topic for topic, _, _ in messages}):
+            writer.add_topic(topic, "std_msgs/msg/String", QosProfile())
+        for topic, stamp_ns, payload in messages:
+            writer.write(topic, stamp_ns, payload)
+        return writer.finish({"complete": "true", "expected": json.dumps({"/a": 2}), **facts})
+
+
+def stamped(stamp_ns: int) -> bytes:
+    return string(json.dumps({"stamp_ns": stamp_ns}))
+
+
+@pytest.mark.parametrize(
+    ("messages", "facts", "problem"),
+    [
+        ([("/a", 0, stamped(0))], {}, "/a: 1 of 2 messages"),
+        ([("/a", t, stamped(t)) for t in (TICK_NS, 0)], {}, "/a: at 0 ns: it stands behind one of 50000000 ns"),
+        ([("/a", t, stamped(7)) for t in (7, 8)], {}, "/a: at 8 ns: its header says 7 ns"),
+        ([("/a", t, string("x")[:9]) for t in (0, 1)], {}, "/a: at 0 ns: no std_msgs/msg/String"),
+        ([(name, 0, stamped(0)) for name in ("/a", "/a", "/b")], {}, "/b: a topic that the scene does not have"),
+        ([("/a", t, stamped(t)) for t in (0, 1)], {"complete": "false"}, "b_0.mcap: the scene is incomplete"),
+    ],
+)
+def test_messages_that_are_not_right_are_found(
+    tmp_path: Path, messages: list[tuple[str, int, bytes]], facts: dict[str, str], problem: str
+) -> None:
+    assert problems(write(tmp_path / "b", messages, **facts))[0].startswith(problem)
+
+
+def test_a_bag_without_books_is_not_called_whole(tmp_path: Path) -> None:
+    path = write(tmp_path / "b", [("/a", 0, stamped(0))], expected="{}")
+    assert problems(path) == ["/a: a topic that the scene does not have"]
+    with SceneBagWriter(tmp_path / "c") as writer:
+        writer.add_topic("/a", "std_msgs/msg/String", QosProfile())
+        writer.write("/a", 0, stamped(0))
+        writer.finish({})
+    assert problems(tmp_path / "c") == ["c_0.mcap: the recorder left no books", "scene.json: it is missing"]

@@ -176,10 +176,10 @@ def labels(
     frames: _Frames = 10,
     as_json: _Json = False,
 ) -> None:
-    """Time the labels of a tick: grid, boxes, points in them, the vector map and voxels.
+    """Time the labels of a tick: grid, boxes, points in them, what cameras see of them, the vector map and voxels.
 
-    The grid, the points of the lidar and of the four radars, and the radius of the boxes are those of the paper. For
-    comparison, the same grid is made from the same triangles in shapely.
+    Grid, boxes, lidar, radars and the six cameras are those of the paper. For comparison, the same grid is made from
+    the same triangles in shapely.
 
     [bold]Example[/]
 

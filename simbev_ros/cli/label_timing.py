@@ -1,4 +1,4 @@
-"""Timing labels: what a tick's grid, boxes, points, vector map and voxels cost, and what a plain grid would."""
+"""Timing labels: what a tick's grid, boxes, points, views, vector map and voxels cost, and what a plain grid would."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,11 +13,13 @@ from simbev_ros.annotation.occupancy import OccupancyAnnotator, occupied
 from simbev_ros.annotation.points import map_points, with_points
 from simbev_ros.annotation.standing import standing_of
 from simbev_ros.annotation.vector_map import VectorMap
+from simbev_ros.annotation.views import ViewAnnotator, visibility
 from simbev_ros.assets.catalogue import load_models
 from simbev_ros.cli.camera_scene import CameraScene
 from simbev_ros.cli.plain_grid import PlainGrid
 from simbev_ros.cli.stopwatch import Cost, Stopwatch
 from simbev_ros.config.annotation import Occupancy
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar
@@ -25,7 +27,9 @@ from simbev_ros.config.sensor import Pose
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
 from simbev_ros.raycast.scene import RayScene
+from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.memory import keep_freed_memory
+from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import map_from_sensor, vector
@@ -37,7 +41,7 @@ _BESIDE_EGO_M = 5.0
 _NEAR_M = 100.0
 
 _GRID, _BOXES, _POINTS = "grid", "boxes", "points inside boxes"
-_ROADS, _VOXELS = "vector map", "occupancy"
+_VIEWS, _ROADS, _VOXELS = "views", "vector map", "occupancy"
 _PLAIN = "grid in shapely"
 
 _Cloud = tuple[Pose, Table]
@@ -101,6 +105,9 @@ def timed_labels(scene: CameraScene, progress: Callable[[], None] = lambda: None
     Args:
         scene: Of at least two moments.
         progress: Called after each moment.
+
+    Raises:
+        RenderError: OpenGL is not usable here; instance images are drawn with it.
     """
     keep_freed_memory()
     annotators = _Annotators(scene)
@@ -119,7 +126,11 @@ def timed_labels(scene: CameraScene, progress: Callable[[], None] = lambda: None
         boxes=annotators.boxes,
         points=annotators.points,
         frames=len(scene.states) - 1,
-        costs=[watch.cost(name) for name in (_GRID, _BOXES, _POINTS, _ROADS, _VOXELS)],
+        costs=[
+            *(watch.cost(name) for name in (_GRID, _BOXES, _POINTS)),
+            watch.cost(_VIEWS, title=f"{_VIEWS} of {len(annotators.cameras)} cameras"),
+            *(watch.cost(name) for name in (_ROADS, _VOXELS)),
+        ],
         every_tick=watch.cost(_GRID, _BOXES, _POINTS, title=f"{_GRID}, {_BOXES} and points"),
         plain=plain,
         ratio=plain.wall_ms / grid.wall_ms,
@@ -143,6 +154,9 @@ class _Annotators:
         self._plain = PlainGrid(scene.static, models, self._annotation.bev.grid)
         self._rays = RayScene(scene.static, models)
         [self._lidar] = scenario.rig.of_type(Lidar)
+        cameras = scenario.rig.of_type(Camera)
+        self.cameras = [CameraView(each.model, each.pose.ego_from_sensor, ("instance",)) for each in cameras]
+        self._renderer, self._views = Renderer(scene.static, models), ViewAnnotator(models)
         self._lidar_model = LidarModel(self._lidar, 0, _TURN_S)
         self._radars = [RadarModel(radar, 0, _TURN_S) for radar in scenario.rig.of_type(Radar)]
 
@@ -154,6 +168,9 @@ class _Annotators:
         run(_GRID, lambda: self._bev.labels(state, annotation.bev.grid, level))
         table = run(_BOXES, lambda: boxes(state, annotation.box_radius_m, level, self._extents, self._standing))
         run(_POINTS, lambda: with_points(table, *(_map_points(clouds, state) for clouds in (lidar, radar))))
+        drawn = self._renderer.render(self.cameras, RenderFrame(state))
+        images = [each.instance for each in drawn if each.instance is not None]
+        run(_VIEWS, lambda: visibility(table["id"], self._views.views(state, table, self.cameras, images)))
         run(_ROADS, lambda: self._roads.record(state, level))
         run(_VOXELS, lambda: occupied(self._voxels.tags(state, occupancy.grid, state.ego_ids), occupancy.grid))
         self.boxes, self.points = len(table), sum(len(cloud) for _, cloud in (*lidar, *radar))

@@ -32,6 +32,7 @@ class NodeProcess:
         self.names = tuple(parameters)
         self.label = "+".join(self.names)
         self.log = folder / f"{self.label}.log"
+        self._read_bytes = 0
         file = folder / f"{self.label}.yaml"
         file.write_text(yaml.safe_dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}))
         nodes = [f"{kind}:{name}" for kind, name in zip(kinds, self.names, strict=True)]
@@ -73,6 +74,14 @@ class NodeProcess:
         except OSError:
             return 0.0
         return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+    def new_output(self) -> str:
+        """What it has written since the last call."""
+        with self.log.open("rb") as log:
+            log.seek(self._read_bytes)
+            written = log.read()
+        self._read_bytes += len(written)
+        return written.decode(errors="replace")
 
     def describe_end(self) -> str:
         """Why it ended, with the last words of its log."""

@@ -124,6 +124,10 @@ class GraphSession:
         assert self._monitor is not None, "the session has not been entered"
         return self._monitor
 
+    def new_output(self) -> dict[str, str]:
+        """What every process has written since the last call."""
+        return {process.label: process.new_output() for process in self._processes}
+
     def cpu_s(self) -> dict[str, float]:
         """Processor time of every process so far."""
         return {process.label: process.cpu_s for process in self._processes}

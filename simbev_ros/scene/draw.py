@@ -72,7 +72,7 @@ def draw_scene(
     """
     seed = scenario.seed + planned.number
     starts = starts_of(scenario, network) if starts is None else starts
-    ticks, warm_up_ticks = _ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
+    ticks, warm_up_ticks = ticks_of(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     ego, ego_position_m = _draw_ego(scenario, seed, network, starts, duration_s)
     weather, final_weather = draw_weathers(scenario.weather, seed, hilly=starts.is_hilly)
@@ -120,7 +120,7 @@ def starts_of(scenario: Scenario, network: RoadNetwork) -> Starts:
     return Starts(network, scenario.traffic.waypoint_spacing_m)
 
 
-def _ticks(timing: Timing, seed: int) -> int:
+def ticks_of(timing: Timing, seed: int) -> int:
     """Length of the scene: as it is fixed, or drawn and rounded to whole ticks."""
     return max(1, round(sample(timing.duration_s, stream(seed, "time.duration")) / timing.tick_s))
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import libsumo
 import numpy as np
 
 from simbev_ros.errors import SimulationError
@@ -15,6 +14,7 @@ from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.closures import CLOSURE
 from simbev_ros.world.demand import index_of, pedestrian_name, vehicle_name
 from simbev_ros.world.tracks import Tracks
+from simbev_ros.world.traffic_library import libsumo
 from simbev_ros.world.traffic_ways import TrafficWays
 
 _NS_PER_MS = 1_000_000

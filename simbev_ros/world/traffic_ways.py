@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-import libsumo
 import numpy as np
 
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.tracks import Tracks
+from simbev_ros.world.traffic_library import libsumo
 
 _LANES = 7  # of the way of one vehicle; it ends there
 _STALE_TICKS = 100  # which lane of an edge a vehicle will take may change without its leaving its own

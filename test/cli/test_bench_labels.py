@@ -8,6 +8,7 @@ from simbev_ros.cli.main import app
 RUNNER = CliRunner()
 
 
+@pytest.mark.gl
 def test_bench_labels_compares_with_a_plain_grid_that_is_the_same() -> None:
     arguments = ["bench", "labels", "--map", "Blocks", "--actors", "12", "--radius", "100", "--frames", "2", "--json"]
     result = RUNNER.invoke(app, arguments)
@@ -18,7 +19,7 @@ def test_bench_labels_compares_with_a_plain_grid_that_is_the_same() -> None:
     assert timing["points"] > 100_000
     assert timing["agreement"] > 0.99999
     costs = {cost["name"]: cost for cost in timing["costs"]}
-    assert {"grid", "boxes", "points inside boxes", "vector map", "occupancy"} <= set(costs)
+    assert {"grid", "boxes", "points inside boxes", "views of 6 cameras", "vector map", "occupancy"} <= set(costs)
     for cost in (*costs.values(), timing["every_tick"], timing["plain"]):
         assert 0 < cost["least_ms"] <= cost["wall_ms"]
         assert cost["cpu_ms"] > 0

@@ -37,13 +37,15 @@ def labelled_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario = load_scenario("demo")
     planned = next(planned_scenes(scenario))
     cameras = tuple(
-        Camera(type="camera", name=f"cam_{name}", pose=Pose(z_m=1.6, yaw_deg=yaw), width_px=320, height_px=180)
+        Camera(type="camera", name=f"cam_{name}", pose=Pose(z_m=1.6, yaw_deg=yaw), width_px=160, height_px=90)
         for name, yaw in YAWS_DEG.items()
     )
     spec = draw_scene(scenario, planned, load_network(planned.map)).model_copy(update={"rig": Rig(sensors=cameras)})
     attachments = {"scene.json": spec.model_dump_json().encode()}
     folder = tmp_path_factory.mktemp("labelled")
-    return write_scene(folder / "Town01-0007", width_px=320, boxes=True, attachments=attachments)
+    return write_scene(
+        folder / "Town01-0007", ticks=2, width_px=160, cameras=("front", "back"), boxes=True, attachments=attachments
+    )
 
 
 def draw(path: Path, width_px: int = 960, labels: LabelPlace = "panel") -> tuple[ContactSheet, UInt8Array]:
@@ -136,13 +138,13 @@ def test_labels_over_all_cameras_are_where_what_they_name_is(labelled_path: Path
     assert sheet._boxes == plain._boxes
     for place in (FRONT, FRONT.replace("front", "back"), LIDAR, BEV):
         assert (panel(sheet, picture, place) != panel(plain, clean, place)).any()
-    ids = camera_images(street(), STEP_M, 0, 320)["instance"]  # frame 1
+    ids = camera_images(street(), STEP_M, 0, 160)["instance"]  # frame 1
     rows, columns = np.nonzero(ids == 2)  # the car ahead
     was, now = (panel(s, p, FRONT).astype(int) for s, p in ((plain, clean), (sheet, picture)))
-    scale = was.shape[1] / 320
+    scale = was.shape[1] / 160
     bluer = np.argwhere((now - was)[..., 2] - (now - was)[..., 0] > 40) / scale
     around = (bluer > [rows.min() - 3, columns.min() - 3]) & (bluer < [rows.max() + 4, columns.max() + 4])
-    assert around.all(axis=1).sum() > 100
+    assert around.all(axis=1).sum() > 50
 
 
 def test_images_of_another_size_than_the_rigs_camera_are_refused_with_labels_only(
@@ -150,8 +152,8 @@ def test_images_of_another_size_than_the_rigs_camera_are_refused_with_labels_onl
 ) -> None:
     with SceneBag(labelled_path) as bag:
         attachments = {"scene.json": bag.attachments["scene.json"]}
-    path = write_scene(tmp_path / "a", ticks=2, width_px=64, boxes=True, attachments=attachments)
-    with pytest.raises(BagError, match=r"cam_front/rgb.*64.*320.*--labels off"):
+    path = write_scene(tmp_path / "a", ticks=2, width_px=64, cameras=("front",), boxes=True, attachments=attachments)
+    with pytest.raises(BagError, match=r"cam_front/rgb.*64.*160.*--labels off"):
         draw(path)
     draw(path, labels="off")
 

@@ -2,7 +2,7 @@
 
 Of a triangle that faces the camera, every edge that it shares with another such triangle cancels out. What is left runs
 around the silhouette, and around parts of it before others, always with the inside on the same hand. So contours hold
-all that is to be known of a silhouette, in a tenth of the edges. Triangles that turn away are not drawn (actors are
+all that is to be known of a silhouette, in a sixth of the edges. Triangles that turn away are not drawn (actors are
 closed), and nothing is that is nearer than the near plane; contours run along the cuts.
 """
 

@@ -18,14 +18,18 @@ _HOLDS = 1.0 - 1e-6
 def bent(contours: Contours, camera: LensCamera) -> Contours:
     """Contours that an ideal camera of the same intrinsics would see in the same pixels, good to 0.1 pixel."""
     reach = _MARGIN * _canvas_reach(camera)
-    points = _bounded(contours.ends, reach)
-    start, end = points[:, :-1].reshape(2, -1), points[:, 1:].reshape(2, -1)
+    beyond = (np.abs(contours.ends) > reach).any(axis=(0, 1))
+    points = _bounded(contours.ends[..., beyond], reach)
+    start, end = (
+        np.concatenate([contours.ends[:, place, ~beyond], bounded.reshape(2, -1)], axis=1)
+        for place, bounded in enumerate((points[:, :-1], points[:, 1:]))
+    )
+    original = np.concatenate([np.flatnonzero(~beyond), np.tile(np.flatnonzero(beyond), 5)])
     step = 0.5 / np.sqrt(max(camera.fx_px, camera.fy_px))  # half the root of the focal length, in pixels
-    segment, turn = counted(np.ceil(np.hypot(*(end - start)) / step).astype(np.int64))
-    count = np.bincount(segment, minlength=start.shape[1])[segment]
-    start, end = start[:, segment], end[:, segment]
+    count = np.ceil(np.hypot(*(end - start)) / step).astype(np.int64)
+    segment, turn = counted(count)
+    start, end, count, original = start[:, segment], end[:, segment], count[segment], original[segment]
     ends = [_through_lens(_between(start, end, share / count), camera) for share in (turn, turn + 1)]
-    original = segment % len(contours.slot)
     return Contours(contours.slot[original], contours.sign[original], np.stack(ends, axis=1))
 
 

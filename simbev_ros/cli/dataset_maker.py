@@ -20,6 +20,7 @@ from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.staging import move_in, staging_of
 from simbev_ros.errors import GraphError, InputError, SimbevError
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.graph.traces import sweep
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.draw import PlannedScene, draw_scene, starts_of
@@ -79,6 +80,7 @@ class DatasetMaker:
         self._scenario, self._dataset, self._console, self._retries = scenario, dataset, console, retries
         self._drawer = Drawer(scenario, console)
         self._session: GraphSession | None = None
+        sweep()  # also where nothing is left to make
         plan = Plan.of(dataset)
         there = [bag for bag in (bag_of(dataset, entry) for entry in plan.scenes) if bag.is_dir()]
         self._rows: dict[int, Row] = {row["number"]: row for row in brought_up_to_date(dataset, there)}

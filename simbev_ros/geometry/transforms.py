@@ -62,6 +62,19 @@ def quaternion_from_rpy(rpy_rad: Float64Array) -> Float64Array:
     )
 
 
+def matrices_from_xyz_quaternion(xyz_m: Float64Array, xyzw: Float64Array) -> Float64Array:
+    """(…, 4, 4) transforms, parent from child, of (…, 3) positions in metres and (…, 4) unit quaternions x y z w."""
+    xyz_m, xyzw = np.asarray(xyz_m, np.float64), np.asarray(xyzw, np.float64)
+    x, y, z, w = np.moveaxis(xyzw, -1, 0)
+    matrices = np.zeros((*xyz_m.shape[:-1], 4, 4))
+    matrices[..., 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=-1)
+    matrices[..., 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=-1)
+    matrices[..., 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=-1)
+    matrices[..., :3, 3] = xyz_m
+    matrices[..., 3, 3] = 1.0
+    return matrices
+
+
 def rpy_from_rotation(rotation: Float64Array) -> Float64Array:
     """(…, 3) roll, pitch, yaw in radians of (…, 3, 3) rotations; pitch in [-π/2, π/2]."""
     return np.stack(

@@ -1,8 +1,6 @@
 """A running graph: starts its processes, plays scenes on it, watches it, and ends it without leftovers."""
 
 import os
-import shutil
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +14,7 @@ from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.monitor import GraphMonitor
 from simbev_ros.graph.plan import planned_processes
 from simbev_ros.graph.process import NodeProcess
-from simbev_ros.graph.shared_memory import held_files, remove_orphans
+from simbev_ros.graph.traces import Traces
 from simbev_ros.render.shares import camera_processes, drawing_environment
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
@@ -51,10 +49,9 @@ class GraphSession:
         self._dataset = dataset
         self._lock = DomainLock(domain)
         self.domain = self._lock.domain
-        self._folder = Path(tempfile.mkdtemp(prefix="simbev_ros-"))
+        self._traces = Traces()
         self._processes: list[NodeProcess] = []
         self._monitor: GraphMonitor | None = None
-        self._shared_memory: set[Path] = set()
         self._failed = False
 
     def __enter__(self) -> Self:
@@ -74,7 +71,7 @@ class GraphSession:
         for nodes in plans:
             parameters = {node.name: node.parameters for node in nodes}
             kinds = [node.kind for node in nodes]
-            self._processes.append(NodeProcess(kinds, parameters, self._folder, environment))
+            self._processes.append(NodeProcess(kinds, parameters, self._traces.folder, environment))
         names = [node.name for nodes in plans for node in nodes]
         self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.graph.participants])
 
@@ -143,8 +140,8 @@ class GraphSession:
         return self.monitor.world.finished_by_all()
 
     def _check(self, tick: int | None) -> None:
-        for process in self._processes:
-            self._shared_memory |= held_files(process.pid)
+        for pid in (os.getpid(), *(process.pid for process in self._processes)):
+            self._traces.note(pid)
         where = "while the scene was loading" if tick is None else f"after tick {tick}"
         for process in self._processes:
             if process.exit_code is not None:
@@ -158,7 +155,7 @@ class GraphSession:
 
     def _fail(self, message: str) -> None:
         self._failed = True
-        raise GraphError(f"{message}\nlogs: {self._folder}")
+        raise GraphError(f"{message}\nlogs: {self._traces.folder}")
 
     def __exit__(self, *_: object) -> None:
         self._stop()
@@ -166,14 +163,12 @@ class GraphSession:
     def _stop(self) -> None:
         """Stop all processes, the recorder too in its own time, and remove every trace but the logs of a failure."""
         for process in self._processes:
-            self._shared_memory |= held_files(process.pid)
+            self._traces.note(process.pid)
             process.terminate()
         end_s = time.monotonic() + _STOP_TIMEOUT_S
         for process in self._processes:
             process.join(max(end_s - time.monotonic(), 0.1))
         if self._monitor is not None:
             self._monitor.close()
-        remove_orphans(self._shared_memory)
-        if not self._failed:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        self._traces.remove(keep_logs=self._failed)
         self._lock.__exit__()

@@ -39,6 +39,7 @@ from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.palette import bev_color
 from simbev_ros.recording.image_codecs import decode_labels
 from simbev_ros.render.frame import CameraView
+from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES
@@ -61,6 +62,7 @@ class AnnotatorNode(Participant):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        keep_freed_memory()
         self._compressed = self.declared("compressed", True, "Read the compressed instance images instead of the raw")
         self._surroundings = Surroundings()
         self._meshes: MeshAnnotators | None = None

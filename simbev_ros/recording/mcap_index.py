@@ -1,26 +1,35 @@
 """What is where in an MCAP file: from its summary if it was closed, else by walking it as far as it is whole."""
 
+import io
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, MessageIndex, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Attachment, Channel, Chunk, ChunkIndex, McapRecord, Metadata, Schema
+from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 from zstandard import ZstdError
 
 from simbev_ros.errors import BagError
+from simbev_ros.types import Int64Array
 
 DAMAGE = (McapError, ZstdError, ValueError, KeyError, struct.error, OverflowError, MemoryError)
 """What reading damaged records raises."""
 
 RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length."""
+
+MESSAGE_HEAD = struct.Struct("<HIQQ")
+"""Channel id, sequence, log time, publish time; the payload follows."""
+
+_INDEX_HEAD = struct.Struct("<HI")
+"""Channel id and bytes of entries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +48,7 @@ class McapIndex:
 
     Attributes:
         closed: The file has its summary and end; otherwise its writer was interrupted.
-        stamps_ns: Per channel id the log time of each message, ns, in the order of the file.
+        places: Per channel id the places of its messages, in the order of the file, in parts.
         attachments: Content by name.
         metadata: Key-value records by name.
     """
@@ -48,9 +57,18 @@ class McapIndex:
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
     chunks: list[ChunkEntry] = field(default_factory=list)
-    stamps_ns: dict[int, list[int]] = field(default_factory=dict)
+    places: dict[int, list[Int64Array]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def places_of(self, channel_id: int) -> Int64Array:
+        """(N, 3) log time in ns, the chunk's offset in the file, the message's in the chunk; in the file's order."""
+        return np.concatenate([np.zeros((0, 3), np.int64), *self.places.get(channel_id, [])])
+
+    def enter_places(self, channel_id: int, chunk_offset: int, entries: Int64Array) -> None:
+        """Add (N, 2) log times and offsets of messages of a chunk."""
+        part = np.insert(entries, 1, chunk_offset, axis=1)
+        self.places.setdefault(channel_id, []).append(part)
 
 
 def read_index(stream: BinaryIO, name: str) -> McapIndex:
@@ -83,6 +101,14 @@ def read_chunk(stream: BinaryIO, offset: int) -> list[McapRecord]:
     return breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
 
 
+def chunk_data(stream: BinaryIO, offset: int) -> bytes:
+    """The decompressed records of the chunk at an offset, their CRC checked. Raises one of ``DAMAGE``."""
+    stream.seek(offset + RECORD_HEAD.size)
+    data, length = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
+    content: bytes = data.read(length)
+    return content
+
+
 def _from_summary(stream: BinaryIO) -> McapIndex:
     stream.seek(0)
     reader = make_reader(stream, validate_crcs=True)
@@ -95,13 +121,24 @@ def _from_summary(stream: BinaryIO) -> McapIndex:
     for chunk in summary.chunk_indexes:
         ids = frozenset(chunk.message_index_offsets)
         index.chunks.append(ChunkEntry(chunk.chunk_start_offset, chunk.message_start_time, chunk.message_end_time, ids))
-        for channel_id, offset in chunk.message_index_offsets.items():
-            stream.seek(offset + RECORD_HEAD.size)
-            entries = MessageIndex.read(ReadDataStream(stream)).records
-            index.stamps_ns.setdefault(channel_id, []).extend(stamp_ns for stamp_ns, _ in entries)
+        _enter_message_indexes(index, stream, chunk)
     index.attachments = {attachment.name: attachment.data for attachment in reader.iter_attachments()}
     index.metadata = {metadata.name: metadata.metadata for metadata in reader.iter_metadata()}
     return index
+
+
+def _enter_message_indexes(index: McapIndex, stream: BinaryIO, chunk: ChunkIndex) -> None:
+    """Those that follow a chunk."""
+    stream.seek(chunk.chunk_start_offset + chunk.chunk_length)
+    data = stream.read(chunk.message_index_length)
+    offset = 0
+    while offset < len(data):
+        _, length = RECORD_HEAD.unpack_from(data, offset)
+        start = offset + RECORD_HEAD.size
+        channel_id, size = _INDEX_HEAD.unpack_from(data, start)
+        entries = np.frombuffer(data, "<i8", size // 8, start + _INDEX_HEAD.size).reshape(-1, 2)
+        index.enter_places(channel_id, chunk.chunk_start_offset, entries)
+        offset = start + length
 
 
 def _walk(stream: BinaryIO, size: int) -> McapIndex:
@@ -110,7 +147,7 @@ def _walk(stream: BinaryIO, size: int) -> McapIndex:
     try:
         for opcode, offset in _records(stream, size):
             if opcode == Opcode.CHUNK:
-                _enter_chunk(index, offset, read_chunk(stream, offset))
+                _enter_chunk(index, offset, chunk_data(stream, offset))
             elif opcode in _READERS:
                 _enter(index, _READERS[opcode](ReadDataStream(stream)))
     except DAMAGE:
@@ -130,19 +167,26 @@ def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
         offset += RECORD_HEAD.size + length
 
 
-def _enter_chunk(index: McapIndex, offset: int, records: list[McapRecord]) -> None:
-    messages = [record for record in records if isinstance(record, Message)]
-    for record in records:
-        _enter(index, record)
-    stamps_ns = [message.log_time for message in messages]
-    ids = frozenset(message.channel_id for message in messages)
-    index.chunks.append(ChunkEntry(offset, min(stamps_ns), max(stamps_ns), ids))
+def _enter_chunk(index: McapIndex, offset: int, data: bytes) -> None:
+    places: dict[int, list[tuple[int, int]]] = {}
+    place = 0
+    while place < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, place)
+        start, end = place + RECORD_HEAD.size, place + RECORD_HEAD.size + length
+        if opcode == Opcode.MESSAGE:
+            channel_id, _, stamp_ns, _ = MESSAGE_HEAD.unpack_from(data, start)
+            places.setdefault(channel_id, []).append((stamp_ns, place))
+        elif opcode in _READERS:
+            _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(data[start:end]))))
+        place = end
+    for channel_id, entries in places.items():
+        index.enter_places(channel_id, offset, np.array(entries, np.int64))
+    stamps_ns = [stamp_ns for entries in places.values() for stamp_ns, _ in entries]
+    index.chunks.append(ChunkEntry(offset, min(stamps_ns), max(stamps_ns), frozenset(places)))
 
 
 def _enter(index: McapIndex, record: McapRecord) -> None:
     match record:
-        case Message():
-            index.stamps_ns.setdefault(record.channel_id, []).append(record.log_time)
         case Channel():
             index.channels[record.id] = record
         case Schema():

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-import numpy as np
 import yaml
 from mcap.records import Message
 from pydantic import ValidationError
@@ -162,7 +161,7 @@ class SceneBag:
     def _topics(self) -> Iterator[Topic]:
         for channel_id, channel in self._index.channels.items():
             schema = self._index.schemas.get(channel.schema_id)
-            stamps_ns = np.array(self._index.stamps_ns.get(channel_id, []), np.int64)
+            stamps_ns = self._index.places_of(channel_id)[:, 0]
             type_hash = channel.metadata.get("topic_type_hash", "")
             yield Topic(channel.topic, schema.name if schema else "", type_hash, stamps_ns)
 

@@ -10,7 +10,7 @@ from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.palette import bev_color
 from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.types import Float32Array, Float64Array, UInt8Array, UInt16Array
+from simbev_ros.types import Float32Array, Float64Array, Int64Array, UInt8Array, UInt16Array
 from simbev_ros.viz.truth import Truth
 
 GROUND_CLASSES = ("road", "hazard", "road_line", "sidewalk", "crosswalk")
@@ -29,10 +29,10 @@ def ground_labels(
     ego_from_optical: Float64Array,
     truth: Truth,
     cell_m: float,
+    size_px: tuple[int, int],
     *,
     depth_m: Float32Array | None = None,
     tags: UInt8Array | None = None,
-    step: int = 1,
 ) -> UInt16Array:
     """The bird's-eye-view label of the ground that each pixel sees, 0 where it sees none.
 
@@ -41,32 +41,32 @@ def ground_labels(
         ego_from_optical: (4, 4) pose of the camera.
         truth: The labels and where they lie.
         cell_m: Side of a cell.
+        size_px: Width and height of the result, whose pixels stand for those of the camera that are next to them.
         depth_m: (H, W) along the optical axis; without it all that the camera sees is taken for flat ground.
         tags: (H, W) semantic tags: tell ground; without them all that is low does, save where something stands.
-        step: Only every so many pixels and rows.
 
     Returns:
-        (⌈H / step⌉, ⌈W / step⌉) uint16.
+        (height, width) uint16.
     """
     assert truth.labels is not None
     rows, columns = truth.labels.shape
-    rays = _rays(camera, step)
-    depth = _flat_depth_m(ego_from_optical, rays) if depth_m is None else depth_m[::step, ::step].reshape(-1)
+    pixels, rays = _rays(camera, size_px)
+    depth = _flat_depth_m(ego_from_optical, rays) if depth_m is None else depth_m[pixels].reshape(-1)
     near = depth < np.hypot(rows, columns) * cell_m
     if tags is not None:
-        near &= _GROUND_TAGS[tags[::step, ::step].reshape(-1)]
+        near &= _GROUND_TAGS[tags[pixels].reshape(-1)]
     seen = np.flatnonzero(near)
-    points = rays[:, seen] * depth[seen]
-    height = ego_from_optical[2, :3].astype(np.float32) @ points + ego_from_optical[2, 3]
+    points = rays[seen] * depth[seen, None]
     grid_from_optical = inverse(truth.map_from_grid) @ truth.map_from_ego @ ego_from_optical
-    xy = (grid_from_optical[:2, :3].astype(np.float32) @ points).T + grid_from_optical[:2, 3]
-    row, column = np.rint(BevGrid(rows, columns, cell_m).cells_from_ego(xy).T).astype(np.int32)
+    xy = _transformed(grid_from_optical, points)
+    height = _transformed(ego_from_optical, points)[:, 2]
+    row, column = np.rint(BevGrid(rows, columns, cell_m).cells_from_ego(xy.astype(np.float64)).T).astype(np.int32)
     ground = np.abs(height) < _HEIGHT_M + _SLOPE * depth[seen]
     ground &= (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     found = truth.labels[row[ground], column[ground]]
     labels = np.zeros(depth.size, np.uint16)
     labels[seen[ground]] = np.where(found & ~_GROUND_BITS, 0, found) if tags is None else found
-    return labels.reshape(-1, len(range(0, camera.width_px, step)))
+    return labels.reshape(size_px[::-1])
 
 
 def tint_ground(picture: UInt8Array, labels: UInt16Array) -> UInt8Array:
@@ -77,15 +77,25 @@ def tint_ground(picture: UInt8Array, labels: UInt16Array) -> UInt8Array:
 
 
 def _flat_depth_m(ego_from_optical: Float64Array, rays: Float32Array) -> Float32Array:
-    """(N,) depth at which (3, N) rays meet the ego's own plane; infinite where they do not."""
-    fall = -(ego_from_optical[2, :3].astype(np.float32) @ rays)
+    """(N,) depth at which (N, 3) rays meet the ego's own plane; infinite where they do not."""
+    fall = ego_from_optical[2, 3] - _transformed(ego_from_optical, rays)[:, 2]
     meets = fall > 1e-6
-    depth: Float32Array = np.where(meets, np.float32(ego_from_optical[2, 3]) / np.where(meets, fall, 1), np.inf)
-    return depth
+    return np.where(meets, ego_from_optical[2, 3] / np.where(meets, fall, 1), np.inf).astype(np.float32)
+
+
+def _transformed(target_from_source: Float64Array, points: Float32Array) -> Float32Array:
+    """(N, 3) points in the target frame of (N, 3) others; numpy would start threads for it."""
+    if not len(points):
+        return points
+    return np.asarray(cv2.transform(points[:, None], target_from_source[:3])[:, 0], np.float32)
 
 
 @lru_cache(maxsize=16)
-def _rays(camera: PinholeCamera, step: int) -> Float32Array:
-    """(3, N) rays with z = 1 through every so many pixels and rows."""
-    v, u = np.mgrid[: camera.height_px : step, : camera.width_px : step]
-    return np.ascontiguousarray(camera.rays(np.stack([u.ravel(), v.ravel()], axis=1)).T, np.float32)
+def _rays(camera: PinholeCamera, size_px: tuple[int, int]) -> tuple[tuple[Int64Array, Int64Array], Float32Array]:
+    """Rows (h, 1) and columns (1, w) of the pixels that those of a picture stand for, and (h w, 3) rays with z = 1."""
+    u, v = (
+        np.rint((np.arange(size) + 0.5) * full / size - 0.5).astype(np.int64)
+        for size, full in zip(size_px, (camera.width_px, camera.height_px), strict=True)
+    )
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2).astype(np.float64)
+    return (v[:, None], u[None]), camera.rays(pixels).astype(np.float32)

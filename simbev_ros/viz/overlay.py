@@ -63,16 +63,14 @@ def camera_labels(
         line_px: Width of the lines.
     """
     ego_from_optical = camera.pose.ego_from_sensor @ SENSOR_FROM_OPTICAL
-    step = max(1, sight.rgb.shape[1] // (2 * size_px[0]))
-    picture = np.ascontiguousarray(sight.rgb[::step, ::step])
+    way = cv2.INTER_AREA if camera.width_px > size_px[0] else cv2.INTER_CUBIC
+    picture = np.asarray(cv2.resize(sight.rgb, size_px, interpolation=way), np.uint8)
     if truth.labels is not None:
         cell_m = 2 * half_extent_m / truth.labels.shape[1]
-        labels = ground_labels(
-            camera.model, ego_from_optical, truth, cell_m, depth_m=sight.depth_m, tags=sight.tags, step=step
+        seen = ground_labels(
+            camera.model, ego_from_optical, truth, cell_m, size_px, depth_m=sight.depth_m, tags=sight.tags
         )
-        picture = tint_ground(picture, labels)
-    way = cv2.INTER_AREA if picture.shape[1] > size_px[0] else cv2.INTER_CUBIC
-    picture = np.asarray(cv2.resize(picture, size_px, interpolation=way), np.uint8)
+        picture = tint_ground(picture, seen)
     if truth.boxes is not None:
         optical_from_map = inverse(truth.map_from_ego @ ego_from_optical)
         draw_wireframes(picture, truth.boxes, camera, optical_from_map, sight.depth_m, line_px)

@@ -92,7 +92,8 @@ def lidar_picture(points: Table, ego_from_lidar: Float64Array, size_px: int, hal
         size_px: Width and height of the picture.
         half_extent_m: From the centre of the picture to its edge.
     """
-    places = apply(ego_from_lidar, np.stack([points[axis] for axis in "xyz"], axis=1))
+    places_lidar = np.stack([points[axis] for axis in "xyz"], axis=1)
+    places = cv2.transform(places_lidar[None], ego_from_lidar[:3])[0] if len(points) else places_lidar
     upwards = np.argsort(places[:, 2], kind="stable")
     colors = semantic_color(points["tag"][upwards].astype(np.uint8))
     colors = np.maximum(colors, (colors // 2 + 80).astype(np.uint8))  # dark tags must show on the dark ground

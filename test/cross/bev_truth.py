@@ -5,165 +5,30 @@ height, on which a hit lies. Which roads belong to the ego's level is taken from
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from synthetic_world import actor
+from bev_towns import MODELS, Town
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.hazards import LabelledArea, hazard_areas
-from simbev_ros.annotation.levels import Levels
-from simbev_ros.assets.catalogue import load_models
 from simbev_ros.assets.posing import pose_actors
 from simbev_ros.assets.primitives import triangulate
-from simbev_ros.assets.static_cache import load_static_scene, load_streetside
 from simbev_ros.assets.static_scene import StaticScene
-from simbev_ros.config.hazards import Hazards
-from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Ego, MapScenes, SpawnPose, Timing, Traffic
 from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.maps.build import load_network
-from simbev_ros.maps.region import Reach
-from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.level_members import LevelGraph, LevelMembers
 from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import draw_scene, planned_scenes
-from simbev_ros.scene.hazards import HazardKind, HazardSpec
+from simbev_ros.scene.hazards import HazardSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table
-from simbev_ros.world.simulation import Simulation
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-SAMPLES = 8  # along each side of a cell; the one in the middle of the second half is at its centre
+SAMPLES = 8  # along each side of a cell; the fifth one is at its centre
 CENTER = SAMPLES // 2
 ROADSIDE_M = 5.0  # what lies so far beside a road belongs to it
 APART_M = 2.5  # roads with more height between them pass above each other
 BELOW_M = 100.0  # rays start so far below the ego
-AROUND_M = 180.0  # frames are so far from the ego's start at most
-FARTHEST_M = 75.0  # of any grid's corners
-MODELS = load_models()
 SEEN = {Tag.ROAD: "road", Tag.ROAD_LINE: "road_line", Tag.SIDEWALK: "sidewalk"}
-
-
-@dataclass(frozen=True)
-class Town:
-    """A place in a town, its traffic at one moment, and the annotator there."""
-
-    static: StaticScene
-    layout: Layout
-    hazards: tuple[HazardSpec, ...]
-    areas: tuple[LabelledArea, ...]
-    annotator: BevAnnotator
-    levels: Levels
-    graph: LevelGraph
-    state: WorldState
-
-    def labels(self, state: WorldState, grid: BevGrid) -> dict[str, BoolArray]:
-        """What is to be checked."""
-        labels = self.annotator.labels(state, grid, self.levels.of_ego(state), self.areas)
-        return {name: labels >> bit & 1 == 1 for bit, name in enumerate(BEV_CLASSES)}
-
-
-def load_town(name: str, near_m: tuple[float, float] | None = None) -> Town:
-    """Traffic around a place, with hazards, and on any roads there one of every blueprint and two more hazards."""
-    spawn = () if near_m is None else (SpawnPose(x_m=near_m[0], y_m=near_m[1]),)
-    update = {
-        "scenes": (MapScenes(map=name, train=1),),
-        "traffic": Traffic(vehicles=60, pedestrians=120, spawn_radius_m=AROUND_M, waypoint_spacing_m=12.0),
-        "time": Timing(warm_up_s=6.0, duration_s=1.0),
-        "hazards": Hazards(count=2, cone_missing_probability=0.0),
-        "ego": Ego(spawn=spawn),
-    }
-    scenario = load_scenario("paper").model_copy(update=update)
-    [planned] = planned_scenes(scenario)
-    network = load_network(planned.map)
-    spec = draw_scene(scenario, planned, network)
-    start_m, _ = network.pose_on_lane(spec.vehicles[0].start.lane, spec.vehicles[0].start.s_m)
-    place_m = float(start_m[0]), float(start_m[1])
-    reach = Reach(place_m, AROUND_M + FARTHEST_M)
-    beside = load_streetside(spec.map, network, reach=reach)
-    with Simulation(spec, network, beside.obstacles, beside.plazas) as simulation:
-        state = [simulation.step() for _ in range(spec.warm_up_ticks + 1)][-1]
-    static = load_static_scene(spec.map, network, reach=reach)
-    layout = network.layout.near(shapely.Point(place_m).buffer(reach.radius_m + 200.0), 0.0)
-    near = [strip for strip, _ in _driving(layout, shapely.Point(place_m).buffer(AROUND_M))]
-    near.sort(key=lambda strip: strip.level, reverse=True)
-    steps = np.concatenate([_steps(strip) for strip in near])
-    rng = np.random.default_rng(0)
-    hazards = (*spec.hazards, *(_hazard(near[row]) for row in (0, rng.integers(len(near)))))
-    crowd = [_on(steps[rng.integers(len(steps))], _any_actor(1000 + k, k, rng)) for k in range(len(MODELS))]
-    state = replace(state, actors=np.concatenate([state.actors, *crowd]))
-    annotator = BevAnnotator(static, MODELS)
-    areas = hazard_areas(hazards, layout)
-    return Town(static, layout, hazards, areas, annotator, Levels(layout), LevelGraph(layout), state)
-
-
-def _driving(layout: Layout, area: shapely.Geometry) -> list[tuple[Strip, shapely.LineString]]:
-    """Lanes in an area, with their middle lines."""
-    strips = [strip for strip in layout.strips_of(LaneKind.DRIVING) if len(strip.center_m) > 1]
-    lines = [(strip, shapely.LineString(strip.center_m[:, :2])) for strip in strips]
-    return [(strip, line) for strip, line in lines if line.intersects(area)]
-
-
-def _hazard(strip: Strip) -> HazardSpec:
-    """At most 30 m of a lane."""
-    way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(strip.center_m, axis=0), axis=1)))
-    count = max(int(np.searchsorted(way_m, 30.0)), 2)
-    outline_m = np.concatenate([strip.right_m[:count], strip.left_m[:count][::-1]])
-    z_m = float(outline_m[:, 2].mean())
-    return HazardSpec(kind=HazardKind.WORK_ZONE, outline_m=tuple(map(tuple, outline_m[:, :2].tolist())), z_m=z_m)
-
-
-def _any_actor(identity: int, blueprint: int, rng: np.random.Generator) -> Table:
-    """One that leans, steers, walks and has its doors open."""
-    angles = {name: rng.normal(0.0, 0.1) for name in ("roll", "pitch", "steer")}
-    turns = {name: rng.uniform(0.0, 6.0) for name in ("yaw", "gait", "wheel", "vx")}
-    doors = int(rng.integers(16))
-    return actor(MODELS[blueprint], blueprint, id=identity, doors=doors, **angles, **turns)
-
-
-def _steps(strip: Strip) -> Float64Array:
-    """(N, 2, 3) ends of the pieces of a strip's middle, at most 4 m long."""
-    way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(strip.center_m, axis=0), axis=1)))
-    at_m = np.linspace(0.0, way_m[-1], int(way_m[-1] / 4.0) + 2)
-    points_m = np.stack([np.interp(at_m, way_m, axis_m) for axis_m in strip.center_m.T], axis=1)
-    return np.stack([points_m[:-1], points_m[1:]], axis=1)
-
-
-def _on(step: Float64Array, row: Table) -> Table:
-    """Put on the middle of a (2, 3) piece of road, turned about its own yaw from there."""
-    put, along_m = row.copy(), step[1] - step[0]
-    put["x"], put["y"], put["z"] = step.mean(axis=0)
-    put["yaw"] += np.arctan2(along_m[1], along_m[0])
-    put["pitch"] -= np.arctan2(along_m[2], np.hypot(*along_m[:2]))
-    return put
-
-
-def places(town: Town, count: int, seed: int) -> Iterator[WorldState]:
-    """The ego put on roads: by turns anywhere, on or beneath a structure, at a hazard, and near a cyclist."""
-    rng = np.random.default_rng(seed)
-    ego = town.state.ego
-    around = shapely.Point(ego["x"], ego["y"]).buffer(AROUND_M)
-    lines = _driving(town.layout, around)
-    decks = shapely.union_all([line for strip, line in lines if strip.level > 0])
-    sites = shapely.union_all([shapely.Polygon(hazard.outline_m) for hazard in town.hazards])
-    cyclists = town.state.actors[town.state.actors["tag"] == Tag.RIDER]
-    riding = shapely.union_all(shapely.points(cyclists["x"], cyclists["y"])) & around
-    steps = np.concatenate([_steps(strip) for strip, _ in lines])
-    middles = shapely.points(steps.mean(axis=1)[:, :2])
-    for number in range(count):
-        focus, reach_m = ((around, 0.0), (decks, 4.0), (sites, 15.0), (riding, 6.0))[number % 4]
-        near = np.flatnonzero(shapely.dwithin(middles, focus, reach_m))
-        near = near if len(near) else np.arange(len(steps))
-        actors = town.state.actors.copy()
-        row = int(np.searchsorted(actors["id"], town.state.ego_id))
-        start = ego.copy()
-        start["yaw"], start["pitch"] = rng.normal(0.0, 0.2), 0.0
-        actors[row] = _on(steps[near[rng.integers(len(near))]], start)
-        yield replace(town.state, actors=actors)
 
 
 class Truth:

@@ -6,7 +6,8 @@ the annotator says; the rule of most samples, in which a cell counts if half of 
 
 import numpy as np
 import pytest
-from bev_truth import Town, Truth, load_town, places
+from bev_towns import Town, load_town, places
+from bev_truth import Truth
 
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.semantics import BEV_CLASSES

@@ -16,6 +16,7 @@ EGO_FROM_OPTICAL = matrices_from_xyz_rpy(np.array([0.6, -0.3, 1.6]), np.array([0
 MAP_FROM_EGO = matrices_from_xyz_rpy(np.array([40.0, -7.0, 2.0]), np.array([0.02, -0.03, 2.1]))
 MAP_FROM_GRID = matrices_from_xyz_rpy(np.array([39.0, -7.5, 2.0]), np.array([0.0, 0.0, 2.0]))
 CELL_M = 0.5
+SIZE_PX = (96, 64)
 ROAD, LINE, CAR = (np.uint16(1 << BEV_CLASSES.index(name)) for name in ("road", "road_line", "car"))
 
 
@@ -49,24 +50,24 @@ def test_each_pixel_has_the_label_of_the_cell_that_its_ray_meets() -> None:
     inside = ((cells >= 0) & (cells < labels.shape)).all(axis=1)
     expected = np.zeros((CAMERA.height_px, CAMERA.width_px), np.uint16)
     expected[tuple(pixels[inside].T)] = labels[tuple(np.floor(cells[inside]).astype(int).T)]
-    found = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M)
+    found = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, SIZE_PX)
     compared = np.ones(found.shape, bool)
     compared[tuple(pixels[~clear].T)] = False
     assert inside.sum() > 1500 and compared.mean() > 0.98
     assert (found == expected)[compared].all()
-    assert (ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, step=3) == found[::3, ::3]).all()
+    assert (ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, (32, 64)) == found[:, 1::3]).all()
 
 
 def test_with_depth_only_what_is_on_the_ground_has_a_label() -> None:
     labels = np.full((200, 200), ROAD)
-    everywhere = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M)
+    everywhere = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, SIZE_PX)
     wall_m = np.full((64, 96), 4.0, np.float32)  # a wall across the view: the ground is seen before it only
     flat_m = np.full((64, 96), np.inf)
     rays = CAMERA.rays(np.stack(np.meshgrid(np.arange(96), np.arange(64)), axis=-1).reshape(-1, 2).astype(float))
     fall = -(rays @ EGO_FROM_OPTICAL[2, :3]).reshape(64, 96)
     flat_m[fall > 0] = EGO_FROM_OPTICAL[2, 3] / fall[fall > 0]
     depth_m = np.minimum(wall_m, flat_m).astype(np.float32)
-    found = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, depth_m=depth_m)
+    found = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, SIZE_PX, depth_m=depth_m)
     height_m = EGO_FROM_OPTICAL[2, 3] - fall * depth_m
     assert (found[flat_m < 4.0] == ROAD).all()
     assert (found[height_m > 0.7] == 0).all()
@@ -75,10 +76,10 @@ def test_with_depth_only_what_is_on_the_ground_has_a_label() -> None:
 
 def test_what_stands_on_a_cell_is_not_tinted_unless_tags_tell_it_from_the_ground() -> None:
     labels = np.full((200, 200), ROAD | CAR)
-    assert not ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M).any()
+    assert not ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, SIZE_PX).any()
     tags = np.full((64, 96), Tag.CAR, np.uint8)
     tags[50:] = Tag.ROAD
-    found = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, tags=tags)
+    found = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, SIZE_PX, tags=tags)
     assert not found[:50].any() and (found[50:] == ROAD | CAR).all()
 
 

@@ -1,0 +1,128 @@
+"""Opening a dataset, or one bag, to read scenes and frames."""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+
+from simbev_ros.config.scenario import SPLITS
+from simbev_ros.dataset.index import read_index
+from simbev_ros.dataset.scene import Frame, Scene
+from simbev_ros.errors import InputError
+from simbev_ros.recording.chunk_cache import ChunkCache
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, is_dataset, locate_mcap
+
+CACHE_BYTES = 256 << 20
+
+_FOLDER = re.compile(r"(?P<scene>.+-\d{4,})(?:\.(?P<label>[^.]+))?")
+
+
+class Dataset:
+    """Scenes to read.
+
+    Attributes:
+        path: Its folder, or a bag.
+        scenes: By ascending number.
+    """
+
+    def __init__(self, path: Path, scenes: Sequence[Scene]) -> None:
+        self.path, self.scenes = path, tuple(scenes)
+
+    def scene(self, name: str) -> Scene:
+        """The scene of a name.
+
+        Raises:
+            KeyError: There is none.
+        """
+        for scene in self.scenes:
+            if scene.name == name:
+                return scene
+        raise KeyError(f"{self.path}: no scene {name!r}")
+
+    def frames(
+        self, split: str | None = None, keys: Collection[str] = (), maps: Collection[str] | None = None, every: int = 1
+    ) -> "Frames":
+        """Frames of many scenes as one flat list.
+
+        Args:
+            split: Only of scenes of this split; None: of all.
+            keys: Only frames that have all of these.
+            maps: Only of scenes of these maps; None: of all.
+            every: Only each so many-th of a scene's such frames.
+
+        Raises:
+            InputError: There is no such split.
+            BagError: A scene that must be looked into cannot be read.
+        """
+        if split is not None and split not in SPLITS:
+            raise InputError(f"split: {split!r} is none of {', '.join(SPLITS)}")
+        chosen = [s for s in self.scenes if split in (None, s.split) and (maps is None or s.map in maps)]
+        ticks = [np.flatnonzero(s.has(keys)) if keys else np.arange(len(s)) for s in chosen]
+        return Frames(chosen, [each[::every] for each in ticks])
+
+    def __repr__(self) -> str:
+        return f"<dataset {self.path}, {len(self.scenes)} scenes>"
+
+
+class Frames(Sequence[Frame]):
+    """A flat list of frames of several scenes, made when they are asked for."""
+
+    def __init__(self, scenes: Sequence[Scene], ticks: Sequence[Any]) -> None:
+        """Takes scenes and, of each, the ticks of its frames."""
+        self._scenes = tuple(scenes)
+        self._scene = np.repeat(np.arange(len(scenes)), [len(each) for each in ticks])
+        self._tick = np.concatenate([np.zeros(0, np.int64), *ticks])
+
+    def __len__(self) -> int:
+        return len(self._tick)
+
+    @overload
+    def __getitem__(self, index: int) -> Frame: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Frame]: ...
+    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
+        if isinstance(index, slice):
+            return [self[place] for place in range(len(self))[index]]
+        return self._scenes[int(self._scene[index])][int(self._tick[index])]
+
+
+def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: int | None = None) -> Dataset:
+    """Open a dataset, or one bag, also one that is unfinished or cut off.
+
+    Args:
+        path: A dataset's folder, a bag's, or an MCAP file. Of a dataset all finished scenes are given.
+        cache_bytes: How much of decompressed chunks to keep, in each process.
+        threads: How many decode at a time; None: one for each core.
+
+    Raises:
+        InputError: There is no dataset and no bag, or the dataset's index is damaged.
+        BagError: The bag cannot be read.
+    """
+    path, cache = Path(path), ChunkCache(cache_bytes)
+    if not is_dataset(path):
+        locate_mcap(path)
+        return Dataset(path, [Scene(path, cache, threads=threads)])
+    rows = {row["path"]: row for row in read_index(path)}
+    scenes = [Scene(bag, cache, additional, _row(rows, path, bag), threads) for bag, additional in _bags(path).items()]
+    return Dataset(path, sorted(scenes, key=lambda scene: scene.number))
+
+
+def _bags(dataset: Path) -> dict[Path, dict[str, Path]]:
+    """Finished bags of scenes, and of each its additional bags by label."""
+    bags: dict[Path, dict[str, Path]] = {}
+    for folder in sorted((dataset / "scenes").glob("*/*")):
+        match = _FOLDER.fullmatch(folder.name)
+        if match is None or f".{match['label']}" == PARTIAL_SUFFIX or not folder.is_dir():
+            continue
+        labelled = bags.setdefault(folder.with_name(match["scene"]), {})
+        if match["label"]:
+            labelled[match["label"]] = folder
+    return {bag: labelled for bag, labelled in bags.items() if bag.is_dir()}
+
+
+def _row(rows: Mapping[str, Mapping[str, Any]], dataset: Path, bag: Path) -> Mapping[str, Any] | None:
+    """The index's row of a bag, if it is of the bag as it is now."""
+    row = rows.get(str(bag.relative_to(dataset)))
+    return row if row is not None and row["bytes"] == locate_mcap(bag).stat().st_size else None

@@ -1,0 +1,167 @@
+"""What messages hold, as numpy arrays and plain values.
+
+| message | value |
+|---|---|
+| Image, CompressedImage | (H, W) or (H, W, C) array: rgb, semantic uint8; instance uint16; depth, flow float32 |
+| PointCloud2 | (N,) structured array, one row per point, box, actor, signal or voxel |
+| Odometry, Imu, NavSatFix | (K,) structured array, a row a message: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |
+| CameraInfo | dict of ``width_px``, ``height_px``, ``distortion_model`` and the arrays ``d``, ``k``, ``r``, ``p`` |
+| TFMessage | dict from (parent, child) to the (4, 4) transform parent from child |
+| String | what its JSON holds; the text if it is no JSON |
+| Clock | int, ns |
+| others | the message, as rosbags gives it |
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+
+from simbev_ros.errors import BagError
+from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
+from simbev_ros.recording.arrays import image_array, point_array
+from simbev_ros.types import Float64Array, Table
+
+_TYPES = get_typestore(Stores.ROS2_JAZZY)
+
+ODOMETRY_DTYPE = np.dtype(
+    [
+        ("stamp_ns", "<i8"),
+        ("position_m", "<f8", 3),  # of the ego's origin, map frame
+        ("orientation_xyzw", "<f8", 4),  # of the ego frame in the map frame
+        ("velocity_mps", "<f8", 3),  # ego frame
+        ("angular_velocity_radps", "<f8", 3),  # ego frame
+    ]
+)
+IMU_DTYPE = np.dtype(
+    [
+        ("stamp_ns", "<i8"),
+        ("orientation_xyzw", "<f8", 4),  # of the sensor in the map frame; NaN in /imu/data_raw, which has none
+        ("angular_velocity_radps", "<f8", 3),  # sensor frame
+        ("acceleration_mps2", "<f8", 3),  # specific force, sensor frame: +g upward at rest
+    ]
+)
+FIX_DTYPE = np.dtype(
+    [
+        ("stamp_ns", "<i8"),
+        ("latitude_deg", "<f8"),
+        ("longitude_deg", "<f8"),
+        ("altitude_m", "<f8"),
+        ("covariance_m2", "<f8", (3, 3)),  # east, north, up
+    ]
+)
+
+
+def message_of(type_name: str, payload: memoryview) -> Any:
+    """A message as an object with the fields of its ROS type.
+
+    Raises:
+        BagError: Its bytes are not a message of its type, or it is of a type that ROS 2 Jazzy does not come with.
+    """
+    try:
+        return _TYPES.deserialize_cdr(payload, type_name)
+    except (SerdeError, KeyError) as error:
+        raise BagError(f"no {type_name}: {error}") from None
+
+
+def value_of(type_name: str, messages: Sequence[Any]) -> Any:
+    """What the messages of one topic at one tick hold, as the table at the head of this module says.
+
+    Args:
+        type_name: ROS type.
+        messages: At least one; where only one value is possible the last counts.
+
+    Raises:
+        BagError: What they hold does not fit together.
+    """
+    if type_name in _ROWS:
+        dtype, row = _ROWS[type_name]
+        return np.array([row(message) for message in messages], dtype)
+    reader = _READERS.get(type_name)
+    return messages[-1] if reader is None else reader(messages[-1])
+
+
+def _points(message: Any) -> Table:
+    return point_array(message).copy()
+
+
+def _camera_info(message: Any) -> dict[str, Any]:
+    return {
+        "width_px": message.width,
+        "height_px": message.height,
+        "distortion_model": message.distortion_model,
+        "d": np.array(message.d),
+        "k": np.array(message.k).reshape(3, 3),
+        "r": np.array(message.r).reshape(3, 3),
+        "p": np.array(message.p).reshape(3, 4),
+    }
+
+
+def _transforms(message: Any) -> dict[tuple[str, str], Float64Array]:
+    return {
+        (each.header.frame_id, each.child_frame_id): matrices_from_xyz_quaternion(
+            np.array(_numbers(each.transform.translation, "xyz")), np.array(_numbers(each.transform.rotation, "xyzw"))
+        )
+        for each in message.transforms
+    }
+
+
+def _text(message: Any) -> Any:
+    try:
+        return json.loads(message.data)
+    except ValueError:
+        return message.data
+
+
+def _nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _numbers(vector: Any, names: str) -> tuple[float, ...]:
+    return tuple(getattr(vector, name) for name in names)
+
+
+def _odometry_row(message: Any) -> tuple[Any, ...]:
+    pose, twist = message.pose.pose, message.twist.twist
+    return (
+        _nanoseconds(message.header.stamp),
+        _numbers(pose.position, "xyz"),
+        _numbers(pose.orientation, "xyzw"),
+        _numbers(twist.linear, "xyz"),
+        _numbers(twist.angular, "xyz"),
+    )
+
+
+def _imu_row(message: Any) -> tuple[Any, ...]:
+    is_oriented = message.orientation_covariance[0] >= 0
+    return (
+        _nanoseconds(message.header.stamp),
+        _numbers(message.orientation, "xyzw") if is_oriented else (np.nan,) * 4,
+        _numbers(message.angular_velocity, "xyz"),
+        _numbers(message.linear_acceleration, "xyz"),
+    )
+
+
+def _fix_row(message: Any) -> tuple[Any, ...]:
+    covariance = np.reshape(message.position_covariance, (3, 3))
+    place = message.latitude, message.longitude, message.altitude
+    return _nanoseconds(message.header.stamp), *place, covariance
+
+
+_ROWS: dict[str, tuple[np.dtype[np.void], Callable[[Any], tuple[Any, ...]]]] = {
+    "nav_msgs/msg/Odometry": (ODOMETRY_DTYPE, _odometry_row),
+    "sensor_msgs/msg/Imu": (IMU_DTYPE, _imu_row),
+    "sensor_msgs/msg/NavSatFix": (FIX_DTYPE, _fix_row),
+}
+_READERS: dict[str, Callable[[Any], Any]] = {
+    "sensor_msgs/msg/Image": image_array,
+    "sensor_msgs/msg/CompressedImage": image_array,
+    "sensor_msgs/msg/PointCloud2": _points,
+    "sensor_msgs/msg/CameraInfo": _camera_info,
+    "tf2_msgs/msg/TFMessage": _transforms,
+    "std_msgs/msg/String": _text,
+    "rosgraph_msgs/msg/Clock": lambda message: _nanoseconds(message.clock),
+}

@@ -1,0 +1,75 @@
+"""How objects look alone, found by Embree rays through the pixels of an image and of the canvas around it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.posing import PosedActors, pose_actors
+from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.raycast.embree import TriangleSet
+from simbev_ros.render.detail import bounding_spheres
+from simbev_ros.render.frame import CameraView
+from simbev_ros.render.view import NEAR_M
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.types import AnyArray, BoolArray, Float64Array
+
+
+@dataclass(frozen=True)
+class Alone:
+    """The silhouette of an object's exact mesh.
+
+    Attributes:
+        image_px: Pixels in the image.
+        canvas_px: Pixels on the canvas.
+        box_px: (4,) first column and row, last column and row on the canvas.
+    """
+
+    image_px: int
+    canvas_px: int
+    box_px: AnyArray
+
+
+class Canvas:
+    """An image, with as many more of its size on every side as the margin is: without distortion 1 makes a canvas."""
+
+    def __init__(self, view: CameraView, state: WorldState, margin: int) -> None:
+        camera = view.camera
+        self._size_px = np.array([camera.width_px, camera.height_px])
+        columns, rows = (np.arange(-margin * size, (1 + margin) * size) for size in self._size_px.tolist())
+        self._pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        self._state = state
+        ego = state.ego
+        self._origin_m = np.array([ego["x"], ego["y"], ego["z"]])
+        pose = map_from_actors(ego.reshape(1))[0] @ view.ego_from_sensor @ SENSOR_FROM_OPTICAL
+        self._eye_m = pose[:3, 3] - self._origin_m
+        self._rays = camera.rays(self._pixels) @ pose[:3, :3].T
+        self._directions = self._rays / np.linalg.norm(self._rays, axis=1, keepdims=True)
+
+    def alone(self, models: tuple[ActorModel, ...], actor_id: int) -> Alone:
+        """An actor drawn alone; what of it turns away is not seen, nor what is nearer than the near plane."""
+        actor = self._state.actors[self._state.actors["id"] == actor_id]
+        (center_m,), (radius_m,) = bounding_spheres(actor, self._origin_m)
+        near = np.flatnonzero(self._pass(center_m - self._eye_m, radius_m))
+        hit = self._pixels[near[_hits(pose_actors(models, actor, self._origin_m), self._eye_m, self._rays[near])]]
+        inside = ((hit >= 0) & (hit < self._size_px)).all(axis=1)
+        box_px = np.concatenate([hit.min(axis=0), hit.max(axis=0)]) if len(hit) else np.full(4, np.nan)
+        return Alone(int(inside.sum()), len(hit), box_px)
+
+    def _pass(self, center_m: Float64Array, radius_m: float) -> BoolArray:
+        """(N,) which rays pass a sphere."""
+        along_m = self._directions @ center_m
+        passes: BoolArray = (center_m @ center_m - along_m**2 < radius_m**2) & (along_m > -radius_m)
+        return passes
+
+
+def _hits(posed: PosedActors, eye_m: Float64Array, rays: Float64Array) -> BoolArray:
+    """(N,) which of (N, 3) rays, z = 1, meet a triangle from its outside, beyond the near plane."""
+    lines = np.concatenate([np.broadcast_to(eye_m, rays.shape), rays], axis=1).astype(np.float32)
+    found = TriangleSet(posed.vertices, posed.triangles).crossings(lines)
+    a, b, c = posed.vertices[posed.triangles].astype(np.float64).swapaxes(0, 1)
+    outward = np.cross(b - a, c - a)[found.triangle]
+    seen = (np.einsum("ni,ni->n", outward, rays[found.ray]) < 0.0) & (found.range_m >= NEAR_M)
+    hit = np.zeros(len(rays), bool)
+    hit[found.ray[seen]] = True
+    return hit

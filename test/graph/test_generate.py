@@ -1,0 +1,125 @@
+"""A dataset that is interrupted again and again becomes the one that is made undisturbed, to the byte."""
+
+import json
+import os
+import random
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from commands import Command
+
+from simbev_ros.dataset.index import read_index
+from simbev_ros.recording.layout import scenes_of
+from simbev_ros.recording.verify import verify_bag
+
+pytestmark = pytest.mark.graph
+
+Simbev = Callable[..., Command]
+CONFIG = """
+seed: 5
+scenes: [SCENES]
+time: {warm_up_s: 1, duration_s: 0.5}
+rig:
+  sensors:
+    - {type: lidar, name: lidar, pose: {z_m: 1.8}, channels: 8, columns: 128}
+    - {type: gnss, name: gnss}
+weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}
+traffic: {vehicles: 8, pedestrians: 8, spawn_radius_m: 100}
+annotation: {bev: {rows: 60, columns: 60}}
+"""
+SMALL, LARGE = (
+    "{map: Blocks, train: 2, val: 1}",
+    "{map: Blocks, train: 3}, {map: Town01, train: 3}, {map: Town02, val: 3}",
+)
+
+
+def write(folder: Path, scenes: str) -> Path:
+    path = folder / "generate.yaml"
+    path.write_text(CONFIG.replace("SCENES", scenes))
+    return path
+
+
+def files(dataset: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(dataset)): path.read_bytes() for path in sorted(dataset.glob("scenes/*/*/*.mcap"))}
+
+
+def made(simbev: Simbev, config: Path, dataset: Path, *more: object) -> str:
+    code, output = simbev("generate", config, "--out", dataset, *more).finish(600)
+    assert code == 0, output
+    return output
+
+
+@pytest.mark.parametrize(
+    ("scenes", "kills"),
+    [(SMALL, 2), pytest.param(f"{LARGE}, {{map: Town07, test: 3}}", 10, marks=pytest.mark.slow)],
+    ids=["small", "four towns"],
+)
+def test_killed_at_random_moments_it_ends_with_the_same_bytes(
+    simbev: Simbev, tmp_path: Path, scenes: str, kills: int
+) -> None:
+    config = write(tmp_path, scenes)
+    began_s = time.monotonic()
+    made(simbev, config, tmp_path / "calm")
+    calm = files(tmp_path / "calm")
+    lasted_s = time.monotonic() - began_s
+    moments = random.Random(kills)
+    for _ in range(kills):
+        command = simbev("generate", config, "--out", tmp_path / "killed")
+        time.sleep(moments.uniform(0.2, 0.8) * lasted_s)
+        os.killpg(command.process.pid, signal.SIGKILL)
+        command.process.wait()
+        assert files(tmp_path / "killed").items() <= calm.items(), "what is there is whole"
+    made(simbev, config, tmp_path / "killed")
+    assert files(tmp_path / "killed") == calm
+    assert sorted(path.name for path in (tmp_path / "killed").iterdir()) == [
+        *(".lock", "index.parquet", "logs", "plan.json", "scenes")
+    ]
+    indexes = [read_index(tmp_path / name) for name in ("calm", "killed")]
+    assert indexes[0] == indexes[1] and len(indexes[0]) == len(calm)
+    assert not [fault for bag in scenes_of(tmp_path / "killed") for fault in verify_bag(bag)]
+
+
+def test_more_scenes_are_added_and_some_replaced_with_nothing_else_touched(simbev: Simbev, tmp_path: Path) -> None:
+    dataset = tmp_path / "set"
+    made(simbev, write(tmp_path, SMALL), dataset)
+    first = files(dataset)
+    config = write(tmp_path, SMALL.replace("train: 2", "train: 3"))
+    assert "1 scene made" in made(simbev, config, dataset)
+    more = files(dataset)
+    assert first.items() < more.items() and more.keys() - first.keys() == {
+        "scenes/train/Blocks-0003/Blocks-0003_0.mcap"
+    }
+    assert "0 scenes made" in made(simbev, config, dataset)
+    config.write_text(config.read_text().replace("seed: 5", "seed: 6"))
+    made(simbev, config, dataset, "--replace", "0,2-3")
+    replaced = files(dataset)
+    assert replaced.keys() == more.keys()
+    assert [name for name in more if replaced[name] == more[name]] == ["scenes/train/Blocks-0001/Blocks-0001_0.mcap"]
+    assert [row["seed"] for row in read_index(dataset)] == [6, 6, 8, 9]
+
+
+def test_a_second_writer_is_refused_and_an_interrupt_leaves_whole_scenes(simbev: Simbev, tmp_path: Path) -> None:
+    config, dataset = write(tmp_path, "{map: Blocks, train: 20}"), tmp_path / "set"
+    command = simbev("generate", config, "--out", dataset)
+    command.wait_for(lambda: len(files(dataset)) > 0)
+    code, output = simbev("generate", config, "--out", dataset).finish()
+    assert code == 2 and f"process {command.process.pid} is writing into it" in output
+    command.process.send_signal(signal.SIGINT)
+    code, output = command.finish()
+    assert code == 130, output
+    assert not [fault for bag in scenes_of(dataset) for fault in verify_bag(bag)]
+    assert not list(dataset.glob(".making"))
+
+
+def test_a_scene_that_cannot_be_made_is_listed_and_the_rest_goes_on(simbev: Simbev, tmp_path: Path) -> None:
+    config, dataset = write(tmp_path, "{map: Blocks, train: 3}"), tmp_path / "set"
+    entries = [{"number": number, "map": name, "split": "train"} for number, name in enumerate(["Blocks", "Atlantis"])]
+    dataset.mkdir()
+    (dataset / "plan.json").write_text(json.dumps({"scenes": [*entries, entries[0] | {"number": 2}]}))
+    code, output = simbev("generate", config, "--out", dataset, "--replace", "0-2").finish()
+    assert code == 1 and "2 scenes made" in output and "Atlantis-0001" in output
+    assert "the configuration has no map Atlantis" in " ".join(output.split())
+    assert [path.name for path in scenes_of(dataset)] == ["Blocks-0000", "Blocks-0002"]

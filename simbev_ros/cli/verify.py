@@ -38,11 +38,14 @@ def verify(
 
     simbev verify datasets/first datasets/second --json
     """
+    from simbev_ros.dataset.check import index_faults
+
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such file or folder")
     bags = [bag for path in paths for bag in (scenes_of(path) if is_dataset(path) else [path])]
     faults = _faults(bags, jobs or os.cpu_count() or 1)
+    faults += [fault for path in paths if is_dataset(path) for fault in index_faults(path)]
     if as_json:
         print(json.dumps({"bags": len(bags), "faults": [_plain(fault) for fault in faults]}, indent=2))
     else:

@@ -83,7 +83,8 @@ class DatasetMaker:
         sweep()  # also where nothing is left to make
         plan = Plan.of(dataset)
         there = [bag for bag in (bag_of(dataset, entry) for entry in plan.scenes) if bag.is_dir()]
-        self._rows: dict[int, Row] = {row["number"]: row for row in brought_up_to_date(dataset, there)}
+        with console.status("reading the scenes that are there"):
+            self._rows: dict[int, Row] = {row["number"]: row for row in brought_up_to_date(dataset, there)}
 
     def make(self, entries: Sequence[PlannedEntry]) -> Outcome:
         """Make scenes; one that fails is tried again, then listed, and the others go on.

@@ -21,7 +21,7 @@ layout(location = 3) out vec2 flow;
 
 const float NEAREST_M = 1e-3;
 const float TOLERANCE_PX = 0.01;  // triangles that share an edge must not leave a gap
-const float SMALL_PX = 1.0;
+const float NARROW_PX = 1.0;
 
 // Pixel of a place on the plane z = 1.
 vec2 lens_pixel(vec2 place) {
@@ -40,13 +40,15 @@ float within(uvec4 edges, vec2 offset) {
     return min(within_edge(edges.x, offset), min(within_edge(edges.y, offset), within_edge(edges.z, offset)));
 }
 
-// The texel that shows the triangle which is seen at a place. A triangle about as small as the texel is surrounded by
-// others of its surface that no texel may show, so what lies behind it is not taken for seen beside it.
+// The texel that shows the triangle which is seen at a place. A triangle no wider than about a texel has others of its
+// surface beside it that no texel may show, so what lies behind it is not taken for seen beside it.
 ivec2 texel_of(vec2 ideal) {
     ivec2 found = ivec2(round(ideal)), first = ivec2(floor(ideal));
     uvec4 edges = texelFetch(g_edges, found, 0);
-    bool small = max(edges.x & 0xFFFFu, max(edges.y & 0xFFFFu, edges.z & 0xFFFFu)) < uint(SMALL_PX / EDGE_REACH * 65535.0);
-    float nearest = small ? inverse_depth(found, ideal) : -1.0;
+    uvec3 reach = edges.xyz & 0xFFFFu;
+    uint second_nearest = max(min(reach.x, reach.y), min(max(reach.x, reach.y), reach.z));
+    bool narrow = second_nearest < uint(NARROW_PX / EDGE_REACH * 65535.0);
+    float nearest = narrow ? inverse_depth(found, ideal) : -1.0;
     for (int tap = 0; tap < 4; ++tap) {
         ivec2 texel = first + ivec2(tap & 1, tap >> 1);
         edges = texelFetch(g_edges, texel, 0);

@@ -19,6 +19,7 @@ FLOORS = [
     {"annotation"},
     {"recording"},
     {"dataset"},
+    {"export"},
     {"viz"},
     {"msgs"},
     {"nodes"},

@@ -55,6 +55,8 @@ def _bench() -> None:
 
     simbev bench labels --map Town10HD
 
+    simbev bench reading datasets/first
+
     simbev bench world Town10HD --ticks 200
     """
 
@@ -202,6 +204,36 @@ def labels(
         result.rows(),
         as_json=as_json,
         comparison=result.comparison(),
+    )
+
+
+@bench.command()
+def reading(
+    path: Annotated[Path, typer.Argument(help="A dataset, of which the first scene is read, or a bag.")],
+    frames: Annotated[
+        int, typer.Option(help="Frames to read in each order; the median counts.", min=1, max=10_000)
+    ] = 20,
+    as_json: _Json = False,
+) -> None:
+    """Time how fast frames of a recorded scene are read and decoded with all that they have.
+
+    In order, where what lies together is decompressed once, and at random, each with nothing read before but the index.
+
+    [bold]Example[/]
+
+    simbev bench reading datasets/first --frames 50
+    """
+    from simbev_ros.cli.reading_timing import timed_reading
+
+    with progress_bar("frames", Console(stderr=True)) as bars:
+        task = bars.add_task("", total=2 * frames)
+        result = timed_reading(path, frames, lambda: bars.advance(task))
+    show_timing(
+        result,
+        f"reading {result.scene}, {result.decoded_mb:.0f} MB of arrays a frame",
+        ("", "s/frame", "least", "CPU s/frame", "frames/s"),
+        result.rows(),
+        as_json=as_json,
     )
 
 

@@ -3,19 +3,25 @@
 To read one, ``open_dataset``; it needs neither ROS nor a graphics card::
 
     from simbev_ros.dataset import columns, open_dataset
+    from simbev_ros.geometry.transforms import apply, inverse
 
-    dataset = open_dataset("datasets/first")
-    scene = dataset.scenes[0]
-    frame = scene[17]
-    image = frame["cam_front/rgb"]                              # (H, W, 3) uint8
-    points = columns(frame["lidar/points"], "x", "y", "z")      # (N, 3) float32, in the lidar's frame
-    boxes = frame["boxes"]                                      # (M,) rows, in the map frame
-    camera = scene.calibration["cam_front"].camera
-    optical_from_map = inverse(frame.map_from_optical("cam_front"))
-    pixels = camera.project(apply(optical_from_map, columns(boxes, "x", "y", "z")))
+    scene = open_dataset("datasets/first").scenes[0]
+    frame = scene[2]
+    image = frame["cam_front/rgb"]                                      # (H, W, 3) uint8
+    points = columns(frame["lidar/points"], "x", "y", "z")              # (N, 3) float32, frame of the lidar
+    centers = columns(frame["boxes"], "x", "y", "z")                    # (M, 3) float64, map frame
+    points_map = apply(frame.map_from_sensor("lidar"), points)
+    centers_optical = apply(inverse(frame.map_from_optical("cam_front")), centers)
+    ahead = centers_optical[centers_optical[:, 2] > 0]
+    pixels = scene.calibration["cam_front"].camera.project(ahead)       # (A, 2), centres of pixels at integers
+
+What a frame has, ``list(frame)``; what that is, ``simbev_ros.dataset.values``; for training,
+``simbev_ros.dataset.torch_dataset``.
 """
 
+from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.opened import Dataset, Frames, open_dataset
-from simbev_ros.dataset.scene import Frame, Scene, columns
+from simbev_ros.dataset.scene import Scene
+from simbev_ros.dataset.values import columns
 
 __all__ = ["Dataset", "Frame", "Frames", "Scene", "columns", "open_dataset"]

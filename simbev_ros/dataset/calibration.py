@@ -30,6 +30,10 @@ class Calibration:
         """That of a rig's sensor."""
         return cls(sensor, sensor.pose.ego_from_sensor, sensor.model if isinstance(sensor, Camera) else None)
 
+    def is_like(self, other: "Calibration") -> bool:
+        """Whether another sensor of this name sits at the same place and sees alike."""
+        return self.sensor.pose == other.sensor.pose and self.camera == other.camera
+
     @property
     def ego_from_optical(self) -> Float64Array:
         """(4, 4) pose of a camera's optical frame: x right, y down, z forward. That of images and pixels."""

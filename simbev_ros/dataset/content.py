@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,8 @@ from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
 
-T = TypeVar("T")
-
 _IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
+_SPORADIC = ("/world/events",)
 _MOTION = ("clock", "odom", "tf")
 """What additional bags repeat."""
 
@@ -33,22 +32,34 @@ class Source:
     bag: IndexedBag
     topic: IndexedTopic
 
+    @property
+    def type_name(self) -> str:
+        """ROS type, as in ``sensor_msgs/msg/Image``."""
+        return self.topic.type_name
+
+    @property
+    def stamps_ns(self) -> Int64Array:
+        """(N,) of its messages, ns, ascending."""
+        return self.topic.stamps_ns
+
     def messages(self, places: Int64Array) -> list[Any]:
-        """The messages at (K, 3) places, decoded.
+        """The messages at (K, …) places, decoded.
 
         Raises:
             BagError: The bag is damaged there.
         """
         try:
-            return [message_of(self.topic.type_name, self.bag.payload(place)) for place in places]
+            return [message_of(self.type_name, self.bag.payload(place)) for place in places]
         except BagError as error:
             raise self._named(error) from None
 
     def value(self, places: Int64Array) -> Any:
-        """What the messages at (K, 3) places hold. Raises BagError as ``messages``."""
+        """What the messages at (K, …) places hold; of what happens now and then a list. Raises BagError."""
         messages = self.messages(places)
         try:
-            return value_of(self.topic.type_name, messages)
+            if self.topic.name in _SPORADIC:
+                return [value_of(self.type_name, [message]) for message in messages]
+            return value_of(self.type_name, messages)
         except BagError as error:
             raise self._named(error) from None
 
@@ -79,34 +90,28 @@ class Content:
     def of(cls, path: Path, additional: Mapping[str, Path], cache: ChunkCache) -> "Content":
         """That of a scene's bag, and of additional bags by label.
 
+        A key that is taken gets the label behind it, as in ``cam_front/rgb@label``, and so do all keys of a sensor
+        that there is already elsewhere or with other optics, and its name.
+
         Raises:
             BagError: A bag cannot be read, holds no scene, or an additional one has another motion.
         """
-        spec, bag = spec_of(path), IndexedBag(path, cache)
-        sources, calibration = _sources(bag, spec), calibrations(spec.rig)
+        bag = IndexedBag(path, cache)
+        spec = _spec_of(bag)
+        sources, calibration = _sources(bag), calibrations(spec.rig)
         stamps_ns = _stamps_ns(spec, sources)
         for label, place in sorted(additional.items()):
-            other, other_bag = spec_of(place), IndexedBag(place, cache)
-            if (other.name, other.start_ns, other.tick_ns) != (spec.name, spec.start_ns, spec.tick_ns):
-                raise BagError(f"{place}: not of the same motion as {path}: it is of scene {other.name}")
-            repeated = {key: source for key, source in _sources(other_bag, other).items() if key not in _MOTION}
-            _enter(sources, repeated, label)
-            _enter(calibration, calibrations(other.rig), label)
-        constants = {key: sources.pop(key) for key in [k for k, each in sources.items() if each.topic.is_latched]}
-        return cls(spec, sources, constants, calibration, stamps_ns)
-
-
-def spec_of(path: Path) -> SceneSpec:
-    """The scene that a bag was recorded of.
-
-    Raises:
-        BagError: The bag cannot be read, or holds no scene.
-    """
-    with SceneBag(path) as bag:
-        spec = bag.spec
-    if spec is None:
-        raise BagError(f"{path}: it holds no scene: {SCENE_ATTACHMENT} is not attached")
-    return spec
+            other = IndexedBag(place, cache)
+            rig = calibrations(_spec_of(other, spec).rig)
+            moved = {name for name, each in rig.items() if name in calibration and not each.is_like(calibration[name])}
+            for key, source in _sources(other).items():
+                if key not in _MOTION:
+                    taken = key in sources or key.partition("/")[0] in moved
+                    sources[f"{key}@{label}" if taken else key] = source
+            calibration |= {f"{name}@{label}" if name in calibration else name: each for name, each in rig.items()}
+        constants = {key: source for key, source in sources.items() if source.topic.is_latched}
+        frequent = {key: sources[key] for key in sorted(sources.keys() - constants.keys())}
+        return cls(spec, frequent, constants, calibration, stamps_ns)
 
 
 def tracks_of(path: Path) -> Tracks:
@@ -122,20 +127,26 @@ def tracks_of(path: Path) -> Tracks:
     return tracks_of_npz(file)
 
 
-def _sources(bag: IndexedBag, spec: SceneSpec) -> dict[str, Source]:
+def _spec_of(bag: IndexedBag, motion: SceneSpec | None = None) -> SceneSpec:
+    """The scene that a bag was recorded of, which may have to have the motion of another."""
+    spec = bag.spec
+    if spec is None:
+        raise BagError(f"{bag.file}: it holds no scene: {SCENE_ATTACHMENT} is not attached")
+    if motion is not None and (spec.name, spec.start_ns) != (motion.name, motion.start_ns):
+        raise BagError(f"{bag.file}: its motion is that of scene {spec.name}, not of {motion.name} beside it")
+    return spec
+
+
+def _sources(bag: IndexedBag) -> dict[str, Source]:
     """By key: the topic's name without the agent, of an image without its form."""
-    prefix = f"/{spec.rig.agent}/"
-    keys = {name: _IMAGE.sub("", name.removeprefix(prefix).removeprefix("/")) for name in sorted(bag.topics)}
-    return {key: Source(bag, bag.topics[name]) for name, key in keys.items()}
+    prefix = f"/{_spec_of(bag).rig.agent}/"
+    return {
+        _IMAGE.sub("", name.removeprefix(prefix).removeprefix("/")): Source(bag, topic)
+        for name, topic in bag.topics.items()
+    }
 
 
 def _stamps_ns(spec: SceneSpec, sources: Mapping[str, Source]) -> Int64Array:
     """(T,) of all ticks up to that of the last message."""
-    lasts = [source.topic.stamps_ns[-1] for source in sources.values() if len(source.topic.stamps_ns)]
-    last = spec.publishing_tick_of(int(max(lasts, default=spec.start_ns - 1)))
-    return spec.start_ns + spec.tick_ns * np.arange(last + 1, dtype=np.int64)
-
-
-def _enter(known: dict[str, T], more: Mapping[str, T], label: str) -> None:
-    """Add entries; those whose key is taken get the label behind it: ``cam_front/rgb@label``."""
-    known.update({f"{key}@{label}" if key in known else key: value for key, value in more.items()})
+    lasts = [spec.publishing_tick_of(int(each.stamps_ns[-1])) for each in sources.values() if len(each.stamps_ns)]
+    return spec.start_ns + spec.tick_ns * np.arange(max(lasts, default=-1) + 1, dtype=np.int64)

@@ -8,14 +8,16 @@ from typing import Any, overload
 import numpy as np
 
 from simbev_ros.config.scenario import SPLITS
+from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.index import read_index
-from simbev_ros.dataset.scene import Frame, Scene
+from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
 from simbev_ros.recording.chunk_cache import ChunkCache
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, is_dataset, locate_mcap
+from simbev_ros.recording.layout import is_dataset, locate_mcap
 
 CACHE_BYTES = 256 << 20
 
+_NO_LABELS = {"partial", "replaced"}
 _FOLDER = re.compile(r"(?P<scene>.+-\d{4,})(?:\.(?P<label>[^.]+))?")
 
 
@@ -53,12 +55,19 @@ class Dataset:
             every: Only each so many-th of a scene's such frames.
 
         Raises:
-            InputError: There is no such split.
+            InputError: There is no such split, no scene of such a map, or no scene with such a key.
             BagError: A scene that must be looked into cannot be read.
         """
         if split is not None and split not in SPLITS:
             raise InputError(f"split: {split!r} is none of {', '.join(SPLITS)}")
+        known = {scene.map for scene in self.scenes} if maps is not None else set()
+        unknown = sorted(set(maps or ()) - known)
+        if unknown:
+            raise InputError(f"maps: {', '.join(unknown)}: {self.path} has scenes of {', '.join(sorted(known))}")
         chosen = [s for s in self.scenes if split in (None, s.split) and (maps is None or s.map in maps)]
+        for key in keys if chosen else ():
+            if not any(key in scene.sources for scene in chosen):
+                raise InputError(f"keys: no scene has {key!r}; {chosen[0].name} has {', '.join(chosen[0].keys)}")
         ticks = [np.flatnonzero(s.has(keys)) if keys else np.arange(len(s)) for s in chosen]
         return Frames(chosen, [each[::every] for each in ticks])
 
@@ -94,7 +103,7 @@ def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: i
     Args:
         path: A dataset's folder, a bag's, or an MCAP file. Of a dataset all finished scenes are given.
         cache_bytes: How much of decompressed chunks to keep, in each process.
-        threads: How many decode at a time; None: one for each core.
+        threads: How many decode at a time in ``Frame.load``; None: one for each core.
 
     Raises:
         InputError: There is no dataset and no bag, or the dataset's index is damaged.
@@ -105,8 +114,8 @@ def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: i
         locate_mcap(path)
         return Dataset(path, [Scene(path, cache, threads=threads)])
     rows = {row["path"]: row for row in read_index(path)}
-    scenes = [Scene(bag, cache, additional, _row(rows, path, bag), threads) for bag, additional in _bags(path).items()]
-    return Dataset(path, sorted(scenes, key=lambda scene: scene.number))
+    bags = sorted(_bags(path).items(), key=lambda item: (int(item[0].name.rpartition("-")[2]), item[0]))
+    return Dataset(path, [Scene(bag, cache, labelled, _row(rows, path, bag), threads) for bag, labelled in bags])
 
 
 def _bags(dataset: Path) -> dict[Path, dict[str, Path]]:
@@ -114,7 +123,7 @@ def _bags(dataset: Path) -> dict[Path, dict[str, Path]]:
     bags: dict[Path, dict[str, Path]] = {}
     for folder in sorted((dataset / "scenes").glob("*/*")):
         match = _FOLDER.fullmatch(folder.name)
-        if match is None or f".{match['label']}" == PARTIAL_SUFFIX or not folder.is_dir():
+        if match is None or match["label"] in _NO_LABELS or not folder.is_dir():
             continue
         labelled = bags.setdefault(folder.with_name(match["scene"]), {})
         if match["label"]:

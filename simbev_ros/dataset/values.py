@@ -7,7 +7,7 @@
 | Odometry, Imu, NavSatFix | (K,) structured array, a row a message: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |
 | CameraInfo | dict of ``width_px``, ``height_px``, ``distortion_model`` and the arrays ``d``, ``k``, ``r``, ``p`` |
 | TFMessage | dict from (parent, child) to the (4, 4) transform parent from child |
-| String | what its JSON holds; the text if it is no JSON |
+| String | what its JSON holds; the text if it is no JSON. Of /world/events a list of all of the tick |
 | Clock | int, ns |
 | others | the message, as rosbags gives it |
 """
@@ -23,7 +23,7 @@ from rosbags.typesys import Stores, get_typestore
 from simbev_ros.errors import BagError
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.recording.arrays import image_array, point_array
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.types import AnyArray, Float64Array, Table
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
@@ -82,6 +82,17 @@ def value_of(type_name: str, messages: Sequence[Any]) -> Any:
         return np.array([row(message) for message in messages], dtype)
     reader = _READERS.get(type_name)
     return messages[-1] if reader is None else reader(messages[-1])
+
+
+def columns(table: Table, *names: str) -> np.ndarray[Any, Any]:
+    """(N, K) array of K columns of (N,) rows, as ``columns(frame["lidar/points"], "x", "y", "z")``."""
+    return np.stack([table[name] for name in names], axis=1)
+
+
+def _image(message: Any) -> AnyArray:
+    """Never part of a chunk, which it would keep in memory."""
+    image = image_array(message)
+    return image if image.flags.writeable else image.copy()
 
 
 def _points(message: Any) -> Table:
@@ -157,8 +168,8 @@ _ROWS: dict[str, tuple[np.dtype[np.void], Callable[[Any], tuple[Any, ...]]]] = {
     "sensor_msgs/msg/NavSatFix": (FIX_DTYPE, _fix_row),
 }
 _READERS: dict[str, Callable[[Any], Any]] = {
-    "sensor_msgs/msg/Image": image_array,
-    "sensor_msgs/msg/CompressedImage": image_array,
+    "sensor_msgs/msg/Image": _image,
+    "sensor_msgs/msg/CompressedImage": _image,
     "sensor_msgs/msg/PointCloud2": _points,
     "sensor_msgs/msg/CameraInfo": _camera_info,
     "tf2_msgs/msg/TFMessage": _transforms,

@@ -86,8 +86,11 @@ def decode_depth(data: bytes) -> Float32Array:
     """(H, W) float32 depth in metres; +inf where the image had none (the stock decoder says NaN there)."""
     _, scale, offset = _DEPTH_HEAD.unpack_from(data)
     levels = _decode_png(data[_DEPTH_HEAD.size :])
-    depth_m = np.full(levels.shape, np.inf, np.float32)
-    return np.divide(np.float32(scale), levels - np.float32(offset), out=depth_m, where=levels > 0)
+    depth_m: Float32Array = levels - np.float32(offset)
+    with np.errstate(divide="ignore"):  # there is no depth where the level is 0, whatever the offset
+        np.divide(np.float32(scale), depth_m, out=depth_m)
+    depth_m[levels == 0] = np.inf
+    return depth_m
 
 
 def encode_flow(flow_px: Float32Array) -> bytes:
@@ -104,9 +107,11 @@ def encode_flow(flow_px: Float32Array) -> bytes:
 
 def decode_flow(data: bytes) -> Float32Array:
     """(H, W, 2) float32 flow in pixels, NaN where not valid."""
-    blue_green_red = _decode_png(data)
-    flow_px = (blue_green_red[..., 2:0:-1].astype(np.float32) - _FLOW_ZERO) / np.float32(_FLOW_UNITS_PER_PX)
-    flow_px[blue_green_red[..., 0] == 0] = np.nan
+    valid, v, u = cv2.split(_decode_png(data))
+    flow_px: Float32Array = cv2.merge([u, v]).astype(np.float32)
+    flow_px -= np.float32(_FLOW_ZERO)
+    flow_px *= np.float32(1 / _FLOW_UNITS_PER_PX)
+    flow_px[valid == 0] = np.nan
     return flow_px
 
 

@@ -11,6 +11,7 @@ from simbev_ros.errors import BagError
 from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.layout import locate_mcap
 from simbev_ros.recording.mcap_index import MESSAGE_HEAD, RECORD_HEAD, read_index
+from simbev_ros.recording.reader import attached_spec
 from simbev_ros.types import Int64Array
 
 _LATCHED = "durability: transient_local"
@@ -47,11 +48,11 @@ class IndexedBag:
 
     Attributes:
         file: The MCAP file.
-        closed: It was closed by its writer, so it is known to be whole.
+        spec: The drawn scene, if it was put in.
         topics: By name.
 
     Raises:
-        BagError: There is no bag at this path, or it is damaged.
+        BagError: There is no bag at this path, or it is damaged, or the scene is of another version.
     """
 
     def __init__(self, path: Path, cache: ChunkCache) -> None:
@@ -62,10 +63,10 @@ class IndexedBag:
                 index = read_index(stream, str(self.file))
         except OSError as error:
             raise BagError(f"{self.file}: cannot be read: {error.strerror}") from None
-        self.closed = index.closed
+        self.spec = attached_spec(index.attachments, self.file)
         self.topics: dict[str, IndexedTopic] = {}
         for channel_id, channel in index.channels.items():
-            places = index.places_of(channel_id)
+            places = index.places[channel_id].table()
             places = places[np.argsort(places[:, 0], kind="stable")]
             schema = index.schemas.get(channel.schema_id)
             is_latched = _LATCHED in channel.metadata.get("offered_qos_profiles", "")

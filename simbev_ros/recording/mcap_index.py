@@ -2,6 +2,7 @@
 
 import io
 import struct
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO
@@ -31,6 +32,9 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 _INDEX_HEAD = struct.Struct("<HI")
 """Channel id and bytes of entries."""
 
+_ENTRY = struct.Struct("<QQ")
+"""Log time and offset in the chunk."""
+
 
 @dataclass(frozen=True, slots=True)
 class ChunkEntry:
@@ -43,12 +47,31 @@ class ChunkEntry:
 
 
 @dataclass(slots=True)
+class Places:
+    """Where the messages of one channel are."""
+
+    _entries: bytearray = field(default_factory=bytearray)
+    _chunks: list[tuple[int, int]] = field(default_factory=list)
+
+    def add(self, chunk_offset: int, entries: bytes) -> None:
+        """Add messages of a chunk: per message its log time and its offset there, both uint64, little-endian."""
+        self._entries += entries
+        self._chunks.append((chunk_offset, len(entries) // _ENTRY.size))
+
+    def table(self) -> Int64Array:
+        """(N, 3) log time in ns, the chunk's offset in the file, the message's in the chunk; in the file's order."""
+        stamps_ns, offsets = np.frombuffer(self._entries, "<i8").reshape(-1, 2).T
+        chunks, counts = np.array(self._chunks, np.int64).reshape(-1, 2).T
+        return np.stack([stamps_ns, np.repeat(chunks, counts), offsets], axis=1)
+
+
+@dataclass(slots=True)
 class McapIndex:
     """The index of one file.
 
     Attributes:
         closed: The file has its summary and end; otherwise its writer was interrupted.
-        places: Per channel id the places of its messages, in the order of the file, in parts.
+        places: Of the messages of each channel id that has any.
         attachments: Content by name.
         metadata: Key-value records by name.
     """
@@ -57,18 +80,9 @@ class McapIndex:
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
     chunks: list[ChunkEntry] = field(default_factory=list)
-    places: dict[int, list[Int64Array]] = field(default_factory=dict)
+    places: defaultdict[int, Places] = field(default_factory=lambda: defaultdict(Places))
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-
-    def places_of(self, channel_id: int) -> Int64Array:
-        """(N, 3) log time in ns, the chunk's offset in the file, the message's in the chunk; in the file's order."""
-        return np.concatenate([np.zeros((0, 3), np.int64), *self.places.get(channel_id, [])])
-
-    def enter_places(self, channel_id: int, chunk_offset: int, entries: Int64Array) -> None:
-        """Add (N, 2) log times and offsets of messages of a chunk."""
-        part = np.insert(entries, 1, chunk_offset, axis=1)
-        self.places.setdefault(channel_id, []).append(part)
 
 
 def read_index(stream: BinaryIO, name: str) -> McapIndex:
@@ -136,8 +150,8 @@ def _enter_message_indexes(index: McapIndex, stream: BinaryIO, chunk: ChunkIndex
         _, length = RECORD_HEAD.unpack_from(data, offset)
         start = offset + RECORD_HEAD.size
         channel_id, size = _INDEX_HEAD.unpack_from(data, start)
-        entries = np.frombuffer(data, "<i8", size // 8, start + _INDEX_HEAD.size).reshape(-1, 2)
-        index.enter_places(channel_id, chunk.chunk_start_offset, entries)
+        entries = start + _INDEX_HEAD.size
+        index.places[channel_id].add(chunk.chunk_start_offset, data[entries : entries + size])
         offset = start + length
 
 
@@ -168,21 +182,20 @@ def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
 
 
 def _enter_chunk(index: McapIndex, offset: int, data: bytes) -> None:
-    places: dict[int, list[tuple[int, int]]] = {}
+    stamps_ns: dict[int, list[int]] = {}
     place = 0
     while place < len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, place)
         start, end = place + RECORD_HEAD.size, place + RECORD_HEAD.size + length
         if opcode == Opcode.MESSAGE:
             channel_id, _, stamp_ns, _ = MESSAGE_HEAD.unpack_from(data, start)
-            places.setdefault(channel_id, []).append((stamp_ns, place))
+            stamps_ns.setdefault(channel_id, []).append(stamp_ns)
+            index.places[channel_id].add(offset, _ENTRY.pack(stamp_ns, place))
         elif opcode in _READERS:
             _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(data[start:end]))))
         place = end
-    for channel_id, entries in places.items():
-        index.enter_places(channel_id, offset, np.array(entries, np.int64))
-    stamps_ns = [stamp_ns for entries in places.values() for stamp_ns, _ in entries]
-    index.chunks.append(ChunkEntry(offset, min(stamps_ns), max(stamps_ns), frozenset(places)))
+    every = [stamp_ns for stamps in stamps_ns.values() for stamp_ns in stamps]
+    index.chunks.append(ChunkEntry(offset, min(every), max(every), frozenset(stamps_ns)))
 
 
 def _enter(index: McapIndex, record: McapRecord) -> None:

@@ -90,14 +90,7 @@ class SceneBag:
         Raises:
             BagError: What was put in is no scene of this version.
         """
-        text = self.attachments.get(SCENE_ATTACHMENT)
-        if text is None:
-            return None
-        try:
-            return SceneSpec.model_validate_json(text)
-        except ValidationError as error:
-            place = ".".join(str(part) for part in error.errors()[0]["loc"])
-            raise BagError(f"{self.path}: {SCENE_ATTACHMENT}: {place}: {error.errors()[0]['msg']}") from None
+        return attached_spec(self.attachments, self.path)
 
     @property
     def span_ns(self) -> tuple[int, int]:
@@ -161,7 +154,7 @@ class SceneBag:
     def _topics(self) -> Iterator[Topic]:
         for channel_id, channel in self._index.channels.items():
             schema = self._index.schemas.get(channel.schema_id)
-            stamps_ns = self._index.places_of(channel_id)[:, 0]
+            stamps_ns = self._index.places[channel_id].table()[:, 0]
             type_hash = channel.metadata.get("topic_type_hash", "")
             yield Topic(channel.topic, schema.name if schema else "", type_hash, stamps_ns)
 
@@ -174,6 +167,18 @@ class SceneBag:
     def _raw(self, message: Message) -> RawMessage:
         channel = self._index.channels[message.channel_id]
         return RawMessage(channel.topic, message.log_time, self._index.schemas[channel.schema_id].name, message.data)
+
+
+def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | None:
+    """The scene among the attachments of the bag at a path, if it is there. Raises BagError as ``SceneBag.spec``."""
+    text = attachments.get(SCENE_ATTACHMENT)
+    if text is None:
+        return None
+    try:
+        return SceneSpec.model_validate_json(text)
+    except ValidationError as error:
+        place = ".".join(str(part) for part in error.errors()[0]["loc"])
+        raise BagError(f"{path}: {SCENE_ATTACHMENT}: {place}: {error.errors()[0]['msg']}") from None
 
 
 def _custom_data(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, str]:

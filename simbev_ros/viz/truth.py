@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy, rpy_from_rotation
+from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion, matrices_from_xyz_rpy, rpy_from_rotation
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.types import AnyArray, Float64Array, Table, UInt16Array
@@ -121,11 +120,10 @@ def decoded_array(bag: SceneBag, message: RawMessage) -> AnyArray:
 
 def _pose_matrix(pose: Any) -> Float64Array:
     """(4, 4) parent from child of a ``geometry_msgs/msg/Pose``."""
-    matrix = np.eye(4)
-    rotation, place = pose.orientation, pose.position
-    matrix[:3, :3] = Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w]).as_matrix()
-    matrix[:3, 3] = place.x, place.y, place.z
-    return matrix
+    place, turn = pose.position, pose.orientation
+    return matrices_from_xyz_quaternion(
+        np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
+    )
 
 
 def _level(map_from_ego: Float64Array) -> Float64Array:

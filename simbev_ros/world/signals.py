@@ -16,8 +16,8 @@ from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState
 from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array
 
-_YELLOW_S = 3.0
-_ALL_RED_S = 2.0
+YELLOW_S = 3.0
+ALL_RED_S = 2.0
 _STATE_OF = {
     "G": SignalState.GREEN,
     "g": SignalState.GREEN,
@@ -129,7 +129,7 @@ def _retimed(phases: Sequence[tuple[float, str]], green_s: float, tick_s: float)
     Neighbouring green phases (SUMO ends a pedestrians' green earlier) share the green time in their old proportion.
     Behind each yellow phase, what was yellow is red for the all-red time.
     """
-    yellow, all_red = round(_YELLOW_S / tick_s), round(_ALL_RED_S / tick_s)
+    yellow, all_red = round(YELLOW_S / tick_s), round(ALL_RED_S / tick_s)
     result: list[tuple[str, int]] = []
     for kind, group in groupby(phases, key=lambda phase: _kind(phase[1])):
         members = list(group)

@@ -79,7 +79,8 @@ def check(studio: Studio, views: list[CameraView]) -> list[Table]:
 def agree(row: np.void, alone: Alone, visible_px: int, lens: bool) -> None:
     """One row with the truth.
 
-    Images of a lens are right to a pixel only next to silhouettes; for it the truth has no canvas. How exactly it bends silhouettes, test_views.py shows.
+    Images of a lens are right to a pixel only next to silhouettes; for it the truth has no canvas. How exactly it
+    bends silhouettes, test_views.py shows.
     """
     share, large_px = (0.05, 400) if lens else (0.01, 50)
     assert abs(int(row["alone_px"]) - alone.image_px) <= max(2.0, share * alone.image_px)

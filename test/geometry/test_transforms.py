@@ -9,6 +9,7 @@ from simbev_ros.geometry.transforms import (
     SENSOR_FROM_OPTICAL,
     apply,
     inverse,
+    matrices_from_xyz_quaternion,
     matrices_from_xyz_rpy,
     quaternion_from_rpy,
     rotations_from_rpy,
@@ -27,6 +28,13 @@ def test_rotations_equal_scipys_fixed_axes_convention() -> None:
 def test_quaternions_equal_scipys_up_to_sign() -> None:
     dots = np.einsum("ni,ni->n", quaternion_from_rpy(RPY), Rotation.from_euler("xyz", RPY).as_quat())
     assert np.allclose(np.abs(dots), 1, atol=1e-12)
+
+
+def test_transforms_of_quaternions_are_those_of_their_angles() -> None:
+    places_m = RPY * 7.0
+    from_quaternions = matrices_from_xyz_quaternion(places_m, quaternion_from_rpy(RPY))
+    assert np.allclose(from_quaternions, matrices_from_xyz_rpy(places_m, RPY), atol=1e-12)
+    assert np.allclose(from_quaternions[3], matrices_from_xyz_quaternion(places_m[3], quaternion_from_rpy(RPY[3])))
 
 
 def test_inverse_undoes_a_transform() -> None:

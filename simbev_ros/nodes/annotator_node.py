@@ -72,6 +72,7 @@ class AnnotatorNode(Participant):
         self._sensors: dict[str, Topic] = {}
         self._subscriptions_of: dict[str, Any] = {}
         self._join: SensorJoin[_Tick, bytes] = SensorJoin({})
+        self._begun = False
         self._decoders = ThreadPoolExecutor(os.cpu_count())
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
@@ -107,6 +108,7 @@ class AnnotatorNode(Participant):
                 self._subscriptions_of[topic.name] = self.create_subscription(kind, topic.name, callback, qos, raw=True)
                 self.inputs.append(self._subscriptions_of[topic.name])
         periods = {sensor: topic.period_ticks for sensor, topic in self._sensors.items()}
+        self._begun = False
         self._join = SensorJoin(periods, _LIVE_PATIENCE_TICKS if self.live else None)
 
     def _callback(self, sensor: str, topic: Topic) -> Callable[[bytes], None]:
@@ -123,12 +125,18 @@ class AnnotatorNode(Participant):
         if state.tick < 0:
             return
         assert self._scene is not None and self._network is not None
+        if not self._begun:  # a bag that is played may lack what the scene's rig has
+            self._begun = True
+            self._join.give_up(name for name, topic in self._sensors.items() if not self._is_sent(topic))
         labels = self._scene.labels(state)
         self._publish_labels(spec, state, labels)
         place_m = vector(state.ego, "x y z")
         lane = record_message(lane_record(self._network, place_m, float(state.ego["yaw"])), state.stamp_ns)
         self.publish(topics.agent_topic(spec.rig.agent, "hd_map"), lane)
         self._join.expect(state.tick, _Tick(state, labels.boxes))
+
+    def _is_sent(self, topic: Topic) -> bool:
+        return self._subscriptions_of[topic.name].get_publisher_count() > 0
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Report ticks of the lead-in; others are finished with their boxes."""

@@ -1,6 +1,6 @@
 """Messages of several sensors, put together by tick."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Generic, TypeVar
 
 _Tick = TypeVar("_Tick")
@@ -20,10 +20,15 @@ class SensorJoin(Generic[_Tick, _Message]):
             periods: By sensor, every how many ticks it sends a message, from tick 0 on.
             patience_ticks: None: wait for ever.
         """
-        self._periods, self._patience_ticks = periods, patience_ticks
+        self._periods, self._patience_ticks = dict(periods), patience_ticks
         self._waiting: dict[int, _Tick] = {}
         self._messages: dict[int, dict[str, _Message]] = {}
         self._last_tick = -1
+
+    def give_up(self, sensors: Iterable[str]) -> None:
+        """Wait for these sensors no longer."""
+        for sensor in sensors:
+            self._periods.pop(sensor, None)
 
     def expect(self, tick: int, what: _Tick) -> None:
         """A tick, later than those before, waits for its messages."""

@@ -58,6 +58,14 @@ def test_ticks_that_the_node_has_left_out_leave_nothing_behind() -> None:
     assert not join._messages
 
 
+def test_a_sensor_that_is_given_up_is_not_waited_for() -> None:
+    join: SensorJoin[int, str] = SensorJoin({"lidar": 1, "radar": 1})
+    join.give_up(["radar", "cam"])
+    join.expect(0, 0)
+    join.add("lidar", 0, "cloud")
+    assert list(join.ready()) == [(0, {"lidar": "cloud"})]
+
+
 def test_without_sensors_nothing_waits() -> None:
     join: SensorJoin[int, str] = SensorJoin({})
     join.expect(7, 7)

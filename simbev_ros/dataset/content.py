@@ -73,18 +73,20 @@ class Content:
     """All of a scene.
 
     Attributes:
-        spec: The drawn scene.
+        bag: Its own bag.
         sources: What is said again and again, by key.
         constants: What is said once for the whole scene, by key.
         calibration: By name of sensor.
         stamps_ns: (T,) of the ticks.
+        tick_ns: From one to the next.
     """
 
-    spec: SceneSpec
+    bag: IndexedBag
     sources: Mapping[str, Source]
     constants: Mapping[str, Source]
     calibration: Mapping[str, Calibration]
     stamps_ns: Int64Array
+    tick_ns: int
 
     @classmethod
     def of(cls, path: Path, additional: Mapping[str, Path], cache: ChunkCache) -> "Content":
@@ -97,21 +99,24 @@ class Content:
             BagError: A bag cannot be read, holds no scene, or an additional one has another motion.
         """
         bag = IndexedBag(path, cache)
-        spec = _spec_of(bag)
-        sources, calibration = _sources(bag), calibrations(spec.rig)
+        spec = spec_of(bag)
+        sources, calibration = _sources(bag, spec), calibrations(spec.rig)
         stamps_ns = _stamps_ns(spec, sources)
         for label, place in sorted(additional.items()):
             other = IndexedBag(place, cache)
-            rig = calibrations(_spec_of(other, spec).rig)
+            other_spec = spec_of(other)
+            if (other_spec.name, other_spec.start_ns) != (spec.name, spec.start_ns):
+                raise BagError(f"{place}: its motion is that of scene {other_spec.name}, not of {spec.name} beside it")
+            rig = calibrations(other_spec.rig)
             moved = {name for name, each in rig.items() if name in calibration and not each.is_like(calibration[name])}
-            for key, source in _sources(other).items():
+            for key, source in _sources(other, other_spec).items():
                 if key not in _MOTION:
                     taken = key in sources or key.partition("/")[0] in moved
                     sources[f"{key}@{label}" if taken else key] = source
             calibration |= {f"{name}@{label}" if name in calibration else name: each for name, each in rig.items()}
         constants = {key: source for key, source in sources.items() if source.topic.is_latched}
         frequent = {key: sources[key] for key in sorted(sources.keys() - constants.keys())}
-        return cls(spec, frequent, constants, calibration, stamps_ns)
+        return cls(bag, frequent, constants, calibration, stamps_ns, spec.tick_ns)
 
 
 def tracks_of(path: Path) -> Tracks:
@@ -127,19 +132,21 @@ def tracks_of(path: Path) -> Tracks:
     return tracks_of_npz(file)
 
 
-def _spec_of(bag: IndexedBag, motion: SceneSpec | None = None) -> SceneSpec:
-    """The scene that a bag was recorded of, which may have to have the motion of another."""
+def spec_of(bag: IndexedBag) -> SceneSpec:
+    """The scene that a bag was recorded of.
+
+    Raises:
+        BagError: It holds none, or one of another version.
+    """
     spec = bag.spec
     if spec is None:
         raise BagError(f"{bag.file}: it holds no scene: {SCENE_ATTACHMENT} is not attached")
-    if motion is not None and (spec.name, spec.start_ns) != (motion.name, motion.start_ns):
-        raise BagError(f"{bag.file}: its motion is that of scene {spec.name}, not of {motion.name} beside it")
     return spec
 
 
-def _sources(bag: IndexedBag) -> dict[str, Source]:
+def _sources(bag: IndexedBag, spec: SceneSpec) -> dict[str, Source]:
     """By key: the topic's name without the agent, of an image without its form."""
-    prefix = f"/{_spec_of(bag).rig.agent}/"
+    prefix = f"/{spec.rig.agent}/"
     return {
         _IMAGE.sub("", name.removeprefix(prefix).removeprefix("/")): Source(bag, topic)
         for name, topic in bag.topics.items()

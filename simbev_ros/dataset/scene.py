@@ -9,12 +9,12 @@ import numpy as np
 
 from simbev_ros.annotation.trajectories import Tracks
 from simbev_ros.dataset.calibration import Calibration
-from simbev_ros.dataset.content import Content, Source, tracks_of
+from simbev_ros.dataset.content import Content, Source, spec_of, tracks_of
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.weather import Weather
-from simbev_ros.types import Int64Array
+from simbev_ros.types import BoolArray, Int64Array
 
 
 class Scene(Sequence[Frame]):
@@ -58,10 +58,10 @@ class Scene(Sequence[Frame]):
         """Name of its map."""
         return str(self.row["map"]) if self.row else self.spec.map.name
 
-    @property
+    @cached_property
     def spec(self) -> SceneSpec:
         """All that was drawn for it."""
-        return self._content.spec
+        return spec_of(self._content.bag)
 
     @property
     def weather(self) -> Weather:
@@ -77,6 +77,11 @@ class Scene(Sequence[Frame]):
     def keys(self) -> tuple[str, ...]:
         """Of all that frames can have, in order of name; slower sensors are not in every frame."""
         return tuple(self.sources)
+
+    @property
+    def tick_ns(self) -> int:
+        """From one frame to the next."""
+        return self._content.tick_ns
 
     @property
     def sources(self) -> Mapping[str, Source]:
@@ -102,9 +107,9 @@ class Scene(Sequence[Frame]):
         """
         return tracks_of(self.path)
 
-    def has(self, keys: Collection[str]) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    def has(self, keys: Collection[str]) -> BoolArray:
         """(T,) whether each frame has all of some keys."""
-        edges_ns = np.append(self.stamps_ns[:1] - self.spec.tick_ns, self.stamps_ns)
+        edges_ns = np.append(self.stamps_ns[:1] - self.tick_ns, self.stamps_ns)
         found = np.ones(len(self), np.bool_)
         for key in keys:
             known = self.sources.get(key)

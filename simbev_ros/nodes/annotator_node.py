@@ -136,7 +136,7 @@ class AnnotatorNode(Participant):
         self._join.expect(state.tick, _Tick(state, labels.boxes))
 
     def _is_sent(self, topic: Topic) -> bool:
-        return self._subscriptions_of[topic.name].get_publisher_count() > 0
+        return bool(self._subscriptions_of[topic.name].get_publisher_count())
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Report ticks of the lead-in; others are finished with their boxes."""

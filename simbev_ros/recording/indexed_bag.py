@@ -9,9 +9,10 @@ from mcap.opcode import Opcode
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.chunk_cache import ChunkCache
-from simbev_ros.recording.layout import locate_mcap
+from simbev_ros.recording.layout import SCENE_ATTACHMENT, locate_mcap
 from simbev_ros.recording.mcap_index import MESSAGE_HEAD, RECORD_HEAD, read_index
 from simbev_ros.recording.reader import attached_spec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
 
 _LATCHED = "durability: transient_local"
@@ -48,11 +49,10 @@ class IndexedBag:
 
     Attributes:
         file: The MCAP file.
-        spec: The drawn scene, if it was put in.
         topics: By name.
 
     Raises:
-        BagError: There is no bag at this path, or it is damaged, or the scene is of another version.
+        BagError: There is no bag at this path, or it is damaged.
     """
 
     def __init__(self, path: Path, cache: ChunkCache) -> None:
@@ -63,7 +63,7 @@ class IndexedBag:
                 index = read_index(stream, str(self.file))
         except OSError as error:
             raise BagError(f"{self.file}: cannot be read: {error.strerror}") from None
-        self.spec = attached_spec(index.attachments, self.file)
+        self._scene = {name: data for name, data in index.attachments.items() if name == SCENE_ATTACHMENT}
         self.topics: dict[str, IndexedTopic] = {}
         for channel_id, channel in index.channels.items():
             places = index.places[channel_id].table()
@@ -71,6 +71,11 @@ class IndexedBag:
             schema = index.schemas.get(channel.schema_id)
             is_latched = _LATCHED in channel.metadata.get("offered_qos_profiles", "")
             self.topics[channel.topic] = IndexedTopic(channel.topic, schema.name if schema else "", is_latched, places)
+
+    @property
+    def spec(self) -> SceneSpec | None:
+        """The drawn scene, if it was put in; made anew each time, as it is large. Raises BagError."""
+        return attached_spec(self._scene, self.file)
 
     def payload(self, place: Int64Array) -> memoryview:
         """A message's bytes, CDR with its head, where they lie in a cached chunk, which they keep in memory.

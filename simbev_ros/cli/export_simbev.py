@@ -1,0 +1,58 @@
+"""``simbev export simbev``: a dataset in SimBEV's own layout."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from simbev_ros.export.simbev.export import Part
+
+
+def export_simbev(
+    dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder that the layout's folder, simbev, is made in.", show_default=False)],
+    jobs: Annotated[int | None, typer.Option(help="Processes; as many as there are cores.", min=1)] = None,
+) -> None:
+    """Write finished scenes as SimBEV does: sweeps, ground truth, infos.
+
+    After Ctrl-C or a crash the same command goes on where it was; of a dataset that has grown only what is new is made.
+
+    [bold]Examples[/]
+
+    simbev export simbev datasets/first --out exported
+    """
+    from simbev_ros.dataset import open_dataset
+    from simbev_ros.dataset.lock import DatasetLock
+    from simbev_ros.export.simbev.export import ROOT, finish, parts_of
+
+    opened, root, console = open_dataset(dataset, threads=1), out / ROOT, Console()
+    with DatasetLock(root):
+        parts = parts_of(opened, root)
+        made = _make(parts, jobs or os.cpu_count() or 1)
+        missing = finish(opened, parts)
+    frames = sum(part.count for part in parts)
+    console.print(f"{frames} frames of {len(opened.scenes)} scenes in {escape(str(root))}", highlight=False)
+    if made < frames:
+        console.print(f"{frames - made} of them were there already", highlight=False)
+    for line in missing:
+        console.print(f"[dim]{escape(line)}[/]", highlight=False)
+
+
+def _make(parts: "list[Part]", jobs: int) -> int:
+    """Make the parts that are not there; how many frames they have."""
+    from simbev_ros.dataset.parallel import in_processes
+    from simbev_ros.export.simbev.export import make_part
+
+    todo = [part for part in parts if part.record() is None]
+    frames = sum(part.count for part in todo)
+    columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), expand=True, transient=True) as bar:
+        task = bar.add_task("", total=frames)
+        for count in in_processes(make_part, todo, min(jobs, max(len(todo), 1))):
+            bar.advance(task, count)
+    return frames

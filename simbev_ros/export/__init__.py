@@ -1,0 +1,1 @@
+"""Datasets in the layouts of others. Needs neither ROS nor a graphics card."""

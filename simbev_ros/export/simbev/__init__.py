@@ -1,0 +1,1 @@
+"""SimBEV's own layout, for training code that was written for it."""

@@ -1,0 +1,156 @@
+"""Rows of /ego/boxes as the dictionaries of the SimBEV layout.
+
+Vectors are in the map frame, right-handed; angles are degrees. ``location`` is the middle of the box's lower face. What
+CARLA would know and we do not is None: ``opendrive_id``, as our signal heads are placed by the rules of the road, and
+several links of OpenDRIVE share one. A box that no lidar or radar was received for has no points.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.annotation.boxes import LIGHT_IDS, NO_BLUEPRINT
+from simbev_ros.export.simbev.encodings import npy
+from simbev_ros.geometry.transforms import rotations_from_rpy
+from simbev_ros.scene.state import SignalState
+from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
+from simbev_ros.types import Float64Array, Int64Array, Table
+from simbev_ros.world.signals import ALL_RED_S, YELLOW_S
+
+_UNIT_CORNERS = np.array([(x, -y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+"""(8, 3) index 4·ix + 2·iy + iz along CARLA's axes, whose y points right: the first corners are those on the left."""
+
+_STATES = {
+    SignalState.OFF: "Off",
+    SignalState.RED: "Red",
+    SignalState.YELLOW: "Yellow",
+    SignalState.GREEN: "Green",
+    SignalState.RED_YELLOW: "Red",
+}
+"""CARLA's names; red with yellow, which it does not know, still forbids to go."""
+
+_ONE_JUNCTION_M = 80.0
+_MPS_TO_KMH = 3.6
+
+
+def box_file(boxes: Table, signals: Table, blueprints: Sequence[Mapping[str, Any]]) -> bytes:
+    """A frame's file: an array of objects; arguments are those of ``box_records``."""
+    records = box_records(boxes, signals, blueprints)
+    array = np.empty(len(records), object)
+    array[:] = records
+    return npy(array)
+
+
+def box_records(boxes: Table, signals: Table, blueprints: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One dictionary for each box.
+
+    Args:
+        boxes: (N,) rows of /ego/boxes.
+        signals: Rows of /world/signals of the same tick.
+        blueprints: Those of /world/legend.
+    """
+    rpy_rad = np.stack([boxes[name] for name in ("roll", "pitch", "yaw")], axis=1).astype(np.float64)
+    size_m = np.stack([boxes[name] for name in ("length", "width", "height")], axis=1).astype(np.float64)
+    center_m = _vectors(boxes, "x", "y", "z")
+    turns = rotations_from_rpy(rpy_rad)
+    corners_m = np.einsum("nij,nkj->nki", turns, _UNIT_CORNERS * size_m[:, None]) + center_m[:, None]
+    vectors = {
+        "bounding_box": corners_m,
+        "location": center_m - turns[:, :, 2] * size_m[:, 2:] / 2.0,
+        "rotation": np.degrees(rpy_rad),
+        "linear_velocity": _vectors(boxes, "vx", "vy", "vz"),
+        "angular_velocity": np.degrees(_vectors(boxes, "wx", "wy", "wz")),
+    }
+    poles = pole_indices(signals)
+    records = []
+    for index, row in enumerate(boxes):
+        record = {
+            **_identity(row, blueprints),
+            **{name: values[index] for name, values in vectors.items()},
+            **_labels(row),
+        }
+        if row["tag"] == Tag.TRAFFIC_LIGHT:
+            place = int(row["id"]) - LIGHT_IDS - 1
+            record |= _light(row, signals[place], int(poles[place]))
+        elif row["tag"] == Tag.TRAFFIC_SIGN:
+            record["sign_type"] = SIGN_TYPES[row["sign"]]
+        records.append(record)
+    return records
+
+
+def pole_indices(signals: Table) -> Int64Array:
+    """(S,) of each signal head its index among those of its junction.
+
+    The table has the heads of a programme together; they share its green time and stand around one junction.
+    """
+    if not len(signals):
+        return np.zeros(0, np.int64)
+    apart_m = np.hypot(np.diff(signals["x"]), np.diff(signals["y"]))
+    is_first = np.append(True, (np.diff(signals["green_time"]) != 0) | (apart_m > _ONE_JUNCTION_M))
+    place = np.arange(len(signals))
+    index: Int64Array = place - place[is_first][np.cumsum(is_first) - 1]
+    return index
+
+
+def _identity(row: Table, blueprints: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    blueprint = blueprints[int(row["blueprint"])] if row["blueprint"] != NO_BLUEPRINT else None
+    return {
+        "id": int(row["id"]),
+        "type": blueprint["name"] if blueprint else _type_of_standing(row),
+        "is_alive": True,
+        "is_active": True,
+        "is_dormant": False,
+        "parent": int(row["parent"]) or None,
+        "attributes": _attributes(row, blueprint) if blueprint else {},
+        "semantic_tags": [int(row["tag"])],
+    }
+
+
+def _type_of_standing(row: Table) -> str:
+    """CARLA's name of a traffic light or sign."""
+    if row["tag"] == Tag.TRAFFIC_LIGHT:
+        return "traffic.traffic_light"
+    kind = SIGN_TYPES[row["sign"]]
+    return f"traffic.{kind}.{row['limit'] * _MPS_TO_KMH:.0f}" if row["limit"] > 0 else f"traffic.{kind}"
+
+
+def _attributes(row: Table, blueprint: Mapping[str, Any]) -> dict[str, str]:
+    """As strings, in CARLA's manner; the bits are those of /world/legend."""
+    color = int(row["color"])
+    return {
+        "role_name": "autopilot",
+        "base_type": blueprint["class"],
+        "special_type": "emergency" if blueprint["emergency"] else "",
+        "color": f"{color >> 16},{color >> 8 & 255},{color & 255}",
+        "light_bits": str(row["lights"]),
+        "behavior_bits": str(row["behavior"]),
+        "open_doors": str(row["doors"]),
+    }
+
+
+def _labels(row: Table) -> dict[str, Any]:
+    return {
+        "distance_to_ego": float(row["distance"]),
+        "angle_to_ego": float(np.degrees(row["angle"])),
+        "num_lidar_pts": max(int(row["lidar_points"]), 0),
+        "num_radar_pts": max(int(row["radar_points"]), 0),
+        "valid_flag": bool(row["valid"]),
+        "class": BOX_CLASSES[row["class"]],
+        "difficulty": DIFFICULTIES[row["difficulty"]],
+    }
+
+
+def _light(row: Table, signal: Table, pole_index: int) -> dict[str, Any]:
+    return {
+        "green_time": float(signal["green_time"]),
+        "yellow_time": YELLOW_S,
+        "red_time": ALL_RED_S,
+        "state": _STATES[SignalState(int(row["state"]))],
+        "opendrive_id": None,
+        "pole_index": pole_index,
+    }
+
+
+def _vectors(boxes: Table, *names: str) -> Float64Array:
+    return np.stack([boxes[name] for name in names], axis=1).astype(np.float64)

@@ -1,0 +1,191 @@
+"""Datasets in SimBEV's own layout, for training code that was written for it.
+
+Work is cut into parts of some frames of a scene, which can be done in any order and in many processes. A part is on
+record when all its files are there; an export that was stopped goes on with the parts that are not. Each file gets its
+name when it is whole, and the info files come last.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from simbev_ros.dataset import Dataset, Scene, open_dataset
+from simbev_ros.errors import InputError
+from simbev_ros.export.simbev.channels import channels, left_out
+from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, locate_mcap
+from simbev_ros.recording.reader import SceneBag
+
+ROOT = "simbev"
+_PARTS_FOLDER = ".parts"
+_FRAMES_PER_PART = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Some frames of a scene.
+
+    Attributes:
+        dataset: Where it is read from.
+        root: The layout's root.
+        scene: Name of the scene.
+        number: Its number.
+        first: The first of the frames.
+        count: How many frames there are.
+        source: Tells a bag from another one that takes its place.
+    """
+
+    dataset: Path
+    root: Path
+    scene: str
+    number: int
+    first: int
+    count: int
+    source: str
+
+    @property
+    def record_path(self) -> Path:
+        """Where it goes on record."""
+        return self.root / _PARTS_FOLDER / f"scene_{self.number:04d}-{self.first:06d}.json"
+
+    def record(self) -> dict[str, Any] | None:
+        """What is on record of it; None: it is still to be made."""
+        try:
+            record: dict[str, Any] = json.loads(self.record_path.read_bytes())
+        except (OSError, ValueError):
+            return None
+        return record if (record["source"], record["count"]) == (self.source, self.count) else None
+
+
+def parts_of(dataset: Dataset, root: Path) -> list[Part]:
+    """All parts of a dataset, made or not.
+
+    Raises:
+        InputError: There is nothing to export, or the sensors of scenes differ, which the layout cannot say.
+        BagError: A bag cannot be read.
+    """
+    parts = []
+    for scene in dataset.scenes:
+        if metadata(scene) != metadata(dataset.scenes[0]):
+            first = dataset.scenes[0].path
+            raise InputError(f"{scene.path}: its sensors are not those of {first}, and the layout knows one rig")
+        state = locate_mcap(scene.path).stat()
+        source = f"{scene.name} {scene.split} {state.st_size} {state.st_mtime_ns}"
+        for first_frame in range(0, len(scene), _FRAMES_PER_PART):
+            count = min(_FRAMES_PER_PART, len(scene) - first_frame)
+            parts.append(Part(dataset.path, root, scene.name, scene.number, first_frame, count, source))
+    if not parts:
+        raise InputError(f"{dataset.path}: it has no finished scene to export")
+    return parts
+
+
+def make_part(part: Part) -> int:
+    """Write the files of a part, and put it on record.
+
+    Returns:
+        How many frames it has.
+
+    Raises:
+        InputError: A file cannot be written.
+        BagError: The bag is damaged.
+    """
+    scene = _opened(part.dataset, part.scene, part.source)
+    made = channels(scene)
+    frames = []
+    for frame in scene[part.first : part.first + part.count]:
+        files = {c.name: c.path(part.number, frame.tick) for c in made if all(key in frame for key in c.keys)}
+        for channel in made:
+            if channel.name in files:
+                write_whole(part.root / files[channel.name], [channel.encode(frame)])
+        frames.append({**frame_info(frame), "files": files})
+    write_whole(part.record_path, [_json({"source": part.source, "count": part.count, "frames": frames})])
+    return part.count
+
+
+def finish(dataset: Dataset, parts: Sequence[Part]) -> list[str]:
+    """Write info files, configurations and logs, once all parts are made.
+
+    Returns:
+        What is not in the layout, a line each.
+
+    Raises:
+        InputError: A part is not on record, or a file cannot be written.
+    """
+    root, first = parts[0].root, dataset.scenes[0]
+    parts_of_scene: dict[str, list[Part]] = {}
+    for part in parts:
+        parts_of_scene.setdefault(part.scene, []).append(part)
+    for split in sorted({scene.split for scene in dataset.scenes}):
+        scenes = [scene for scene in dataset.scenes if scene.split == split]
+        infos = ((scene, parts_of_scene[scene.name]) for scene in scenes if scene.name in parts_of_scene)
+        write_whole(root / "infos" / f"simbev_infos_{split}.json", _info_file(metadata(first), infos))
+    for scene in dataset.scenes:
+        _add_papers(dataset, scene, root)
+    return left_out(first)
+
+
+def write_whole(path: Path, pieces: Iterable[bytes]) -> None:
+    """Write a file, which has its name only when it is whole.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with unfinished.open("wb") as file:
+            file.writelines(pieces)
+        unfinished.rename(path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _info_file(head: Mapping[str, Any], scenes: Iterable[tuple[Scene, Sequence[Part]]]) -> Iterator[bytes]:
+    """The file of one split, scene by scene, as it may be larger than what fits in memory."""
+    yield b'{"metadata": ' + _json(head) + b', "data": {'
+    for index, (scene, parts) in enumerate(scenes):
+        frames = [_placed(frame, part.root) for part in parts for frame in _recorded(part)]
+        info = _json({"scene_info": scene_info(scene), "scene_data": frames})
+        yield b", " * (index > 0) + f'"scene_{scene.number:04d}": '.encode() + info
+    yield b"}}"
+
+
+def _recorded(part: Part) -> list[dict[str, Any]]:
+    """The frames of a part."""
+    record = part.record()
+    if record is None:
+        raise InputError(f"{part.record_path}: frames from {part.first} of {part.scene} were changed meanwhile")
+    frames: list[dict[str, Any]] = record["frames"]
+    return frames
+
+
+def _placed(frame: Mapping[str, Any], root: Path) -> dict[str, Any]:
+    """With the absolute paths of its files beside all else."""
+    rest = {name: value for name, value in frame.items() if name != "files"}
+    return {**rest, **{name: str(root.resolve() / file) for name, file in frame["files"].items()}}
+
+
+def _add_papers(dataset: Dataset, scene: Scene, root: Path) -> None:
+    """A scene's configuration and log, as far as there are any."""
+    name = f"SimBEV-scene-{scene.number:04d}"
+    with SceneBag(scene.path) as bag:
+        config = bag.attachments.get(CONFIG_ATTACHMENT)
+    if config is not None:
+        write_whole(root / "configs" / f"{name}.yaml", [config])
+    log = dataset.path / "logs" / f"{scene.name}.log"
+    if log.is_file():
+        write_whole(root / "logs" / f"{name}.log", [log.read_bytes()])
+
+
+@lru_cache(maxsize=1)
+def _opened(dataset: Path, scene: str, _source: str) -> Scene:
+    """A scene, opened once for all its parts; anew when its bag has changed."""
+    return open_dataset(dataset, threads=1).scene(scene)
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(value).encode()

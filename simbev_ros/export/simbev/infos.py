@@ -1,0 +1,94 @@
+"""What the info files of the SimBEV layout say: where sensors sit, and of each scene its settings and its frames."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.radar import Radar
+from simbev_ros.dataset import Frame, Scene
+from simbev_ros.export.simbev.channels import CAMERAS, RADARS, lidar_of
+from simbev_ros.geometry.transforms import inverse
+from simbev_ros.types import Float64Array
+
+_NS_PER_US = 1000
+_UNSAID = ("rig", "vehicles", "pedestrians", "map", "green_time_s", "hazards")
+"""Of a scene's settings what is long, and is in its configuration or its tables."""
+
+
+def metadata(scene: Scene) -> dict[str, Any]:
+    """Poses of sensors, intrinsics and the voxels' extent."""
+    lidar = lidar_of(scene)
+    ego_from_lidar = np.eye(4) if lidar is None else scene.calibration[lidar.name].ego_from_sensor
+    poses = _poses(scene)
+    result: dict[str, Any] = {name: _pose(ego_from_sensor, ego_from_lidar) for name, ego_from_sensor in poses.items()}
+    for calibration in scene.calibration.values():
+        if isinstance(calibration.sensor, Camera):
+            result["camera_intrinsics"] = calibration.intrinsics.tolist()
+            break
+    occupancy = scene.spec.annotation.occupancy
+    if occupancy is not None:
+        result["voxel_detector_properties"] = {
+            "range": occupancy.half_side_m,
+            "voxel_size": occupancy.voxel_m,
+            "upper_limit": occupancy.top_m,
+            "lower_limit": occupancy.bottom_m,
+        }
+    return result
+
+
+def scene_info(scene: Scene) -> dict[str, Any]:
+    """The map and the settings of a scene."""
+    spec = scene.spec
+    settings = {name: value for name, value in spec.model_dump(mode="json").items() if name not in _UNSAID}
+    counts = {"vehicles": len(spec.vehicles), "pedestrians": len(spec.pedestrians)}
+    return {"map": spec.map.name, **counts, **settings}
+
+
+def frame_info(frame: Frame) -> dict[str, Any]:
+    """Pose of the ego and time, µs; the paths of files are added later."""
+    map_from_ego = frame.map_from_ego
+    return {
+        "ego2global_translation": map_from_ego[:3, 3].tolist(),
+        "ego2global_rotation": _wxyz(map_from_ego),
+        "timestamp": frame.stamp_ns // _NS_PER_US,
+        "scene": frame.scene.number,
+        "frame": frame.tick,
+    }
+
+
+def _poses(scene: Scene) -> dict[str, Float64Array]:
+    """(4, 4) ego from sensor by the layout's names; cameras' are optical."""
+    known, poses = scene.calibration, {}
+    lidar = lidar_of(scene)
+    if lidar is not None:
+        poses["LIDAR"] = known[lidar.name].ego_from_sensor
+    for name in (name for name in CAMERAS if _is_a(scene, f"cam_{name}", Camera)):
+        poses[f"CAM_{name.upper()}"] = known[f"cam_{name}"].ego_from_optical
+    for name in (name for name in RADARS if _is_a(scene, f"radar_{name}", Radar)):
+        poses[f"RAD_{name.upper()}"] = known[f"radar_{name}"].ego_from_sensor
+    if scene.spec.annotation.occupancy is not None:
+        poses["VOXEL-GRID"] = np.eye(4)
+    return poses
+
+
+def _is_a(scene: Scene, name: str, kind: type[Camera | Lidar | Radar]) -> bool:
+    return name in scene.calibration and isinstance(scene.calibration[name].sensor, kind)
+
+
+def _pose(ego_from_sensor: Float64Array, ego_from_lidar: Float64Array) -> dict[str, Any]:
+    lidar_from_sensor = inverse(ego_from_lidar) @ ego_from_sensor
+    return {
+        "sensor2lidar_translation": lidar_from_sensor[:3, 3].tolist(),
+        "sensor2lidar_rotation": _wxyz(lidar_from_sensor),
+        "sensor2ego_translation": ego_from_sensor[:3, 3].tolist(),
+        "sensor2ego_rotation": _wxyz(ego_from_sensor),
+    }
+
+
+def _wxyz(transform: Float64Array) -> list[float]:
+    """The rotation of a (4, 4) transform as a unit quaternion."""
+    x, y, z, w = Rotation.from_matrix(transform[:3, :3]).as_quat().tolist()
+    return [w, x, y, z]

@@ -1,0 +1,240 @@
+"""The SimBEV layout is read back by its own description, and holds what was recorded."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from made_up_scene import SENSORS, MadeUp, made_up_scene
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from simbev_ros.dataset import open_dataset
+from simbev_ros.errors import InputError
+from simbev_ros.export.simbev.export import finish, make_part, parts_of
+from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.types import AnyArray
+
+
+def export(dataset: Path, root: Path) -> list[str]:
+    opened = open_dataset(dataset)
+    parts = parts_of(opened, root)
+    for part in parts:
+        if part.record() is None:
+            make_part(part)
+    return finish(opened, parts)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[MadeUp, Path]:
+    folder = tmp_path_factory.mktemp("exported")
+    made = made_up_scene(folder / "set/scenes/train/Blocks-0000")
+    made_up_scene(folder / "set/scenes/val/Blocks-0001", number=1, split="val", ticks=2)
+    export(folder / "set", folder / "out/simbev")
+    return made, folder / "out/simbev"
+
+
+def sweep(root: Path, sensor: str, extension: str, frame: int = 1) -> Path:
+    return root / f"sweeps/{sensor}/SimBEV-scene-0000-frame-{frame:04d}-{sensor}.{extension}"
+
+
+def npz(path: Path) -> AnyArray:
+    with np.load(path) as file:
+        assert file.files == ["data"]
+        return file["data"]
+
+
+def test_cameras_read_back(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    tick = made.ticks[1]
+    with Image.open(sweep(root, "RGB-CAM_FRONT", "jpg")) as picture:
+        assert np.abs(np.asarray(picture).astype(int) - tick["cam_front/rgb"]).mean() < 2
+    ids = np.asarray(Image.open(sweep(root, "IST-CAM_BACK_LEFT", "png"))).astype(int)
+    np.testing.assert_array_equal(ids[..., 0], tick["cam_back_left/semantic"])
+    np.testing.assert_array_equal(ids[..., 1] + 256 * ids[..., 2], tick["cam_back_left/instance"])
+    code = np.asarray(Image.open(sweep(root, "DPT-CAM_FRONT", "png"))).astype(float)
+    depth_m = 1000 * (code @ [1, 256, 65536]) / (2**24 - 1)
+    np.testing.assert_allclose(depth_m, np.minimum(tick["cam_front/depth"], 1000), atol=1000 / 2**24)
+    np.testing.assert_array_equal(npz(sweep(root, "FLW-CAM_FRONT", "npz")), tick["cam_front/flow"])
+
+
+def test_semantic_pictures_have_carlas_colours(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    colors = cv2.imread(str(sweep(root, "SEG-CAM_FRONT", "png")))[..., ::-1]
+    tags = made.ticks[1]["cam_front/semantic"]
+    for tag, color in {1: (128, 64, 128), 10: (152, 251, 152), 14: (0, 0, 142), 24: (157, 234, 50)}.items():
+        assert (colors[tags == tag] == color).all() and (tags == tag).any()
+
+
+def test_clouds_read_back_without_points_on_the_ego(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    cloud = made.ticks[1]["lidar/points"]
+    expected = [(x, y, z) for x, y, z, *_ in cloud.tolist() if abs(x) > 2.44 or abs(y) > 1.04]
+    points = npz(sweep(root, "LIDAR", "npz"))
+    assert points.dtype == np.float32 and 0 < len(expected) < len(cloud)
+    np.testing.assert_array_equal(points, np.array(expected, np.float32))
+    labelled, source = npz(sweep(root, "SEG-LIDAR", "npz")), made.ticks[1]["lidar/semantic_points"]
+    assert labelled.dtype.names == ("x", "y", "z", "CosAngle", "ObjIdx", "ObjTag")
+    assert [labelled.dtype[name].str for name in labelled.dtype.names] == ["<f4"] * 4 + ["<u4"] * 2
+    np.testing.assert_array_equal(labelled["ObjIdx"], source["object_id"])
+    np.testing.assert_array_equal(labelled["CosAngle"], source["cos_angle"])
+    radar, echoes = npz(sweep(root, "RAD_FRONT", "npz")), made.ticks[1]["radar_front/points"]
+    for column, name in enumerate(("range", "elevation", "azimuth", "doppler_velocity")):
+        np.testing.assert_array_equal(radar[:, column], echoes[name])
+
+
+def test_position_and_motion_read_back(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    np.testing.assert_array_equal(np.load(sweep(root, "GNSS", "bin")), made.ticks[1]["gnss/fix"])
+    motion, (_, _, yaw) = made.ticks[1]["imu/data"]
+    file = np.load(sweep(root, "IMU", "bin"))
+    np.testing.assert_allclose(file[:6], motion)
+    assert file[6] == pytest.approx((np.pi / 2 - yaw) % (2 * np.pi), abs=1e-9)
+
+
+def test_grids_read_back(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    masks = npz(root / "ground-truth/seg/SimBEV-scene-0000-frame-0002-GT_SEG.npz")
+    assert masks.shape == (len(BEV_CLASSES), 20, 24) and masks.dtype == bool
+    labels = sum(mask.astype(int) << k for k, mask in enumerate(masks))
+    np.testing.assert_array_equal(labels, made.ticks[2]["bev/labels"])
+    assert cv2.imread(str(root / "ground-truth/seg_viz/SimBEV-scene-0000-frame-0002-GT_SEG_VIZ.jpg")).shape[:2] == (
+        20,
+        24,
+    )
+    voxels = npz(sweep(root, "VOXEL-GRID", "npz", 2))
+    assert voxels.shape == (8, 8, 8) and voxels.dtype == np.uint8
+    rows = made.ticks[2]["occupancy/points"]
+    assert {(r["ix"], r["iy"], r["iz"]): r["tag"] for r in rows} == {
+        tuple(place): voxels[tuple(place)] for place in np.argwhere(voxels)
+    }
+    record = json.loads((root / "ground-truth/hd_map/SimBEV-scene-0000-frame-0002-HD_MAP.json").read_text())
+    assert record == {"id": "a_0", "s": 1.5, "is_junction": False}
+
+
+def objects(root: Path, frame: int) -> list[dict[str, Any]]:
+    path = root / f"ground-truth/det/SimBEV-scene-0000-frame-{frame:04d}-GT_DET.bin"
+    return list(np.load(path, allow_pickle=True))
+
+
+def test_corners_are_in_carlas_order_and_right_handed(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    flip = np.diag([1, -1, 1])
+    for row, record in zip(made.ticks[0]["boxes"], objects(root, 0), strict=True):
+        # In CARLA's axes: y and yaw and pitch have the other sign, and the middle of the box is at (x, -y, z).
+        rpy_deg = np.degrees([row["roll"], row["pitch"], row["yaw"]])
+        turn = flip @ Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix() @ flip
+        for index, corner in enumerate(record["bounding_box"]):
+            sides = 2 * np.array([index >> 2 & 1, index >> 1 & 1, index & 1]) - 1
+            local = sides * [row["length"], row["width"], row["height"]] / 2
+            carla = turn @ local + [row["x"], -row["y"], row["z"]]
+            np.testing.assert_allclose(corner, carla * [1, -1, 1], atol=1e-5)
+        np.testing.assert_allclose(record["location"], record["bounding_box"][[0, 2, 4, 6]].mean(axis=0), atol=1e-5)
+        np.testing.assert_allclose(record["rotation"], rpy_deg, atol=1e-4)
+
+
+def test_objects_have_all_keys_and_labels(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    rows, records = made.ticks[0]["boxes"], objects(root, 0)
+    common = {"id", "type", "is_alive", "is_active", "is_dormant", "parent", "attributes", "semantic_tags"}
+    common |= {"bounding_box", "location", "rotation", "linear_velocity", "angular_velocity", "distance_to_ego"}
+    common |= {"angle_to_ego", "num_lidar_pts", "num_radar_pts", "valid_flag", "class", "difficulty"}
+    light = {"green_time", "yellow_time", "red_time", "state", "opendrive_id", "pole_index"}
+    assert [set(record) - common for record in records[:-2]] == [set()] * 10
+    assert set(records[-2]) == common | light and set(records[-1]) == common | {"sign_type"}
+    assert all(common <= set(record) for record in records)
+    assert records[0]["parent"] == 7 and records[1]["parent"] is None
+    assert records[0]["type"] in ("vehicle.city_car", "vehicle.hatchback", "vehicle.compact")
+    for row, record in zip(rows, records, strict=True):
+        assert record["num_lidar_pts"] == max(0, row["lidar_points"]) and record["valid_flag"] == bool(row["valid"])
+        np.testing.assert_allclose(record["angular_velocity"], np.degrees([row["wx"], row["wy"], row["wz"]]), rtol=1e-5)
+    assert records[-2]["state"] == "Green" and records[-2]["type"] == "traffic.traffic_light"
+    assert records[-2]["green_time"] == pytest.approx(float(made.ticks[0]["world/signals"]["green_time"][1]))
+    assert records[-1]["type"] == "traffic.speed_limit.50" and records[-1]["sign_type"] == "speed_limit"
+
+
+def test_infos_say_where_all_is(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    assert sorted(path.name for path in (root / "infos").iterdir()) == [
+        "simbev_infos_train.json",
+        "simbev_infos_val.json",
+    ]
+    infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
+    assert list(infos) == ["metadata", "data"] and list(infos["data"]) == ["scene_0000"]
+    scene = infos["data"]["scene_0000"]
+    assert scene["scene_info"]["map"] == "Blocks" and scene["scene_info"]["vehicles"] == 2
+    frames = scene["scene_data"]
+    assert [frame["frame"] for frame in frames] == [0, 1, 2] and "VOXEL-GRID" not in frames[1]
+    files = [value for frame in frames for key, value in frame.items() if isinstance(value, str)]
+    assert len(files) == 3 * 20 - 1 and all(Path(file).is_absolute() and Path(file).is_file() for file in files)
+    assert len(list(root.glob("sweeps/*/*-scene-0000-*"))) + len(list(root.glob("ground-truth/*/*-scene-0000-*"))) == 59
+    position_m, rpy_rad = made.ticks[2]["odom"]
+    np.testing.assert_allclose(frames[2]["ego2global_translation"], position_m)
+    turn = Rotation.from_quat(np.roll(frames[2]["ego2global_rotation"], -1))
+    np.testing.assert_allclose(turn.as_euler("xyz"), rpy_rad, atol=1e-9)
+
+
+def test_metadata_places_the_sensors(exported: tuple[MadeUp, Path]) -> None:
+    _, root = exported
+    metadata = json.loads((root / "infos/simbev_infos_train.json").read_text())["metadata"]
+    pose = metadata["CAM_BACK_LEFT"]
+    ahead = Rotation.from_quat(np.roll(pose["sensor2lidar_rotation"], -1)).apply([0, 0, 1])
+    np.testing.assert_allclose(ahead, [np.cos(np.radians(110)), np.sin(np.radians(110)), 0], atol=1e-9)
+    np.testing.assert_allclose(metadata["CAM_FRONT"]["sensor2lidar_translation"], [0.6, 0, -0.2], atol=1e-9)
+    np.testing.assert_allclose(metadata["RAD_FRONT"]["sensor2ego_translation"], [2.4, 0, 0.6])
+    assert metadata["LIDAR"]["sensor2lidar_rotation"] == [1, 0, 0, 0]
+    assert np.array(metadata["camera_intrinsics"]).shape == (3, 3)
+    assert metadata["voxel_detector_properties"] == {
+        "range": 4,
+        "voxel_size": 1,
+        "upper_limit": 7,
+        "lower_limit": -1,
+    }
+
+
+def test_what_a_rig_lacks_is_left_out_and_said(tmp_path: Path) -> None:
+    rig = [
+        {**SENSORS[0], "modalities": ["rgb", "instance"]},
+        {**SENSORS[1], "name": "cam_roof"},
+        SENSORS[2],
+    ]
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", sensors=rig)
+    lines = export(tmp_path / "set", tmp_path / "out")
+    assert {path.name for path in (tmp_path / "out/sweeps").iterdir()} == {
+        "RGB-CAM_FRONT",
+        "LIDAR",
+        "SEG-LIDAR",
+        "VOXEL-GRID",
+    }
+    assert lines[1] == "the layout has no place for: cam_roof"
+    missing = lines[0].removeprefix("not recorded: ").split(", ")
+    assert {"RAD_LEFT", "IST-CAM_FRONT", "GNSS"} < set(missing)  # instances need semantic images too
+    assert not {"LIDAR", "GT_DET", "RGB-CAM_FRONT"} & set(missing)
+
+
+def test_an_export_goes_on_where_it_was_and_a_replaced_scene_is_made_anew(tmp_path: Path) -> None:
+    bag, root = tmp_path / "set/scenes/train/Blocks-0000", tmp_path / "out"
+    made_up_scene(bag)
+    export(tmp_path / "set", root)
+    kept = sweep(root, "LIDAR", "npz")
+    kept.write_bytes(b"kept")
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1, ticks=1)
+    export(tmp_path / "set", root)
+    assert kept.read_bytes() == b"kept"
+    infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
+    assert list(infos["data"]) == ["scene_0000", "scene_0001"]
+    bag.rename(tmp_path / "old")
+    made_up_scene(bag, ticks=2)
+    export(tmp_path / "set", root)
+    assert len(npz(kept)) and not list(root.rglob("*unfinished"))
+    infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
+    assert len(infos["data"]["scene_0000"]["scene_data"]) == 2
+
+
+def test_scenes_of_different_rigs_are_refused(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1, sensors=SENSORS[:3])
+    with pytest.raises(InputError, match=r"Blocks-0001: its sensors are not those of .*Blocks-0000"):
+        export(tmp_path / "set", tmp_path / "out")

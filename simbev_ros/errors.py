@@ -21,6 +21,10 @@ class SimulationError(SimbevError):
     """The traffic simulation could not start or go on. Exit code 1."""
 
 
+class DiskError(SimbevError):
+    """The disk is full, or nearly, or fails: nothing more can be recorded. Exit code 1."""
+
+
 class RenderError(InputError):
     """This machine, as it is set up, cannot draw what is asked for; the message says what to do. Exit code 2."""
 

@@ -139,6 +139,7 @@ def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, A
         "hd_map": {"stamp_ns": spec.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False},
     }
     values["world/actors"]["id"] = 1 + np.arange(9)
+    values["world/actors"]["blueprint"] %= 5
     if tick % 2 == 0:
         values["occupancy/points"] = _voxels(rng)
     for sensor in spec.rig.sensors:

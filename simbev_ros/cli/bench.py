@@ -1,4 +1,4 @@
-"""``simbev bench``: what a graph, its cameras, rays, labels or its world cost on this machine."""
+"""``simbev bench``: what a graph, its cameras, rays, labels, its recorder or its world cost on this machine."""
 
 import tempfile
 from pathlib import Path
@@ -41,7 +41,7 @@ bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
 
 @bench.callback()
 def _bench() -> None:
-    """Time the whole graph, or its cameras, rays, labels or world alone. Without a command's name it is the graph.
+    """Time the whole graph, or its cameras, rays, labels, recorder or world alone; without a name it is the graph.
 
     [bold]Examples[/]
 
@@ -56,6 +56,8 @@ def _bench() -> None:
     simbev bench labels --map Town10HD
 
     simbev bench reading datasets/first
+
+    simbev bench record
 
     simbev bench world Town10HD --ticks 200
     """
@@ -232,6 +234,37 @@ def reading(
         result,
         f"reading {result.scene}, {result.decoded_mb:.0f} MB of arrays a frame",
         ("", "s/frame", "least", "CPU s/frame", "frames/s"),
+        result.rows(),
+        as_json=as_json,
+    )
+
+
+@bench.command()
+def record(
+    folder: Annotated[Path | None, typer.Option(help="On the disk to write to; by default the temporary one.")] = None,
+    ticks: Annotated[int, typer.Option(help="In each file.", min=1, max=1000)] = 20,
+    rounds: Annotated[int, typer.Option(help="How often each file is written.", min=1, max=100)] = 5,
+    as_json: _Json = False,
+) -> None:
+    """Time the recorder on six 1600x900 cameras: raw colour images, and all modalities compressed with a lidar.
+
+    The writer alone, and with what the recorder does with each message before. For comparison, the same messages are
+    written in a bare loop of the mcap package's own writer, with its own settings and chunks as large as ours.
+
+    [bold]Example[/]
+
+    simbev bench record --folder /data --ticks 100 --json
+    """
+    from simbev_ros.cli.record_timing import files_to_write, timed_recording
+
+    with progress_bar("files", Console(stderr=True)) as bars:
+        task = bars.add_task("", total=files_to_write(rounds))
+        place = folder or Path(tempfile.gettempdir())
+        result = timed_recording(place, ticks, rounds, lambda: bars.advance(task))
+    show_timing(
+        result,
+        "recording",
+        ("topics", "by", "MB/s", "best", "CPU s/GB", "size", "× mcap"),
         result.rows(),
         as_json=as_json,
     )

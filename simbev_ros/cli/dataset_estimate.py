@@ -18,7 +18,7 @@ from simbev_ros.config.scenario import SPLITS, Scenario
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.graph.session import GraphSession
-from simbev_ros.recording.layout import locate_mcap, scene_folder
+from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.draw import ticks_of
 
@@ -87,7 +87,7 @@ def _sampled(scenario: Scenario, entry: PlannedEntry, console: Console) -> Sampl
 
             session.play(spec, progress)
         bag_path = scene_folder(Path(folder), spec.split, spec.name)
-        size = locate_mcap(bag_path).stat().st_size
+        size = bytes_of(bag_path)
         with SceneBag(bag_path) as bag:
             fixed = min(sum(len(data) for data in bag.attachments.values()), size)
     ticks = len(finished_s)

@@ -18,18 +18,18 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import Row, brought_up_to_date, row_of, write_index
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.staging import move_in, staging_of
-from simbev_ros.errors import GraphError, InputError, SimbevError
+from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.graph.traces import sweep
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.recording.bag_files import check_space
 from simbev_ros.scene.draw import PlannedScene, draw_scene, starts_of
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.starts import Starts
 
 LOG_FOLDER = "logs"
-_LEAST_FREE_BYTES = 1 << 30
 
 
 class Drawer:
@@ -90,7 +90,8 @@ class DatasetMaker:
         """Make scenes; one that fails is tried again, then listed, and the others go on.
 
         Raises:
-            InputError: The first scene cannot be made with this configuration, or the disk is nearly full.
+            InputError: The first scene cannot be made with this configuration.
+            DiskError: The disk is full, or nearly; the scenes made before are whole.
         """
         outcome = Outcome()
         with _bars(self._console) as bars:
@@ -103,6 +104,8 @@ class DatasetMaker:
                     if not outcome.made and not outcome.failed:
                         raise
                     outcome.failed[entry.name] = str(error)
+                except DiskError:
+                    raise
                 except SimbevError as error:
                     outcome.failed[entry.name] = str(error)
                 else:
@@ -153,15 +156,10 @@ class DatasetMaker:
         """Refuse to begin a scene that may not fit.
 
         Raises:
-            InputError: There is less free than the largest scene so far takes, and a reserve.
+            DiskError: There is less free than the largest scene so far takes, and what must stay free.
         """
         largest = max((row["bytes"] for row in self._rows.values()), default=0)
-        free = shutil.disk_usage(self._dataset).free
-        if free < largest + _LEAST_FREE_BYTES:
-            raise InputError(
-                f"{self._dataset}: {decimal(free)} are free on this disk; a scene takes up to {decimal(largest)}, and "
-                f"{decimal(_LEAST_FREE_BYTES)} must stay free. What has been made is whole: make room and run again"
-            )
+        check_space(self._dataset, largest + (self._scenario.recording.least_free_mib << 20))
 
     def __enter__(self) -> Self:
         return self

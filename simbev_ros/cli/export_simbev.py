@@ -28,11 +28,12 @@ def export_simbev(
     """
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.export.simbev.export import ROOT, finish, parts_of
+    from simbev_ros.export.simbev.export import ROOT, finish, parts_of, remove_replaced
 
     opened, root, console = open_dataset(dataset, threads=1), out / ROOT, Console()
     with DatasetLock(root):
         parts = parts_of(opened, root)
+        remove_replaced(parts)
         made = _make(parts, jobs or os.cpu_count() or 1)
         missing = finish(opened, parts)
     frames = sum(part.count for part in parts)

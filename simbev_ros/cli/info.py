@@ -1,6 +1,7 @@
 """``simbev info``: what is in a bag, or in a dataset of bags."""
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,9 +11,10 @@ from rich import box
 from rich.console import Console
 from rich.filesize import decimal
 from rich.markup import escape
-from rich.progress import Progress
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import is_dataset, scenes_of
 from simbev_ros.scene.ending import DURATION
 
@@ -27,6 +29,10 @@ def info(
     path: Annotated[Path, typer.Argument(help="A scene's bag, its .mcap file, or a dataset.")],
     digest: Annotated[bool, typer.Option("--digest", help="One hash per topic over all payloads and stamps.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write statistics with plots, one HTML page.", metavar="FILE")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(help="Processes for it; as many as there are cores.", min=1)] = None,
 ) -> None:
     """Say what is in a recorded scene, finished or not, or in a dataset.
 
@@ -35,6 +41,8 @@ def info(
     simbev info out/demo
 
     simbev info out/demo/scenes/train/Blocks-0000 --digest
+
+    simbev info datasets/first --report first.html
     """
     if is_dataset(path):
         scenes = [_describe(bag, digest) for bag in scenes_of(path)]
@@ -49,11 +57,35 @@ def info(
         parts = [_fact_table(facts), _topic_table(facts["topics"], digest)]
     if as_json:
         print(json.dumps(facts, indent=2))
-        return
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH_IN_A_PIPE)
-    console.print(*parts, sep="\n")
+    else:
+        console = Console()
+        if not console.is_terminal:
+            console = Console(width=_WIDTH_IN_A_PIPE)
+        console.print(*parts, sep="\n")
+    if report is not None:
+        _write_report(path, report, jobs or os.cpu_count() or 1)
+
+
+def _write_report(path: Path, report: Path, jobs: int) -> None:
+    """Statistics of a dataset's finished scenes, or of a bag."""
+    from simbev_ros.dataset import open_dataset
+    from simbev_ros.dataset.statistics import statistics_of
+    from simbev_ros.viz.dataset_report import dataset_report
+
+    if not report.parent.is_dir():
+        raise InputError(f"{report.parent}: no such folder")
+    console = Console(stderr=True, soft_wrap=True)
+    columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, expand=True, transient=True) as bar:
+        task = bar.add_task("", total=None)
+        statistics = statistics_of(
+            open_dataset(path, threads=1), jobs, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    try:
+        report.write_text(dataset_report(statistics), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{report}: cannot be written: {error.strerror}") from None
+    console.print(f"statistics in {escape(str(report))}", highlight=False)
 
 
 def _describe(path: Path, digest: bool) -> dict[str, Any]:

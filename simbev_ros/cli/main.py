@@ -10,6 +10,7 @@ from simbev_ros import __version__
 from simbev_ros.cli.bench import bench
 from simbev_ros.cli.demo import demo
 from simbev_ros.cli.doctor import doctor
+from simbev_ros.cli.export import export
 from simbev_ros.cli.generate import generate
 from simbev_ros.cli.info import info
 from simbev_ros.cli.map import map_
@@ -38,6 +39,7 @@ for _verb in (demo, run, generate, replay, scene, info, preview, verify, repair,
     app.command()(_verb)
 app.command("map")(map_)
 app.add_typer(bench, name="bench")
+app.add_typer(export, name="export")
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,8 +1,8 @@
 """Playing the scenes of a configuration on a graph, with a progress bar: what ``run``, ``demo`` and ``bench`` share."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import chain
+from itertools import chain, zip_longest
 from pathlib import Path
 
 from rich.console import Console
@@ -19,6 +19,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import partial_of, scene_folder
 from simbev_ros.scene.draw import draw_scene, planned_scenes, starts_of
 from simbev_ros.scene.ending import DURATION
@@ -37,10 +38,12 @@ def play_scenes(
         InputError: a scene cannot be drawn, or its bag cannot be written.
         GraphError: a node died or fell silent.
     """
-    return play_specs(scenario, drawn_scenes(scenario, console), console, live=live, dataset=dataset, domain=domain)
+    specs = drawn_scenes(scenario, console)
+    bags = list(played(scenario, specs, console, live=live, dataset=dataset, domain=domain))
+    return bags if dataset is not None else []
 
 
-def play_specs(
+def played(
     scenario: Scenario,
     specs: Sequence[SceneSpec],
     console: Console,
@@ -48,25 +51,38 @@ def play_specs(
     live: bool = False,
     dataset: Path | None = None,
     domain: int | None = None,
-    replay: Path | None = None,
-) -> list[Path]:
-    """Play drawn scenes, or the one that a bag is replayed as; give the folders of the bags.
+    replays: Sequence[Path] = (),
+) -> Generator[Path, None, None]:
+    """Play scenes on one graph, one after the other; give the folder of each one's bag, recorded or not, when it ends.
+
+    The graph goes on until the generator is used up or closed.
+
+    Args:
+        scenario: The configuration.
+        specs: The scenes.
+        console: For progress.
+        live: In real time.
+        dataset: Where to record.
+        domain: ROS domain.
+        replays: Of each scene a bag to take all motion from; none: it is simulated.
 
     Raises:
         InputError: a scene's bag cannot be written.
+        DiskError: the disk is full, or nearly.
         GraphError: a node died or fell silent.
     """
     if dataset is not None:
         check_writable(dataset, specs)
+        check_space(dataset, scenario.recording.least_free_mib << 20)
     build_surroundings(specs, console)
     with GraphSession(scenario, live=live, dataset=dataset, domain=domain) as session:
         console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
-        for spec in specs:
+        for spec, replay in zip_longest(specs, replays):
             with scene_progress(spec, console) as progress:
                 end = session.play(spec, progress, replay)
             if end.reason != DURATION:
                 console.print(f"{spec.name} ended early: {end.reason}", markup=False, highlight=False, soft_wrap=True)
-    return [scene_folder(dataset, spec.split, spec.name) for spec in specs] if dataset is not None else []
+            yield scene_folder(dataset or Path(), spec.split, spec.name)
 
 
 def build_surroundings(specs: Sequence[SceneSpec], console: Console) -> None:

@@ -148,12 +148,33 @@ class Traffic(Model):
     green_time_s: Annotated[Drawn, within(2, 300)] = Distribution(uniform=(4, 28))
 
 
+class RecordedTopics(Model):
+    """Which topics are recorded, by patterns: ``*`` is anything, slashes included, ``?`` any one character."""
+
+    include: tuple[str, ...] = Field(("*",), min_length=1, description="one of these fits")
+    exclude: tuple[str, ...] = Field((), description="and none of these")
+
+    @model_validator(mode="after")
+    def _may_fit(self) -> Self:
+        for pattern in (*self.include, *self.exclude):
+            if not pattern.startswith(("/", "*", "?", "[")):
+                raise ValueError(f"{pattern!r} fits no topic: names of topics begin with a slash")
+        return self
+
+
 class Recording(Model):
     """How scenes are recorded."""
 
+    topics: RecordedTopics = RecordedTopics()
     images: Literal["compressed", "raw"] = Field("compressed", description="compressed: JPEG and PNG forms")
     jpeg_quality: int = Field(90, ge=1, le=100, description="of colour images, also on live topics")
-    chunk_kib: int = Field(4096, ge=64, le=65_536)
+    chunk_kib: int = Field(4096, ge=64, le=65_536, description="of messages that are compressed together")
+    zstd_level: int | None = Field(1, ge=1, le=19, description="of chunks; none: they are not compressed")
+    split_mib: int | None = Field(
+        None, ge=1, description="a file that has so much is followed by the next; none: one file"
+    )
+    sync_mib: int = Field(32, ge=1, le=4096, description="of messages that are forced to the disk together")
+    least_free_mib: int = Field(512, ge=0, description="recording ends when less is free on the disk")
 
 
 class GraphConfig(Model):

@@ -32,7 +32,7 @@ class Calibration:
 
     def is_like(self, other: "Calibration") -> bool:
         """Whether another sensor of this name sits at the same place and sees alike."""
-        return self.sensor.pose == other.sensor.pose and self.camera == other.camera
+        return np.array_equal(self.ego_from_sensor, other.ego_from_sensor) and self.camera == other.camera
 
     @property
     def ego_from_optical(self) -> Float64Array:

@@ -14,7 +14,7 @@ from simbev_ros import __version__
 from simbev_ros.config.camera import Camera
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.arrays import point_array
-from simbev_ros.recording.layout import CONFIG_ATTACHMENT, locate_mcap
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.weather import Weather
@@ -69,7 +69,7 @@ def brought_up_to_date(dataset: Path, bags: Sequence[Path]) -> list[Row]:
     rows = []
     for bag in bags:
         row = known.get(str(bag.relative_to(dataset)))
-        size = locate_mcap(bag).stat().st_size
+        size = bytes_of(bag)
         rows.append(row if row is not None and row["bytes"] == size else row_of(bag, dataset))
     return rows
 
@@ -80,7 +80,6 @@ def row_of(bag_path: Path, dataset: Path) -> Row:
     Raises:
         BagError: It cannot be read, or is no scene.
     """
-    file = locate_mcap(bag_path)
     with SceneBag(bag_path) as bag:
         spec = bag.spec
         if spec is None:
@@ -95,19 +94,24 @@ def row_of(bag_path: Path, dataset: Path) -> Row:
             "ended": facts.get("ended", ""),
             "complete": facts.get("complete") == "true",
             "recorded_ticks": int(facts.get("ticks", spec.ticks)),
-            "bytes": file.stat().st_size,
-            "sha256": sha256_of(file),
+            "bytes": bytes_of(bag_path),
+            "sha256": sha256_of(bag_path),
             "config_sha256": hashlib.sha256(bag.attachments.get(CONFIG_ATTACHMENT, b"")).hexdigest(),
             "simbev_ros": __version__,
         }
 
 
-def sha256_of(file: Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
+def sha256_of(bag: Path) -> str:
+    """SHA-256 of the bytes of a bag's MCAP files, one behind the other, hexadecimal.
+
+    Raises:
+        BagError: There is no bag.
+    """
     digest = hashlib.sha256()
-    with file.open("rb") as stream:
-        while block := stream.read(_HASHED_BYTES):
-            digest.update(block)
+    for file in mcap_files(bag):
+        with file.open("rb") as stream:
+            while block := stream.read(_HASHED_BYTES):
+                digest.update(block)
     return digest.hexdigest()
 
 

@@ -13,7 +13,7 @@ from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
 from simbev_ros.recording.chunk_cache import ChunkCache
-from simbev_ros.recording.layout import is_dataset, locate_mcap
+from simbev_ros.recording.layout import bytes_of, is_dataset, locate_mcap
 
 CACHE_BYTES = 256 << 20
 
@@ -134,4 +134,4 @@ def _bags(dataset: Path) -> dict[Path, dict[str, Path]]:
 def _row(rows: Mapping[str, Mapping[str, Any]], dataset: Path, bag: Path) -> Mapping[str, Any] | None:
     """The index's row of a bag, if it is of the bag as it is now."""
     row = rows.get(str(bag.relative_to(dataset)))
-    return row if row is not None and row["bytes"] == locate_mcap(bag).stat().st_size else None
+    return row if row is not None and row["bytes"] == bytes_of(bag) else None

@@ -7,16 +7,16 @@ import shutil
 from pathlib import Path
 
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
+from simbev_ros.recording.layout import REPLACED_SUFFIX, additional_bags
 
 _STAGING_FOLDER = ".making"
-_REPLACED_SUFFIX = ".replaced"
 
 
 def clean_up(dataset: Path) -> None:
     """Put in order what an earlier end, however sudden, has left: unfinished scenes go, replaced ones come back."""
     shutil.rmtree(dataset / _STAGING_FOLDER, ignore_errors=True)
-    for old in (dataset / "scenes").glob(f"*/*{_REPLACED_SUFFIX}"):
-        folder = old.with_name(old.name.removesuffix(_REPLACED_SUFFIX))
+    for old in (dataset / "scenes").glob(f"*/*{REPLACED_SUFFIX}"):
+        folder = old.with_name(old.name.removesuffix(REPLACED_SUFFIX))
         if folder.exists():
             shutil.rmtree(old)
         else:
@@ -29,12 +29,14 @@ def staging_of(dataset: Path) -> Path:
 
 
 def move_in(dataset: Path, entry: PlannedEntry) -> Path:
-    """Give a scene that has been made its place; one that is there already is removed afterwards."""
+    """Give a scene that has been made its place; one that is there already is removed, with its additional bags."""
     new, place = bag_of(staging_of(dataset), entry), bag_of(dataset, entry)
-    old = place.with_name(place.name + _REPLACED_SUFFIX)
+    old = place.with_name(place.name + REPLACED_SUFFIX)
     place.parent.mkdir(parents=True, exist_ok=True)
     if place.exists():
         place.rename(old)
+        for additional in additional_bags(place).values():  # their motion is that of the old one
+            shutil.rmtree(additional)
     new.rename(place)
     shutil.rmtree(old, ignore_errors=True)
     return place

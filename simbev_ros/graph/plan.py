@@ -59,7 +59,9 @@ def planned_processes(
 def _processes_behind_world(
     scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None
 ) -> Iterator[ProcessPlan]:
-    common = {"live": live, "recorded": dataset is not None, "annotated": True}
+    chosen = scenario.recording.topics.model_dump(mode="json")
+    patterns = {f"{name}_topics": list(words) for name, words in chosen.items() if words}
+    common = {"live": live, "recorded": dataset is not None, "annotated": True, **patterns}
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
     for kinds in _TOGETHER:
@@ -72,8 +74,7 @@ def _processes_behind_world(
             "live": live,
             "dataset": str(dataset.resolve()),
             "config": yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False),
-            "compressed": compressed,
-            "chunk_kib": scenario.recording.chunk_kib,
+            "recording": scenario.recording.model_dump_json(),
         }
         yield (NodePlan("recorder", "recorder", parameters),)
 

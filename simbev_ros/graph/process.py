@@ -9,8 +9,18 @@ from pathlib import Path
 
 import yaml
 
-from simbev_ros.errors import InputError
-from simbev_ros.nodes.main import ERROR_MARK, SUPERVISOR_VARIABLE
+from simbev_ros.errors import DiskError, InputError, SimbevError
+from simbev_ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK, SUPERVISOR_VARIABLE
+
+_REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: InputError, DISK_EXIT_CODE: DiskError}
+
+
+class _Plain(yaml.SafeDumper):
+    """Writes what several nodes share once for each: ROS reads no aliases."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
 
 NodeParameters = Mapping[str, Mapping[str, object]]
 """Node name → its parameters."""
@@ -34,7 +44,8 @@ class NodeProcess:
         self.log = folder / f"{self.label}.log"
         self._read_bytes = 0
         file = folder / f"{self.label}.yaml"
-        file.write_text(yaml.safe_dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}))
+        text = yaml.dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}, Dumper=_Plain)
+        file.write_text(text)
         nodes = [f"{kind}:{name}" for kind, name in zip(kinds, self.names, strict=True)]
         command = [sys.executable, "-m", "simbev_ros.nodes.main", *nodes, "--ros-args", "--params-file", str(file)]
         with self.log.open("wb") as log:
@@ -92,12 +103,11 @@ class NodeProcess:
         words = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
         return f"{reason}: {words[-1]}" if words else reason
 
-    def refusal(self) -> str | None:
-        """Why it ended, where that is the input's or this machine's fault and not its own."""
-        if self.exit_code != InputError.exit_code:
-            return None
+    def refusal(self) -> SimbevError | None:
+        """Why it ended, where that is the input's fault, this machine's or its disk's, and not its own."""
         _, mark, words = f"\n{self.log.read_text(errors='replace')}".rpartition(f"\n{ERROR_MARK}")
-        return words.strip() if mark else None
+        kind = _REFUSALS.get(self.exit_code)
+        return kind(f"node {self.label}: {words.strip()}") if mark and kind else None
 
     def terminate(self) -> None:
         """Ask it to end."""

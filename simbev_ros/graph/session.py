@@ -8,7 +8,7 @@ from typing import Self
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import GraphError, InputError
+from simbev_ros.errors import GraphError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.monitor import GraphMonitor
@@ -85,6 +85,7 @@ class GraphSession:
 
         Raises:
             InputError: a node cannot do what is asked for, or not on this machine; the message says what to change.
+            DiskError: the disk is full, or nearly.
             GraphError: a node died, or was silent for too long; the message names it.
         """
         self.monitor.request(SceneRequest(spec=spec, replay=None if replay is None else str(replay.resolve())))
@@ -146,7 +147,7 @@ class GraphSession:
         for process in self._processes:
             if process.exit_code is not None:
                 if refusal := process.refusal():
-                    raise InputError(f"node {process.label}: {refusal}")
+                    raise refusal
                 self._fail(f"node {process.label} died {where}: {process.describe_end()}")
         timeout_s = self._scenario.graph.silence_timeout_s
         silent = self.monitor.silent(timeout_s)

@@ -1,7 +1,8 @@
 """The topics of a scene: names, types and how often each is published. Pure: imports no ROS."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.lidar import Lidar
@@ -26,6 +27,9 @@ READY = "/sync/ready"
 DIAGNOSTICS = "/diagnostics"
 TF = "/tf"
 TF_STATIC = "/tf_static"
+
+REPLAYED = (SCENE, MAP, ACTORS, SIGNALS, WEATHER, EVENTS)
+"""What a replay needs: it is always recorded, so that all else can be had again."""
 
 _COMPRESSED: dict[Modality, str] = {
     "rgb": "compressed",
@@ -176,8 +180,23 @@ def transform_topics() -> Iterator[Topic]:
     yield Topic(TF, "tf2_msgs/msg/TFMessage")
 
 
+@dataclass(frozen=True, slots=True)
+class TopicFilter:
+    """Which topics are recorded: those that one of some patterns fits and none of some others, as in a shell."""
+
+    include: Sequence[str] = ("*",)
+    exclude: Sequence[str] = ()
+
+    def __contains__(self, name: object) -> bool:
+        return name in REPLAYED or (self._any(name, self.include) and not self._any(name, self.exclude))
+
+    @staticmethod
+    def _any(name: object, patterns: Sequence[str]) -> bool:
+        return any(fnmatchcase(str(name), pattern) for pattern in patterns)
+
+
 def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
-    """Every topic of a scene's bag, in the order in which a tick is written."""
+    """Every topic that a scene's bag can have, in the order in which a tick is written."""
     return (
         *world_topics(spec),
         *transform_topics(),

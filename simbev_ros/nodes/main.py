@@ -12,7 +12,7 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from simbev_ros.errors import InputError, SimbevError
+from simbev_ros.errors import DiskError, InputError, SimbevError
 
 KINDS = {
     "world": ("world_node", "WorldNode"),
@@ -31,6 +31,9 @@ SUPERVISOR_VARIABLE = "SIMBEV_SUPERVISOR_PID"
 
 ERROR_MARK = "error: "
 """Begins the line, and what follows it, in which a process says why it ends."""
+
+DISK_EXIT_CODE = os.EX_IOERR
+"""Of a process that ends because the disk is full, which no other try mends."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -56,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
             executor.spin_once(timeout_sec=0.1)
     except SimbevError as error:
         print(f"{ERROR_MARK}{error}", file=sys.stderr)
-        return error.exit_code
+        return DISK_EXIT_CODE if isinstance(error, DiskError) else error.exit_code
     finally:
         for node in nodes:
             node.close()

@@ -26,8 +26,11 @@ class Participant(GraphNode):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.recorded: bool = self.declared(
-            "recorded", False, "A recorder reads all topics: wait until it is connected"
+            "recorded", False, "A recorder reads the topics that it records: wait until it is connected"
         )
+        include = self.declared("include_topics", [], "Patterns, of which one fits a recorded topic; none: all do")
+        exclude = self.declared("exclude_topics", [], "Patterns that fit no recorded topic")
+        self._recorded_topics = topics.TopicFilter(include or ("*",), exclude)
         self.annotated: bool = self.declared(
             "annotated", False, "An annotator reads clouds and instance images: wait until it is connected"
         )
@@ -50,7 +53,7 @@ class Participant(GraphNode):
         self.create_wall_timer(0.05, self._report_loaded)
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load what a scene needs and advertise its topics; give the names of those that are recorded."""
+        """Load what a scene needs and advertise its topics; give the names of those that can be recorded."""
         raise NotImplementedError
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -87,11 +90,14 @@ class Participant(GraphNode):
         self._loaded_reported = True
         self.report_finished(self.spec, self.spec.loaded_tick)
 
-    def _readers_of(self, spec: SceneSpec, recorded_topics: list[str]) -> dict[str, int]:
+    def _readers_of(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """How many readers each topic will have."""
         forms = [topics.read_by_annotator(spec, compressed_images=compressed) for compressed in (False, True)]
         labelled = {topic.name for form in forms for topic in form.values()}
-        return {name: self.recorded + (self.annotated and name in labelled) for name in recorded_topics}
+        return {
+            name: (self.recorded and name in self._recorded_topics) + (self.annotated and name in labelled)
+            for name in names
+        }
 
     def _on_actors(self, message: PointCloud2) -> None:
         self._take(self._actors, stamp_of(message.header.stamp), message)

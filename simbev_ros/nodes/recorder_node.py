@@ -12,6 +12,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.annotation.trajectories import Tracker, npz_of
+from simbev_ros.config.scenario import Recording
+from simbev_ros.errors import DiskError
 from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
@@ -53,8 +55,8 @@ class RecorderNode(GraphNode):
         super().__init__(name)
         self._dataset = Path(self.declared("dataset", "", "Folder of the dataset that scenes are written to"))
         self._config = self.declared("config", "", "The configuration, kept as an attachment of each bag")
-        self._compressed = self.declared("compressed", True, "Record the compressed image topics instead of the raw")
-        self._chunk_kib = self.declared("chunk_kib", 4096, "Size of a chunk before compression, KiB")
+        recording = self.declared("recording", "{}", "The section of that name of the configuration, as JSON")
+        self._recording = Recording.model_validate_json(recording)
         self._taken: dict[str, Any] = {}
         self._spec: SceneSpec | None = None
         self._end: SceneEnd | None = None
@@ -71,22 +73,25 @@ class RecorderNode(GraphNode):
         self._spec = spec = SceneSpec.model_validate_json(scene_json)
         self._end, self._lead_in = None, []
         self._loaded_reported = False
-        self._manifest = topics.manifest(spec, compressed_images=self._compressed)
-        schedules = {topic.name: _schedule(topic) for topic in self._manifest}
+        chosen = topics.TopicFilter(self._recording.topics.include, self._recording.topics.exclude)
+        every = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
+        self._manifest = {topic.name: topic for topic in every if topic.name in chosen}
+        schedules = {name: _schedule(topic) for name, topic in self._manifest.items()}
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
         self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_lists)
         self._next_tick = 0
         self._tracker = Tracker(spec.tick_ns)
-        self._writer = SceneBagWriter(
-            scene_folder(self._dataset, spec.split, spec.name), chunk_bytes=self._chunk_kib << 10
-        )
+        self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
         self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
         if spec.map.path:
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/gzip", load_source(spec.map))
-        for topic in self._manifest:
+        for topic in self._manifest.values():
             self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live))
-            self._subscribe(topic)
+        odometry = topics.agent_topic(spec.rig.agent, "odom")
+        for topic in every:
+            if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
+                self._subscribe(topic)
         self._take(topics.SCENE, spec.start_ns, payload)
         self._take(topics.TF_STATIC, spec.start_ns, serialised_transforms(static_transforms(spec)))
 
@@ -113,7 +118,9 @@ class RecorderNode(GraphNode):
             if stamp_ns is None:
                 return
             if stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
-                self._lead_in.append(RawMessage(topic.name, stamp_ns, topic.type, canonical(payload, topic.type)))
+                self._lead_in.append(
+                    RawMessage(topic.name, stamp_ns, topic.type, bytes(canonical(payload, topic.type)))
+                )
             elif stamp_ns >= self._spec.start_ns:
                 self._take(topic.name, stamp_ns, payload)
                 if topic.type == "nav_msgs/msg/Odometry":
@@ -133,7 +140,9 @@ class RecorderNode(GraphNode):
     def _take(self, topic: str, stamp_ns: int, payload: bytes) -> None:
         """Enter a message into the books and write all ticks that are complete now."""
         spec = self._spec
-        if spec is None or self._writer is None or self._accounting.add(topic, stamp_ns) is not Verdict.EXPECTED:
+        if spec is None or self._writer is None or topic not in self._manifest:
+            return
+        if self._accounting.add(topic, stamp_ns) is not Verdict.EXPECTED:
             return
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
@@ -168,7 +177,11 @@ class RecorderNode(GraphNode):
         if topics.MAP in messages:
             map_text = deserialize_message(messages[topics.MAP][0][1], String).data
             self._writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
-        entries = [(stamp_ns, topic, payload) for topic in self._manifest for stamp_ns, payload in messages[topic.name]]
+        entries = [
+            (stamp_ns, topic, payload)
+            for topic in self._manifest.values()
+            for stamp_ns, payload in messages[topic.name]
+        ]
         for stamp_ns, payload in messages[topics.ACTORS]:
             self._tracker.add(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
@@ -196,15 +209,28 @@ class RecorderNode(GraphNode):
         """Close a bag that is not finished: all that has come is written, and it stays marked as partial."""
         if self._writer is None or self._spec is None:
             return
-        for tick in sorted(self._waiting):
-            self._write_tick(tick)
-        with suppress(OSError):  # the disk may be full, which may be why
+        with suppress(DiskError):  # the disk may be full, which may be why
+            for tick in sorted(self._waiting):
+                self._write_tick(tick)
             self._add_tracks(self._writer)
-        if self.live and self._next_tick > 0:
-            self._writer.finish(self._facts(self._spec))
-        else:
-            self._writer.abandon(self._facts(self._spec))
+        with suppress(DiskError):
+            if self.live and self._next_tick > 0:
+                self._writer.finish(self._facts(self._spec))
+            else:
+                self._writer.abandon(self._facts(self._spec))
         self._writer = self._spec = None
+
+
+def bag_writer(path: Path, recording: Recording) -> SceneBagWriter:
+    """The writer of a scene's bag, as the configuration wants it. Raises as ``SceneBagWriter``."""
+    return SceneBagWriter(
+        path,
+        chunk_bytes=recording.chunk_kib << 10,
+        zstd_level=recording.zstd_level,
+        split_bytes=None if recording.split_mib is None else recording.split_mib << 20,
+        sync_bytes=recording.sync_mib << 20,
+        least_free_bytes=recording.least_free_mib << 20,
+    )
 
 
 def _schedule(topic: Topic) -> Schedule:

@@ -1,16 +1,16 @@
 """rosbag2's description of a bag, version 9: ``metadata.yaml`` and its copy inside the MCAP file."""
 
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
-from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.qos import FAST_DUMPER, QosProfile
 
 VERSION = 9
 ROS_DISTRO = "jazzy"
+_WIDEST = 2**31 - 1
 
 
 @dataclass(slots=True)
@@ -39,27 +39,55 @@ class RecordedTopic:
         }
 
 
+@dataclass(slots=True)
+class RecordedFile:
+    """One file of a bag, with what has been written into it so far."""
+
+    name: str
+    count: int = 0
+    start_ns: int | None = None
+    end_ns: int = 0
+
+    def add(self, stamps_ns: Collection[int]) -> None:
+        """Enter messages by their stamps."""
+        if stamps_ns:
+            self.include(RecordedFile("", len(stamps_ns), min(stamps_ns), max(stamps_ns)))
+
+    def include(self, other: "RecordedFile") -> None:
+        """Enter all that is in another one."""
+        if other.start_ns is not None:
+            self.start_ns = other.start_ns if self.start_ns is None else min(self.start_ns, other.start_ns)
+            self.end_ns = max(self.end_ns, other.end_ns)
+            self.count += other.count
+
+    def span(self) -> dict[str, Any]:
+        """When it starts, how long it lasts, and how many messages it has."""
+        start_ns = self.start_ns or 0
+        return {
+            "starting_time": {"nanoseconds_since_epoch": start_ns},
+            "duration": {"nanoseconds": self.end_ns - start_ns},
+            "message_count": self.count,
+        }
+
+
 def bag_information(
-    file_name: str, topics: Sequence[RecordedTopic], start_ns: int, end_ns: int, custom_data: Mapping[str, str]
+    files: Sequence[RecordedFile], topics: Sequence[RecordedTopic], custom_data: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What stands under ``rosbag2_bagfile_information``, for a bag of one file."""
-    count = sum(topic.count for topic in topics)
-    span = {
-        "starting_time": {"nanoseconds_since_epoch": start_ns},
-        "duration": {"nanoseconds": end_ns - start_ns},
-        "message_count": count,
-    }
+    """What stands under ``rosbag2_bagfile_information``."""
+    whole = RecordedFile("")
+    for file in files:
+        whole.include(file)
     return {
         "version": VERSION,
         "storage_identifier": "mcap",
-        "duration": {"nanoseconds": end_ns - start_ns},
-        "starting_time": {"nanoseconds_since_epoch": start_ns},
-        "message_count": count,
+        "duration": whole.span()["duration"],
+        "starting_time": whole.span()["starting_time"],
+        "message_count": whole.count,
         "topics_with_message_count": [topic.as_mapping() for topic in topics],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [{"path": file_name, **span}],
+        "relative_file_paths": [file.name for file in files],
+        "files": [{"path": file.name, **file.span()} for file in files],
         "custom_data": dict(custom_data) or None,
         "ros_distro": ROS_DISTRO,
     }
@@ -67,4 +95,4 @@ def bag_information(
 
 def to_yaml(information: Mapping[str, Any]) -> str:
     """YAML text in rosbag2's order of keys."""
-    return yaml.safe_dump(information, sort_keys=False, width=sys.maxsize)
+    return str(yaml.dump(information, Dumper=FAST_DUMPER, sort_keys=False, width=_WIDEST))

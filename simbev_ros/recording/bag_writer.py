@@ -1,4 +1,4 @@
-"""Writing one scene: serialised messages in, a rosbag2 bag (one MCAP file and ``metadata.yaml``) out.
+"""Writing one scene: serialised messages in, a rosbag2 bag (MCAP files and ``metadata.yaml``) out.
 
 The bag grows in ``<name>.partial`` and takes its name only when it is whole. Every ``sync_bytes`` of payload the chunk
 in progress is closed and the file is forced to the disk: whatever ends the process, all before that is readable.
@@ -6,56 +6,86 @@ in progress is closed and the file is forced to the disk: whatever ends the proc
 
 import json
 import os
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mcap.writer import Writer
+from mcap.records import Attachment, Channel, Schema
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros import __version__
-from simbev_ros.errors import InputError
+from simbev_ros.errors import DiskError, InputError
+from simbev_ros.recording.bag_files import BagFiles, check_space, disk_errors
 from simbev_ros.recording.bag_metadata import RecordedTopic, bag_information, to_yaml
-from simbev_ros.recording.layout import METADATA_FILE, mcap_in, partial_of
+from simbev_ros.recording.layout import METADATA_FILE, partial_of
+from simbev_ros.recording.mcap_file import ChunkInProgress, Definition
 from simbev_ros.recording.qos import QosProfile
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
+_MOST_WAITING = 4
+"""Chunks that may wait for the disk; who writes then waits, too."""
 
 
 class SceneBagWriter:
     """Writes one scene's bag.
 
-    As a context manager it abandons the bag unless ``finish`` was called. For one thread. Whatever writes may raise
-    OSError when the disk is full.
+    As a context manager it abandons the bag unless ``finish`` was called. For one thread; compression and the disk are
+    left to another one, of which at most a few chunks wait.
+
+    Args:
+        path: The finished bag's folder.
+        chunk_bytes: Size of a chunk before compression.
+        zstd_level: How hard to compress chunks; None: not at all.
+        split_bytes: When a file has so many, the next one is begun; None: the bag has one file.
+        sync_bytes: Payload that is forced to the disk together.
+        least_free_bytes: What must stay free on the disk.
 
     Attributes:
         path: The finished bag's folder; until then the bag is in ``partial_path``.
 
     Raises:
         InputError: There is a bag of this name, finished or not, or its folder cannot be made.
+        DiskError: The disk is full, or nearly, or fails (every method that writes, be it a little later).
     """
 
-    def __init__(self, path: Path, *, chunk_bytes: int = 4 << 20, sync_bytes: int = 32 << 20) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        chunk_bytes: int = 4 << 20,
+        zstd_level: int | None = 1,
+        split_bytes: int | None = None,
+        sync_bytes: int = 32 << 20,
+        least_free_bytes: int = 0,
+    ) -> None:
         self.path = path
         self.partial_path = partial_of(path)
         for taken in (self.path, self.partial_path):
             if taken.exists():
                 raise InputError(f"{taken}: exists already; nothing was overwritten")
+        check_space(path, least_free_bytes)
         try:
             self.partial_path.mkdir(parents=True)
-            self._stream = mcap_in(self.partial_path, path.name).open("xb")
+            self._files = BagFiles(
+                self.partial_path,
+                path.name,
+                zstd_level=zstd_level,
+                split_bytes=split_bytes,
+                sync_bytes=sync_bytes,
+                least_free_bytes=least_free_bytes,
+            )
         except OSError as error:
             raise InputError(f"{path}: cannot be created: {error.strerror}") from None
-        self._sync_bytes = sync_bytes
-        self._unsynced_bytes = 0
         self._topics: dict[str, RecordedTopic] = {}
-        self._schema_ids: dict[str, int] = {}
-        self._start_ns: int | None = None
-        self._end_ns = 0
-        self._writer = Writer(self._stream, chunk_size=chunk_bytes, enable_data_crcs=True)
-        self._writer.start(profile="ros2", library=f"simbev_ros {__version__}")
+        self._schemas: dict[str, Schema] = {}
+        self._chunk_bytes = min(chunk_bytes, sync_bytes)
+        self._chunk = ChunkInProgress()
+        self._is_closed = False
+        self._disk = ThreadPoolExecutor(1, thread_name_prefix="bag")
+        self._waiting: deque[Future[None]] = deque()
 
     def add_topic(self, name: str, type_name: str, qos: QosProfile) -> None:
         """Announce a topic; each once, before its first message.
@@ -67,22 +97,27 @@ class SceneBagWriter:
         """
         if name in self._topics:
             raise ValueError(f"topic {name} was added before")
-        if type_name not in self._schema_ids:
+        if type_name not in self._schemas:
             definition, _ = _TYPES.generate_msgdef(type_name, ros_version=2)
-            self._schema_ids[type_name] = self._writer.register_schema(type_name, "ros2msg", definition.encode())
-        type_hash = _TYPES.hash_rihs01(type_name)
-        channel_id = self._writer.register_channel(
-            name,
-            "cdr",
-            self._schema_ids[type_name],
-            {"offered_qos_profiles": qos.as_yaml(), "topic_type_hash": type_hash},
+            self._schemas[type_name] = Schema(
+                id=len(self._schemas) + 1, data=definition.encode(), encoding="ros2msg", name=type_name
+            )
+        type_hash, schema = _TYPES.hash_rihs01(type_name), self._schemas[type_name]
+        channel = Channel(
+            id=len(self._topics) + 1,
+            topic=name,
+            message_encoding="cdr",
+            metadata={"offered_qos_profiles": qos.as_yaml(), "topic_type_hash": type_hash},
+            schema_id=schema.id,
         )
-        self._topics[name] = RecordedTopic(name, type_name, type_hash, qos, channel_id)
+        self._topics[name] = RecordedTopic(name, type_name, type_hash, qos, channel.id)
+        self._do(self._files.define, Definition(channel, schema))
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the bag, on the disk when this returns."""
-        self._writer.add_attachment(0, 0, name, media_type, data)
-        self.sync()
+        self._end_chunk()
+        self._do(self._files.add_attachment, Attachment(0, 0, name, media_type, data))
+        self._wait()
 
     def write(self, topic: str, stamp_ns: int, data: bytes | memoryview) -> None:
         """Append one message.
@@ -90,23 +125,34 @@ class SceneBagWriter:
         Args:
             topic: A topic announced before.
             stamp_ns: Simulated time of the message, ns; log time and publish time in the bag.
-            data: The message, CDR with its encapsulation header.
+            data: The message, CDR with its encapsulation header; it must not be changed any more.
         """
         entry = self._topics[topic]
-        self._writer.add_message(entry.channel_id, stamp_ns, bytes(data), stamp_ns, entry.count)
+        self._chunk.add(entry.channel_id, entry.count, stamp_ns, data)
         entry.count += 1
         entry.payload_bytes += len(data)
-        self._start_ns = stamp_ns if self._start_ns is None else min(self._start_ns, stamp_ns)
-        self._end_ns = max(self._end_ns, stamp_ns)
-        self._unsynced_bytes += len(data)
-        if self._unsynced_bytes >= self._sync_bytes:
-            self.sync()
+        if self._chunk.size > self._chunk_bytes:
+            self._end_chunk()
 
     def sync(self) -> None:
         """Close the chunk in progress; all messages written so far are on the disk when this returns."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
-        os.fsync(self._stream.fileno())
-        self._unsynced_bytes = 0
+        self._end_chunk()
+        self._do(self._files.sync)
+        self._wait()
+
+    def _end_chunk(self) -> None:
+        chunk, self._chunk = self._chunk, ChunkInProgress()
+        self._do(self._files.add_chunk, chunk)
+
+    def _do(self, work: Callable[..., None], *arguments: object) -> None:
+        """Have the other thread do something when it has done all before."""
+        while self._waiting and (self._waiting[0].done() or len(self._waiting) >= _MOST_WAITING):
+            self._waiting.popleft().result()
+        self._waiting.append(self._disk.submit(work, *arguments))
+
+    def _wait(self) -> None:
+        while self._waiting:
+            self._waiting.popleft().result()
 
     def finish(self, custom_data: Mapping[str, str]) -> Path:
         """Close the bag and give it its name, in one step that is never half done.
@@ -129,30 +175,32 @@ class SceneBagWriter:
 
     def abandon(self, custom_data: Mapping[str, str] | None = None) -> Path:
         """Close the bag, readable as far as it goes, and leave it in its unfinished folder, which is returned."""
-        with suppress(OSError):  # the disk may be full, which may be why: what was synced stays readable
-            self._close({"complete": "false", **(custom_data or {})})
+        with suppress(DiskError):  # what was synced stays readable
+            self._close({**(custom_data or {}), "complete": "false"})
         return self.partial_path
 
     def _close(self, custom_data: Mapping[str, str]) -> None:
-        if self._stream.closed:
+        if self._is_closed:
             return
+        self._is_closed = True
+        with suppress(DiskError):
+            self._end_chunk()
+            self._wait()
+        self._disk.shutdown()
         topics = list(self._topics.values())
+        for topic in topics:
+            topic.count = self._files.counts[topic.channel_id]
         sizes = json.dumps({topic.name: topic.payload_bytes for topic in topics})
-        facts = {**custom_data, "payload_bytes": sizes}
-        file_name = Path(self._stream.name).name
-        information = bag_information(file_name, topics, self._start_ns or 0, self._end_ns, facts)
-        try:
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
-        finally:
-            self._stream.close()
-        with (self.partial_path / METADATA_FILE).open("x", encoding="utf-8") as metadata:
-            metadata.write(to_yaml({"rosbag2_bagfile_information": information}))
-            metadata.flush()
-            os.fsync(metadata.fileno())
-        _sync_folder(self.partial_path)
+        information = bag_information(self._files.files, topics, {**custom_data, "payload_bytes": sizes})
+        self._files.close({"rosbag2": {"serialized_metadata": to_yaml(information)}})
+        with disk_errors(self.partial_path):
+            with (self.partial_path / METADATA_FILE).open("x", encoding="utf-8") as metadata:
+                metadata.write(to_yaml({"rosbag2_bagfile_information": information}))
+                metadata.flush()
+                os.fsync(metadata.fileno())
+            _sync_folder(self.partial_path)
+        if self._files.failure is not None:
+            raise self._files.failure
 
     def __enter__(self) -> Self:
         return self

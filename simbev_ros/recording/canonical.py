@@ -8,6 +8,6 @@ from rosbags.typesys import Stores, get_typestore
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
-def canonical(payload: bytes, type_name: str) -> bytes:
-    """A message in little-endian CDR, with zeros in all gaps."""
-    return bytes(_TYPES.serialize_cdr(_TYPES.deserialize_cdr(payload, type_name), type_name))
+def canonical(payload: bytes, type_name: str) -> memoryview:
+    """A message in little-endian CDR, with zeros in all gaps; it shares no memory with the one given."""
+    return _TYPES.serialize_cdr(_TYPES.deserialize_cdr(payload, type_name), type_name)

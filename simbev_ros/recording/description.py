@@ -14,7 +14,7 @@ from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import Rig
 from simbev_ros.recording.digest import scene_digest, topic_digests
-from simbev_ros.recording.layout import locate_mcap
+from simbev_ros.recording.layout import bytes_of
 from simbev_ros.recording.reader import SceneBag, Topic
 from simbev_ros.scene.spec import SceneSpec
 
@@ -47,7 +47,7 @@ def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], Non
             "ended": bag.custom_data.get("ended"),
             "ticks": _known(bag.custom_data, "ticks"),
             "problems": _known(bag.custom_data, "problems") or [],
-            "file_bytes": locate_mcap(path).stat().st_size,
+            "file_bytes": bytes_of(path),
             "messages": sum(len(topic.stamps_ns) for topic in bag.topics.values()),
             "start_ns": start_ns,
             "duration_s": (end_ns - start_ns) / 1e9,

@@ -1,16 +1,19 @@
 """Any message of a bag by topic and time, reading no more than the chunk that holds it."""
 
 import struct
+from collections import ChainMap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from mcap.opcode import Opcode
+from mcap.records import Channel
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.chunk_cache import ChunkCache
-from simbev_ros.recording.layout import SCENE_ATTACHMENT, locate_mcap
-from simbev_ros.recording.mcap_index import MESSAGE_HEAD, RECORD_HEAD, read_index
+from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files
+from simbev_ros.recording.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_index
 from simbev_ros.recording.reader import attached_spec
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
@@ -24,8 +27,8 @@ class IndexedTopic:
 
     Attributes:
         is_latched: Said once, for the whole scene.
-        places: (N, 3) log time in ns, the chunk's offset in the file, the message's in the chunk; ascending by time,
-            those of one time in the order of the file.
+        places: (N, 4) log time in ns, number of the file, the chunk's offset there, the message's in the chunk;
+            ascending by time, those of one time in the order of the files.
     """
 
     name: str
@@ -39,7 +42,7 @@ class IndexedTopic:
         return self.places[:, 0]
 
     def between(self, after_ns: int, to_ns: int) -> Int64Array:
-        """(K, 3) places of the messages after one time and up to another, that one itself included."""
+        """(K, 4) places of the messages after one time and up to another, that one itself included."""
         first, last = np.searchsorted(self.stamps_ns, [after_ns, to_ns], side="right")
         return self.places[first:last]
 
@@ -48,7 +51,8 @@ class IndexedBag:
     """One bag, whole or cut off. It keeps no file open: processes and threads can share it, and it can be pickled.
 
     Attributes:
-        file: The MCAP file.
+        file: Its first MCAP file.
+        files: All of them.
         topics: By name.
 
     Raises:
@@ -56,21 +60,16 @@ class IndexedBag:
     """
 
     def __init__(self, path: Path, cache: ChunkCache) -> None:
-        self.file = locate_mcap(path)
-        self._cache = cache
-        try:
-            with self.file.open("rb") as stream:
-                index = read_index(stream, str(self.file))
-        except OSError as error:
-            raise BagError(f"{self.file}: cannot be read: {error.strerror}") from None
-        self._scene = {name: data for name, data in index.attachments.items() if name == SCENE_ATTACHMENT}
-        self.topics: dict[str, IndexedTopic] = {}
-        for channel_id, channel in index.channels.items():
-            places = index.places[channel_id].table()
-            places = places[np.argsort(places[:, 0], kind="stable")]
-            schema = index.schemas.get(channel.schema_id)
-            is_latched = _LATCHED in channel.metadata.get("offered_qos_profiles", "")
-            self.topics[channel.topic] = IndexedTopic(channel.topic, schema.name if schema else "", is_latched, places)
+        self.files = mcap_files(path)
+        self.file, self._cache = self.files[0], cache
+        indexes = [_index_of(file) for file in self.files]
+        attached = ChainMap(*(index.attachments for index in indexes))
+        self._scene = {name: data for name, data in attached.items() if name == SCENE_ATTACHMENT}
+        parts: dict[str, list[tuple[int, McapIndex, Channel]]] = {}
+        for number, index in enumerate(indexes):
+            for channel in index.channels.values():
+                parts.setdefault(channel.topic, []).append((number, index, channel))
+        self.topics = {name: _topic(name, each) for name, each in parts.items()}
 
     @property
     def spec(self) -> SceneSpec | None:
@@ -81,13 +80,13 @@ class IndexedBag:
         """A message's bytes, CDR with its head, where they lie in a cached chunk, which they keep in memory.
 
         Args:
-            place: (3,) row of a topic's places.
+            place: (4,) row of a topic's places.
 
         Raises:
             BagError: The chunk is damaged, or the index is.
         """
-        stamp_ns, chunk_offset, message_offset = place.tolist()
-        chunk = self._cache.chunk(self.file, chunk_offset)
+        stamp_ns, number, chunk_offset, message_offset = place.tolist()
+        chunk = self._cache.chunk(self.files[number], chunk_offset)
         try:
             opcode, length = RECORD_HEAD.unpack_from(chunk, message_offset)
             start = message_offset + RECORD_HEAD.size
@@ -95,5 +94,25 @@ class IndexedBag:
         except struct.error:
             opcode = None
         if opcode != Opcode.MESSAGE or log_time_ns != stamp_ns:
-            raise BagError(f"{self.file}: the index of the chunk at byte {chunk_offset} is damaged")
+            raise BagError(f"{self.files[number]}: the index of the chunk at byte {chunk_offset} is damaged")
         return memoryview(chunk)[start + MESSAGE_HEAD.size : start + length]
+
+
+def _index_of(file: Path) -> McapIndex:
+    try:
+        with file.open("rb") as stream:
+            return read_index(stream, str(file))
+    except OSError as error:
+        raise BagError(f"{file}: cannot be read: {error.strerror}") from None
+
+
+def _topic(name: str, parts: Sequence[tuple[int, McapIndex, Channel]]) -> IndexedTopic:
+    """A topic of what each file, by its number, has of it."""
+    _, index, channel = parts[0]
+    schema = index.schemas.get(channel.schema_id)
+    is_latched = _LATCHED in channel.metadata.get("offered_qos_profiles", "")
+    tables = [np.insert(index.places[channel.id].table(), 1, number, axis=1) for number, index, channel in parts]
+    places = np.concatenate(tables)
+    return IndexedTopic(
+        name, schema.name if schema else "", is_latched, places[np.argsort(places[:, 0], kind="stable")]
+    )

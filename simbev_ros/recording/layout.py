@@ -1,8 +1,11 @@
 """Where things lie: the folder of a scene's bag, its unfinished form, its attachments, and a dataset of scenes."""
 
+import glob
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
-from simbev_ros.errors import BagError
+from simbev_ros.errors import BagError, InputError
 
 PARTIAL_SUFFIX = ".partial"
 SCENE_ATTACHMENT = "scene.json"
@@ -14,6 +17,12 @@ LEAD_IN_ATTACHMENT = "lead_in.json"
 TRAJECTORIES_ATTACHMENT = "trajectories.npz"
 """Where every actor has gone: ``annotation/trajectories.py``."""
 METADATA_FILE = "metadata.yaml"
+REPLACED_SUFFIX = ".replaced"
+"""Of a scene that is just being replaced."""
+
+_SUFFIXES = (PARTIAL_SUFFIX, REPLACED_SUFFIX)
+_LABEL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_SCENE = re.compile(r".+-\d{4,}")
 
 
 def partial_of(bag: Path) -> Path:
@@ -21,30 +30,100 @@ def partial_of(bag: Path) -> Path:
     return bag.with_name(bag.name + PARTIAL_SUFFIX)
 
 
-def mcap_in(bag: Path, name: str) -> Path:
-    """The MCAP file of the scene called ``name`` in a bag folder, finished or not."""
-    return bag / f"{name}_0.mcap"
+def mcap_in(bag: Path, name: str, number: int = 0) -> Path:
+    """An MCAP file of the scene called ``name`` in a bag folder, finished or not; a large bag has several."""
+    return bag / f"{name}_{number}.mcap"
 
 
 def locate_mcap(path: Path) -> Path:
-    """The one MCAP file that ``path``, a bag folder or the file itself, stands for.
+    """The first MCAP file of what ``path``, a bag folder or an MCAP file, stands for.
 
     Raises:
-        BagError: There is nothing at this path, or not exactly one MCAP file.
+        BagError: There is nothing at this path, or not the files of one bag.
+    """
+    return mcap_files(path)[0]
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """The MCAP files of a bag, in their order: those of a bag folder, or a file itself.
+
+    Raises:
+        BagError: There is nothing at this path, or not the files of one bag.
+    """
+    files = numbered_files(path)
+    missing = [mcap_in(path, _stem(files), number).name for number in range(max(files)) if number not in files]
+    if missing:
+        raise BagError(f"{path}: {', '.join(missing)} is missing")
+    return [file for number, file in sorted(files.items()) if number == 0 or file.stat().st_size]
+
+
+def numbered_files(path: Path) -> dict[int, Path]:
+    """The MCAP files of a bag by their numbers, of which some may be missing.
+
+    Raises:
+        BagError: There is nothing at this path, or not the files of one bag.
     """
     if not path.exists():
         raise BagError(f"{path}: no such file or folder")
-    if path.is_file():
-        return path
-    files = sorted(path.glob("*.mcap"))
-    if len(files) != 1:
-        raise BagError(f"{path}: a scene's bag holds one .mcap file, this folder holds {len(files)}")
-    return files[0]
+    found = [path] if path.is_file() else list(path.glob("*.mcap"))
+    if len(found) == 1 and (path.is_file() or not _NUMBERED.fullmatch(found[0].name)):
+        return {0: found[0]}
+    files = {int(match[2]): path / match[0] for match in (_NUMBERED.fullmatch(file.name) for file in found) if match}
+    if not found or len(files) != len(found) or len({_stem({0: file}) for file in files.values()}) != 1:
+        more = ", which are not parts of one" if found else ""
+        raise BagError(f"{path}: a scene's bag holds one .mcap file, this folder holds {len(found)}{more}")
+    return files
+
+
+def _stem(files: Mapping[int, Path]) -> str:
+    """Name of the scene in the names of its files."""
+    return next(iter(files.values())).stem.rpartition("_")[0]
+
+
+_NUMBERED = re.compile(r"(.+)_(\d+)\.mcap")
+
+
+def bytes_of(bag: Path) -> int:
+    """Size of a bag's MCAP files.
+
+    Raises:
+        BagError: There is no bag.
+    """
+    return sum(file.stat().st_size for file in mcap_files(bag))
 
 
 def scene_folder(dataset: Path, split: str, name: str) -> Path:
     """The folder of a scene's finished bag in a dataset."""
     return dataset / "scenes" / split / name
+
+
+def dataset_of(bag: Path) -> Path | None:
+    """The dataset that a bag's folder is in; None: in none."""
+    dataset = bag.parent.parent.parent
+    return dataset if bag.parent.parent == dataset / "scenes" else None
+
+
+def additional_folder(bag: Path, label: str) -> Path:
+    """The folder of an additional bag with the motion of a scene, beside the scene's own.
+
+    Raises:
+        InputError: The label cannot be part of its name.
+    """
+    if not _LABEL.fullmatch(label) or f".{label}" in _SUFFIXES:
+        taken = ", ".join(suffix[1:] for suffix in _SUFFIXES)
+        raise InputError(f"label {label!r}: allowed are a letter, then letters, digits and underscores; not {taken}")
+    return bag.with_name(f"{bag.name}.{label}")
+
+
+def additional_bags(bag: Path) -> dict[str, Path]:
+    """The finished additional bags of a scene, by label."""
+    found = {path.suffix[1:]: path for path in sorted(bag.parent.glob(f"{glob.escape(bag.name)}.*"))}
+    return {label: path for label, path in found.items() if _LABEL.fullmatch(label) and path.suffix not in _SUFFIXES}
+
+
+def is_scene(bag: Path) -> bool:
+    """Whether a folder is a scene's own bag, finished: neither an additional one nor one in the making."""
+    return _SCENE.fullmatch(bag.name) is not None
 
 
 def is_dataset(path: Path) -> bool:
@@ -54,4 +133,4 @@ def is_dataset(path: Path) -> bool:
 
 def scenes_of(dataset: Path) -> list[Path]:
     """The bags of a dataset, finished and unfinished, as ``scenes/<split>/<scene>``, in order of name."""
-    return sorted(path.parent for path in (dataset / "scenes").glob("*/*/*.mcap"))
+    return sorted({path.parent for path in (dataset / "scenes").glob("*/*/*.mcap")})

@@ -5,6 +5,9 @@ from typing import Any, Literal
 
 import yaml
 
+FAST_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+"""That of the C library, where PyYAML has it."""
+
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 
 
@@ -33,4 +36,4 @@ class QosProfile:
 
     def as_yaml(self) -> str:
         """A list of this one profile, as the MCAP plugin of rosbag2 keeps it with a channel."""
-        return yaml.safe_dump([self.as_mapping()], sort_keys=False).strip()
+        return str(yaml.dump([self.as_mapping()], Dumper=FAST_DUMPER, sort_keys=False)).strip()

@@ -2,12 +2,15 @@
 
 import heapq
 import json
+from collections import ChainMap
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, BinaryIO, NamedTuple, Self
 
+import numpy as np
 import yaml
 from mcap.records import Message
 from pydantic import ValidationError
@@ -15,8 +18,8 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, locate_mcap
-from simbev_ros.recording.mcap_index import DAMAGE, read_chunk, read_index
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files
+from simbev_ros.recording.mcap_index import DAMAGE, McapIndex, read_chunk, read_index
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
 
@@ -46,12 +49,24 @@ class RawMessage(NamedTuple):
     data: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """One of a bag's files."""
+
+    stream: BinaryIO
+    index: McapIndex
+
+    def channels_of(self, topics: Collection[str] | None) -> set[int]:
+        """Ids of some topics' channels; None: of all."""
+        return {i for i, channel in self.index.channels.items() if topics is None or channel.topic in topics}
+
+
 class SceneBag:
-    """One bag, finished, unfinished or cut off; of the latter all chunks that are whole.
+    """One bag, of one file or several, finished, unfinished or cut off; of the latter all chunks that are whole.
 
     Attributes:
         name: The scene's name.
-        closed: The file was closed by its writer, so it is known to be whole.
+        closed: Its files were closed by their writer, so it is known to be whole.
         finished: It is closed, and not in an unfinished folder.
         topics: By name, in order of name.
         attachments: Content by file name.
@@ -63,18 +78,17 @@ class SceneBag:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        file = locate_mcap(path)
-        self.name = file.stem.removesuffix("_0")
-        self._stream = file.open("rb")
-        try:
-            self._index = read_index(self._stream, str(file))
-        except BagError:
-            self._stream.close()
-            raise
-        self.closed = self._index.closed
-        self.finished = self.closed and not file.resolve().parent.name.endswith(PARTIAL_SUFFIX)
-        self.attachments: Mapping[str, bytes] = self._index.attachments
-        self.custom_data = _custom_data(self._index.metadata)
+        files = mcap_files(path)
+        self.name = files[0].stem.removesuffix("_0")
+        with ExitStack() as opened:
+            streams = [opened.enter_context(file.open("rb")) for file in files]
+            self._parts = [_Part(stream, read_index(stream, str(stream.name))) for stream in streams]
+            self._opened = opened.pop_all()
+        indexes = [part.index for part in self._parts]
+        self.closed = all(index.closed for index in indexes)
+        self.finished = self.closed and not files[0].resolve().parent.name.endswith(PARTIAL_SUFFIX)
+        self.attachments: Mapping[str, bytes] = ChainMap(*(index.attachments for index in indexes))
+        self.custom_data = _custom_data(indexes[-1].metadata)
         self.topics = {topic.name: topic for topic in sorted(self._topics(), key=lambda topic: topic.name)}
 
     @property
@@ -95,7 +109,7 @@ class SceneBag:
     @property
     def span_ns(self) -> tuple[int, int]:
         """Stamp of the first and of the last message; (0, 0) in an empty bag."""
-        chunks = self._index.chunks
+        chunks = [chunk for part in self._parts for chunk in part.index.chunks]
         return (min(c.start_ns for c in chunks), max(c.end_ns for c in chunks)) if chunks else (0, 0)
 
     def messages(
@@ -113,20 +127,26 @@ class SceneBag:
         """
         low = -1 if from_ns is None else from_ns
         high = 1 << 64 if to_ns is None else to_ns
-        names = {i: c.topic for i, c in self._index.channels.items() if topics is None or c.topic in topics}
+        wanted = [part.channels_of(topics) for part in self._parts]
         chunks = [
-            c for c in self._index.chunks if c.channel_ids & names.keys() and c.end_ns >= low and c.start_ns <= high
+            (chunk.start_ns, number, chunk.offset)
+            for number, (part, ids) in enumerate(zip(self._parts, wanted, strict=True))
+            for chunk in part.index.chunks
+            if chunk.channel_ids & ids and chunk.end_ns >= low and chunk.start_ns <= high
         ]
-        chunks.sort(key=lambda chunk: (chunk.start_ns, chunk.offset))
-        waiting: list[tuple[int, int, int, Message]] = []
-        for chunk in chunks:
-            while waiting and waiting[0][0] < chunk.start_ns:
-                yield self._raw(heapq.heappop(waiting)[-1])
-            for place, record in enumerate(self._records(chunk.offset)):
-                if isinstance(record, Message) and record.channel_id in names and low <= record.log_time <= high:
-                    heapq.heappush(waiting, (record.log_time, chunk.offset, place, record))
+        waiting: list[tuple[int, int, int, int, Message]] = []
+        for start_ns, number, offset in sorted(chunks):
+            while waiting and waiting[0][0] < start_ns:
+                yield self._raw(heapq.heappop(waiting))
+            for place, record in enumerate(self._records(number, offset)):
+                if (
+                    isinstance(record, Message)
+                    and record.channel_id in wanted[number]
+                    and low <= record.log_time <= high
+                ):
+                    heapq.heappush(waiting, (record.log_time, number, offset, place, record))
         while waiting:
-            yield self._raw(heapq.heappop(waiting)[-1])
+            yield self._raw(heapq.heappop(waiting))
 
     def decode(self, message: RawMessage) -> Any:
         """The message as an object with the fields of its ROS type; arrays are numpy arrays.
@@ -140,8 +160,8 @@ class SceneBag:
             raise BagError(f"{self.path}: {message.topic} at {message.stamp_ns} ns: {error}") from None
 
     def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
+        """Close the files."""
+        self._opened.close()
 
     def __enter__(self) -> Self:
         return self
@@ -152,21 +172,25 @@ class SceneBag:
         self.close()
 
     def _topics(self) -> Iterator[Topic]:
-        for channel_id, channel in self._index.channels.items():
-            schema = self._index.schemas.get(channel.schema_id)
-            stamps_ns = self._index.places[channel_id].table()[:, 0]
-            type_hash = channel.metadata.get("topic_type_hash", "")
-            yield Topic(channel.topic, schema.name if schema else "", type_hash, stamps_ns)
+        """Topics, with their messages in all files."""
+        for name in {channel.topic for part in self._parts for channel in part.index.channels.values()}:
+            found = [(part.index, i) for part in self._parts for i in part.channels_of([name])]
+            index, channel = found[0][0], found[0][0].channels[found[0][1]]
+            schema = index.schemas.get(channel.schema_id)
+            stamps_ns = np.concatenate([index.places[i].table()[:, 0] for index, i in found])
+            yield Topic(name, schema.name if schema else "", channel.metadata.get("topic_type_hash", ""), stamps_ns)
 
-    def _records(self, offset: int) -> list[Any]:
+    def _records(self, number: int, offset: int) -> list[Any]:
         try:
-            return list(read_chunk(self._stream, offset))
+            return list(read_chunk(self._parts[number].stream, offset))
         except DAMAGE as error:
-            raise BagError(f"{self.path}: damaged chunk at byte {offset}: {error}") from None
+            raise BagError(f"{self._parts[number].stream.name}: damaged chunk at byte {offset}: {error}") from None
 
-    def _raw(self, message: Message) -> RawMessage:
-        channel = self._index.channels[message.channel_id]
-        return RawMessage(channel.topic, message.log_time, self._index.schemas[channel.schema_id].name, message.data)
+    def _raw(self, entry: tuple[int, int, int, int, Message]) -> RawMessage:
+        _, number, _, _, message = entry
+        index = self._parts[number].index
+        channel = index.channels[message.channel_id]
+        return RawMessage(channel.topic, message.log_time, index.schemas[channel.schema_id].name, message.data)
 
 
 def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | None:

@@ -1,14 +1,17 @@
 """A damaged or unfinished bag → a valid one with everything that could be read of it."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import yaml
+from mcap.records import Channel, Message, Schema
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.layout import locate_mcap
+from simbev_ros.recording.layout import numbered_files
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.salvage import Salvage, salvage
 
@@ -39,24 +42,36 @@ def repair_bag(path: Path, out: Path) -> Repair:
         BagError: There is no bag, or nothing of it can be read.
         InputError: The new bag cannot be written there.
     """
-    file = locate_mcap(path)
-    if not file.stat().st_size:
-        raise BagError(f"{file}: it is empty")
     found, counts = Salvage(), dict[str, int]()
+    messages = _salvaged(path, found)
+    first = next(messages, None)
+    if first is None:
+        raise BagError(f"{path}: there is no message in it that could be saved")
     with SceneBagWriter(out) as writer:
-        for message in salvage(file, found):
-            channel = found.channels[message.channel_id]
+        for channel, schema, message in chain([first], messages):
             if channel.topic not in counts:
-                writer.add_topic(channel.topic, found.schemas[channel.schema_id].name, _qos(channel.metadata))
+                writer.add_topic(channel.topic, schema.name, _qos(channel.metadata))
             writer.write(channel.topic, message.log_time, message.data)
             counts[channel.topic] = counts.get(channel.topic, 0) + 1
-        if not counts:
-            raise BagError(f"{file}: there is no message in it that could be saved")
         for attachment in found.attachments.values():
             writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
         lost = [*found.lost, *_missing(found, counts)]
         writer.finish(_facts(found, counts, lost))
     return Repair(out, counts, lost)
+
+
+def _salvaged(path: Path, found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
+    """The messages of all files that are there; whatever else is in them goes into ``found``."""
+    files = numbered_files(path)
+    found.lost += [f"file {number}, which is missing" for number in range(max(files)) if number not in files]
+    for _, file in sorted(files.items()):
+        part = Salvage()
+        for message in salvage(file, part):
+            channel = part.channels[message.channel_id]
+            yield channel, part.schemas[channel.schema_id], message
+        found.attachments |= part.attachments
+        found.metadata |= part.metadata
+        found.lost += [f"{file.name}: {loss}" if len(files) > 1 else loss for loss in part.lost]
 
 
 def _qos(metadata: dict[str, str]) -> QosProfile:

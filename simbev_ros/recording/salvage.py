@@ -2,6 +2,8 @@
 
 import io
 import mmap
+import re
+import struct
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -16,9 +18,9 @@ from mcap.writer import MCAP0_MAGIC
 
 from simbev_ros.recording.mcap_index import DAMAGE, RECORD_HEAD
 
-_ZSTD = b"\x04\x00\x00\x00zstd"
-_BEFORE_COMPRESSION = RECORD_HEAD.size + 28
-"""Bytes from the start of a chunk to the name of its compression."""
+_LIKE_A_CHUNK = re.compile(rb"(?=(\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\0{4})))", re.DOTALL)
+"""Opcode, a length below a tebibyte, span, size, CRC, and the compression; the length of what is compressed follows."""
+_LENGTH = struct.Struct("<Q")
 _CRC_BYTES = 4
 
 
@@ -46,6 +48,9 @@ def salvage(path: Path, found: Salvage) -> Iterator[Message]:
         path: The file.
         found: Is filled on the way; channels before their messages, ``lost`` at the end.
     """
+    if not path.stat().st_size:
+        found.lost.append("whatever was in it: the file is empty")
+        return
     nameless, closed = 0, False
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         for opcode, offset, end in _records(data, []):  # a file that was closed repeats its channels at its end
@@ -89,14 +94,12 @@ _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 
 def _next_chunk(data: mmap.mmap, start: int) -> int:
     """Where the next thing stands that looks like a chunk; the end of the file if there is none."""
-    place = start
-    while (place := data.find(_ZSTD, place)) >= 0:
-        head = place - _BEFORE_COMPRESSION
-        if head >= start:
-            opcode, length = RECORD_HEAD.unpack_from(data, head)
-            if opcode == Opcode.CHUNK and head + RECORD_HEAD.size + length <= len(data):
-                return head
-        place += 1
+    for match in _LIKE_A_CHUNK.finditer(data, start):
+        _, length = RECORD_HEAD.unpack_from(data, match.start())
+        records_at = match.end(1) + _LENGTH.size
+        end = match.start() + RECORD_HEAD.size + length
+        if records_at <= end <= len(data) and _LENGTH.unpack_from(data, match.end(1))[0] == end - records_at:
+            return match.start()
     return len(data)
 
 

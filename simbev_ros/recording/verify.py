@@ -1,7 +1,8 @@
 """Whether a recorded scene is whole and right: its file, its messages, its books, and what describes it."""
 
 import json
-from collections.abc import Iterator
+from collections import ChainMap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from simbev_ros.recording.layout import (
     PARTIAL_SUFFIX,
     SCENE_ATTACHMENT,
     TRAJECTORIES_ATTACHMENT,
-    locate_mcap,
+    mcap_files,
 )
 from simbev_ros.recording.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import SceneBag
@@ -48,21 +49,23 @@ def verify_bag(path: Path) -> list[Fault]:
     scene must have. ``metadata.yaml`` must say what the file says.
     """
     try:
-        file = locate_mcap(path)
+        files = mcap_files(path)
     except BagError as error:
         return [Fault(path, "", str(error).removeprefix(f"{path}: "))]
-    folder = file.parent
-    messages = _Messages()
-    with file.open("rb") as stream:
-        content = check_mcap(stream, messages.see)
-    faults = [(file.name, problem) for problem in content.faults]
+    folder = files[0].parent
+    messages, contents = _Messages(), list[McapContent]()
+    for file in files:
+        with file.open("rb") as stream:
+            contents.append(check_mcap(stream, messages.see))
+    faults = [(file.name, problem) for file, each in zip(files, contents, strict=True) for problem in each.faults]
+    is_damaged = bool(faults)
     faults += messages.faults
     if folder.name.endswith(PARTIAL_SUFFIX):
         faults.append(("", "the scene was not finished: what ended it is in the dataset's log"))
-    if not content.faults:
-        faults += _books_faults(file, content)
-        faults += [(METADATA_FILE, problem) for problem in _description_faults(folder / METADATA_FILE, content)]
-    faults += _attachment_faults(content)
+    if not is_damaged:
+        faults += _books_faults(path, files[-1])
+        faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
+    faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)))
     return [Fault(folder, place, problem) for place, problem in faults]
 
 
@@ -71,7 +74,7 @@ class _Messages:
 
     def __init__(self) -> None:
         self.faults: list[tuple[str, str]] = []
-        self._last_ns: dict[int, int] = {}
+        self._last_ns: dict[str, int] = {}
 
     def see(self, message: Message, content: McapContent) -> None:
         """The next message of the file."""
@@ -87,10 +90,10 @@ class _Messages:
             return
         if stamp_ns not in (None, message.log_time):
             self.faults.append((channel.topic, f"at {message.log_time} ns: its header says {stamp_ns} ns"))
-        last_ns = self._last_ns.setdefault(message.channel_id, message.log_time)
+        last_ns = self._last_ns.setdefault(channel.topic, message.log_time)
         if message.log_time < last_ns:
             self.faults.append((channel.topic, f"at {message.log_time} ns: it stands behind one of {last_ns} ns"))
-        self._last_ns[message.channel_id] = message.log_time
+        self._last_ns[channel.topic] = message.log_time
 
 
 def stamp_in(message: Any) -> int | None:
@@ -111,15 +114,15 @@ def stamp_in(message: Any) -> int | None:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def _books_faults(file: Path, content: McapContent) -> Iterator[tuple[str, str]]:
-    """Of a whole file: whether it holds what the recorder says that the scene has."""
-    with SceneBag(file) as bag:
+def _books_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
+    """Of a bag whose files are whole: whether they hold what the recorder says, in the last one, that the scene has."""
+    with SceneBag(path) as bag:
         facts, counts = bag.custom_data, {name: len(topic.stamps_ns) for name, topic in bag.topics.items()}
     if "expected" not in facts:
-        yield file.name, "the recorder left no books"
+        yield last.name, "the recorder left no books"
         return
     if facts.get("complete") != "true":
-        yield file.name, f"the scene is incomplete ({facts.get('ended', 'nobody knows why')})"
+        yield last.name, f"the scene is incomplete ({facts.get('ended', 'nobody knows why')})"
     for topic, expected in json.loads(facts["expected"]).items():
         if counts.get(topic, 0) != expected:
             yield topic, f"{counts.get(topic, 0)} of {expected} messages"
@@ -127,27 +130,29 @@ def _books_faults(file: Path, content: McapContent) -> Iterator[tuple[str, str]]
         yield topic, "a topic that the scene does not have"
 
 
-def _description_faults(path: Path, content: McapContent) -> Iterator[str]:
-    """Whether ``metadata.yaml`` is there and says the same as its copy in the file."""
+def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[str]:
+    """Whether ``metadata.yaml`` is there, says the same as its copy in the last file, and names the files."""
     try:
-        described = yaml.safe_load(path.read_text(encoding="utf-8"))
+        described = yaml.safe_load((files[0].parent / METADATA_FILE).read_text(encoding="utf-8"))
     except FileNotFoundError:
         yield "it is missing"
         return
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         yield f"it cannot be read: {error}"
         return
-    copy = yaml.safe_load(content.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
+    copy = yaml.safe_load(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
     if not isinstance(described, dict) or described.get("rosbag2_bagfile_information") != copy:
         yield "it does not say what the file says of itself"
+    elif copy["relative_file_paths"] != [file.name for file in files]:
+        yield f"its files are {', '.join(copy['relative_file_paths'])}"
 
 
-def _attachment_faults(content: McapContent) -> Iterator[tuple[str, str]]:
+def _attachment_faults(attachments: Mapping[str, bytes]) -> Iterator[tuple[str, str]]:
     """Whether what was put in can be read."""
-    if SCENE_ATTACHMENT not in content.attachments:
+    if SCENE_ATTACHMENT not in attachments:
         yield SCENE_ATTACHMENT, "it is missing"
-    if TRAJECTORIES_ATTACHMENT in content.attachments:
+    if TRAJECTORIES_ATTACHMENT in attachments:
         try:
-            tracks_of_npz(content.attachments[TRAJECTORIES_ATTACHMENT])
+            tracks_of_npz(attachments[TRAJECTORIES_ATTACHMENT])
         except BagError as error:
             yield TRAJECTORIES_ATTACHMENT, str(error)

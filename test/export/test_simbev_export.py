@@ -10,10 +10,12 @@ import pytest
 from made_up_scene import SENSORS, MadeUp, made_up_scene
 from PIL import Image
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
+from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.errors import InputError
-from simbev_ros.export.simbev.export import finish, make_part, parts_of
+from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_replaced
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray
 
@@ -21,6 +23,7 @@ from simbev_ros.types import AnyArray
 def export(dataset: Path, root: Path) -> list[str]:
     opened = open_dataset(dataset)
     parts = parts_of(opened, root)
+    remove_replaced(parts)
     for part in parts:
         if part.record() is None:
             make_part(part)
@@ -229,8 +232,21 @@ def test_an_export_goes_on_where_it_was_and_a_replaced_scene_is_made_anew(tmp_pa
     made_up_scene(bag, ticks=2)
     export(tmp_path / "set", root)
     assert len(npz(kept)) and not list(root.rglob("*unfinished"))
+    assert not list(root.rglob("*scene-0000-frame-0002*")) and list(root.rglob("*scene-0001-frame-0000*"))
     infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
     assert len(infos["data"]["scene_0000"]["scene_data"]) == 2
+
+
+def test_the_command_does_all_of_it_in_processes(tmp_path: Path) -> None:
+    for number in range(2):
+        made_up_scene(tmp_path / f"set/scenes/train/Blocks-{number:04d}", number=number, ticks=21)
+    arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--jobs", "2"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0 and "42 frames of 2 scenes" in result.output, result.output
+    assert "42 of them were there already" in CliRunner().invoke(app, arguments).output
+    infos = json.loads((tmp_path / "out/simbev/infos/simbev_infos_train.json").read_text())
+    assert [len(scene["scene_data"]) for scene in infos["data"].values()] == [21, 21]
+    assert (tmp_path / "out/simbev/configs/SimBEV-scene-0001.yaml").read_bytes() == b"seed: 1\n"
 
 
 def test_scenes_of_different_rigs_are_refused(tmp_path: Path) -> None:

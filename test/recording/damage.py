@@ -14,12 +14,12 @@ TICK_NS = 50_000_000
 TICKS = 30
 
 
-def sound_bag(path: Path) -> Path:
+def sound_bag(path: Path, split_bytes: int | None = None) -> Path:
     """Images and stamped strings in many chunks, with attachments and the recorder's books."""
     rng = np.random.default_rng(1)
     topics = {"/cam/image_raw": "sensor_msgs/msg/Image", "/world/weather": "std_msgs/msg/String"}
     books = Accounting(dict.fromkeys(topics, Schedule()), start_ns=0, tick_ns=TICK_NS, ticks=TICKS)
-    with SceneBagWriter(path, chunk_bytes=600) as writer:
+    with SceneBagWriter(path, chunk_bytes=600, split_bytes=split_bytes) as writer:
         writer.add_attachment("scene.json", "application/json", b"{}")
         for topic, kind in topics.items():
             writer.add_topic(topic, kind, QosProfile(depth=7))

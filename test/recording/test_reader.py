@@ -45,7 +45,7 @@ def test_a_flipped_bit_in_a_chunk_is_found(tmp_path: Path) -> None:
     path = write_stamps(tmp_path / "a", [("/a", t) for t in range(50)])
     data = bytearray((path / "a_0.mcap").read_bytes())
     with SceneBag(path) as bag:
-        offset = bag._index.chunks[3].offset
+        offset = bag._parts[0].index.chunks[3].offset
     data[offset + 9 + 60] ^= 1
     (path / "a_0.mcap").write_bytes(data)
     with SceneBag(path) as bag, pytest.raises(BagError, match=f"damaged chunk at byte {offset}"):

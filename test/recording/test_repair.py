@@ -32,7 +32,7 @@ def chunk_ends(file: Path) -> list[tuple[int, int]]:
     ends, counted = [], 0
     with SceneBag(file) as bag:
         for chunk in summary.chunk_indexes:
-            counted += sum(type(record).__name__ == "Message" for record in bag._records(chunk.chunk_start_offset))
+            counted += sum(type(record).__name__ == "Message" for record in bag._records(0, chunk.chunk_start_offset))
             ends.append((chunk.chunk_start_offset + chunk.chunk_length, counted))
     return ends
 
@@ -91,8 +91,8 @@ def test_a_sound_bag_stays_complete(bag: Path, tmp_path: Path) -> None:
 def test_nothing_is_overwritten_and_nothing_comes_of_nothing(bag: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="exists already"):
         repair_bag(bag, bag)
-    for content, problem in ((b"", "empty"), (b"x" * 5000, "no message")):
+    for content in (b"", b"x" * 5000):
         file = tmp_path / "bad.mcap"
         file.write_bytes(content)
-        with pytest.raises(BagError, match=problem):
+        with pytest.raises(BagError, match="no message"):
             repair_bag(file, tmp_path / "saved")

@@ -16,7 +16,7 @@ from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.errors import InputError
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
-from simbev_ros.recording.layout import CONFIG_ATTACHMENT, locate_mcap
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, locate_mcap
 from simbev_ros.recording.reader import SceneBag
 
 ROOT = "simbev"
@@ -35,7 +35,7 @@ class Part:
         number: Its number.
         first: The first of the frames.
         count: How many frames there are.
-        source: Tells a bag from another one that takes its place.
+        source: Tells the scene's bags from others that take their places.
     """
 
     dataset: Path
@@ -72,14 +72,23 @@ def parts_of(dataset: Dataset, root: Path) -> list[Part]:
         if metadata(scene) != metadata(dataset.scenes[0]):
             first = dataset.scenes[0].path
             raise InputError(f"{scene.path}: its sensors are not those of {first}, and the layout knows one rig")
-        state = locate_mcap(scene.path).stat()
-        source = f"{scene.name} {scene.split} {state.st_size} {state.st_mtime_ns}"
+        source = f"{scene.name} {scene.split} {_state(scene)}"
         for first_frame in range(0, len(scene), _FRAMES_PER_PART):
             count = min(_FRAMES_PER_PART, len(scene) - first_frame)
             parts.append(Part(dataset.path, root, scene.name, scene.number, first_frame, count, source))
     if not parts:
         raise InputError(f"{dataset.path}: it has no finished scene to export")
     return parts
+
+
+def remove_replaced(parts: Iterable[Part]) -> None:
+    """Remove what was made of bags that others have taken the place of, before parts are made."""
+    sources = {part.number: (part.root, part.source) for part in parts}
+    for number, (root, source) in sources.items():
+        records = sorted((root / _PARTS_FOLDER).glob(f"scene_{number:04d}-*.json"))
+        if any(json.loads(record.read_bytes())["source"] != source for record in records):
+            for file in (*root.glob(f"*/*/SimBEV-scene-{number:04d}-frame-*"), *records):
+                file.unlink()
 
 
 def make_part(part: Part) -> int:
@@ -96,6 +105,8 @@ def make_part(part: Part) -> int:
     made = channels(scene)
     frames = []
     for frame in scene[part.first : part.first + part.count]:
+        if "odom" not in frame:
+            continue  # the end of a bag that was cut off
         files = {c.name: c.path(part.number, frame.tick) for c in made if all(key in frame for key in c.keys)}
         for channel in made:
             if channel.name in files:
@@ -161,6 +172,12 @@ def _recorded(part: Part) -> list[dict[str, Any]]:
         raise InputError(f"{part.record_path}: frames from {part.first} of {part.scene} were changed meanwhile")
     frames: list[dict[str, Any]] = record["frames"]
     return frames
+
+
+def _state(scene: Scene) -> str:
+    """Tells a scene's bags, also additional ones, from others at the same places."""
+    bags = (scene.path, *scene.additional.values())
+    return " ".join(f"{bytes_of(bag)} {locate_mcap(bag).stat().st_mtime_ns}" for bag in bags)
 
 
 def _placed(frame: Mapping[str, Any], root: Path) -> dict[str, Any]:

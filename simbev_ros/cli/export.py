@@ -1,0 +1,10 @@
+"""``simbev export``: datasets in the layouts of others, one a file."""
+
+import typer
+
+from simbev_ros.cli.export_nuscenes import export_nuscenes
+from simbev_ros.cli.export_simbev import export_simbev
+
+export = typer.Typer(rich_markup_mode="rich", no_args_is_help=True, help="Write a dataset in another layout.")
+export.command("simbev")(export_simbev)
+export.command("nuscenes")(export_nuscenes)

@@ -1,0 +1,1 @@
+"""nuScenes' layout, as the nuscenes-devkit opens it."""

@@ -1,0 +1,84 @@
+"""The boxes of a scene's keyframes as nuScenes' annotations and instances."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from simbev_ros.dataset import Frame, Scene, columns
+from simbev_ros.export.nuscenes.channels import wxyz
+from simbev_ros.export.nuscenes.taxonomy import Record, attributes_of, categories_of, token, visibility_tokens
+from simbev_ros.geometry.transforms import quaternion_from_rpy
+from simbev_ros.scene.state import EGO_ID
+from simbev_ros.types import Table
+
+_DECIMALS = 6
+"""Of metres, and of the parts of quaternions."""
+
+
+class Annotations:
+    """Those of one scene, keyframe by keyframe."""
+
+    def __init__(self, scene: Scene, scene_token: str) -> None:
+        self._scene_token = scene_token
+        self._blueprints = [each["name"] for each in scene.constants["world/legend"]["blueprints"]]
+        self._parked = {EGO_ID + k for k, each in enumerate(scene.spec.vehicles) if each.stands_at is not None}
+        self._found: defaultdict[int, list[Record]] = defaultdict(list)
+        self._category: dict[int, str] = {}
+
+    def add(self, sample_token: str, frame: Frame) -> None:
+        """The next keyframe."""
+        boxes = frame["boxes"]
+        ids, categories = boxes["id"].tolist(), categories_of(boxes, self._blueprints)
+        self._category.update(zip(ids, categories, strict=True))
+        ridden = set(frame["world/actors"]["parent"].tolist())
+        attributes = attributes_of(boxes, categories, self._parked, ridden)
+        for box_id, names, record in zip(ids, attributes, _records(boxes), strict=True):
+            keys = {
+                "token": token("sample_annotation", sample_token, box_id),
+                "sample_token": sample_token,
+                "instance_token": token("instance", self._scene_token, box_id),
+                "attribute_tokens": [token("attribute", name) for name in names],
+            }
+            self._found[box_id].append({**keys, **record})
+
+    def tables(self) -> dict[str, list[Record]]:
+        """The tables ``sample_annotation``, in the map frame, and ``instance``."""
+        chains = {box_id: self._found[box_id] for box_id in sorted(self._found)}
+        for chain in chains.values():
+            link(chain)
+        return {
+            "sample_annotation": [record for chain in chains.values() for record in chain],
+            "instance": [_instance(chain, self._category[box_id]) for box_id, chain in chains.items()],
+        }
+
+
+def link(records: Sequence[Record]) -> None:
+    """Give records, in order of time, the tokens of those before and after."""
+    tokens = ["", *(record["token"] for record in records), ""]
+    for place, record in enumerate(records):
+        record["prev"], record["next"] = tokens[place], tokens[place + 2]
+
+
+def _records(boxes: Table) -> Iterator[Record]:
+    """What a box alone says. Points are -1 only where neither lidar nor radar was received."""
+    unknown = (boxes["lidar_points"] < 0) & (boxes["radar_points"] < 0)
+    values = {
+        "visibility_token": visibility_tokens(boxes["visibility"]),
+        "translation": columns(boxes, "x", "y", "z").round(_DECIMALS).tolist(),
+        "size": columns(boxes, "width", "length", "height").astype(np.float64).round(_DECIMALS).tolist(),
+        "rotation": wxyz(quaternion_from_rpy(columns(boxes, "roll", "pitch", "yaw"))).round(_DECIMALS).tolist(),
+        "num_lidar_pts": np.where(unknown, -1, np.maximum(boxes["lidar_points"], 0)).tolist(),
+        "num_radar_pts": np.maximum(boxes["radar_points"], 0).tolist(),
+    }
+    return (dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True))
+
+
+def _instance(annotations: Sequence[Record], category: str) -> Record:
+    return {
+        "token": annotations[0]["instance_token"],
+        "category_token": token("category", category),
+        "nbr_annotations": len(annotations),
+        "first_annotation_token": annotations[0]["token"],
+        "last_annotation_token": annotations[-1]["token"],
+    }

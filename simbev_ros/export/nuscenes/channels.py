@@ -1,0 +1,110 @@
+"""The sensors of a scene as nuScenes' channels: names, kinds, frames.
+
+Cameras have their optical frames, radars x forward, y left, z up, as ours. A lidar's frame is that of nuScenes'
+LIDAR_TOP, x right, y forward, z up, since code for training takes it so; its points are turned accordingly. The ego
+frame stays ours, on the ground below the middle of its box, where nuScenes' is below the rear axle: poses of the ego
+and of its sensors agree on it, so nothing in the world moves, and boxes, grids and bags keep one frame.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.radar import Radar
+from simbev_ros.dataset import Scene
+from simbev_ros.dataset.calibration import Calibration
+from simbev_ros.export.nuscenes.taxonomy import Record, token
+from simbev_ros.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
+from simbev_ros.types import Float64Array
+
+TOP_LIDAR = "LIDAR_TOP"
+"""What the devkit takes a sample's boxes and its place on the map from."""
+
+SENSOR_FROM_LIDAR = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""Sensor frame (x forward, y left, z up) from nuScenes' lidar frame (x right, y forward, z up)."""
+
+_SUFFIX = {"camera": ".jpg", "lidar": ".pcd.bin", "radar": ".pcd"}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Channel:
+    """One sensor.
+
+    Attributes:
+        name: As ``CAM_FRONT``.
+        modality: ``camera``, ``lidar`` or ``radar``.
+        key: Of what it senses, in frames.
+        calibration: Of the sensor.
+    """
+
+    name: str
+    modality: str
+    key: str
+    calibration: Calibration
+
+    @property
+    def ego_from_channel(self) -> Float64Array:
+        """(4, 4) pose of the frame that nuScenes has its data in."""
+        if self.modality == "camera":
+            return self.calibration.ego_from_optical
+        ego_from_sensor = self.calibration.ego_from_sensor
+        return ego_from_sensor @ SENSOR_FROM_LIDAR if self.modality == "lidar" else ego_from_sensor
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of a camera's images; else 0, 0."""
+        return self.calibration.size_px if self.modality == "camera" else (0, 0)
+
+    def file(self, stem: str, stamp_us: int) -> str:
+        """Name of the file of a sample, as nuScenes builds it."""
+        return f"{stem}__{self.name}__{stamp_us}{_SUFFIX[self.modality]}"
+
+    def sensor_record(self) -> Record:
+        """Row of the table ``sensor``."""
+        return {"token": token("sensor", self.name), "channel": self.name, "modality": self.modality}
+
+    def calibration_record(self, scene: str) -> Record:
+        """Row of the table ``calibrated_sensor``; images have no distortion."""
+        pose = self.ego_from_channel
+        return {
+            "token": token("calibrated_sensor", scene, self.name),
+            "sensor_token": token("sensor", self.name),
+            "translation": pose[:3, 3].tolist(),
+            "rotation": wxyz(quaternion_from_rpy(rpy_from_rotation(pose[:3, :3]))).tolist(),
+            "camera_intrinsic": self.calibration.intrinsics.tolist() if self.modality == "camera" else [],
+        }
+
+
+def wxyz(xyzw: Float64Array) -> Float64Array:
+    """(…, 4) quaternions in nuScenes' order."""
+    return np.roll(xyzw, 1, axis=-1)
+
+
+def channels_of(scene: Scene) -> list[Channel]:
+    """Those of a scene, in the order of its rig: cameras with RGB images, lidars, radars.
+
+    Names are those of the sensors in capitals, but one lidar is LIDAR_TOP: the one of that name, or else the first.
+    Of sensors of one name in several bags of the scene the first bag's is taken.
+    """
+    own = {name: known for name, known in scene.calibration.items() if "@" not in name}
+    return [channel for channel in _channels(own) if channel.key in scene.sources]
+
+
+def _channels(calibrations: Mapping[str, Calibration]) -> Iterator[Channel]:
+    top = _top_lidar([name for name, known in calibrations.items() if isinstance(known.sensor, Lidar)])
+    for name, calibration in calibrations.items():
+        match calibration.sensor:
+            case Camera():
+                yield Channel(name.upper(), "camera", f"{name}/rgb", calibration)
+            case Lidar(points=points):
+                key = f"{name}/points" if points else f"{name}/semantic_points"
+                yield Channel(TOP_LIDAR if name == top else name.upper(), "lidar", key, calibration)
+            case Radar():
+                yield Channel(name.upper(), "radar", f"{name}/points", calibration)
+
+
+def _top_lidar(names: Sequence[str]) -> str:
+    return next((name for name in names if name.upper() == TOP_LIDAR), next(iter(names), ""))

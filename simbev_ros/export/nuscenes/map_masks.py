@@ -1,0 +1,153 @@
+"""Masks of maps as the devkit reads them: white where there are streets and sidewalks, 0.1 m a pixel.
+
+A mask's lower left corner is the origin of nuScenes' global frame, in which nothing can be negative. So a mask covers
+what is around the ways of the scenes on its map, and all positions are given from its corner on. Where that would be
+too large a picture each scene has a mask of its own.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import cv2
+import numpy as np
+import shapely
+
+from simbev_ros.export.nuscenes.taxonomy import Record, token
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.surface import surfaces_of
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.replay import load_recorded_roads
+from simbev_ros.types import UInt8Array
+
+PIXELS_PER_M = 10
+_MARGIN_M = 150.0
+_STEP_M = 10.0
+_LARGEST_M2 = 5e6
+_WHITE = 255
+_FRACTION_BITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A part of a map that some scenes take place on.
+
+    Attributes:
+        map: The map.
+        bag: That of one of the scenes.
+        scenes: Names of them all.
+        low_m: Lower left corner, map frame, whole numbers.
+        high_m: Upper right corner.
+        name: The map's, with the scene's behind it if it is of one scene only.
+    """
+
+    map: MapSpec
+    bag: str
+    scenes: tuple[str, ...]
+    low_m: tuple[float, float]
+    high_m: tuple[float, float]
+    name: str
+
+    @classmethod
+    def around(cls, summaries: Iterable[Mapping[str, Any]], name: str) -> Self:
+        """That around the ways of scenes on one map."""
+        summaries = list(summaries)
+        low_m = np.min([each["low_m"] for each in summaries], axis=0) - _MARGIN_M
+        high_m = np.max([each["high_m"] for each in summaries], axis=0) + _MARGIN_M
+        low_m, high_m = np.floor(low_m / _STEP_M) * _STEP_M, np.ceil(high_m / _STEP_M) * _STEP_M
+        return cls(
+            MapSpec.model_validate(summaries[0]["map"]),
+            summaries[0]["bag"],
+            tuple(each["name"] for each in summaries),
+            (float(low_m[0]), float(low_m[1])),
+            (float(high_m[0]), float(high_m[1])),
+            name,
+        )
+
+    @property
+    def token(self) -> str:
+        """Other than that of any other map or extent."""
+        return token("map", self.map.name, self.map.seed, self.map.sha256, self.low_m, self.high_m)
+
+    @property
+    def filename(self) -> str:
+        """Where the mask is in the export."""
+        return f"maps/{self.token}.png"
+
+    @property
+    def area_m2(self) -> float:
+        """Of the mask."""
+        return (self.high_m[0] - self.low_m[0]) * (self.high_m[1] - self.low_m[1])
+
+    def record(self, logs: Iterable[str]) -> Record:
+        """Row of the table ``map``; ``origin_m`` is our addition: where the global frame's origin lies in the map's."""
+        kind = {"token": self.token, "category": "semantic_prior", "filename": self.filename}
+        return {**kind, "log_tokens": sorted(logs), "origin_m": list(self.low_m)}
+
+
+def sites_of(summaries: Iterable[Mapping[str, Any]]) -> list[Site]:
+    """The sites of scenes, by what is known of these; each scene has one."""
+    of_map: defaultdict[str, list[Mapping[str, Any]]] = defaultdict(list)
+    for summary in summaries:
+        of_map[_location(MapSpec.model_validate(summary["map"]))].append(summary)
+    sites = []
+    for name, known in sorted(of_map.items()):
+        whole = Site.around(known, name)
+        if whole.area_m2 <= _LARGEST_M2:
+            sites.append(whole)
+        else:
+            sites += [Site.around([each], f"{name} {each['name']}") for each in known]
+    return sites
+
+
+def _location(spec: MapSpec) -> str:
+    """A name for a map that no other one has."""
+    seed, content = (f"-{spec.seed}" if spec.seed else ""), (f"-{spec.sha256[:8]}" if spec.path else "")
+    return f"{spec.name}{seed}{content}"
+
+
+def write_mask(site: Site, out: Path) -> None:
+    """Draw a site's mask, unless it is there.
+
+    Raises:
+        InputError: The roads cannot be built.
+    """
+    path = out / site.filename
+    if path.exists():
+        return
+    with SceneBag(Path(site.bag)) as bag:
+        load_recorded_roads(bag)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_suffix(".part")
+    _, data = cv2.imencode(".png", mask_of(load_network(site.map), site))
+    unfinished.write_bytes(data.tobytes())
+    unfinished.replace(path)
+
+
+def mask_of(network: RoadNetwork, site: Site) -> UInt8Array:
+    """(H, W) uint8, 255 on roads, shoulders and sidewalks of all levels; row 0 in the north.
+
+    Column c is at ``low_m[0] + 0.1 c``, row r at ``low_m[1] + 0.1 (H - r)``, as the devkit looks places up.
+    """
+    size_m = np.subtract(site.high_m, site.low_m)
+    width_px, height_px = np.rint(size_m * PIXELS_PER_M).astype(int).tolist()
+    mask = np.zeros((height_px, width_px), np.uint8)
+    for level in network.layout.levels:
+        surfaces = surfaces_of(network.layout, level, shapely.box(*site.low_m, *site.high_m))
+        for surface in (surfaces.road, surfaces.shoulder, surfaces.sidewalk):
+            for polygon in surface.geoms:
+                _fill(mask, polygon, site)
+    return mask
+
+
+def _fill(mask: UInt8Array, polygon: shapely.Polygon, site: Site) -> None:
+    rings = []
+    for ring in (polygon.exterior, *polygon.interiors):
+        places_px = (np.array(ring.coords)[:, :2] - site.low_m) * PIXELS_PER_M
+        places_px[:, 1] = len(mask) - places_px[:, 1]
+        rings.append(np.rint(places_px * 2**_FRACTION_BITS).astype(np.int32))
+    cv2.fillPoly(mask, rings, _WHITE, cv2.LINE_8, _FRACTION_BITS)

@@ -1,0 +1,174 @@
+"""The files of samples: images as JPEG, lidar clouds as rows of float32, radar clouds as PCD."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from simbev_ros.annotation.points import map_points
+from simbev_ros.config.radar import Radar
+from simbev_ros.dataset import Frame, columns
+from simbev_ros.export.nuscenes.channels import Channel
+from simbev_ros.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.geometry.transforms import apply, inverse
+from simbev_ros.recording.image_codecs import encode_rgb
+from simbev_ros.scene.state import EGO_ID
+from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
+
+_BRIGHTEST = 255.0
+"""nuScenes' lidar intensities go from 0 to this."""
+
+_JPEG = b"\xff\xd8\xff"
+"""How a JPEG begins."""
+
+_MOVES_MPS = 0.5
+_MOVING, _STATIONARY, _ONCOMING = 0, 1, 2  # dynamic properties
+_UNAMBIGUOUS = 3
+
+RADAR_DTYPE = np.dtype(
+    [
+        ("x", "<f4"),  # m, sensor frame
+        ("y", "<f4"),
+        ("z", "<f4"),
+        ("dyn_prop", "i1"),
+        ("id", "<i2"),
+        ("rcs", "<f4"),  # dB of 1 m²
+        ("vx", "<f4"),  # m/s, what is measured along the ray, relative to the radar
+        ("vy", "<f4"),
+        ("vx_comp", "<f4"),  # the same without the motion of the radar
+        ("vy_comp", "<f4"),
+        ("is_quality_valid", "i1"),
+        ("ambig_state", "i1"),
+        ("x_rms", "i1"),
+        ("y_rms", "i1"),
+        ("invalid_state", "i1"),
+        ("pdh0", "i1"),
+        ("vx_rms", "i1"),
+        ("vy_rms", "i1"),
+    ]
+)
+"""nuScenes' 18 fields of a radar detection."""
+
+
+def file_content(frame: Frame, channel: Channel) -> bytes:
+    """What a channel has sensed at a frame, as the bytes of its file."""
+    return _CONTENT[channel.modality](frame, channel)
+
+
+def _image(frame: Frame, channel: Channel) -> bytes:
+    """JPEG: as recorded, unless the image was recorded raw, or the lens bends it."""
+    camera = channel.calibration.camera
+    if isinstance(camera, LensCamera):
+        return encode_rgb(_straight(frame[channel.key], camera))
+    message = frame.messages(channel.key)[-1]
+    data = bytes(message.data)
+    return data if data.startswith(_JPEG) else encode_rgb(frame[channel.key])
+
+
+def _straight(image: UInt8Array, camera: LensCamera) -> UInt8Array:
+    """The image that a pinhole camera of the same intrinsics takes; black where the lens sees nothing."""
+    places = _places(camera)
+    straight = cv2.remap(image, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return np.asarray(straight, np.uint8)
+
+
+@lru_cache(maxsize=32)
+def _places(camera: LensCamera) -> Float32Array:
+    """(H, W, 2) where the lens shows what is in each pixel of the pinhole camera."""
+    pinhole = PinholeCamera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    v, u = np.mgrid[: camera.height_px, : camera.width_px]
+    places = camera.project(pinhole.rays(np.stack([u.ravel(), v.ravel()], axis=1)))
+    return np.nan_to_num(places, nan=-10.0).astype(np.float32).reshape(*u.shape, 2)
+
+
+def _lidar(frame: Frame, channel: Channel) -> bytes:
+    """(N, 5) float32 x y z intensity ring. Points of a rolling scan are where they were at the stamp.
+
+    A lidar without intensities has the cosines of the angles at which it hits instead, and no rings.
+    """
+    cloud: Table = frame[channel.key]
+    ahead_m, left_m, up_m = _at_stamp(frame, channel, cloud)
+    names = cloud.dtype.names or ()
+    rows = np.zeros((len(cloud), 5), np.float32)
+    rows[:, 0], rows[:, 1], rows[:, 2] = -left_m, ahead_m, up_m  # as SENSOR_FROM_LIDAR says
+    rows[:, 3] = cloud["intensity" if "intensity" in names else "cos_angle"] * _BRIGHTEST
+    rows[:, 4] = cloud["ring"] if "ring" in names else 0
+    return rows.tobytes()
+
+
+def _at_stamp(frame: Frame, channel: Channel, cloud: Table) -> Sequence[AnyArray]:
+    """(N,) x, y, z of points in the sensor's frame at the stamp."""
+    if not getattr(channel.calibration.sensor, "rolling", False):
+        return cloud["x"], cloud["y"], cloud["z"]
+    map_from_sensor = frame.map_from_ego @ channel.calibration.ego_from_sensor
+    actors: Table = frame["world/actors"]
+    ego = actors[actors["id"] == EGO_ID][0]
+    x, y, z = apply(inverse(map_from_sensor), map_points(cloud, map_from_sensor, ego)).T
+    return x, y, z
+
+
+def _radar(frame: Frame, channel: Channel) -> bytes:
+    """PCD of ``RADAR_DTYPE`` rows. Without detections it has one, of NaN, as the devkit demands."""
+    sensor = channel.calibration.sensor
+    assert isinstance(sensor, Radar)
+    rows = radar_rows(frame[channel.key], _velocity_mps(frame, channel), sensor.reference_range_m)
+    if not len(rows):
+        rows = np.zeros(1, RADAR_DTYPE)
+        rows["x"] = rows["y"] = rows["z"] = np.nan
+    return _pcd_head(len(rows)) + rows.tobytes() + b"\n"  # the devkit's reader wants a byte after the last row
+
+
+def radar_rows(cloud: Table, velocity_mps: Float64Array, reference_range_m: float) -> Table:
+    """(N,) ``RADAR_DTYPE`` rows.
+
+    Args:
+        cloud: Detections: x y z, doppler_velocity, amplitude.
+        velocity_mps: (3,) of the radar over ground, sensor frame.
+        reference_range_m: From which range 1 m² returns an amplitude of 0 dB.
+    """
+    points_m = columns(cloud, "x", "y", "z").astype(np.float64)
+    range_m = np.maximum(np.linalg.norm(points_m, axis=1), 1e-6)
+    rays = points_m / range_m[:, None]
+    measured_mps = cloud["doppler_velocity"].astype(np.float64)
+    over_ground_mps = measured_mps + rays @ velocity_mps
+    rows = np.zeros(len(cloud), RADAR_DTYPE)
+    rows["x"], rows["y"], rows["z"] = points_m.T
+    rows["id"] = np.arange(len(cloud)) % np.iinfo(np.int16).max
+    rows["rcs"] = cloud["amplitude"] + 40.0 * np.log10(range_m / reference_range_m)
+    rows["vx"], rows["vy"] = (rays[:, :2] * measured_mps[:, None]).T
+    rows["vx_comp"], rows["vy_comp"] = (rays[:, :2] * over_ground_mps[:, None]).T
+    moving = np.where(over_ground_mps > 0, _MOVING, _ONCOMING)
+    rows["dyn_prop"] = np.where(np.abs(over_ground_mps) < _MOVES_MPS, _STATIONARY, moving)
+    rows["is_quality_valid"], rows["ambig_state"], rows["pdh0"] = 1, _UNAMBIGUOUS, 1
+    return rows
+
+
+def _velocity_mps(frame: Frame, channel: Channel) -> Float64Array:
+    """(3,) of a sensor over ground, sensor frame."""
+    row, pose = frame["odom"][-1], channel.calibration.ego_from_sensor
+    velocity_mps = row["velocity_mps"] + np.cross(row["angular_velocity_radps"], pose[:3, 3])
+    return np.asarray(velocity_mps @ pose[:3, :3], np.float64)
+
+
+def _pcd_head(count: int) -> bytes:
+    kinds = {"f": "F", "i": "I"}
+    parts = [RADAR_DTYPE[name] for name in RADAR_DTYPE.names or ()]
+    return "\n".join(
+        [
+            "# .PCD v0.7 - Point Cloud Data file format",
+            "VERSION 0.7",
+            f"FIELDS {' '.join(RADAR_DTYPE.names or ())}",
+            f"SIZE {' '.join(str(part.itemsize) for part in parts)}",
+            f"TYPE {' '.join(kinds[part.kind] for part in parts)}",
+            f"COUNT {' '.join('1' for _ in parts)}",
+            f"WIDTH {count}",
+            "HEIGHT 1",
+            "VIEWPOINT 0 0 0 1 0 0 0",
+            f"POINTS {count}",
+            "DATA binary\n",
+        ]
+    ).encode()
+
+
+_CONTENT: dict[str, Callable[[Frame, Channel], bytes]] = {"camera": _image, "lidar": _lidar, "radar": _radar}

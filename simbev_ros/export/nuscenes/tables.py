@@ -1,0 +1,118 @@
+"""The thirteen tables of the whole, put together from the parts of scenes, and the lists of splits."""
+
+import json
+import shutil
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TextIO
+
+from simbev_ros.config.scenario import SPLITS
+from simbev_ros.dataset import Scene
+from simbev_ros.export.nuscenes.map_masks import Site
+from simbev_ros.export.nuscenes.parts import Parts
+from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
+
+_OF_SCENES = (
+    "scene",
+    "log",
+    "sample",
+    "sample_data",
+    "ego_pose",
+    "calibrated_sensor",
+    "sample_annotation",
+    "instance",
+)
+_DECIMALS = 6
+
+
+def write_tables(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], version: str) -> None:
+    """Write the folder of tables, in place of an earlier one.
+
+    Args:
+        parts: Where the parts of the scenes are.
+        scenes: Those of which there are parts.
+        sites: Of all of them.
+        version: Name of the folder.
+    """
+    folder = parts.out / version
+    unfinished, old = (parts.out / f".{version}{suffix}" for suffix in (".part", ".old"))
+    for leftover in (unfinished, old):
+        shutil.rmtree(leftover, ignore_errors=True)
+    unfinished.mkdir()
+    _write(parts, scenes, sites, unfinished)
+    if folder.exists():
+        folder.rename(old)
+    unfinished.rename(folder)
+    shutil.rmtree(old, ignore_errors=True)
+    _remove_masks(parts.out)
+
+
+def _write(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], folder: Path) -> None:
+    site_of = {name: site for site in sites for name in site.scenes}
+    logs: defaultdict[str, list[str]] = defaultdict(list)
+    sensors: dict[str, Record] = {}
+    splits: dict[str, list[str]] = {f"simbev_{split}": [] for split in SPLITS}
+    with ExitStack() as stack:
+        files = {name: stack.enter_context(_Table(folder / f"{name}.json")) for name in _OF_SCENES}
+        for scene in scenes:
+            site, summary, content = site_of[scene.name], parts.summary(scene), parts.content(scene)
+            for name, file in files.items():
+                file.add(_AT_SITE[name](content[name], site) if name in _AT_SITE else content[name])
+            logs[site.token] += [record["token"] for record in content["log"]]
+            sensors.update({record["token"]: record for record in summary["sensors"]})
+            splits[f"simbev_{summary['split']}"].append(scene.name)
+    rest = {**taxonomy_tables(), "sensor": list(sensors.values())}
+    rest["map"] = [site.record(logs[site.token]) for site in sites]
+    for name, records in rest.items():
+        with _Table(folder / f"{name}.json") as table:
+            table.add(records)
+    (folder / "splits.json").write_text(json.dumps(splits, indent=1), encoding="utf-8")
+
+
+def _remove_masks(out: Path) -> None:
+    """Those that no table of maps names."""
+    maps = [json.loads(table.read_text(encoding="utf-8")) for table in out.glob("*/map.json")]
+    kept = {record["filename"] for records in maps for record in records}
+    for mask in (out / "maps").iterdir():
+        if str(mask.relative_to(out)) not in kept:
+            mask.unlink()
+
+
+def _placed(records: Iterable[Record], site: Site) -> Iterator[Record]:
+    """Records with their positions in nuScenes' global frame."""
+    for record in records:
+        x_m, y_m, z_m = record["translation"]
+        place_m = [round(x_m - site.low_m[0], _DECIMALS), round(y_m - site.low_m[1], _DECIMALS), round(z_m, _DECIMALS)]
+        yield {**record, "translation": place_m}
+
+
+def _located(records: Iterable[Record], site: Site) -> Iterator[Record]:
+    """Records with the name of the place."""
+    return ({**record, "location": site.name} for record in records)
+
+
+_AT_SITE = {"ego_pose": _placed, "sample_annotation": _placed, "log": _located}
+"""What of a scene's rows depends on where its map's mask begins."""
+
+
+class _Table:
+    """A JSON list that is written record by record, one a line."""
+
+    def __init__(self, path: Path) -> None:
+        self._file: TextIO = path.open("w", encoding="utf-8")
+        self._separator = "[\n"
+
+    def add(self, records: Iterable[Record]) -> None:
+        """More records."""
+        for record in records:
+            self._file.write(self._separator + json.dumps(record))
+            self._separator = ",\n"
+
+    def __enter__(self) -> "_Table":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.write("\n]" if self._separator != "[\n" else "[]")
+        self._file.close()

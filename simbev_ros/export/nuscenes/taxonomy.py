@@ -1,0 +1,101 @@
+"""nuScenes' categories, attributes and levels of visibility of our boxes; the tables are in taxonomy.yaml."""
+
+import hashlib
+from collections.abc import Collection, Sequence
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+
+from simbev_ros.annotation.boxes import NO_BLUEPRINT
+from simbev_ros.scene.state import SignalState
+from simbev_ros.semantics import BOX_CLASSES, SIGN_TYPES
+from simbev_ros.types import AnyArray, Table
+
+_MOVES_MPS = 0.2
+_CYCLES = ("vehicle.motorcycle", "vehicle.bicycle")
+
+Record = dict[str, Any]
+
+
+def token(*parts: object) -> str:
+    """The token of something, the same in every export: 32 hexadecimal digits, as nuScenes' are."""
+    return hashlib.md5("/".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
+
+
+def taxonomy_tables() -> dict[str, list[Record]]:
+    """The tables ``category``, ``attribute`` and ``visibility``."""
+    tables = _taxonomy()
+    levels = tables["visibility"]
+    return {
+        "category": [_named("category", name, text) for name, text in tables["categories"].items()],
+        "attribute": [_named("attribute", name, text) for name, text in tables["attributes"].items()],
+        "visibility": [
+            {"token": each["token"], "level": each["level"], "description": f"visible share of pixels: {each['level']}"}
+            for each in levels
+        ],
+    }
+
+
+def categories_of(boxes: Table, blueprints: Sequence[str]) -> list[str]:
+    """Names of the categories of (N,) boxes, by names of the blueprints that they number."""
+    by_class, by_blueprint = _taxonomy()["of_class"], _taxonomy()["of_blueprint"]
+    names = []
+    for box_class, blueprint in zip(boxes["class"].tolist(), boxes["blueprint"].tolist(), strict=True):
+        known = "" if blueprint == NO_BLUEPRINT else by_blueprint.get(blueprints[blueprint], "")
+        names.append(known or by_class[BOX_CLASSES[box_class]])
+    return names
+
+
+def attributes_of(
+    boxes: Table, categories: Sequence[str], parked: Collection[int], ridden: Collection[int]
+) -> list[list[str]]:
+    """Names of the attributes of (N,) boxes, at most one each, as the devkit's evaluation demands.
+
+    Args:
+        boxes: ``BOX_DTYPE`` rows.
+        categories: Their categories.
+        parked: Ids of what stands for the whole scene.
+        ridden: Ids of what has a rider now.
+    """
+    moves = np.linalg.norm([boxes["vx"], boxes["vy"], boxes["vz"]], axis=0) > _MOVES_MPS
+    return [
+        _attributes(category, row, moves=bool(moving), parked=row["id"] in parked, ridden=row["id"] in ridden)
+        for row, category, moving in zip(boxes, categories, moves, strict=True)
+    ]
+
+
+def _attributes(category: str, row: Any, *, moves: bool, parked: bool, ridden: bool) -> list[str]:
+    if category in _CYCLES:
+        return ["cycle.with_rider" if ridden else "cycle.without_rider"]
+    if category.startswith("vehicle."):
+        return ["vehicle.moving" if moves else "vehicle.parked" if parked else "vehicle.stopped"]
+    if category.startswith("human."):
+        return ["pedestrian.moving" if moves else "pedestrian.standing"]
+    name = BOX_CLASSES[row["class"]]
+    if name == "traffic_light":
+        return [f"traffic_light.{SignalState(row['state']).name.lower()}"]
+    if name == "traffic_sign" and row["sign"]:
+        return [f"traffic_sign.{SIGN_TYPES[row['sign']]}"]
+    return []
+
+
+def visibility_tokens(visibility: AnyArray) -> list[str]:
+    """Tokens of the levels of (N,) visible shares; what is in no image (NaN) has the lowest."""
+    levels = _taxonomy()["visibility"]
+    edges = [each["from"] for each in levels[1:]]
+    places = np.searchsorted(edges, np.nan_to_num(visibility), side="right")
+    return [levels[place]["token"] for place in places.tolist()]
+
+
+def _named(table: str, name: str, description: str) -> Record:
+    return {"token": token(table, name), "name": name, "description": description}
+
+
+@lru_cache(maxsize=1)
+def _taxonomy() -> dict[str, Any]:
+    text = files("simbev_ros.export.nuscenes").joinpath("taxonomy.yaml").read_text(encoding="utf-8")
+    tables: dict[str, Any] = yaml.safe_load(text)
+    return tables

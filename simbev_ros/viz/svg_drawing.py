@@ -1,0 +1,109 @@
+"""Marks on a sheet, as SVG text to be put into a page, whose style sheet gives texts and lines their looks."""
+
+import base64
+import io
+import math
+from dataclasses import dataclass, field
+from html import escape
+
+import numpy as np
+from PIL import Image
+
+from simbev_ros.types import AnyArray
+
+Color = tuple[int, int, int]
+INK: Color = (47, 111, 143)
+Size = tuple[float, float]
+
+_PAPER: Color = (250, 249, 246)
+_TICKS = 5
+_TOP_SHARE = 0.998
+
+
+@dataclass(slots=True)
+class Drawing:
+    """Marks on a sheet of some size."""
+
+    width: float
+    height: float
+    marks: list[str] = field(default_factory=list)
+
+    def add(self, mark: str) -> None:
+        """Put a mark on top."""
+        self.marks.append(mark)
+
+    def text(self, x: float, y: float, text: str, kind: str = "tick", anchor: str = "middle") -> None:
+        """One line of text; ``kind`` is its class in the style sheet."""
+        self.add(f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>')
+
+    def line(self, x0: float, y0: float, x1: float, y1: float, kind: str = "grid") -> None:
+        """A straight line."""
+        self.add(f'<line class="{kind}" x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>')
+
+    def block(self, x: float, y: float, width: float, height: float, color: Color, title: str = "") -> None:
+        """A filled rectangle."""
+        place = f'x="{x:.2f}" y="{y:.2f}" width="{max(width, 0):.2f}" height="{max(height, 0):.2f}"'
+        self.add(f'<rect {place} fill="{css(color)}"><title>{escape(title)}</title></rect>')
+
+    def picture(self, x: float, y: float, size: Size, indices: AnyArray, ramp: AnyArray) -> None:
+        """(H, W) uint8 indices into (256, 3) colours."""
+        place = f'x="{x:.1f}" y="{y:.1f}" width="{size[0]:.1f}" height="{size[1]:.1f}"'
+        self.add(f'<image {place} preserveAspectRatio="none" href="{_png(indices, ramp)}"/>')
+
+    def mark_ego(self, x: float, y: float) -> None:
+        """A small arrow that points up."""
+        self.add(f'<path class="ego" d="M{x:.1f} {y - 7:.1f}l5 12l-5 -3l-5 3z"/>')
+
+    def svg(self) -> str:
+        """All of it."""
+        box = f"0 0 {self.width:.0f} {self.height:.0f}"
+        return f'<svg viewBox="{box}" width="{self.width:.0f}" role="img">{"".join(self.marks)}</svg>'
+
+
+def heat(values: AnyArray, color: Color = INK, gamma: float = 0.5) -> tuple[AnyArray, AnyArray]:
+    """Picture of (H, W) values ≥ 0: (H, W) uint8 indices and their (256, 3) colours, from paper to dark.
+
+    The few highest values, such as where the ego itself is, are all as dark as the next.
+    """
+    top = float(np.quantile(values, _TOP_SHARE)) or float(values.max()) or 1.0
+    return np.rint(np.minimum(values / top, 1.0) ** gamma * 255).astype(np.uint8), ramp(color)
+
+
+def ramp(color: Color) -> AnyArray:
+    """(256, 3) uint8 from paper over a colour to a darker one."""
+    dark = np.array(color) * 0.35
+    stops = np.array([_PAPER, np.array(color), dark], np.float64)
+    places = np.linspace(0, 2, 256)
+    return np.stack([np.interp(places, (0, 1.4, 2), stops[:, k]) for k in range(3)], axis=1).round().astype(np.uint8)
+
+
+def number(value: float) -> str:
+    """A number as people write it, in at most five characters or so."""
+    size = abs(value)
+    for scale, unit in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if size >= max(scale, 1e4):
+            return f"{value / scale:.3g} {unit}" if size < 1e3 * scale else f"{value / scale:,.0f} {unit}"
+    return f"{value:,.0f}" if size >= 100 or float(value).is_integer() else f"{value:.3g}"
+
+
+def css(color: Color) -> str:
+    """As style sheets have colours."""
+    red, green, blue = color
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def ticks(low: float, high: float, least: float = 0.0) -> list[float]:
+    """Round values between two others, at least some step apart."""
+    rough = max((high - low) / _TICKS, least)
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * factor for factor in (1, 2, 2.5, 5, 10) if power * factor >= rough * 0.999)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [round(index * step, 12) for index in range(first, last + 1)]
+
+
+def _png(indices: AnyArray, ramp_colors: AnyArray) -> str:
+    picture = Image.fromarray(np.ascontiguousarray(indices, np.uint8), "P")
+    picture.putpalette(np.ascontiguousarray(ramp_colors, np.uint8).tobytes())
+    file = io.BytesIO()
+    picture.save(file, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()

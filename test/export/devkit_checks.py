@@ -1,0 +1,125 @@
+"""What the nuscenes-devkit finds in an export. Run by its own Python, without this project: DATAROOT FOLDER → JSON."""
+
+import json
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import numpy as np
+from nuscenes import NuScenes
+from nuscenes.eval.common.config import config_factory
+from nuscenes.eval.detection.evaluate import DetectionEval
+from nuscenes.eval.detection.utils import category_to_detection_name
+from nuscenes.utils.data_classes import LidarPointCloud, RadarPointCloud
+from nuscenes.utils.geometry_utils import BoxVisibility, points_in_box
+from pyquaternion import Quaternion
+
+SPLIT = "simbev_train"
+
+
+def points(nusc, sample, modality):
+    """(3, N) of all sensors of a kind, global frame, as the devkit brings them there."""
+    kind = LidarPointCloud if modality == "lidar" else RadarPointCloud
+    clouds = []
+    for token in sample["data"].values():
+        data = nusc.get("sample_data", token)
+        if data["sensor_modality"] != modality:
+            continue
+        cloud = kind.from_file(nusc.get_sample_data_path(token))
+        for table, key in (("calibrated_sensor", "calibrated_sensor_token"), ("ego_pose", "ego_pose_token")):
+            record = nusc.get(table, data[key])
+            cloud.rotate(Quaternion(record["rotation"]).rotation_matrix)
+            cloud.translate(np.array(record["translation"]))
+        clouds.append(cloud.points[:3])
+    return np.concatenate(clouds, axis=1)
+
+    return Quaternion(record["rotation"]).rotation_matrix
+
+
+def miscounted(nusc, modality):
+    """Boxes in which are not as many points as the table says; points that are on faces count either way."""
+    wrong, inside = [], 0
+    for sample in nusc.sample:
+        cloud = points(nusc, sample, modality)
+        for token in sample["anns"]:
+            said = nusc.get("sample_annotation", token)[f"num_{modality}_pts"]
+            least, most = (int(points_in_box(nusc.get_box(token), cloud, size).sum()) for size in (0.998, 1.002))
+            inside += least
+            if not least <= said <= most:
+                wrong.append([token, said, least, most])
+    return {"wrong": wrong, "inside": inside}
+
+
+def predictions(nusc):
+    """The truth in the form of detections."""
+    attribute = {each["token"]: each["name"] for each in nusc.attribute}
+    results = {}
+    for sample in nusc.sample:
+        results[sample["token"]] = []
+        for token in sample["anns"]:
+            annotation = nusc.get("sample_annotation", token)
+            name = category_to_detection_name(annotation["category_name"])
+            if name is not None and annotation["num_lidar_pts"] + annotation["num_radar_pts"] != 0:  # as of the truth
+                results[sample["token"]].append(
+                    {
+                        "sample_token": sample["token"],
+                        "translation": annotation["translation"],
+                        "size": annotation["size"],
+                        "rotation": annotation["rotation"],
+                        "velocity": np.nan_to_num(nusc.box_velocity(token)[:2]).tolist(),
+                        "detection_name": name,
+                        "detection_score": 1.0,
+                        "attribute_name": attribute[annotation["attribute_tokens"][0]]
+                        if annotation["attribute_tokens"]
+                        else "",
+                    }
+                )
+    meta = dict.fromkeys(["use_camera", "use_lidar", "use_radar", "use_map", "use_external"], False)
+    return {"meta": meta, "results": results}
+
+
+def evaluated(nusc, folder):
+    """The devkit's score of the truth, over the classes that there are."""
+    path = folder / "predictions.json"
+    path.write_text(json.dumps(predictions(nusc)))
+    config = config_factory("detection_cvpr_2019")
+    evaluation = DetectionEval(nusc, config, str(path), SPLIT, str(folder / "eval"), verbose=False)
+    config.class_names = sorted({box.detection_name for box in evaluation.gt_boxes.all})
+    metrics, _ = evaluation.evaluate()
+    return {"classes": config.class_names, "mean_ap": metrics.mean_ap, "nd_score": metrics.nd_score}
+
+
+def main():
+    """Run everything."""
+    dataroot, folder = sys.argv[1], Path(sys.argv[2])
+    nusc = NuScenes(version="v1.0-trainval", dataroot=dataroot, verbose=False)
+    nusc.list_scenes()
+    nusc.list_categories()
+    nusc.list_attributes()
+    sample = nusc.sample[len(nusc.sample) // 2]
+    for channel, token in sample["data"].items():
+        nusc.render_sample_data(token, out_path=str(folder / f"{channel}.png"), verbose=False)
+    nusc.render_pointcloud_in_image(sample["token"], out_path=str(folder / "points_in_image.png"), verbose=False)
+    nusc.render_egoposes_on_map(nusc.log[0]["location"], out_path=str(folder / "map.png"))
+    poses = np.array([pose["translation"] for pose in nusc.ego_pose])
+    seen = {
+        channel: len(nusc.get_sample_data(token, box_vis_level=BoxVisibility.ANY)[1])
+        for channel, token in sample["data"].items()
+    }
+    found = {
+        "scenes": [scene["name"] for scene in nusc.scene],
+        "samples": len(nusc.sample),
+        "seen": seen,
+        "on_mask": bool(nusc.map[0]["mask"].is_on_mask(poses[:, 0], poses[:, 1]).all()),
+        "mask_share": float((nusc.map[0]["mask"].mask() == 255).mean()),
+        "lidar": miscounted(nusc, "lidar"),
+        "radar": miscounted(nusc, "radar"),
+        "detection": evaluated(nusc, folder),
+    }
+    (folder / "found.json").write_text(json.dumps(found))
+
+
+main()

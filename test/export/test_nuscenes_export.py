@@ -1,0 +1,408 @@
+"""nuScenes' layout holds together, and says where things are as the bags do."""
+
+import hashlib
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from made_up_scene import made_up_scene
+from PIL import Image
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from simbev_ros.cli.main import app
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.sensor import Pose
+from simbev_ros.dataset import Scene, columns, open_dataset
+from simbev_ros.dataset.calibration import Calibration
+from simbev_ros.errors import InputError
+from simbev_ros.export.nuscenes import scene_part, sensor_files, taxonomy
+from simbev_ros.export.nuscenes.channels import Channel
+from simbev_ros.export.nuscenes.export import Exported, export_nuscenes
+from simbev_ros.export.nuscenes.map_masks import sites_of
+from simbev_ros.export.nuscenes.sensor_files import radar_rows
+from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
+from simbev_ros.geometry.camera import LensCamera
+from simbev_ros.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.roads.surface import surfaces_of
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.recording.layout import locate_mcap
+from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID
+from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.sensors.lidar import POINT_DTYPE
+from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
+from simbev_ros.types import AnyArray, Float64Array
+
+Tables = dict[str, list[dict[str, Any]]]
+TABLES = ["category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log", "scene"]
+TABLES += ["sample", "sample_data", "sample_annotation", "map"]
+CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+def export(dataset: Path, out: Path, **options: Any) -> Exported:
+    return export_nuscenes(open_dataset(dataset, threads=1), out, **options)
+
+
+def tables_of(out: Path) -> Tables:
+    return {name: json.loads((out / "v1.0-trainval" / f"{name}.json").read_text()) for name in TABLES}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset of two scenes, and its export."""
+    folder = tmp_path_factory.mktemp("nuscenes")
+    made_up_scene(folder / "set/scenes/train/Blocks-0000", ticks=23)
+    made_up_scene(folder / "set/scenes/val/Blocks-0001", number=1, split="val", ticks=12)
+    export(folder / "set", folder / "out")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tables(folder: Path) -> Tables:
+    return tables_of(folder / "out")
+
+
+@pytest.fixture(scope="module")
+def scene(folder: Path) -> Scene:
+    return open_dataset(folder / "set").scenes[0]
+
+
+def index(records: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    known = {record["token"]: record for record in records}
+    assert len(known) == len(records), "two records have one token"
+    return known
+
+
+def matrix(record: dict[str, Any]) -> Float64Array:
+    """(4, 4) of a translation and a quaternion w x y z, by scipy."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_quat(np.roll(record["rotation"], -1)).as_matrix()
+    pose[:3, 3] = record["translation"]
+    return pose
+
+
+def global_from_map(tables: Tables) -> Float64Array:
+    pose = np.eye(4)
+    pose[:2, 3] = -np.array(tables["map"][0]["origin_m"])
+    return pose
+
+
+def row_of(tables: Tables, channel: str, stamp_ns: int) -> dict[str, Any]:
+    """Of the table ``sample_data``."""
+    rows = [row for row in tables["sample_data"] if channel == row["filename"].split("/")[1]]
+    return next(row for row in rows if row["timestamp"] * 1000 == stamp_ns)
+
+
+def annotations_of(tables: Tables, data: dict[str, Any]) -> list[dict[str, Any]]:
+    return [record for record in tables["sample_annotation"] if record["sample_token"] == data["sample_token"]]
+
+
+def test_every_token_refers_to_something(tables: Tables) -> None:
+    known = {name: index(records) for name, records in tables.items()}
+    aliases = {"first_sample": "sample", "last_sample": "sample"}
+    aliases |= dict.fromkeys(("first_annotation", "last_annotation"), "sample_annotation")
+    for name, records in tables.items():
+        for record in records:
+            for key, value in record.items():
+                if key.endswith("_token"):
+                    table = key.removesuffix("_token")
+                    assert value in known[aliases.get(table, table)], f"{name}: {key}"
+                elif key.endswith("_tokens"):
+                    assert set(value) <= set(known[key.removesuffix("_tokens")]), f"{name}: {key}"
+                elif key in {"prev", "next"}:
+                    assert value == "" or value in known[name], f"{name}: {key}"
+    assert sorted(token for record in tables["map"] for token in record["log_tokens"]) == sorted(known["log"])
+
+
+def test_chains_run_through_time(tables: Tables) -> None:
+    stamp = {record["token"]: record["timestamp"] for record in tables["sample"]}
+    groups = {
+        "sample": ("scene_token", lambda record: record["timestamp"]),
+        "sample_data": ("calibrated_sensor_token", lambda record: record["timestamp"]),
+        "sample_annotation": ("instance_token", lambda record: stamp[record["sample_token"]]),
+    }
+    for name, (key, time) in groups.items():
+        for group in {record[key] for record in tables[name]}:
+            chain = sorted((record for record in tables[name] if record[key] == group), key=time)
+            assert len({time(record) for record in chain}) == len(chain)
+            tokens = [record["token"] for record in chain]
+            assert [record["prev"] for record in chain] == ["", *tokens[:-1]]
+            assert [record["next"] for record in chain] == [*tokens[1:], ""]
+
+
+def test_instances_and_scenes_know_their_first_and_last(tables: Tables) -> None:
+    count = Counter(record["instance_token"] for record in tables["sample_annotation"])
+    annotations, samples = index(tables["sample_annotation"]), index(tables["sample"])
+    for instance in tables["instance"]:
+        assert instance["nbr_annotations"] == count[instance["token"]]
+        assert annotations[instance["first_annotation_token"]]["prev"] == ""
+        assert annotations[instance["last_annotation_token"]]["next"] == ""
+    for scene in tables["scene"]:
+        assert samples[scene["first_sample_token"]]["prev"] == ""
+        assert samples[scene["last_sample_token"]]["next"] == ""
+
+
+def test_keyframes_come_twice_a_second_and_sweeps_belong_to_the_next_one(tables: Tables, scene: Scene) -> None:
+    token = next(record["token"] for record in tables["scene"] if record["name"] == "Blocks-0000")
+    samples = [record for record in tables["sample"] if record["scene_token"] == token]
+    assert [record["timestamp"] * 1000 for record in samples] == scene.stamps_ns[[0, 10, 20]].tolist()
+    lidar = [record for record in tables["sample_data"] if "/LIDAR_TOP/Blocks-0000" in record["filename"]]
+    assert [record["is_key_frame"] for record in lidar] == [tick % 10 == 0 for tick in range(23)]
+    place = {record["token"]: number for number, record in enumerate(samples)}
+    assert [place[record["sample_token"]] for record in lidar] == [0, *[1] * 10, *[2] * 12]
+    assert all(record["filename"].startswith("samples/" if record["is_key_frame"] else "sweeps/") for record in lidar)
+
+
+def test_files_are_those_of_the_table(tables: Tables, folder: Path) -> None:
+    named = [record["filename"] for record in tables["sample_data"]]
+    there = [
+        str(path.relative_to(folder / "out"))
+        for part in ("samples", "sweeps")
+        for path in (folder / "out" / part).rglob("*.*")
+    ]
+    assert sorted(named) == sorted(there)
+    assert len(named) == (23 + 12) * 4
+
+
+def test_boxes_are_where_our_own_camera_sees_them(tables: Tables, scene: Scene) -> None:
+    data = row_of(tables, "CAM_BACK_LEFT", scene[10].stamp_ns)
+    calibration = index(tables["calibrated_sensor"])[data["calibrated_sensor_token"]]
+    optical_from_global = inverse(matrix(index(tables["ego_pose"])[data["ego_pose_token"]]) @ matrix(calibration))
+    seen = 0
+    for record, row in zip(annotations_of(tables, data), scene[10]["boxes"], strict=True):
+        width, length, height = record["size"]
+        corners_m = apply(optical_from_global @ matrix(record), CORNERS * [length, width, height])
+        pixels = corners_m @ np.array(calibration["camera_intrinsic"]).T
+        rpy = np.array([row["roll"], row["pitch"], row["yaw"]], np.float64)
+        map_from_box = matrices_from_xyz_rpy(np.array([row["x"], row["y"], row["z"]]), rpy)
+        expected_m = apply(map_from_box, CORNERS * [row["length"], row["width"], row["height"]])
+        expected_m = apply(inverse(scene[10].map_from_optical("cam_back_left")), expected_m)
+        np.testing.assert_allclose(corners_m, expected_m, atol=1e-4)
+        ahead = expected_m[:, 2] > 0.5
+        ours = scene.calibration["cam_back_left"].camera.project(expected_m[ahead])
+        np.testing.assert_allclose(pixels[ahead, :2] / pixels[ahead, 2:], ours, atol=0.02)
+        seen += ahead.sum()
+    assert seen > 10
+
+
+def test_annotations_say_what_boxes_say(tables: Tables, scene: Scene) -> None:
+    records = annotations_of(tables, row_of(tables, "LIDAR_TOP", scene[10].stamp_ns))
+    boxes = scene[10]["boxes"]
+    known = {name: index(tables[name]) for name in ("instance", "category", "attribute")}
+    for record, row in zip(records, boxes, strict=True):
+        assert record["num_lidar_pts"] == max(row["lidar_points"], 0)
+        assert record["num_radar_pts"] == row["radar_points"]
+        assert len(record["attribute_tokens"]) == 1
+    category = [known["category"][known["instance"][r["instance_token"]]["category_token"]]["name"] for r in records]
+    attribute = [known["attribute"][record["attribute_tokens"][0]]["name"] for record in records]
+    assert category[-2:] == ["static.manmade"] * 2
+    assert attribute[-2:] == ["traffic_light.green", "traffic_sign.speed_limit"]
+
+
+def test_lidar_points_are_turned_as_their_calibration_says(tables: Tables, scene: Scene, folder: Path) -> None:
+    data = row_of(tables, "LIDAR_TOP", scene[7].stamp_ns)
+    rows = np.fromfile(folder / "out" / data["filename"], np.float32).reshape(-1, 5)
+    cloud = scene[7]["lidar/points"]
+    np.testing.assert_array_equal(rows[:, 0], -cloud["y"])  # right
+    np.testing.assert_array_equal(rows[:, 1], cloud["x"])  # ahead
+    np.testing.assert_array_equal(rows[:, 4], cloud["ring"])
+    calibration = index(tables["calibrated_sensor"])[data["calibrated_sensor_token"]]
+    global_from_lidar = matrix(index(tables["ego_pose"])[data["ego_pose_token"]]) @ matrix(calibration)
+    expected_m = apply(global_from_map(tables) @ scene[7].map_from_sensor("lidar"), columns(cloud, "x", "y", "z"))
+    np.testing.assert_allclose(apply(global_from_lidar, rows[:, :3]), expected_m, atol=2e-5)
+
+
+class _Moving(dict[str, Any]):
+    """A frame whose ego is at the map's origin and drives along x."""
+
+    map_from_ego = np.eye(4)
+
+
+def test_points_of_a_rolling_scan_are_where_they_were_at_the_stamp() -> None:
+    lidar = Calibration.of(Lidar(type="lidar", name="lidar", pose=Pose(z_m=1.8, yaw_deg=90), rolling=True))
+    ego = np.zeros(1, ACTOR_DTYPE)
+    ego["id"], ego["vx"] = EGO_ID, 10.0
+    cloud = np.zeros(2, POINT_DTYPE)
+    cloud["y"], cloud["time"] = [-20.0, -20.5], [0.0, -0.05]  # one place ahead, seen now and half a metre earlier
+    frame = _Moving({"lidar/points": cloud, "world/actors": ego})
+    data = sensor_files.file_content(frame, Channel("LIDAR_TOP", "lidar", "lidar/points", lidar))  # type: ignore[arg-type]
+    rows = np.frombuffer(data, np.float32).reshape(-1, 5)
+    np.testing.assert_allclose(rows[:, :3], [[20, 0, 0]] * 2, atol=1e-5)  # to the right of a lidar that looks left
+
+
+def read_pcd(path: Path) -> AnyArray:
+    """By what the head says."""
+    head, _, body = path.read_bytes().partition(b"DATA binary\n")
+    fields = {line.split()[0]: line.split()[1:] for line in head.decode().splitlines() if not line.startswith("#")}
+    kinds = [kind.lower() + size for kind, size in zip(fields["TYPE"], fields["SIZE"], strict=True)]
+    dtype = np.dtype(list(zip(fields["FIELDS"], kinds, strict=True)))
+    assert dtype.itemsize == 43 and len(fields["FIELDS"]) == 18
+    return np.frombuffer(body, dtype, int(fields["POINTS"][0]))
+
+
+def test_radar_files_have_the_places_of_detections(tables: Tables, scene: Scene, folder: Path) -> None:
+    data = row_of(tables, "RADAR_FRONT", scene[7].stamp_ns)
+    rows, cloud = read_pcd(folder / "out" / data["filename"]), scene[7]["radar_front/points"]
+    for name in ("x", "y", "z"):
+        np.testing.assert_array_equal(rows[name], cloud[name])
+
+
+def test_radar_velocities_are_freed_from_the_radars_own() -> None:
+    cloud = np.zeros(3, RADAR_POINT_DTYPE)
+    cloud["x"], cloud["y"] = [30.0, 0.0, 40.0], [0.0, 20.0, 30.0]
+    cloud["doppler_velocity"] = [-10.0, 0.0, -10.0]  # at 10 m/s: a wall ahead, a wall at the side, an oncoming car
+    rows = radar_rows(cloud, np.array([10.0, 0.0, 0.0]), 100.0)
+    np.testing.assert_allclose(rows["vx"], [-10, 0, -8], atol=1e-5)
+    np.testing.assert_allclose(rows["vx_comp"], [0, 0, -1.6], atol=1e-5)
+    np.testing.assert_allclose(rows["vy_comp"], [0, 0, -1.2], atol=1e-5)
+    assert rows["dyn_prop"].tolist() == [1, 1, 2]
+
+
+def test_radar_cross_sections_do_not_depend_on_range() -> None:
+    cloud = np.zeros(2, RADAR_POINT_DTYPE)
+    cloud["x"] = [100.0, 10.0]
+    cloud["amplitude"] = [3.0, 43.0]  # the same 2 m²: ten times as near is ten thousand times as strong
+    np.testing.assert_allclose(radar_rows(cloud, np.zeros(3), 100.0)["rcs"], 3.0, atol=1e-4)
+
+
+def test_bent_images_become_straight() -> None:
+    settings = {"type": "camera", "name": "a", "width_px": 64, "height_px": 48, "horizontal_fov_deg": 60}
+    camera = Camera.model_validate({**settings, "distortion": [-0.2, 0.05, 0, 0, 0]}).model
+    assert isinstance(camera, LensCamera)
+    image = np.broadcast_to(3 * np.arange(64, dtype=np.uint8)[None, :, None], (48, 64, 3))
+    straight = sensor_files._straight(np.ascontiguousarray(image), camera)
+    v, u = np.mgrid[8:40, 8:56]
+    rays = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones_like(u)], axis=-1)
+    expected = 3 * camera.project(rays.reshape(-1, 3))[:, 0].reshape(u.shape)
+    assert np.abs(straight[8:40, 8:56, 0] - expected).max() < 1.5
+
+
+def test_images_are_jpegs_of_the_size_in_the_table(tables: Tables, folder: Path) -> None:
+    data = next(record for record in tables["sample_data"] if "CAM_FRONT" in record["filename"])
+    with Image.open(folder / "out" / data["filename"]) as image:
+        assert (image.format, image.size) == ("JPEG", (data["width"], data["height"]))
+
+
+def test_mask_is_white_on_roads_and_sidewalks_as_the_devkit_looks_them_up(tables: Tables, folder: Path) -> None:
+    record = tables["map"][0]
+    with Image.open(folder / "out" / record["filename"]) as image:
+        mask = np.asarray(image)
+    rng = np.random.default_rng(0)
+    places_m = rng.uniform([1, 1], [mask.shape[1] / 10 - 1, mask.shape[0] / 10 - 1], (4000, 2))
+    column, row = np.rint([places_m[:, 0] * 10, mask.shape[0] - places_m[:, 1] * 10]).astype(int)
+    surfaces = surfaces_of(load_network(MapSpec(name="Blocks")).layout)
+    paved = shapely.union_all([surfaces.road, surfaces.shoulder, surfaces.sidewalk])
+    points = shapely.points(places_m + record["origin_m"])
+    shapely.prepare(paved)
+    sure = shapely.distance(shapely.boundary(paved), points) > 0.2
+    np.testing.assert_array_equal((mask[row, column] == 255)[sure], shapely.contains(paved, points)[sure])
+    assert 0.02 < (mask == 255).mean() < 0.5
+
+
+def test_scenes_far_apart_have_masks_of_their_own() -> None:
+    def summary(name: str, x_m: float) -> dict[str, Any]:
+        place = {"low_m": [x_m, 0.0], "high_m": [x_m + 50, 10.0], "bag": ""}
+        return {"name": name, "map": {"name": "Town13", "seed": 0}, **place}
+
+    near, far = sites_of([summary("a", 0), summary("b", 900)]), sites_of([summary("a", 0), summary("b", 9e4)])
+    assert [(site.scenes, site.name) for site in near] == [(("a", "b"), "Town13")]
+    assert [(site.scenes, site.name) for site in far] == [(("a",), "Town13 a"), (("b",), "Town13 b")]
+    assert far[1].low_m == (89850.0, -150.0)
+
+
+def test_splits_name_their_scenes(folder: Path) -> None:
+    splits = json.loads((folder / "out/v1.0-trainval/splits.json").read_text())
+    assert splits == {"simbev_train": ["Blocks-0000"], "simbev_val": ["Blocks-0001"], "simbev_test": []}
+
+
+def test_slower_sensors_give_samples_their_last_data(tmp_path: Path) -> None:
+    made = made_up_scene(tmp_path / "Blocks-0000", ticks=21)
+    taken = scene_part._taken(open_dataset(tmp_path / "Blocks-0000").scenes[0], _Occupancy(), np.array([0, 5, 11, 20]))  # type: ignore[arg-type]
+    assert taken == {0: 0, 4: 5, 10: 11, 20: 20}
+    assert "occupancy/points" in made.ticks[4]
+
+
+class _Occupancy:
+    key = "occupancy/points"
+
+
+def test_everything_has_a_category_and_visibility_a_level() -> None:
+    known = {record["name"] for record in taxonomy_tables()["category"]}
+    of_class, of_blueprint = (taxonomy._taxonomy()[name] for name in ("of_class", "of_blueprint"))
+    assert set(of_class) == set(BOX_CLASSES)
+    assert {*of_class.values(), *of_blueprint.values()} <= known
+    assert set(of_blueprint) <= {blueprint.name for blueprint in load_blueprints()}
+    assert visibility_tokens(np.array([np.nan, 0.39, 0.4, 0.61, 0.8, 1.0])) == ["1", "1", "2", "3", "4", "4"]
+
+
+def digest(out: Path) -> dict[str, str]:
+    files = [path for path in out.rglob("*") if path.is_file() and path.name != ".lock"]
+    return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_an_interrupted_export_goes_on(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = 0
+
+    def fails_late(*arguments: Any) -> bytes:
+        nonlocal calls
+        calls += 1
+        if calls == 110:  # in the second scene
+            raise KeyboardInterrupt
+        return sensor_files.file_content(*arguments)
+
+    monkeypatch.setattr(scene_part, "file_content", fails_late)
+    with pytest.raises(KeyboardInterrupt):
+        export(folder / "set", tmp_path)
+    assert not list(tmp_path.glob("s*/*/Blocks-0001*")) and not (tmp_path / "v1.0-trainval").exists()
+    done = export(folder / "set", tmp_path)
+    assert (done.scenes, done.made) == (2, 1)
+    assert digest(tmp_path) == digest(folder / "out")
+    assert export(folder / "set", tmp_path).made == 0
+
+
+def test_another_bag_or_other_settings_replace_what_is_there(tmp_path: Path) -> None:
+    bag = tmp_path / "set/scenes/train/Blocks-0000"
+    made_up_scene(bag, ticks=23)
+    export(tmp_path / "set", tmp_path / "out")
+    assert export(tmp_path / "set", tmp_path / "out", sweeps=False, keyframe_hz=None).made == 1
+    with pytest.raises(InputError, match=r"--keyframe-hz: 3 is no divisor of the 20 frames/s"):
+        export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # and what is there stays
+    assert not list((tmp_path / "out").glob("sweeps/*/*"))
+    assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23
+
+
+def test_a_damaged_scene_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1)
+    file = locate_mcap(tmp_path / "set/scenes/train/Blocks-0001")
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 100] = bytes(100)
+    file.write_bytes(data)
+    done = export(tmp_path / "set", tmp_path / "out")
+    assert done.scenes == 1 and list(done.failures) == ["Blocks-0001"]
+    assert [record["name"] for record in tables_of(tmp_path / "out")["scene"]] == ["Blocks-0000"]
+
+
+def test_bad_input_is_explained(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "Blocks-0000")
+    (tmp_path / "empty/scenes").mkdir(parents=True)
+    with pytest.raises(InputError, match="no finished scene"):
+        export(tmp_path / "empty", tmp_path / "out")
+    (tmp_path / "real/v1.0-trainval").mkdir(parents=True)
+    with pytest.raises(InputError, match="simbev has not written"):
+        export(tmp_path / "Blocks-0000", tmp_path / "real")
+
+
+def test_the_command_says_what_it_has_made(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "Blocks-0000")
+    words = ["export", "nuscenes", str(tmp_path / "Blocks-0000"), "--out", str(tmp_path / "out"), "--all-frames"]
+    first, second = (CliRunner().invoke(app, words) for _ in range(2))
+    assert "3 samples of 1 scene, 12 files in" in first.output
+    assert "1 scene was there already" in second.output

@@ -1,0 +1,72 @@
+"""What is recorded is what was asked for, as long as there is room for it."""
+
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from commands import SCENE, Command, record
+
+from simbev_ros.msgs.topics import REPLAYED
+from simbev_ros.recording.digest import topic_digests
+from simbev_ros.recording.layout import mcap_files
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.verify import verify_bag
+
+pytestmark = pytest.mark.graph
+
+Simbev = Callable[..., Command]
+Config = Callable[..., Path]
+
+FEW = """
+recording:
+  topics: {include: [/tf, "*/rgb/*"], exclude: ["*/camera_info"]}
+  zstd_level: null
+  chunk_kib: 64
+  split_mib: 1
+"""
+GREEDY = """
+recording: {chunk_kib: 256, sync_mib: 1, least_free_mib: 1}
+"""
+
+
+def digests(folder: Path) -> dict[str, str]:
+    with SceneBag(folder) as bag:
+        return topic_digests(bag)
+
+
+def test_a_bag_of_few_topics_is_enough_to_get_all_the_others_again(
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    bag = record(simbev, small_config(more=FEW), tmp_path / "few")
+    few, everything = digests(bag), digests(recorded)
+    assert few.keys() == {"/tf", "/ego/cam_front/rgb/image_raw/compressed", *REPLAYED}
+    assert {name for name in few if few[name] != everything[name]} == set()
+    assert len(mcap_files(bag)) > 1 and verify_bag(bag) == []
+    code, output = simbev("replay", bag, small_config(name="all.yaml"), "--out", tmp_path / "all").finish()
+    assert code == 0, output
+    assert digests(tmp_path / "all" / SCENE) == everything
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 5 MiB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=5m", "tmpfs", place], capture_output=True).returncode:
+        pytest.skip("no disk can be mounted here")
+    yield place
+    subprocess.run(["umount", place], check=True)
+
+
+def test_a_full_disk_ends_the_recording_with_one_message(
+    simbev: Simbev, small_config: Config, small_disk: Path
+) -> None:
+    config = small_config(120, GREEDY)
+    code, output = simbev("run", config, "--record", small_disk / "a").finish()
+    assert code == 1 and "Traceback" not in output, output
+    assert output.count("error: ") == 1 and "error: node recorder: " in output and "the disk is nearly full" in output
+    with SceneBag(small_disk / "a" / f"{SCENE}.partial") as bag:
+        assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
+    code, output = simbev("run", config, "--record", small_disk / "b").finish()
+    assert code == 1 and "error: " in output and "must stay free (recording.least_free_mib)" in output

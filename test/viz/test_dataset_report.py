@@ -1,0 +1,100 @@
+"""The report is one page that needs nothing else, and its charts draw the numbers."""
+
+import re
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from made_up_scene import made_up_scene
+from typer.testing import CliRunner
+
+from simbev_ros.cli.main import app
+from simbev_ros.errors import InputError
+from simbev_ros.viz.svg_charts import Series, bars, curves, histogram
+from simbev_ros.viz.svg_drawing import number, ticks
+
+_VOID = {"meta", "br"}
+
+
+class Page(HTMLParser):
+    """Checks that tags are closed in order, and keeps references."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.references: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.references += [value or "" for name, value in attrs if name in ("href", "src", "xlink:href")]
+        if tag not in _VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_a_page_of_a_dataset_or_a_bag_stands_alone(tmp_path: Path, single: bool) -> None:
+    bag = tmp_path / "set/scenes/train/Blocks-0000"
+    made_up_scene(bag)
+    report = tmp_path / "report.html"
+    result = CliRunner().invoke(app, ["info", str(bag if single else tmp_path / "set"), "--report", str(report)])
+    assert result.exit_code == 0, result.output
+    text = report.read_text(encoding="utf-8")
+    page = Page()
+    page.feed(text)
+    assert page.open == [] and page.references
+    assert all(reference.startswith("data:image/png;base64,") for reference in page.references)
+    assert "http" not in re.sub(r"base64,[\w+/=]+", "", text) and "<script" not in text
+    titles = [unescape(title) for title in re.findall(r"<h2>(.*?)</h2>", text)]
+    assert titles == [
+        *("Scenes", "Boxes", "Speed and size, class by class", "Bird's-eye view", "Maps", "Weather", "All scenes")
+    ]
+    for svg in re.findall(r"<svg .*?</svg>", text):
+        ElementTree.fromstring(svg)
+
+
+def test_a_page_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "Blocks-0000")
+    result = CliRunner().invoke(
+        app, ["info", str(tmp_path / "Blocks-0000"), "--report", str(tmp_path / "none/report.html")]
+    )
+    assert isinstance(result.exception, InputError) and "none: no such folder" in str(result.exception)
+
+
+def test_columns_are_as_high_as_their_numbers() -> None:
+    svg = ElementTree.fromstring(
+        histogram([Series("a", np.array([1, 0, 4, 0, 0])), Series("b", np.array([2, 0, 0, 0, 0]))], 5.0, "m", "boxes")
+    )
+    rects = [{name: float(rect.attrib[name]) for name in ("x", "y", "width", "height")} for rect in svg.iter("rect")]
+    assert [rect["height"] / rects[0]["height"] for rect in rects] == pytest.approx([1, 4, 2], rel=1e-3)
+    assert rects[2]["y"] + rects[2]["height"] == pytest.approx(rects[0]["y"], abs=0.02)  # b stands on a
+    assert rects[1]["x"] > rects[0]["x"] + rects[0]["width"] and len(rects) == 3
+
+
+def test_bars_are_as_long_as_their_numbers() -> None:
+    svg = ElementTree.fromstring(
+        bars(["x", "<y>"], [Series("a", np.array([3.0, 1.0])), Series("b", np.array([1.0, 0]))])
+    )
+    widths = [float(rect.attrib["width"]) for rect in svg.iter("rect")]
+    assert [width / widths[1] for width in widths] == pytest.approx([3, 1, 1, 0], abs=0.01)
+    assert [text.text for text in svg.iter("text")] == ["x", "4", "<y>", "1"]
+
+
+def test_curves_are_logarithmic_and_have_gaps() -> None:
+    values = np.array([100.0, 10.0, 0.0, 1.0])
+    svg = ElementTree.fromstring(curves(np.arange(4.0), [Series("a", values)], "m", "points"))
+    lines = [[tuple(map(float, p.split(","))) for p in line.attrib["points"].split()] for line in svg.iter("polyline")]
+    assert [len(line) for line in lines] == [2, 1]
+    assert lines[0][1][1] - lines[0][0][1] == pytest.approx((lines[1][0][1] - lines[0][0][1]) / 2, abs=0.2)
+
+
+def test_numbers_and_ticks_are_round() -> None:
+    assert [number(value) for value in (0, 3.14159, 42.0, 1234, 56_789, 1.5e6, 0.00059)] == [
+        *("0", "3.14", "42", "1,234", "56.8 k", "1.5 M", "0.00059")
+    ]
+    assert ticks(0, 100) == [0, 20, 40, 60, 80, 100] and ticks(-90, 90) == [-50, 0, 50]
+    assert ticks(0, 2, least=1) == [0, 1, 2]

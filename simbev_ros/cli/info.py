@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from simbev_ros.errors import InputError
-from simbev_ros.recording.layout import is_dataset, scenes_of
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, is_dataset, is_scene, scenes_of
 from simbev_ros.scene.ending import DURATION
 
 _STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red"}
@@ -45,11 +45,14 @@ def info(
     simbev info datasets/first --report first.html
     """
     if is_dataset(path):
-        scenes = [_describe(bag, digest) for bag in scenes_of(path)]
+        bags = scenes_of(path)
+        scenes = [_describe(bag, digest) for bag in bags]
         facts: dict[str, Any] = {"path": str(path), "scenes": scenes}
-        finished = sum(scene["state"] == "finished" for scene in scenes)
+        own = {str(bag) for bag in bags if is_scene(bag) or bag.name.endswith(PARTIAL_SUFFIX)}
+        finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
+        more = f", {len(bags) - len(own)} additional bags" if len(bags) > len(own) else ""
         parts: list[str | Table] = [
-            f"[bold]{escape(str(path))}[/]: {finished} of {len(scenes)} scenes finished",
+            f"[bold]{escape(str(path))}[/]: {finished} of {len(own)} scenes finished{more}",
             _scene_table(scenes, digest),
         ]
     else:

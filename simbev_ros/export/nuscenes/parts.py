@@ -13,7 +13,7 @@ from typing import Any
 
 from simbev_ros import __version__
 from simbev_ros.dataset import Scene
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, locate_mcap
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, mcap_files
 
 _FOLDER = ".parts"
 
@@ -89,8 +89,8 @@ class Parts:
         return content
 
     def _made_from(self, scene: Scene) -> Json:
-        state = locate_mcap(scene.path).stat()
-        return {"bytes": state.st_size, "mtime_ns": state.st_mtime_ns, "by": __version__, **self.settings}
+        newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(scene.path))
+        return {"bytes": bytes_of(scene.path), "mtime_ns": newest_ns, "by": __version__, **self.settings}
 
     def _known(self, scene: Scene) -> Json:
         path = self._head(scene)

@@ -82,6 +82,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
     assert not [fault for bag in scenes_of(tmp_path / "killed") for fault in verify_bag(bag)]
 
 
+@pytest.mark.slow
 def test_more_scenes_are_added_and_some_replaced_with_nothing_else_touched(simbev: Simbev, tmp_path: Path) -> None:
     dataset = tmp_path / "set"
     made(simbev, write(tmp_path, SMALL), dataset)
@@ -114,6 +115,7 @@ def test_a_second_writer_is_refused_and_an_interrupt_leaves_whole_scenes(simbev:
     assert not list(dataset.glob(".making"))
 
 
+@pytest.mark.slow
 def test_a_scene_that_cannot_be_made_is_listed_and_the_rest_goes_on(simbev: Simbev, tmp_path: Path) -> None:
     config, dataset = write(tmp_path, "{map: Blocks, train: 3}"), tmp_path / "set"
     entries = [{"number": number, "map": name, "split": "train"} for number, name in enumerate(["Blocks", "Atlantis"])]

@@ -35,6 +35,7 @@ def digests(folder: Path) -> dict[str, str]:
         return topic_digests(bag)
 
 
+@pytest.mark.slow
 def test_a_bag_of_few_topics_is_enough_to_get_all_the_others_again(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:

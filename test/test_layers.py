@@ -19,7 +19,7 @@ FLOORS = [
     {"annotation"},
     {"recording"},
     {"dataset"},
-    {"export", "viz"},
+    {"export", "viz", "evaluation"},
     {"msgs"},
     {"nodes"},
     {"graph"},

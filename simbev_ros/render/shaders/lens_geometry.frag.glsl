@@ -21,7 +21,7 @@ layout(location = 3) out vec2 flow;
 
 const float NEAREST_M = 1e-3;
 const float TOLERANCE_PX = 0.01;  // triangles that share an edge must not leave a gap
-const float NARROW_PX = 1.0;
+const float SMALL_PX = 1.0;
 
 // Pixel of a place on the plane z = 1.
 vec2 lens_pixel(vec2 place) {
@@ -40,15 +40,17 @@ float within(uvec4 edges, vec2 offset) {
     return min(within_edge(edges.x, offset), min(within_edge(edges.y, offset), within_edge(edges.z, offset)));
 }
 
-// The texel that shows the triangle which is seen at a place. A triangle no wider than about a texel has others of its
-// surface beside it that no texel may show, so what lies behind it is not taken for seen beside it.
-ivec2 texel_of(vec2 ideal) {
+// The texel that shows the triangle which is seen at a place. A small triangle has others of its surface beside it that
+// no texel may show, so what lies behind it is not taken for seen beside it. Of labels that also holds for a triangle that
+// is long, but no wider than about a texel, as they are at silhouettes; depth beside it is better taken from behind.
+ivec2 texel_of(vec2 ideal, bool of_labels) {
     ivec2 found = ivec2(round(ideal)), first = ivec2(floor(ideal));
     uvec4 edges = texelFetch(g_edges, found, 0);
     uvec3 reach = edges.xyz & 0xFFFFu;
-    uint second_nearest = max(min(reach.x, reach.y), min(max(reach.x, reach.y), reach.z));
-    bool narrow = second_nearest < uint(NARROW_PX / EDGE_REACH * 65535.0);
-    float nearest = narrow ? inverse_depth(found, ideal) : -1.0;
+    uint longest = max(reach.x, max(reach.y, reach.z));
+    uint second = max(min(reach.x, reach.y), min(max(reach.x, reach.y), reach.z));
+    bool small = (of_labels ? second : longest) < uint(SMALL_PX / EDGE_REACH * 65535.0);
+    float nearest = small ? inverse_depth(found, ideal) : -1.0;
     for (int tap = 0; tap < 4; ++tap) {
         ivec2 texel = first + ivec2(tap & 1, tap >> 1);
         edges = texelFetch(g_edges, texel, 0);
@@ -63,12 +65,13 @@ ivec2 texel_of(vec2 ideal) {
 void main() {
     vec2 place = texelFetch(lens_rays, ivec2(gl_FragCoord.xy), 0).xy;
     vec2 ideal = place * intrinsics.xy + intrinsics.zw;
-    ivec2 texel = texel_of(ideal);
-    uint bits = texelFetch(g_surface, texel, 0).x;
-    uint row = bits & 0xFFFFu;
+    uint bits = texelFetch(g_surface, texel_of(ideal, true), 0).x;
+    uint actor = bits & 0xFFFFu;
     semantic = (bits >> 16u) & 0xFFu;
-    instance = texelFetch(rigid_actors, ivec2(row & 127u, row >> 7u), 0).x;
+    instance = texelFetch(rigid_actors, ivec2(actor & 127u, actor >> 7u), 0).x;
 
+    ivec2 texel = texel_of(ideal, false);
+    uint row = texelFetch(g_surface, texel, 0).x & 0xFFFFu;
     float center = texelFetch(g_depth, texel, 0).x;
     bool sky = isinf(center);
     float change = inverse_depth(texel, ideal) * center;

@@ -1,0 +1,112 @@
+"""The paper's bird's-eye-view metric: IoU of each class at thresholds of the score. Counts of frames can be added."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.means import known_mean
+from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.types import AnyArray, Float64Array, Int64Array
+
+THRESHOLDS: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+TABLE_THRESHOLD = 0.5
+"""Of the paper's table."""
+_FULL = 255.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentationTally:
+    """Counts of cells of some frames, whatever their number: memory does not grow.
+
+    Attributes:
+        frames: How many.
+        both: (C, T) cells that are of a class and predicted at a threshold.
+        predicted: (C, T) cells that are predicted.
+        truth: (C,) cells that are of a class.
+    """
+
+    frames: int
+    both: Int64Array
+    predicted: Int64Array
+    truth: Int64Array
+
+    def __add__(self, other: "SegmentationTally") -> "SegmentationTally":
+        return SegmentationTally(
+            self.frames + other.frames,
+            self.both + other.both,
+            self.predicted + other.predicted,
+            self.truth + other.truth,
+        )
+
+    def iou(self) -> Float64Array:
+        """(C, T) cells in both over cells in either; NaN where a class is in neither."""
+        either = self.truth[:, None] + self.predicted - self.both
+        iou: Float64Array = np.divide(self.both, either, out=np.full(either.shape, np.nan), where=either > 0)
+        return iou
+
+    def mean_iou(self) -> Float64Array:
+        """(T,) mean over the classes that have an IoU; NaN where none has."""
+        return known_mean(self.iou(), axis=0)
+
+
+def no_frames(classes: int = len(BEV_CLASSES), thresholds: int = len(THRESHOLDS)) -> SegmentationTally:
+    """The tally to begin with."""
+    zeros = np.zeros((classes, thresholds), np.int64)
+    return SegmentationTally(0, zeros, zeros, np.zeros(classes, np.int64))
+
+
+def segmentation_tally(
+    labels: AnyArray,
+    scores: AnyArray,
+    classes: Sequence[str] = BEV_CLASSES,
+    thresholds: Sequence[float] = THRESHOLDS,
+) -> SegmentationTally:
+    """Count the cells of one frame; one is predicted where its score is at least the threshold.
+
+    Args:
+        labels: (H, W) unsigned; bit k of a cell is class k of ``BEV_CLASSES``.
+        scores: (C, H, W) of ``classes``: floating, 0 … 1, or uint8, where 255 is 1.
+        classes: Which are predicted, of ``BEV_CLASSES``.
+        thresholds: Above 0.
+
+    Raises:
+        InputError: Shape, type or a score is not as above.
+    """
+    _check(labels, scores, classes)
+    shape = (len(classes), len(thresholds))
+    both, predicted, truth = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(len(classes), np.int64)
+    limits = _limits(thresholds, scores.dtype)
+    for row, name in enumerate(classes):
+        of_class = labels & labels.dtype.type(1 << BEV_CLASSES.index(name)) != 0
+        truth[row] = np.count_nonzero(of_class)
+        for column, limit in enumerate(limits):
+            above = scores[row] >= limit
+            predicted[row, column] = np.count_nonzero(above)
+            both[row, column] = np.count_nonzero(above & of_class)
+    return SegmentationTally(1, both, predicted, truth)
+
+
+def _limits(thresholds: Sequence[float], dtype: np.dtype[np.generic]) -> AnyArray:
+    """Thresholds in the scores' own type, so that a score that equals one is at it."""
+    if dtype == np.uint8:
+        return np.ceil(np.round(np.array(thresholds) * _FULL, 6)).astype(np.uint8)
+    return np.array(thresholds, dtype)
+
+
+def _check(labels: AnyArray, scores: AnyArray, classes: Sequence[str]) -> None:
+    strange = [name for name in classes if name not in BEV_CLASSES]
+    if strange:
+        raise InputError(f"scores: classes: there is no {strange[0]!r}; allowed: {', '.join(BEV_CLASSES)}")
+    shape = (len(classes), *labels.shape)
+    if scores.shape != shape:
+        raise InputError(f"scores: have the shape {scores.shape}; it must be {shape}: classes, rows, columns")
+    if scores.dtype == np.uint8:
+        return
+    if scores.dtype.kind != "f":
+        raise InputError(f"scores: are of the type {scores.dtype}; allowed: floating and uint8")
+    # A NaN is neither, and so are extremes of arrays that hold one.
+    if scores.size and not (scores.min() >= 0 and scores.max() <= 1):
+        bad = scores[~((scores >= 0) & (scores <= 1))][0]
+        raise InputError(f"scores: one is {bad}; allowed: 0 to 1")

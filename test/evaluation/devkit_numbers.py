@@ -1,0 +1,41 @@
+"""Run with the devkit's Python: its numbers for the boxes of a JSON file, without any dataset."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from nuscenes.eval.common.config import config_factory
+from nuscenes.eval.common.data_classes import EvalBoxes
+from nuscenes.eval.detection.algo import accumulate, calc_ap, calc_tp
+from nuscenes.eval.detection.constants import TP_METRICS
+from nuscenes.eval.detection.data_classes import DetectionBox, DetectionMetrics
+
+HAS_NO = {"traffic_cone": ["attr_err", "vel_err", "orient_err"], "barrier": ["attr_err", "vel_err"]}
+
+
+def numbers(truth: EvalBoxes, predictions: EvalBoxes) -> dict[str, Any]:
+    """As its ``DetectionEval.evaluate`` computes them."""
+    config = config_factory("detection_cvpr_2019")
+    metrics = DetectionMetrics(config)
+    for name in config.class_names:
+        for distance_m in config.dist_ths:
+            data = accumulate(truth, predictions, name, config.dist_fcn_callable, distance_m)
+            metrics.add_label_ap(name, distance_m, calc_ap(data, config.min_recall, config.min_precision))
+            if distance_m == config.dist_th_tp:
+                for metric in TP_METRICS:
+                    error = np.nan if metric in HAS_NO.get(name, []) else calc_tp(data, config.min_recall, metric)
+                    metrics.add_label_tp(name, metric, error)
+    return {**metrics.serialize(), "cfg": None}
+
+
+def main(boxes: Path, out: Path) -> None:
+    """Write the numbers."""
+    content = json.loads(boxes.read_text())
+    both = [EvalBoxes.deserialize(content[kind], DetectionBox) for kind in ("truth", "predictions")]
+    out.write_text(json.dumps(numbers(*both)))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,0 +1,60 @@
+"""Which boxes of a dataset count, and how its tables become columns."""
+
+import numpy as np
+import pytest
+
+from simbev_ros.annotation.boxes import blank
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.boxes import boxes_of
+from simbev_ros.evaluation.filters import BoxFilter
+from simbev_ros.types import Table
+
+
+def table() -> Table:
+    result = blank(4)
+    result["distance"] = [10, 20, 30, 40]
+    result["visibility"] = [0.9, 0.1, np.nan, 0.5]
+    result["difficulty"] = [0, 1, 2, 2]
+    result["lidar_points"] = [-1, 3, 0, 9]
+    result["radar_points"] = [2, -1, -1, 1]
+    return result
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        (BoxFilter(), [1, 1, 1, 1]),
+        (BoxFilter(range_m=(20, 40)), [0, 1, 1, 0]),
+        (BoxFilter(least_visibility=0.5), [1, 0, 0, 1]),
+        (BoxFilter(difficulties=("easy", "hard")), [1, 0, 1, 1]),
+        (BoxFilter(least_points=3), [0, 1, 0, 1]),
+        (BoxFilter(range_m=(0, 30), least_points=1), [1, 1, 0, 0]),
+    ],
+)
+def test_boxes_count_that_meet_all_conditions(condition: BoxFilter, expected: list[int]) -> None:
+    np.testing.assert_array_equal(condition.of_truth(table()), np.array(expected, bool))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"range_m": (40, 20)}, "range_m"),
+        ({"least_visibility": 2}, "least_visibility"),
+        ({"difficulties": ("impossible",)}, "easy, medium, hard"),
+    ],
+)
+def test_impossible_conditions_are_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        BoxFilter(**values)
+
+
+def test_tables_become_columns_frame_by_frame() -> None:
+    first, second = table()[:1], table()[1:3]
+    second["x"], second["height"], second["vz"], second["class"] = [4, 5], [6, 7], [8, 9], [1, 2]
+    boxes = boxes_of({7: first, 3: second})
+    np.testing.assert_array_equal(boxes.frame, [7, 3, 3])
+    np.testing.assert_array_equal(boxes.center_m[:, 0], [0, 4, 5])
+    np.testing.assert_array_equal(boxes.size_m[:, 2], [0, 6, 7])
+    np.testing.assert_array_equal(boxes.velocity_mps[:, 2], [0, 8, 9])
+    np.testing.assert_array_equal(boxes.label, [0, 1, 2])
+    assert len(boxes_of({})) == 0

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -55,16 +54,17 @@ def verify(
 
 def _faults(bags: Sequence[Path], jobs: int) -> "list[Fault]":
     """Of all bags, in their order, several of them at once."""
+    from simbev_ros.dataset.parallel import in_processes
     from simbev_ros.recording.verify import verify_bag
 
     columns = (TextColumn("bags"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    bars = Progress(*columns, console=Console(stderr=True), expand=True, transient=True)
-    with bars, ProcessPoolExecutor(min(jobs, max(len(bags), 1))) as pool:
+    faults: list[Fault] = []
+    with Progress(*columns, console=Console(stderr=True), expand=True, transient=True) as bars:
         task = bars.add_task("", total=len(bags))
-        waiting = [pool.submit(verify_bag, bag) for bag in bags]
-        for _ in as_completed(waiting):
+        for found in in_processes(verify_bag, bags, min(jobs, max(len(bags), 1))):
+            faults += found
             bars.advance(task)
-        return [fault for each in waiting for fault in each.result()]
+    return faults
 
 
 def _plain(fault: "Fault") -> dict[str, str]:

@@ -1,6 +1,5 @@
 """Opening a dataset, or one bag, to read scenes and frames."""
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -13,12 +12,9 @@ from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
 from simbev_ros.recording.chunk_cache import ChunkCache
-from simbev_ros.recording.layout import bytes_of, is_dataset, locate_mcap
+from simbev_ros.recording.layout import additional_bags, bytes_of, is_dataset, is_scene, locate_mcap, scenes_of
 
 CACHE_BYTES = 256 << 20
-
-_NO_LABELS = {"partial", "replaced"}
-_FOLDER = re.compile(r"(?P<scene>.+-\d{4,})(?:\.(?P<label>[^.]+))?")
 
 
 class Dataset:
@@ -120,15 +116,7 @@ def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: i
 
 def _bags(dataset: Path) -> dict[Path, dict[str, Path]]:
     """Finished bags of scenes, and of each its additional bags by label."""
-    bags: dict[Path, dict[str, Path]] = {}
-    for folder in sorted((dataset / "scenes").glob("*/*")):
-        match = _FOLDER.fullmatch(folder.name)
-        if match is None or match["label"] in _NO_LABELS or not folder.is_dir():
-            continue
-        labelled = bags.setdefault(folder.with_name(match["scene"]), {})
-        if match["label"]:
-            labelled[match["label"]] = folder
-    return {bag: labelled for bag, labelled in bags.items() if bag.is_dir()}
+    return {bag: additional_bags(bag) for bag in scenes_of(dataset) if is_scene(bag)}
 
 
 def _row(rows: Mapping[str, Mapping[str, Any]], dataset: Path, bag: Path) -> Mapping[str, Any] | None:

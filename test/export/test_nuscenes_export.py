@@ -1,6 +1,5 @@
 """nuScenes' layout holds together, and says where things are as the bags do."""
 
-import hashlib
 import json
 from collections import Counter
 from pathlib import Path
@@ -10,20 +9,17 @@ import numpy as np
 import pytest
 import shapely
 from made_up_scene import made_up_scene
+from nuscenes_tables import Tables, tables_of
 from PIL import Image
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
-from simbev_ros.cli.main import app
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset import Scene, columns, open_dataset
 from simbev_ros.dataset.calibration import Calibration
-from simbev_ros.errors import InputError
 from simbev_ros.export.nuscenes import scene_part, sensor_files, taxonomy
 from simbev_ros.export.nuscenes.channels import Channel
-from simbev_ros.export.nuscenes.export import Exported, export_nuscenes
 from simbev_ros.export.nuscenes.map_masks import sites_of
 from simbev_ros.export.nuscenes.sensor_files import radar_rows
 from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
@@ -32,7 +28,6 @@ from simbev_ros.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.recording.layout import locate_mcap
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID
 from simbev_ros.semantics import BOX_CLASSES
@@ -40,38 +35,17 @@ from simbev_ros.sensors.lidar import POINT_DTYPE
 from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
 from simbev_ros.types import AnyArray, Float64Array
 
-Tables = dict[str, list[dict[str, Any]]]
-TABLES = ["category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log", "scene"]
-TABLES += ["sample", "sample_data", "sample_annotation", "map"]
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
-def export(dataset: Path, out: Path, **options: Any) -> Exported:
-    return export_nuscenes(open_dataset(dataset, threads=1), out, **options)
-
-
-def tables_of(out: Path) -> Tables:
-    return {name: json.loads((out / "v1.0-trainval" / f"{name}.json").read_text()) for name in TABLES}
+@pytest.fixture(scope="module")
+def tables(nuscenes_folder: Path) -> Tables:
+    return tables_of(nuscenes_folder / "out")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset of two scenes, and its export."""
-    folder = tmp_path_factory.mktemp("nuscenes")
-    made_up_scene(folder / "set/scenes/train/Blocks-0000", ticks=23)
-    made_up_scene(folder / "set/scenes/val/Blocks-0001", number=1, split="val", ticks=12)
-    export(folder / "set", folder / "out")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def tables(folder: Path) -> Tables:
-    return tables_of(folder / "out")
-
-
-@pytest.fixture(scope="module")
-def scene(folder: Path) -> Scene:
-    return open_dataset(folder / "set").scenes[0]
+def scene(nuscenes_folder: Path) -> Scene:
+    return open_dataset(nuscenes_folder / "set").scenes[0]
 
 
 def index(records: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -160,12 +134,12 @@ def test_keyframes_come_twice_a_second_and_sweeps_belong_to_the_next_one(tables:
     assert all(record["filename"].startswith("samples/" if record["is_key_frame"] else "sweeps/") for record in lidar)
 
 
-def test_files_are_those_of_the_table(tables: Tables, folder: Path) -> None:
+def test_files_are_those_of_the_table(tables: Tables, nuscenes_folder: Path) -> None:
     named = [record["filename"] for record in tables["sample_data"]]
     there = [
-        str(path.relative_to(folder / "out"))
+        str(path.relative_to(nuscenes_folder / "out"))
         for part in ("samples", "sweeps")
-        for path in (folder / "out" / part).rglob("*.*")
+        for path in (nuscenes_folder / "out" / part).rglob("*.*")
     ]
     assert sorted(named) == sorted(there)
     assert len(named) == (23 + 12) * 4
@@ -206,9 +180,9 @@ def test_annotations_say_what_boxes_say(tables: Tables, scene: Scene) -> None:
     assert attribute[-2:] == ["traffic_light.green", "traffic_sign.speed_limit"]
 
 
-def test_lidar_points_are_turned_as_their_calibration_says(tables: Tables, scene: Scene, folder: Path) -> None:
+def test_lidar_points_are_turned_as_their_calibration_says(tables: Tables, scene: Scene, nuscenes_folder: Path) -> None:
     data = row_of(tables, "LIDAR_TOP", scene[7].stamp_ns)
-    rows = np.fromfile(folder / "out" / data["filename"], np.float32).reshape(-1, 5)
+    rows = np.fromfile(nuscenes_folder / "out" / data["filename"], np.float32).reshape(-1, 5)
     cloud = scene[7]["lidar/points"]
     np.testing.assert_array_equal(rows[:, 0], -cloud["y"])  # right
     np.testing.assert_array_equal(rows[:, 1], cloud["x"])  # ahead
@@ -247,9 +221,9 @@ def read_pcd(path: Path) -> AnyArray:
     return np.frombuffer(body, dtype, int(fields["POINTS"][0]))
 
 
-def test_radar_files_have_the_places_of_detections(tables: Tables, scene: Scene, folder: Path) -> None:
+def test_radar_files_have_the_places_of_detections(tables: Tables, scene: Scene, nuscenes_folder: Path) -> None:
     data = row_of(tables, "RADAR_FRONT", scene[7].stamp_ns)
-    rows, cloud = read_pcd(folder / "out" / data["filename"]), scene[7]["radar_front/points"]
+    rows, cloud = read_pcd(nuscenes_folder / "out" / data["filename"]), scene[7]["radar_front/points"]
     for name in ("x", "y", "z"):
         np.testing.assert_array_equal(rows[name], cloud[name])
 
@@ -284,15 +258,17 @@ def test_bent_images_become_straight() -> None:
     assert np.abs(straight[8:40, 8:56, 0] - expected).max() < 1.5
 
 
-def test_images_are_jpegs_of_the_size_in_the_table(tables: Tables, folder: Path) -> None:
+def test_images_are_jpegs_of_the_size_in_the_table(tables: Tables, nuscenes_folder: Path) -> None:
     data = next(record for record in tables["sample_data"] if "CAM_FRONT" in record["filename"])
-    with Image.open(folder / "out" / data["filename"]) as image:
+    with Image.open(nuscenes_folder / "out" / data["filename"]) as image:
         assert (image.format, image.size) == ("JPEG", (data["width"], data["height"]))
 
 
-def test_mask_is_white_on_roads_and_sidewalks_as_the_devkit_looks_them_up(tables: Tables, folder: Path) -> None:
+def test_mask_is_white_on_roads_and_sidewalks_as_the_devkit_looks_them_up(
+    tables: Tables, nuscenes_folder: Path
+) -> None:
     record = tables["map"][0]
-    with Image.open(folder / "out" / record["filename"]) as image:
+    with Image.open(nuscenes_folder / "out" / record["filename"]) as image:
         mask = np.asarray(image)
     rng = np.random.default_rng(0)
     places_m = rng.uniform([1, 1], [mask.shape[1] / 10 - 1, mask.shape[0] / 10 - 1], (4000, 2))
@@ -317,8 +293,8 @@ def test_scenes_far_apart_have_masks_of_their_own() -> None:
     assert far[1].low_m == (89850.0, -150.0)
 
 
-def test_splits_name_their_scenes(folder: Path) -> None:
-    splits = json.loads((folder / "out/v1.0-trainval/splits.json").read_text())
+def test_splits_name_their_scenes(nuscenes_folder: Path) -> None:
+    splits = json.loads((nuscenes_folder / "out/v1.0-trainval/splits.json").read_text())
     assert splits == {"simbev_train": ["Blocks-0000"], "simbev_val": ["Blocks-0001"], "simbev_test": []}
 
 
@@ -340,69 +316,3 @@ def test_everything_has_a_category_and_visibility_a_level() -> None:
     assert {*of_class.values(), *of_blueprint.values()} <= known
     assert set(of_blueprint) <= {blueprint.name for blueprint in load_blueprints()}
     assert visibility_tokens(np.array([np.nan, 0.39, 0.4, 0.61, 0.8, 1.0])) == ["1", "1", "2", "3", "4", "4"]
-
-
-def digest(out: Path) -> dict[str, str]:
-    files = [path for path in out.rglob("*") if path.is_file() and path.name != ".lock"]
-    return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
-
-def test_an_interrupted_export_goes_on(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = 0
-
-    def fails_late(*arguments: Any) -> bytes:
-        nonlocal calls
-        calls += 1
-        if calls == 110:  # in the second scene
-            raise KeyboardInterrupt
-        return sensor_files.file_content(*arguments)
-
-    monkeypatch.setattr(scene_part, "file_content", fails_late)
-    with pytest.raises(KeyboardInterrupt):
-        export(folder / "set", tmp_path)
-    assert not list(tmp_path.glob("s*/*/Blocks-0001*")) and not (tmp_path / "v1.0-trainval").exists()
-    done = export(folder / "set", tmp_path)
-    assert (done.scenes, done.made) == (2, 1)
-    assert digest(tmp_path) == digest(folder / "out")
-    assert export(folder / "set", tmp_path).made == 0
-
-
-def test_another_bag_or_other_settings_replace_what_is_there(tmp_path: Path) -> None:
-    bag = tmp_path / "set/scenes/train/Blocks-0000"
-    made_up_scene(bag, ticks=23)
-    export(tmp_path / "set", tmp_path / "out")
-    assert export(tmp_path / "set", tmp_path / "out", sweeps=False, keyframe_hz=None).made == 1
-    with pytest.raises(InputError, match=r"--keyframe-hz: 3 is no divisor of the 20 frames/s"):
-        export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # and what is there stays
-    assert not list((tmp_path / "out").glob("sweeps/*/*"))
-    assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23
-
-
-def test_a_damaged_scene_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
-    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
-    made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1)
-    file = locate_mcap(tmp_path / "set/scenes/train/Blocks-0001")
-    data = bytearray(file.read_bytes())
-    data[len(data) // 2 : len(data) // 2 + 100] = bytes(100)
-    file.write_bytes(data)
-    done = export(tmp_path / "set", tmp_path / "out")
-    assert done.scenes == 1 and list(done.failures) == ["Blocks-0001"]
-    assert [record["name"] for record in tables_of(tmp_path / "out")["scene"]] == ["Blocks-0000"]
-
-
-def test_bad_input_is_explained(tmp_path: Path) -> None:
-    made_up_scene(tmp_path / "Blocks-0000")
-    (tmp_path / "empty/scenes").mkdir(parents=True)
-    with pytest.raises(InputError, match="no finished scene"):
-        export(tmp_path / "empty", tmp_path / "out")
-    (tmp_path / "real/v1.0-trainval").mkdir(parents=True)
-    with pytest.raises(InputError, match="simbev has not written"):
-        export(tmp_path / "Blocks-0000", tmp_path / "real")
-
-
-def test_the_command_says_what_it_has_made(tmp_path: Path) -> None:
-    made_up_scene(tmp_path / "Blocks-0000")
-    words = ["export", "nuscenes", str(tmp_path / "Blocks-0000"), "--out", str(tmp_path / "out"), "--all-frames"]
-    first, second = (CliRunner().invoke(app, words) for _ in range(2))
-    assert "3 samples of 1 scene, 12 files in" in first.output
-    assert "1 scene was there already" in second.output

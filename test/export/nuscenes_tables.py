@@ -1,0 +1,20 @@
+"""Exports to nuScenes' layout, and their tables."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from simbev_ros.dataset import open_dataset
+from simbev_ros.export.nuscenes.export import Exported, export_nuscenes
+
+Tables = dict[str, list[dict[str, Any]]]
+TABLES = ["category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log", "scene"]
+TABLES += ["sample", "sample_data", "sample_annotation", "map"]
+
+
+def export(dataset: Path, out: Path, **options: Any) -> Exported:
+    return export_nuscenes(open_dataset(dataset, threads=1), out, **options)
+
+
+def tables_of(out: Path) -> Tables:
+    return {name: json.loads((out / "v1.0-trainval" / f"{name}.json").read_text()) for name in TABLES}

@@ -1,0 +1,81 @@
+"""An export that is interrupted goes on, one that is out of date is made anew, and bad input is explained."""
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_up_scene import made_up_scene
+from nuscenes_tables import export, tables_of
+from typer.testing import CliRunner
+
+from simbev_ros.cli.main import app
+from simbev_ros.errors import InputError
+from simbev_ros.export.nuscenes import scene_part, sensor_files
+from simbev_ros.recording.layout import locate_mcap
+
+
+def digest(out: Path) -> dict[str, str]:
+    files = [path for path in out.rglob("*") if path.is_file() and path.name != ".lock"]
+    return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_an_interrupted_export_goes_on(nuscenes_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = 0
+
+    def fails_late(*arguments: Any) -> bytes:
+        nonlocal calls
+        calls += 1
+        if calls == 110:  # in the second scene
+            raise KeyboardInterrupt
+        return sensor_files.file_content(*arguments)
+
+    monkeypatch.setattr(scene_part, "file_content", fails_late)
+    with pytest.raises(KeyboardInterrupt):
+        export(nuscenes_folder / "set", tmp_path)
+    assert not list(tmp_path.glob("s*/*/Blocks-0001*")) and not (tmp_path / "v1.0-trainval").exists()
+    done = export(nuscenes_folder / "set", tmp_path)
+    assert (done.scenes, done.made) == (2, 1)
+    assert digest(tmp_path) == digest(nuscenes_folder / "out")
+    assert export(nuscenes_folder / "set", tmp_path).made == 0
+
+
+def test_another_bag_or_other_settings_replace_what_is_there(tmp_path: Path) -> None:
+    bag = tmp_path / "set/scenes/train/Blocks-0000"
+    made_up_scene(bag, ticks=23)
+    export(tmp_path / "set", tmp_path / "out")
+    assert export(tmp_path / "set", tmp_path / "out", sweeps=False, keyframe_hz=None).made == 1
+    with pytest.raises(InputError, match=r"--keyframe-hz: 3 is no divisor of the 20 frames/s"):
+        export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # and what is there stays
+    assert not list((tmp_path / "out").glob("sweeps/*/*"))
+    assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23
+
+
+def test_a_damaged_scene_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1)
+    file = locate_mcap(tmp_path / "set/scenes/train/Blocks-0001")
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 100] = bytes(100)
+    file.write_bytes(data)
+    done = export(tmp_path / "set", tmp_path / "out")
+    assert done.scenes == 1 and list(done.failures) == ["Blocks-0001"]
+    assert [record["name"] for record in tables_of(tmp_path / "out")["scene"]] == ["Blocks-0000"]
+
+
+def test_bad_input_is_explained(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "Blocks-0000")
+    (tmp_path / "empty/scenes").mkdir(parents=True)
+    with pytest.raises(InputError, match="no finished scene"):
+        export(tmp_path / "empty", tmp_path / "out")
+    (tmp_path / "real/v1.0-trainval").mkdir(parents=True)
+    with pytest.raises(InputError, match="simbev has not written"):
+        export(tmp_path / "Blocks-0000", tmp_path / "real")
+
+
+def test_the_command_says_what_it_has_made(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "Blocks-0000")
+    words = ["export", "nuscenes", str(tmp_path / "Blocks-0000"), "--out", str(tmp_path / "out"), "--all-frames"]
+    first, second = (CliRunner().invoke(app, words) for _ in range(2))
+    assert "3 samples of 1 scene, 12 files in" in first.output
+    assert "1 scene was there already" in second.output

@@ -75,10 +75,9 @@ def made_up_scene(
 def boxes(rng: np.random.Generator, count: int) -> Table:
     """Of actors, with a light and a sign behind them."""
     table = noise(rng, BOX_DTYPE, count)
-    table["class"] = rng.integers(0, 6, count)
+    place = np.arange(count)
+    table["id"], table["class"], table["blueprint"] = 2 + place, place % 6, place % 3
     table["tag"] = Tag.CAR
-    table["blueprint"] = rng.integers(0, 3, count)
-    table["id"] = 2 + np.arange(count)
     table["parent"], table["sign"], table["limit"], table["state"] = 0, 0, 0, 0
     table["parent"][0] = 7
     table["lidar_points"] = rng.integers(-1, 50, count)

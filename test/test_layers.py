@@ -24,7 +24,10 @@ FLOORS = [
     {"nodes"},
     {"graph"},
     {"cli"},
+    {"reference_stack"},
 ]
+ALONE = {"reference_stack"}
+"""Imports nothing of the house, not even from above."""
 ROS = {
     "builtin_interfaces",
     "diagnostic_msgs",
@@ -39,8 +42,9 @@ ROS = {
     "tf2_msgs",
     "visualization_msgs",
 }
+STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs")),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *STACK)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/traffic",),
@@ -70,10 +74,12 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 @pytest.mark.parametrize("path", MODULES, ids=[str(path.relative_to(PACKAGE)) for path in MODULES])
 def test_imports_point_upward_and_foreign_libraries_stay_in_their_rooms(path: Path) -> None:
     parts = path.relative_to(PACKAGE).parts
+    room = _room(parts)
     for module in _imports(path):
         top, *rest = module.split(".")
         if top == "simbev_ros" and rest:
-            assert _floor(rest[0]) <= _floor(_room(parts)), f"imports {module}, which is on a later floor"
+            assert _floor(rest[0]) <= _floor(room), f"imports {module}, which is on a later floor"
+            assert room not in ALONE or rest[0] == room, f"imports {module}; {room} knows only itself"
         elif top in HOMES:
             place = "/".join(parts)
             assert place.startswith(HOMES[top]), f"imports {module}; its home is {HOMES[top]}"

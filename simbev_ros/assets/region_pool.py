@@ -58,10 +58,9 @@ def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | No
 
 
 def _set_up_worker() -> None:
-    """Ctrl-C is the parent's business; SIGTERM ends it in order, and so does the parent's death."""
+    """Ctrl-C is the parent's business; SIGTERM ends it, and so does the parent's death."""
     gc.disable()  # arrays and polygons make no cycles, and looking for some takes an eighth of the time
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -78,10 +77,13 @@ def _end_with_parent() -> None:
 
 
 def _build_in_worker(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:
+    """While there are files to tidy up, SIGTERM lets that happen first; else it ends the process at once."""
     try:
+        signal.signal(signal.SIGTERM, _end)
         _build(spec, region, cache_dir)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
     except SystemExit:
-        os._exit(_ENDED)  # files are tidied up; a pool would go on with the next region
+        os._exit(_ENDED)  # a pool would go on with the next region
 
 
 def _build(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:

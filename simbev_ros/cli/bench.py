@@ -1,4 +1,4 @@
-"""``simbev bench``: what a graph, its cameras, rays, labels, its recorder or its world cost on this machine."""
+"""``simbev bench``: what a graph, its cameras, rays, labels, its world or its data cost on this machine."""
 
 import tempfile
 from pathlib import Path
@@ -8,7 +8,8 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
-from simbev_ros.cli.bench_report import progress_bar, show_timing
+from simbev_ros.cli.bench_data import evaluate, reading, record
+from simbev_ros.cli.bench_report import Json, progress_bar, show_timing
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import QUALITIES, Quality, Rendering
@@ -17,7 +18,6 @@ from simbev_ros.config.scenario import Scenario, Timing
 _DEFAULT = "graph"
 _LEAST_PX = 16
 
-_Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 _Map = Annotated[str, typer.Option("--map", help="A town, or a file.")]
 _Crowd = Annotated[
     int, typer.Option(help="A third vehicles, the others people on foot; riders come on top.", min=2, max=2_000)
@@ -41,23 +41,19 @@ bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
 
 @bench.callback()
 def _bench() -> None:
-    """Time the whole graph, or its cameras, rays, labels, recorder or world alone; without a name it is the graph.
+    """Time the whole graph, or its cameras, rays, labels, recorder, world or what is done with datasets alone.
+
+    Without a name it is the graph.
 
     [bold]Examples[/]
 
     simbev bench
 
-    simbev bench live --no-record --json
-
     simbev bench cameras --quality low --size 800x450
 
-    simbev bench rays --actors 200
-
-    simbev bench labels --map Town10HD
-
-    simbev bench reading datasets/first
-
     simbev bench record
+
+    simbev bench evaluate
 
     simbev bench world Town10HD --ticks 200
     """
@@ -65,12 +61,12 @@ def _bench() -> None:
 
 @bench.command()
 def graph(
-    config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper.")] = "demo",
+    config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper, stack.")] = "demo",
     ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
     record: Annotated[
         bool, typer.Option(help="Record too, to a temporary folder. Cameras draw only what is read.")
     ] = True,
-    as_json: _Json = False,
+    as_json: Json = False,
 ) -> None:
     """Time the whole graph: ticks per second, and for each node the time per tick and the processor time.
 
@@ -104,7 +100,7 @@ def cameras(
         int | None,
         typer.Option(help="That share the cameras; as many as a graph would have when omitted.", min=1, max=16),
     ] = None,
-    as_json: _Json = False,
+    as_json: Json = False,
 ) -> None:
     """Time the paper's six cameras with five modalities each, by day, at each quality: a whole frame, and its parts.
 
@@ -142,7 +138,7 @@ def rays(
     actors: _Crowd = 100,
     radius: _Radius = 110.0,
     frames: _Frames = 10,
-    as_json: _Json = False,
+    as_json: Json = False,
 ) -> None:
     """Time the rays of the paper's lidar and of its four radars, the moving actors placed anew for each tick.
 
@@ -178,7 +174,7 @@ def labels(
     actors: _Crowd = 150,
     radius: _Radius = 100.0,
     frames: _Frames = 10,
-    as_json: _Json = False,
+    as_json: Json = False,
 ) -> None:
     """Time the labels of a tick: grid, boxes, points in them, what cameras see of them, the vector map and voxels.
 
@@ -209,73 +205,18 @@ def labels(
     )
 
 
-@bench.command()
-def reading(
-    path: Annotated[Path, typer.Argument(help="A dataset, of which the first scene is read, or a bag.")],
-    frames: Annotated[
-        int, typer.Option(help="Frames to read in each order; the median counts.", min=1, max=10_000)
-    ] = 20,
-    as_json: _Json = False,
-) -> None:
-    """Time how fast frames of a recorded scene are read and decoded with all that they have.
-
-    In order, where what lies together is decompressed once, and at random, each with nothing read before but the index.
-
-    [bold]Example[/]
-
-    simbev bench reading datasets/first --frames 50
-    """
-    from simbev_ros.cli.reading_timing import timed_reading
-
-    with progress_bar("frames", Console(stderr=True)) as bars:
-        task = bars.add_task("", total=2 * frames)
-        result = timed_reading(path, frames, lambda: bars.advance(task))
-    show_timing(
-        result,
-        f"reading {result.scene}, {result.decoded_mb:.0f} MB of arrays a frame",
-        ("", "s/frame", "least", "CPU s/frame", "frames/s"),
-        result.rows(),
-        as_json=as_json,
-    )
-
-
-@bench.command()
-def record(
-    folder: Annotated[Path | None, typer.Option(help="On the disk to write to; by default the temporary one.")] = None,
-    ticks: Annotated[int, typer.Option(help="In each file.", min=1, max=1000)] = 20,
-    rounds: Annotated[int, typer.Option(help="How often each file is written.", min=1, max=100)] = 5,
-    as_json: _Json = False,
-) -> None:
-    """Time the recorder on six 1600x900 cameras: raw colour images, and all modalities compressed with a lidar.
-
-    The writer alone, and with what the recorder does with each message before. For comparison, the same messages are
-    written in a bare loop of the mcap package's own writer, with its own settings and chunks as large as ours.
-
-    [bold]Example[/]
-
-    simbev bench record --folder /data --ticks 100 --json
-    """
-    from simbev_ros.cli.record_timing import files_to_write, timed_recording
-
-    with progress_bar("files", Console(stderr=True)) as bars:
-        task = bars.add_task("", total=files_to_write(rounds))
-        place = folder or Path(tempfile.gettempdir())
-        result = timed_recording(place, ticks, rounds, lambda: bars.advance(task))
-    show_timing(
-        result,
-        "recording",
-        ("topics", "by", "MB/s", "best", "CPU s/GB", "size", "× mcap"),
-        result.rows(),
-        as_json=as_json,
-    )
+for _command in (reading, record, evaluate):
+    bench.command()(_command)
 
 
 @bench.command()
 def world(
     map_name: Annotated[str, typer.Argument(help="A town, or a file.", metavar="MAP")] = "Town10HD",
-    config: Annotated[str, typer.Option(help="Configuration of the traffic: a file, or demo, live, paper.")] = "demo",
+    config: Annotated[
+        str, typer.Option(help="Configuration of the traffic: a file, or demo, live, paper, stack.")
+    ] = "demo",
     ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
-    as_json: _Json = False,
+    as_json: Json = False,
 ) -> None:
     """Time the world node alone on one map: traffic, motion, publishing, with 50 to 950 actors.
 

@@ -15,8 +15,7 @@ from rich.table import Table
 from simbev_ros.cli.dataset_maker import Drawer
 from simbev_ros.cli.scenes import build_surroundings, scene_progress
 from simbev_ros.config.scenario import SPLITS, Scenario
-from simbev_ros.dataset.index import read_index
-from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
@@ -44,7 +43,8 @@ class Sample:
 
 def show_estimate(scenario: Scenario, dataset: Path, entries: Sequence[PlannedEntry], console: Console) -> None:
     """Print which scenes would be made, and what they would take; nothing is written into the dataset."""
-    present = Counter((row["map"], row["split"]) for row in read_index(dataset))
+    there = [entry for entry in Plan.of(dataset).scenes if bag_of(dataset, entry).is_dir()]
+    present = Counter((entry.map, entry.split) for entry in there)
     wanted = Counter((entry.map, entry.split) for entry in entries)
     table = Table("map", *(f"{split}: there" if first else f"{split}: to make" for split in SPLITS for first in (1, 0)))
     for name in dict.fromkeys(name for name, _ in (*present, *wanted)):

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 
 from simbev_ros.cli.scenes import build_surroundings, map_roads
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.index import Row, brought_up_to_date, row_of, write_index
+from simbev_ros.dataset.index import Row, bring_up_to_date, row_of, write_index
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.staging import move_in, staging_of
 from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
@@ -84,10 +84,11 @@ class DatasetMaker:
         plan = Plan.of(dataset)
         there = [bag for bag in (bag_of(dataset, entry) for entry in plan.scenes) if bag.is_dir()]
         with console.status("reading the scenes that are there"):
-            self._rows: dict[int, Row] = {row["number"]: row for row in brought_up_to_date(dataset, there)}
+            rows, self._damaged = bring_up_to_date(dataset, there)
+        self._rows: dict[int, Row] = {row["number"]: row for row in rows}
 
     def make(self, entries: Sequence[PlannedEntry]) -> Outcome:
-        """Make scenes; one that fails is tried again, then listed, and the others go on.
+        """Make scenes; one that fails is tried again, then listed, and the others go on, as are damaged ones.
 
         Raises:
             InputError: The first scene cannot be made with this configuration.
@@ -95,7 +96,7 @@ class DatasetMaker:
         """
         outcome = Outcome()
         with _bars(self._console) as bars:
-            board = _Board(bars, len(entries), sum(row["bytes"] for row in self._rows.values()))
+            board = _Board(bars, len(entries), self._used_bytes)
             for entry in entries:
                 self._check_space()
                 try:
@@ -112,9 +113,17 @@ class DatasetMaker:
                     self._rows[entry.number] = row
                     write_index(self._dataset, self._rows.values())
                     outcome.made.append(entry)
-                    board.add_bytes(row["bytes"])
+                    self._damaged.pop(bag_of(self._dataset, entry), None)
+                    board.show_used(self._used_bytes)
                 board.finish_scene()
+        for bag, problem in self._damaged.items():
+            number = int(bag.name.rpartition("-")[2])
+            outcome.failed[bag.name] = f"damaged: {problem}; --replace {number} makes it anew"
         return outcome
+
+    @property
+    def _used_bytes(self) -> int:
+        return sum(row["bytes"] for row in self._rows.values())
 
     def _made(self, entry: PlannedEntry, board: "_Board") -> Row:
         """The index' row of a scene that has been made and moved to its place."""
@@ -194,7 +203,7 @@ class _Board:
     """The progress bar: scenes, frames per second, disk used, time left."""
 
     def __init__(self, bars: Progress, scenes: int, used_bytes: int) -> None:
-        self._bars, self._used_bytes = bars, used_bytes
+        self._bars = bars
         self._began_s, self._frames, self._last_tick = time.monotonic(), 0, -1
         self._done = 0
         self._task: TaskID = bars.add_task("", total=scenes, what="", speed="", used=decimal(used_bytes), scenes=scenes)
@@ -209,10 +218,9 @@ class _Board:
         share = self._done + min((done + 1) / spec.ticks, 1.0)
         self._bars.update(self._task, completed=share, what=what, speed=f"{speed:.2f} frames/s")
 
-    def add_bytes(self, count: int) -> None:
-        """A scene has been made."""
-        self._used_bytes += count
-        self._bars.update(self._task, used=decimal(self._used_bytes))
+    def show_used(self, count: int) -> None:
+        """Bytes of all scenes."""
+        self._bars.update(self._task, used=decimal(count))
 
     def finish_scene(self) -> None:
         """The scene in the making is done, or given up."""

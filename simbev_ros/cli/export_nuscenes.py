@@ -27,6 +27,9 @@ def export_nuscenes(
 ) -> None:
     """Write finished scenes as nuScenes does, for the nuscenes-devkit: tables, samples, sweeps, masks of maps.
 
+    A sample has of each sensor what it saw at that very time, or else its last before: boxes lie on what images show if
+    the rates of all sensors are multiples of --keyframe-hz.
+
     After Ctrl-C or a crash the same command goes on where it was; of a dataset that has grown only what is new is made.
     The devkit's splits are lists of nuScenes' scenes. Ours are in splits.json beside the tables, as simbev_train,
     simbev_val and simbev_test; the devkit finds them there from its release 1.2 on.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def generate(
-    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper.", show_default=False)],
+    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     out: Annotated[Path, typer.Option(help="The dataset's folder, new or begun.", show_default=False)],
     replace: Annotated[
         list[str] | None,
@@ -39,21 +39,25 @@ def generate(
     """
     from simbev_ros.cli.dataset_maker import DatasetMaker
     from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.dataset.plan import Plan, numbers_of
+    from simbev_ros.dataset.plan import Plan, PlannedEntry, numbers_of
     from simbev_ros.dataset.staging import clean_up
 
-    scenario, console = load_scenario(config), Console()
+    scenario, console = load_scenario(config).model_copy(update={"evaluation": None}), Console()  # no stack runs here
     numbers = numbers_of(replace or ())
+
+    def planned() -> tuple[Plan, list[PlannedEntry]]:
+        plan = Plan.of(out).extended(scenario)
+        return plan, plan.chosen(numbers) if numbers else plan.to_make(out, scenario)
+
+    _, entries = planned()  # bad input is refused before anything is written
     if dry_run:
         from simbev_ros.cli.dataset_estimate import show_estimate
 
-        plan = Plan.of(out).extended(scenario)
-        show_estimate(scenario, out, plan.chosen(numbers) if replace else plan.to_make(out, scenario), console)
+        show_estimate(scenario, out, entries, console)
         return
     with DatasetLock(out):
         clean_up(out)
-        plan = Plan.of(out).extended(scenario)
-        entries = plan.chosen(numbers) if replace else plan.to_make(out, scenario)
+        plan, entries = planned()
         plan.save(out)
         with DatasetMaker(scenario, out, console, retries=retries) as maker:
             outcome = maker.make(entries)

@@ -14,11 +14,12 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from simbev_ros.errors import InputError
+from simbev_ros.cli.output_file import require_place, writing
+from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, is_dataset, is_scene, scenes_of
 from simbev_ros.scene.ending import DURATION
 
-_STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red"}
+_STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red", "damaged": "red"}
 _WIDTH_IN_A_PIPE = 160
 _MOST_PROBLEMS = 5
 _SHORT = 16
@@ -44,9 +45,11 @@ def info(
 
     simbev info datasets/first --report first.html
     """
+    if report is not None:
+        require_place(report)
     if is_dataset(path):
         bags = scenes_of(path)
-        scenes = [_describe(bag, digest) for bag in bags]
+        scenes = [_describe_any(bag, digest) for bag in bags]
         facts: dict[str, Any] = {"path": str(path), "scenes": scenes}
         own = {str(bag) for bag in bags if is_scene(bag) or bag.name.endswith(PARTIAL_SUFFIX)}
         finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
@@ -75,8 +78,6 @@ def _write_report(path: Path, report: Path, jobs: int) -> None:
     from simbev_ros.dataset.statistics import statistics_of
     from simbev_ros.viz.dataset_report import dataset_report
 
-    if not report.parent.is_dir():
-        raise InputError(f"{report.parent}: no such folder")
     console = Console(stderr=True, soft_wrap=True)
     columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, expand=True, transient=True) as bar:
@@ -84,11 +85,17 @@ def _write_report(path: Path, report: Path, jobs: int) -> None:
         statistics = statistics_of(
             open_dataset(path, threads=1), jobs, lambda done, total: bar.update(task, completed=done, total=total)
         )
-    try:
+    with writing(report):
         report.write_text(dataset_report(statistics), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{report}: cannot be written: {error.strerror}") from None
     console.print(f"statistics in {escape(str(report))}", highlight=False)
+
+
+def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
+    """One of a dataset's bags; what is wrong with it if it cannot be read."""
+    try:
+        return _describe(bag, digest)
+    except BagError as error:
+        return {"path": str(bag), "name": bag.name, "state": "damaged", "problems": [str(error)]}
 
 
 def _describe(path: Path, digest: bool) -> dict[str, Any]:
@@ -158,14 +165,19 @@ def _topic_table(topics: Sequence[dict[str, Any]], digest: bool) -> Table:
 def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("scene", overflow="fold")
-    table.add_column("state")
+    table.add_column("state", overflow="fold")
     for title in ("length", "messages", "size"):
         table.add_column(title, justify="right", no_wrap=True)
     if digest:
         table.add_column("digest", no_wrap=True)
     for scene in scenes:
         where = Path(scene["path"])
-        name, length = escape(f"{where.parent.name}/{scene['name']}"), f"{scene['duration_s']:.2f} s"
+        name = escape(f"{where.parent.name}/{where.name}")
+        if scene["state"] == "damaged":
+            problem = scene["problems"][0].removeprefix(str(where)).lstrip("/: ")
+            table.add_row(name, f"[red]damaged[/]: {escape(problem)}")
+            continue
+        length = f"{scene['duration_s']:.2f} s"
         hashes = [scene["digest"][:_SHORT]] if digest else []
         table.add_row(name, _state(scene), length, str(scene["messages"]), decimal(scene["file_bytes"]), *hashes)
     return table

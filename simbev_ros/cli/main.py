@@ -10,6 +10,7 @@ from simbev_ros import __version__
 from simbev_ros.cli.bench import bench
 from simbev_ros.cli.demo import demo
 from simbev_ros.cli.doctor import doctor
+from simbev_ros.cli.evaluate import evaluate
 from simbev_ros.cli.export import export
 from simbev_ros.cli.generate import generate
 from simbev_ros.cli.info import info
@@ -35,7 +36,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (demo, run, generate, replay, scene, info, preview, verify, repair, doctor):
+for _verb in (demo, run, generate, replay, scene, info, preview, verify, repair, evaluate, doctor):
     app.command()(_verb)
 app.command("map")(map_)
 app.add_typer(bench, name="bench")

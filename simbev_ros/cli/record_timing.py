@@ -1,4 +1,4 @@
-"""Timing the recorder: its writer, and all that it does with messages, against a bare loop of the mcap package."""
+"""Timing the recorder: its writer, and its whole node behind DDS, against a bare loop of the mcap package."""
 
 import os
 import shutil
@@ -8,36 +8,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 from mcap.writer import Writer
+from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.cli.record_load import Images, Message, recorded_scene, recorded_tick
 from simbev_ros.config.scenario import Recording
+from simbev_ros.graph.recorder_timing import timed_recorder
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.canonical import canonical
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.scene.spec import SceneSpec
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
-_TICK_NS = 50_000_000
-_CAMERAS = 6
-_WIDTH_PX, _HEIGHT_PX = 1600, 900
-_ENCODED_BYTES = {"rgb": 330_000, "semantic": 45_000, "instance": 60_000, "depth": 800_000, "flow": 1_500_000}
-"""Of 1600x900 pixels, as JPEG and PNG."""
-_LIDAR_RAYS = 128 * 2048
-
-_BARE, _WRITER, _RECORDER = "mcap package", "writer", "recorder"
-
-
-class _Message(NamedTuple):
-    topic: str
-    type_name: str
-    data: bytes
-
-
-_Work = Callable[[Path, Sequence[_Message], int], None]
+_IMAGES: tuple[Images, ...] = ("raw", "compressed")
+_BARE, _WRITER, _RECORDER = "mcap package", "writer", "recorder node"
 
 
 class _Spent(NamedTuple):
@@ -46,13 +33,25 @@ class _Spent(NamedTuple):
     file_bytes: int
 
 
+class _Load(NamedTuple):
+    """What is recorded: a scene, and what each of its ticks holds."""
+
+    spec: SceneSpec
+    images: Images
+    tick: Mapping[str, Message]
+
+
+_Work = Callable[[Path, _Load], tuple[float, float]]
+"""Writes into a folder; gives wall and processor time, s."""
+
+
 @dataclass(frozen=True, slots=True)
 class RecordTiming:
     """How fast some topics were recorded, one way.
 
     Attributes:
         topics: Which: raw or compressed images.
-        way: By the mcap package's writer, by ours, or by ours with all that the recorder does with a message before.
+        way: By the mcap package's writer, by ours, or by the recorder's node, to which they come through DDS.
         mb_per_s: Payload over wall time: the median, and the best.
         cpu_s_per_gb: Processor time of all threads, the least.
         size: Of the file over the payload.
@@ -98,7 +97,7 @@ class RecordTimings:
 
 
 def timed_recording(
-    folder: Path, ticks: int, rounds: int, progress: Callable[[], None] = lambda: None
+    folder: Path, ticks: int, rounds: int, console: Console, progress: Callable[[], None] = lambda: None
 ) -> RecordTimings:
     """Record so many ticks each way, again and again in turn.
 
@@ -106,40 +105,42 @@ def timed_recording(
         folder: On the disk that is to be written to; nothing stays there.
         ticks: In each file.
         rounds: How often.
+        console: Shows how the map is loaded.
         progress: Called after each file.
 
     Raises:
         DiskError: There is not enough room.
+        SimbevError: The recorder's process fails.
     """
-    timings, tick_mb = [], {}
-    for kind, tick in (("raw", _raw_tick()), ("compressed", _compressed_tick())):
-        tick_mb[kind] = sum(len(message.data) for message in tick) / 1e6
-        check_space(folder, int(2e6 * tick_mb[kind] * ticks))
+    spec, timings = recorded_scene(ticks, console), []
+    tick_mb: dict[str, float] = {}
+    for images in _IMAGES:
+        load = _Load(spec, images, recorded_tick(spec, images))
+        tick_mb[images] = sum(len(message.data) for message in load.tick.values()) / 1e6
+        check_space(folder, int(2e6 * tick_mb[images] * ticks))
         spent: dict[str, list[_Spent]] = {way: [] for way in _WAYS}
         for _ in range(rounds):
             for way, work in _WAYS.items():
-                spent[way].append(_spent(folder, work, tick, ticks))
+                spent[way].append(_spent(folder, work, load))
                 progress()
-        timings += [_timing(kind, way, spent[way], spent[_BARE], tick_mb[kind] * ticks) for way in _WAYS]
+        timings += [_timing(images, way, spent[way], spent[_BARE], tick_mb[images] * ticks) for way in _WAYS]
     return RecordTimings(ticks, rounds, tick_mb, timings)
 
 
-def _spent(folder: Path, work: _Work, tick: Sequence[_Message], ticks: int) -> _Spent:
+def _spent(folder: Path, work: _Work, load: _Load) -> _Spent:
     """What some writing into a folder, which is removed afterwards, takes."""
     place = Path(tempfile.mkdtemp(prefix="simbev_ros-bench-", dir=folder))
     try:
-        wall_s, cpu_s = time.perf_counter(), time.process_time()
-        work(place, tick, ticks)
-        wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
+        wall_s, cpu_s = work(place, load)
         return _Spent(wall_s, cpu_s, sum(file.stat().st_size for file in place.rglob("*.mcap")))
     finally:
         shutil.rmtree(place)
 
 
-def _timing(kind: str, way: str, spent: Sequence[_Spent], bare: Sequence[_Spent], payload_mb: float) -> RecordTiming:
+def _timing(images: str, way: str, spent: Sequence[_Spent], bare: Sequence[_Spent], payload_mb: float) -> RecordTiming:
     speeds = [payload_mb / each.wall_s for each in spent]
     return RecordTiming(
-        topics=kind,
+        topics=images,
         way=way,
         mb_per_s=median(speeds),
         best_mb_per_s=max(speeds),
@@ -151,91 +152,47 @@ def _timing(kind: str, way: str, spent: Sequence[_Spent], bare: Sequence[_Spent]
 
 def files_to_write(rounds: int) -> int:
     """How often progress is reported."""
-    return 2 * rounds * len(_WAYS)
+    return len(_IMAGES) * rounds * len(_WAYS)
 
 
-def _write_bare(place: Path, tick: Sequence[_Message], ticks: int) -> None:
+def _write_bare(place: Path, load: _Load) -> tuple[float, float]:
     """Chunks as large as ours, and on the disk at the end like ours."""
+    wall_s, cpu_s = time.perf_counter(), time.process_time()
     with (place / "bare.mcap").open("wb") as stream:
         writer = Writer(stream, chunk_size=Recording().chunk_kib << 10)
         writer.start("ros2")
         channels = {}
-        for topic, type_name, _ in tick:
+        for topic, (type_name, _) in load.tick.items():
             definition, _ = _TYPES.generate_msgdef(type_name, ros_version=2)
             schema = writer.register_schema(type_name, "ros2msg", definition.encode())
             channels[topic] = writer.register_channel(topic, "cdr", schema)
-        for number in range(ticks):
-            for topic, _, data in tick:
-                writer.add_message(channels[topic], number * _TICK_NS, data, number * _TICK_NS, number)
+        for number in range(load.spec.ticks):
+            stamp_ns = load.spec.stamp_ns(number)
+            for topic, (_, data) in load.tick.items():
+                writer.add_message(channels[topic], stamp_ns, data, stamp_ns, number)
         writer.finish()  # type: ignore[no-untyped-call]
         stream.flush()
         os.fsync(stream.fileno())
+    return time.perf_counter() - wall_s, time.process_time() - cpu_s
 
 
-def _write_ours(place: Path, tick: Sequence[_Message], ticks: int, *, as_recorder: bool = False) -> None:
-    recording = Recording()
-    with SceneBagWriter(place / "ours", chunk_bytes=recording.chunk_kib << 10) as writer:
-        for topic, type_name, _ in tick:
+def _write_ours(place: Path, load: _Load) -> tuple[float, float]:
+    wall_s, cpu_s = time.perf_counter(), time.process_time()
+    with SceneBagWriter(place / "ours") as writer:
+        for topic, (type_name, _) in load.tick.items():
             writer.add_topic(topic, type_name, QosProfile())
-        for number in range(ticks):
-            for topic, type_name, data in tick:
-                writer.write(topic, number * _TICK_NS, canonical(data, type_name) if as_recorder else data)
+        for number in range(load.spec.ticks):
+            for topic, (_, data) in load.tick.items():
+                writer.write(topic, load.spec.stamp_ns(number), data)
         writer.finish({})
+    return time.perf_counter() - wall_s, time.process_time() - cpu_s
 
 
-def _record(place: Path, tick: Sequence[_Message], ticks: int) -> None:
-    _write_ours(place, tick, ticks, as_recorder=True)
+def _record(place: Path, load: _Load) -> tuple[float, float]:
+    """The time of whoever sends is not the recorder's, but both share the cores."""
+    messages = {topic: message.data for topic, message in load.tick.items()}
+    timing = timed_recorder(load.spec, Recording(images=load.images), messages, place)
+    return timing.wall_s, timing.cpu_s
 
 
 _WAYS: Mapping[str, _Work] = {_BARE: _write_bare, _WRITER: _write_ours, _RECORDER: _record}
-
-
-def _raw_tick() -> list[_Message]:
-    """Colour images of six cameras, smooth with noise, and small messages."""
-    rng = np.random.default_rng(0)
-    row, column = np.mgrid[:_HEIGHT_PX, :_WIDTH_PX]
-    messages = []
-    for camera in range(_CAMERAS):
-        smooth = 128 + 90 * np.sin(row / (150 + 9 * camera)) * np.cos(column / 210)
-        image = smooth[..., None] + rng.integers(-2, 3, (_HEIGHT_PX, _WIDTH_PX, 3))
-        data = image.astype(np.uint8).ravel()
-        fields = {"height": _HEIGHT_PX, "width": _WIDTH_PX, "encoding": "rgb8", "step": 3 * _WIDTH_PX, "data": data}
-        messages.append(_message(f"/ego/cam_{camera}/rgb/image_raw", "sensor_msgs/msg/Image", is_bigendian=0, **fields))
-    return [*messages, *_small_messages()]
-
-
-def _compressed_tick() -> list[_Message]:
-    """Five modalities of six cameras as JPEG and PNG, which look random to zstd, and a cloud."""
-    rng = np.random.default_rng(0)
-    messages = []
-    for camera in range(_CAMERAS):
-        for modality, size in _ENCODED_BYTES.items():
-            topic, data = f"/ego/cam_{camera}/{modality}/image_raw/compressed", rng.integers(0, 256, size, np.uint8)
-            messages.append(_message(topic, "sensor_msgs/msg/CompressedImage", format="png", data=data))
-    return [*messages, _cloud(rng), *_small_messages()]
-
-
-def _cloud(rng: np.random.Generator) -> _Message:
-    """A lidar's turn: x y z intensity float32, ring uint16, time float32."""
-    azimuth = np.linspace(0, 2 * np.pi, _LIDAR_RAYS)
-    range_m = 30 + 10 * np.sin(9 * azimuth) + rng.normal(0, 0.02, _LIDAR_RAYS)
-    table = np.zeros(_LIDAR_RAYS, [("xyzi", "<f4", 4), ("ring", "<u2"), ("time", "<f4")])
-    table["xyzi"] = np.stack([range_m * np.cos(azimuth), range_m * np.sin(azimuth), range_m / 9, 1 / range_m], axis=1)
-    table["ring"], table["time"] = np.arange(_LIDAR_RAYS) % 128, azimuth
-    data, step = np.frombuffer(table.tobytes(), np.uint8), table.itemsize
-    fields = {"height": 1, "width": len(table), "fields": [], "point_step": step, "row_step": len(data), "data": data}
-    return _message("/ego/lidar/points", "sensor_msgs/msg/PointCloud2", is_bigendian=False, is_dense=True, **fields)
-
-
-def _small_messages() -> list[_Message]:
-    """Many that take their time for their number alone."""
-    text = _TYPES.types["std_msgs/msg/String"]('{"stamp_ns": 0}')
-    data = bytes(_TYPES.serialize_cdr(text, "std_msgs/msg/String"))
-    return [_Message(f"/small/{number}", "std_msgs/msg/String", data) for number in range(30)]
-
-
-def _message(topic: str, type_name: str, **fields: Any) -> _Message:
-    types = _TYPES.types
-    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](0, 0), topic)
-    message = types[type_name](header=header, **fields)
-    return _Message(topic, type_name, bytes(_TYPES.serialize_cdr(message, type_name)))

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 
 def repair(
@@ -19,14 +20,15 @@ def repair(
 
     simbev repair datasets/first/scenes/train/Town01-0000.partial
     """
-    from simbev_ros.recording.layout import PARTIAL_SUFFIX, locate_mcap
+    from simbev_ros.recording.layout import PARTIAL_SUFFIX, numbered_files
     from simbev_ros.recording.repair import repair_bag
 
-    folder = locate_mcap(bag).parent
+    folder = next(iter(numbered_files(bag).values())).resolve().parent
     target = out or folder.with_name(folder.name.removesuffix(PARTIAL_SUFFIX) + "-repaired")
     console = Console()
-    with console.status(f"reading {folder.name}"):
+    with console.status(f"reading {escape(folder.name)}"):
         repaired = repair_bag(bag, target)
-    console.print(f"{sum(repaired.counts.values()):,} messages of {len(repaired.counts)} topics saved in {target}")
+    saved = f"{sum(repaired.counts.values()):,} messages of {len(repaired.counts)} topics saved in {target}"
+    console.print(escape(saved), highlight=False, soft_wrap=True)
     for loss in repaired.lost:
-        console.print(f"[yellow]lost:[/] {loss}", highlight=False, soft_wrap=True)
+        console.print(f"[yellow]lost:[/] {escape(loss)}", highlight=False, soft_wrap=True)

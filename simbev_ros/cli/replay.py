@@ -9,9 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from simbev_ros.cli.live_evaluation import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
-from simbev_ros.recording.layout import additional_folder, dataset_of, is_dataset, is_scene, locate_mcap, scenes_of
+from simbev_ros.recording.layout import (
+    additional_folder,
+    dataset_of,
+    is_dataset,
+    is_scene,
+    locate_mcap,
+    scene_folder,
+    scenes_of,
+)
 
 if TYPE_CHECKING:
     from simbev_ros.config.scenario import Scenario
@@ -31,10 +40,13 @@ def replay(
         typer.Option(help="Record each scene as an additional bag beside its own, <scene>.LABEL.", metavar="LABEL"),
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
+    evaluate: FiguresOption = None,
+    stack: StackOption = None,
 ) -> None:
     """Play recorded scenes with exactly the same motion, on the same topics and stamps.
 
     Rig and annotation are the configuration's, and weather and lights if it has these sections; all else is the bags'.
+    Of a dataset those scenes are played that are not recorded yet: after Ctrl-C the same command goes on where it was.
 
     [bold]Examples[/]
 
@@ -46,8 +58,10 @@ def replay(
 
     if merge is not None and (record is not None or live):
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
-    scenario, console = load_scenario(config), Console()
-    found = [bag for path in bags for bag in (_finished(path) if is_dataset(path) else [path])]
+    scenario, console = with_evaluation(load_scenario(config), evaluate, stack), Console()
+    found = _wanted(bags, record, merge, console)
+    if not found:
+        return
     folders = [locate_mcap(bag).resolve().parent for bag in found]
     with _merging(folders, merge) as staging:
         specs = [_spec(bag, scenario, console) for bag in found]
@@ -59,8 +73,28 @@ def replay(
                     console.print(f"recorded {place}", highlight=False, soft_wrap=True)
 
 
-def _finished(dataset: Path) -> list[Path]:
-    return [bag for bag in scenes_of(dataset) if is_scene(bag)]
+def _wanted(paths: Sequence[Path], record: Path | None, merge: str | None, console: Console) -> list[Path]:
+    """The bags among some paths, and of datasets the scenes that are not recorded yet."""
+    wanted = [bag for path in paths for bag in (_scenes(path) if is_dataset(path) else [path])]
+    done = [bag for path in paths if is_dataset(path) for bag in _scenes(path) if _is_recorded(bag, record, merge)]
+    if done:
+        console.print(f"{len(done)} scene{'s' * (len(done) != 1)} recorded before", highlight=False)
+    return [bag for bag in wanted if bag not in done]
+
+
+def _scenes(dataset: Path) -> list[Path]:
+    """The finished scenes of a dataset, of which there must be some."""
+    bags = [bag for bag in scenes_of(dataset) if is_scene(bag)]
+    if not bags:
+        raise InputError(f"{dataset}: there is no finished scene to replay")
+    return bags
+
+
+def _is_recorded(bag: Path, record: Path | None, merge: str | None) -> bool:
+    """Whether the bag that comes of a dataset's scene is there."""
+    if merge is not None:
+        return additional_folder(bag, merge).exists()
+    return record is not None and scene_folder(record, bag.parent.name, bag.name).exists()
 
 
 @contextmanager
@@ -81,9 +115,8 @@ def _merging(folders: Sequence[Path], label: str | None) -> Iterator[Path | None
             raise InputError(f"--merge: {folder}: is not a finished scene of the dataset that gets the bags")
         if additional_folder(folder, label).exists():
             raise InputError(f"{additional_folder(folder, label)}: exists already; nothing was overwritten")
-    dataset = dataset_of(folders[0]) if folders else None
-    if dataset is None:
-        raise InputError("--merge: there is no finished scene to replay")
+    dataset = dataset_of(folders[0])
+    assert dataset is not None, "checked above"
     with DatasetLock(dataset):
         clean_up(dataset)
         try:

@@ -7,17 +7,20 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from simbev_ros.cli.live_evaluation import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.paths import shipped_config_dir
 
 
 def run(
-    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper.", show_default=False)],
+    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record each scene as a bag in this dataset folder.")] = None,
     domain: Annotated[
         int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
     ] = None,
+    evaluate: FiguresOption = None,
+    stack: StackOption = None,
 ) -> None:
     """Start the graph and stream, until Ctrl-C or until the scenes end.
 
@@ -26,10 +29,12 @@ def run(
     simbev run live --live                       stream in real time
 
     simbev run my.yaml --record datasets/first   as fast as it goes, every message recorded
+
+    simbev run my.yaml --stack reference --evaluate figures.json
     """
     from simbev_ros.cli.scenes import play_scenes
 
-    scenario = load_scenario(config)
+    scenario = with_evaluation(load_scenario(config), evaluate, stack)
     console = Console()
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0

@@ -29,7 +29,7 @@ _BARS = " ▁▂▃▄▅▆▇█"
 
 
 def scene(
-    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper.", show_default=False)],
+    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     count: Annotated[
         int | None,
         typer.Option(help="How many scenes; by default as many as the configuration asks for.", min=1, max=100_000),

@@ -12,8 +12,9 @@ from rich.text import Text
 
 from simbev_ros.assets.region_pool import build_regions
 from simbev_ros.assets.static_cache import StaticCache
+from simbev_ros.cli.live_evaluation import print_live_tables
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
+from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
@@ -75,7 +76,7 @@ def played(
         check_writable(dataset, specs)
         check_space(dataset, scenario.recording.least_free_mib << 20)
     build_surroundings(specs, console)
-    with GraphSession(scenario, live=live, dataset=dataset, domain=domain) as session:
+    with _graph(GraphSession(scenario, live=live, dataset=dataset, domain=domain), console) as session:
         console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
         for spec, replay in zip_longest(specs, replays):
             with scene_progress(spec, console) as progress:
@@ -83,6 +84,21 @@ def played(
             if end.reason != DURATION:
                 console.print(f"{spec.name} ended early: {end.reason}", markup=False, highlight=False, soft_wrap=True)
             yield scene_folder(dataset or Path(), spec.split, spec.name)
+
+
+@contextmanager
+def _graph(session: GraphSession, console: Console) -> Iterator[GraphSession]:
+    """Runs a graph; when it has ended, also by Ctrl-C, its figures are printed, if a stack was evaluated."""
+    failed = False
+    try:
+        with session:
+            yield session
+    except SimbevError:  # its message is what counts; the figures of a part are in the file
+        failed = True
+        raise
+    finally:
+        if session.figures is not None and not failed:
+            print_live_tables(session.figures, console)
 
 
 def build_surroundings(specs: Sequence[SceneSpec], console: Console) -> None:

@@ -37,14 +37,17 @@ def verify(
 
     simbev verify datasets/first datasets/second --json
     """
-    from simbev_ros.dataset.check import index_faults
+    from simbev_ros.dataset.check import dataset_faults
 
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such file or folder")
     bags = [bag for path in paths for bag in (scenes_of(path) if is_dataset(path) else [path])]
-    faults = _faults(bags, jobs or os.cpu_count() or 1)
-    faults += [fault for path in paths if is_dataset(path) for fault in index_faults(path)]
+    jobs = jobs or os.cpu_count() or 1
+    faults = _faults(bags, jobs)
+    faults += [fault for path in paths if is_dataset(path) for fault in dataset_faults(path, jobs)]
+    if not bags and not faults:
+        raise InputError(f"{', '.join(map(str, paths))}: there is no scene to verify")
     if as_json:
         print(json.dumps({"bags": len(bags), "faults": [_plain(fault) for fault in faults]}, indent=2))
     else:
@@ -76,9 +79,13 @@ def _print(bags: int, faults: "Sequence[Fault]") -> None:
     if not faults:
         console.print(f"[green]{bags} bag{'s' * (bags != 1)}: nothing is wrong[/]")
         return
-    table = Table("bag", "where", "what")
+    table = Table()
+    for title in ("bag", "where", "what"):
+        table.add_column(title, overflow="fold")
     for fault in faults[:_MOST_SHOWN]:
         table.add_row(*map(escape, (str(fault.bag), fault.place, fault.problem)))
     console.print(table)
-    damaged = len({fault.bag for fault in faults})
-    console.print(f"[red]{damaged} of {bags} bag{'s' * (bags != 1)}: {len(faults)} faults[/]")
+    more = len(faults) - _MOST_SHOWN
+    if more > 0:
+        console.print(f"and {more} more; --json has all")
+    console.print(f"[red]{len(faults)} fault{'s' * (len(faults) != 1)} in {bags} bag{'s' * (bags != 1)}[/]")

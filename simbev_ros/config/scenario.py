@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
+from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.positioning import Imu
@@ -201,6 +202,13 @@ class Scenario(Model):
     rendering: Rendering = Rendering()
     recording: Recording = Recording()
     graph: GraphConfig = GraphConfig()
+    evaluation: Evaluation | None = Field(None, description="of a perception stack; none: no evaluator runs")
+
+    @property
+    def participants(self) -> tuple[str, ...]:
+        """Outside nodes on /sync/ready to wait for."""
+        stack = () if self.evaluation is None else self.evaluation.participants
+        return tuple(dict.fromkeys((*self.graph.participants, *stack)))
 
     @model_validator(mode="after")
     def _rates_fit_tick_rate(self) -> Self:

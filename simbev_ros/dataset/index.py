@@ -1,7 +1,6 @@
 """The index of a dataset, as Parquet: of each finished scene its settings, its weather and what is in it."""
 
 import hashlib
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,16 @@ from simbev_ros import __version__
 from simbev_ros.config.camera import Camera
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.arrays import point_array
-from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.syncing import sync, sync_names
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
 
 INDEX_FILE = "index.parquet"
 _HASHED_BYTES = 1 << 22
+_MADE_ANEW = "once it is deleted, simbev generate makes it anew"
 
 Row = dict[str, Any]
 
@@ -30,15 +31,18 @@ def read_index(dataset: Path) -> list[Row]:
     """The rows of a dataset's index, by ascending number; none if it has no index.
 
     Raises:
-        InputError: The file is damaged.
+        InputError: The file is damaged, or of another version.
     """
     path = dataset / INDEX_FILE
     if not path.exists():
         return []
     try:
-        rows: list[Row] = pq.read_table(path).to_pylist()
+        table = pq.read_table(path)
     except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}; {_MADE_ANEW}") from None
+    if missing := sorted(set(_schema().names) - set(table.column_names)):
+        raise InputError(f"{path}: it is no index of this version, which has a column {missing[0]}; {_MADE_ANEW}")
+    rows: list[Row] = table.to_pylist()
     return rows
 
 
@@ -52,38 +56,49 @@ def write_index(dataset: Path, rows: Iterable[Row]) -> None:
     unfinished = path.with_suffix(".part")
     try:
         pq.write_table(pa.Table.from_pylist(sorted(rows, key=lambda row: row["number"]), _schema()), unfinished)
-        with unfinished.open("rb") as file:
-            os.fsync(file.fileno())
+        sync(unfinished)
         unfinished.rename(path)
+        sync_names([path])
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def brought_up_to_date(dataset: Path, bags: Sequence[Path]) -> list[Row]:
-    """Rows of finished bags: those of the index, and new ones of bags that it does not have as they are now.
+def bring_up_to_date(dataset: Path, bags: Sequence[Path]) -> tuple[list[Row], dict[Path, str]]:
+    """Write the index of finished bags, with new rows of those that it does not have as they are now.
+
+    Returns:
+        The rows, and what is wrong with bags that cannot have one.
 
     Raises:
-        BagError: A bag cannot be read.
+        InputError: The index is damaged, or cannot be written.
     """
-    known = {row["path"]: row for row in read_index(dataset)}
-    rows = []
+    before = read_index(dataset)
+    known, rows, damaged = {row["path"]: row for row in before}, list[Row](), dict[Path, str]()
     for bag in bags:
         row = known.get(str(bag.relative_to(dataset)))
-        size = bytes_of(bag)
-        rows.append(row if row is not None and row["bytes"] == size else row_of(bag, dataset))
-    return rows
+        try:
+            rows.append(row if row is not None and row["bytes"] == bytes_of(bag) else row_of(bag, dataset))
+        except BagError as error:
+            damaged[bag] = str(error).removeprefix(f"{bag}: ")
+    if rows != before:
+        write_index(dataset, rows)
+    return rows, damaged
 
 
 def row_of(bag_path: Path, dataset: Path) -> Row:
     """The row of a finished bag.
 
     Raises:
-        BagError: It cannot be read, or is no scene.
+        BagError: It cannot be read, is cut off, or is not the scene that it is called.
     """
     with SceneBag(bag_path) as bag:
         spec = bag.spec
         if spec is None:
             raise BagError(f"{bag_path}: it holds no scene")
+        if not bag.closed:
+            raise BagError(f"{bag_path}: it is cut off")
+        if bag_path != scene_folder(dataset, spec.split, spec.name):
+            raise BagError(f"{bag_path}: it holds scene {spec.split}/{spec.name}")
         facts = bag.custom_data
         return {
             "path": str(bag_path.relative_to(dataset)),

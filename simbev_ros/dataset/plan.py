@@ -4,10 +4,10 @@ The plan is kept in the dataset as ``plan.json``, so that work that was interrup
 that were recorded into the dataset without a plan are taken into it.
 """
 
-import os
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Self
 
@@ -18,10 +18,12 @@ from simbev_ros.config.scenario import SPLITS, Scenario, Split
 from simbev_ros.errors import InputError
 from simbev_ros.maps.source import map_spec
 from simbev_ros.recording.layout import scene_folder
+from simbev_ros.recording.syncing import sync, sync_names
 
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(r"(?P<map>.+)-(?P<number>\d{4,})")
 _RANGE = re.compile(r"(\d+)(?:-(\d+))?")
+_MOST_NAMED = 5
 
 
 class PlannedEntry(Model):
@@ -47,13 +49,15 @@ class Plan(Model):
         """The plan of a dataset, which has none at first, and what is there without being planned.
 
         Raises:
-            InputError: Its file is damaged.
+            InputError: Its file is damaged, or cannot be read.
         """
         path = dataset / PLAN_FILE
         try:
             plan = cls.model_validate_json(path.read_bytes()) if path.exists() else cls()
         except ValidationError as error:
             raise InputError(f"{path}: {error.errors()[0]['msg']}") from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
         known = {entry.number for entry in plan.scenes}
         return plan.with_entries(entry for entry in _recorded(dataset) if entry.number not in known)
 
@@ -94,11 +98,10 @@ class Plan(Model):
         path = dataset / PLAN_FILE
         unfinished = path.with_suffix(".part")
         try:
-            with unfinished.open("w", encoding="utf-8") as file:
-                file.write(self.model_dump_json(indent=1))
-                file.flush()
-                os.fsync(file.fileno())
+            unfinished.write_text(self.model_dump_json(indent=1), encoding="utf-8")
+            sync(unfinished)
             unfinished.rename(path)
+            sync_names([path])
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -121,16 +124,19 @@ class Plan(Model):
                 chosen.append(entry)
         return chosen
 
-    def chosen(self, numbers: Collection[int]) -> list[PlannedEntry]:
+    def chosen(self, numbers: Sequence[range]) -> list[PlannedEntry]:
         """The scenes of some numbers.
 
         Raises:
-            InputError: One has none of them.
+            InputError: One of them has no scene.
         """
-        unknown = sorted(set(numbers) - {entry.number for entry in self.scenes})
+        known = {entry.number for entry in self.scenes}
+        asked = (number for each in numbers for number in each)  # any range can be written down: it may have no end
+        unknown = list(islice((number for number in asked if number not in known), _MOST_NAMED))
         if unknown:
-            raise InputError(f"--replace: the dataset has no scene {', '.join(map(str, unknown))}")
-        return [entry for entry in self.scenes if entry.number in numbers]
+            has = f"its numbers are {min(known)} to {max(known)}" if known else "it has none"
+            raise InputError(f"--replace: the dataset has no scene {', '.join(map(str, unknown))}; {has}")
+        return [entry for entry in self.scenes if any(entry.number in each for each in numbers)]
 
 
 def bag_of(dataset: Path, entry: PlannedEntry) -> Path:
@@ -138,19 +144,19 @@ def bag_of(dataset: Path, entry: PlannedEntry) -> Path:
     return scene_folder(dataset, entry.split, entry.name)
 
 
-def numbers_of(words: Iterable[str]) -> set[int]:
+def numbers_of(words: Iterable[str]) -> list[range]:
     """Scene numbers of words such as ``3``, ``17-20`` and ``3,5``.
 
     Raises:
         InputError: A word means no number.
     """
-    numbers: set[int] = set()
+    numbers = []
     for part in (part.strip() for word in words for part in re.split(r"[,\s]+", word.strip())):
         match = _RANGE.fullmatch(part)
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
         if last < first:
             raise InputError(f"--replace: {part!r} is neither a scene's number, such as 3, nor a range, such as 17-20")
-        numbers.update(range(first, last + 1))
+        numbers.append(range(first, last + 1))
     return numbers
 
 

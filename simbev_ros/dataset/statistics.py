@@ -82,7 +82,7 @@ class _Part:
     """Some frames of a scene."""
 
     dataset: Path
-    scene: str
+    scene: Path
     first: int
     ticks: range
 
@@ -104,14 +104,14 @@ def statistics_of(
     if not any(len(scene) for scene in dataset.scenes):
         raise InputError(f"{dataset.path}: it has no finished scene")
     every = max(1, sum(len(scene) for scene in dataset.scenes) // MOST_FRAMES)
-    parts = {scene.name: _parts(dataset, scene, every) for scene in dataset.scenes}
+    parts = {scene.path: _parts(dataset, scene, every) for scene in dataset.scenes}
     work = [part for each in parts.values() for part in each]
     total, done = sum(len(part.ticks) for part in work), 0
     results = in_processes(_look, work, min(jobs, len(work)))
     whole, facts, visited = Tally(), [], dict[str, Int64Array]()
     for scene in dataset.scenes:
         tally = Tally()
-        for part in parts[scene.name]:
+        for part in parts[scene.path]:
             tally.join(next(results))
             done += len(part.ticks)
             progress(done, total)
@@ -125,11 +125,11 @@ def statistics_of(
 def _parts(dataset: Dataset, scene: Scene, every: int) -> list[_Part]:
     ticks = range(0, len(scene), every)
     firsts = range(0, len(ticks), _FRAMES_PER_PART)
-    return [_Part(dataset.path, scene.name, first, ticks[first : first + _FRAMES_PER_PART]) for first in firsts]
+    return [_Part(dataset.path, scene.path, first, ticks[first : first + _FRAMES_PER_PART]) for first in firsts]
 
 
 def _look(part: _Part) -> Tally:
-    scene = _opened(part.dataset).scene(part.scene)
+    scene = next(each for each in _opened(part.dataset).scenes if each.path == part.scene)
     return Tally.of([scene[tick] for tick in part.ticks], with_actors=part.first == 0)
 
 

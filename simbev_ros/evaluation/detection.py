@@ -1,7 +1,8 @@
 """The paper's detection metrics: AP by 3D IoU and by centre distance, mAP, ATE, AOE, ASE, AVE, SDS.
 
-Scene by scene, ``tally`` reduces predictions to scores and outcomes; ``merge`` joins the tallies of many scenes, made
-anywhere, in the order given; ``detection_result`` makes the table. A tally holds about 20 bytes per prediction.
+Scene by scene, ``scene_matching`` reduces predictions to scores and outcomes; ``merge`` joins the tallies of many
+scenes, made anywhere, in the order given; ``detection_result`` makes the table. A tally holds about 20 bytes per
+prediction.
 
 What the paper leaves open is defined here:
     * A match is above an IoU, or below a distance, never at it. The surest prediction takes the best box of its class
@@ -11,19 +12,15 @@ What the paper leaves open is defined here:
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from simbev_ros.evaluation.boxes import Boxes, Predictions, require_frames
 from simbev_ros.evaluation.curves import Area, Curve, average_precision, curve
-from simbev_ros.evaluation.errors import ERRORS, distance, errors_of
-from simbev_ros.evaluation.matching import Pairs, match, near_pairs, ranks, sorted_pairs
+from simbev_ros.evaluation.errors import ERRORS
 from simbev_ros.evaluation.means import known_mean
-from simbev_ros.evaluation.overlap import iou_of_pairs
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.types import AnyArray, Float64Array, Int64Array, UInt8Array
 
 Method = Literal["iou", "distance"]
 HIT, MISS, UNCOUNTED = 1, 0, -1
@@ -114,83 +111,6 @@ def detection_score(mean_ap: float, errors: Sequence[float], ap_weight: float = 
     return (ap_weight * mean_ap + kept) / (ap_weight + len(errors))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Counting:
-    """Which boxes count, so that tables can be cut by condition.
-
-    Attributes:
-        truth: (N,) whether a box of the truth is to be found; finding another is neither right nor wrong.
-        predictions: (M,) whether a prediction that finds nothing is wrong, else it does not count.
-    """
-
-    truth: BoolArray
-    predictions: BoolArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Matching:
-    """One scene's boxes, with which each threshold is matched."""
-
-    truth: Boxes
-    predictions: Predictions
-    counting: Counting
-    rank: Int64Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "rank", ranks(self.predictions.score))
-
-    def found(self, pairs: Pairs) -> tuple[Int64Array, AnyArray]:
-        """(M,) truth that each prediction finds, -1 none, and (M,) outcome."""
-        counted = self.counting.truth[pairs.truth]
-        found = match(pairs.take(counted), self.rank, len(self.truth))
-        outcome = np.where(found >= 0, HIT, np.where(self.counting.predictions, MISS, UNCOUNTED)).astype(np.int8)
-        if not counted.all():
-            left = match(pairs.take(~counted & (found[pairs.prediction] < 0)), self.rank, len(self.truth))
-            outcome[left >= 0] = UNCOUNTED
-        return found, outcome
-
-
-def tally(
-    truth: Boxes,
-    predictions: Predictions,
-    frames: Int64Array,
-    options: DetectionOptions | None = None,
-    counting: Counting | None = None,
-) -> DetectionTally:
-    """Match the predictions of one scene, or of some of its frames, at every threshold.
-
-    Args:
-        truth: (N,) boxes.
-        predictions: (M,) boxes and scores, in the same frame of reference.
-        frames: (F,) frames that are evaluated; one without predictions counts as missed.
-        options: How; None: as the paper.
-        counting: Which boxes count; None: all.
-
-    Raises:
-        InputError: A box belongs to another frame.
-    """
-    options = options or DetectionOptions()
-    require_frames(truth, frames, "truth")
-    require_frames(predictions.boxes, frames, "predictions")
-    counting = counting or Counting(np.ones(len(truth), np.bool_), np.ones(len(predictions), np.bool_))
-    scene, classes, thresholds = _Matching(truth, predictions, counting), len(BOX_CLASSES), options.thresholds
-    pairs = _pairs(truth, predictions.boxes, options)
-    outcome = np.zeros((len(predictions), len(thresholds)), np.int8)
-    sums = np.zeros((classes, len(thresholds), len(ERRORS)))
-    counts = np.zeros(sums.shape, np.int64)
-    for column, (method, threshold) in enumerate(thresholds):
-        limit = -threshold if method == "iou" else threshold
-        near = pairs[method].take(pairs[method].cost < limit)
-        found, outcome[:, column] = scene.found(near)
-        hits = np.flatnonzero(found >= 0)
-        errors = errors_of(truth.take(found[hits]), predictions.boxes.take(hits), options.planar)
-        label, known = predictions.boxes.label[hits], ~np.isnan(errors)
-        np.add.at(sums[:, column], label, np.where(known, errors, 0.0))
-        np.add.at(counts[:, column], label, known)
-    truths = np.bincount(truth.label[counting.truth], minlength=classes)
-    return DetectionTally(truths, predictions.boxes.label, predictions.score, outcome, sums, counts)
-
-
 def merge(tallies: Sequence[DetectionTally]) -> DetectionTally:
     """All of at least one tally together."""
     return DetectionTally(
@@ -225,28 +145,3 @@ def precision_recall(total: DetectionTally, label: int, column: int) -> Curve:
     chosen = np.flatnonzero(total.label == label)
     order = chosen[np.argsort(-total.score[chosen], kind="stable")]
     return curve(total.score[order], total.outcome[order, column], int(total.truths[label]))
-
-
-def _pairs(truth: Boxes, predicted: Boxes, options: DetectionOptions) -> dict[Method, Pairs]:
-    """Pairs that match at the most lenient threshold of each method."""
-    reach_m = max(options.distances_m, default=0.0)
-    prediction, found = near_pairs(truth, predicted, np.full(len(predicted), reach_m))
-    apart_m = distance(truth.center_m[found], predicted.center_m[prediction], options.planar)
-    near = apart_m < reach_m
-    by_distance = sorted_pairs(prediction[near], found[near], apart_m[near])
-    least = min(options.ious, default=1.0)
-    half_m, predicted_half_m = (np.hypot(each.size_m[:, 0], each.size_m[:, 1]) / 2 for each in (truth, predicted))
-    prediction, found = near_pairs(truth, predicted, predicted_half_m + half_m.max(initial=0.0))
-    # Turning and moving apart only takes overlap away: most pairs are out by their sizes and heights alone.
-    near = (
-        distance(truth.center_m[found], predicted.center_m[prediction], True)
-        <= half_m[found] + predicted_half_m[prediction]
-    )
-    prediction, found = prediction[near], found[near]
-    volume_m3, predicted_m3 = truth.size_m[found].prod(axis=1), predicted.size_m[prediction].prod(axis=1)
-    near = np.minimum(volume_m3, predicted_m3) > least * np.maximum(volume_m3, predicted_m3)
-    prediction, found = prediction[near], found[near]
-    iou = iou_of_pairs(truth, predicted, found, prediction)
-    near = iou > least
-    by_iou = sorted_pairs(prediction[near], found[near], -iou[near])
-    return {"iou": by_iou, "distance": by_distance}

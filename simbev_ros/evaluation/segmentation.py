@@ -8,7 +8,7 @@ import numpy as np
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.means import known_mean
 from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Float64Array, Int64Array
+from simbev_ros.types import AnyArray, Float64Array, Int64Array, UInt8Array
 
 THRESHOLDS: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 TABLE_THRESHOLD = 0.5
@@ -69,26 +69,63 @@ def segmentation_tally(
         labels: (H, W) unsigned; bit k of a cell is class k of ``BEV_CLASSES``.
         scores: (C, H, W) of ``classes``: floating, 0 … 1, or uint8, where 255 is 1.
         classes: Which are predicted, of ``BEV_CLASSES``.
-        thresholds: Above 0.
+        thresholds: Above 0, rising.
 
     Raises:
         InputError: Shape, type or a score is not as above.
     """
+    return regional_tallies(labels, scores, np.zeros(labels.shape, np.uint8), 1, classes, thresholds)[0]
+
+
+def regional_tallies(
+    labels: AnyArray,
+    scores: AnyArray,
+    region: UInt8Array,
+    regions: int,
+    classes: Sequence[str] = BEV_CLASSES,
+    thresholds: Sequence[float] = THRESHOLDS,
+) -> list[SegmentationTally]:
+    """The cells of one frame as ``segmentation_tally``, each region of the grid by itself.
+
+    Args:
+        labels: (H, W).
+        scores: (C, H, W).
+        region: (H, W) that each cell belongs to.
+        regions: How many there are.
+        classes: Which are predicted.
+        thresholds: Above 0, rising.
+
+    Raises:
+        InputError: As ``segmentation_tally``.
+    """
     _check(labels, scores, classes)
-    shape = (len(classes), len(thresholds))
-    both, predicted, truth = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(len(classes), np.int64)
-    limits = _limits(thresholds, scores.dtype)
+    reached, levels = _reached(scores, thresholds), len(thresholds) + 1
+    place = region.astype(np.intp) * (2 * levels)
+    counts = np.empty((regions, len(classes), levels, 2), np.int64)
     for row, name in enumerate(classes):
-        of_class = labels & labels.dtype.type(1 << BEV_CLASSES.index(name)) != 0
-        truth[row] = np.count_nonzero(of_class)
-        for column, limit in enumerate(limits):
-            above = scores[row] >= limit
-            predicted[row, column] = np.count_nonzero(above)
-            both[row, column] = np.count_nonzero(above & of_class)
-    return SegmentationTally(1, both, predicted, truth)
+        of_class = labels >> labels.dtype.type(BEV_CLASSES.index(name)) & labels.dtype.type(1)
+        codes = place + (reached[row] << np.uint8(1) | of_class.astype(np.uint8))
+        counts[:, row] = np.bincount(codes.ravel(), minlength=regions * 2 * levels).reshape(regions, levels, 2)
+    at_least = counts[:, :, ::-1].cumsum(axis=2)[:, :, ::-1]
+    return [
+        SegmentationTally(1, both=own[:, 1:, 1], predicted=own[:, 1:].sum(axis=2), truth=own[:, 0, 1])
+        for own in at_least
+    ]
 
 
-def _limits(thresholds: Sequence[float], dtype: np.dtype[np.generic]) -> AnyArray:
+def _reached(scores: AnyArray, thresholds: Sequence[float]) -> UInt8Array:
+    """(C, H, W) how many thresholds each score is at or above."""
+    limits = limits_of(thresholds, scores.dtype)
+    if scores.dtype == np.uint8:
+        table = np.searchsorted(limits, np.arange(256), side="right").astype(np.uint8)
+        return table[scores]
+    reached = np.zeros(scores.shape, np.uint8)
+    for limit in limits:
+        reached += scores >= limit
+    return reached
+
+
+def limits_of(thresholds: Sequence[float], dtype: np.dtype[np.generic]) -> AnyArray:
     """Thresholds in the scores' own type, so that a score that equals one is at it."""
     if dtype == np.uint8:
         return np.ceil(np.round(np.array(thresholds) * _FULL, 6)).astype(np.uint8)

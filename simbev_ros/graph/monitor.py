@@ -17,6 +17,9 @@ from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 
+_WRITERS = ("recorder", "evaluator")
+"""They report one tick more than a scene has, when their files are closed."""
+
 
 class GraphMonitor:
     """A ROS node of the supervising process.
@@ -34,7 +37,7 @@ class GraphMonitor:
         self._nodes = tuple(nodes)
         self.behind_world = Lockstep(participants, window_ticks=1)
         self.world = Lockstep(["world"], window_ticks=1)
-        self.recorder = Lockstep(["recorder"], window_ticks=1)
+        self.writers = Lockstep([name for name in _WRITERS if name in self._nodes], window_ticks=1)
         self.end: SceneEnd | None = None
         self._scene = ""
         self._busy: dict[str, tuple[float, float]] = {}
@@ -54,7 +57,7 @@ class GraphMonitor:
 
     def request(self, request: SceneRequest) -> None:
         """Ask the world node to play a scene."""
-        for each in (self.behind_world, self.world, self.recorder):
+        for each in (self.behind_world, self.world, self.writers):
             each.start_scene(request.spec)
         self._scene, self.end = request.spec.name, None
         self._moved_s = time.monotonic()
@@ -90,7 +93,7 @@ class GraphMonitor:
 
     def _on_ready(self, message: Header) -> None:
         stamp_ns = stamp_of(message.stamp)
-        for each in (self.behind_world, self.world, self.recorder):
+        for each in (self.behind_world, self.world, self.writers):
             each.finished(message.frame_id, stamp_ns)
         self._moved_s = time.monotonic()
         self._hear(message.frame_id.partition(":")[0])

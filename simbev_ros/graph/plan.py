@@ -1,5 +1,6 @@
 """Which processes a graph has, with which nodes and parameters; nothing is looked up on the machine."""
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,11 +8,14 @@ from pathlib import Path
 import yaml
 
 from simbev_ros.config.camera import Camera
+from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, REFERENCE_STACK, Evaluation
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
+from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.sensor import Sensor
+from simbev_ros.msgs.topics import agent_topic, camera_info_topic
 
 _Parameters = Mapping[str, object]
 
@@ -28,12 +32,23 @@ class NodePlan:
 ProcessPlan = tuple[NodePlan, ...]
 """The nodes that share one process."""
 
+_EVALUATED = ("boxes", "bev/labels")
+"""Topics of the annotator with the truth."""
+
+_SHARE_OF_SILENCE = 0.8
+"""So long an evaluator waits for a stack, so that it can say what is missing before it is silent for too long."""
+
 _TOGETHER: tuple[Mapping[str, type[Sensor]], ...] = ({"lidar": Lidar, "radar": Radar}, {"gnss": Gnss, "imu": Imu})
 """Kinds of nodes that share a process. Radars take a tenth of a lidar's time, and the same meshes in memory."""
 
 
 def planned_processes(
-    scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None
+    scenario: Scenario,
+    camera_processes: int,
+    *,
+    live: bool,
+    dataset: Path | None,
+    figures: Path | None = None,
 ) -> list[ProcessPlan]:
     """Every process of the graph, the world first.
 
@@ -42,14 +57,17 @@ def planned_processes(
         camera_processes: How many share the rig's cameras, at most one for each.
         live: Paced by the wall clock.
         dataset: Where scenes are recorded; None: they are not.
+        figures: File for what an evaluator finds out, if there is one.
     """
     behind = list(_processes_behind_world(scenario, camera_processes, live=live, dataset=dataset))
+    state_readers = sum(map(len, behind))
+    if scenario.evaluation is not None:
+        behind.append((_evaluator(scenario, scenario.evaluation, live=live, figures=figures),))
     names = [node.name for process in behind for node in process]
-    state_readers = len([name for name in names if name != "recorder"]) + (dataset is not None)
     parameters = {
         "live": live,
         "recorded": dataset is not None,
-        "participants": [*names, *scenario.graph.participants],
+        "participants": [*names, *scenario.participants],
         "state_readers": state_readers,
         "window_ticks": scenario.graph.window_ticks,
     }
@@ -61,7 +79,10 @@ def _processes_behind_world(
 ) -> Iterator[ProcessPlan]:
     chosen = scenario.recording.topics.model_dump(mode="json")
     patterns = {f"{name}_topics": list(words) for name, words in chosen.items() if words}
-    common = {"live": live, "recorded": dataset is not None, "annotated": True, **patterns}
+    common: dict[str, object] = {"live": live, "recorded": dataset is not None, "annotated": True, **patterns}
+    if scenario.evaluation is not None:
+        truth = [agent_topic(scenario.rig.agent, name) for name in _EVALUATED]
+        common["evaluated_topics"] = [*truth, input_topic(scenario.rig, scenario.evaluation)]
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
     for kinds in _TOGETHER:
@@ -79,6 +100,37 @@ def _processes_behind_world(
         yield (NodePlan("recorder", "recorder", parameters),)
 
 
+def planned_stack(scenario: Scenario) -> tuple[str, ...]:
+    """The command of the perception stack that is to run with the graph; empty: none is."""
+    evaluation = scenario.evaluation
+    if evaluation is None or evaluation.stack is None:
+        return ()
+    if not evaluation.is_reference:
+        return evaluation.stack
+    agent, boxes = scenario.rig.agent, evaluation.boxes_topic
+    topics = {
+        "/ego/lidar/points": input_topic(scenario.rig, evaluation),
+        "/ego/odom": agent_topic(agent, "odom"),
+        BOXES_TOPIC: boxes,
+        f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
+        GRIDS_TOPIC: evaluation.grids_topic,
+    }
+    renamed = [word for old, new in topics.items() if new != old for word in ("--remap", f"{old}:={new}")]
+    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", "--ros-args", *renamed)
+
+
+def input_topic(rig: Rig, evaluation: Evaluation) -> str:
+    """What a stack answers to: what the configuration says, else what the rig's first lidar or camera sends."""
+    if evaluation.answers_to is not None:
+        return evaluation.answers_to
+    for lidar in rig.of_type(Lidar):
+        if lidar.points:
+            return agent_topic(rig.agent, f"{lidar.name}/points")
+    for camera in rig.of_type(Camera):
+        return camera_info_topic(rig.agent, camera.name, camera.modalities[0])
+    return agent_topic(rig.agent, "odom")
+
+
 def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -> Iterator[ProcessPlan]:
     """The rig's cameras, dealt out to processes, and those to GPUs."""
     cameras = [camera.name for camera in scenario.rig.of_type(Camera)]
@@ -91,3 +143,16 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
             "turn": index,
         }
         yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)
+
+
+def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:
+    asked = evaluation.figures
+    parameters = {
+        "live": live,
+        "evaluation": evaluation.model_dump_json(),
+        "figures": "" if figures is None else str(figures),
+        "asked_figures": "" if asked is None else str(Path(asked).resolve()),
+        "input_topic": input_topic(scenario.rig, evaluation),
+        "patience_s": _SHARE_OF_SILENCE * scenario.graph.silence_timeout_s,
+    }
+    return NodePlan("evaluator", "evaluator", parameters)

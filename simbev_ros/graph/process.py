@@ -1,16 +1,20 @@
 """One process of the graph: started in its own session, stopped politely and then by force, its output in a log."""
 
 import os
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import yaml
 
 from simbev_ros.errors import DiskError, InputError, SimbevError
-from simbev_ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK, SUPERVISOR_VARIABLE
+from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE
+from simbev_ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK
 
 _REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: InputError, DISK_EXIT_CODE: DiskError}
 
@@ -26,28 +30,23 @@ NodeParameters = Mapping[str, Mapping[str, object]]
 """Node name → its parameters."""
 
 
-class NodeProcess:
-    """A process with one or several nodes.
+class GraphProcess:
+    """A process of the graph.
 
     Args:
-        kinds: Kind of node → nodes of that kind are called like their keys in ``parameters``.
-        parameters: Parameters of each node, by name.
-        folder: Where its parameter file and its log go.
+        label: What it is called, and its log.
+        title: What it is, for messages.
+        command: Its words.
+        folder: Where its log goes.
         environment: Variables on top of the present ones.
     """
 
     def __init__(
-        self, kinds: Sequence[str], parameters: NodeParameters, folder: Path, environment: Mapping[str, str]
+        self, label: str, title: str, command: Sequence[str], folder: Path, environment: Mapping[str, str]
     ) -> None:
-        self.names = tuple(parameters)
-        self.label = "+".join(self.names)
-        self.log = folder / f"{self.label}.log"
+        self.label, self.title = label, title
+        self.log = folder / f"{label}.log"
         self._read_bytes = 0
-        file = folder / f"{self.label}.yaml"
-        text = yaml.dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}, Dumper=_Plain)
-        file.write_text(text)
-        nodes = [f"{kind}:{name}" for kind, name in zip(kinds, self.names, strict=True)]
-        command = [sys.executable, "-m", "simbev_ros.nodes.main", *nodes, "--ros-args", "--params-file", str(file)]
         with self.log.open("wb") as log:
             self._process = subprocess.Popen(
                 command,
@@ -107,7 +106,7 @@ class NodeProcess:
         """Why it ended, where that is the input's fault, this machine's or its disk's, and not its own."""
         _, mark, words = f"\n{self.log.read_text(errors='replace')}".rpartition(f"\n{ERROR_MARK}")
         kind = _REFUSALS.get(self.exit_code)
-        return kind(f"node {self.label}: {words.strip()}") if mark and kind else None
+        return kind(f"{self.title}: {words.strip()}") if mark and kind else None
 
     def terminate(self) -> None:
         """Ask it to end."""
@@ -124,3 +123,60 @@ class NodeProcess:
             self._process.kill()
             self._process.wait()
             return False
+
+
+class NodeProcess(GraphProcess):
+    """A process with one or several nodes.
+
+    Args:
+        kinds: Kind of node → nodes of that kind are called like their keys in ``parameters``.
+        parameters: Parameters of each node, by name.
+        folder: Where its parameter file and its log go.
+        environment: Variables on top of the present ones.
+    """
+
+    def __init__(
+        self, kinds: Sequence[str], parameters: NodeParameters, folder: Path, environment: Mapping[str, str]
+    ) -> None:
+        names = tuple(parameters)
+        label = "+".join(names)
+        file = folder / f"{label}.yaml"
+        text = yaml.dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}, Dumper=_Plain)
+        file.write_text(text)
+        nodes = [f"{kind}:{name}" for kind, name in zip(kinds, names, strict=True)]
+        command = [sys.executable, "-m", "simbev_ros.nodes.main", *nodes, "--ros-args", "--params-file", str(file)]
+        super().__init__(label, f"node {label}", command, folder, environment)
+
+
+class StackProcess(GraphProcess):
+    """A perception stack, or what starts it: it and all that it starts are stopped together.
+
+    Args:
+        command: Its words.
+        folder: Where its log goes.
+        environment: Variables on top of the present ones.
+
+    Raises:
+        InputError: There is no such command.
+    """
+
+    def __init__(self, command: Sequence[str], folder: Path, environment: Mapping[str, str]) -> None:
+        if shutil.which(command[0]) is None:
+            raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
+        supervised = [sys.executable, "-m", "simbev_ros.nodes.lifeline", *command]
+        super().__init__("stack", f"stack {shlex.join(command)}", supervised, folder, environment)
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self._signal(signal.SIGTERM)
+        self._signal(signal.SIGCONT)
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for its end; kill what is left of it when the time is up. True if the first of it went by itself."""
+        ended = super().join(timeout_s)
+        self._signal(signal.SIGKILL)
+        return ended
+
+    def _signal(self, number: signal.Signals) -> None:
+        with suppress(ProcessLookupError):
+            os.killpg(self.pid, number)

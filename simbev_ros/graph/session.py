@@ -1,10 +1,11 @@
 """A running graph: starts its processes, plays scenes on it, watches it, and ends it without leftovers."""
 
+import json
 import os
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
@@ -12,8 +13,8 @@ from simbev_ros.errors import GraphError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.monitor import GraphMonitor
-from simbev_ros.graph.plan import planned_processes
-from simbev_ros.graph.process import NodeProcess
+from simbev_ros.graph.plan import planned_processes, planned_stack
+from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.render.shares import camera_processes, drawing_environment
 from simbev_ros.scene.ending import SceneEnd
@@ -22,8 +23,8 @@ from simbev_ros.scene.spec import SceneSpec
 
 _POLL_S = 0.1
 _STOP_TIMEOUT_S = 8.0
-_LIVE_PATIENCE_S = 2.0
-"""So long a live recorder may wait for the last messages, which may have been lost."""
+_LIVE_PATIENCE_S, _LIVE_EVALUATION_PATIENCE_S = 2.0, 6.0
+"""So long a live recorder may wait for the last messages, which may have been lost, and an evaluator for answers."""
 
 Progress = Callable[[int | None], None]
 """Called with the last tick that every participant has finished; None while they load the scene."""
@@ -39,6 +40,9 @@ class GraphSession:
         live: Paced by the wall clock, sensors best effort.
         dataset: Where scenes are recorded; None: they are not.
         domain: ROS domain; None: that of the environment, else a free one.
+
+    Attributes:
+        figures: After the end what the evaluator has found out (``evaluation.live.live_figures``), if there is one.
     """
 
     def __init__(
@@ -50,9 +54,11 @@ class GraphSession:
         self._lock = DomainLock(domain)
         self.domain = self._lock.domain
         self._traces = Traces()
-        self._processes: list[NodeProcess] = []
+        self._processes: list[GraphProcess] = []
         self._monitor: GraphMonitor | None = None
         self._failed = False
+        self._figures = self._traces.folder / "figures.json"
+        self.figures: dict[str, Any] | None = None
 
     def __enter__(self) -> Self:
         try:
@@ -67,13 +73,17 @@ class GraphSession:
         os.environ.update(environment)  # for the monitor: the middleware reads it when the first node is made
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)
-        plans = planned_processes(self._scenario, cameras, live=self._live, dataset=self._dataset)
+        plans = planned_processes(
+            self._scenario, cameras, live=self._live, dataset=self._dataset, figures=self._figures
+        )
         for nodes in plans:
             parameters = {node.name: node.parameters for node in nodes}
             kinds = [node.kind for node in nodes]
             self._processes.append(NodeProcess(kinds, parameters, self._traces.folder, environment))
+        if stack := planned_stack(self._scenario):
+            self._processes.append(StackProcess(stack, self._traces.folder, environment))
         names = [node.name for nodes in plans for node in nodes]
-        self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.graph.participants])
+        self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.participants])
 
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
         """Play a scene to its end, which is returned.
@@ -95,23 +105,24 @@ class GraphSession:
             self.monitor.spin(_POLL_S)
             self._check(tick)
         progress(end.tick)
-        self._await_recorder(end.tick)
+        self._await_files(end.tick)
         return end
 
     def _finished(self, tick: int) -> bool:
         done = self._finished_tick()
         return done is not None and done >= tick
 
-    def _await_recorder(self, last_tick: int) -> None:
-        """Wait until the bag is closed, which the recorder reports as one more tick."""
-        if self._dataset is None:
-            return
-        patience_s = _LIVE_PATIENCE_S if self._live else self._scenario.graph.silence_timeout_s
+    def _await_files(self, last_tick: int) -> None:
+        """Wait until bag and figures are written, which recorder and evaluator report as one more tick."""
+        writers = self.monitor.writers
+        live_s = _LIVE_PATIENCE_S if self._scenario.evaluation is None else _LIVE_EVALUATION_PATIENCE_S
+        patience_s = live_s if self._live else self._scenario.graph.silence_timeout_s
         end_s = time.monotonic() + patience_s
-        while (done := self.monitor.recorder.finished_by_all()) is None or done <= last_tick:
+        while writers.laggards() and ((done := writers.finished_by_all()) is None or done <= last_tick):
             if time.monotonic() > end_s:
                 if not self._live:
-                    self._fail(f"node recorder has not closed the bag within {patience_s:g} s, after tick {last_tick}")
+                    late = ", ".join(writers.laggards())
+                    self._fail(f"node {late} has not closed its file within {patience_s:g} s, after tick {last_tick}")
                 return
             self.monitor.spin(_POLL_S)
             self._check(last_tick)
@@ -148,7 +159,7 @@ class GraphSession:
             if process.exit_code is not None:
                 if refusal := process.refusal():
                     raise refusal
-                self._fail(f"node {process.label} died {where}: {process.describe_end()}")
+                self._fail(f"{process.title} died {where}: {process.describe_end()}")
         timeout_s = self._scenario.graph.silence_timeout_s
         silent = self.monitor.silent(timeout_s)
         if silent:
@@ -169,6 +180,8 @@ class GraphSession:
         end_s = time.monotonic() + _STOP_TIMEOUT_S
         for process in self._processes:
             process.join(max(end_s - time.monotonic(), 0.1))
+        if self._figures.is_file():
+            self.figures = json.loads(self._figures.read_text(encoding="utf-8"))
         if self._monitor is not None:
             self._monitor.close()
         self._traces.remove(keep_logs=self._failed)

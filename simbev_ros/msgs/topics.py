@@ -25,6 +25,7 @@ EVENTS = "/world/events"
 WORLD_MARKERS = "/world/markers"
 READY = "/sync/ready"
 DIAGNOSTICS = "/diagnostics"
+EVALUATION = "/evaluation"
 TF = "/tf"
 TF_STATIC = "/tf_static"
 

@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
+from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion, quaternion_from_rpy, rotations_from_rpy
 from simbev_ros.msgs.stamps import header, stamp_of
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.scene.lights import BuildingLightSpec
@@ -90,6 +90,14 @@ def odometry_message(actor: Table, stamp_ns: int, child_frame: str) -> Odometry:
     message.twist.twist.linear = vector_message(velocity)
     message.twist.twist.angular = vector_message(rates)
     return message
+
+
+def map_from_ego(odometry: Odometry) -> Float64Array:
+    """(4, 4) pose in ``odometry_message``."""
+    place, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    return matrices_from_xyz_quaternion(
+        np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
+    )
 
 
 def quaternion_message(xyzw: Float64Array) -> Quaternion:

@@ -18,7 +18,13 @@ from simbev_ros.scene.spec import SceneSpec
 
 
 class GraphNode(Node):
-    """Base of every node of the graph."""
+    """Base of every node of the graph.
+
+    Attributes:
+        takes_message_info: Whether it has callbacks with two arguments, which rclpy's events executor cannot call.
+    """
+
+    takes_message_info = False
 
     def __init__(self, name: str) -> None:
         use_sim_time = Parameter("use_sim_time", Parameter.Type.BOOL, True)

@@ -1,6 +1,5 @@
 """Runs one or several nodes in one process: ``python -m simbev_ros.nodes.main KIND:NAME … --ros-args …``."""
 
-import ctypes
 import importlib
 import os
 import signal
@@ -13,6 +12,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from simbev_ros.errors import DiskError, InputError, SimbevError
+from simbev_ros.nodes.lifeline import end_with_supervisor
 
 KINDS = {
     "world": ("world_node", "WorldNode"),
@@ -23,11 +23,9 @@ KINDS = {
     "imu": ("imu_node", "ImuNode"),
     "annotator": ("annotator_node", "AnnotatorNode"),
     "recorder": ("recorder_node", "RecorderNode"),
+    "evaluator": ("evaluator_node", "EvaluatorNode"),
 }
 """Kind of node → module and class. Imported on demand: a lidar process needs no OpenGL."""
-
-SUPERVISOR_VARIABLE = "SIMBEV_SUPERVISOR_PID"
-"""Set for processes that must not outlive the one that started them."""
 
 ERROR_MARK = "error: "
 """Begins the line, and what follows it, in which a process says why it ends."""
@@ -35,13 +33,11 @@ ERROR_MARK = "error: "
 DISK_EXIT_CODE = os.EX_IOERR
 """Of a process that ends because the disk is full, which no other try mends."""
 
-_PR_SET_PDEATHSIG = 1
-
 
 def main(arguments: list[str] | None = None) -> int:
     """Run nodes until SIGTERM or SIGINT; give the exit code."""
     arguments = sys.argv if arguments is None else arguments
-    _end_with_parent()
+    end_with_supervisor()
     stop = _StopFlag()
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     nodes = []
@@ -52,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
                 raise InputError(f"no kind of node is called {kind!r}; allowed: {', '.join(KINDS)}")
             module, node_class = KINDS[kind]
             nodes.append(getattr(importlib.import_module(f"simbev_ros.nodes.{module}"), node_class)(name or kind))
-        executor = _make_executor()
+        executor = _make_executor(takes_message_info=any(node.takes_message_info for node in nodes))
         for node in nodes:
             executor.add_node(node)
         while not stop.requested:
@@ -68,8 +64,10 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _make_executor() -> Executor:
-    """The events executor, which takes less time for every message, where rclpy has it."""
+def _make_executor(*, takes_message_info: bool) -> Executor:
+    """The events executor, which takes less time for every message, where rclpy has it and it can do what is needed."""
+    if takes_message_info:
+        return SingleThreadedExecutor()
     try:
         from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:  # ROS 2 Jazzy has it since rclpy 7.1.4 (April 2025)
@@ -88,16 +86,6 @@ class _StopFlag:
 
     def _set(self, *_: object) -> None:
         self.requested = True
-
-
-def _end_with_parent() -> None:
-    """Get SIGTERM from the kernel when the supervisor dies, whatever kills it; end at once if it is dead already."""
-    supervisor = os.environ.get(SUPERVISOR_VARIABLE)
-    if supervisor is None:  # started by hand or by a launch file
-        return
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != int(supervisor):
-        sys.exit(1)
 
 
 if __name__ == "__main__":

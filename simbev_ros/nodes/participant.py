@@ -34,6 +34,7 @@ class Participant(GraphNode):
         self.annotated: bool = self.declared(
             "annotated", False, "An annotator reads clouds and instance images: wait until it is connected"
         )
+        self._evaluated = self.declared("evaluated_topics", [], "An evaluator reads these: wait until it is connected")
         self.spec: SceneSpec | None = None
         self._awaited_readers: dict[str, int] = {}
         self._loaded_reported = False
@@ -95,7 +96,9 @@ class Participant(GraphNode):
         forms = [topics.read_by_annotator(spec, compressed_images=compressed) for compressed in (False, True)]
         labelled = {topic.name for form in forms for topic in form.values()}
         return {
-            name: (self.recorded and name in self._recorded_topics) + (self.annotated and name in labelled)
+            name: (self.recorded and name in self._recorded_topics)
+            + (self.annotated and name in labelled)
+            + (name in self._evaluated)
             for name in names
         }
 

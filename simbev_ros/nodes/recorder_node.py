@@ -87,7 +87,7 @@ class RecorderNode(GraphNode):
         if spec.map.path:
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/gzip", load_source(spec.map))
         for topic in self._manifest.values():
-            self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live))
+            self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), apart=topic.sensor)
         odometry = topics.agent_topic(spec.rig.agent, "odom")
         for topic in every:
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):

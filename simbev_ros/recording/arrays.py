@@ -60,10 +60,11 @@ def point_array(message: Any) -> Table:
     except ValueError as error:
         raise BagError(f"point cloud: {error}") from None
     row_bytes = message.width * message.point_step
-    if message.row_step < row_bytes or message.data.size != message.row_step * message.height:
+    data = np.frombuffer(message.data, np.uint8)
+    if message.row_step < row_bytes or data.size != message.row_step * message.height:
         raise BagError(
-            f"point cloud of {message.width}x{message.height}: row step {message.row_step}, {message.data.size} bytes"
+            f"point cloud of {message.width}x{message.height}: row step {message.row_step}, {data.size} bytes"
         )
-    rows = message.data.reshape(message.height, message.row_step)[:, :row_bytes]
+    rows = data.reshape(message.height, message.row_step)[:, :row_bytes]
     table: Table = np.ascontiguousarray(rows).reshape(-1).view(dtype)
     return table

@@ -4,6 +4,7 @@ import errno
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -26,7 +27,7 @@ class BagFiles:
         name: That of the scene.
         zstd_level: None: chunks are not compressed.
         split_bytes: A file that has so many is closed, and the next one begun; None: there is one.
-        sync_bytes: Payload that is forced to the disk together.
+        sync_bytes: Payload that is forced to the disk together, while the next is written.
         least_free_bytes: Must stay free on the disk; looked at whenever something was forced to it.
 
     Attributes:
@@ -56,6 +57,8 @@ class BagFiles:
         self._zstd_level, self._split_bytes = zstd_level, split_bytes
         self._sync_bytes, self._least_free_bytes = sync_bytes, least_free_bytes
         self._unsynced_bytes = 0
+        self._syncing: Future[None] | None = None
+        self._sync_thread = ThreadPoolExecutor(1, thread_name_prefix="sync")
         self.failure: DiskError | None = None
         self.counts: Counter[int] = Counter()
         self._file = self._next_file()
@@ -68,6 +71,7 @@ class BagFiles:
         """Write messages."""
         with self._once():
             if self._split_bytes is not None and self._file.size >= self._split_bytes:
+                self._join_sync()
                 self._file.close({}, self.definitions)
                 self._file = self._next_file()
             self._file.add_chunk(chunk, self.definitions)
@@ -75,7 +79,7 @@ class BagFiles:
         self.files[-1].add([stamp_ns for places in chunk.places.values() for stamp_ns, _ in places])
         self._unsynced_bytes += chunk.payload_bytes
         if self._unsynced_bytes >= self._sync_bytes:
-            self.sync()
+            self._begin_sync()
 
     def add_attachment(self, attachment: Attachment) -> None:
         """Write a file that goes with the messages."""
@@ -85,15 +89,27 @@ class BagFiles:
 
     def sync(self) -> None:
         """Force all to the disk, and see whether there is room for more."""
+        self._begin_sync()
         with self._once():
-            self._file.sync()
-            self._unsynced_bytes = 0
-            check_space(self._folder, self._least_free_bytes)
+            self._join_sync()
 
     def close(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
         """Close the last file, with key-value records by name."""
         with disk_errors(self._folder):
+            self._sync_thread.shutdown()
             self._file.close(metadata, self.definitions)
+
+    def _begin_sync(self) -> None:
+        """Force all to the disk when what was to be forced before is there."""
+        with self._once():
+            self._join_sync()
+            check_space(self._folder, self._least_free_bytes)
+            self._unsynced_bytes = 0
+            self._syncing = self._sync_thread.submit(self._file.sync)
+
+    def _join_sync(self) -> None:
+        if self._syncing is not None:
+            self._syncing.result()
 
     def _next_file(self) -> McapFile:
         path = mcap_in(self._folder, self._name, len(self.files))

@@ -1,11 +1,13 @@
 """Writing one scene: serialised messages in, a rosbag2 bag (MCAP files and ``metadata.yaml``) out.
 
-The bag grows in ``<name>.partial`` and takes its name only when it is whole. Every ``sync_bytes`` of payload the chunk
-in progress is closed and the file is forced to the disk: whatever ends the process, all before that is readable.
+The bag grows in ``<name>.partial`` and takes its name only when it is whole. Chunks are with the operating system when
+they are written: whatever ends the process, they stay readable. Every ``sync_bytes`` of payload the file is forced to
+the disk while the next are written: a power cut costs at most two such portions.
+
+What is large, as sensor data, may have chunks of its own: who wants only labels, or the motion, then reads little else.
 """
 
 import json
-import os
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -23,6 +25,7 @@ from simbev_ros.recording.bag_metadata import RecordedTopic, bag_information, to
 from simbev_ros.recording.layout import METADATA_FILE, partial_of
 from simbev_ros.recording.mcap_file import ChunkInProgress, Definition
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.syncing import sync
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 _MOST_WAITING = 4
@@ -39,7 +42,8 @@ class SceneBagWriter:
         path: The finished bag's folder.
         chunk_bytes: Size of a chunk before compression.
         zstd_level: How hard to compress chunks; None: not at all.
-        split_bytes: When a file has so many, the next one is begun; None: the bag has one file.
+        split_bytes: When a file has so many, the next one is begun, and all topics share chunks, so that no file begins
+            before the one before has ended; None: the bag has one file.
         sync_bytes: Payload that is forced to the disk together.
         least_free_bytes: What must stay free on the disk.
 
@@ -82,19 +86,24 @@ class SceneBagWriter:
         self._topics: dict[str, RecordedTopic] = {}
         self._schemas: dict[str, Schema] = {}
         self._chunk_bytes = min(chunk_bytes, sync_bytes)
-        self._chunk = ChunkInProgress()
+        self._shares_chunks = split_bytes is not None
+        self._chunks: dict[bool, ChunkInProgress] = {}
+        self._apart: set[str] = set()
         self._is_closed = False
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="bag")
         self._waiting: deque[Future[None]] = deque()
 
-    def add_topic(self, name: str, type_name: str, qos: QosProfile) -> None:
+    def add_topic(self, name: str, type_name: str, qos: QosProfile, *, apart: bool = False) -> None:
         """Announce a topic; each once, before its first message.
 
         Args:
             name: Full topic name.
             type_name: As in ``sensor_msgs/msg/Image``; one of ROS 2 Jazzy's own message packages.
             qos: What its publisher offers.
+            apart: In chunks only with others of which that is said.
         """
+        if apart and not self._shares_chunks:
+            self._apart.add(name)
         if name in self._topics:
             raise ValueError(f"topic {name} was added before")
         if type_name not in self._schemas:
@@ -115,7 +124,7 @@ class SceneBagWriter:
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the bag, on the disk when this returns."""
-        self._end_chunk()
+        self._end_chunks()
         self._do(self._files.add_attachment, Attachment(0, 0, name, media_type, data))
         self._wait()
 
@@ -127,22 +136,23 @@ class SceneBagWriter:
             stamp_ns: Simulated time of the message, ns; log time and publish time in the bag.
             data: The message, CDR with its encapsulation header; it must not be changed any more.
         """
-        entry = self._topics[topic]
-        self._chunk.add(entry.channel_id, entry.count, stamp_ns, data)
+        entry, is_apart = self._topics[topic], topic in self._apart
+        chunk = self._chunks.setdefault(is_apart, ChunkInProgress())
+        chunk.add(entry.channel_id, entry.count, stamp_ns, data)
         entry.count += 1
         entry.payload_bytes += len(data)
-        if self._chunk.size > self._chunk_bytes:
-            self._end_chunk()
+        if chunk.size > self._chunk_bytes:
+            self._do(self._files.add_chunk, self._chunks.pop(is_apart))
 
     def sync(self) -> None:
-        """Close the chunk in progress; all messages written so far are on the disk when this returns."""
-        self._end_chunk()
+        """Close the chunks in progress; all messages written so far are on the disk when this returns."""
+        self._end_chunks()
         self._do(self._files.sync)
         self._wait()
 
-    def _end_chunk(self) -> None:
-        chunk, self._chunk = self._chunk, ChunkInProgress()
-        self._do(self._files.add_chunk, chunk)
+    def _end_chunks(self) -> None:
+        for is_apart in sorted(self._chunks):
+            self._do(self._files.add_chunk, self._chunks.pop(is_apart))
 
     def _do(self, work: Callable[..., None], *arguments: object) -> None:
         """Have the other thread do something when it has done all before."""
@@ -170,7 +180,7 @@ class SceneBagWriter:
         if self.path.exists():
             raise InputError(f"{self.path}: exists already; the new bag is in {self.partial_path}")
         self.partial_path.rename(self.path)
-        _sync_folder(self.path.parent)
+        sync(self.path.parent)
         return self.path
 
     def abandon(self, custom_data: Mapping[str, str] | None = None) -> Path:
@@ -184,7 +194,7 @@ class SceneBagWriter:
             return
         self._is_closed = True
         with suppress(DiskError):
-            self._end_chunk()
+            self._end_chunks()
             self._wait()
         self._disk.shutdown()
         topics = list(self._topics.values())
@@ -196,9 +206,7 @@ class SceneBagWriter:
         with disk_errors(self.partial_path):
             with (self.partial_path / METADATA_FILE).open("x", encoding="utf-8") as metadata:
                 metadata.write(to_yaml({"rosbag2_bagfile_information": information}))
-                metadata.flush()
-                os.fsync(metadata.fileno())
-            _sync_folder(self.partial_path)
+            sync(self.partial_path / METADATA_FILE, self.partial_path)
         if self._files.failure is not None:
             raise self._files.failure
 
@@ -209,12 +217,3 @@ class SceneBagWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.abandon()
-
-
-def _sync_folder(folder: Path) -> None:
-    """Force a folder's entries, such as a new name, to the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -65,7 +65,7 @@ def numbered_files(path: Path) -> dict[int, Path]:
     """
     if not path.exists():
         raise BagError(f"{path}: no such file or folder")
-    found = [path] if path.is_file() else list(path.glob("*.mcap"))
+    found = [path] if path.is_file() else [file for file in path.glob("*.mcap") if file.is_file()]
     if len(found) == 1 and (path.is_file() or not _NUMBERED.fullmatch(found[0].name)):
         return {0: found[0]}
     files = {int(match[2]): path / match[0] for match in (_NUMBERED.fullmatch(file.name) for file in found) if match}

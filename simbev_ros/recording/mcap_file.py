@@ -8,7 +8,7 @@ import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -106,16 +106,16 @@ class McapFile:
         if not chunk.places:
             return
         head = self._definitions(definitions)
-        records = b"".join((head, *chunk.parts))
+        records_bytes, records_crc, data = self._compressed((head, *chunk.parts))
+        data_bytes = sum(map(len, data))
         stamps_ns = [stamp_ns for places in chunk.places.values() for stamp_ns, _ in places]
-        data = records if self._compressor is None else self._compressor.compress(records)
         name = b"" if self._compressor is None else b"zstd"
         span_ns = min(stamps_ns), max(stamps_ns)
-        length = _CHUNK_HEAD.size + len(name) + _LENGTH.size + len(data)
+        length = _CHUNK_HEAD.size + len(name) + _LENGTH.size + data_bytes
         opening = RECORD_HEAD.pack(Opcode.CHUNK, length)
-        opening += _CHUNK_HEAD.pack(*span_ns, len(records), zlib.crc32(records), len(name))
-        opening += name + _LENGTH.pack(len(data))
-        chunk_bytes = len(opening) + len(data)
+        opening += _CHUNK_HEAD.pack(*span_ns, records_bytes, records_crc, len(name))
+        opening += name + _LENGTH.pack(data_bytes)
+        chunk_bytes = len(opening) + data_bytes
         indexes, offsets = b"", {}
         for channel_id, places in chunk.places.items():
             offsets[channel_id] = self.size + chunk_bytes + len(indexes)
@@ -124,14 +124,14 @@ class McapFile:
             chunk_length=chunk_bytes,
             chunk_start_offset=self.size,
             compression=name.decode(),
-            compressed_size=len(data),
+            compressed_size=data_bytes,
             message_end_time=span_ns[1],
             message_index_length=len(indexes),
             message_index_offsets=offsets,
             message_start_time=span_ns[0],
-            uncompressed_size=len(records),
+            uncompressed_size=records_bytes,
         )
-        self._append(opening, data, indexes)
+        self._append(opening, *data, indexes)
         self._chunks.append(entry)
         self._counts.update({channel_id: len(places) for channel_id, places in chunk.places.items()})
 
@@ -160,6 +160,16 @@ class McapFile:
     def sync(self) -> None:
         """Force all to the disk."""
         os.fsync(self._file.fileno())
+
+    def _compressed(self, parts: Sequence[bytes | memoryview]) -> tuple[int, int, list[bytes | memoryview]]:
+        """Size and CRC of all parts, and what they become as one stream; they are not joined, which takes as long."""
+        size, crc = sum(map(len, parts)), 0
+        for part in parts:
+            crc = zlib.crc32(part, crc)
+        if self._compressor is None:
+            return size, crc, list(parts)
+        stream = self._compressor.compressobj(size)
+        return size, crc, [*filter(None, map(stream.compress, parts)), stream.flush()]
 
     def _definitions(self, definitions: Iterable[Definition]) -> bytes:
         """Records of those that are new in this file; they count as written."""
@@ -204,7 +214,7 @@ class McapFile:
             schema_count=len(self._schemas),
         )
 
-    def _append(self, *records: bytes) -> None:
+    def _append(self, *records: bytes | memoryview) -> None:
         """Write records, all or none."""
         try:
             for record in records:

@@ -1,6 +1,8 @@
 """A damaged or unfinished bag → a valid one with everything that could be read of it."""
 
 import json
+import shutil
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
@@ -8,12 +10,15 @@ from pathlib import Path
 
 import yaml
 from mcap.records import Channel, Message, Schema
+from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.errors import BagError
+from simbev_ros.errors import BagError, DiskError
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.layout import numbered_files
+from simbev_ros.recording.layout import numbered_files, partial_of
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.salvage import Salvage, salvage
+
+_KNOWN_TYPES = frozenset(get_typestore(Stores.ROS2_JAZZY).types)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +46,7 @@ def repair_bag(path: Path, out: Path) -> Repair:
     Raises:
         BagError: There is no bag, or nothing of it can be read.
         InputError: The new bag cannot be written there.
+        DiskError: The disk is full; nothing of the new bag is left.
     """
     found, counts = Salvage(), dict[str, int]()
     messages = _salvaged(path, found)
@@ -48,27 +54,39 @@ def repair_bag(path: Path, out: Path) -> Repair:
     if first is None:
         raise BagError(f"{path}: there is no message in it that could be saved")
     with SceneBagWriter(out) as writer:
-        for channel, schema, message in chain([first], messages):
-            if channel.topic not in counts:
-                writer.add_topic(channel.topic, schema.name, _qos(channel.metadata))
-            writer.write(channel.topic, message.log_time, message.data)
-            counts[channel.topic] = counts.get(channel.topic, 0) + 1
-        for attachment in found.attachments.values():
-            writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
-        lost = [*found.lost, *_missing(found, counts)]
-        writer.finish(_facts(found, counts, lost))
+        try:
+            for channel, schema, message in chain([first], messages):
+                if channel.topic not in counts:
+                    writer.add_topic(channel.topic, schema.name, _qos(channel.metadata))
+                writer.write(channel.topic, message.log_time, message.data)
+                counts[channel.topic] = counts.get(channel.topic, 0) + 1
+            for attachment in found.attachments.values():
+                writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
+            lost = [*found.lost, *_missing(found, counts)]
+            writer.finish(_facts(found, counts, lost))
+        except BaseException as error:
+            writer.abandon()
+            shutil.rmtree(partial_of(out))  # all of it is in the old one
+            if isinstance(error, DiskError):
+                raise DiskError(f"{str(error).partition(';')[0]}; nothing of the new bag is left") from None
+            raise
     return Repair(out, counts, lost)
 
 
 def _salvaged(path: Path, found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
-    """The messages of all files that are there; whatever else is in them goes into ``found``."""
+    """The messages of known types of all files that are there; whatever else is in them goes into ``found``."""
     files = numbered_files(path)
     found.lost += [f"file {number}, which is missing" for number in range(max(files)) if number not in files]
     for _, file in sorted(files.items()):
-        part = Salvage()
+        part, strange = Salvage(), Counter[str]()
         for message in salvage(file, part):
             channel = part.channels[message.channel_id]
-            yield channel, part.schemas[channel.schema_id], message
+            schema = part.schemas.get(channel.schema_id)
+            if schema is None or schema.name not in _KNOWN_TYPES:
+                strange[channel.topic] += 1
+                continue
+            yield channel, schema, message
+        part.lost += [f"{topic}: {count} messages of no type of ROS 2 Jazzy" for topic, count in strange.items()]
         found.attachments |= part.attachments
         found.metadata |= part.metadata
         found.lost += [f"{file.name}: {loss}" if len(files) > 1 else loss for loss in part.lost]

@@ -143,6 +143,8 @@ def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[st
     copy = yaml.safe_load(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
     if not isinstance(described, dict) or described.get("rosbag2_bagfile_information") != copy:
         yield "it does not say what the file says of itself"
+    elif copy is None:
+        yield "neither it nor the file describes a bag"
     elif copy["relative_file_paths"] != [file.name for file in files]:
         yield f"its files are {', '.join(copy['relative_file_paths'])}"
 

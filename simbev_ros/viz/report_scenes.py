@@ -4,12 +4,14 @@ from collections.abc import Iterator, Sequence
 from html import escape
 
 import numpy as np
+from rich.filesize import decimal
 
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset.statistics import SceneFacts, Statistics
 from simbev_ros.dataset.tallies import SPEED_STEP_MPS
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import AnyArray
+from simbev_ros.viz.page import table
 from simbev_ros.viz.svg_charts import SMALL, Series, bars, figure, histogram, legend
 from simbev_ros.viz.svg_drawing import Color, css, number
 
@@ -43,7 +45,7 @@ def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
         (number(round(minutes, 1)), "minutes"),
         (number(round(sum(scene.way_m for scene in scenes) / 1000.0, 2)), "km driven"),
         (number(round(int(tally.counts["boxes"].sum()) / max(tally.frames, 1), 1)), "boxes a frame"),
-        (f"{sum(scene.file_bytes for scene in scenes) / 1e9:.3g} GB", "recorded"),
+        (decimal(sum(scene.file_bytes for scene in scenes)), "recorded"),
     ]
 
 
@@ -96,9 +98,8 @@ def scene_table(statistics: Statistics) -> str:
         )
         cells = "".join(f"<td>{number(value)}</td>" for value in values)
         split = f'<td><b style="color:{css(SPLIT_COLORS[scene.split])}">{scene.split}</b></td>'
-        lines.append(f"<tr><th>{escape(scene.name)}</th>{split}{cells}</tr>")
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    return f'<div class="table"><table><thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
+        lines.append(f"<th>{escape(scene.name)}</th>{split}{cells}")
+    return table(heads, lines)
 
 
 def _by_split(scenes: Sequence[SceneFacts], values: AnyArray, low: float, step: float) -> list[Series]:

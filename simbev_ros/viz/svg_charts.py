@@ -10,7 +10,7 @@ from html import escape
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.types import AnyArray, BoolArray, Float64Array
 from simbev_ros.viz.svg_drawing import INK, Color, Drawing, Size, css, number, ticks
 
 WIDE: Size = (560.0, 250.0)
@@ -38,6 +38,7 @@ class Axes:
     x: tuple[float, float]
     y: tuple[float, float]
     log_y: bool = False
+    least_step_y: float = 1.0
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Where a value is on the sheet."""
@@ -47,20 +48,32 @@ class Axes:
         width, height = self.drawing.width - _LEFT - _RIGHT, self.drawing.height - _TOP - _BOTTOM
         return _LEFT + across * width, _TOP + (1.0 - up) * height
 
-    def frame(self, x_label: str, y_label: str) -> None:
-        """Grid, ticks and names."""
+    def frame(self, x_label: str, y_label: str, x_names: Sequence[str] = ()) -> None:
+        """Grid, ticks and names; ``x_names`` stand instead of numbers at the middles between whole ones."""
         sheet = self.drawing
-        for value in _decades(*self.y) if self.log_y else ticks(*self.y, least=1.0):
+        for value in _decades(*self.y) if self.log_y else ticks(*self.y, least=self.least_step_y):
             _, y = self.at(self.x[0], value)
             sheet.line(_LEFT, y, sheet.width - _RIGHT, y)
             sheet.text(_LEFT - 6, y + 3.5, number(value), anchor="end")
         floor = sheet.height - _BOTTOM
         sheet.line(_LEFT, floor, sheet.width - _RIGHT, floor, "axis")
-        for value in ticks(*self.x):
+        places = {index + 0.5: name for index, name in enumerate(x_names)} or {v: number(v) for v in ticks(*self.x)}
+        for value, name in places.items():
             x, _ = self.at(value, self.y[0])
-            sheet.text(x, floor + 14, number(value))
+            sheet.text(x, floor + 14, name)
         sheet.text(sheet.width - _RIGHT, sheet.height - 5, x_label, "label", "end")
         sheet.text(0, 10, y_label, "label", "start")
+
+    def curve(self, x: Float64Array, each: Series, known: BoolArray) -> None:
+        """A line through (N,) places, with gaps where nothing is known; a lone place is a dot."""
+        color, title = css(each.color), f"<title>{escape(each.name)}</title>"
+        rows = np.flatnonzero(known)
+        for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else ():
+            places = [self.at(float(x[i]), float(each.values[i])) for i in run.tolist()]
+            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in places)
+            self.drawing.add(f'<polyline class="curve" stroke="{color}" points="{points}">{title}</polyline>')
+            if len(places) == 1:
+                self.drawing.dot(*places[0], each.color, each.name)
 
 
 def histogram(
@@ -127,16 +140,7 @@ def curves(x: Float64Array, series: Sequence[Series], x_label: str, y_label: str
     axes = Axes(Drawing(*size), (0.0, end or 1.0), (low, max(high, 10.0 * low)), log_y=True)
     axes.frame(x_label, y_label)
     for each in series:
-        rows = np.flatnonzero(each.values > 0)
-        for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
-            places = [axes.at(float(x[i]), float(each.values[i])) for i in run.tolist()]
-            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in places)
-            title = f"<title>{escape(each.name)}</title>"
-            axes.drawing.add(f'<polyline class="curve" stroke="{css(each.color)}" points="{points}">{title}</polyline>')
-            if len(places) == 1:
-                axes.drawing.add(
-                    f'<circle cx="{places[0][0]:.1f}" cy="{places[0][1]:.1f}" r="2" fill="{css(each.color)}"/>'
-                )
+        axes.curve(x, each, each.values > 0)
     return axes.drawing.svg()
 
 

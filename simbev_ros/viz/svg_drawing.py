@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 from PIL import Image
 
-from simbev_ros.types import AnyArray
+from simbev_ros.types import AnyArray, UInt8Array
 
 Color = tuple[int, int, int]
 INK: Color = (47, 111, 143)
@@ -45,10 +45,24 @@ class Drawing:
         place = f'x="{x:.2f}" y="{y:.2f}" width="{max(width, 0):.2f}" height="{max(height, 0):.2f}"'
         self.add(f'<rect {place} fill="{css(color)}"><title>{escape(title)}</title></rect>')
 
+    def dot(self, x: float, y: float, color: Color, title: str = "", radius: float = 2.0) -> None:
+        """A filled circle."""
+        said = f"<title>{escape(title)}</title>"
+        self.add(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" fill="{css(color)}">{said}</circle>')
+
+    def path(self, kind: str, places: str, title: str = "") -> None:
+        """Lines along SVG's path data; ``kind`` is their class in the style sheet."""
+        said = f"<title>{escape(title)}</title>" if title else ""
+        self.add(f'<path class="{kind}" d="{places}">{said}</path>')
+
     def picture(self, x: float, y: float, size: Size, indices: AnyArray, ramp: AnyArray) -> None:
-        """(H, W) uint8 indices into (256, 3) colours."""
+        """(H, W) uint8 indices into (256, 3) colours, or (256, 4) with opacities."""
+        self.photo(x, y, size, _png(indices, ramp))
+
+    def photo(self, x: float, y: float, size: Size, address: str) -> None:
+        """A picture at an address, as that of ``jpeg``."""
         place = f'x="{x:.1f}" y="{y:.1f}" width="{size[0]:.1f}" height="{size[1]:.1f}"'
-        self.add(f'<image {place} preserveAspectRatio="none" href="{_png(indices, ramp)}"/>')
+        self.add(f'<image {place} preserveAspectRatio="none" href="{address}"/>')
 
     def mark_ego(self, x: float, y: float) -> None:
         """A small arrow that points up."""
@@ -101,9 +115,21 @@ def ticks(low: float, high: float, least: float = 0.0) -> list[float]:
     return [round(index * step, 12) for index in range(first, last + 1)]
 
 
+def jpeg(picture: UInt8Array, quality: int = 82) -> str:
+    """An address that holds a (H, W, 3) picture itself."""
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "JPEG", quality=quality, optimize=True)
+    return _address("jpeg", file)
+
+
 def _png(indices: AnyArray, ramp_colors: AnyArray) -> str:
     picture = Image.fromarray(np.ascontiguousarray(indices, np.uint8), "P")
-    picture.putpalette(np.ascontiguousarray(ramp_colors, np.uint8).tobytes())
+    picture.putpalette(np.ascontiguousarray(ramp_colors[:, :3], np.uint8).tobytes())
+    opacities = {"transparency": ramp_colors[:, 3].astype(np.uint8).tobytes()} if ramp_colors.shape[1] > 3 else {}
     file = io.BytesIO()
-    picture.save(file, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
+    picture.save(file, "PNG", optimize=True, **opacities)
+    return _address("png", file)
+
+
+def _address(kind: str, file: io.BytesIO) -> str:
+    return f"data:image/{kind};base64," + base64.b64encode(file.getvalue()).decode()

@@ -97,7 +97,7 @@ class History:
             map_from_ego,
             None if boxes is None else self.array(boxes),
             None if labels is None or map_from_labels is None else self.array(labels),
-            _level(map_from_ego if map_from_labels is None else map_from_labels),
+            level(map_from_ego if map_from_labels is None else map_from_labels),
         )
 
     def _pose(self, stamp_ns: int) -> Float64Array | None:
@@ -126,7 +126,7 @@ def _pose_matrix(pose: Any) -> Float64Array:
     )
 
 
-def _level(map_from_ego: Float64Array) -> Float64Array:
+def level(map_from_ego: Float64Array) -> Float64Array:
     """The ego's pose without its roll and pitch."""
     yaw_rad = rpy_from_rotation(map_from_ego[:3, :3])[2]
     return matrices_from_xyz_rpy(map_from_ego[:3, 3], np.array([0.0, 0.0, yaw_rad]))

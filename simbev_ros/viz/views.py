@@ -105,11 +105,11 @@ def find_views(bag: SceneBag, labels: LabelPlace = "panel") -> Views:
         if match := _IMAGE.fullmatch(name):
             images.setdefault((match["camera"], match["modality"]), name)
     cameras = sorted({camera for camera, modality in images if modality == "rgb"}, key=_panorama_place)
-    others = sorted({camera for camera, modality in images if modality in MODALITIES}, key=_main_place)
+    others = sorted({camera for camera, modality in images if modality in MODALITIES}, key=main_place)
     main = others[0] if others else ""
     points = _first(_POINTS, names)
     truth = TruthTopics(_first(_BOXES, names), _first(_ODOMETRY, names), _first(_BEV, names))
-    labelled = cameras if labels == "cameras" else sorted(cameras, key=_main_place)[:1]
+    labelled = cameras if labels == "cameras" else sorted(cameras, key=main_place)[:1]
     views = Views(
         {camera: images[camera, "rgb"] for camera in cameras},
         main,
@@ -160,6 +160,6 @@ def _panorama_place(camera: str) -> tuple[int, str]:
     return (CAMERA_ORDER.index(name) if name in CAMERA_ORDER else len(CAMERA_ORDER), name)
 
 
-def _main_place(camera: str) -> tuple[bool, int, str]:
+def main_place(camera: str) -> tuple[bool, int, str]:
     """The front camera first, then in panorama order."""
     return (camera.removeprefix("cam_") != "front", *_panorama_place(camera))

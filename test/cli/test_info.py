@@ -5,7 +5,7 @@ import pytest
 from ros_messages import string
 
 from simbev_ros.cli.info import info
-from simbev_ros.errors import BagError
+from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.accounting import Accounting, Schedule
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.digest import topic_digests
@@ -88,3 +88,24 @@ def test_an_attached_scene_of_another_version_is_a_bag_error(tmp_path: Path) -> 
         path = writer.finish({})
     with pytest.raises(BagError, match=r"a: scene\.json: number: Input should be greater"):
         info(path)
+
+
+def test_a_damaged_bag_hides_no_other_of_the_dataset(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_words(tmp_path / "scenes/train/Town01-0000")
+    damaged = write_words(tmp_path / "scenes/train/Town01-0001")
+    (damaged / "Town01-0001_0.mcap").write_bytes(b"")
+    info(tmp_path)
+    text = capsys.readouterr().out
+    assert "1 of 2 scenes finished" in text and "train/Town01-0000" in text
+    assert "damaged: " in text and "Town01-0001_0.mcap: not an MCAP file" in text
+    info(tmp_path, as_json=True)
+    assert [scene["state"] for scene in json.loads(capsys.readouterr().out)["scenes"]] == ["finished", "damaged"]
+
+
+@pytest.mark.parametrize(("report", "problem"), [("none/a.html", "there is no folder"), (".", "is a folder")])
+def test_a_report_that_cannot_be_written_is_refused_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], report: str, problem: str
+) -> None:
+    with pytest.raises(InputError, match=problem):
+        info(write_words(tmp_path / "a"), report=tmp_path / report)
+    assert capsys.readouterr().out == ""

@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,3 +95,18 @@ def test_only_finished_scenes_of_a_dataset_get_additional_bags(refused: Refused,
     assert "Blocks-0000.rear: exists already; nothing was overwritten" in error
     assert "neither --out nor --live" in refused("replay", bag, "demo", "--merge", "rear", "--out", tmp_path / "x")
     assert sorted(each.name for each in bag.parents[2].iterdir()) == ["scenes"]
+
+
+def test_of_a_dataset_only_what_is_not_recorded_yet_is_replayed(
+    simbev: Callable[..., Any], refused: Refused, bag: Path, tmp_path: Path
+) -> None:
+    dataset, elsewhere = bag.parents[2], tmp_path / "x/scenes/train"
+    for folder in (bag.with_name("Blocks-0001.rear"), elsewhere / "Blocks-0001"):
+        folder.mkdir(parents=True)
+    shutil.rmtree(bag)  # the other one could not be replayed: it is of other roads
+    for place in (("--merge", "rear"), ("--out", tmp_path / "x")):
+        answer = simbev("replay", dataset, "demo", *place)
+        assert (answer.code, answer.out.strip()) == (0, "1 scene recorded before")
+    assert "Blocks-0001: was recorded on other roads" in refused("replay", dataset, "demo", "--merge", "front")
+    shutil.rmtree(dataset / "scenes/train/Blocks-0001")
+    assert "there is no finished scene to replay" in refused("replay", dataset, "demo", "--out", tmp_path / "y")

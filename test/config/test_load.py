@@ -17,7 +17,7 @@ def rig(sensor: str) -> str:
     return f"scenes: [{{map: Blocks, train: 1}}]\nrig: {{sensors: [{sensor}]}}\n"
 
 
-@pytest.mark.parametrize("name", ["demo", "live", "paper"])
+@pytest.mark.parametrize("name", ["demo", "live", "paper", "stack"])
 def test_shipped_configurations_load(name: str) -> None:
     assert load_scenario(name).rig.sensors
 
@@ -118,7 +118,7 @@ def test_yaml_bomb_is_refused_before_it_expands(tmp_path: Path) -> None:
 
 
 def test_missing_file_lists_the_shipped_configurations() -> None:
-    with pytest.raises(InputError, match=r"nowhere.yaml: no such file; shipped configurations are demo, live, paper"):
+    with pytest.raises(InputError, match=r"no such file; shipped configurations are demo, live, paper, stack"):
         load_scenario("nowhere.yaml")
 
 

@@ -1,49 +1,86 @@
-"""An index that does not say what is there is found out."""
+"""An index that does not say what is there is found out, and made anew as far as bags can be read."""
 
+import shutil
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+import recorded_scene as written
 
-from simbev_ros.dataset.check import index_faults
-from simbev_ros.dataset.index import read_index, sha256_of, write_index
+from simbev_ros.dataset.check import dataset_faults
+from simbev_ros.dataset.index import bring_up_to_date, read_index, write_index
+from simbev_ros.errors import InputError
+from simbev_ros.recording.layout import scenes_of
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    dataset = tmp_path_factory.mktemp("sound")
+    for number in range(3):
+        written.record(dataset / f"scenes/train/Blocks-000{number}", written.spec(number), only=["/ego/odom", "/clock"])
+    assert bring_up_to_date(dataset, scenes_of(dataset))[1] == {}
+    assert dataset_faults(dataset) == []
+    return dataset
 
 
 @pytest.fixture
-def dataset(tmp_path: Path) -> Path:
-    rows = []
-    for number in range(3):
-        bag = tmp_path / f"scenes/train/Blocks-000{number}"
-        bag.mkdir(parents=True)
-        file = bag / f"{bag.name}_0.mcap"
-        file.write_bytes(bytes([number]) * 100)
-        rows.append({"path": str(bag.relative_to(tmp_path)), "number": number, "sha256": sha256_of(file), "bytes": 100})
-    write_index(tmp_path, rows)
-    assert index_faults(tmp_path) == []
-    return tmp_path
+def dataset(sound: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(sound, tmp_path / "set"))
 
 
 def problems(dataset: Path) -> list[str]:
-    return [f"{fault.bag.name} {fault.place}: {fault.problem}" for fault in index_faults(dataset)]
+    return [f"{fault.bag.name} {fault.place}: {fault.problem}" for fault in dataset_faults(dataset)]
 
 
-def test_a_changed_a_missing_and_an_unknown_scene_are_found(dataset: Path) -> None:
+def test_a_changed_a_missing_an_empty_and_an_unknown_scene_are_found(dataset: Path) -> None:
     scenes = dataset / "scenes/train"
     (scenes / "Blocks-0000/Blocks-0000_0.mcap").write_bytes(b"x" * 100)
     (scenes / "Blocks-0001").rename(scenes / "Blocks-0007")
+    (scenes / "Blocks-0002/Blocks-0002_0.mcap").unlink()
     (dataset / ".making").mkdir()
     assert problems(dataset) == [
+        "Blocks-0002 : there is no .mcap file in it",
+        "set .making: a scene was being made; generate makes it again",
         "Blocks-0000 Blocks-0000_0.mcap: it is not the file that the index knows: its SHA-256 is another",
         "Blocks-0001 : the index has this scene, but it is not there",
         "Blocks-0007 index.parquet: the index does not have this scene",
-        f"{dataset.name} .making: a scene was being made; generate makes it again",
     ]
 
 
-def test_a_damaged_index_is_found_and_none_is_no_fault(dataset: Path) -> None:
-    (dataset / "index.parquet").write_bytes(b"PAR1")
-    assert "index.parquet" in problems(dataset)[0]
-    (dataset / "index.parquet").unlink()
+def test_each_cell_of_the_index_is_held_against_the_bag(dataset: Path) -> None:
+    rows = read_index(dataset)
+    rows[0]["split"], rows[1]["boxes_car"], rows[2]["simbev_ros"] = "val", 7, "another version"
+    write_index(dataset, rows)
+    assert problems(dataset) == [
+        "Blocks-0000 index.parquet: split is 'val', but 'train' in the bag",
+        "Blocks-0001 index.parquet: boxes_car is 7, but 0 in the bag",
+    ]
+
+
+def test_a_damaged_index_is_found_and_none_is_a_fault_only_where_one_was_made(dataset: Path) -> None:
+    index = dataset / "index.parquet"
+    index.write_bytes(b"PAR1")
+    assert problems(dataset)[0].startswith("set index.parquet: Could not open Parquet")
+    pq.write_table(pa.table({"path": ["a"]}), index)
+    with pytest.raises(InputError, match=r"it is no index of this version, .*; once it is deleted, simbev generate"):
+        read_index(dataset)
+    index.unlink()
     assert problems(dataset) == []
+    (dataset / "plan.json").write_text("{}")
+    assert problems(dataset) == ["set index.parquet: it is missing; generate makes it anew"]
+
+
+def test_an_index_is_made_anew_and_names_what_cannot_be_in_it(dataset: Path) -> None:
+    before, bags = read_index(dataset), scenes_of(dataset)
+    (dataset / "index.parquet").unlink()
+    assert bring_up_to_date(dataset, bags) == (before, {}) and read_index(dataset) == before
+    cut_off, moved = bags[0] / "Blocks-0000_0.mcap", bags[1].with_name("Blocks-0009")
+    cut_off.write_bytes(cut_off.read_bytes()[:-30])
+    bags[1].rename(moved)
+    _, damaged = bring_up_to_date(dataset, [bags[0], moved, bags[2]])
+    assert damaged == {bags[0]: "it is cut off", moved: "it holds scene train/Blocks-0001"}
+    assert read_index(dataset) == before[2:]
 
 
 def test_rows_are_kept_in_order_with_what_is_not_known_left_empty(dataset: Path) -> None:

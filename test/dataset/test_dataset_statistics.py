@@ -131,3 +131,10 @@ def test_an_empty_dataset_is_refused(tmp_path: Path) -> None:
     (tmp_path / "scenes").mkdir()
     with pytest.raises(InputError, match="it has no finished scene"):
         statistics_of(open_dataset(tmp_path))
+
+
+def test_two_scenes_of_one_name_are_both_counted(tmp_path: Path) -> None:
+    for split, ticks in (("train", 5), ("val", 3)):
+        made_up_scene(tmp_path / "scenes" / split / "Blocks-0000", split=split, ticks=ticks)
+    statistics = statistics_of(open_dataset(tmp_path), jobs=2)
+    assert [scene.looked_at for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8

@@ -58,11 +58,15 @@ def test_a_damaged_plan_is_named(tmp_path: Path) -> None:
     (tmp_path / "plan.json").write_text('{"scenes": [{"number": 1}]}')
     with pytest.raises(InputError, match=r"plan\.json: "):
         Plan.of(tmp_path)
+    (tmp_path / "plan.json").unlink()
+    (tmp_path / "plan.json").mkdir()
+    with pytest.raises(InputError, match=r"plan\.json: cannot be read: Is a directory"):
+        Plan.of(tmp_path)
 
 
-@pytest.mark.parametrize(("words", "numbers"), [(["3", "17-20"], {3, 17, 18, 19, 20}), (["3, 5", "5-5"], {3, 5})])
-def test_numbers_and_ranges(words: list[str], numbers: set[int]) -> None:
-    assert numbers_of(words) == numbers
+@pytest.mark.parametrize(("words", "numbers"), [(["3", "17-20"], [3, 17, 18, 19, 20]), (["3, 5", "5-5"], [3, 5, 5])])
+def test_numbers_and_ranges(words: list[str], numbers: list[int]) -> None:
+    assert [number for each in numbers_of(words) for number in each] == numbers
 
 
 @pytest.mark.parametrize("word", ["x", "", "5-3", "-1", "1.5"])
@@ -73,9 +77,13 @@ def test_what_is_no_number_is_refused(word: str) -> None:
 
 def test_a_scene_that_is_not_there_cannot_be_replaced(tmp_path: Path) -> None:
     plan = Plan.of(tmp_path).extended(asking(BLOCKS))
-    assert [entry.number for entry in plan.chosen({1, 2})] == [1, 2]
-    with pytest.raises(InputError, match="no scene 7, 9"):
-        plan.chosen({1, 7, 9})
+    assert [entry.number for entry in plan.chosen(numbers_of(["2,1-2"]))] == [1, 2]
+    with pytest.raises(InputError, match="no scene 7, 9; its numbers are 0 to 3"):
+        plan.chosen(numbers_of(["1,7,9"]))
+    with pytest.raises(InputError, match="no scene 4, 5, 6, 7, 8;"):
+        plan.chosen(numbers_of(["0-3000000000000"]))
+    with pytest.raises(InputError, match="no scene 0; it has none"):
+        Plan().chosen(numbers_of(["0"]))
 
 
 def test_a_dataset_has_one_writer(tmp_path: Path) -> None:

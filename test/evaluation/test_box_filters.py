@@ -25,10 +25,10 @@ def table() -> Table:
     [
         (BoxFilter(), [1, 1, 1, 1]),
         (BoxFilter(range_m=(20, 40)), [0, 1, 1, 0]),
-        (BoxFilter(least_visibility=0.5), [1, 0, 0, 1]),
+        (BoxFilter(visibility=(0.5, np.inf)), [1, 0, 0, 1]),
         (BoxFilter(difficulties=("easy", "hard")), [1, 0, 1, 1]),
-        (BoxFilter(least_points=3), [0, 1, 0, 1]),
-        (BoxFilter(range_m=(0, 30), least_points=1), [1, 1, 0, 0]),
+        (BoxFilter(points=(3, np.inf)), [0, 1, 0, 1]),
+        (BoxFilter(range_m=(0, 30), points=(1, np.inf)), [1, 1, 0, 0]),
     ],
 )
 def test_boxes_count_that_meet_all_conditions(condition: BoxFilter, expected: list[int]) -> None:
@@ -39,7 +39,7 @@ def test_boxes_count_that_meet_all_conditions(condition: BoxFilter, expected: li
     ("values", "message"),
     [
         ({"range_m": (40, 20)}, "range_m"),
-        ({"least_visibility": 2}, "least_visibility"),
+        ({"visibility": (2, 3)}, "visibility"),
         ({"difficulties": ("impossible",)}, "easy, medium, hard"),
     ],
 )

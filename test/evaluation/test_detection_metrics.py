@@ -9,15 +9,14 @@ from made_up_boxes import random_predictions, random_truth, some_boxes
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.boxes import Boxes, Predictions, no_boxes
 from simbev_ros.evaluation.detection import (
-    Counting,
     DetectionOptions,
     DetectionResult,
     detection_result,
     merge,
     precision_recall,
-    tally,
 )
 from simbev_ros.evaluation.overlap import iou_matrix
+from simbev_ros.evaluation.scene_matching import Counting, tally
 from simbev_ros.semantics import BOX_CLASSES
 
 CAR, TRUCK = BOX_CLASSES.index("car"), BOX_CLASSES.index("truck")
@@ -184,7 +183,8 @@ def test_boxes_that_do_not_count_are_neither_right_nor_wrong() -> None:
     found = scored(some_boxes([(20, 0, 0), (20.1, 0, 0), (0, 0, 0), (50, 0, 0), (70, 0, 0)]), 0.9, 0.8, 0.7, 0.6, 0.5)
     counting = Counting(np.array([True, False]), np.array([True, True, True, True, False]))
     part = tally(truth, found, FRAME, counting=counting)
-    np.testing.assert_array_equal(part.outcome[:, 0], [-1, 0, 1, 0, -1])
+    np.testing.assert_array_equal(part.outcome[:, 0], [0, 1, 0])
+    np.testing.assert_array_equal(part.score, [0.8, 0.7, 0.6])
     assert part.truths[CAR] == 1
     np.testing.assert_allclose(detection_result(part).ap[CAR], 1 / 2)
 

@@ -1,16 +1,14 @@
 """nuScenes' metrics: equal to nuscenes-devkit's own numbers."""
 
-import json
-import subprocess
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 
-from simbev_ros.evaluation.boxes import NO_ATTRIBUTE, Boxes, Predictions, no_boxes
+from simbev_ros.cli.devkit_comparison import devkit_numbers, devkit_python
+from simbev_ros.evaluation.boxes import Boxes, Predictions, no_boxes
 from simbev_ros.evaluation.nuscenes import (
     CLASSES,
     DISTANCES_M,
@@ -20,33 +18,11 @@ from simbev_ros.evaluation.nuscenes import (
     nuscenes_result,
     nuscenes_tally,
 )
-from simbev_ros.maps.cache import default_cache_dir
 from simbev_ros.semantics import BOX_CLASSES
 
-NUMBERS = Path(__file__).with_name("devkit_numbers.py")
 DEVKIT_NAMES = ("trans_err", "orient_err", "scale_err", "vel_err", "attr_err")
-ATTRIBUTES = {0: "vehicle.moving", 1: "vehicle.parked", 2: "vehicle.stopped", NO_ATTRIBUTE: ""}
+ATTRIBUTES = ("vehicle.moving", "vehicle.parked", "vehicle.stopped")
 FRAMES, PER_FRAME = 12, 120
-
-
-def records(boxes: Boxes, scores: np.ndarray | None) -> dict[str, list[dict[str, Any]]]:
-    """As the devkit reads them."""
-    result: dict[str, list[dict[str, Any]]] = {str(frame): [] for frame in range(FRAMES)}
-    for row in range(len(boxes)):
-        half_rad = boxes.yaw_rad[row] / 2
-        result[str(boxes.frame[row])].append(
-            {
-                "sample_token": str(boxes.frame[row]),
-                "translation": boxes.center_m[row].tolist(),
-                "size": boxes.size_m[row, [1, 0, 2]].tolist(),
-                "rotation": [np.cos(half_rad), 0.0, 0.0, np.sin(half_rad)],
-                "velocity": boxes.velocity_mps[row, :2].tolist(),
-                "detection_name": BOX_CLASSES[boxes.label[row]],
-                "detection_score": -1.0 if scores is None else float(scores[row]),
-                "attribute_name": ATTRIBUTES[int(boxes.attribute[row])],
-            }
-        )
-    return result
 
 
 def of_devkit(boxes: Boxes) -> Boxes:
@@ -54,17 +30,11 @@ def of_devkit(boxes: Boxes) -> Boxes:
     return boxes.take(~np.isin(boxes.label, [BOX_CLASSES.index("traffic_light"), BOX_CLASSES.index("traffic_sign")]))
 
 
-def devkit_numbers(truth: Boxes, predictions: Predictions, folder: Path) -> dict[str, Any]:
-    python = default_cache_dir() / "nuscenes-devkit-1.2.0/bin/python"
-    if not (python.parents[1] / "ready").exists():
+def expected_numbers(truth: Boxes, predictions: Predictions) -> dict[str, Any]:
+    python = devkit_python()
+    if python is None:
         pytest.skip("no environment with the devkit; test_nuscenes_devkit.py makes it")
-    content = {"truth": records(truth, None), "predictions": records(predictions.boxes, predictions.score)}
-    (folder / "boxes.json").write_text(json.dumps(content))
-    words = [python, NUMBERS, folder / "boxes.json", folder / "numbers.json"]
-    done = subprocess.run(words, env={"PYTHONPATH": ""}, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
-    numbers: dict[str, Any] = json.loads((folder / "numbers.json").read_text())
-    return numbers
+    return devkit_numbers(python, truth, predictions, range(FRAMES), ATTRIBUTES)
 
 
 def measured(truth: Boxes, predictions: Predictions) -> NuscenesResult:
@@ -73,7 +43,7 @@ def measured(truth: Boxes, predictions: Predictions) -> NuscenesResult:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["random", "sparse", "one class", "low scores", "without predictions"])
-def test_numbers_are_the_devkits(case: str, tmp_path: Path) -> None:
+def test_numbers_are_the_devkits(case: str) -> None:
     rng = np.random.default_rng(11)
     truth = of_devkit(random_truth(rng, FRAMES, PER_FRAME))
     if case == "sparse":
@@ -85,7 +55,7 @@ def test_numbers_are_the_devkits(case: str, tmp_path: Path) -> None:
         predictions = Predictions(predictions.boxes, predictions.score.round(1) / 10)
     if case == "without predictions":
         predictions = predictions.take(np.zeros(len(predictions), np.bool_))
-    expected, found = devkit_numbers(truth, predictions, tmp_path), measured(truth, predictions)
+    expected, found = expected_numbers(truth, predictions), measured(truth, predictions)
     assert found.mean_ap == pytest.approx(expected["mean_ap"], abs=1e-9)
     assert found.nds == pytest.approx(expected["nd_score"], abs=1e-9)
     names = dict(zip(ERRORS, DEVKIT_NAMES, strict=True))

@@ -1,10 +1,33 @@
-"""An export that several tests look at."""
+"""Exports that several tests look at, and the Python of the nuscenes-devkit."""
 
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from made_up_scene import made_up_scene
 from nuscenes_tables import export
+from processes import run
+
+from simbev_ros.cli.devkit_comparison import DEVKIT, devkit_environment
+
+CAMERA = """{type: camera, name: NAME, pose: {x_m: X, z_m: 1.6, yaw_deg: YAW},
+       width_px: 320, height_px: 180, modalities: [rgb, instance]}"""
+CONFIG = f"""
+seed: 3
+scenes: [{{map: Blocks, train: 2}}]
+time: {{warm_up_s: 2, duration_s: 2}}
+rig:
+  sensors:
+    - {CAMERA.replace("NAME", "cam_front").replace("X", "0.6").replace("YAW", "0")}
+    - {CAMERA.replace("NAME", "cam_back").replace("X", "-1.0").replace("YAW", "180")}
+    - {{type: lidar, name: lidar, pose: {{z_m: 1.8, yaw_deg: 10}}, channels: 32, columns: 512}}
+    - {{type: radar, name: radar_front, pose: {{x_m: 2.4, z_m: 0.6}}, points_per_second: 20000}}
+weather: {{cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}}
+traffic: {{vehicles: 20, pedestrians: 60, spawn_radius_m: 120}}
+"""
 
 
 @pytest.fixture(scope="session")
@@ -14,4 +37,32 @@ def nuscenes_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made_up_scene(folder / "set/scenes/train/Blocks-0000", ticks=23)
     made_up_scene(folder / "set/scenes/val/Blocks-0001", number=1, split="val", ticks=12)
     export(folder / "set", folder / "out")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def devkit_python() -> Path:
+    """The Python of an environment with the devkit, made once for the user."""
+    folder = devkit_environment()
+    python, ready = folder / "bin/python", folder / "ready"
+    if not ready.exists():
+        shutil.rmtree(folder, ignore_errors=True)
+        try:
+            subprocess.run([sys.executable, "-m", "venv", folder], check=True, capture_output=True)
+            subprocess.run([python, "-m", "pip", "install", "-q", DEVKIT], check=True, capture_output=True)
+        except subprocess.CalledProcessError as error:
+            pytest.skip(f"{DEVKIT} cannot be installed: {error.stderr.decode()[-300:]}")
+        ready.touch()
+    return python
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset of two scenes as a graph records it, and its export."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "config.yaml").write_text(CONFIG)
+    simbev, domain = (sys.executable, "-m", "simbev_ros.cli.main"), str(60 + os.getpid() % 38)
+    words = ("run", folder / "config.yaml", "--record", folder / "set")
+    run(*simbev, *words, environment={"ROS_DOMAIN_ID": domain})
+    run(*simbev, "export", "nuscenes", folder / "set", "--out", folder / "out")
     return folder

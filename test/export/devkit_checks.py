@@ -36,8 +36,6 @@ def points(nusc, sample, modality):
         clouds.append(cloud.points[:3])
     return np.concatenate(clouds, axis=1)
 
-    return Quaternion(record["rotation"]).rotation_matrix
-
 
 def miscounted(nusc, modality):
     """Boxes in which are not as many points as the table says; points that are on faces count either way."""

@@ -18,8 +18,9 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset import Scene, columns, open_dataset
 from simbev_ros.dataset.calibration import Calibration
-from simbev_ros.export.nuscenes import scene_part, sensor_files, taxonomy
+from simbev_ros.export.nuscenes import sensor_files, taxonomy
 from simbev_ros.export.nuscenes.channels import Channel
+from simbev_ros.export.nuscenes.keyframes import taken_by
 from simbev_ros.export.nuscenes.map_masks import sites_of
 from simbev_ros.export.nuscenes.sensor_files import radar_rows
 from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
@@ -300,7 +301,7 @@ def test_splits_name_their_scenes(nuscenes_folder: Path) -> None:
 
 def test_slower_sensors_give_samples_their_last_data(tmp_path: Path) -> None:
     made = made_up_scene(tmp_path / "Blocks-0000", ticks=21)
-    taken = scene_part._taken(open_dataset(tmp_path / "Blocks-0000").scenes[0], _Occupancy(), np.array([0, 5, 11, 20]))  # type: ignore[arg-type]
+    taken = taken_by(open_dataset(tmp_path / "Blocks-0000").scenes[0], _Occupancy(), np.array([0, 5, 11, 20]))  # type: ignore[arg-type]
     assert taken == {0: 0, 4: 5, 10: 11, 20: 20}
     assert "occupancy/points" in made.ticks[4]
 

@@ -1,6 +1,7 @@
 """An export that is interrupted goes on, one that is out of date is made anew, and bad input is explained."""
 
 import hashlib
+import os
 from pathlib import Path
 from typing import Any
 
@@ -79,3 +80,15 @@ def test_the_command_says_what_it_has_made(tmp_path: Path) -> None:
     first, second = (CliRunner().invoke(app, words) for _ in range(2))
     assert "3 samples of 1 scene, 12 files in" in first.output
     assert "1 scene was there already" in second.output
+
+
+def test_what_is_said_to_be_done_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    inodes: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: inodes.append(os.fstat(descriptor).st_ino))
+    export(tmp_path / "set", tmp_path / "out")
+    paths = [path for path in (tmp_path / "out").rglob("*") if path.name != ".lock"]
+    assert len(paths) > 30 and {path.stat().st_ino for path in paths} <= set(inodes)
+    at = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
+    head = next(place for path, place in at.items() if path.name.endswith(".head.json"))
+    assert head > max(place for path, place in at.items() if path.parts[-3] in ("samples", "sweeps"))

@@ -1,6 +1,7 @@
 """The SimBEV layout is read back by its own description, and holds what was recorded."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -254,3 +255,15 @@ def test_scenes_of_different_rigs_are_refused(tmp_path: Path) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1, sensors=SENSORS[:3])
     with pytest.raises(InputError, match=r"Blocks-0001: its sensors are not those of .*Blocks-0000"):
         export(tmp_path / "set", tmp_path / "out")
+
+
+def test_what_is_said_to_be_done_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    inodes: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: inodes.append(os.fstat(descriptor).st_ino))
+    export(tmp_path / "set", tmp_path / "out")
+    paths = list((tmp_path / "out").rglob("*"))
+    assert len(paths) > 60 and {path.stat().st_ino for path in paths} <= set(inodes)
+    at = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
+    record = next(place for path, place in at.items() if path.parent.name == ".parts")
+    assert record > max(place for path, place in at.items() if path.parts[-3] in ("sweeps", "ground-truth"))

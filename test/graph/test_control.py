@@ -111,6 +111,8 @@ def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_int
     first, _ = open_dataset(dataset).scenes
     assert {"lidar/points", "lidar/points@rear", "lidar/points@again"} <= set(first.keys)
     code, output = simbev("replay", dataset, config, "--merge", "rear").finish()
+    assert code == 0 and "2 scenes recorded before" in output
+    code, output = simbev("replay", dataset / "scenes/train/Blocks-0000", config, "--merge", "rear").finish()
     assert code == 2 and "Blocks-0000.rear: exists already; nothing was overwritten" in output
 
 

@@ -3,9 +3,11 @@
 import pytest
 from pydantic import ValidationError
 
+from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import Rendering
-from simbev_ros.graph.plan import NodePlan, planned_processes
+from simbev_ros.config.scenario import GraphConfig, Scenario
+from simbev_ros.graph.plan import NodePlan, input_topic, planned_processes, planned_stack
 
 
 def cameras(number: int, **rendering: object) -> list[NodePlan]:
@@ -52,3 +54,50 @@ def test_sensors_that_share_meshes_or_take_little_share_a_process() -> None:
     assert [[node.kind for node in process] for process in processes] == [
         ["world"], ["camera"], ["lidar", "radar"], ["gnss", "imu"], ["annotator"]
     ]  # fmt: skip
+
+
+def evaluated(section: dict[str, object], **parts: object) -> Scenario:
+    return load_scenario("paper").model_copy(update={"evaluation": Evaluation.model_validate(section), **parts})
+
+
+def test_an_evaluator_comes_with_its_section_and_is_waited_for() -> None:
+    scenario = evaluated({"participant": "detector"}, graph=GraphConfig(participants=("planner", "detector")))
+    processes = planned_processes(scenario, 1, live=False, dataset=None)
+    plain = planned_processes(load_scenario("paper"), 1, live=False, dataset=None)
+    assert [node.name for node in processes[-1]] == ["evaluator"]
+    assert [len(each) for each in processes[:-1]] == [len(each) for each in plain]
+    world, before = processes[0][0].parameters, plain[0][0].parameters
+    names = [node.name for process in processes[1:] for node in process]
+    assert world["participants"] == [*names, "planner", "detector"]
+    assert world["state_readers"] == before["state_readers"]
+
+
+def test_whoever_sends_what_an_evaluator_reads_waits_for_it() -> None:
+    processes = planned_processes(evaluated({}), 1, live=False, dataset=None)
+    read = ["/ego/boxes", "/ego/bev/labels", "/ego/lidar/points"]
+    assert all(node.parameters["evaluated_topics"] == read for process in processes[1:-1] for node in process)
+    assert processes[-1][0].parameters["input_topic"] == "/ego/lidar/points"
+
+
+@pytest.mark.parametrize(
+    ("kept", "section", "topic"),
+    [
+        (("camera", "gnss"), {}, "/ego/cam_front_left/rgb/camera_info"),
+        (("gnss",), {}, "/ego/odom"),
+        (("gnss",), {"answers_to": "/ego/gnss/fix"}, "/ego/gnss/fix"),
+    ],
+)
+def test_a_stack_answers_to_the_first_sensor_that_is_asked_for_or_that_it_may_see_with(
+    kept: tuple[str, ...], section: dict[str, object], topic: str
+) -> None:
+    rig = load_scenario("paper").rig
+    seeing = rig.model_copy(update={"sensors": tuple(each for each in rig.sensors if each.type in kept)})
+    assert input_topic(seeing, Evaluation.model_validate(section)) == topic
+
+
+def test_the_reference_stack_gets_the_names_of_its_topics() -> None:
+    assert planned_stack(load_scenario("paper")) == planned_stack(evaluated({})) == ()
+    assert planned_stack(evaluated({"stack": "run 'my stack'"})) == ("run", "my stack")
+    command = planned_stack(evaluated({"stack": "reference", "grids_topic": "/grids"}))
+    assert command[1:] == ("-m", "simbev_ros.reference_stack", "--ros-args", "--remap", "/prediction/bev:=/grids")
+    assert evaluated({"stack": "reference"}).participants == ("reference_stack",)

@@ -1,14 +1,17 @@
 """Every chunk that is whole is saved, byte for byte; what is lost is named; the old bag stays as it is."""
 
+import errno
 import random
 from pathlib import Path
 
 import pytest
 from damage import TICKS, sound_bag
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.cli.repair import repair
+from simbev_ros.errors import BagError, DiskError, InputError
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.recording.repair import repair_bag
 from simbev_ros.recording.verify import verify_bag
@@ -96,3 +99,46 @@ def test_nothing_is_overwritten_and_nothing_comes_of_nothing(bag: Path, tmp_path
         file.write_bytes(content)
         with pytest.raises(BagError, match="no message"):
             repair_bag(file, tmp_path / "saved")
+
+
+def test_topics_of_unknown_types_are_named_and_the_others_saved(tmp_path: Path) -> None:
+    with (tmp_path / "foreign.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        for topic, kind in (("/own", "my_msgs/msg/Own"), ("/none", ""), ("/words", "std_msgs/msg/String")):
+            schema = writer.register_schema(kind, "ros2msg", b"string data") if kind else 0
+            channel = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(channel, 1, b"\0\1\0\0\2\0\0\0a\0", 1)
+        writer.finish()
+    repaired = repair_bag(tmp_path / "foreign.mcap", tmp_path / "saved")
+    assert repaired.counts == {"/words": 1}
+    assert repaired.lost == [f"/{name}: 1 messages of no type of ROS 2 Jazzy" for name in ("own", "none")]
+
+
+def test_a_full_disk_leaves_nothing_half(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("simbev_ros.recording.mcap_file.McapFile.add_chunk", full)
+    with pytest.raises(DiskError, match=r"saved\.partial: the disk is full; nothing of the new bag is left$"):
+        repair_bag(bag, tmp_path / "saved")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [bag.name]
+
+
+def test_an_interrupt_leaves_nothing_half(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simbev_ros.recording.repair._missing", lambda *_: pytest.fail("interrupted"))
+    with pytest.raises(pytest.fail.Exception, match="interrupted"):
+        repair_bag(bag, tmp_path / "saved")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [bag.name]
+
+
+def test_the_command_works_within_the_folder_and_without_its_first_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = sound_bag(tmp_path / "a", split_bytes=2000)
+    monkeypatch.chdir(bag)
+    repair(Path())
+    assert messages(tmp_path / "a-repaired") == messages(bag)
+    (bag / "a_0.mcap").unlink()
+    repair(bag, tmp_path / "b")
+    assert "lost: file 0, which is missing" in capsys.readouterr().out

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from damage import TICK_NS, sound_bag
+from mcap.writer import Writer
 from ros_messages import string
 
 from simbev_ros.recording.bag_writer import SceneBagWriter
@@ -55,6 +56,15 @@ def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Pa
     assert problems(bag) == ["metadata.yaml: it does not say what the file says of itself"]
     description.unlink()
     assert problems(bag) == ["metadata.yaml: it is missing"]
+
+
+def test_a_foreign_file_beside_a_foreign_description_is_no_bag(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    (tmp_path / "metadata.yaml").write_text("a: 1")
+    assert "metadata.yaml: neither it nor the file describes a bag" in problems(tmp_path)
 
 
 def test_an_unfinished_scene_is_found(bag: Path) -> None:

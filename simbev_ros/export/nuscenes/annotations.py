@@ -7,12 +7,12 @@ import numpy as np
 
 from simbev_ros.dataset import Frame, Scene, columns
 from simbev_ros.export.nuscenes.channels import wxyz
-from simbev_ros.export.nuscenes.taxonomy import Record, attributes_of, categories_of, token, visibility_tokens
+from simbev_ros.export.nuscenes.scene_taxonomy import SceneTaxonomy
+from simbev_ros.export.nuscenes.taxonomy import Record, token, visibility_tokens
 from simbev_ros.geometry.transforms import quaternion_from_rpy
-from simbev_ros.scene.state import EGO_ID
 from simbev_ros.types import Table
 
-_DECIMALS = 6
+_DECIMALS = 9
 """Of metres, and of the parts of quaternions."""
 
 
@@ -21,18 +21,15 @@ class Annotations:
 
     def __init__(self, scene: Scene, scene_token: str) -> None:
         self._scene_token = scene_token
-        self._blueprints = [each["name"] for each in scene.constants["world/legend"]["blueprints"]]
-        self._parked = {EGO_ID + k for k, each in enumerate(scene.spec.vehicles) if each.stands_at is not None}
+        self._taxonomy = SceneTaxonomy(scene)
         self._found: defaultdict[int, list[Record]] = defaultdict(list)
         self._category: dict[int, str] = {}
 
     def add(self, sample_token: str, frame: Frame) -> None:
         """The next keyframe."""
         boxes = frame["boxes"]
-        ids, categories = boxes["id"].tolist(), categories_of(boxes, self._blueprints)
+        ids, (categories, attributes) = boxes["id"].tolist(), self._taxonomy.of(frame)
         self._category.update(zip(ids, categories, strict=True))
-        ridden = set(frame["world/actors"]["parent"].tolist())
-        attributes = attributes_of(boxes, categories, self._parked, ridden)
         for box_id, names, record in zip(ids, attributes, _records(boxes), strict=True):
             keys = {
                 "token": token("sample_annotation", sample_token, box_id),

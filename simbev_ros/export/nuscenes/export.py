@@ -1,7 +1,6 @@
 """A whole dataset in nuScenes' layout: scenes side by side, each in a process, then masks of maps and tables."""
 
 from collections.abc import Callable, Iterator
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import repeat
@@ -10,7 +9,7 @@ from pathlib import Path
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import in_processes
-from simbev_ros.errors import BagError, InputError, SimbevError
+from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.parts import Parts
 from simbev_ros.export.nuscenes.scene_part import make_part
@@ -57,7 +56,7 @@ def export_nuscenes(
         sweeps: Whether to have what sensors saw between keyframes.
         version: Name of the tables' folder.
         jobs: How many scenes at once.
-        report: Told after each scene how many frames are done, and how many there are to do.
+        report: Told now and then how many frames are done, and how many there are to do.
 
     Raises:
         InputError: There is nothing to export, the folder cannot be written to or holds other data, another process
@@ -86,26 +85,21 @@ def export_nuscenes(
 
 @contextmanager
 def _writing(out: Path) -> Iterator[None]:
-    """What cannot be written is said to the user, and when a process is lost, as to want of memory."""
+    """What cannot be written is said to the user."""
     try:
         yield
-    except BrokenProcessPool:
-        raise SimbevError("a process was killed; the scenes that are done are kept, run it again to go on") from None
     except OSError as error:
         raise InputError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
 
 
 def _make(parts: Parts, scenes: list[Scene], jobs: int, report: Callable[[int, int], None]) -> dict[str, str]:
     """Make the parts of scenes; give of those that could not be made why."""
-    failures = {}
-    frames = [_frames_of(scene) for scene in scenes]
-    work = zip(repeat(parts), scenes, strict=False)
-    report(0, sum(frames))
-    for place, problem in enumerate(in_processes(_make_part, work, min(jobs, max(len(scenes), 1)))):
-        if problem is not None:
-            failures[scenes[place].name] = problem
-        report(sum(frames[: place + 1]), sum(frames))
-    return failures
+    frames = sum(map(_frames_of, scenes))
+    work, jobs = zip(repeat(parts), scenes, strict=False), min(jobs, max(len(scenes), 1))
+    report(0, frames)
+    problems = list(in_processes(_make_part, work, jobs, lambda done: report(done, frames)))
+    report(frames, frames)
+    return {scene.name: problem for scene, problem in zip(scenes, problems, strict=True) if problem is not None}
 
 
 def _make_part(work: tuple[Parts, Scene]) -> str | None:

@@ -22,6 +22,7 @@ from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.replay import load_recorded_roads
+from simbev_ros.recording.syncing import sync, sync_names
 from simbev_ros.types import UInt8Array
 
 PIXELS_PER_M = 10
@@ -125,7 +126,9 @@ def write_mask(site: Site, out: Path) -> None:
     unfinished = path.with_suffix(".part")
     _, data = cv2.imencode(".png", mask_of(load_network(site.map), site))
     unfinished.write_bytes(data.tobytes())
+    sync(unfinished)
     unfinished.replace(path)
+    sync_names([path])
 
 
 def mask_of(network: RoadNetwork, site: Site) -> UInt8Array:

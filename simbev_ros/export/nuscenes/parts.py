@@ -1,6 +1,7 @@
 """An export in parts, one a scene. Each is made beside the rest and moved in when it is whole.
 
-So what an end at any moment leaves under its final name is whole, and the next run goes on from there. What a part
+So what an end at any moment, a power cut too, leaves under its final name is whole, and the next run goes on from
+there. What a part
 says to the tables of the whole is kept next to it until they are written, and for runs that add scenes.
 """
 
@@ -14,6 +15,7 @@ from typing import Any
 from simbev_ros import __version__
 from simbev_ros.dataset import Scene
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, mcap_files
+from simbev_ros.recording.syncing import sync, sync_names
 
 _FOLDER = ".parts"
 
@@ -62,15 +64,19 @@ class Parts:
             content: What is to be read once.
         """
         staging = self._staging(scene)
-        for file in [path for path in staging.rglob("*") if path.is_file()]:
-            place = self.out / file.relative_to(staging)
+        places = {path: self.out / path.relative_to(staging) for path in staging.rglob("*") if path.is_file()}
+        sync(*places)
+        for file, place in places.items():
             place.parent.mkdir(parents=True, exist_ok=True)
             file.replace(place)
+        sync_names([*places.values(), *(place.parent for place in places.values())])
         head = {"made_from": self._made_from(scene), "summary": summary}
         for value, place in (content, self._content(scene)), (head, self._head(scene)):
             unfinished = staging / place.name
             unfinished.write_text(json.dumps(value), encoding="utf-8")
+            sync(unfinished)
             unfinished.replace(place)
+            sync_names([place])
         shutil.rmtree(staging)
 
     def tidy(self) -> None:

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.dataset import Frame, Scene
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.dataset.parallel import step
 from simbev_ros.export.nuscenes.annotations import Annotations, link
 from simbev_ros.export.nuscenes.channels import Channel, channels_of, wxyz
+from simbev_ros.export.nuscenes.keyframes import keyframes_of, taken_by, whole_ticks
 from simbev_ros.export.nuscenes.parts import Parts
 from simbev_ros.export.nuscenes.sensor_files import file_content
 from simbev_ros.export.nuscenes.taxonomy import Record, token
@@ -21,13 +22,11 @@ from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Int64Array
 
-_NEEDED = ("boxes", "odom", "world/actors")
 _RAIN_PERCENT = 10.0
-_SAME_HZ = 1e-6
 
 
 def make_part(scene: Scene, parts: Parts) -> None:
-    """Write a scene's files, and put down its rows of the tables.
+    """Write a scene's files, and put down its rows of the tables; each frame is a ``step`` of parallel work.
 
     Args:
         scene: The scene.
@@ -38,33 +37,12 @@ def make_part(scene: Scene, parts: Parts) -> None:
         InputError: The scene has no such keyframes; an earlier part of it stays.
         BagError: The bag is damaged, or lacks what the tables need.
     """
-    ticks, period = _whole_ticks(scene), _period(scene, parts.settings["keyframe_hz"])
-    job = _Job(scene, parts.begin(scene), ticks[ticks % period == 0], sweeps=parts.settings["sweeps"])
+    ticks, keyframes = whole_ticks(scene), keyframes_of(scene, parts.settings["keyframe_hz"])
+    job = _Job(scene, parts.begin(scene), keyframes, sweeps=parts.settings["sweeps"])
     for tick in ticks.tolist():
         job.add(scene[tick])
+        step()
     parts.move_in(scene, job.summary(), job.tables())
-
-
-def _whole_ticks(scene: Scene) -> Int64Array:
-    """(T,) ticks of frames that have all that tables need; tick 0 is the first keyframe."""
-    missing = [key for key in _NEEDED if key not in scene.sources]
-    if missing or "world/legend" not in scene.constants:
-        raise BagError(f"{scene.path}: no {', '.join(missing) or 'world/legend'} in it, which nuScenes' tables need")
-    ticks = np.flatnonzero(scene.has(_NEEDED))
-    if not len(ticks) or ticks[0] != 0 or not channels_of(scene):
-        raise BagError(f"{scene.path}: its first frame is not whole, or no camera, lidar or radar was recorded")
-    return np.asarray(ticks, np.int64)
-
-
-def _period(scene: Scene, keyframe_hz: float | None) -> int:
-    """Every how many frames there is a keyframe."""
-    if keyframe_hz is None:
-        return 1
-    tick_hz = NS_PER_S / scene.spec.tick_ns
-    period = round(tick_hz / keyframe_hz)
-    if period < 1 or abs(tick_hz / period - keyframe_hz) > _SAME_HZ:
-        raise InputError(f"--keyframe-hz: {keyframe_hz:g} is no divisor of the {tick_hz:g} frames/s of {scene.path}")
-    return period
 
 
 class _Job:
@@ -74,7 +52,7 @@ class _Job:
         self._scene, self._folder, self._ticks, self._sweeps = scene, folder, ticks, sweeps
         self._token = token("scene", scene.name, scene.spec.seed)
         self._channels = channels_of(scene)
-        self._is_key = {channel.name: _taken(scene, channel, ticks) for channel in self._channels}
+        self._is_key = {channel.name: taken_by(scene, channel, ticks) for channel in self._channels}
         self._data: dict[str, list[Record]] = {channel.name: [] for channel in self._channels}
         self._poses: list[Record] = []
         self._annotations = Annotations(scene, self._token)
@@ -180,17 +158,6 @@ class _Job:
 
     def _sample_token(self, tick: int) -> str:
         return token("sample", self._token, tick)
-
-
-def _taken(scene: Scene, channel: Channel, ticks: Int64Array) -> dict[int, int]:
-    """Ticks of the data that a channel has for keyframes, and their keyframes.
-
-    That is of the same tick, of a sensor with another rhythm the last before, if no earlier keyframe has it already.
-    """
-    own = np.flatnonzero(scene.has([channel.key]))
-    places = np.searchsorted(own, ticks, side="right") - 1
-    taken, first = np.unique(places, return_index=True)
-    return {int(own[place]): int(ticks[k]) for place, k in zip(taken, first, strict=True) if place >= 0}
 
 
 def _microseconds(frame: Frame) -> int:

@@ -13,6 +13,7 @@ from simbev_ros.dataset import Scene
 from simbev_ros.export.nuscenes.map_masks import Site
 from simbev_ros.export.nuscenes.parts import Parts
 from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
+from simbev_ros.recording.syncing import sync
 
 _OF_SCENES = (
     "scene",
@@ -24,7 +25,7 @@ _OF_SCENES = (
     "sample_annotation",
     "instance",
 )
-_DECIMALS = 6
+_DECIMALS = 9
 
 
 def write_tables(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], version: str) -> None:
@@ -42,9 +43,11 @@ def write_tables(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], v
         shutil.rmtree(leftover, ignore_errors=True)
     unfinished.mkdir()
     _write(parts, scenes, sites, unfinished)
+    sync(*unfinished.iterdir(), unfinished)
     if folder.exists():
         folder.rename(old)
     unfinished.rename(folder)
+    sync(parts.out)
     shutil.rmtree(old, ignore_errors=True)
     _remove_masks(parts.out)
 

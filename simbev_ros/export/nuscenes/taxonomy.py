@@ -49,6 +49,22 @@ def categories_of(boxes: Table, blueprints: Sequence[str]) -> list[str]:
     return names
 
 
+def detection_class_of(category: str) -> str | None:
+    """Name of the class of nuScenes' detection task that a category belongs to; None: to none."""
+    classes = _taxonomy()["detection"].items()
+    return next((name for name, each in classes if category in each["categories"]), None)
+
+
+def detection_ranges_m() -> dict[str, float]:
+    """By name of a class of the detection task from which distance to the ego on its boxes do not count."""
+    return {name: float(each["range_m"]) for name, each in _taxonomy()["detection"].items()}
+
+
+def attribute_names() -> list[str]:
+    """All attributes."""
+    return list(_taxonomy()["attributes"])
+
+
 def attributes_of(
     boxes: Table, categories: Sequence[str], parked: Collection[int], ridden: Collection[int]
 ) -> list[list[str]]:

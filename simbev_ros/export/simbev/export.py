@@ -1,8 +1,8 @@
 """Datasets in SimBEV's own layout, for training code that was written for it.
 
 Work is cut into parts of some frames of a scene, which can be done in any order and in many processes. A part is on
-record when all its files are there; an export that was stopped goes on with the parts that are not. Each file gets its
-name when it is whole, and the info files come last.
+record when all its files are on the disk; an export that was stopped goes on with the parts that are not. Each file
+gets its name when it is whole, and the info files come last.
 """
 
 import json
@@ -18,6 +18,7 @@ from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, locate_mcap
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.syncing import sync, sync_names
 
 ROOT = "simbev"
 _PARTS_FOLDER = ".parts"
@@ -103,16 +104,18 @@ def make_part(part: Part) -> int:
     """
     scene = _opened(part.dataset, part.scene, part.source)
     made = channels(scene)
-    frames = []
+    frames, written = [], []
     for frame in scene[part.first : part.first + part.count]:
         if "odom" not in frame:
             continue  # the end of a bag that was cut off
         files = {c.name: c.path(part.number, frame.tick) for c in made if all(key in frame for key in c.keys)}
         for channel in made:
             if channel.name in files:
-                write_whole(part.root / files[channel.name], [channel.encode(frame)])
+                written.append(write_whole(part.root / files[channel.name], [channel.encode(frame)]))
         frames.append({**frame_info(frame), "files": files})
-    write_whole(part.record_path, [_json({"source": part.source, "count": part.count, "frames": frames})])
+    _sync(written)
+    record = {"source": part.source, "count": part.count, "frames": frames}
+    _sync([write_whole(part.record_path, [_json(record)])])
     return part.count
 
 
@@ -125,21 +128,25 @@ def finish(dataset: Dataset, parts: Sequence[Part]) -> list[str]:
     Raises:
         InputError: A part is not on record, or a file cannot be written.
     """
-    root, first = parts[0].root, dataset.scenes[0]
+    root, first, written = parts[0].root, dataset.scenes[0], list[Path]()
     parts_of_scene: dict[str, list[Part]] = {}
     for part in parts:
         parts_of_scene.setdefault(part.scene, []).append(part)
     for split in sorted({scene.split for scene in dataset.scenes}):
         scenes = [scene for scene in dataset.scenes if scene.split == split]
         infos = ((scene, parts_of_scene[scene.name]) for scene in scenes if scene.name in parts_of_scene)
-        write_whole(root / "infos" / f"simbev_infos_{split}.json", _info_file(metadata(first), infos))
+        written.append(write_whole(root / "infos" / f"simbev_infos_{split}.json", _info_file(metadata(first), infos)))
     for scene in dataset.scenes:
-        _add_papers(dataset, scene, root)
+        written += _papers(dataset, scene, root)
+    _sync(written)
     return left_out(first)
 
 
-def write_whole(path: Path, pieces: Iterable[bytes]) -> None:
+def write_whole(path: Path, pieces: Iterable[bytes]) -> Path:
     """Write a file, which has its name only when it is whole.
+
+    Returns:
+        Its path.
 
     Raises:
         InputError: It cannot be written.
@@ -153,6 +160,20 @@ def write_whole(path: Path, pieces: Iterable[bytes]) -> None:
     except OSError as error:
         unfinished.unlink(missing_ok=True)
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    return path
+
+
+def _sync(files: Sequence[Path]) -> None:
+    """Force files to the disk, with their names.
+
+    Raises:
+        InputError: One cannot be written.
+    """
+    try:
+        sync(*files)
+        sync_names([*files, *(file.parent for file in files)])
+    except OSError as error:
+        raise InputError(f"{files[0].parent}: cannot be written: {error.strerror}") from None
 
 
 def _info_file(head: Mapping[str, Any], scenes: Iterable[tuple[Scene, Sequence[Part]]]) -> Iterator[bytes]:
@@ -186,16 +207,16 @@ def _placed(frame: Mapping[str, Any], root: Path) -> dict[str, Any]:
     return {**rest, **{name: str(root.resolve() / file) for name, file in frame["files"].items()}}
 
 
-def _add_papers(dataset: Dataset, scene: Scene, root: Path) -> None:
-    """A scene's configuration and log, as far as there are any."""
+def _papers(dataset: Dataset, scene: Scene, root: Path) -> Iterator[Path]:
+    """Write a scene's configuration and log, as far as there are any."""
     name = f"SimBEV-scene-{scene.number:04d}"
     with SceneBag(scene.path) as bag:
         config = bag.attachments.get(CONFIG_ATTACHMENT)
     if config is not None:
-        write_whole(root / "configs" / f"{name}.yaml", [config])
+        yield write_whole(root / "configs" / f"{name}.yaml", [config])
     log = dataset.path / "logs" / f"{scene.name}.log"
     if log.is_file():
-        write_whole(root / "logs" / f"{name}.log", [log.read_bytes()])
+        yield write_whole(root / "logs" / f"{name}.log", [log.read_bytes()])
 
 
 @lru_cache(maxsize=1)

@@ -1,0 +1,119 @@
+"""Words of the command line into what is evaluated."""
+
+import math
+from collections.abc import Sequence
+
+from simbev_ros.dataset import Dataset, Scene
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS
+from simbev_ros.evaluation.cuts import Cut
+from simbev_ros.evaluation.filters import BoxFilter
+from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
+
+
+def words(option: str, text: str) -> tuple[str, ...]:
+    """Words with commas between.
+
+    Raises:
+        InputError: There is none, or nothing between two commas.
+    """
+    found = tuple(word.strip() for word in text.split(","))
+    if not all(found):
+        raise InputError(f"{option}: {text!r}: must be words with commas between")
+    return found
+
+
+def numbers(option: str, text: str) -> tuple[float, ...]:
+    """Finite numbers with commas between. Raises InputError for anything else."""
+    return tuple(_number(option, word) for word in words(option, text))
+
+
+def span(option: str, text: str) -> tuple[float, float]:
+    """Two numbers with a colon between; without the first it is 0, without the second infinite.
+
+    Raises:
+        InputError: It is something else.
+    """
+    low, colon, high = text.partition(":")
+    if not colon:
+        raise InputError(f"{option}: {text!r}: must be FROM:TO, as 0:50 or 20:")
+    return _number(option, low) if low else 0.0, _number(option, high) if high else math.inf
+
+
+def thresholds(option: str, text: str, most: float) -> tuple[float, ...]:
+    """Positive numbers up to a limit, rising, with commas between; ``none``: not one.
+
+    Raises:
+        InputError: One is not.
+    """
+    if text == "none":
+        return ()
+    found = numbers(option, text)
+    if not all(0 < each <= most for each in found) or list(found) != sorted(set(found)):
+        raise InputError(f"{option}: {text}: must rise, and each be above 0 and at most {most:g}")
+    return found
+
+
+def classes(option: str, text: str | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Classes of boxes, and of cells; None: all.
+
+    Raises:
+        InputError: One is neither.
+    """
+    if text is None:
+        return BOX_CLASSES, BEV_CLASSES
+    chosen = words(option, text)
+    known = tuple(dict.fromkeys((*BOX_CLASSES, *BEV_CLASSES)))
+    strange = [name for name in chosen if name not in known]
+    if strange:
+        raise InputError(f"{option}: there is no {strange[0]!r}; allowed: {', '.join(known)}")
+    return tuple(n for n in BOX_CLASSES if n in chosen), tuple(n for n in BEV_CLASSES if n in chosen)
+
+
+def counted(
+    *, distance: str, visibility: float, points: int, difficulty: str | None, daytime: str | None, weather: str | None
+) -> Cut:
+    """What counts at all; None: whatever it is.
+
+    Raises:
+        InputError: It can be nothing.
+    """
+    boxes = BoxFilter(
+        range_m=span("--range", distance),
+        visibility=(visibility, math.inf),
+        points=(points, math.inf),
+        difficulties=words("--difficulty", difficulty) if difficulty else DIFFICULTIES,
+    )
+    return Cut(
+        boxes=boxes,
+        daytimes=words("--daytime", daytime) if daytime else DAYTIMES,
+        weathers=words("--weather", weather) if weather else WEATHERS,
+    )
+
+
+def chosen_scenes(dataset: Dataset, split: str | None, names: str | None) -> Sequence[Scene]:
+    """Scenes of a split, of some names, or of both.
+
+    Raises:
+        InputError: There is no such scene, or none is left.
+    """
+    wanted = None if names is None else words("--scenes", names)
+    known = [scene.name for scene in dataset.scenes]
+    for name in wanted or ():
+        if name not in known:
+            raise InputError(f"--scenes: {dataset.path} has no scene {name!r}, but {', '.join(known[:10]) or 'none'}")
+    scenes = [s for s in dataset.scenes if split in (None, s.split) and (wanted is None or s.name in wanted)]
+    if not scenes:
+        of_split = "" if split is None else f" of the split {split!r}"
+        raise InputError(f"{dataset.path}: there is no scene{of_split} to evaluate")
+    return scenes
+
+
+def _number(option: str, word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{option}: {word!r} is not a number")
+    return value

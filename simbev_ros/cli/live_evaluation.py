@@ -1,0 +1,82 @@
+"""What ``run`` and ``replay`` have in common where a perception stack is evaluated: two options, and the tables."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import ValidationError
+from rich.console import Console
+
+from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.errors import InputError
+
+_PANEL = "Evaluation of a perception stack"
+
+FiguresOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--evaluate",
+        help="Compare what a stack answers with the truth; file (.json) for all figures, or folder for those of each "
+        "scene.",
+        metavar="PATH",
+        rich_help_panel=_PANEL,
+    ),
+]
+StackOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Run this command with the graph and evaluate what it answers; reference: the stack included.",
+        metavar="COMMAND",
+        rich_help_panel=_PANEL,
+    ),
+]
+
+
+def with_evaluation(scenario: Scenario, figures: Path | None, stack: str | None) -> Scenario:
+    """The configuration with what the options say.
+
+    Raises:
+        InputError: An option is not as it must be, or nothing can be written there.
+    """
+    if figures is not None:
+        _require_writable(figures)
+    given = {"figures": None if figures is None else str(figures), "stack": stack}
+    changed = {name: value for name, value in given.items() if value is not None}
+    if not changed:
+        return scenario
+    section = {} if scenario.evaluation is None else scenario.evaluation.model_dump()
+    try:
+        evaluation = Evaluation.model_validate({**section, **changed})
+    except ValidationError as error:
+        words = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise InputError(f"--stack {stack!r}: {words}") from None
+    return scenario.model_copy(update={"evaluation": evaluation})
+
+
+def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:
+    """Print ``evaluation.live.live_figures`` as tables."""
+    from simbev_ros.cli.evaluation_tables import print_tables
+
+    print_tables(figures, console)
+    frames, latency_ms = figures["frames"], figures["latency_ms"]
+    latency = ", ".join(f"{name} {value:.1f} ms" for name, value in latency_ms.items() if value is not None)
+    words = [f"{frames['missed']} frames missed, {frames['late']} answers late; latency: {latency or 'unknown'}"]
+    for what in ("input", "truth"):
+        if count := frames[f"without_{what}"]:
+            words.append(f"{count} frames do not count, as their {what} was left out or lost")
+    console.print("\n".join(words), highlight=False, soft_wrap=True)
+
+
+def _require_writable(figures: Path) -> None:
+    folder = figures.parent if figures.suffix == ".json" else figures
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--evaluate: {folder}: cannot be made: {error.strerror}") from None
+    if figures.suffix == ".json" and figures.is_dir():
+        raise InputError(f"--evaluate: {figures}: is a folder; one for figures must not end in .json")
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"--evaluate: {folder}: cannot be written to")

@@ -1,0 +1,109 @@
+"""The figures of an evaluation as plain values, for JSON; what is undefined is null."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.evaluation.cuts import Cut
+from simbev_ros.evaluation.detection import DetectionResult, Method
+from simbev_ros.evaluation.errors import ERRORS
+from simbev_ros.evaluation.evaluation import Evaluation
+from simbev_ros.evaluation.means import known_mean
+from simbev_ros.evaluation.nuscenes import CLASSES, DISTANCES_M, NuscenesResult
+from simbev_ros.evaluation.nuscenes import ERRORS as NUSCENES_ERRORS
+from simbev_ros.evaluation.segmentation import THRESHOLDS, SegmentationTally
+from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
+
+METHODS: tuple[Method, ...] = ("iou", "distance")
+
+
+def figures_of(evaluation: Evaluation) -> dict[str, Any]:
+    """All of them: frames, detection and segmentation by cut, nuScenes."""
+    frames = {"evaluated": evaluation.frame_count, "scenes": len(evaluation.frames)}
+    for what in ("boxes", "grids"):
+        frames[f"answered_{what}"] = sum(getattr(evaluation, f"answered_{what}").values())
+    figures: dict[str, Any] = {"frames": frames}
+    if evaluation.detections:
+        figures["detection"] = _by_cut({cut: _detection(each) for cut, each in evaluation.detections.items()})
+    if evaluation.segmentations:
+        chosen = evaluation.grid_classes
+        cells = {cut: segmentation_figures(each, chosen) for cut, each in evaluation.segmentations.items()}
+        figures["segmentation"] = _by_cut(cells)
+    if evaluation.nuscenes is not None:
+        figures["nuscenes"] = _nuscenes(evaluation.nuscenes)
+    return figures
+
+
+def _by_cut(figures: Mapping[Cut, Any]) -> dict[str, Any]:
+    """All of it first, then tables by what they are cut by."""
+    result: dict[str, Any] = {}
+    for cut, values in figures.items():
+        if cut.group:
+            result.setdefault(f"by_{cut.group}", {})[cut.name] = values
+        else:
+            result.update(values)
+    return result
+
+
+def _detection(result: DetectionResult) -> dict[str, Any]:
+    totals: dict[str, Any] = {
+        method: {
+            "mAP": _number(result.mean_ap(method)),
+            **_numbers(result.mean_errors(method)),
+            "SDS": _number(result.sds(method)),
+        }
+        for method in METHODS
+        if len(result.columns(method))
+    }
+    labels = np.flatnonzero(result.truths).tolist()
+    return {"boxes": int(result.truths.sum()), **totals, "classes": {BOX_CLASSES[k]: _class(result, k) for k in labels}}
+
+
+def _class(result: DetectionResult, label: int) -> dict[str, Any]:
+    figures: dict[str, Any] = {"boxes": int(result.truths[label])}
+    for method in METHODS:
+        columns = result.columns(method)
+        if len(columns):
+            names = [f"{result.options.thresholds[column][1]:g}" for column in columns]
+            errors = known_mean(result.errors[label, columns], axis=0)
+            figures[method] = {
+                "AP": _number(float(known_mean(result.ap[label, columns]))),
+                **_named(ERRORS, errors),
+                "AP_at": _named(names, result.ap[label, columns]),
+            }
+    return figures
+
+
+def segmentation_figures(tally: SegmentationTally, classes: Iterable[str]) -> dict[str, Any]:
+    """IoU by class and threshold of the score, and their mean over the classes that are asked for."""
+    rows = [BEV_CLASSES.index(name) for name in classes]
+    iou, names = tally.iou()[rows], [f"{each:g}" for each in THRESHOLDS]
+    by_class = {BEV_CLASSES[row]: _named(names, values) for row, values in zip(rows, iou, strict=True)}
+    return {"frames": tally.frames, "mean_IoU_at": _named(names, known_mean(iou, axis=0)), "IoU_at": by_class}
+
+
+def _nuscenes(result: NuscenesResult) -> dict[str, Any]:
+    distances = [f"{each:g}" for each in DISTANCES_M]
+    classes = {
+        name: {"AP": _number(ap.mean()), **_named(NUSCENES_ERRORS, errors), "AP_at": _named(distances, ap)}
+        for name, ap, errors in zip(CLASSES, result.ap, result.errors, strict=True)
+    }
+    return {
+        "mAP": _number(result.mean_ap),
+        **_numbers(result.mean_errors),
+        "NDS": _number(result.nds),
+        "classes": classes,
+    }
+
+
+def _named(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
+    return _numbers(dict(zip(names, values, strict=True)))
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: _number(value) for name, value in values.items()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

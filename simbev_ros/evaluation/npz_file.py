@@ -1,0 +1,44 @@
+"""NPZ files of others: arrays by name, never a pickled object."""
+
+import struct
+import zipfile
+import zlib
+from collections.abc import Collection
+from pathlib import Path
+
+from numpy.lib.npyio import NpzFile
+
+from simbev_ros.errors import InputError
+from simbev_ros.types import AnyArray
+
+_DAMAGE = (OSError, EOFError, ValueError, KeyError, MemoryError, NotImplementedError, struct.error)
+
+
+def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyArray]:
+    """Arrays of a file, by name.
+
+    Args:
+        path: The file.
+        names: Only these, where they are there; None: all.
+
+    Raises:
+        InputError: It cannot be read, is no NPZ file, or is damaged; an array holds Python objects.
+    """
+    name = ""
+    try:
+        with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as file:
+            arrays = {}
+            for name in file.files:
+                if names is None or name in names:
+                    arrays[name] = file[name]
+            return arrays
+    except (zipfile.BadZipFile, zlib.error, *_DAMAGE) as error:
+        place = f"{name}: " if name else ""
+        raise InputError(f"{path}: {place}cannot be read as NPZ: {_reason(error)}") from None
+
+
+def _reason(error: BaseException) -> str:
+    """In words of the file's maker."""
+    if "Object arrays" in str(error):
+        return "it holds Python objects; texts must be arrays of a text type, as np.array([...], str)"
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__

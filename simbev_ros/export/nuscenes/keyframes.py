@@ -1,0 +1,60 @@
+"""Which frames of a scene are nuScenes' samples, and which of its data belong to each."""
+
+import numpy as np
+
+from simbev_ros.dataset import Scene
+from simbev_ros.errors import BagError, InputError
+from simbev_ros.export.nuscenes.channels import Channel, channels_of
+from simbev_ros.scene.spec import NS_PER_S
+from simbev_ros.types import Int64Array
+
+_NEEDED = ("boxes", "odom", "world/actors")
+_SAME_HZ = 1e-6
+
+
+def whole_ticks(scene: Scene) -> Int64Array:
+    """(T,) ticks of frames that have all that tables need; tick 0 is the first keyframe.
+
+    Raises:
+        BagError: There is none, or the bag lacks what all frames need.
+    """
+    missing = [key for key in _NEEDED if key not in scene.sources]
+    if missing or "world/legend" not in scene.constants:
+        raise BagError(f"{scene.path}: no {', '.join(missing) or 'world/legend'} in it, which nuScenes' tables need")
+    ticks = np.flatnonzero(scene.has(_NEEDED))
+    if not len(ticks) or ticks[0] != 0 or not channels_of(scene):
+        raise BagError(f"{scene.path}: its first frame is not whole, or no camera, lidar or radar was recorded")
+    return np.asarray(ticks, np.int64)
+
+
+def keyframes_of(scene: Scene, keyframe_hz: float | None) -> Int64Array:
+    """(K,) ticks of keyframes, so many a second; None: all that are whole.
+
+    Raises:
+        InputError: The scene has no such keyframes.
+        BagError: As of ``whole_ticks``.
+    """
+    ticks, period = whole_ticks(scene), _period(scene, keyframe_hz)
+    return np.compress(ticks % period == 0, ticks)
+
+
+def taken_by(scene: Scene, channel: Channel, ticks: Int64Array) -> dict[int, int]:
+    """Ticks of the data that a channel has for keyframes, and their keyframes.
+
+    That is of the same tick, of a sensor with another rhythm the last before, if no earlier keyframe has it already.
+    """
+    own = np.flatnonzero(scene.has([channel.key]))
+    places = np.searchsorted(own, ticks, side="right") - 1
+    taken, first = np.unique(places, return_index=True)
+    return {int(own[place]): int(ticks[k]) for place, k in zip(taken, first, strict=True) if place >= 0}
+
+
+def _period(scene: Scene, keyframe_hz: float | None) -> int:
+    """Every how many frames there is a keyframe."""
+    if keyframe_hz is None:
+        return 1
+    tick_hz = NS_PER_S / scene.spec.tick_ns
+    period = round(tick_hz / keyframe_hz)
+    if period < 1 or abs(tick_hz / period - keyframe_hz) > _SAME_HZ:
+        raise InputError(f"--keyframe-hz: {keyframe_hz:g} is no divisor of the {tick_hz:g} frames/s of {scene.path}")
+    return period

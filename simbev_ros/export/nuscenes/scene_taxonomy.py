@@ -1,0 +1,27 @@
+"""What nuScenes calls the boxes of a scene."""
+
+from simbev_ros.dataset import Frame, Scene
+from simbev_ros.errors import InputError
+from simbev_ros.export.nuscenes.taxonomy import attributes_of, categories_of
+from simbev_ros.scene.state import EGO_ID
+
+
+class SceneTaxonomy:
+    """That of one scene.
+
+    Raises:
+        InputError: Nothing was recorded of /world/legend or /world/actors.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        for key, known in (("world/legend", scene.constants), ("world/actors", scene.sources)):
+            if key not in known:
+                raise InputError(f"{scene.path}: nothing was recorded of {key}, which says what nuScenes calls a box")
+        self._blueprints = [each["name"] for each in scene.constants["world/legend"]["blueprints"]]
+        self._parked = {EGO_ID + k for k, each in enumerate(scene.spec.vehicles) if each.stands_at is not None}
+
+    def of(self, frame: Frame) -> tuple[list[str], list[list[str]]]:
+        """Of each of a frame's boxes the category, and the attributes, at most one."""
+        boxes, ridden = frame["boxes"], set(frame["world/actors"]["parent"].tolist())
+        categories = categories_of(boxes, self._blueprints)
+        return categories, attributes_of(boxes, categories, self._parked, ridden)

@@ -1,0 +1,150 @@
+"""Timing the recorder node: the messages of a scene come to it through DDS, as fast as lockstep lets them."""
+
+import os
+import struct
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Header, String
+
+from simbev_ros.config.scenario import RecordedTopics, Recording
+from simbev_ros.errors import SimbevError
+from simbev_ros.graph.domain import DomainLock
+from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.process import NodeProcess
+from simbev_ros.msgs import topics
+from simbev_ros.msgs.message_types import message_class
+from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
+from simbev_ros.msgs.stamps import NS_PER_S, stamp_of
+from simbev_ros.msgs.tables import message_from_table
+from simbev_ros.msgs.world import record_message
+from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.scene.ending import DURATION, SceneEnd
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import ACTOR_DTYPE
+
+_WINDOW_TICKS = 3
+_PATIENCE_S = 60.0
+_STAMP, _STAMP_AT = struct.Struct("<iI"), 4
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderTiming:
+    """One scene, from its first tick until its bag is closed and on the disk.
+
+    Attributes:
+        payload_mb: Of all messages.
+        wall_s: Time that it took.
+        cpu_s: Processor time of the recorder's process.
+        sender_cpu_s: Of the process that sends.
+    """
+
+    payload_mb: float
+    wall_s: float
+    cpu_s: float
+    sender_cpu_s: float
+
+
+def timed_recorder(spec: SceneSpec, recording: Recording, tick: Mapping[str, bytes], folder: Path) -> RecorderTiming:
+    """Send a scene to a recorder node, which runs in a process of its own.
+
+    Args:
+        spec: Of which only what is in ``tick`` is sent and recorded, and what a replay needs.
+        recording: How; its choice of topics does not count.
+        tick: By topic a message as it is sent at every tick, serialised: little-endian CDR that begins with a header.
+        folder: Where the dataset is made.
+
+    Raises:
+        SimbevError: The recorder has ended, or is silent.
+    """
+    recording = recording.model_copy(update={"topics": RecordedTopics(include=tuple(tick))})
+    with DomainLock() as lock, tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as scratch:
+        environment = graph_environment(lock.domain)
+        os.environ.update(environment)
+        parameters = {"dataset": str(folder.resolve()), "config": "", "recording": recording.model_dump_json()}
+        recorder = NodeProcess(["recorder"], {"recorder": parameters}, Path(scratch), environment)
+        rclpy.init(domain_id=lock.domain, signal_handler_options=SignalHandlerOptions.NO)
+        node = Node("sender")
+        try:
+            return _Sender(node, spec, recording, tick, recorder).timing()
+        finally:
+            node.destroy_node()
+            rclpy.shutdown()
+            recorder.terminate()
+            recorder.join(_PATIENCE_S)
+
+
+class _Sender:
+    """Stands for all nodes whose topics are recorded."""
+
+    def __init__(
+        self, node: Node, spec: SceneSpec, recording: Recording, tick: Mapping[str, bytes], recorder: NodeProcess
+    ) -> None:
+        self._spec, self._recorder = spec, recorder
+        self._lockstep = Lockstep(["recorder"], _WINDOW_TICKS)
+        self._lockstep.start_scene(spec)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+        node.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(LATCHED))
+        actors = message_from_table(np.zeros(100, ACTOR_DTYPE), 0, "map")
+        state = {topics.ACTORS: serialize_message(actors), topics.SIGNALS: serialize_message(actors)}
+        self._tick = {name: bytearray(message) for name, message in {**state, **tick}.items()}
+        self._publishers: dict[str, Any] = {topics.END: node.create_publisher(String, topics.END, rclpy_qos(LATCHED))}
+        for topic in topics.manifest(spec, compressed_images=recording.images == "compressed"):
+            if topic.name in topics.REPLAYED or topic.name in tick:
+                qos = rclpy_qos(qos_of(topic, live=False))
+                self._publishers[topic.name] = node.create_publisher(message_class(topic.type), topic.name, qos)
+
+    def timing(self) -> RecorderTiming:
+        """Send the scene."""
+        spec = self._spec
+        self._publishers[topics.MAP].publish(String())
+        self._publishers[topics.SCENE].publish(String(data=spec.model_dump_json()))
+        self._wait_until(0)
+        wall_s, cpu_s, recorder_cpu_s, payload_bytes = time.perf_counter(), time.process_time(), self._recorder.cpu_s, 0
+        for tick in range(spec.ticks):
+            self._wait_until(tick)
+            if tick == spec.ticks - 1:
+                end = SceneEnd(scene=spec.name, tick=tick, reason=DURATION)
+                self._publishers[topics.END].publish(String(data=end.model_dump_json()))
+            payload_bytes += self._send(spec.stamp_ns(tick))
+        self._wait_until(spec.ticks + _WINDOW_TICKS)  # the tick after the last is finished when the bag is closed
+        return RecorderTiming(
+            payload_bytes / 1e6,
+            time.perf_counter() - wall_s,
+            self._recorder.cpu_s - recorder_cpu_s,
+            time.process_time() - cpu_s,
+        )
+
+    def _send(self, stamp_ns: int) -> int:
+        """Send one tick; give its bytes."""
+        self._publishers[topics.WEATHER].publish(record_message({}, stamp_ns))
+        for name, message in self._tick.items():
+            _STAMP.pack_into(message, _STAMP_AT, *divmod(stamp_ns, NS_PER_S))
+            self._publishers[name].publish(bytes(message))
+        return sum(len(message) for message in self._tick.values())
+
+    def _wait_until(self, tick: int) -> None:
+        """Until lockstep lets a tick start, and every topic has its reader."""
+        deadline_s = time.monotonic() + _PATIENCE_S
+        while not self._lockstep.may_start(tick) or any(
+            p.get_subscription_count() == 0 for p in self._publishers.values()
+        ):
+            self._executor.spin_once(timeout_sec=0.1)
+            if self._recorder.exit_code is not None:
+                raise self._recorder.refusal() or SimbevError(f"recorder: {self._recorder.describe_end()}")
+            if time.monotonic() > deadline_s:
+                raise SimbevError(f"recorder: silent for {_PATIENCE_S:g} s before tick {tick}")
+
+    def _on_ready(self, message: Header) -> None:
+        self._lockstep.finished(message.frame_id, stamp_of(message.stamp))

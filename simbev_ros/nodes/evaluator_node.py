@@ -1,0 +1,245 @@
+"""The evaluator node: what a perception stack answers is compared with the truth, frame by frame, while the scene runs.
+
+Figures so far go to /evaluation, those of the scene into a file when it ends.
+"""
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header, String
+
+from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
+from simbev_ros.evaluation.live import LiveEvaluation, LiveScene, live_figures
+from simbev_ros.evaluation.options import options_of
+from simbev_ros.msgs import topics
+from simbev_ros.msgs.images import labels_of_image
+from simbev_ros.msgs.message_types import message_class
+from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
+from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised
+from simbev_ros.msgs.tables import table_from_message
+from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.world import map_from_ego
+from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
+from simbev_ros.nodes.graph_node import GraphNode
+from simbev_ros.recording.bag_files import disk_errors
+from simbev_ros.scene.ending import SceneEnd
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.types import Table
+
+_LIVE_GRACE_TICKS = 40
+_LIVE_IDLE_S = 2.0
+_DEPTH = 64
+"""Of subscriptions: figures take their time."""
+_POLLS_TO_SETTLE = 5
+"""Our side knows that it is connected a moment before the other side does."""
+_SHARE_OF_TIME = 0.1
+"""That running figures may take."""
+_SHOWN = ("mAP_iou", "mAP_distance", "SDS_iou", "mean_IoU")
+
+
+class EvaluatorNode(GraphNode):
+    """Evaluates one scene after the other. In lockstep the world waits for it, and so for the answers.
+
+    A tick is reported as finished when its frame has been counted, the one after the last when the file is written.
+    """
+
+    takes_message_info = True
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        section = self.declared("evaluation", "{}", "The section of that name of the configuration, as JSON")
+        self._evaluation = Evaluation.model_validate_json(section)
+        files = [self.declared("figures", "", "File for the figures of all scenes so far; empty: there is none")]
+        files.append(self.declared("asked_figures", "", "One more, or a folder for those of each scene"))
+        self._files = [Path(file) for file in files if file]
+        self._input: str = self.declared("input_topic", "", "What the stack answers to")
+        self._patience_s: float = self.declared("patience_s", 60.0, "So long the first scene waits for the stack")
+        stack = self._evaluation.participants
+        idle_s = math.inf if stack else self._patience_s / 2
+        self._patience = Patience(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else Patience(None, idle_s)
+        self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
+        self._spec: SceneSpec | None = None
+        self._taken: dict[str, Subscription] = {}
+        self._polls_connected, self._loaded_reported, self._since_s = 0, False, 0.0
+        self._next_figures_s = 0.0
+        self._answers = AnswerTopics(
+            self, self._evaluation.boxes_topic, self._evaluation.grids_topic, self._tick_of, self._on_answer
+        )
+        self._figures = self.create_publisher(DiagnosticArray, topics.EVALUATION, 10)
+        self.create_subscription(String, topics.SCENE, self._on_scene, rclpy_qos(LATCHED))
+        self.create_subscription(String, topics.END, self._on_end, rclpy_qos(LATCHED))
+        if stack:
+            qos = rclpy_qos(LATCHED)
+            qos.depth = _DEPTH
+            self.create_subscription(Header, topics.READY, self._on_ready, qos)
+        self.create_wall_timer(0.05, self._report_loaded)
+        self.create_wall_timer(0.1, self._advance)
+        self.create_wall_timer(0.5, self._look_for_answers)
+
+    def _on_scene(self, message: String) -> None:
+        """Begin anew; of a scene that starts again, what it had does not count."""
+        spec = SceneSpec.model_validate_json(message.data)
+        answered = self._answered_topic(spec)
+        self._input_type = answered.type
+        self._join = AnswerJoin(lambda tick: tick % answered.period_ticks == 0, self._patience)
+        self._live_evaluation = LiveEvaluation(spec, self._options)
+        for name in self._answers.found:
+            self._join.offer(name)
+        known = {topic.name: topic for topic in topics.manifest(spec, compressed_images=False)}
+        truth = {"odom": (POSE, map_from_ego), "boxes": (BOXES, _boxes), "bev/labels": (LABELS, labels_of_image)}
+        for name, (part, value_of) in truth.items():
+            self._subscribe(known[topics.agent_topic(spec.rig.agent, name)], self._truth(part, value_of))
+        self._subscribe(answered, self._on_input, raw=True)
+        self._polls_connected, self._loaded_reported, self._since_s = 0, False, time.monotonic()
+        self._spec = spec
+
+    def _answered_topic(self, spec: SceneSpec) -> Topic:
+        sent = [topic for form in (False, True) for topic in topics.sensor_topics(spec, compressed_images=form)]
+        odometry = Topic(topics.agent_topic(spec.rig.agent, "odom"), "nav_msgs/msg/Odometry")
+        known = {topic.name: topic for topic in (*sent, odometry)}
+        if self._input not in known:
+            raise InputError(f"evaluation.answers_to: nobody sends {self._input}; allowed: {', '.join(known)}")
+        return known[self._input]
+
+    def _subscribe(self, topic: Topic, callback: Callable[..., None], *, raw: bool = False) -> None:
+        """Take a topic, once for all scenes that have it; the odometry may be truth and input."""
+        key = f"{topic.name} raw" if raw else topic.name
+        if key not in self._taken:
+            qos = rclpy_qos(qos_of(topic, live=self.live))
+            qos.depth = max(qos.depth, _DEPTH)
+            self._taken[key] = self.create_subscription(message_class(topic.type), topic.name, callback, qos, raw=raw)
+
+    def _truth(self, part: str, value_of: Callable[[Any], Any]) -> Callable[[Any], None]:
+        def receive(message: Any) -> None:
+            tick = self._tick(stamp_of(message.header.stamp))
+            if tick is not None:
+                self._join.add_truth(part, tick, value_of(message))
+                self._advance()
+
+        return receive
+
+    def _on_input(self, payload: bytes, info: Any) -> None:
+        stamp_ns = stamp_of_serialised(payload, self._input_type)
+        tick = None if stamp_ns is None else self._tick(stamp_ns)
+        if tick is not None:
+            self._join.add_input(tick, received_s(info))
+
+    def _tick(self, stamp_ns: int) -> int | None:
+        """That of a stamp; None: one of the lead-in, or of another scene."""
+        tick = -1 if self._spec is None else self._spec.tick_of(stamp_ns)
+        return tick if self._spec is not None and 0 <= tick < self._spec.ticks else None
+
+    def _tick_of(self, stamp_ns: int, topic: str) -> int | None:
+        """As ``_tick``, of an answer, whose stamp must be that of a tick."""
+        spec, tick = self._spec, self._tick(stamp_ns)
+        if spec is None or tick is None:
+            return None
+        if spec.stamp_ns(tick) != stamp_ns:
+            nearest = f"the nearest is {spec.stamp_ns(tick)}, that of tick {tick}"
+            raise InputError(f"{topic}: header.stamp: {stamp_ns} is that of no tick of {spec.name}; {nearest}")
+        return tick
+
+    def _on_answer(self, topic: str, tick: int, answer: Answer, at_s: float) -> None:
+        self._join.add_answer(topic, tick, answer, at_s)
+        self._advance()
+
+    def _on_ready(self, message: Header) -> None:
+        name, _, scene = message.frame_id.partition(":")
+        if self._spec is not None and scene == self._spec.name and name in self._evaluation.participants:
+            self._join.stack_finished(self._spec.tick_of(stamp_of(message.stamp)))
+
+    def _on_end(self, message: String) -> None:
+        end = SceneEnd.model_validate_json(message.data)
+        if self._spec is not None and end.scene == self._spec.name:
+            self._join.end(end.tick)
+            self._advance()
+
+    def _look_for_answers(self) -> None:
+        for name in self._answers.look():
+            if self._spec is not None:
+                self._join.offer(name)
+
+    def _report_loaded(self) -> None:
+        """Report the scene as loaded once everything is connected, the stack too; a timer tries until then."""
+        if self._spec is None or self._loaded_reported:
+            return
+        connected = all(each.get_publisher_count() for each in self._taken.values())
+        self._polls_connected = self._polls_connected + 1 if connected and self._answers.are_connected else 0
+        if self._polls_connected >= _POLLS_TO_SETTLE:
+            self._loaded_reported = True
+            self.report_finished(self._spec, -1)  # frames begin at tick 0
+        elif not self._answers.found and time.monotonic() > self._since_s + self._patience_s:
+            raise InputError(f"no stack has come within {self._patience_s:g} s: nobody sends {self._answers.words}")
+
+    def _advance(self) -> None:
+        """Count the frames that are ready, and report how far all is."""
+        spec = self._spec
+        if spec is None:
+            return
+        before, now_s = self._join.finished_tick, time.monotonic()
+        for frame in self._join.leaving(now_s):
+            with self.meter.busy():
+                self._live_evaluation.add(frame)
+        if self._join.finished_tick > before:
+            self.report_finished(spec, self._join.finished_tick)
+        if self._join.is_over:
+            self._finish_scene(spec)
+            self.report_finished(spec, self._join.finished_tick + 1)
+        elif now_s >= self._next_figures_s:
+            self._publish_figures(spec)
+            took_s = time.monotonic() - now_s
+            self._next_figures_s = now_s + max(1.0, took_s / _SHARE_OF_TIME)
+
+    def _publish_figures(self, spec: SceneSpec) -> None:
+        books = self._join.books
+        figures = {**self._live_evaluation.running(), **asdict(books)}
+        shown = [f"{name} {figures[name]:.3f}" for name in _SHOWN if name in figures]
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if books.missed else DiagnosticStatus.OK,
+            name=f"simbev: evaluation of {spec.name}",
+            message=", ".join([f"{figures['frames']:g} frames, {books.missed} missed", *shown]),
+            hardware_id=self.get_name(),
+            values=[KeyValue(key=key, value=f"{value:g}") for key, value in figures.items()],
+        )
+        stamp = header(spec.stamp_ns(max(self._join.finished_tick, 0)), "")
+        self._figures.publish(DiagnosticArray(header=stamp, status=[status]))
+
+    def _finish_scene(self, spec: SceneSpec) -> None:
+        """Write the figures of all scenes so far, and those of this one."""
+        self._publish_figures(spec)
+        self._scenes.append(self._live_evaluation.scene(self._join.books))
+        self._spec = None
+        for path in self._files:
+            if path.suffix == ".json":
+                _write(path, live_figures(self._scenes, self._options))
+            else:
+                _write(path / f"{spec.name}.json", live_figures(self._scenes[-1:], self._options))
+
+    def close(self) -> None:
+        """Write the figures of a scene that is interrupted."""
+        if self._spec is not None and self._join.finished_tick >= 0:
+            self._finish_scene(self._spec)
+
+
+def _boxes(message: PointCloud2) -> Table:
+    return table_from_message(message).astype(BOX_DTYPE, copy=False)
+
+
+def _write(path: Path, figures: dict[str, Any]) -> None:
+    """As a whole or not at all."""
+    part = path.with_name(f"{path.name}.part")
+    with disk_errors(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(figures, indent=1), encoding="utf-8")
+        part.replace(path)

@@ -1,0 +1,30 @@
+"""Array aliases: docstrings give shape, unit and frame."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Booleans = npt.NDArray[np.bool_]
+Bytes = npt.NDArray[np.uint8]
+Table = npt.NDArray[Any]
+"""A structured array; its dtype is documented where it is defined."""
+
+
+def turned(rotation: Floats, vectors: Floats) -> Floats:
+    """(…, D) vectors times a (D, D) rotation; not through BLAS, whose threads would keep others from the cores."""
+    product: Floats = np.einsum("ij,...j->...i", rotation, vectors)
+    return product
+
+
+def yaw_of(pose: Floats) -> float:
+    """Heading of a (4, 4) pose."""
+    return float(np.arctan2(pose[1, 0], pose[0, 0]))
+
+
+def box_axes(yaw_rad: Floats) -> Floats:
+    """(…, 2, 2) forward and left of boxes with (…) headings; ``axes @ offset`` is the offset along the box."""
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)

@@ -1,0 +1,110 @@
+"""Arrays ↔ ROS messages."""
+
+from array import array
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Image, PointCloud2, PointField
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from simbev_ros.reference_stack.arrays import Bytes, Floats, Integers, Table
+from simbev_ros.reference_stack.classes import load_kinds
+
+_NS_PER_S = 1_000_000_000
+_FIELD_TYPES = {"f4": PointField.FLOAT32, "f8": PointField.FLOAT64, "u4": PointField.UINT32, "u1": PointField.UINT8}
+_LEAST_SHOWN = 0.3
+_COLORS = {
+    "car": (0.1, 0.6, 1.0),
+    "truck": (0.1, 0.3, 1.0),
+    "bus": (0.5, 0.3, 1.0),
+    "motorcycle": (1.0, 0.3, 0.8),
+    "bicycle": (1.0, 0.6, 0.8),
+    "pedestrian": (1.0, 0.6, 0.1),
+}
+
+
+def stamp_ns_of(header: Header) -> int:
+    """Stamp in nanoseconds."""
+    return int(header.stamp.sec) * _NS_PER_S + int(header.stamp.nanosec)
+
+
+def header_of(stamp_ns: int, frame: str) -> Header:
+    """Header of a stamp in nanoseconds."""
+    sec, nanosec = divmod(stamp_ns, _NS_PER_S)
+    return Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame)
+
+
+def points_of(cloud: PointCloud2) -> tuple[Floats, Integers]:
+    """(N, 3) points, lidar frame, and (N,) rings of a cloud with the fields x, y, z (float32) and ring (uint16)."""
+    offset = {field.name: field.offset for field in cloud.fields}
+    names = ["x", "y", "z", "ring"]
+    formats, offsets = ["<f4", "<f4", "<f4", "<u2"], [offset[name] for name in names]
+    dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": cloud.point_step})
+    rows = np.frombuffer(cloud.data, dtype, count=cloud.width * cloud.height)
+    return np.stack([rows[name] for name in "xyz"], axis=1, dtype=np.float64), rows["ring"].astype(np.int64)
+
+
+def pose_of(odometry: Odometry) -> Floats:
+    """(4, 4) map_from_ego."""
+    place, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    x, y, z, w = turn.x, turn.y, turn.z, turn.w
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), place.x],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), place.y],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), place.z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def table_message(table: Table, header: Header) -> PointCloud2:
+    """A row a point, a column a field."""
+    return PointCloud2(
+        header=header,
+        height=1,
+        width=len(table),
+        fields=[
+            PointField(name=name, offset=field[1], datatype=_FIELD_TYPES[field[0].str[1:]], count=1)
+            for name, field in (table.dtype.fields or {}).items()
+        ],
+        point_step=table.itemsize,
+        row_step=table.nbytes,
+        data=array("B", table.tobytes()),
+        is_dense=True,
+    )
+
+
+def scores_message(scores: Bytes, header: Header) -> Image:
+    """(rows, columns, channels), 255 sure."""
+    rows, columns, channels = scores.shape
+    return Image(
+        header=header,
+        height=rows,
+        width=columns,
+        encoding=f"8UC{channels}",
+        step=columns * channels,
+        data=array("B", scores.tobytes()),
+    )
+
+
+def markers_message(boxes: Table, header: Header) -> MarkerArray:
+    """A cube for each box that is not unlikely, brighter when surer; those shown before go."""
+    kinds = load_kinds()
+    name_of = dict(zip(kinds.class_number.tolist(), kinds.class_name, strict=True))
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    for box in boxes[boxes["score"] >= _LEAST_SHOWN]:
+        name, score, half_rad = name_of[int(box["class"])], float(box["score"]), float(box["yaw"]) / 2
+        red, green, blue = _COLORS[name]
+        marker = Marker(header=header, ns=name, id=int(box["id"]), type=Marker.CUBE, text=f"{score:.2f}")
+        marker.pose = Pose(
+            position=Point(x=float(box["x"]), y=float(box["y"]), z=float(box["z"])),
+            orientation=Quaternion(z=float(np.sin(half_rad)), w=float(np.cos(half_rad))),
+        )
+        marker.scale = Vector3(x=float(box["length"]), y=float(box["width"]), z=float(box["height"]))
+        marker.color = ColorRGBA(r=red, g=green, b=blue, a=0.2 + 0.5 * score)
+        markers.append(marker)
+    return MarkerArray(markers=markers)

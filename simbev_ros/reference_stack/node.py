@@ -1,0 +1,112 @@
+"""The stack as a ROS node: clouds and odometry in, boxes and scores out, and word of each tick that is done.
+
+Nothing here is particular to this stack: to try yours, put it in the place of ``Pipeline``.
+"""
+
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header, String
+from visualization_msgs.msg import MarkerArray
+
+from simbev_ros.reference_stack.messages import (
+    header_of,
+    markers_message,
+    points_of,
+    pose_of,
+    scores_message,
+    stamp_ns_of,
+    table_message,
+)
+from simbev_ros.reference_stack.pipeline import Pipeline
+from simbev_ros.reference_stack.scene import Scene, read_scene
+from simbev_ros.reference_stack.tick_join import TickJoin
+
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_EVERY = QoSProfile(depth=16)
+"""Reliable, and deeper than what the lockstep window lets pile up."""
+_NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_POLL_S = 0.05
+_POLLS_TO_SETTLE = 10
+"""Our side knows that it is connected a moment before the other side does."""
+
+
+class ReferenceStack(Node):
+    """Answers each lidar cloud; in lockstep every one, live the newest.
+
+    Topics, to be remapped as usual: /ego/lidar/points, /ego/odom, /world/scene in; /prediction/boxes,
+    /prediction/boxes/markers (only while somebody listens), /prediction/bev and /sync/ready out.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("reference_stack")
+        self._points_topic = self.resolve_topic_name("/ego/lidar/points")
+        self._scene: Scene | None = None
+        self._pipeline: Pipeline | None = None
+        self._join: TickJoin[PointCloud2, Odometry] = TickJoin()
+        self._points: Subscription | None = None
+        self._polls_connected = 0
+        self._odom = self.create_subscription(Odometry, "/ego/odom", self._on_odometry, _EVERY)
+        self._boxes = self.create_publisher(PointCloud2, "/prediction/boxes", _EVERY)
+        self._markers = self.create_publisher(MarkerArray, "/prediction/boxes/markers", _EVERY)
+        self._grid = self.create_publisher(Image, "/prediction/bev", _EVERY)
+        self._ready = self.create_publisher(Header, "/sync/ready", _LATCHED)
+        self.create_subscription(String, "/world/scene", self._on_scene, _LATCHED)
+        self.create_timer(_POLL_S, self._connect, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _on_scene(self, message: String) -> None:
+        """Begin anew. The scene's first tick waits until we say that we are ready."""
+        self._join.clear()
+        if self._points is not None:  # the next graph may be a live one, or no longer
+            self.destroy_subscription(self._points)
+        self._points, self._polls_connected = None, 0
+        self._scene = read_scene(message.data, self._points_topic)
+        self._pipeline = Pipeline(self._scene.ego_from_lidar, self._scene.grid)
+
+    def _connect(self) -> None:
+        """Listen to the clouds as they are offered. When all is connected, the lead-in is done as far as we care."""
+        if self._scene is None or self._polls_connected >= _POLLS_TO_SETTLE:
+            return
+        if self._points is None:
+            for publisher in self.get_publishers_info_by_topic(self._points_topic)[:1]:
+                is_live = publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                qos = _NEWEST if is_live else _EVERY
+                self._points = self.create_subscription(PointCloud2, self._points_topic, self._on_cloud, qos)
+        elif self._points.get_publisher_count() and self._odom.get_publisher_count():
+            self._polls_connected += 1
+            if self._polls_connected == _POLLS_TO_SETTLE:
+                self._report(self._scene, self._scene.start_ns - self._scene.tick_ns)
+
+    def _on_cloud(self, message: PointCloud2) -> None:
+        self._join.add_cloud(stamp_ns_of(message.header), message)
+        self._finish_ticks()
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._join.add_odometry(stamp_ns_of(message.header), message)
+        self._finish_ticks()
+
+    def _finish_ticks(self) -> None:
+        """Answer and report each tick of which everything is there."""
+        if self._scene is None:
+            return
+        for stamp_ns, odometry, cloud in self._join.complete(self._scene.has_cloud):
+            if cloud is not None:
+                self._answer(cloud, odometry, stamp_ns)
+            self._report(self._scene, stamp_ns)
+
+    def _answer(self, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
+        assert self._pipeline is not None
+        answer = self._pipeline.step(*points_of(cloud), pose_of(odometry), stamp_ns * 1e-9)
+        in_map = header_of(stamp_ns, odometry.header.frame_id)
+        self._boxes.publish(table_message(answer.boxes, in_map))
+        if self._markers.get_subscription_count():
+            self._markers.publish(markers_message(answer.boxes, in_map))
+        self._grid.publish(scores_message(answer.scores, header_of(stamp_ns, odometry.child_frame_id)))
+
+    def _report(self, scene: Scene, stamp_ns: int) -> None:
+        """Say that a tick is done: in lockstep the world goes on only then, if we are one of ``graph.participants``."""
+        self._ready.publish(header_of(stamp_ns, f"{self.get_name()}:{scene.name}"))

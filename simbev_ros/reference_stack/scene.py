@@ -1,0 +1,76 @@
+"""What the stack needs to know of a scene, from the JSON on /world/scene."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.reference_stack.arrays import Floats
+from simbev_ros.reference_stack.grid import GridShape
+
+_NS_PER_S = 1_000_000_000
+
+
+class NoLidarError(Exception):
+    """The scene's rig has no lidar that sends the clouds."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene as one lidar has it.
+
+    Attributes:
+        name: As /sync/ready wants it.
+        start_ns: Stamp of tick 0; the ticks before are a lead-in without clouds.
+        tick_ns: Time between ticks.
+        period_ticks: Every how many ticks there is a cloud.
+        ego_from_lidar: (4, 4) pose of the lidar.
+        grid: Of /ego/bev/labels.
+    """
+
+    name: str
+    start_ns: int
+    tick_ns: int
+    period_ticks: int
+    ego_from_lidar: Floats
+    grid: GridShape
+
+    def has_cloud(self, stamp_ns: int) -> bool:
+        """Whether the lidar sends one at a stamp."""
+        tick = (stamp_ns - self.start_ns) // self.tick_ns
+        return tick >= 0 and tick % self.period_ticks == 0
+
+
+def read_scene(text: str, points_topic: str) -> Scene:
+    """The scene as the lidar of a topic has it.
+
+    Raises:
+        NoLidarError: The rig has none there.
+    """
+    spec = json.loads(text)
+    rig, bev, tick_ns = spec["rig"], spec["annotation"]["bev"], spec["tick_ns"]
+    lidars = {f"/{rig['agent']}/{each['name']}/points": each for each in rig["sensors"] if each["type"] == "lidar"}
+    if points_topic not in lidars:
+        raise NoLidarError(f"no lidar of the scene sends {points_topic}; remap it to one of: {', '.join(lidars)}")
+    lidar = lidars[points_topic]
+    period_ns = _NS_PER_S / lidar["rate_hz"] if lidar["rate_hz"] else tick_ns
+    return Scene(
+        name=f"{spec['map']['name']}-{spec['number']:04d}",
+        start_ns=(spec["number"] + 1) * 3600 * _NS_PER_S + spec["warm_up_ticks"] * tick_ns,
+        tick_ns=tick_ns,
+        period_ticks=max(1, round(period_ns / tick_ns)),
+        ego_from_lidar=_pose(lidar["pose"]),
+        grid=GridShape(bev["rows"], bev["columns"], bev["cell_m"]),
+    )
+
+
+def _pose(pose: dict[str, float]) -> Floats:
+    """(4, 4) of metres and degrees: roll, then pitch, then yaw about fixed axes (REP-103)."""
+    matrix = np.eye(4)
+    for axis, name in enumerate(("roll_deg", "pitch_deg", "yaw_deg")):
+        cosine, sine = np.cos(np.radians(pose[name])), np.sin(np.radians(pose[name]))
+        turn, (i, j) = np.eye(4), ((axis + 1) % 3, (axis + 2) % 3)
+        turn[i, i], turn[i, j], turn[j, i], turn[j, j] = cosine, -sine, sine, cosine
+        matrix = turn @ matrix
+    matrix[:3, 3] = pose["x_m"], pose["y_m"], pose["z_m"]
+    return matrix

@@ -1,0 +1,96 @@
+"""``simbev evaluate`` as people call it, with good and bad words."""
+
+import json
+from pathlib import Path
+
+import evaluated_dataset as made
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from simbev_ros.cli.main import app
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.predictions import write_grid, write_predictions
+
+RUNNER = CliRunner()
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return made.record(tmp_path_factory.mktemp("dataset"))
+
+
+@pytest.fixture(scope="module")
+def predictions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The truth of the first scene."""
+    folder = tmp_path_factory.mktemp("predictions")
+    write_predictions(folder / "boxes.parquet", [(made.NAMES[0], made.as_predicted())])
+    for tick in range(made.TICKS):
+        write_grid(folder, made.NAMES[0], tick, made.scores(tick))
+    return folder
+
+
+def called(*words: str | Path) -> Result:
+    return RUNNER.invoke(app, ["evaluate", *map(str, words)])
+
+
+def test_tables_and_figures_say_the_same(dataset: Path, predictions: Path, tmp_path: Path) -> None:
+    file = tmp_path / "figures.json"
+    result = called(
+        predictions, dataset, "--json", file, "--by", "distance,weather", "--scenes", made.NAMES[0], "--jobs", "1"
+    )
+    assert result.exit_code == 0, result.output
+    figures = json.loads(file.read_text())
+    assert figures["frames"] == {"evaluated": 10, "scenes": 1, "answered_boxes": 10, "answered_grids": 10}
+    assert figures["detection"]["iou"]["mAP"] == 1 and figures["segmentation"]["mean_IoU_at"]["0.5"] == 1
+    assert set(figures["detection"]["by_weather"]) == {"clear", "cloudy", "fog", "rain"}
+    for words in ("10 frames of 1 scene;", "by weather", "average precision by 3D IoU", "< 0.5 m", "pedestrian"):
+        assert words in result.stdout
+
+
+def test_the_figures_are_of_what_is_asked_for(dataset: Path, predictions: Path, tmp_path: Path) -> None:
+    file = tmp_path / "figures.json"
+    words = ("--classes", "car", "--range", ":40", "--points", "1", "--every", "2", "--distances", "none", "--by", "")
+    result = called(predictions, dataset, "--json", file, *words)
+    assert result.exit_code == 0, result.output
+    figures = json.loads(file.read_text())
+    assert figures["frames"]["evaluated"] == 10 and set(figures["detection"]["classes"]) == {"car"}
+    assert figures["detection"]["boxes"] == 10 and "distance" not in figures["detection"]
+    assert figures["detection"]["iou"]["mAP"] == pytest.approx(0.5)
+    assert list(figures["segmentation"]["IoU_at"]) == ["car"]
+    assert not [key for key in figures["detection"] if key.startswith("by_")]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--classes", "tram"), "--classes: there is no 'tram'; allowed: car, "),
+        (("--range", "50"), "--range: '50': must be FROM:TO"),
+        (("--range", "50:20"), "range_m: 50 to 20"),
+        (("--range", "a:"), "--range: 'a' is not a number"),
+        (("--rings", "20,10"), "rings: 20, 10: must rise"),
+        (("--ious", "0.5,1.5"), "--ious: 0.5,1.5: must rise, and each be above 0 and at most 1"),
+        (("--ious", "0.5,,0.6"), "must be words with commas between"),
+        (("--distances", "inf"), "--distances: 'inf' is not a number"),
+        (("--by", "colour"), "by: there is no 'colour'; allowed: distance"),
+        (("--weather", "snow"), "weathers: 'snow' is not allowed; allowed: clear"),
+        (("--difficulty", "simple"), "difficulties: 'simple' is not allowed"),
+        (("--scenes", "Blocks-0009"), "has no scene 'Blocks-0009', but Blocks-0000, Blocks-0001"),
+        (("--split", "train"), "there is no scene of the split 'train'"),
+        (("--json", "/nowhere/a.json"), "/nowhere/a.json: there is no folder /nowhere"),
+        (("--report", "/tmp"), "/tmp: is a folder, not a file"),
+        (("--json", "/proc/a.json"), "/proc/a.json: cannot be written"),
+        (("--daytime", "night", "--scenes", "Blocks-0000"), "no frame of 1 scenes is left to evaluate"),
+    ],
+)
+def test_bad_words_are_named(dataset: Path, predictions: Path, words: tuple[str, ...], message: str) -> None:
+    result = called(predictions, dataset, *words)
+    assert isinstance(result.exception, InputError)
+    assert message in str(result.exception)
+
+
+def test_predictions_of_another_dataset_are_refused(dataset: Path, tmp_path: Path) -> None:
+    write_predictions(tmp_path / "boxes.parquet", [("Town03-0007", made.as_predicted())])
+    result = called(tmp_path, dataset)
+    assert isinstance(result.exception, InputError)
+    assert "there is no 'Town03-0007'; the dataset has Blocks-0000, Blocks-0001" in str(result.exception)

@@ -1,0 +1,78 @@
+"""The options by which run and replay evaluate a stack: what they say goes into the configuration, or is refused."""
+
+from collections.abc import Callable
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from simbev_ros.cli.live_evaluation import print_live_tables, with_evaluation
+from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import InputError
+from simbev_ros.graph import session
+
+Refused = Callable[..., str]
+
+
+@pytest.fixture(autouse=True)
+def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("the graph was started")
+
+    monkeypatch.setattr(session.GraphSession, "__enter__", refuse)
+
+
+def test_without_options_nothing_changes() -> None:
+    scenario = load_scenario("demo")
+    assert with_evaluation(scenario, None, None) is scenario
+    assert scenario.evaluation is None
+
+
+def test_options_fill_the_section_in(tmp_path: Path) -> None:
+    section = Evaluation(participant="detector", boxes_topic="/boxes")
+    scenario = load_scenario("demo").model_copy(update={"evaluation": section})
+    changed = with_evaluation(scenario, tmp_path / "new/figures.json", "detect --fast 'a b'").evaluation
+    assert changed == Evaluation(
+        participant="detector",
+        boxes_topic="/boxes",
+        stack=("detect", "--fast", "a b"),
+        figures=str(tmp_path / "new/figures.json"),
+    )
+
+
+def test_the_reference_stack_has_its_own_name() -> None:
+    scenario = load_scenario("demo").model_copy(update={"evaluation": Evaluation(participant="detector")})
+    with pytest.raises(InputError, match=r"^--stack 'reference': participant: the reference stack is called "):
+        with_evaluation(scenario, None, "reference")
+
+
+@pytest.mark.parametrize(("stack", "words"), [("", "there is no command in it"), ("say 'a", "No closing quotation")])
+def test_no_command_is_refused(stack: str, words: str) -> None:
+    with pytest.raises(InputError, match=f"^--stack .*: .*{words}"):
+        with_evaluation(load_scenario("demo"), None, stack)
+
+
+def test_figures_must_have_a_place(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.json").mkdir()
+    for path, words in (("file/x.json", "file: cannot be made: "), ("folder.json", "folder.json: is a folder; ")):
+        with pytest.raises(InputError, match=f"^--evaluate: {tmp_path}/{words}"):
+            with_evaluation(load_scenario("demo"), tmp_path / path, None)
+
+
+def test_the_command_line_hands_them_over(refused: Refused) -> None:
+    assert refused("run", "demo", "--stack", "") == "error: --stack '': there is no command in it\n"
+
+
+def test_what_does_not_count_is_said() -> None:
+    counts = {"evaluated": 3, "scenes": 1, "answered_boxes": 2, "answered_grids": 0, "missed": 1, "late": 4}
+    frames = {**counts, "without_input": 5, "without_truth": 0}
+    latency_ms = {"p50": 12.34, "p90": None, "p99": None}
+    text = StringIO()
+    print_live_tables({"frames": frames, "latency_ms": latency_ms}, Console(file=text, width=60))
+    assert text.getvalue().splitlines()[-2:] == [
+        "1 frames missed, 4 answers late; latency: p50 12.3 ms",
+        "5 frames do not count, as their input was left out or lost",
+    ]

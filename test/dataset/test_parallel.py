@@ -1,0 +1,122 @@
+"""Work in processes: results in order, how far it is, and how it ends when it is interrupted or killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.dataset.parallel import in_processes, step
+from simbev_ros.errors import SimbevError
+
+_PROGRAM = """
+import time
+from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
+
+def slow(item):
+    if item:
+        time.sleep(60)
+    return item
+
+try:
+    with raising_interrupts():
+        for _ in in_processes(slow, range(9), 3):
+            print("begun", flush=True)
+except Interrupted:
+    raise SystemExit(130)
+"""
+
+
+@pytest.fixture
+def program():
+    process = subprocess.Popen([sys.executable, "-c", _PROGRAM], stdout=subprocess.PIPE, text=True, process_group=0)
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    yield process
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def _members(group: int) -> list[int]:
+    """Processes of a group that still run."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, its_group, *_ = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(its_group) == group and state != "Z":
+            found.append(int(stat.parent.name))
+    return found
+
+
+def _wait_until_gone(group: int) -> None:
+    deadline_s = time.monotonic() + 10.0
+    while _members(group):
+        assert time.monotonic() < deadline_s, "its processes go on"
+        time.sleep(0.05)
+
+
+def test_ctrl_c_ends_work_in_the_making_at_once(program):
+    assert len(_members(program.pid)) == 4
+    os.killpg(program.pid, signal.SIGINT)  # as a terminal does
+    assert program.wait(10) == 130
+    _wait_until_gone(program.pid)
+
+
+def test_an_interrupt_of_the_parent_alone_ends_its_processes(program):
+    program.send_signal(signal.SIGTERM)
+    assert program.wait(10) == 130
+    _wait_until_gone(program.pid)
+
+
+def test_processes_end_with_a_parent_that_was_killed(program):
+    program.kill()
+    program.wait()
+    _wait_until_gone(program.pid)
+
+
+def test_a_process_that_was_killed_is_said():
+    with pytest.raises(SimbevError, match="a process that read bags was killed"):
+        list(in_processes(_die, range(3), 2))
+
+
+def _die(_: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_results_come_in_the_order_of_the_work_and_errors_as_they_are():
+    assert list(in_processes(_double, range(40), 3)) == [2 * item for item in range(40)]
+    with pytest.raises(ZeroDivisionError):
+        list(in_processes(_divide, [1, 0, 1], 2))
+
+
+def _double(item: int) -> int:
+    time.sleep(0.02 if item % 3 == 0 else 0.0)
+    return 2 * item
+
+
+def _divide(item: int) -> float:
+    return 1 / item
+
+
+def three_steps(number: int) -> int:
+    for _ in range(3):
+        time.sleep(0.15)
+        step()
+    return -number
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_steps_are_told_while_the_work_is_on(jobs: int) -> None:
+    told: list[int] = []
+    results = []
+    for result in in_processes(three_steps, range(2), jobs, told.append):
+        results.append(result)
+        assert 1 <= told[0] < 3 * jobs, "nothing was told before the first result"
+    assert results == [0, -1]
+    assert told == sorted(told) and told[-1] <= 6

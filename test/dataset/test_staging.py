@@ -1,0 +1,65 @@
+"""A scene that is replaced goes with its additional bags, and at any end either it or its replacement is there."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.dataset.staging import clean_up, move_in, staging_of
+
+ENTRY = PlannedEntry(number=1, map="Blocks", split="train")
+KEPT = {"Blocks-0000": "0", "Blocks-0000.rear": "0", "Blocks-00010": "10", "Blocks-00010.rear": "10"}
+OLD = {"Blocks-0001": "old", "Blocks-0001.rear": "old", "Blocks-0001.night": "old", **KEPT}
+NEW = {"Blocks-0001": "new", **KEPT}
+
+
+def bags(dataset: Path) -> dict[str, str]:
+    return {file.parent.name: file.read_text() for file in (dataset / "scenes/train").rglob("*.mcap")}
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    """Three scenes with additional bags, and a replacement of one of them."""
+    contents = {tmp_path / "scenes/train" / name: text for name, text in OLD.items()}
+    contents[staging_of(tmp_path) / "scenes/train/Blocks-0001"] = "new"
+    for folder, text in contents.items():
+        folder.mkdir(parents=True)
+        (folder / f"{folder.name}_0.mcap").write_text(text)
+    return tmp_path
+
+
+def test_a_replaced_scene_takes_its_additional_bags_along_and_no_others(dataset: Path) -> None:
+    move_in(dataset, ENTRY)
+    assert bags(dataset) == NEW
+    assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == NEW.keys()
+
+
+@pytest.mark.parametrize("steps", range(6))
+def test_ended_after_any_step_it_is_the_old_scene_or_the_new(
+    steps: int, dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = 0
+
+    def ending(step: Callable[..., object]) -> Callable[..., object]:
+        def ends(*arguments: object, **options: object) -> object:
+            nonlocal done
+            if done == steps:
+                raise KeyboardInterrupt
+            done += 1
+            return step(*arguments, **options)
+
+        return ends
+
+    monkeypatch.setattr(Path, "rename", ending(Path.rename))
+    monkeypatch.setattr(shutil, "rmtree", ending(shutil.rmtree))
+    if steps < 5:  # three of the old scene's bags, the new one, and the removal
+        with pytest.raises(KeyboardInterrupt):
+            move_in(dataset, ENTRY)
+    else:
+        move_in(dataset, ENTRY)
+    monkeypatch.undo()
+    clean_up(dataset)
+    assert bags(dataset) == (OLD if steps < 4 else NEW)
+    assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == bags(dataset).keys()

@@ -1,0 +1,166 @@
+"""When frames leave: as soon as all is there, and without what will not come any more. Time is told by hand."""
+
+from collections.abc import Iterable
+
+import pytest
+
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
+
+LOCKSTEP, LIVE = Patience(None, 10.0), Patience(4, 2.0)
+
+
+class Scene:
+    """A join with two topics of answers, and its clock."""
+
+    def __init__(self, patience: Patience, period: int = 1, topics: Iterable[str] = ("/boxes", "/bev")) -> None:
+        self.join, self.now_s = AnswerJoin(lambda tick: tick % period == 0, patience), 0.0
+        for topic in topics:
+            self.join.offer(topic)
+        self.left()
+
+    def truth(self, *ticks: int) -> "Scene":
+        for tick in ticks:
+            for part in (POSE, BOXES, LABELS):
+                self.join.add_truth(part, tick, f"{part} {tick}")
+            self.join.add_input(tick, 100.0 + tick)
+        return self
+
+    def answer(self, tick: int, *topics: str, at_s: float = 0.0) -> "Scene":
+        for topic in topics or ("/boxes", "/bev"):
+            self.join.add_answer(topic, tick, f"{topic} {tick}", at_s)
+        return self
+
+    def left(self, after_s: float = 0.0) -> list[tuple[int, int]]:
+        """Ticks that leave within a time, and how many answers each has; looked at ten times a second."""
+        found = []
+        for _ in range(round(after_s / 0.1) + 1):
+            found += [(frame.tick, len(frame.answers)) for frame in self.join.leaving(self.now_s)]
+            self.now_s += 0.1
+        return found
+
+
+def test_a_frame_leaves_with_its_truth_and_answers_whatever_comes_first() -> None:
+    scene = Scene(LOCKSTEP).answer(0, at_s=100.5)
+    assert scene.left() == []
+    scene.truth(0)
+    [frame] = scene.join.leaving(scene.now_s)
+    assert frame.truth == {POSE: "pose 0", BOXES: "boxes 0", LABELS: "labels 0"}
+    assert frame.answers == {"/boxes": "/boxes 0", "/bev": "/bev 0"}
+    assert (frame.input_s, frame.answered_s, frame.is_complete) == (100.0, 100.5, True)
+
+
+def test_frames_leave_in_the_order_of_ticks() -> None:
+    scene = Scene(LOCKSTEP).truth(0, 1).answer(1, "/boxes")
+    assert scene.left() == []
+    assert scene.answer(0, "/boxes", "/bev").answer(1, "/bev").left() == [(0, 2), (1, 2)]
+    assert scene.join.finished_tick == 1
+
+
+def test_in_lockstep_an_answer_to_a_later_frame_says_that_there_is_none() -> None:
+    scene = Scene(LOCKSTEP).truth(0, 1).answer(1)
+    assert scene.left() == [(0, 0), (1, 2)]
+    assert scene.join.books.missed == 1
+
+
+def test_a_topic_speaks_for_itself_only() -> None:
+    scene = Scene(LOCKSTEP).truth(0, 1).answer(1, "/boxes").answer(0, "/boxes")
+    assert scene.left() == []
+    assert scene.answer(1, "/bev").left() == [(0, 1), (1, 2)]
+
+
+def test_a_stack_that_has_finished_a_tick_has_a_second_left() -> None:
+    scene = Scene(LOCKSTEP).truth(0, 1)
+    scene.join.stack_finished(0)
+    assert scene.left(0.8) == []
+    assert scene.left(0.4) == [(0, 0)]
+
+
+def test_what_comes_sets_the_second_back() -> None:
+    scene = Scene(LOCKSTEP).truth(0)
+    scene.join.stack_finished(0)
+    assert scene.left(0.8) == []
+    assert scene.answer(0, "/boxes").left(0.8) == []
+    assert scene.left(0.4) == [(0, 1)]
+
+
+def test_nothing_waits_for_ever() -> None:
+    scene = Scene(LOCKSTEP).truth(0)
+    assert scene.left(9.8) == []
+    assert scene.left(0.4) == [(0, 0)]
+
+
+def test_time_in_which_nobody_looked_is_not_waited() -> None:
+    scene = Scene(LOCKSTEP).truth(0)
+    scene.now_s += 1000.0
+    assert scene.left(9.0) == []
+
+
+def test_truth_is_waited_for_in_lockstep() -> None:
+    scene = Scene(LOCKSTEP).answer(0)
+    scene.join.add_truth(POSE, 0, "pose")
+    assert scene.left(30.0) == []
+
+
+def test_live_frames_wait_until_the_truth_is_far_ahead() -> None:
+    scene = Scene(LIVE).truth(0, 1, 2, 3).answer(2)
+    assert scene.left() == []
+    assert scene.truth(4).left() == [(0, 0)]
+    assert scene.answer(1).left() == [(1, 2), (2, 2)]
+
+
+def test_live_frames_without_truth_or_input_do_not_count() -> None:
+    scene = Scene(LIVE)
+    for tick in range(3):
+        scene.join.add_truth(POSE, tick, "pose")
+    scene.join.add_truth(BOXES, 1, "boxes")
+    scene.join.add_truth(LABELS, 1, "labels")
+    scene.truth(2).answer(2)
+    assert scene.left() == []
+    for tick in range(3, 6):
+        scene.join.add_truth(POSE, tick, "pose")
+    assert scene.left() == [(2, 2)]
+    assert (scene.join.books.without_truth, scene.join.books.without_input, scene.join.books.missed) == (1, 1, 0)
+
+
+def test_at_ticks_without_input_there_are_no_frames() -> None:
+    scene = Scene(LOCKSTEP, period=2).truth(0, 1, 2).answer(0).answer(1).answer(2)
+    assert scene.left() == [(0, 2), (2, 2)]
+    assert scene.join.books.late == 0
+
+
+def test_a_topic_that_stays_silent_is_not_waited_for_twice() -> None:
+    scene = Scene(LOCKSTEP).truth(0).answer(0, "/boxes")
+    assert scene.left(10.2) == [(0, 1)]
+    assert scene.truth(1).answer(1, "/boxes").left() == [(1, 1)]
+    assert scene.answer(2, "/bev").truth(2).left() == []  # it speaks after all
+    assert scene.join.books.missed == 1
+
+
+def test_answers_after_their_frame_are_late() -> None:
+    scene = Scene(LOCKSTEP).truth(0, 1).answer(1)
+    scene.left()
+    scene.answer(0)
+    assert scene.join.books.late == 2
+
+
+def test_a_frame_is_answered_once() -> None:
+    with pytest.raises(InputError, match=r"^/boxes: tick 0 is answered twice; allowed is one answer to each frame$"):
+        Scene(LOCKSTEP).answer(0, "/boxes").answer(0, "/boxes")
+
+
+def test_the_end_is_reached_when_the_last_frame_has_left() -> None:
+    scene = Scene(LIVE).truth(0, 1).answer(0)
+    scene.join.end(1)
+    assert scene.left() == [(0, 2)]
+    assert not scene.join.is_over
+    assert scene.left(2.2) == [(1, 0)]
+    assert scene.join.is_over
+
+
+def test_live_the_end_is_reached_although_its_truth_is_lost() -> None:
+    scene = Scene(LIVE).truth(0).answer(0)
+    scene.join.end(2)
+    assert scene.left(2.2) == [(0, 2)]
+    assert scene.join.is_over
+    assert scene.join.books.without_truth == 2

@@ -1,0 +1,219 @@
+"""From predictions in files to tables: worked by hand on two small scenes."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import evaluated_dataset as made
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from simbev_ros.config.evaluation import Evaluation as EvaluationSection
+from simbev_ros.dataset import open_dataset
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.boxes import Boxes, Predictions
+from simbev_ros.evaluation.cuts import Cut, cuts_of
+from simbev_ros.evaluation.evaluation import Evaluation, evaluate
+from simbev_ros.evaluation.figures import figures_of
+from simbev_ros.evaluation.filters import BoxFilter
+from simbev_ros.evaluation.options import EvaluationOptions, options_of
+from simbev_ros.evaluation.predictions import open_predictions, write_grid, write_predictions
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return made.record(tmp_path_factory.mktemp("evaluated"))
+
+
+def written(folder: Path, *parts: Predictions, grids: bool = False) -> Path:
+    """Predictions of the first scenes."""
+    write_predictions(folder / "boxes.parquet", list(zip(made.NAMES, parts, strict=False)))
+    for name in made.NAMES if grids else ():
+        for tick in range(made.TICKS):
+            write_grid(folder, name, tick, made.scores(tick))
+    return folder
+
+
+def measured(dataset: Path, predictions: Path, options: EvaluationOptions | None = None, jobs: int = 1) -> Evaluation:
+    scenes = open_dataset(dataset).scenes
+    said = open_predictions(predictions).of_dataset([scene.name for scene in scenes])
+    return evaluate(scenes, said, options, jobs)
+
+
+def test_truth_as_prediction_is_perfect_in_every_table(dataset: Path, tmp_path: Path) -> None:
+    groups = ("distance", "visibility", "points", "difficulty", "daytime", "weather")
+    options = EvaluationOptions(tuple(cuts_of(Cut(), groups)))
+    folder = written(tmp_path, made.as_predicted(), made.as_predicted(), grids=True)
+    result = measured(dataset, folder, options)
+    rows = [each for each in result.detections.values() if each.truths.sum()]
+    assert len(rows) > len(groups)
+    for row in rows:
+        for method in ("iou", "distance"):
+            assert row.mean_ap(method) == pytest.approx(1) and row.sds(method) == pytest.approx(1, abs=1e-6)
+    for tally in result.segmentations.values():
+        assert np.isin(tally.iou()[~np.isnan(tally.iou())], 1).all()
+    frames = np.concatenate([*result.frames.values()])
+    assert (frames["found"] == frames["boxes"]).all() and (frames["iou"] == 1).all()
+
+
+def test_known_errors_come_out_as_they_went_in(dataset: Path, tmp_path: Path) -> None:
+    own = made.truth()
+    off = made.as_predicted(
+        center_m=own.center_m + np.array([0.03, 0.04, 0.0]),
+        yaw_rad=own.yaw_rad + 0.01,
+        size_m=own.size_m * [1.0, 1.0, 1.25],
+        velocity_mps=own.velocity_mps + np.array([3.0, 0.0, 4.0]),
+    )
+    result = measured(dataset, written(tmp_path, off, off)).detections[Cut()]
+    expected = {"ATE": 0.05, "AOE": 0.01, "ASE": 0.2, "AVE": 5.0}
+    assert result.mean_errors("distance") == pytest.approx(expected, abs=1e-6)
+    assert result.sds("distance") == pytest.approx((4 + 0.95 + 0.99 + 0.8 + 0) / 8, abs=1e-6)
+
+
+def test_what_is_not_answered_is_missed(dataset: Path, tmp_path: Path) -> None:
+    """Only the first scene is predicted, and of it only the even ticks."""
+    even = made.as_predicted()
+    result = measured(dataset, written(tmp_path, even.take(even.boxes.frame % 2 == 0)))
+    assert result.answered_boxes == {made.NAMES[0]: made.TICKS // 2, made.NAMES[1]: 0}
+    assert result.detections[Cut()].mean_ap("distance") == pytest.approx(0.25)
+    np.testing.assert_array_equal(result.frames[made.NAMES[0]]["found"], [3, 0] * (made.TICKS // 2))
+    assert not result.segmentations
+
+
+def test_frames_without_scores_are_missed(dataset: Path, tmp_path: Path) -> None:
+    write_grid(tmp_path, made.NAMES[0], 0, made.scores(0))
+    result = measured(dataset, tmp_path)
+    assert not result.detections and result.answered_grids[made.NAMES[0]] == 1
+    tally = result.segmentations[Cut()]
+    assert tally.frames == 2 * made.TICKS
+    assert tally.iou()[made.ROAD, 4] == pytest.approx(1 / (2 * made.TICKS))
+    assert tally.iou()[made.CAR, 4] == pytest.approx(3 / (2 * made.TICKS * 2.5))
+
+
+def test_rows_of_a_table_have_the_boxes_and_cells_that_belong_there(dataset: Path, tmp_path: Path) -> None:
+    options = EvaluationOptions(tuple(cuts_of(Cut(), ("distance", "points", "daytime", "weather"), (0, 20, 40))))
+    figures = figures_of(measured(dataset, written(tmp_path, made.as_predicted(), grids=True), options))
+    detection, segmentation = figures["detection"], figures["segmentation"]
+    assert {name: row["boxes"] for name, row in detection["by_distance"].items()} == {
+        "0 to 20 m": 20,
+        "20 to 40 m": 20,
+        "40 m and more": 20,
+    }
+    assert {name: row["boxes"] for name, row in detection["by_points"].items()} == {
+        "0 to 1": 20,
+        "1 to 5": 20,
+        "5 to 20": 0,
+        "20 to 100": 20,
+        "100 and more": 0,
+    }
+    assert [row["boxes"] for row in detection["by_daytime"].values()] == [42, 6, 12]
+    assert [row["boxes"] for row in detection["by_weather"].values()] == [33, 0, 0, 27]
+    assert "by_points" not in segmentation
+    assert [row["frames"] for row in segmentation["by_daytime"].values()] == [14, 2, 4]
+    assert segmentation["by_distance"]["20 to 40 m"]["IoU_at"]["car"]["0.5"] is None
+
+
+def test_what_does_not_count_is_in_no_figure(dataset: Path, tmp_path: Path) -> None:
+    """The far car is predicted wrongly, and a ghost stands far away, too."""
+    own = made.truth()
+    wrong = own.center_m.copy()
+    wrong[own.center_m[:, 0] > 60] += (0.0, 30.0, 0.0)
+    near = Cut(boxes=BoxFilter(range_m=(0, 40)), daytimes=("day",))
+    options = EvaluationOptions((near,), box_classes=("car",))
+    predicted = made.as_predicted(center_m=wrong)
+    result = measured(dataset, written(tmp_path, predicted, predicted), options)
+    assert result.detections[near].truths.sum() == 14
+    assert result.detections[near].mean_ap("iou") == pytest.approx(1)
+    assert result.frame_count == 14
+
+
+def test_of_a_frame_as_many_surest_predictions_as_boxes_are_looked_at(dataset: Path, tmp_path: Path) -> None:
+    """A surer ghost costs one of two cars its place; the pedestrian is of another class."""
+    own = made.truth()
+    near = own.take((own.center_m[:, 0] > 0) & (own.center_m[:, 0] < 20))
+    ghosts = replace(near, center_m=near.center_m + np.array([0.0, 30.0, 0.0]))
+    columns = (np.concatenate([getattr(own, each.name), getattr(ghosts, each.name)]) for each in fields(Boxes))
+    both = Predictions(Boxes(*columns), np.repeat([1.0, 2.0], [len(own), len(ghosts)]))
+    result = measured(dataset, written(tmp_path, both))
+    np.testing.assert_array_equal(result.frames[made.NAMES[0]]["found"], [2] * made.TICKS)
+
+
+def test_processes_give_the_same_figures(dataset: Path, tmp_path: Path) -> None:
+    own = made.truth()
+    noisy = made.as_predicted(center_m=own.center_m + np.random.default_rng(1).normal(0, 0.5, own.center_m.shape))
+    folder = written(tmp_path, noisy, noisy, grids=True)
+    assert figures_of(measured(dataset, folder)) == figures_of(measured(dataset, folder, jobs=2))
+
+
+def test_fewer_frames(dataset: Path, tmp_path: Path) -> None:
+    result = measured(dataset, written(tmp_path, made.as_predicted()), EvaluationOptions(every=4))
+    assert [each["tick"].tolist() for each in result.frames.values()] == [[0, 4, 8]] * 2
+
+
+def test_scores_of_another_size_are_refused(dataset: Path, tmp_path: Path) -> None:
+    write_grid(tmp_path, made.NAMES[0], 3, made.scores(3)[:, :7])
+    with pytest.raises(InputError, match=r"000003.npz: scores: have 7 x 20 cells; the truth has 20 x 20"):
+        measured(dataset, tmp_path)
+
+
+def test_without_a_frame_nothing_is_evaluated(dataset: Path, tmp_path: Path) -> None:
+    fog = EvaluationOptions((Cut(weathers=("fog",)),))
+    with pytest.raises(InputError, match="no frame"):
+        measured(dataset, written(tmp_path, made.as_predicted()), fog)
+
+
+def test_nothing_found_has_no_area_and_the_worst_errors(dataset: Path, tmp_path: Path) -> None:
+    nothing = made.as_predicted()
+    folder = tmp_path / "boxes.parquet"
+    write_predictions(folder, [(made.NAMES[0], nothing.take(slice(0, 0)), range(made.TICKS))])
+    result = measured(dataset, folder).detections[Cut()]
+    assert result.mean_ap("iou") == 0 and result.sds("iou") == 0
+    assert set(result.mean_errors("iou").values()) == {1.0}
+
+
+@pytest.mark.parametrize(
+    ("groups", "rings", "message"),
+    [(["colour"], (0, 20), "by: there is no 'colour'"), (["distance"], (20, 10), "must rise"), ((), (), "must rise")],
+)
+def test_tables_that_cannot_be_are_refused(groups: list[str], rings: tuple[float, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        cuts_of(Cut(), groups, rings)
+
+
+def test_conditions_that_there_are_not_are_refused() -> None:
+    with pytest.raises(InputError, match="weathers: 'snow' is not allowed; allowed: clear, cloudy, fog, rain"):
+        Cut(weathers=("snow",))
+    with pytest.raises(InputError, match="box_classes: there is no 'tram'"):
+        EvaluationOptions(box_classes=("tram",))
+
+
+def test_only_frames_with_truth_are_evaluated(tmp_path: Path) -> None:
+    dataset = made.record(tmp_path / "dataset", without="/ego/boxes")
+    said = written(tmp_path, made.as_predicted(), made.as_predicted())
+    with pytest.raises(InputError, match="Blocks-0000: cannot be evaluated, as nothing was recorded of boxes"):
+        measured(dataset, said)
+    scene = open_dataset(dataset).scenes[1]
+    result = evaluate([scene], open_predictions(said))
+    assert result.frames[scene.name]["tick"].tolist() == [0, 2, 4, 6, 8]
+    assert result.detections[Cut()].mean_ap("iou") == pytest.approx(1)
+
+
+def test_what_nuscenes_needs_must_have_been_recorded(dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="Blocks-0000: nothing was recorded of world/legend"):
+        measured(dataset, written(tmp_path, made.as_predicted()), EvaluationOptions(nuscenes=True))
+
+
+def test_a_configuration_says_what_counts() -> None:
+    section = {"range_m": 50, "least_points": 5, "least_visibility": 0.2, "classes": ["car", "road"], "by": ["weather"]}
+    options = options_of(EvaluationSection.model_validate(section))
+    assert (options.box_classes, options.bev_classes) == (("car",), ("road", "car"))
+    base = options.cuts[0].boxes
+    assert (base.range_m, base.points, base.visibility) == ((0, 50), (5, np.inf), (0.2, np.inf))
+    assert {cut.group for cut in options.cuts} == {"", "weather"}
+    assert options_of(EvaluationSection()) == EvaluationOptions()
+
+
+@pytest.mark.parametrize(("section", "words"), [({"classes": ["tram"]}, "no 'tram'"), ({"by": ["colour"]}, "distance")])
+def test_a_configuration_that_cannot_be_is_refused(section: dict[str, list[str]], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        EvaluationSection.model_validate(section)

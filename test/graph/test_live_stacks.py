@@ -1,0 +1,91 @@
+"""The evaluator in a running graph, with stacks that know the truth: all that they answer is right."""
+
+import json
+import re
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import Command
+from diagnostic_msgs.msg import DiagnosticArray
+from subscriber import keep, outside_node
+
+pytestmark = pytest.mark.graph
+
+Simbev = Callable[..., Command]
+Config = Callable[..., Path]
+PARTICIPANT = "evaluation: {participant: echo}"
+
+
+@pytest.fixture
+def lidar_config(small_config: Config) -> Config:
+    """As ``small_config``, with half a second and no other sensor than the lidar: fewer processes to start."""
+
+    def write(more: str) -> Path:
+        path = small_config(0.5, more)
+        path.write_text(re.sub(r".*type: (camera|radar|gnss|imu),.*\n", "", path.read_text()))
+        return path
+
+    return write
+
+
+def echo(*options: str) -> str:
+    """The command of a stack that answers with the truth."""
+    return shlex.join([sys.executable, str(Path(__file__).with_name("echo_stack.py")), *options])
+
+
+def figures_of(file: Path) -> Any:
+    return json.loads(file.read_text())
+
+
+def test_truth_as_answers_is_perfect_in_every_frame(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
+    told: list[DiagnosticArray] = []
+    config = lidar_config(PARTICIPANT)
+    command = simbev("run", config, "--stack", echo("--reports"), "--evaluate", tmp_path / "figures")
+    with outside_node("listener") as (node, spin_until):
+        node.create_subscription(DiagnosticArray, "/evaluation", keep(told), 10)
+        spin_until(lambda: any("10 frames" in each.status[0].message for each in told), 60)
+    code, output = command.finish()
+    assert code == 0, output
+    figures = figures_of(tmp_path / "figures/Blocks-0000.json")
+    frames = {"evaluated": 10, "scenes": 1, "answered_boxes": 10, "answered_grids": 10, "missed": 0, "late": 0}
+    assert figures["frames"] == {**frames, "without_input": 0, "without_truth": 0}
+    assert figures["scenes"] == ["Blocks-0000"]
+    for method in ("iou", "distance"):
+        assert figures["detection"][method]["mAP"] == figures["detection"][method]["SDS"] == 1.0
+    assert set(figures["segmentation"]["mean_IoU_at"].values()) == {1.0}
+    assert 0 < figures["latency_ms"]["p50"] <= figures["latency_ms"]["p99"] < 60_000
+    assert "0 frames missed" in output
+    values = {entry.key: entry.value for entry in told[-1].status[0].values}
+    assert (values["frames"], values["missed"], values["mAP_iou"], values["mean_IoU"]) == ("10", "0", "1", "1")
+
+
+@pytest.mark.slow
+def test_frames_without_an_answer_are_missed(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
+    config, file = lidar_config(PARTICIPANT), tmp_path / "figures.json"
+    code, output = simbev("run", config, "--stack", echo("--reports", "--skip", "5"), "--evaluate", file).finish()
+    assert code == 0, output
+    figures = figures_of(file)
+    assert (figures["frames"]["evaluated"], figures["frames"]["missed"]) == (10, 2)
+    assert figures["frames"]["answered_boxes"] == figures["frames"]["answered_grids"] == 8
+    assert figures["detection"]["iou"]["mAP"] == pytest.approx(0.8, abs=0.05)
+    assert figures["segmentation"]["mean_IoU_at"]["0.5"] == pytest.approx(0.8, abs=0.05)
+
+
+def test_a_stack_that_dies_ends_the_run(simbev: Simbev, lidar_config: Config) -> None:
+    stack = echo("--reports", "--die-at", "3")
+    code, output = simbev("run", lidar_config(PARTICIPANT), "--stack", stack).finish()
+    assert code == 1
+    assert f"error: stack {stack} died after tick 2: exit code 1: out of memory" in output
+
+
+@pytest.mark.slow
+def test_without_a_stack_the_run_ends_with_a_message(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
+    more = "evaluation: {boxes_topic: /boxes, grids_topic: /grids}\ngraph: {silence_timeout_s: 15}"
+    code, output = simbev("run", lidar_config(more), "--evaluate", tmp_path / "figures.json").finish()
+    assert code == 2
+    message = "no stack has come within 12 s: nobody sends /boxes, /grids or /grids/<class>"
+    assert f"error: node evaluator: {message}" in output

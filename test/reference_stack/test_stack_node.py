@@ -1,0 +1,113 @@
+"""What the node reads and writes, against the graph's own code; the node itself is tested with a running graph."""
+
+import numpy as np
+import pytest
+from made_up_scene import SENSORS, made_up_scene
+from visualization_msgs.msg import Marker
+
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.msgs.stamps import header
+from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.msgs.world import odometry_message
+from simbev_ros.reference_stack.grid import CHANNELS, GridShape
+from simbev_ros.reference_stack.messages import (
+    header_of,
+    markers_message,
+    points_of,
+    pose_of,
+    scores_message,
+    stamp_ns_of,
+    table_message,
+)
+from simbev_ros.reference_stack.pipeline import BOX_DTYPE
+from simbev_ros.reference_stack.scene import NoLidarError, read_scene
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.sensors.lidar import POINT_DTYPE
+
+STAMP_NS = 7_204_050_000_001
+
+
+@pytest.fixture(scope="module")
+def spec(tmp_path_factory: pytest.TempPathFactory) -> SceneSpec:
+    """Of a rig with a roof lidar of 10 Hz, which looks down, left and tilts, at ticks of 20 Hz."""
+    path = tmp_path_factory.mktemp("scene") / "bag"
+    pose = {"x_m": 0.5, "y_m": -0.2, "z_m": 2.0, "roll_deg": 5, "pitch_deg": 10, "yaw_deg": 90}
+    roof = {"type": "lidar", "name": "roof", "pose": pose, "rate_hz": 10}
+    return made_up_scene(path, number=3, ticks=1, sensors=[*SENSORS, roof]).spec
+
+
+def test_scene_is_read_as_the_graph_means_it(spec: SceneSpec) -> None:
+    scene = read_scene(spec.model_dump_json(), "/ego/roof/points")
+    (roof,) = (lidar for lidar in spec.rig.of_type(Lidar) if lidar.name == "roof")
+    assert scene.name == spec.name
+    assert scene.start_ns == spec.start_ns
+    assert scene.tick_ns == spec.tick_ns
+    assert scene.period_ticks == spec.period_ticks(roof.rate_hz) == 2
+    assert scene.ego_from_lidar == pytest.approx(roof.pose.ego_from_sensor)
+    bev = spec.annotation.bev
+    assert scene.grid == GridShape(bev.rows, bev.columns, bev.cell_m)
+
+
+def test_clouds_are_due_at_the_lidars_ticks_from_the_first_on(spec: SceneSpec) -> None:
+    slow, fast = (read_scene(spec.model_dump_json(), f"/ego/{name}/points") for name in ("roof", "lidar"))
+    stamps_ns = [spec.stamp_ns(tick) for tick in range(-2, 5)]
+    assert [slow.has_cloud(stamp_ns) for stamp_ns in stamps_ns] == [False, False, True, False, True, False, True]
+    assert [fast.has_cloud(stamp_ns) for stamp_ns in stamps_ns] == [False, False, True, True, True, True, True]
+
+
+def test_rig_without_the_lidar_is_refused_with_what_it_has(spec: SceneSpec) -> None:
+    with pytest.raises(
+        NoLidarError,
+        match="no lidar of the scene sends /ego/top/points; remap it to one of: /ego/lidar/points, /ego/roof/points",
+    ):
+        read_scene(spec.model_dump_json(), "/ego/top/points")
+
+
+def test_clouds_of_the_graph_are_read() -> None:
+    table = np.zeros(3, POINT_DTYPE)
+    table["x"], table["z"], table["ring"] = [1.0, np.nan, 3.0], 0.5, [7, 0, 31]
+    points, ring = points_of(message_from_table(table, STAMP_NS, "ego/lidar"))
+    assert points == pytest.approx(np.array([[1.0, 0.0, 0.5], [np.nan, 0.0, 0.5], [3.0, 0.0, 0.5]]), nan_ok=True)
+    assert ring.tolist() == [7, 0, 31]
+
+
+def test_odometry_of_the_graph_is_read() -> None:
+    actor = np.zeros((), ACTOR_DTYPE)
+    values = {"x": 10.0, "y": -4.0, "z": 2.0, "roll": 0.1, "pitch": -0.2, "yaw": 2.5}
+    for name, value in values.items():
+        actor[name] = value
+    expected = matrices_from_xyz_rpy(*np.split(np.array([*values.values()]), 2))
+    assert pose_of(odometry_message(actor, STAMP_NS, "ego/base_link")) == pytest.approx(expected, abs=1e-6)
+
+
+def test_stamps_are_exact_both_ways() -> None:
+    assert header_of(STAMP_NS, "map") == header(STAMP_NS, "map")
+    assert stamp_ns_of(header_of(STAMP_NS, "map")) == STAMP_NS
+
+
+def test_boxes_are_a_table_that_the_graph_can_read() -> None:
+    boxes = np.frombuffer(np.random.default_rng(0).bytes(4 * BOX_DTYPE.itemsize), BOX_DTYPE)
+    message = table_message(boxes, header_of(STAMP_NS, "map"))
+    assert table_from_message(message).tobytes() == boxes.tobytes()
+    assert (message.row_step, len(message.data)) == (4 * message.point_step, 4 * BOX_DTYPE.itemsize)
+    assert table_message(boxes[:0], header_of(STAMP_NS, "map")).width == 0
+
+
+def test_scores_are_an_image_of_all_channels() -> None:
+    scores = np.arange(2 * 3 * len(CHANNELS), dtype=np.uint8).reshape(2, 3, -1)
+    message = scores_message(scores, header_of(STAMP_NS, "ego/base_link"))
+    assert (message.height, message.width, message.encoding, message.step) == (2, 3, "8UC14", 42)
+    assert bytes(message.data) == scores.tobytes()
+
+
+def test_markers_show_what_is_likely_after_clearing_the_last() -> None:
+    boxes = np.zeros(2, BOX_DTYPE)
+    boxes["class"], boxes["score"], boxes["id"], boxes["yaw"] = [0, 5], [0.9, 0.1], [4, 5], np.pi / 2
+    boxes["x"], boxes["length"] = 3.0, 4.4
+    clear, car = markers_message(boxes, header_of(STAMP_NS, "map")).markers
+    assert clear.action == Marker.DELETEALL
+    assert (car.type, car.action, car.ns, car.id, car.text) == (Marker.CUBE, Marker.ADD, "car", 4, "0.90")
+    assert (car.pose.position.x, car.scale.x) == pytest.approx((3.0, 4.4))
+    assert (car.pose.orientation.z, car.pose.orientation.w) == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)))

@@ -1,0 +1,58 @@
+"""Reading a report: that it is well-formed and needs nothing else, its headings, tables and drawings."""
+
+import re
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+_VOID = {"meta", "br"}
+
+
+class Page(HTMLParser):
+    """A page, checked while it is read.
+
+    Attributes:
+        headings: Texts of h2.
+        tables: Rows of texts.
+        pictures: Addresses of pictures.
+        drawings: All SVGs.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.headings: list[str] = []
+        self.tables: list[list[list[str]]] = []
+        self.pictures: list[str] = []
+        self._open: list[str] = []
+        self.feed(text)
+        self.close()
+        assert self._open == []
+        assert all(re.match(r"data:image/(png|jpeg);base64,", address) for address in self.pictures)
+        assert "http" not in re.sub(r"base64,[\w+/=]+", "", text) and "<script" not in text
+        self.drawings = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg .*?</svg>", text)]
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.pictures += [value or "" for name, value in attrs if name in ("href", "src", "xlink:href")]
+        if tag == "h2":
+            self.headings.append("")
+        elif tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in ("td", "th"):
+            self.tables[-1][-1].append("")
+        if tag not in _VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self._open and self._open[-1] == "h2":
+            self.headings[-1] += data
+        elif self._open and self._open[-1] in ("td", "th"):
+            self.tables[-1][-1][-1] += data
+
+    def table(self, first_head: str, occurrence: int = 0) -> dict[str, list[str]]:
+        """Rows by their heads, of the tables whose first column has some name."""
+        rows = [each for each in self.tables if each[0][0] == first_head][occurrence]
+        return {row[0]: row[1:] for row in rows}

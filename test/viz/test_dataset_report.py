@@ -10,7 +10,6 @@ from made_up_scene import made_up_scene
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
-from simbev_ros.errors import InputError
 from simbev_ros.viz.svg_charts import Series, bars, curves, histogram
 from simbev_ros.viz.svg_drawing import number, ticks
 
@@ -28,14 +27,6 @@ def test_a_page_of_a_dataset_or_a_bag_stands_alone(tmp_path: Path, single: bool)
     assert page.headings == [
         *("Scenes", "Boxes", "Speed and size, class by class", "Bird's-eye view", "Maps", "Weather", "All scenes")
     ]
-
-
-def test_a_page_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
-    made_up_scene(tmp_path / "Blocks-0000")
-    result = CliRunner().invoke(
-        app, ["info", str(tmp_path / "Blocks-0000"), "--report", str(tmp_path / "none/report.html")]
-    )
-    assert isinstance(result.exception, InputError) and "none: no such folder" in str(result.exception)
 
 
 def test_columns_are_as_high_as_their_numbers() -> None:

@@ -24,8 +24,12 @@ def bev_color(labels: UInt16Array) -> UInt8Array:
 def class_color(name: str) -> tuple[int, int, int]:
     """Colour (sRGB) of a box class: that of the bird's-eye view, or of the semantic tag where the view lacks it."""
     palette = _palette()
-    red, green, blue = _rgb(palette["bev"].get(name) or palette["semantic"][name.upper()]).tolist()
-    return red, green, blue
+    return _channels(palette["bev"].get(name) or palette["semantic"][name.upper()])
+
+
+def signal_color(state: str) -> tuple[int, int, int]:
+    """Colour (sRGB) of a traffic light's state."""
+    return _channels(_palette()["signal"][state])
 
 
 @lru_cache(maxsize=1)
@@ -45,6 +49,11 @@ def _bev_table() -> UInt8Array:
     for name, code in _palette()["bev"].items():
         table[labels >> BEV_CLASSES.index(name) & 1 == 1] = _rgb(code)
     return table
+
+
+def _channels(code: int) -> tuple[int, int, int]:
+    red, green, blue = _rgb(code).tolist()
+    return red, green, blue
 
 
 def _rgb(code: int) -> UInt8Array:

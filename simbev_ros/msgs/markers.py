@@ -1,5 +1,6 @@
-"""Boxes → markers for RViz and Foxglove."""
+"""Boxes, actors and traffic lights → markers for RViz and Foxglove."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -10,12 +11,14 @@ from visualization_msgs.msg import Marker, MarkerArray
 from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.world import MAP_FRAME
-from simbev_ros.palette import class_color
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.palette import class_color, signal_color
+from simbev_ros.scene.state import SignalState, WorldState
+from simbev_ros.semantics import BOX_CLASSES, Tag
 from simbev_ros.types import Float64Array, Table
 
-_ALPHA = 0.5
+_BOX_ALPHA, _ACTOR_ALPHA = 0.5, 0.9
 _LINE_M = 0.08
+_LAMP_M = 0.4
 _HEADING, _VELOCITY = (1.0, 1.0, 1.0, 0.9), (1.0, 0.75, 0.1, 0.9)
 _MOVES_MPS = 0.2
 
@@ -23,57 +26,102 @@ _MOVES_MPS = 0.2
 def box_markers(boxes: Table, stamp_ns: int) -> MarkerArray:
     """A cube for each box, in a namespace for each class, with the box's id; and lines that show where boxes go.
 
-    A DELETEALL before them removes what has gone, so nothing has a lifetime: it would run out where a simulation is
-    slower than its clock, or paused. Of the lines, all of a kind are one marker: ``heading`` from the middle of the
-    roof to its front edge, ``velocity`` from the centre to where it is in a second; there is none without lines.
+    Of the lines, all of a kind are one marker: ``heading`` from the middle of the roof to its front edge, ``velocity``
+    from the centre to where it is in a second; there is none without lines.
 
     Args:
         boxes: (N,) ``BOX_DTYPE``.
         stamp_ns: Stamp of all markers, which are in the map frame.
     """
     stamped = header(stamp_ns, MAP_FRAME)
-    center_m, rpy_rad, size_m, velocity_mps = (
-        np.stack([boxes[name] for name in names.split()], axis=-1).astype(np.float64)
-        for names in ("x y z", "roll pitch yaw", "length width height", "vx vy vz")
-    )
+    names = [BOX_CLASSES[number] for number in boxes["class"].tolist()]
+    colors = [_color(class_color(name), _BOX_ALPHA) for name in names]
+    return _in_place_of_those_before(stamped, _solids(stamped, boxes, _columns(boxes, "x y z"), names, colors))
+
+
+def world_markers(state: WorldState) -> MarkerArray:
+    """A cube for each actor, as ``box_markers`` has them for boxes, and a ball for each traffic light.
+
+    Actors are in a namespace for each semantic tag and have their own colour; traffic lights have that of their state.
+    """
+    stamped, actors = header(state.stamp_ns, MAP_FRAME), state.actors
+    ground_m, rpy_rad = _columns(actors, "x y z"), _columns(actors, "roll pitch yaw")
+    center_m = ground_m + rotations_from_rpy(rpy_rad)[:, :, 2] * actors["height"][:, None] / 2.0
+    names = [Tag(tag).name.lower() for tag in actors["tag"].tolist()]
+    colors = [_color((code >> 16, code >> 8 & 255, code & 255), _ACTOR_ALPHA) for code in actors["color"].tolist()]
+    markers = [*_solids(stamped, actors, center_m, names, colors), *_lamps(stamped, state.signals)]
+    return _in_place_of_those_before(stamped, markers)
+
+
+def _in_place_of_those_before(stamped: Header, markers: Iterable[Marker]) -> MarkerArray:
+    """With a DELETEALL ahead.
+
+    It removes what has gone, so nothing has a lifetime: it would run out where a simulation is slower than its clock,
+    or paused.
+    """
+    return MarkerArray(markers=[Marker(header=stamped, action=Marker.DELETEALL), *markers])
+
+
+def _solids(
+    stamped: Header, table: Table, center_m: Float64Array, names: Sequence[str], colors: Sequence[ColorRGBA]
+) -> Iterator[Marker]:
+    """Cubes, and the lines of where they go."""
+    rpy_rad, size_m = _columns(table, "roll pitch yaw"), _columns(table, "length width height")
+    velocity_mps = _columns(table, "vx vy vz")
     forward, _, up = np.moveaxis(rotations_from_rpy(rpy_rad) * size_m[:, None] / 2.0, -1, 0)
+    turns = quaternion_from_rpy(rpy_rad).tolist()
+    rows = zip(names, table["id"].tolist(), center_m.tolist(), turns, size_m.tolist(), colors, strict=True)
+    yield from (_cube(stamped, *row) for row in rows)
     moving = np.linalg.norm(velocity_mps, axis=1) > _MOVES_MPS
-    lines = [
-        ("heading", center_m + up, center_m + up + forward, _HEADING),
-        ("velocity", center_m[moving], (center_m + velocity_mps)[moving], _VELOCITY),
-    ]
-    places, turns = center_m.tolist(), quaternion_from_rpy(rpy_rad).tolist()
-    rows = zip(boxes["class"].tolist(), boxes["id"].tolist(), places, turns, size_m.tolist(), strict=True)
-    return MarkerArray(
-        markers=[
-            Marker(header=stamped, action=Marker.DELETEALL),
-            *(_cube(stamped, BOX_CLASSES[number], *rest) for number, *rest in rows),
-            *(_lines(stamped, name, starts, ends, rgba) for name, starts, ends, rgba in lines if len(starts)),
-        ]
-    )
+    yield from _lines(stamped, "heading", center_m + up, center_m + up + forward, _HEADING)
+    yield from _lines(stamped, "velocity", center_m[moving], (center_m + velocity_mps)[moving], _VELOCITY)
+
+
+def _lamps(stamped: Header, signals: Table) -> Iterator[Marker]:
+    """A ball at each head."""
+    for place, identity, state in zip(
+        _columns(signals, "x y z").tolist(), signals["id"].tolist(), signals["state"].tolist(), strict=True
+    ):
+        color = _color(signal_color(SignalState(state).name), 1.0)
+        ball = (place, [0.0, 0.0, 0.0, 1.0], [_LAMP_M] * 3)
+        yield _cube(stamped, "traffic_light", identity, *ball, color, Marker.SPHERE)
 
 
 def _cube(
-    stamped: Header, name: str, identity: int, place_m: list[float], xyzw: list[float], size_m: list[float]
+    stamped: Header,
+    name: str,
+    identity: int,
+    place_m: list[float],
+    xyzw: list[float],
+    size_m: list[float],
+    color: ColorRGBA,
+    kind: int = Marker.CUBE,
 ) -> Marker:
-    """A box."""
+    """A cube, or a ball in one."""
     (x, y, z), (qx, qy, qz, qw), (length, width, height) = place_m, xyzw, size_m
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
     scale = Vector3(x=length, y=width, z=height)
-    return Marker(header=stamped, ns=name, id=identity, type=Marker.CUBE, pose=pose, scale=scale, color=_color(name))
+    return Marker(header=stamped, ns=name, id=identity, type=kind, pose=pose, scale=scale, color=color)
 
 
 def _lines(
     stamped: Header, name: str, starts_m: Float64Array, ends_m: Float64Array, rgba: tuple[float, float, float, float]
-) -> Marker:
-    """Lines between (N, 3) points, as one marker."""
+) -> Iterator[Marker]:
+    """Lines between (N, 3) points, as one marker; none: no marker."""
+    if not len(starts_m):
+        return
     red, green, blue, alpha = rgba
     points = [Point(x=x, y=y, z=z) for x, y, z in np.stack([starts_m, ends_m], axis=1).reshape(-1, 3).tolist()]
     color, scale = ColorRGBA(r=red, g=green, b=blue, a=alpha), Vector3(x=_LINE_M, y=_LINE_M, z=_LINE_M)
-    return Marker(header=stamped, ns=name, id=0, type=Marker.LINE_LIST, points=points, scale=scale, color=color)
+    yield Marker(header=stamped, ns=name, id=0, type=Marker.LINE_LIST, points=points, scale=scale, color=color)
 
 
-@lru_cache(maxsize=len(BOX_CLASSES))
-def _color(name: str) -> ColorRGBA:
-    red, green, blue = (channel / 255.0 for channel in class_color(name))
-    return ColorRGBA(r=red, g=green, b=blue, a=_ALPHA)
+def _columns(table: Table, names: str) -> Float64Array:
+    """(N, columns) of a table's fields."""
+    return np.stack([table[name] for name in names.split()], axis=-1).astype(np.float64)
+
+
+@lru_cache(maxsize=256)
+def _color(rgb: tuple[int, int, int], alpha: float) -> ColorRGBA:
+    red, green, blue = (channel / 255.0 for channel in rgb)
+    return ColorRGBA(r=red, g=green, b=blue, a=alpha)

@@ -10,12 +10,14 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
 from simbev_ros.assets.region_scene import Streetside
 from simbev_ros.assets.static_cache import load_streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
+from simbev_ros.msgs.markers import world_markers
 from simbev_ros.msgs.qos import LATCHED, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of, time_message
 from simbev_ros.msgs.transforms import TransformBroadcaster
@@ -93,6 +95,7 @@ class WorldNode(GraphNode):
         spec = request.spec
         network = load_network(spec.map)
         self.advertise(topics.Topic(topics.END, "std_msgs/msg/String", 0), String)
+        self.advertise(topics.Topic(topics.WORLD_MARKERS, "visualization_msgs/msg/MarkerArray"), MarkerArray)
         for topic in topics.world_topics(spec):
             self.advertise(topic, _MESSAGE_TYPES.get(topic.name, Odometry))
         self._transforms.start_scene(spec)
@@ -166,6 +169,8 @@ class WorldNode(GraphNode):
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
+        if self.readers(topics.WORLD_MARKERS):
+            self.publish(topics.WORLD_MARKERS, world_markers(state))
         odometry = odometry_message(state.ego, state.stamp_ns, f"{agent}/base_link")
         self.publish(topics.agent_topic(agent, "odom"), odometry)
         self._transforms.publish(odometry)

@@ -17,6 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 from subscriber import keep, outside_node
+from visualization_msgs.msg import MarkerArray
 
 from simbev_ros.scene.spec import SceneSpec
 
@@ -59,14 +60,17 @@ def test_live_graph_serves_subscribers_and_services(simbev: Simbev, small_config
     simbev("run", small_config(60), "--live")
     clouds: list[PointCloud2] = []
     grids: list[OccupancyGrid] = []
+    drawn: list[MarkerArray] = []
     clocks: list[Clock] = []
     with outside_node("consumer") as (node, spin_until):
         node.create_subscription(PointCloud2, "/ego/lidar/points", keep(clouds), qos_profile_sensor_data)
         node.create_subscription(OccupancyGrid, "/ego/bev/road/grid", keep(grids), 10)
+        node.create_subscription(MarkerArray, "/world/markers", keep(drawn), 10)
         node.create_subscription(Clock, "/clock", keep(clocks), 10)
-        spin_until(lambda: len(clouds) > 20 and len(grids) > 20, 60)
+        spin_until(lambda: len(clouds) > 20 and len(grids) > 20 and len(drawn) > 20, 60)
         assert [field.name for field in clouds[0].fields] == ["x", "y", "z", "intensity", "ring", "time"]
         assert set(grids[0].data) == {0, 100}
+        assert {"car", "pedestrian"} <= {marker.ns for marker in drawn[0].markers}
 
         pause = node.create_client(SetBool, "/world/pause")
         step = node.create_client(Trigger, "/world/step")

@@ -1,19 +1,21 @@
 """Grids and markers as RViz and Foxglove want them: checked by what a reader makes of the serialised messages."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message, serialize_message
-from synthetic_world import actor, box_model
+from synthetic_world import actor, box_model, world
 from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.annotation.boxes import BOX_DTYPE
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import apply, inverse
-from simbev_ros.msgs.markers import box_markers
+from simbev_ros.msgs.markers import box_markers, world_markers
 from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.stamps import stamp_of
-from simbev_ros.scene.state import map_from_actors
+from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState, map_from_actors
 from simbev_ros.semantics import BOX_CLASSES, Tag
 from simbev_ros.types import BoolArray, Float64Array, Table
 
@@ -128,3 +130,28 @@ def test_cubes_are_the_boxes_and_lines_show_heading_and_velocity() -> None:
 
 def test_without_boxes_only_the_old_markers_are_removed() -> None:
     assert [marker.action for marker in read(boxes(0))] == [Marker.DELETEALL]
+
+
+def test_actors_are_drawn_around_their_middles_in_their_own_colours_and_signals_as_they_shine() -> None:
+    bus = actor(box_model(Tag.BUS, (11.0, 2.5, 3.2)), **EGO, roll=0.1, pitch=-0.2, color=0xFF8000)
+    signals = np.zeros(2, SIGNAL_DTYPE)
+    signals["id"], signals["x"], signals["state"] = [1, 2], [5.0, 6.0], [SignalState.RED, SignalState.GREEN]
+    message = world_markers(dataclasses.replace(world(bus), signals=signals))
+    _, cube, heading, *lamps = deserialize_message(serialize_message(message), MarkerArray).markers
+    assert (cube.ns, cube.id, cube.color.r, cube.color.g, cube.color.b) == (
+        "bus",
+        7,
+        1.0,
+        pytest.approx(128 / 255),
+        0.0,
+    )
+    at, q = cube.pose.position, cube.pose.orientation
+    pose = matrix([at.x, at.y, at.z], [q.x, q.y, q.z, q.w])
+    assert pose == pytest.approx(map_from_actors(bus)[0] @ matrix([0.0, 0.0, 1.6], [0.0, 0.0, 0.0, 1.0]), abs=1e-6)
+    assert heading.ns == "heading" and len(heading.points) == 2
+    assert [(each.ns, each.id, each.type, each.pose.position.x) for each in lamps] == [
+        ("traffic_light", 1, Marker.SPHERE, 5.0),
+        ("traffic_light", 2, Marker.SPHERE, 6.0),
+    ]
+    red, green = (each.color for each in lamps)
+    assert red.r > 0.8 > 0.5 > red.g and green.g > 0.7 > 0.5 > green.r

@@ -9,7 +9,7 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from simbev_ros.render.programs import ProgramLibrary
+from simbev_ros.render.programs import ProgramLibrary, steps_of
 from simbev_ros.render.screen_pass import ScreenPass
 from simbev_ros.render.surfaces import shading_classes
 from simbev_ros.render.targets import Targets
@@ -59,6 +59,7 @@ class _Squares:
         self._squares = context.buffer(reserve=4 * _MOST_SQUARES, dynamic=True)
         self._classify = self._array("classify.frag")
         self._classify.program["layer_step"] = _LAYER_STEP
+        self._step = steps_of(library.quality)["SHADING_STEP"]
         self._size_px, self._square_px = (1, 1), 1
         self._pure: list[range] = []
         self._mixed: list[range] = []
@@ -69,8 +70,7 @@ class _Squares:
     def find(self, targets: Targets) -> None:
         self._size_px = targets.surfaces.size
         self._square_px = min(_SQUARE_PX, *self._size_px)
-        step = targets.geometry.size[0] // self._size_px[0]
-        seen = targets.seen_classes()[::step, ::step]
+        seen = targets.seen_classes()[:: self._step, :: self._step]
         columns, rows = (_starts(size, self._square_px) for size in self._size_px)
         flags = _united(_united(seen, rows, self._square_px).T, columns, self._square_px).T >> 24
         lonely = flags & flags - 1 == 0

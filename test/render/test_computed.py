@@ -17,6 +17,8 @@ NIGHT = {"sun_altitude_deg": -40.0}
 WET = {"precipitation": 60.0, "precipitation_deposits": 80.0, "wetness": 90.0, "wind_intensity": 50.0}
 FOG = {"fog_density": 60.0, "cloudiness": 90.0}
 LENS = LensCamera(161, 91, 120.0, 120.0, 78.0, 44.0, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0))
+ODD = PinholeCamera(161, 91, 110.0, 115.0, 71.3, 50.2)
+"""Low quality shades every other pixel, which an odd number is no multiple of."""
 EGO = {"id": 1}
 OTHER = {"id": 7, "x": 10.0, "y": -1.0, "yaw": 0.4, "lights": 0b1111}
 
@@ -39,6 +41,7 @@ def draw(quality: Quality, computes: bool, camera: PinholeCamera, changes: dict[
         ("medium", CAMERA, {**NIGHT, **WET}),
         ("high", CAMERA, {**WET, **FOG}),
         ("low", CAMERA, NIGHT),
+        ("low", ODD, {}),
         ("medium", LENS, {}),
     ],
 )

@@ -20,10 +20,20 @@ _PEBBLE_ROUNDNESS = 0.12
 def noise_texture(context: moderngl.Context) -> moderngl.Texture:
     """The texture, mipmapped and bound to its unit."""
     texture = context.texture((SIZE_PX, SIZE_PX), 4, noise_image().tobytes())
-    texture.build_mipmaps()
+    texture.build_mipmaps()  # makes room for them; some drivers always round up
+    for level, image in enumerate(noise_levels()):
+        texture.write(image.tobytes(), level=level)
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.use(TEXTURE_UNITS["noise"])
     return texture
+
+
+def noise_levels() -> list[UInt8Array]:
+    """The image and its means over squares of 2, 4, … pixels, down to a single one."""
+    image = noise_image()
+    sizes_px = (1 << level for level in range(SIZE_PX.bit_length()))
+    squares = (image.reshape(SIZE_PX // size_px, size_px, SIZE_PX // size_px, size_px, -1) for size_px in sizes_px)
+    return [np.rint(each.mean(axis=(1, 3))).astype(np.uint8) for each in squares]
 
 
 @lru_cache(maxsize=1)

@@ -10,8 +10,9 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.static_scene import StaticScene, Tile
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.render.noise import noise_image
+from simbev_ros.render.noise import noise_image, noise_texture
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.state import SIGNAL_DTYPE, WorldState
 from simbev_ros.semantics import Tag
@@ -99,3 +100,12 @@ def test_noise_is_spread_evenly_and_repeats_without_a_seam() -> None:
         np.testing.assert_allclose(np.bincount(channel.astype(int).ravel(), minlength=256), 256, atol=1)
         steps = np.abs(np.diff(channel, axis=0)).mean()
         assert np.abs(channel[0] - channel[-1]).mean() < 1.25 * steps
+
+
+@pytest.mark.parametrize("level", range(6))
+def test_noise_is_as_bright_at_every_level_of_blur(level: int) -> None:
+    context = open_context()
+    texels = np.frombuffer(noise_texture(context).read(level=level), np.uint8).reshape(-1, 4)
+    context.release()
+    assert len(texels) == (256 >> level) ** 2
+    np.testing.assert_allclose(texels.mean(axis=0), 127.5, atol=0.1)

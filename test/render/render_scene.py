@@ -10,6 +10,7 @@ from simbev_ros.assets.mesh import Mesh
 from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.render.context import describe_renderer
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, WorldState
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import Tag
@@ -116,6 +117,16 @@ def world(*rows: dict[str, float], weather: Weather = NOON) -> WorldState:
 def front_pose() -> Float64Array:
     """A camera 1.6 m above the ego's origin, slightly turned, pitched and rolled."""
     return matrices_from_xyz_rpy(np.array([0.5, 0.1, 1.6]), np.array([0.02, 0.05, 0.1]))
+
+
+def vertex_snap_px() -> float:
+    """GPUs move vertices to a grid of 1/256 pixel, which moves edges and tilts the ground under the camera."""
+    return 0.0 if "llvmpipe" in describe_renderer() else 1.0 / 256.0
+
+
+def snap_error_m(camera: PinholeCamera, depth_m: Float64Array) -> Float64Array:
+    """By how much level ground that ``front_pose`` sees at a depth is tilted off it so."""
+    return np.asarray(depth_m) ** 2 * (vertex_snap_px() / (camera.fx_px * front_pose()[2, 3]))
 
 
 def _shift(x_m: float) -> Float64Array:

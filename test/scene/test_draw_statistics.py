@@ -126,7 +126,8 @@ def small_scenes(scenario: Scenario) -> Iterator[SceneSpec]:
 
 def test_the_ego_its_driver_signals_and_duration() -> None:
     time = Timing(duration_s=Distribution(uniform=(4, 20)))
-    scenario = load_scenario("paper").model_copy(update={"traffic": Traffic(vehicles=0, pedestrians=0), "time": time})
+    empty = {"traffic": Traffic(vehicles=0, pedestrians=0), "hazards": Hazards(count=0), "time": time}
+    scenario = load_scenario("paper").model_copy(update=empty)
     starts = starts_of(scenario, load_network(PLANNED.map))
     ids = [starts.vehicles.waypoint(place) for place in np.flatnonzero(starts.fit(20.0)["vehicle.sedan"])]
     rank = {(place.lane, place.s_m): index for index, place in enumerate(ids)}

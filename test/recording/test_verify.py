@@ -69,7 +69,7 @@ def test_a_foreign_file_beside_a_foreign_description_is_no_bag(tmp_path: Path) -
 
 def test_an_unfinished_scene_is_found(bag: Path) -> None:
     unfinished = bag.rename(bag.with_name("a.partial"))
-    assert problems(unfinished) == [": the scene was not finished: what ended it is in the dataset's log"]
+    assert problems(unfinished) == [": the scene was not finished; simbev repair saves what is in it"]
 
 
 def write(path: Path, messages: list[tuple[str, int, bytes]], **facts: str) -> Path:

@@ -20,7 +20,7 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.roads.levels import with_levels
-from simbev_ros.maps.roads.signals import place_signals
+from simbev_ros.maps.roads.signals import place_signals, with_ids_of_net
 from simbev_ros.maps.roads.signs import place_signs
 from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
@@ -120,11 +120,12 @@ def _build(spec: MapSpec, parts_of: Callable[[Path], MapParts], folder: Path) ->
         shutil.copyfile(source, folder / name)
     net = read_sumo_net(folder / NET)
     layout = with_levels(parts.layout or layout_of(net), parts.features.water)
+    signals = place_signals(net, layout)
     network = RoadNetwork(
         name=spec.name,
         lanes=net.lanes,
         junctions=net.junctions,
-        signals=place_signals(net, layout),
+        signals=signals if parts.layout else with_ids_of_net(signals),
         datum=parts.datum,
         net_path=folder / NET,
         opendrive_path=folder / OPENDRIVE,

@@ -168,7 +168,7 @@ class DatasetMaker:
             DiskError: There is less free than the largest scene so far takes, and what must stay free.
         """
         largest = max((row["bytes"] for row in self._rows.values()), default=0)
-        check_space(self._dataset, largest + (self._scenario.recording.least_free_mib << 20))
+        check_space(self._dataset, self._scenario.recording.least_free_mib << 20, largest)
 
     def __enter__(self) -> Self:
         return self

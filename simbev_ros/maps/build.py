@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.cache import code_version, default_cache_dir, discard, folder_of
+from simbev_ros.maps.cache import code_version, default_cache_dir, folder_of
+from simbev_ros.maps.cache_ageing import discard
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
@@ -80,11 +81,11 @@ def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> 
 def _folder(spec: MapSpec, cache_dir: Path) -> Path:
     """A map's folder in the cache. The seed changes a town's streets, and nothing in a file."""
     source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
-    key = f"{spec.name}\n{source}\n".encode() + code_version()
+    key = f"{spec.name}\n{source}\n".encode()
     parts_of = _imported(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
     try:
         with _no_collection():
-            return folder_of("maps", spec.name, key, partial(_build, spec, parts_of), cache_dir)
+            return folder_of("maps", spec.name, code_version(), key, partial(_build, spec, parts_of), cache_dir)
     except Exception as error:
         error.add_note(f"while building the roads of map {spec.path or spec.name}")
         raise

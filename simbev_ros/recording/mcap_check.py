@@ -8,11 +8,11 @@ from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Message, MessageIndex, Metadata, Schema
+from mcap.records import Channel, Chunk, DataEnd, Message, MessageIndex, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
-from simbev_ros.recording.mcap_index import CRC, DAMAGE, FOOTER_BYTES, RECORD_HEAD, read_summary
+from simbev_ros.recording.mcap_index import DAMAGE, FOOTER_BYTES, RECORD_HEAD, attachment_of, read_summary
 
 _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 
@@ -95,9 +95,7 @@ class _Walk:
             if sorted(index.records) != sorted(self._expected_index.pop(index.channel_id, [])):
                 content.faults.append(f"message index at byte {offset:,}: it does not list what the chunk holds")
         elif opcode == Opcode.ATTACHMENT:
-            attachment = Attachment.read(body)
-            if CRC.unpack(record[-4:])[0] not in (0, zlib.crc32(record[RECORD_HEAD.size : -4])):
-                content.faults.append(f"attachment {attachment.name} at byte {offset:,}: its CRC is wrong")
+            attachment = attachment_of(record)
             content.attachments[attachment.name] = attachment.data
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(body)

@@ -65,7 +65,7 @@ def verify_bag(path: Path) -> list[Fault]:
     if not is_damaged:
         faults += _books_faults(path, files[-1])
         faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
-    faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)))
+        faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)))
     return [Fault(folder, place, problem) for place, problem in faults]
 
 

@@ -45,6 +45,15 @@ def test_every_flipped_bit_is_found(bag: Path) -> None:
         assert problems(bag), place
 
 
+def test_a_damaged_attachment_is_named_once(bag: Path) -> None:
+    file = bag / "a_0.mcap"
+    file.write_bytes(file.read_bytes().replace(b"scene.json", b"scene.jsoN", 1))
+    assert [problem.partition(": ")[2] for problem in problems(bag)] == [
+        "attachment at byte 45: the CRC of attachment scene.jsoN is wrong",
+        "the CRC of all before the summary is wrong",
+    ]
+
+
 def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Path) -> None:
     description = bag / "metadata.yaml"
     text = description.read_text()

@@ -31,6 +31,7 @@ SENSORS: list[dict[str, Any]] = [
     {"type": "gnss", "name": "gnss"},
     {"type": "imu", "name": "imu"},
 ]
+SIGNALS = [{"programme": name, "opendrive_id": place} for name, place in (("A", None), ("A", "A_3"), ("B", "B_0"))]
 _ENCODINGS = {"rgb": "rgb8", "semantic": "mono8", "instance": "mono16", "depth": "32FC1", "flow": "32FC2"}
 _WEATHER = {
     **dict.fromkeys(("cloudiness", "precipitation", "precipitation_deposits", "wetness", "wind_intensity"), 10),
@@ -57,7 +58,7 @@ def made_up_scene(
         writer.add_attachment("config.yaml", "application/yaml", b"seed: 1\n")
         latched = QosProfile(durability="transient_local")
         writer.add_topic("/world/legend", "std_msgs/msg/String", latched)
-        writer.write("/world/legend", spec.start_ns, string(json.dumps(legend())))
+        writer.write("/world/legend", spec.start_ns, string(json.dumps({**legend(), "signals": SIGNALS})))
         topics: set[str] = set()
         for tick in range(ticks):
             values = _values(rng, spec, tick)

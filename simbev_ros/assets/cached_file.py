@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from simbev_ros.errors import InputError
+from simbev_ros.maps.cache_ageing import remove_unused, use
 
 _DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
 _T = TypeVar("_T")
@@ -22,7 +23,7 @@ def cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callable[[P
     """What a file holds; if it is not there or damaged, it is written first.
 
     Args:
-        path: The file.
+        path: The file, in the folder of an entry (``maps.cache_ageing``).
         kind: Of thing, in the plural, for messages.
         read: Raises what numpy's readers raise if the file is damaged.
         write: Is given another path. Readers see all or nothing, and of several writers the last wins.
@@ -30,18 +31,23 @@ def cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callable[[P
     Raises:
         InputError: The file cannot be written.
     """
+    use(path.parent)
     if path.is_file():
         try:
             return read(path)
         except _DAMAGED:
             pass
+    is_first = not path.parent.exists()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        use(path.parent)
         with tempfile.TemporaryDirectory(prefix=f".{path.stem}-", dir=path.parent) as work:
             write(Path(work) / path.name)
             (Path(work) / path.name).replace(path)
     except OSError as error:
         raise InputError(f"cache of {kind} {path.parent}: cannot be written: {error.strerror}") from error
+    if is_first:
+        remove_unused(path.parent)
     return read(path)
 
 

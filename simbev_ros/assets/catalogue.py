@@ -1,6 +1,5 @@
 """The catalogue: one model per blueprint. What is built once is then read from the cache."""
 
-import hashlib
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from importlib.resources import files
@@ -11,6 +10,7 @@ from simbev_ros.assets.actors.shape import build_model, load_shape
 from simbev_ros.assets.cached_file import assets_version, cached
 from simbev_ros.assets.model_file import read_coarser, read_models, write_coarser, write_models
 from simbev_ros.maps.cache import code_version, default_cache_dir
+from simbev_ros.maps.cache_ageing import entry_path
 from simbev_ros.scene.blueprints import load_blueprints
 
 _KIND = "models"
@@ -48,7 +48,6 @@ def _built() -> tuple[ActorModel, ...]:
 
 
 def _folder() -> Path:
-    key = hashlib.sha256(code_version() + assets_version())
-    for name in _OUTSIDE:
-        key.update(files("simbev_ros").joinpath(name).read_bytes())
-    return default_cache_dir() / _KIND / key.hexdigest()[:20]
+    outside = (files("simbev_ros").joinpath(name).read_bytes() for name in _OUTSIDE)
+    version = b"".join((code_version(), assets_version(), *outside))
+    return entry_path(default_cache_dir() / _KIND, "all", version, b"")

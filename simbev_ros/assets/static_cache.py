@@ -1,6 +1,5 @@
 """Static scenes on demand: each region is built once, alone, and then read from its file."""
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import cached_property, partial
@@ -18,7 +17,8 @@ from simbev_ros.assets.region_file import read_region, read_streetside, write_re
 from simbev_ros.assets.region_scene import RegionScene, Streetside
 from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
-from simbev_ros.maps.cache import default_cache_dir
+from simbev_ros.maps.cache import code_version, default_cache_dir
+from simbev_ros.maps.cache_ageing import entry_path
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
@@ -80,9 +80,9 @@ class StaticCache:
     def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
         """Arguments as of ``load_static_scene``."""
         self._network = network
-        key = hashlib.sha256(f"{network.net_path.parent.name}\n{spec.seed}\n".encode() + assets_version())
-        root = (cache_dir or default_cache_dir()) / _KIND
-        self._folder = root / f"{spec.name}-{key.hexdigest()[:20]}"
+        root, version = (cache_dir or default_cache_dir()) / _KIND, code_version() + assets_version()
+        key = f"{network.net_path.parent.name}\n{spec.seed}\n".encode()
+        self._folder = entry_path(root, spec.name, version, key)
 
     def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
         """Those that are not there yet."""

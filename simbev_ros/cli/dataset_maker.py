@@ -95,7 +95,7 @@ class DatasetMaker:
             DiskError: The disk is full, or nearly; the scenes made before are whole.
         """
         outcome = Outcome()
-        with _bars(self._console) as bars:
+        with _bars(self._console, hidden=not entries) as bars:
             board = _Board(bars, len(entries), self._used_bytes)
             for entry in entries:
                 self._check_space()
@@ -168,7 +168,7 @@ class DatasetMaker:
             DiskError: There is less free than the largest scene so far takes, and what must stay free.
         """
         largest = max((row["bytes"] for row in self._rows.values()), default=0)
-        check_space(self._dataset, largest + (self._scenario.recording.least_free_mib << 20))
+        check_space(self._dataset, self._scenario.recording.least_free_mib << 20, largest)
 
     def __enter__(self) -> Self:
         return self
@@ -228,7 +228,7 @@ class _Board:
         self._bars.update(self._task, completed=self._done)
 
 
-def _bars(console: Console) -> Progress:
+def _bars(console: Console, *, hidden: bool) -> Progress:
     columns = (
         TextColumn("{task.fields[what]}"),
         BarColumn(bar_width=None),
@@ -237,4 +237,4 @@ def _bars(console: Console) -> Progress:
         TextColumn("{task.fields[used]}", style="progress.filesize"),
         TimeRemainingColumn(),
     )
-    return Progress(*columns, console=console, expand=True)
+    return Progress(*columns, console=console, expand=True, disable=hidden)

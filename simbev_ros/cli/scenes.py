@@ -1,7 +1,7 @@
 """Playing the scenes of a configuration on a graph, with a progress bar: what ``run``, ``demo`` and ``bench`` share."""
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import chain, zip_longest
 from pathlib import Path
 
@@ -13,15 +13,15 @@ from rich.text import Text
 from simbev_ros.assets.region_pool import build_regions
 from simbev_ros.assets.static_cache import StaticCache
 from simbev_ros.cli.live_evaluation import print_live_tables
+from simbev_ros.cli.record_place import held_place
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError, SimbevError
+from simbev_ros.errors import SimbevError
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.recording.bag_files import check_space
-from simbev_ros.recording.layout import partial_of, scene_folder
+from simbev_ros.recording.layout import scene_folder
 from simbev_ros.scene.draw import draw_scene, planned_scenes, starts_of
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.reach import loaded_reach
@@ -72,11 +72,12 @@ def played(
         DiskError: the disk is full, or nearly.
         GraphError: a node died or fell silent.
     """
-    if dataset is not None:
-        check_writable(dataset, specs)
-        check_space(dataset, scenario.recording.least_free_mib << 20)
-    build_surroundings(specs, console)
-    with _graph(GraphSession(scenario, live=live, dataset=dataset, domain=domain), console) as session:
+    with ExitStack() as held:
+        if dataset is not None:
+            held.enter_context(held_place(dataset, scenario, specs, console, live=live))
+        build_surroundings(specs, console)
+        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain)
+        held.enter_context(_graph(session, console))
         console.print(f"ROS_DOMAIN_ID={session.domain}", style="dim")
         for spec, replay in zip_longest(specs, replays):
             with scene_progress(spec, console) as progress:
@@ -141,28 +142,6 @@ def map_roads(spec: MapSpec, console: Console) -> RoadNetwork:
     for note in network.notes:
         console.print(f"map {spec.name}: {note}", style="dim", markup=False, highlight=False, soft_wrap=True)
     return network
-
-
-def check_writable(dataset: Path, specs: Sequence[SceneSpec]) -> None:
-    """Make the dataset's folder; refuse scenes that are already there.
-
-    Raises:
-        InputError: the folder cannot be made or written to, or a scene's bag exists.
-    """
-    for spec in specs:
-        folder = scene_folder(dataset, spec.split, spec.name)
-        for taken in (folder, partial_of(folder)):
-            if taken.exists():
-                raise InputError(
-                    f"{taken}: exists already; nothing was overwritten. Choose another folder or move it away"
-                )
-    try:
-        (dataset / "scenes").mkdir(parents=True, exist_ok=True)
-        probe = dataset / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
+import yaml
 from pydantic import Field, model_validator
 
 from simbev_ros.config.annotation import Annotation
@@ -209,6 +210,10 @@ class Scenario(Model):
         """Outside nodes on /sync/ready to wait for."""
         stack = () if self.evaluation is None else self.evaluation.participants
         return tuple(dict.fromkeys((*self.graph.participants, *stack)))
+
+    def as_yaml(self) -> str:
+        """All of it, as it is kept in bags."""
+        return str(yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False))
 
     @model_validator(mode="after")
     def _rates_fit_tick_rate(self) -> Self:

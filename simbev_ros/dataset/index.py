@@ -108,7 +108,7 @@ def row_of(bag_path: Path, dataset: Path) -> Row:
             **_content(bag),
             "ended": facts.get("ended", ""),
             "complete": facts.get("complete") == "true",
-            "recorded_ticks": int(facts.get("ticks", spec.ticks)),
+            "recorded_ticks": int(bag.fact("ticks") or spec.ticks),
             "bytes": bytes_of(bag_path),
             "sha256": sha256_of(bag_path),
             "config_sha256": hashlib.sha256(bag.attachments.get(CONFIG_ATTACHMENT, b"")).hexdigest(),

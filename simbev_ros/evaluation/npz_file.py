@@ -1,17 +1,13 @@
 """NPZ files of others: arrays by name, never a pickled object."""
 
-import struct
-import zipfile
-import zlib
 from collections.abc import Collection
 from pathlib import Path
 
 from numpy.lib.npyio import NpzFile
 
+from simbev_ros.annotation.trajectories import DAMAGE
 from simbev_ros.errors import InputError
 from simbev_ros.types import AnyArray
-
-_DAMAGE = (OSError, EOFError, ValueError, KeyError, MemoryError, NotImplementedError, struct.error)
 
 
 def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyArray]:
@@ -32,7 +28,7 @@ def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyA
                 if names is None or name in names:
                     arrays[name] = file[name]
             return arrays
-    except (zipfile.BadZipFile, zlib.error, *_DAMAGE) as error:
+    except DAMAGE as error:
         place = f"{name}: " if name else ""
         raise InputError(f"{path}: {place}cannot be read as NPZ: {_reason(error)}") from None
 

@@ -5,8 +5,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, REFERENCE_STACK, Evaluation
 from simbev_ros.config.lidar import Lidar
@@ -94,7 +92,7 @@ def _processes_behind_world(
         parameters = {
             "live": live,
             "dataset": str(dataset.resolve()),
-            "config": yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False),
+            "config": scenario.as_yaml(),
             "recording": scenario.recording.model_dump_json(),
         }
         yield (NodePlan("recorder", "recorder", parameters),)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.cache import code_version, default_cache_dir, discard, folder_of
+from simbev_ros.maps.cache import code_version, default_cache_dir, folder_of
+from simbev_ros.maps.cache_ageing import discard
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
@@ -20,7 +21,7 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.roads.levels import with_levels
-from simbev_ros.maps.roads.signals import place_signals
+from simbev_ros.maps.roads.signals import place_signals, with_ids_of_net
 from simbev_ros.maps.roads.signs import place_signs
 from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
@@ -80,11 +81,11 @@ def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> 
 def _folder(spec: MapSpec, cache_dir: Path) -> Path:
     """A map's folder in the cache. The seed changes a town's streets, and nothing in a file."""
     source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
-    key = f"{spec.name}\n{source}\n".encode() + code_version()
+    key = f"{spec.name}\n{source}\n".encode()
     parts_of = _imported(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
     try:
         with _no_collection():
-            return folder_of("maps", spec.name, key, partial(_build, spec, parts_of), cache_dir)
+            return folder_of("maps", spec.name, code_version(), key, partial(_build, spec, parts_of), cache_dir)
     except Exception as error:
         error.add_note(f"while building the roads of map {spec.path or spec.name}")
         raise
@@ -120,11 +121,12 @@ def _build(spec: MapSpec, parts_of: Callable[[Path], MapParts], folder: Path) ->
         shutil.copyfile(source, folder / name)
     net = read_sumo_net(folder / NET)
     layout = with_levels(parts.layout or layout_of(net), parts.features.water)
+    signals = place_signals(net, layout)
     network = RoadNetwork(
         name=spec.name,
         lanes=net.lanes,
         junctions=net.junctions,
-        signals=place_signals(net, layout),
+        signals=signals if parts.layout else with_ids_of_net(signals),
         datum=parts.datum,
         net_path=folder / NET,
         opendrive_path=folder / OPENDRIVE,

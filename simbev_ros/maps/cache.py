@@ -5,7 +5,6 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from functools import lru_cache
 from importlib.metadata import version
 from importlib.resources import files
@@ -13,6 +12,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from simbev_ros.errors import InputError
+from simbev_ros.maps.cache_ageing import entry_path, remove_unused, use
 
 _PACKAGES = ("maps", "geometry", "config")
 _MODULES = ("random.py", "types.py")
@@ -24,13 +24,14 @@ def default_cache_dir() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "simbev_ros"
 
 
-def folder_of(kind: str, name: str, key: bytes, build: Callable[[Path], None], cache_dir: Path) -> Path:
+def folder_of(kind: str, name: str, version: bytes, key: bytes, build: Callable[[Path], None], cache_dir: Path) -> Path:
     """The folder that holds what belongs to a key; built if it is not there. Half-built ones are never seen.
 
     Args:
         kind: Of thing, in the plural; it appears in messages.
         name: For people who look into the cache.
-        key: All that decides the content.
+        version: Of the code that builds it.
+        key: All else that decides the content.
         build: Fills an empty folder.
         cache_dir: Where the cache is.
 
@@ -38,7 +39,8 @@ def folder_of(kind: str, name: str, key: bytes, build: Callable[[Path], None], c
         InputError: The cache cannot be written.
     """
     parent = cache_dir / kind
-    folder = parent / f"{name}-{hashlib.sha256(key).hexdigest()[:20]}"
+    folder = entry_path(parent, name, version, key)
+    use(folder)
     if folder.is_dir():
         return folder
     try:
@@ -51,13 +53,9 @@ def folder_of(kind: str, name: str, key: bytes, build: Callable[[Path], None], c
         _publish(work, folder)
     finally:
         shutil.rmtree(work, ignore_errors=True)
+    use(folder)
+    remove_unused(folder)
     return folder
-
-
-def discard(folder: Path) -> None:
-    """Take a damaged folder out of the cache, at once for all who look."""
-    with tempfile.TemporaryDirectory(prefix=".damaged-", dir=folder.parent) as bin_, suppress(FileNotFoundError):
-        folder.rename(Path(bin_) / folder.name)
 
 
 @lru_cache(maxsize=1)

@@ -88,6 +88,7 @@ class Signal:
         programme: SUMO's traffic-light id.
         link: Index into the programme's state string.
         lane: Id of the lane that it stops.
+        opendrive_id: Of the signal in the map's OpenDRIVE; "" for a head that hangs here by rule, and not in that file.
     """
 
     position_m: Float64Array
@@ -96,6 +97,7 @@ class Signal:
     programme: str
     link: int
     lane: str
+    opendrive_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,7 +105,7 @@ class WorldNode(GraphNode):
         self._spec = spec
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
-        self.publish(topics.LEGEND, String(data=json.dumps(legend())))
+        self.publish(topics.LEGEND, String(data=json.dumps(legend(network.signals))))
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
         self._publish_lights(spec, streetside)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))

@@ -140,16 +140,22 @@ def disk_errors(folder: Path) -> Iterator[None]:
         raise DiskError(f"{folder}: {problem}; what was recorded before stays readable there") from None
 
 
-def check_space(folder: Path, least_free_bytes: int) -> None:
+def check_space(folder: Path, least_free_bytes: int, scene_bytes: int = 0) -> None:
     """See that there is room on the disk of a folder, which need not be there yet.
 
+    Args:
+        folder: The folder.
+        least_free_bytes: What must stay free.
+        scene_bytes: What is about to be written.
+
     Raises:
-        DiskError: Less than ``least_free_bytes`` is free.
+        DiskError: Less is free than both together.
     """
     status = os.statvfs(next(each for each in (folder, *folder.absolute().parents) if each.is_dir()))
     free_bytes = status.f_bavail * status.f_frsize
-    if free_bytes < least_free_bytes:
+    if free_bytes < least_free_bytes + scene_bytes:
+        needed = f"a scene takes up to {decimal(scene_bytes)}, and " if scene_bytes else ""
         raise DiskError(
-            f"{folder}: the disk is nearly full: {decimal(free_bytes)} are free, and "
+            f"{folder}: the disk is nearly full: {decimal(free_bytes)} are free, {needed or 'and '}"
             f"{decimal(least_free_bytes)} must stay free (recording.least_free_mib)"
         )

@@ -1,6 +1,5 @@
 """A bag in words and numbers, fit for JSON."""
 
-import json
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -43,10 +42,10 @@ def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], Non
             "path": str(path),
             "name": bag.name,
             "state": "finished" if bag.finished else "unfinished" if bag.closed else "cut off",
-            "complete": _known(bag.custom_data, "complete"),
+            "complete": bag.fact("complete"),
             "ended": bag.custom_data.get("ended"),
-            "ticks": _known(bag.custom_data, "ticks"),
-            "problems": _known(bag.custom_data, "problems") or [],
+            "ticks": bag.fact("ticks"),
+            "problems": bag.fact("problems") or [],
             "file_bytes": bytes_of(path),
             "messages": sum(len(topic.stamps_ns) for topic in bag.topics.values()),
             "start_ns": start_ns,
@@ -79,15 +78,11 @@ def _topic(topic: Topic, bag: SceneBag, digests: Mapping[str, str]) -> dict[str,
         "name": topic.name,
         "type": topic.type_name,
         "count": count,
-        "expected": (_known(bag.custom_data, "expected") or {}).get(topic.name),
+        "expected": (bag.fact("expected") or {}).get(topic.name),
         "rate_hz": (count - 1) / span_s if span_s else None,
         "bytes": bag.payload_bytes.get(topic.name),
     }
     return facts | ({"digest": digests[topic.name]} if digests else {})
-
-
-def _known(custom_data: Mapping[str, str], key: str) -> Any:
-    return json.loads(custom_data[key]) if key in custom_data else None
 
 
 def _scene(spec: SceneSpec) -> dict[str, Any]:

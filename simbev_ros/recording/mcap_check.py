@@ -1,7 +1,6 @@
 """Whether an MCAP file is what it says of itself: every CRC, and its index against its content."""
 
 import io
-import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -9,16 +8,13 @@ from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Message, MessageIndex, Metadata, Schema
+from mcap.records import Channel, Chunk, DataEnd, Message, MessageIndex, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
-from simbev_ros.recording.mcap_index import DAMAGE, RECORD_HEAD
+from simbev_ros.recording.mcap_index import DAMAGE, FOOTER_BYTES, RECORD_HEAD, attachment_of, read_summary
 
-_CRC = struct.Struct("<I")
 _OPCODES = frozenset(int(opcode) for opcode in Opcode)
-_FOOTER_BYTES = RECORD_HEAD.size + 20
 
 
 @dataclass(slots=True)
@@ -99,9 +95,7 @@ class _Walk:
             if sorted(index.records) != sorted(self._expected_index.pop(index.channel_id, [])):
                 content.faults.append(f"message index at byte {offset:,}: it does not list what the chunk holds")
         elif opcode == Opcode.ATTACHMENT:
-            attachment = Attachment.read(body)
-            if _CRC.unpack(record[-4:])[0] != zlib.crc32(record[RECORD_HEAD.size : -4]):
-                content.faults.append(f"attachment {attachment.name} at byte {offset:,}: its CRC is wrong")
+            attachment = attachment_of(record)
             content.attachments[attachment.name] = attachment.data
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(body)
@@ -156,21 +150,16 @@ def _records(stream: BinaryIO, size: int, faults: list[str]) -> Iterator[tuple[i
 def _summary_faults(stream: BinaryIO, size: int, walk: _Walk) -> Iterator[str]:
     """What is wrong behind the data section."""
     start = stream.tell()
-    footer_at = size - len(MCAP0_MAGIC) - _FOOTER_BYTES
+    footer_at = size - len(MCAP0_MAGIC) - FOOTER_BYTES
     if footer_at < start:
         yield "the file is cut off: it has no footer"
         return
-    rest = stream.read()
-    if rest[-len(MCAP0_MAGIC) :] != MCAP0_MAGIC:
+    stream.seek(-len(MCAP0_MAGIC), io.SEEK_END)
+    if stream.read() != MCAP0_MAGIC:
         yield "the file is cut off: its last bytes are not those of an MCAP file"
         return
     try:
-        footer = Footer.read(ReadDataStream(io.BytesIO(rest[footer_at - start + RECORD_HEAD.size :])))
-        covered = rest[: footer_at - start + _FOOTER_BYTES - _CRC.size]
-        if footer.summary_crc not in (0, zlib.crc32(covered)):
-            yield "the CRC of the summary is wrong"
-        stream.seek(0)
-        summary = make_reader(stream).get_summary()
+        summary = read_summary(stream)
     except DAMAGE as error:
         yield f"summary: {error}"
         return

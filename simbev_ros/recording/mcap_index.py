@@ -2,6 +2,7 @@
 
 import io
 import struct
+import zlib
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -12,8 +13,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Chunk, ChunkIndex, McapRecord, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Footer, McapRecord, Metadata, Schema, Statistics
 from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
+from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 from zstandard import ZstdError
 
@@ -29,11 +31,14 @@ RECORD_HEAD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 """Channel id, sequence, log time, publish time; the payload follows."""
 
-_INDEX_HEAD = struct.Struct("<HI")
-"""Channel id and bytes of entries."""
+_INDEX_HEAD = struct.Struct("<BQHI")
+"""Opcode and length of the record, channel id, bytes of entries."""
 
 _ENTRY = struct.Struct("<QQ")
 """Log time and offset in the chunk."""
+
+CRC = struct.Struct("<I")
+FOOTER_BYTES = RECORD_HEAD.size + 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,9 @@ class Places:
 
     _entries: bytearray = field(default_factory=bytearray)
     _chunks: list[tuple[int, int]] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self._entries) // _ENTRY.size
 
     def add(self, chunk_offset: int, entries: bytes) -> None:
         """Add messages of a chunk: per message its log time and its offset there, both uint64, little-endian."""
@@ -93,7 +101,8 @@ def read_index(stream: BinaryIO, name: str) -> McapIndex:
         name: What to call it in messages.
 
     Raises:
-        BagError: It is no MCAP file, its summary is damaged, or its messages are not in chunks.
+        BagError: It is no MCAP file, its summary, a message index or an attachment is damaged, or its messages are not
+            in chunks.
     """
     size = stream.seek(0, 2)
     stream.seek(0)
@@ -104,9 +113,9 @@ def read_index(stream: BinaryIO, name: str) -> McapIndex:
     if not closed:
         return _walk(stream, size)
     try:
-        return _from_summary(stream)
+        return _from_summary(stream, name)
     except DAMAGE as error:
-        raise BagError(f"{name}: damaged summary: {error}") from None
+        raise BagError(f"{name}: damaged index: {error}; simbev repair saves what is in it") from None
 
 
 def read_chunk(stream: BinaryIO, offset: int) -> list[McapRecord]:
@@ -123,36 +132,71 @@ def chunk_data(stream: BinaryIO, offset: int) -> bytes:
     return content
 
 
-def _from_summary(stream: BinaryIO) -> McapIndex:
+def read_summary(stream: BinaryIO) -> Summary | None:
+    """The summary of a closed file, its CRC checked; None: it has none. Raises one of ``DAMAGE``."""
+    footer_at = stream.seek(-(FOOTER_BYTES + len(MCAP0_MAGIC)), io.SEEK_END)
+    end = stream.read(FOOTER_BYTES)
+    footer = Footer.read(ReadDataStream(io.BytesIO(end[RECORD_HEAD.size :])))
+    start = stream.seek(min(footer.summary_start or footer_at, footer_at))
+    covered = stream.read(footer_at - start) + end[: -CRC.size]
+    if footer.summary_crc not in (0, zlib.crc32(covered)):
+        raise ValueError("the CRC of the summary is wrong")
     stream.seek(0)
-    reader = make_reader(stream, validate_crcs=True)
-    summary = reader.get_summary()
+    return make_reader(stream).get_summary()
+
+
+def attachment_of(record: bytes) -> Attachment:
+    """What is in the record of an attachment, its head included; its CRC is checked. Raises one of ``DAMAGE``."""
+    attachment: Attachment = Attachment.read(ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :])))
+    if CRC.unpack(record[-CRC.size :])[0] not in (0, zlib.crc32(record[RECORD_HEAD.size : -CRC.size])):
+        raise ValueError(f"the CRC of attachment {attachment.name} is wrong")
+    return attachment
+
+
+def _from_summary(stream: BinaryIO, name: str) -> McapIndex:
+    summary = read_summary(stream)
     if summary is None or summary.statistics is None:
-        raise ValueError("there is none")
+        raise BagError(f"{name}: it has no summary")
     if summary.statistics.message_count and not summary.chunk_indexes:
-        raise ValueError("it lists no chunks")
+        raise BagError(f"{name}: its messages are not in chunks")
     index = McapIndex(True, channels=summary.channels, schemas=summary.schemas)
     for chunk in summary.chunk_indexes:
         ids = frozenset(chunk.message_index_offsets)
         index.chunks.append(ChunkEntry(chunk.chunk_start_offset, chunk.message_start_time, chunk.message_end_time, ids))
         _enter_message_indexes(index, stream, chunk)
-    index.attachments = {attachment.name: attachment.data for attachment in reader.iter_attachments()}
-    index.metadata = {metadata.name: metadata.metadata for metadata in reader.iter_metadata()}
+    _check_places(index, summary.statistics)
+    for attached in summary.attachment_indexes:
+        stream.seek(attached.offset)
+        index.attachments[attached.name] = attachment_of(stream.read(attached.length)).data
+    for entry in summary.metadata_indexes:
+        stream.seek(entry.offset + RECORD_HEAD.size)
+        index.metadata[entry.name] = Metadata.read(ReadDataStream(stream)).metadata
     return index
 
 
 def _enter_message_indexes(index: McapIndex, stream: BinaryIO, chunk: ChunkIndex) -> None:
-    """Those that follow a chunk."""
-    stream.seek(chunk.chunk_start_offset + chunk.chunk_length)
+    """Those that follow a chunk; they have no CRC, but the summary, which has, says where each one is."""
+    start = chunk.chunk_start_offset + chunk.chunk_length
+    stream.seek(start)
     data = stream.read(chunk.message_index_length)
-    offset = 0
-    while offset < len(data):
-        _, length = RECORD_HEAD.unpack_from(data, offset)
-        start = offset + RECORD_HEAD.size
-        channel_id, size = _INDEX_HEAD.unpack_from(data, start)
-        entries = start + _INDEX_HEAD.size
-        index.places[channel_id].add(chunk.chunk_start_offset, data[entries : entries + size])
-        offset = start + length
+    for channel_id, offset in chunk.message_index_offsets.items():
+        *head, size = _INDEX_HEAD.unpack_from(data, offset - start)
+        entries = data[offset - start + _INDEX_HEAD.size :][:size]
+        length = _INDEX_HEAD.size - RECORD_HEAD.size + len(entries)
+        if head != [Opcode.MESSAGE_INDEX, length, channel_id] or len(entries) != size:
+            raise ValueError(f"message index at byte {offset:,}")
+        index.places[channel_id].add(chunk.chunk_start_offset, entries)
+
+
+def _check_places(index: McapIndex, statistics: Statistics) -> None:
+    """Whether as many messages are listed as there are, and of times that the file has."""
+    count = sum(len(places) for places in index.places.values())
+    if count != statistics.message_count:
+        raise ValueError(f"{count} of {statistics.message_count} messages are listed")
+    for channel_id, places in index.places.items():
+        stamps_ns = places.table()[:, 0]
+        if np.any((stamps_ns < statistics.message_start_time) | (stamps_ns > statistics.message_end_time)):
+            raise ValueError(f"a message index of {index.channels[channel_id].topic}")
 
 
 def _walk(stream: BinaryIO, size: int) -> McapIndex:

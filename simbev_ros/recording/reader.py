@@ -83,19 +83,29 @@ class SceneBag:
         with ExitStack() as opened:
             streams = [opened.enter_context(file.open("rb")) for file in files]
             self._parts = [_Part(stream, read_index(stream, str(stream.name))) for stream in streams]
+            indexes = [part.index for part in self._parts]
+            self.closed = all(index.closed for index in indexes)
+            self.finished = self.closed and not files[0].resolve().parent.name.endswith(PARTIAL_SUFFIX)
+            self.attachments: Mapping[str, bytes] = ChainMap(*(index.attachments for index in indexes))
+            self.custom_data = _custom_data(indexes[-1].metadata, path)
+            self.topics = {topic.name: topic for topic in sorted(self._topics(), key=lambda topic: topic.name)}
             self._opened = opened.pop_all()
-        indexes = [part.index for part in self._parts]
-        self.closed = all(index.closed for index in indexes)
-        self.finished = self.closed and not files[0].resolve().parent.name.endswith(PARTIAL_SUFFIX)
-        self.attachments: Mapping[str, bytes] = ChainMap(*(index.attachments for index in indexes))
-        self.custom_data = _custom_data(indexes[-1].metadata)
-        self.topics = {topic.name: topic for topic in sorted(self._topics(), key=lambda topic: topic.name)}
 
     @property
     def payload_bytes(self) -> Mapping[str, int]:
         """Bytes of payload per topic, if the recorder left them, else empty."""
-        sizes: dict[str, int] = json.loads(self.custom_data.get("payload_bytes", "{}"))
-        return sizes
+        return self.fact("payload_bytes") or {}
+
+    def fact(self, name: str) -> Any:
+        """What the recorder left of a name, as the value that its JSON says; None: nothing.
+
+        Raises:
+            BagError: It is damaged.
+        """
+        try:
+            return json.loads(self.custom_data.get(name, "null"))
+        except ValueError as error:
+            raise BagError(f"{self.path}: {name} in the bag's description is damaged: {error}") from None
 
     @property
     def spec(self) -> SceneSpec | None:
@@ -205,10 +215,10 @@ def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | N
         raise BagError(f"{path}: {SCENE_ATTACHMENT}: {place}: {error.errors()[0]['msg']}") from None
 
 
-def _custom_data(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+def _custom_data(metadata: Mapping[str, Mapping[str, str]], path: Path) -> dict[str, str]:
     text = metadata.get("rosbag2", {}).get("serialized_metadata", "")
     try:
-        information = yaml.safe_load(text) or {}
-    except yaml.YAMLError as error:
-        raise BagError(f"the bag's description is not YAML: {error}") from None
-    return dict(information.get("custom_data") or {})
+        facts = (yaml.safe_load(text) or {}).get("custom_data") or {}
+        return {str(name): str(value) for name, value in facts.items()}
+    except (yaml.YAMLError, AttributeError):
+        raise BagError(f"{path}: the bag's description is damaged") from None

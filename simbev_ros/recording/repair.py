@@ -3,7 +3,8 @@
 import json
 import shutil
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -14,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError, DiskError
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.layout import numbered_files, partial_of
+from simbev_ros.recording.layout import METADATA_FILE, numbered_files, partial_of
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.salvage import Salvage, salvage
 
@@ -48,8 +49,8 @@ def repair_bag(path: Path, out: Path) -> Repair:
         InputError: The new bag cannot be written there.
         DiskError: The disk is full; nothing of the new bag is left.
     """
-    found, counts = Salvage(), dict[str, int]()
-    messages = _salvaged(path, found)
+    found, counts, files = Salvage(), dict[str, int](), numbered_files(path)
+    messages = _salvaged(files, found)
     first = next(messages, None)
     if first is None:
         raise BagError(f"{path}: there is no message in it that could be saved")
@@ -62,8 +63,9 @@ def repair_bag(path: Path, out: Path) -> Repair:
                 counts[channel.topic] = counts.get(channel.topic, 0) + 1
             for attachment in found.attachments.values():
                 writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
-            lost = [*found.lost, *_missing(found, counts)]
-            writer.finish(_facts(found, counts, lost))
+            old = _recorded_facts(found, next(iter(files.values())).parent)
+            lost = [*found.lost, *_missing(old, counts)]
+            writer.finish(_facts(old, counts, lost))
         except BaseException as error:
             writer.abandon()
             shutil.rmtree(partial_of(out))  # all of it is in the old one
@@ -73,9 +75,8 @@ def repair_bag(path: Path, out: Path) -> Repair:
     return Repair(out, counts, lost)
 
 
-def _salvaged(path: Path, found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
+def _salvaged(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
     """The messages of known types of all files that are there; whatever else is in them goes into ``found``."""
-    files = numbered_files(path)
     found.lost += [f"file {number}, which is missing" for number in range(max(files)) if number not in files]
     for _, file in sorted(files.items()):
         part, strange = Salvage(), Counter[str]()
@@ -101,18 +102,23 @@ def _qos(metadata: dict[str, str]) -> QosProfile:
         return QosProfile()
 
 
-def _recorded_facts(found: Salvage) -> dict[str, str]:
-    """What the recorder left, if the old file was closed and this part of it is whole."""
-    try:
-        information = yaml.safe_load(found.metadata["rosbag2"]["serialized_metadata"])
-        return dict(information["custom_data"])
-    except (KeyError, TypeError, ValueError, yaml.YAMLError):
-        return {}
+def _recorded_facts(found: Salvage, folder: Path) -> dict[str, str]:
+    """What the recorder left in the bag's description, or in its copy in the file, whichever is whole; else nothing."""
+    description = folder / METADATA_FILE
+    texts: list[str | bytes] = [description.read_bytes()] if description.is_file() else []
+    for text in [*texts, found.metadata.get("rosbag2", {}).get("serialized_metadata", "")]:
+        with suppress(KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError):
+            information = yaml.safe_load(text)
+            information = information.get("rosbag2_bagfile_information", information)
+            facts = {str(name): str(value) for name, value in information["custom_data"].items()}
+            json.loads(facts["expected"])
+            return facts
+    return {}
 
 
-def _missing(found: Salvage, counts: dict[str, int]) -> list[str]:
+def _missing(old: Mapping[str, str], counts: dict[str, int]) -> list[str]:
     """Topics of which messages are missing, as far as the recorder has left its books."""
-    expected: dict[str, int] = json.loads(_recorded_facts(found).get("expected", "{}"))
+    expected: dict[str, int] = json.loads(old.get("expected", "{}"))
     return [
         f"{topic}: {count - counts.get(topic, 0)} of {count} messages"
         for topic, count in expected.items()
@@ -120,8 +126,7 @@ def _missing(found: Salvage, counts: dict[str, int]) -> list[str]:
     ]
 
 
-def _facts(found: Salvage, counts: dict[str, int], lost: list[str]) -> dict[str, str]:
+def _facts(old: Mapping[str, str], counts: dict[str, int], lost: list[str]) -> dict[str, str]:
     """The recorder's facts, put right."""
-    old = _recorded_facts(found)
     complete = "true" if old.get("complete") == "true" and not lost else "false"
     return {**old, "complete": complete, "recorded": json.dumps(counts), "repaired": json.dumps(lost)}

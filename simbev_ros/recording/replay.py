@@ -108,10 +108,9 @@ class Replay:
             ticks += 1
         if not ticks:
             raise BagError(f"{self._bag.path}: cannot be replayed: the first tick is not in the bag")
-        facts = self._bag.custom_data
-        if ticks < int(facts.get("ticks", self._recorded.ticks)):
+        if ticks < int(self._bag.fact("ticks") or self._recorded.ticks):
             return ticks, f"the replayed bag ends at tick {ticks - 1}"
-        return ticks, facts.get("ended", DURATION)
+        return ticks, self._bag.custom_data.get("ended", DURATION)
 
     def _read(self) -> Iterator[tuple[int, _Tables]]:
         """Stamp and tables of every tick that is whole, in order."""

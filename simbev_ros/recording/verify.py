@@ -61,11 +61,11 @@ def verify_bag(path: Path) -> list[Fault]:
     is_damaged = bool(faults)
     faults += messages.faults
     if folder.name.endswith(PARTIAL_SUFFIX):
-        faults.append(("", "the scene was not finished: what ended it is in the dataset's log"))
+        faults.append(("", "the scene was not finished; simbev repair saves what is in it"))
     if not is_damaged:
         faults += _books_faults(path, files[-1])
         faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
-    faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)))
+        faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)))
     return [Fault(folder, place, problem) for place, problem in faults]
 
 

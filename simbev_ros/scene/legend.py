@@ -1,15 +1,22 @@
 """What the numbers in tables and images mean, for readers that do not have this package."""
 
+from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 from typing import Any
 
+from simbev_ros.maps.network import Signal
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.state import Behavior, Light, SignalState
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
 
 
-def legend() -> dict[str, Any]:
-    """Plain values, for JSON: lists are indexed by the number that they explain, bits are given by their value."""
+def legend(signals: Sequence[Signal] = ()) -> dict[str, Any]:
+    """Plain values, for JSON: lists are indexed by the number that they explain, bits are given by their value.
+
+    Args:
+        signals: Those of the map; one entry each, in the row order of /world/signals, says which programme it follows
+            and which signal of /world/map it is (null where the map names none there).
+    """
     return {
         "blueprints": [_blueprint(blueprint) for blueprint in load_blueprints()],
         "box_classes": list(BOX_CLASSES),
@@ -20,6 +27,7 @@ def legend() -> dict[str, Any]:
         "signal_states": _values(SignalState),
         "light_bits": _values(Light),
         "behavior_bits": _values(Behavior),
+        "signals": [{"programme": each.programme, "opendrive_id": each.opendrive_id or None} for each in signals],
     }
 
 

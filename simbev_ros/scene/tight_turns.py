@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.maps.cache import code_version, discard, folder_of
+from simbev_ros.maps.cache import code_version, folder_of
+from simbev_ros.maps.cache_ageing import discard
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.blueprints import Footprint, load_blueprints
@@ -34,7 +35,8 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprin
     build = partial(_build, bodies, driving, sidewalks, following)
     cache_dir = network.net_path.parents[2]  # it holds a folder of maps, and that a folder of each map
     while True:
-        folder = folder_of("turns", network.name, _key(bodies, driving, sidewalks, following), build, cache_dir)
+        key = _key(bodies, driving, sidewalks, following)
+        folder = folder_of("turns", network.name, _version(), key, build, cache_dir)
         try:
             tight = np.load(folder / _FILE, allow_pickle=False)
             return dict(zip(bodies, tight.reshape(len(bodies), len(driving)), strict=True))
@@ -56,14 +58,18 @@ def _build(
 def _key(
     bodies: Sequence[Footprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array
 ) -> bytes:
-    """All that decides the content: the vehicles, the lanes and the code."""
+    """All that decides the content: the vehicles and the lanes."""
     lanes = (*driving, *sidewalks)
     named = json.dumps(
         [bodies, len(driving), [(lane.junction, lane.width_m, len(lane.centerline_m)) for lane in lanes]]
     )
-    content = hashlib.sha256(named.encode() + code_version())
+    content = hashlib.sha256(named.encode())
     content.update(np.concatenate([np.empty((0, 3)), *(lane.centerline_m for lane in lanes)]).tobytes())
     content.update(following.tobytes())
-    for module in ("off_tracking.py", "tight_turns.py"):
-        content.update(files("simbev_ros.scene").joinpath(module).read_bytes())
     return content.digest()
+
+
+def _version() -> bytes:
+    """That of the code."""
+    here = (files("simbev_ros.scene").joinpath(name) for name in ("off_tracking.py", "tight_turns.py"))
+    return b"".join((code_version(), *(module.read_bytes() for module in here)))

@@ -1,6 +1,8 @@
 """Tracks and futures of a scene made by formula, checked box by box against a search of its tables."""
 
 import io
+import random
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -118,6 +120,15 @@ def test_the_file_holds_all_of_it_and_numpy_reads_it() -> None:
 def test_a_damaged_file_is_named(damage: bytes) -> None:
     with pytest.raises(BagError, match="trajectories are damaged"):
         tracks_of_npz(damage)
+
+
+def test_flipped_bits_are_named_or_change_nothing_that_counts() -> None:
+    file, choice = npz_of(scene()), random.Random(1)
+    for place in (*choice.sample(range(len(file)), 1000), *range(len(file) - 900, len(file))):
+        damaged = bytearray(file)
+        damaged[place] ^= 1 << choice.randrange(8)
+        with suppress(BagError):
+            assert npz_of(tracks_of_npz(bytes(damaged))) == file
 
 
 @pytest.mark.parametrize(

@@ -155,6 +155,7 @@ def test_objects_have_all_keys_and_labels(exported: tuple[MadeUp, Path]) -> None
         assert record["num_lidar_pts"] == max(0, row["lidar_points"]) and record["valid_flag"] == bool(row["valid"])
         np.testing.assert_allclose(record["angular_velocity"], np.degrees([row["wx"], row["wy"], row["wz"]]), rtol=1e-5)
     assert records[-2]["state"] == "Green" and records[-2]["type"] == "traffic.traffic_light"
+    assert (records[-2]["opendrive_id"], records[-2]["pole_index"]) == ("A_3", 1)  # the light has row 1 of the signals
     assert records[-2]["green_time"] == pytest.approx(float(made.ticks[0]["world/signals"]["green_time"][1]))
     assert records[-1]["type"] == "traffic.speed_limit.50" and records[-1]["sign_type"] == "speed_limit"
 

@@ -1,5 +1,7 @@
 """What is recorded is what was asked for, as long as there is room for it."""
 
+import os
+import signal
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -71,3 +73,17 @@ def test_a_full_disk_ends_the_recording_with_one_message(
         assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
     code, output = simbev("run", config, "--record", small_disk / "b").finish()
     assert code == 1 and "error: " in output and "must stay free (recording.least_free_mib)" in output
+
+
+def test_after_a_kill_the_same_command_records_the_scene_anew(
+    simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    config, dataset = small_config(2), tmp_path / "out"
+    command = simbev("run", config, "--record", dataset)
+    command.wait_for(lambda: any(file.stat().st_size > 400_000 for file in (dataset / f"{SCENE}.partial").glob("*")))
+    os.killpg(command.process.pid, signal.SIGKILL)
+    command.process.wait()
+    code, output = simbev("run", config, "--record", dataset).finish()
+    assert code == 0 and "a run that was ended has left a part of it; it is made anew" in output, output
+    assert [path.name for path in (dataset / "scenes/train").iterdir()] == ["Blocks-0000"]
+    assert verify_bag(dataset / SCENE) == []

@@ -78,6 +78,8 @@ def test_every_traffic_light_of_the_file_stops_a_lane_that_the_net_controls(town
     assert parts.layout.signal_places
     for place in parts.layout.signal_places:
         assert controlled.issuperset(place.lanes)
+    ids = {element.get("id", "") for element in ElementTree.parse(parts.opendrive).iter("signal")}
+    assert ids.issuperset(place.opendrive_id for place in parts.layout.signal_places)
 
 
 @pytest.mark.slow

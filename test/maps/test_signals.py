@@ -1,10 +1,14 @@
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import shapely
 
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.opendrive.attributes import Notes
+from simbev_ros.maps.opendrive.reader import read_document
+from simbev_ros.maps.opendrive.signals import read_signals
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import SignalPlace, Strip
 from simbev_ros.maps.roads.signals import place_signals
@@ -75,15 +79,26 @@ def test_places_that_the_map_names_are_used_and_the_rest_follows_the_rule(blocks
         link for link in net.links if link.lane == wide[0].lane and link.direction == "s" and link.link == wide[0].link
     )
     other = next(link for link in net.links if link.lane != straight.lane and link.direction in "lr")
-    place = SignalPlace(np.array([1.0, 2, 3]), np.array([1.0, 2, 9]), 0.25, (other.lane, straight.lane))
+    place = SignalPlace(np.array([1.0, 2, 3]), np.array([1.0, 2, 9]), 0.25, (other.lane, straight.lane), "mine")
     idle = SignalPlace(np.zeros(3), np.ones(3), 0.0, ("no such lane",))
     signals = place_signals(net, replace(blocks.layout, signal_places=(place, idle)))
     here = [signal for signal in signals if signal.position_m is place.head_m]
     assert [(signal.programme, signal.link, signal.lane) for signal in here] == [
         (straight.programme, straight.link, straight.lane)
     ], "one head for both lanes, which shows the straightest movement"
+    assert {signal.opendrive_id for signal in signals} == {"mine", ""}, "a head by rule is not in that map's file"
     rest = {signal.lane for signal in blocks.signals} - {other.lane, straight.lane}
     assert {signal.lane for signal in signals if all(signal is not each for each in here)} == rest
+
+
+def test_the_signal_of_the_opendrive_that_a_head_is_stands_at_the_end_of_its_lane(blocks: RoadNetwork) -> None:
+    notes, root = Notes(blocks.opendrive_path), ElementTree.fromstring(blocks.opendrive)
+    place_m = {each.id: each.position_m for each in read_signals(read_document(Path("map"), root, notes), notes)}
+    assert len(blocks.signals) == len({signal.opendrive_id for signal in blocks.signals}) > 20
+    for signal in blocks.signals:
+        np.testing.assert_allclose(
+            place_m[signal.opendrive_id], blocks.lanes[signal.lane].centerline_m[-1], atol=0.1, err_msg=str(signal)
+        )
 
 
 def test_poles_stand_on_the_carriageways_plane_of_their_level(blocks: RoadNetwork) -> None:

@@ -105,10 +105,10 @@ def test_files_of_a_split_bag_that_are_missing_or_damaged_are_found(tmp_path: Pa
     assert verify_bag(path) == []
     middle, count = path / "a_1.mcap", len(list(path.glob("*.mcap")))
     content = middle.read_bytes()
-    middle.write_bytes(content[:-50])
+    middle.write_bytes(content[: len(content) // 2])
     assert {fault.place for fault in verify_bag(path)} == {"a_1.mcap"}
     repaired = repair_bag(path, tmp_path / "b")
-    assert verify_bag(repaired.path) and all(loss.startswith("a_1.mcap: ") for loss in repaired.lost)
+    assert verify_bag(repaired.path) and repaired.lost[0].startswith("a_1.mcap: ")
     middle.unlink()
     assert [fault.problem for fault in verify_bag(path)] == ["a_1.mcap is missing"]
     rest = repair_bag(path, tmp_path / "c")

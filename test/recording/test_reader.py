@@ -1,12 +1,17 @@
+import random
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from damage import sound_bag
 from ros_messages import image, message, point_cloud, serialise, string
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.chunk_cache import ChunkCache
+from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
 
@@ -50,6 +55,39 @@ def test_a_flipped_bit_in_a_chunk_is_found(tmp_path: Path) -> None:
     (path / "a_0.mcap").write_bytes(data)
     with SceneBag(path) as bag, pytest.raises(BagError, match=f"damaged chunk at byte {offset}"):
         list(bag.messages())
+
+
+def test_no_flipped_bit_makes_another_bag_of_it(tmp_path: Path) -> None:
+    path = sound_bag(tmp_path / "a")
+    file, truth = path / "a_0.mcap", content(path)
+    data = file.read_bytes()
+    choice, found = random.Random(4), set[str]()
+    for place in choice.sample(range(8, len(data) - 8), 500):
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << choice.randrange(8)
+        file.write_bytes(damaged)
+        try:
+            assert content(path) == truth, place
+        except BagError as error:
+            found.update(re.findall("message index|the CRC of the summary|attachment|damaged chunk", str(error)))
+    assert found == {"message index", "the CRC of the summary", "attachment", "damaged chunk"}
+
+
+def content(path: Path) -> tuple[object, ...]:
+    """All that can be read of a bag, by the index too."""
+    with SceneBag(path) as bag:
+        stamps = {topic.name: topic.stamps_ns.tolist() for topic in bag.topics.values()}
+        read = list(bag.messages()), stamps, dict(bag.attachments)
+    indexed = IndexedBag(path, ChunkCache(1 << 20))
+    return *read, [bytes(indexed.payload(place)) for topic in indexed.topics.values() for place in topic.places]
+
+
+def test_a_description_that_is_damaged_is_named(tmp_path: Path) -> None:
+    path = sound_bag(tmp_path / "a")
+    file = path / "a_0.mcap"
+    file.write_bytes(file.read_bytes().replace(b"expected: '{\"", b"expected: '[\""))
+    with SceneBag(path) as bag, pytest.raises(BagError, match="a: expected in the bag's description is damaged"):
+        bag.fact("expected")
 
 
 @pytest.mark.parametrize(

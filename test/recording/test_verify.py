@@ -45,6 +45,15 @@ def test_every_flipped_bit_is_found(bag: Path) -> None:
         assert problems(bag), place
 
 
+def test_a_damaged_attachment_is_named_once(bag: Path) -> None:
+    file = bag / "a_0.mcap"
+    file.write_bytes(file.read_bytes().replace(b"scene.json", b"scene.jsoN", 1))
+    assert [problem.partition(": ")[2] for problem in problems(bag)] == [
+        "attachment at byte 45: the CRC of attachment scene.jsoN is wrong",
+        "the CRC of all before the summary is wrong",
+    ]
+
+
 def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Path) -> None:
     description = bag / "metadata.yaml"
     text = description.read_text()
@@ -69,7 +78,7 @@ def test_a_foreign_file_beside_a_foreign_description_is_no_bag(tmp_path: Path) -
 
 def test_an_unfinished_scene_is_found(bag: Path) -> None:
     unfinished = bag.rename(bag.with_name("a.partial"))
-    assert problems(unfinished) == [": the scene was not finished: what ended it is in the dataset's log"]
+    assert problems(unfinished) == [": the scene was not finished; simbev repair saves what is in it"]
 
 
 def write(path: Path, messages: list[tuple[str, int, bytes]], **facts: str) -> Path:

@@ -1,10 +1,12 @@
 """Rows of /ego/boxes as the dictionaries of the SimBEV layout.
 
-Vectors are in the map frame, right-handed; angles are degrees. ``location`` is the middle of the box's lower face. What
-CARLA would know and we do not is None: ``opendrive_id``, as our signal heads are placed by the rules of the road, and
-several links of OpenDRIVE share one. A box that no lidar or radar was received for has no points.
+Vectors are in the map frame, right-handed; angles are degrees. ``location`` is the middle of the box's lower face. The
+``opendrive_id`` is that of the signal in /world/map whose state a head shows: that of the straightest movement, as
+several signals of the file may share a head. It is None where an imported map has no signal for a controlled lane. A
+box that no lidar or radar was received for has no points.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,7 +17,7 @@ from simbev_ros.export.simbev.encodings import npy
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.scene.state import SignalState
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
-from simbev_ros.types import Float64Array, Int64Array, Table
+from simbev_ros.types import Float64Array, Table
 from simbev_ros.world.signals import ALL_RED_S, YELLOW_S
 
 _UNIT_CORNERS = np.array([(x, -y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -30,25 +32,24 @@ _STATES = {
 }
 """CARLA's names; red with yellow, which it does not know, still forbids to go."""
 
-_ONE_JUNCTION_M = 80.0
 _MPS_TO_KMH = 3.6
 
 
-def box_file(boxes: Table, signals: Table, blueprints: Sequence[Mapping[str, Any]]) -> bytes:
+def box_file(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> bytes:
     """A frame's file: an array of objects; arguments are those of ``box_records``."""
-    records = box_records(boxes, signals, blueprints)
+    records = box_records(boxes, signals, legend)
     array = np.empty(len(records), object)
     array[:] = records
     return npy(array)
 
 
-def box_records(boxes: Table, signals: Table, blueprints: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def box_records(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One dictionary for each box.
 
     Args:
         boxes: (N,) rows of /ego/boxes.
         signals: Rows of /world/signals of the same tick.
-        blueprints: Those of /world/legend.
+        legend: /world/legend.
     """
     rpy_rad = np.stack([boxes[name] for name in ("roll", "pitch", "yaw")], axis=1).astype(np.float64)
     size_m = np.stack([boxes[name] for name in ("length", "width", "height")], axis=1).astype(np.float64)
@@ -62,35 +63,30 @@ def box_records(boxes: Table, signals: Table, blueprints: Sequence[Mapping[str, 
         "linear_velocity": _vectors(boxes, "vx", "vy", "vz"),
         "angular_velocity": np.degrees(_vectors(boxes, "wx", "wy", "wz")),
     }
-    poles = pole_indices(signals)
+    heads = _heads(legend["signals"])
     records = []
     for index, row in enumerate(boxes):
         record = {
-            **_identity(row, blueprints),
+            **_identity(row, legend["blueprints"]),
             **{name: values[index] for name, values in vectors.items()},
             **_labels(row),
         }
         if row["tag"] == Tag.TRAFFIC_LIGHT:
             place = int(row["id"]) - LIGHT_IDS - 1
-            record |= _light(row, signals[place], int(poles[place]))
+            record |= _light(row, signals[place]) | heads[place]
         elif row["tag"] == Tag.TRAFFIC_SIGN:
             record["sign_type"] = SIGN_TYPES[row["sign"]]
         records.append(record)
     return records
 
 
-def pole_indices(signals: Table) -> Int64Array:
-    """(S,) of each signal head its index among those of its junction.
-
-    The table has the heads of a programme together; they share its green time and stand around one junction.
-    """
-    if not len(signals):
-        return np.zeros(0, np.int64)
-    apart_m = np.hypot(np.diff(signals["x"]), np.diff(signals["y"]))
-    is_first = np.append(True, (np.diff(signals["green_time"]) != 0) | (apart_m > _ONE_JUNCTION_M))
-    place = np.arange(len(signals))
-    index: Int64Array = place - place[is_first][np.cumsum(is_first) - 1]
-    return index
+def _heads(signals: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Of each entry of a legend's signals its OpenDRIVE id, and its index among the heads of its programme."""
+    counts, heads = Counter[str](), []
+    for signal in signals:
+        heads.append({"opendrive_id": signal["opendrive_id"], "pole_index": counts[signal["programme"]]})
+        counts[signal["programme"]] += 1
+    return heads
 
 
 def _identity(row: Table, blueprints: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -141,14 +137,12 @@ def _labels(row: Table) -> dict[str, Any]:
     }
 
 
-def _light(row: Table, signal: Table, pole_index: int) -> dict[str, Any]:
+def _light(row: Table, signal: Table) -> dict[str, Any]:
     return {
         "green_time": float(signal["green_time"]),
         "yellow_time": YELLOW_S,
         "red_time": ALL_RED_S,
         "state": _STATES[SignalState(int(row["state"]))],
-        "opendrive_id": None,
-        "pole_index": pole_index,
     }
 
 

@@ -9,6 +9,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.dataset import Frame, Scene
+from simbev_ros.errors import BagError
 from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.boxes import box_file
 
@@ -42,7 +43,7 @@ class Channel:
 
 
 def channels(scene: Scene) -> tuple[Channel, ...]:
-    """All that can be made of a scene."""
+    """All that can be made of a scene. Raises BagError if it was recorded by a version that did not say all of it."""
     known = set(scene.keys)
     wanted = (*_cameras(), *_others(scene), *_ground_truth(scene))
     return tuple(channel for channel in wanted if known.issuperset(channel.keys))
@@ -112,7 +113,9 @@ def _ground_truth(scene: Scene) -> Iterator[Channel]:
     yield _truth("GT_SEG_VIZ", "seg_viz", "jpg", encodings.bev_jpeg, "bev/labels")
     legend = scene.constants.get("world/legend")
     if legend is not None:
-        encode = partial(box_file, blueprints=legend["blueprints"])
+        if "signals" not in legend:
+            raise BagError(f"{scene.path}: recorded by another version: its /world/legend has no signals")
+        encode = partial(box_file, legend=legend)
         yield _truth("GT_DET", "det", "bin", encode, "boxes", "world/signals")
     yield _truth("HD_MAP", "hd_map", "json", encodings.hd_map_json, "hd_map")
 

@@ -79,7 +79,7 @@ def signal_places_of(
 ) -> tuple[SignalPlace, ...]:
     """All traffic lights for vehicles; those without a height of their own hang on a post.
 
-    Several at one place, as SUMO writes one for each arrow, are one head.
+    Several at one place, as SUMO writes one for each arrow, are one head, which has the id of the first.
     """
     found: dict[tuple[float, ...], SignalPlace] = {}
     for signal in signals:
@@ -94,8 +94,9 @@ def signal_places_of(
             ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
             head_m = foot_m + _HEAD_BEFORE_POLE_M * ahead + np.array([0.0, 0.0, _HEAD_ABOVE_FOOT_M])
         place = (*np.round(head_m, 1).tolist(), round(yaw_rad, 1))
-        others = found[place].lanes if place in found else ()
-        found[place] = SignalPlace(foot_m, head_m, yaw_rad, tuple(dict.fromkeys((*others, *lanes))))
+        first = found.get(place)
+        others, name = ((), signal.id) if first is None else (first.lanes, first.opendrive_id)
+        found[place] = SignalPlace(foot_m, head_m, yaw_rad, tuple(dict.fromkeys((*others, *lanes))), name)
     return tuple(found.values())
 
 

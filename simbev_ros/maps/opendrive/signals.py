@@ -34,6 +34,7 @@ class Signal:
     """A traffic light, sign or stop line.
 
     Attributes:
+        id: The file's.
         meaning: As in ``SIGNAL_MEANINGS``.
         road: The road that it stands at.
         s_m: Where along it.
@@ -48,6 +49,7 @@ class Signal:
         painted: Paint on the road, not a thing on a post.
     """
 
+    id: str
     meaning: str
     road: Road
     s_m: float
@@ -166,6 +168,7 @@ def _signal(
     turn_rad = number(element, "hOffset", 0.0) if element.tag == "signal" else number(element, "hdg", 0.0)
     name = element.get("name", "").lower()
     return Signal(
+        id=element.get("id", ""),
         meaning=meaning,
         road=own.road,
         s_m=own.s_m,

@@ -161,12 +161,14 @@ class SignalPlace:
         head_m: (3,) centre of the head.
         yaw_rad: Direction in which the lamps shine, towards the traffic that they are for.
         lanes: Ids of the ``network.Lane``s that they are for.
+        opendrive_id: Of the map's signal.
     """
 
     foot_m: Float64Array
     head_m: Float64Array
     yaw_rad: float
     lanes: tuple[str, ...]
+    opendrive_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,6 +54,11 @@ def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
     return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
 
 
+def with_ids_of_net(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+    """Heads with the ids that their links have in the OpenDRIVE that netconvert makes of the net."""
+    return tuple(replace(signal, opendrive_id=f"{signal.programme}_{signal.link}") for signal in signals)
+
+
 def _by_edge(lanes: Iterable[Lane]) -> dict[str, list[Lane]]:
     """Lanes by edge, each edge's from the curb inward."""
     edges: dict[str, list[Lane]] = defaultdict(list)
@@ -67,7 +72,8 @@ def _at_place(place: SignalPlace, main: Mapping[str, ControlledLink]) -> Iterato
     links = [main[lane] for lane in place.lanes if lane in main]
     if links:
         link = min(links, key=_by_straightness)
-        yield Signal(place.head_m, place.yaw_rad, place.foot_m, link.programme, link.link, link.lane)
+        name = place.opendrive_id
+        yield Signal(place.head_m, place.yaw_rad, place.foot_m, link.programme, link.link, link.lane, name)
 
 
 def _grounded(signals: Sequence[Signal], elevation: Elevation) -> Iterator[Signal]:

@@ -1,0 +1,82 @@
+"""What another version of the code has left in the cache goes when it is old and nobody uses it; nothing else does."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.maps import cache_ageing
+from simbev_ros.maps.cache import folder_of
+from simbev_ros.maps.cache_ageing import KEPT_S, entry_path, remove_unused, use
+
+
+def entry(cache: Path, name: str, version: bytes, *, unused_s: float) -> Path:
+    folder = entry_path(cache / "maps", name, version, b"")
+    folder.mkdir(parents=True)
+    (folder / "net").write_text(name)
+    return aged(folder, unused_s)
+
+
+def aged(folder: Path, unused_s: float) -> Path:
+    os.utime(folder, (time.time() - unused_s, time.time() - unused_s))
+    return folder
+
+
+def written(cache: Path) -> Path:
+    """A new entry of version 2."""
+    return folder_of("maps", "New", b"2", os.urandom(4), lambda work: (work / "net").touch(), cache)
+
+
+def test_only_old_entries_of_other_versions_go(tmp_path: Path) -> None:
+    old = entry(tmp_path, "Old", b"1", unused_s=KEPT_S + 60)
+    kept = [entry(tmp_path, "Young", b"1", unused_s=KEPT_S - 60), entry(tmp_path, "Mine", b"2", unused_s=2 * KEPT_S)]
+    (tmp_path / "maps/.Town-killed").mkdir()  # of a build that was killed
+    aged(tmp_path / "maps/.Town-killed", 2 * KEPT_S)
+    (tmp_path / "maps/Town-84de7e876f2f15e4e297").mkdir()  # names had no version once
+    aged(tmp_path / "maps/Town-84de7e876f2f15e4e297", 2 * KEPT_S)
+    new = written(tmp_path)
+    assert not old.exists() and sorted((tmp_path / "maps").iterdir()) == sorted([*kept, new])
+    assert (tmp_path / "maps").is_dir() and (kept[0] / "net").read_text() == "Young"
+
+
+def test_what_is_used_stays_as_long_as_the_process_lives(tmp_path: Path) -> None:
+    folder = entry(tmp_path, "Old", b"1", unused_s=2 * KEPT_S)
+    program = f"import sys, pathlib; from simbev_ros.maps.cache_ageing import use; use(pathlib.Path({str(folder)!r}))"
+    command = [sys.executable, "-c", f"{program}; print('used', flush=True); sys.stdin.read()"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as user:
+        assert user.stdout is not None and user.stdout.readline() == "used\n"
+        assert time.time() - folder.stat().st_mtime < 60
+        aged(folder, 2 * KEPT_S)
+        written(tmp_path)
+        assert (folder / "net").is_file()
+    written(tmp_path)
+    assert not folder.exists()
+
+
+def test_an_entry_that_is_taken_into_use_at_the_last_moment_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, remove = entry(tmp_path, "Old", b"1", unused_s=2 * KEPT_S), cache_ageing._remove
+
+    def late(old: Path) -> None:
+        os.utime(folder)
+        remove(old)
+
+    monkeypatch.setattr(cache_ageing, "_remove", late)
+    written(tmp_path)
+    assert (folder / "net").is_file()
+
+
+def test_a_found_entry_counts_as_used_and_one_that_is_gone_is_no_error(tmp_path: Path) -> None:
+    found = written(tmp_path)
+    aged(found, 2 * KEPT_S)
+    key = b"the same"
+    again = folder_of("maps", "New", b"2", key, lambda work: None, tmp_path)
+    aged(again, 2 * KEPT_S)
+    assert folder_of("maps", "New", b"2", key, lambda work: pytest.fail("built again"), tmp_path) == again
+    assert time.time() - again.stat().st_mtime < 60 < time.time() - found.stat().st_mtime
+    use(tmp_path / "gone")
+    remove_unused(found)

@@ -233,6 +233,21 @@ def test_an_unknown_scene_is_named(tmp_path: Path, write: Writer) -> None:
         predicted.of_dataset([SCENE])
 
 
+def test_columns_of_an_npz_file_are_lists_of_numbers_or_of_texts(tmp_path: Path) -> None:
+    as_bytes = {"class": np.array([b"car", b"bus", b"pedestrian"]), "scene": np.array([SCENE, OTHER, SCENE], bytes)}
+    scene = read(to_npz(tmp_path / "a", some_columns(frame_id=np.array(b"ego/lidar"), **as_bytes)))
+    assert [BOX_CLASSES[label] for label in scene.boxes().predictions.boxes.label] == ["car", "pedestrian"]
+    assert scene.boxes().references[0].frame_id == "ego/lidar"
+    for name, values, message in (
+        ("class", np.array(0), "class: is of the type int64; it must be one-dimensional, integer or text"),
+        ("x", np.zeros((3, 1)), "x: is of the type float64; it must be one-dimensional"),
+        ("x", np.zeros(2), "x: has 2 rows; class has 3"),
+        ("class", np.array([b"car", b"bus", "piéton".encode("latin1")]), "class: is not UTF-8: "),
+    ):
+        with pytest.raises(InputError, match=rf"b\.npz: {message}"):
+            open_predictions(to_npz(tmp_path / "b", some_columns(**{name: values})))
+
+
 def test_a_missing_scene_or_tick_is_named(tmp_path: Path) -> None:
     columns = {name: values.tolist() for name, values in some_columns().items()}
     pq.write_table(pa.table({**columns, "scene": [SCENE, None, SCENE]}), tmp_path / "a.parquet")

@@ -203,6 +203,11 @@ def test_a_score_that_is_not_a_number_is_refused() -> None:
         scored(some_boxes([(0, 0, 0), (1, 0, 0)]), 0.5, np.nan)
 
 
+def test_matching_needs_a_threshold() -> None:
+    with pytest.raises(InputError, match="thresholds: there is none, neither of 3D IoU nor of distance"):
+        DetectionOptions(ious=(), distances_m=())
+
+
 def test_another_scenes_predictions_are_refused() -> None:
     strange = scored(some_boxes([(0, 0, 0)], frame=321), 0.5)
     with pytest.raises(InputError, match="predictions: frame: 321 is not of this scene, which has 320 frames, from 1 "):

@@ -90,6 +90,27 @@ def test_nothing_waits_for_ever() -> None:
     assert scene.left(0.4) == [(0, 0)]
 
 
+def test_a_stack_that_says_nothing_is_waited_for_twice() -> None:
+    scene = Scene(LOCKSTEP).truth(0, 1, 2)
+    assert scene.left(10.2) == [(0, 0)]
+    assert scene.left(10.2) == [(1, 0), (2, 0)]
+    assert scene.truth(3).left() == [(3, 0)]
+    scene.answer(3)
+    assert scene.truth(4).left(9.8) == []
+    assert scene.answer(4).left() == [(4, 2)]
+    assert (scene.join.books.missed, scene.join.books.late) == (4, 2)
+
+
+def test_of_two_topics_one_may_fall_silent() -> None:
+    scene = Scene(LOCKSTEP).truth(0).answer(0)
+    scene.left()
+    for tick in (1, 2):
+        assert scene.truth(tick).answer(tick, "/boxes").left(10.2) == [(tick, 1)]
+    assert scene.truth(3).left(9.8) == []
+    assert scene.answer(3, "/boxes").left() == [(3, 1)]
+    assert scene.join.books.missed == 3
+
+
 def test_time_in_which_nobody_looked_is_not_waited() -> None:
     scene = Scene(LOCKSTEP).truth(0)
     scene.now_s += 1000.0

@@ -81,7 +81,7 @@ def evaluate(
     Every frame of the chosen scenes counts; one without an answer is missed. A class without truth is in no mean.
     Conditions: rain from a precipitation of 10 % on, else fog from a density of 20 %, else cloudy from 60 %; twilight
     while the sun is within 6° of the horizon. Rows of a table are parts of the whole: what is predicted in vain counts
-    in each row that its distance and frame belong to.
+    in each row that its distance and frame belong to, and in none farther away than boxes are labelled.
 
     [bold]Examples[/]
 

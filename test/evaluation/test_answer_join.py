@@ -168,6 +168,10 @@ def test_answers_after_their_frame_are_late() -> None:
 def test_a_frame_is_answered_once() -> None:
     with pytest.raises(InputError, match=r"^/boxes: tick 0 is answered twice; allowed is one answer to each frame$"):
         Scene(LOCKSTEP).answer(0, "/boxes").answer(0, "/boxes")
+    scene = Scene(LOCKSTEP, topics=["/boxes"]).truth(0).answer(0, "/boxes")
+    assert scene.left() == [(0, 1)]
+    with pytest.raises(InputError, match=r"^/boxes: tick 0 is answered twice"):
+        scene.answer(0, "/boxes")
 
 
 def test_the_end_is_reached_when_the_last_frame_has_left() -> None:
@@ -177,6 +181,17 @@ def test_the_end_is_reached_when_the_last_frame_has_left() -> None:
     assert not scene.join.is_over
     assert scene.left(2.2) == [(1, 0)]
     assert scene.join.is_over
+
+
+def test_live_late_answers_do_not_put_off_the_end() -> None:
+    scene = Scene(LIVE).truth(0, 1, 2, 3, 4, 5, 6)
+    assert scene.left() == [(0, 0), (1, 0), (2, 0)]
+    scene.join.end(6)
+    for tick in range(2):
+        assert scene.answer(tick).left(0.8) == []
+    assert scene.answer(2).left(0.8) == [(tick, 0) for tick in range(3, 7)]
+    assert scene.join.is_over
+    assert (scene.join.books.missed, scene.join.books.late) == (7, 6)
 
 
 def test_live_the_end_is_reached_although_its_truth_is_lost() -> None:

@@ -132,11 +132,11 @@ def evaluate(
         task = bars.add_task("", total=sum(len(range(0, len(scene), every)) for scene in chosen))
         result = evaluated(chosen, said, options, jobs or os.cpu_count() or 1, lambda n: bars.update(task, completed=n))
     figures = {"dataset": str(dataset), "predictions": str(predictions), **figures_of(result)}
-    print_tables(figures, console)
-    if json_file is not None:
+    if json_file is not None:  # before the tables, whose reader may go, as head does
         with writing(json_file):
             json_file.write_text(json.dumps(figures, indent=2) + "\n")
         console.print(f"figures in {escape(str(json_file))}", soft_wrap=True)
+    print_tables(figures, console)
     if report is not None:
         from simbev_ros.viz.evaluation_report import write_evaluation_report
 

@@ -81,7 +81,7 @@ def evaluate(
     Every frame of the chosen scenes counts; one without an answer is missed. A class without truth is in no mean.
     Conditions: rain from a precipitation of 10 % on, else fog from a density of 20 %, else cloudy from 60 %; twilight
     while the sun is within 6° of the horizon. Rows of a table are parts of the whole: what is predicted in vain counts
-    in each row that its distance and frame belong to.
+    in each row that its distance and frame belong to, and in none farther away than boxes are labelled.
 
     [bold]Examples[/]
 
@@ -132,11 +132,11 @@ def evaluate(
         task = bars.add_task("", total=sum(len(range(0, len(scene), every)) for scene in chosen))
         result = evaluated(chosen, said, options, jobs or os.cpu_count() or 1, lambda n: bars.update(task, completed=n))
     figures = {"dataset": str(dataset), "predictions": str(predictions), **figures_of(result)}
-    print_tables(figures, console)
-    if json_file is not None:
+    if json_file is not None:  # before the tables, whose reader may go, as head does
         with writing(json_file):
             json_file.write_text(json.dumps(figures, indent=2) + "\n")
         console.print(f"figures in {escape(str(json_file))}", soft_wrap=True)
+    print_tables(figures, console)
     if report is not None:
         from simbev_ros.viz.evaluation_report import write_evaluation_report
 

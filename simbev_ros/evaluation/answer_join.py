@@ -4,6 +4,7 @@ A frame is one at which the stack's input is due. It leaves, in the order of the
 kind of answer that the stack gives has come, or will not come any more. Pure: the time is told.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +17,7 @@ _TRUTH = (POSE, BOXES, LABELS)
 _LONGEST_LOOK_S = 0.25
 """Time that passes unobserved, while something is computed, is not waited: messages lie there that were not read."""
 _AFTER_REPORT_S = 1.0
+_MOST_IN_VAIN = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,8 @@ class Patience:
         grace_ticks: Live: until the truth is so many ticks ahead; None: lockstep, where nothing is lost, so that an
             answer to a later frame says that there is none to this one.
         idle_s: Until nothing has come for so long; one second where the stack has said that it has finished the tick.
+            Live, answers are waited for no longer than that after the end.
+            In lockstep, a topic that was waited for in vain twice is not waited for before it speaks again.
     """
 
     grace_ticks: int | None
@@ -87,10 +91,12 @@ class AnswerJoin:
         self._frames: dict[int, OpenFrame] = {}
         self._newest = dict.fromkeys(_TRUTH, -1)
         self._newest_answer: dict[str, int | None] = {}
+        self._answered: set[tuple[str, int]] = set()
         self._silent: set[str] = set()
+        self._in_vain: Counter[str] = Counter()
         self._stack_tick = -1
         self._looked_s: float | None = None
-        self._idle_s = 0.0
+        self._idle_s = self._ended_s = 0.0
         self._last_tick: int | None = None
         self.books = Books()
         self.finished_tick = -1
@@ -121,18 +127,20 @@ class AnswerJoin:
         """An answer, be it to a tick that has no frame.
 
         Raises:
-            InputError: The frame has one of this topic.
+            InputError: There was one of this topic to this tick.
         """
         self._idle_s = 0.0
+        if (topic, tick) in self._answered:
+            raise InputError(f"{topic}: tick {tick} is answered twice; allowed is one answer to each frame")
+        self._answered.add((topic, tick))
         newest = self._newest_answer.get(topic)
         self._newest_answer[topic] = tick if newest is None else max(newest, tick)
         self._silent.discard(topic)
+        self._in_vain[topic] = 0
         frame = self._frame(tick)
         if frame is None:
             self.books.late += self._is_due(tick)
             return
-        if topic in frame.answers:
-            raise InputError(f"{topic}: tick {tick} is answered twice; allowed is one answer to each frame")
         frame.answers[topic] = value
         frame.answered_s = max(frame.answered_s, at_s)
 
@@ -152,13 +160,19 @@ class AnswerJoin:
             now_s: On a clock that never runs backwards.
         """
         if self._looked_s is not None:
-            self._idle_s += min(now_s - self._looked_s, _LONGEST_LOOK_S)
+            waited_s = min(now_s - self._looked_s, _LONGEST_LOOK_S)
+            self._idle_s += waited_s
+            self._ended_s += 0.0 if self._last_tick is None else waited_s
         self._looked_s = now_s
         while not self.is_over and self._may_leave(tick := self.finished_tick + 1):
             frame = self._frames.pop(tick, None) or OpenFrame(tick)
             self.finished_tick = tick
-            if self._is_due(tick) and self._counts(frame):
-                yield frame
+            if self._is_due(tick):
+                if self._patience.grace_ticks is None and self._is_idle:
+                    self._in_vain.update(topic for topic in self._awaited() if topic not in frame.answers)
+                    self._idle_s = 0.0
+                if self._counts(frame):
+                    yield frame
 
     def _frame(self, tick: int) -> OpenFrame | None:
         """That of a tick, unless it has left or there is none."""
@@ -166,8 +180,12 @@ class AnswerJoin:
             return None
         return self._frames.setdefault(tick, OpenFrame(tick))
 
+    @property
+    def _is_idle(self) -> bool:
+        return self._idle_s >= self._patience.idle_s
+
     def _may_leave(self, tick: int) -> bool:
-        is_live, is_idle = self._patience.grace_ticks is not None, self._idle_s >= self._patience.idle_s
+        is_live, is_idle = self._patience.grace_ticks is not None, self._is_idle
         if self._newest[POSE] < tick:
             return is_live and is_idle and self._last_tick is not None
         if not self._is_due(tick):
@@ -176,14 +194,15 @@ class AnswerJoin:
         missing = [part for part in _TRUTH if part not in frame.truth]
         if missing:
             return any(self._newest[part] > tick for part in missing) or (is_live and is_idle)
-        return is_idle or all(self._is_settled(topic, frame) for topic in self._awaited())
+        is_past = is_live and self._ended_s >= self._patience.idle_s
+        return is_idle or is_past or all(self._is_settled(topic, frame) for topic in self._awaited())
 
     def _awaited(self) -> list[str]:
         return [topic for topic in self._newest_answer if topic not in self._silent]
 
     def _is_settled(self, topic: str, frame: OpenFrame) -> bool:
         """Whether an answer has come, or will not come any more."""
-        if topic in frame.answers:
+        if topic in frame.answers or self._in_vain[topic] >= _MOST_IN_VAIN:
             return True
         if self._stack_tick >= frame.tick and self._idle_s >= _AFTER_REPORT_S:
             return True

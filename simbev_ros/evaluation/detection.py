@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from simbev_ros.errors import InputError
 from simbev_ros.evaluation.curves import Area, Curve, average_precision, curve
 from simbev_ros.evaluation.errors import ERRORS
 from simbev_ros.evaluation.means import known_mean
@@ -43,6 +44,11 @@ class DetectionOptions:
     distances_m: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
     planar: bool = False
     area: Area = "steps"
+
+    def __post_init__(self) -> None:
+        """Raise InputError if nothing could match."""
+        if not self.thresholds:
+            raise InputError("thresholds: there is none, neither of 3D IoU nor of distance; at least one is needed")
 
     @property
     def thresholds(self) -> tuple[tuple[Method, float], ...]:

@@ -31,12 +31,6 @@ def iou_of_pairs(boxes: Boxes, others: Boxes, box: Int64Array, other: Int64Array
     return result
 
 
-def iou_matrix(boxes: Boxes, others: Boxes) -> Float64Array:
-    """(N, M) overlap of each with each."""
-    box, other = np.indices((len(boxes), len(others))).reshape(2, -1)
-    return iou_of_pairs(boxes, others, box, other).reshape(len(boxes), len(others))
-
-
 def aligned_iou(size_m: Float64Array, other_size_m: Float64Array) -> Float64Array:
     """(K,) overlap of boxes of (K, 3) sizes that share centre and orientation; 0 where neither has a volume."""
     return _over_union(np.minimum(size_m, other_size_m).prod(axis=1), size_m, other_size_m)

@@ -45,9 +45,9 @@ class PredictedBoxes:
     def __len__(self) -> int:
         return len(self.predictions)
 
-    def of_tick(self, tick: int) -> "PredictedBoxes":
-        """Those of one frame."""
-        chosen = self.predictions.boxes.frame == tick
+    def of_ticks(self, ticks: Sequence[int]) -> "PredictedBoxes":
+        """Those of some frames."""
+        chosen = np.isin(self.predictions.boxes.frame, ticks)
         return PredictedBoxes(self.predictions.take(chosen), self.references, self.reference[chosen])
 
     @classmethod

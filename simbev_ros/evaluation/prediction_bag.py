@@ -29,14 +29,12 @@ from simbev_ros.evaluation.score_grid import ScoreGrid
 from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.mcap_index import read_index
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import NS_PER_S, SceneSpec, scene_number_of
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import Float32Array, Int64Array
 
 _SCENE_TOPIC = "/world/scene"
 _CDR_HEAD_BYTES = 4
-_HOUR_NS = 3600 * NS_PER_S
-"""Each scene's stamps have one of their own."""
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -70,7 +68,7 @@ class PredictionBag:
         specs = self._specs()
         self.is_named = bool(specs)
         self.scenes = tuple(dict.fromkeys(spec.name for spec in specs)) or (self._bag.file.stem.removesuffix("_0"),)
-        self._hours = {spec.start_ns // _HOUR_NS for spec in specs}
+        self._numbers = {spec.number for spec in specs}
         self._found: dict[str, dict[str, dict[int, Int64Array]]] = {}
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
@@ -141,10 +139,10 @@ class PredictionBag:
         """Whether a stamp must be that of a frame: it is neither of the warm-up nor of another scene of this bag."""
         if not len(stamps_ns):
             return False
-        first_ns, hour = int(stamps_ns[0]), stamp_ns // _HOUR_NS
-        if hour == first_ns // _HOUR_NS:
+        first_ns, number = int(stamps_ns[0]), scene_number_of(stamp_ns)
+        if number == scene_number_of(first_ns):
             return stamp_ns >= first_ns
-        return hour not in self._hours
+        return number not in self._numbers
 
     def _stamp_ns(self, topic: IndexedTopic, place: Int64Array) -> int | None:
         """Stamp of a message, of most types without decoding it: they begin with a header."""

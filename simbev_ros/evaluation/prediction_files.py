@@ -123,12 +123,14 @@ class NpzBoxes:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        arrays = read_npz(path, (*ALL_COLUMNS, "frame_id"))
+        read = read_npz(path, (*ALL_COLUMNS, "frame_id"))
+        arrays = {name: _decoded(path, name, values) for name, values in read.items()}
         frame_id = arrays.pop("frame_id", np.array(MAP_FRAME))
         self.frame_id = _one_text(frame_id, path)
         require_columns(str(path), arrays)
         for name, values in arrays.items():
             _require_kind(path, name, str(values.dtype), _KINDS.get(values.dtype.kind, "") if values.ndim == 1 else "")
+        for name, values in arrays.items():
             if len(values) != len(arrays["class"]):
                 raise InputError(f"{path}: {name}: has {len(values)} rows; class has {len(arrays['class'])}")
         self.is_named = "scene" in arrays
@@ -144,7 +146,7 @@ class NpzBoxes:
         if classes.dtype.kind in "iu":
             label = numbered_labels(classes, rows, may_be_empty=True)
         else:
-            names, code = np.unique(classes.astype(str), return_inverse=True)
+            names, code = np.unique(classes, return_inverse=True)
             label = named_labels(names.tolist(), code, rows, may_be_empty=True)
         return answers_of(columns, label, rows, self.frame_id, scene, stamps_ns)
 
@@ -152,7 +154,7 @@ class NpzBoxes:
         return NpzBoxes, (self.path,)
 
 
-_KINDS = {"i": "integer", "u": "integer", "f": "float", "U": "text", "S": "text"}
+_KINDS = {"i": "integer", "u": "integer", "f": "float", "U": "text"}
 _ALLOWED = {
     "scene": {"text"},
     "class": {"text", "integer"},
@@ -210,18 +212,26 @@ def _parquet_labels(column: pa.ChunkedArray, rows: Rows) -> UInt8Array:
 def _npz_rows(path: Path, arrays: dict[str, AnyArray]) -> SceneRows:
     if "scene" not in arrays:
         return SceneRows.of_codes([path.stem], np.zeros(len(arrays["class"]), np.uint8))
-    scene = arrays.pop("scene").astype(str, copy=False)
+    scene = arrays.pop("scene")
     start, stop = runs(scene)
     names, code = np.unique(scene[start], return_inverse=True)
     return SceneRows(names.tolist(), code, start, stop)
 
 
+def _decoded(path: Path, name: str, values: AnyArray) -> AnyArray:
+    """Texts of bytes as texts of characters; other values as they are."""
+    try:
+        return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: {name}: is not UTF-8: {error.reason}") from None
+
+
 def _one_text(value: AnyArray, path: Path) -> str:
-    if value.size != 1 or value.dtype.kind not in "US":
+    if value.size != 1 or value.dtype.kind != "U":
         raise InputError(
             f"{path}: frame_id: has the shape {value.shape} and the type {value.dtype}; it must be one text"
         )
-    return str(value.astype(str).item())
+    return str(value.item())
 
 
 @contextmanager

@@ -99,11 +99,6 @@ class PredictedScene:
         """Those of which something is said about boxes, be it that there are none."""
         return frozenset(tick for _, ticks in self._said for tick in ticks)
 
-    @property
-    def ticks_answered(self) -> frozenset[int]:
-        """Those of which anything is said."""
-        return self.ticks_with_boxes | self.ticks_with_grid
-
     @cached_property
     def _said(self) -> list[tuple[PredictedBoxes, frozenset[int]]]:
         said = [source.boxes(name, self.stamps_ns) for source, name in self.box_sources]

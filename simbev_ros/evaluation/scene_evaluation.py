@@ -83,7 +83,8 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
             conditions = truth[-1].conditions
             frames["iou"][row] = cells.add(frame["bev/labels"], conditions, predicted.grid(tick), base)
         step()
-    boxes = in_map(predicted.boxes(), ReferenceFrames.of(scene))
+    with_pose = np.flatnonzero(scene.has(("odom",))).tolist()
+    boxes = in_map(predicted.boxes().of_ticks(with_pose), ReferenceFrames.of(scene))
     scene_boxes = SceneBoxes(scene.spec, truth, boxes, options)
     frames["boxes"], frames["found"] = scene_boxes.found()
     return SceneTally(
@@ -108,7 +109,7 @@ def _ticks_with_truth(scene: Scene, *, grids: bool) -> list[int]:
 
 def outcomes_of(scene: Scene, predicted: PredictedScene, tick: int, options: EvaluationOptions) -> Outcomes:
     """What became of each box of one frame, as in ``evaluate_scene``. Raises as that does."""
-    boxes = in_map(predicted.boxes().of_tick(tick), ReferenceFrames.of(scene))
+    boxes = in_map(predicted.boxes().of_ticks([tick]), ReferenceFrames.of(scene))
     return SceneBoxes(scene.spec, [TrueFrame.of(scene[tick])], boxes, options).outcomes()
 
 

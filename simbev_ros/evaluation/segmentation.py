@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.means import known_mean
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float64Array, Int64Array, UInt8Array
 
@@ -45,10 +44,6 @@ class SegmentationTally:
         either = self.truth[:, None] + self.predicted - self.both
         iou: Float64Array = np.divide(self.both, either, out=np.full(either.shape, np.nan), where=either > 0)
         return iou
-
-    def mean_iou(self) -> Float64Array:
-        """(T,) mean over the classes that have an IoU; NaN where none has."""
-        return known_mean(self.iou(), axis=0)
 
 
 def no_frames(classes: int = len(BEV_CLASSES), thresholds: int = len(THRESHOLDS)) -> SegmentationTally:

@@ -78,7 +78,8 @@ class GraphMonitor:
             return silent
         world_tick, others_tick = self.world.finished_by_all(), self.behind_world.finished_by_all()
         if others_tick is None or (world_tick is not None and others_tick < world_tick):
-            return self.behind_world.laggards()
+            behind = self.behind_world.laggards()
+            return [name for name in behind if name not in self._nodes] or behind  # ours are heard, so they wait
         return [] if world_tick is not None else ["world"]
 
     def busy_ms(self, names: Iterable[str]) -> float:

@@ -20,6 +20,7 @@ from simbev_ros.annotation.boxes import BOX_DTYPE
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
+from simbev_ros.evaluation.answer_stamps import answered_tick
 from simbev_ros.evaluation.live import LiveEvaluation, LiveScene, live_figures
 from simbev_ros.evaluation.options import options_of
 from simbev_ros.msgs import topics
@@ -69,6 +70,7 @@ class EvaluatorNode(GraphNode):
         idle_s = math.inf if stack else self._patience_s / 2
         self._patience = Patience(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else Patience(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
+        self._numbers: set[int] = set()
         self._spec: SceneSpec | None = None
         self._taken: dict[str, Subscription] = {}
         self._polls_connected, self._loaded_reported, self._since_s = 0, False, 0.0
@@ -103,6 +105,7 @@ class EvaluatorNode(GraphNode):
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._since_s = 0, False, time.monotonic()
         self._spec = spec
+        self._numbers.add(spec.number)
 
     def _answered_topic(self, spec: SceneSpec) -> Topic:
         sent = [topic for form in (False, True) for topic in topics.sensor_topics(spec, compressed_images=form)]
@@ -142,13 +145,12 @@ class EvaluatorNode(GraphNode):
 
     def _tick_of(self, stamp_ns: int, topic: str) -> int | None:
         """As ``_tick``, of an answer, whose stamp must be that of a tick."""
-        spec, tick = self._spec, self._tick(stamp_ns)
-        if spec is None or tick is None:
+        if self._spec is None:
             return None
-        if spec.stamp_ns(tick) != stamp_ns:
-            nearest = f"the nearest is {spec.stamp_ns(tick)}, that of tick {tick}"
-            raise InputError(f"{topic}: header.stamp: {stamp_ns} is that of no tick of {spec.name}; {nearest}")
-        return tick
+        try:
+            return answered_tick(stamp_ns, self._spec, self._numbers)
+        except InputError as error:
+            raise InputError(f"{topic}: {error}") from None
 
     def _on_answer(self, topic: str, tick: int, answer: Answer, at_s: float) -> None:
         self._join.add_answer(topic, tick, answer, at_s)

@@ -14,6 +14,7 @@ from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.weather import Weather
 
 NS_PER_S = 1_000_000_000
+_HOUR_NS = 3600 * NS_PER_S
 
 
 class WaypointSpec(Model):
@@ -108,7 +109,7 @@ class SceneSpec(Model):
 
         Scene 0 has the second hour, because a stamp of 0 means "no time" in ROS.
         """
-        return (self.number + 1) * 3600 * NS_PER_S + self.warm_up_ticks * self.tick_ns
+        return (self.number + 1) * _HOUR_NS + self.warm_up_ticks * self.tick_ns
 
     def stamp_ns(self, tick: int) -> int:
         """Stamp of a tick; warm-up ticks are negative."""
@@ -146,3 +147,8 @@ class SceneSpec(Model):
     def loaded_tick(self) -> int:
         """The tick before the first published one; finishing it means to have loaded the scene."""
         return -self.lead_in_ticks - 1
+
+
+def scene_number_of(stamp_ns: int) -> int:
+    """Number of the scene that a stamp is of, of its warm-up too; one that is not of any scene has none of theirs."""
+    return stamp_ns // _HOUR_NS - 1

@@ -48,6 +48,17 @@ def test_tables_and_figures_say_the_same(dataset: Path, predictions: Path, tmp_p
         assert words in result.stdout
 
 
+def test_figures_are_written_although_nobody_reads_the_tables(
+    dataset: Path, predictions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(*_: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("simbev_ros.cli.evaluation_tables.print_tables", gone)
+    called(predictions, dataset, "--json", tmp_path / "figures.json", "--jobs", "1")
+    assert json.loads((tmp_path / "figures.json").read_text())["frames"]["evaluated"] == 20
+
+
 def test_the_figures_are_of_what_is_asked_for(dataset: Path, predictions: Path, tmp_path: Path) -> None:
     file = tmp_path / "figures.json"
     words = ("--classes", "car", "--range", ":40", "--points", "1", "--every", "2", "--distances", "none", "--by", "")

@@ -90,6 +90,27 @@ def test_nothing_waits_for_ever() -> None:
     assert scene.left(0.4) == [(0, 0)]
 
 
+def test_a_stack_that_says_nothing_is_waited_for_twice() -> None:
+    scene = Scene(LOCKSTEP).truth(0, 1, 2)
+    assert scene.left(10.2) == [(0, 0)]
+    assert scene.left(10.2) == [(1, 0), (2, 0)]
+    assert scene.truth(3).left() == [(3, 0)]
+    scene.answer(3)
+    assert scene.truth(4).left(9.8) == []
+    assert scene.answer(4).left() == [(4, 2)]
+    assert (scene.join.books.missed, scene.join.books.late) == (4, 2)
+
+
+def test_of_two_topics_one_may_fall_silent() -> None:
+    scene = Scene(LOCKSTEP).truth(0).answer(0)
+    scene.left()
+    for tick in (1, 2):
+        assert scene.truth(tick).answer(tick, "/boxes").left(10.2) == [(tick, 1)]
+    assert scene.truth(3).left(9.8) == []
+    assert scene.answer(3, "/boxes").left() == [(3, 1)]
+    assert scene.join.books.missed == 3
+
+
 def test_time_in_which_nobody_looked_is_not_waited() -> None:
     scene = Scene(LOCKSTEP).truth(0)
     scene.now_s += 1000.0
@@ -147,6 +168,10 @@ def test_answers_after_their_frame_are_late() -> None:
 def test_a_frame_is_answered_once() -> None:
     with pytest.raises(InputError, match=r"^/boxes: tick 0 is answered twice; allowed is one answer to each frame$"):
         Scene(LOCKSTEP).answer(0, "/boxes").answer(0, "/boxes")
+    scene = Scene(LOCKSTEP, topics=["/boxes"]).truth(0).answer(0, "/boxes")
+    assert scene.left() == [(0, 1)]
+    with pytest.raises(InputError, match=r"^/boxes: tick 0 is answered twice"):
+        scene.answer(0, "/boxes")
 
 
 def test_the_end_is_reached_when_the_last_frame_has_left() -> None:
@@ -156,6 +181,17 @@ def test_the_end_is_reached_when_the_last_frame_has_left() -> None:
     assert not scene.join.is_over
     assert scene.left(2.2) == [(1, 0)]
     assert scene.join.is_over
+
+
+def test_live_late_answers_do_not_put_off_the_end() -> None:
+    scene = Scene(LIVE).truth(0, 1, 2, 3, 4, 5, 6)
+    assert scene.left() == [(0, 0), (1, 0), (2, 0)]
+    scene.join.end(6)
+    for tick in range(2):
+        assert scene.answer(tick).left(0.8) == []
+    assert scene.answer(2).left(0.8) == [(tick, 0) for tick in range(3, 7)]
+    assert scene.join.is_over
+    assert (scene.join.books.missed, scene.join.books.late) == (7, 6)
 
 
 def test_live_the_end_is_reached_although_its_truth_is_lost() -> None:

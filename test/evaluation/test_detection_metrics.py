@@ -15,7 +15,7 @@ from simbev_ros.evaluation.detection import (
     merge,
     precision_recall,
 )
-from simbev_ros.evaluation.overlap import iou_matrix
+from simbev_ros.evaluation.overlap import iou_of_pairs
 from simbev_ros.evaluation.scene_matching import Counting, tally
 from simbev_ros.semantics import BOX_CLASSES
 
@@ -105,7 +105,8 @@ def greedy_outcomes(truth: Boxes, predictions: Predictions) -> np.ndarray:
     options, predicted = DetectionOptions(), predictions.boxes
     same = (predicted.frame[:, None] == truth.frame) & (predicted.label[:, None] == truth.label)
     apart_m = np.linalg.norm(predicted.center_m[:, None] - truth.center_m, axis=-1)
-    costs = {"iou": -iou_matrix(predicted, truth), "distance": apart_m}
+    iou = iou_of_pairs(predicted, truth, *np.indices(same.shape).reshape(2, -1)).reshape(same.shape)
+    costs = {"iou": -iou, "distance": apart_m}
     outcome = np.zeros((len(predicted), len(options.thresholds)), int)
     for column, (method, threshold) in enumerate(options.thresholds):
         cost = np.where(same, costs[method], np.inf)
@@ -201,6 +202,11 @@ def test_far_and_huge_predictions_are_harmless() -> None:
 def test_a_score_that_is_not_a_number_is_refused() -> None:
     with pytest.raises(InputError, match="boxes: score: row 1 is nan; it must be finite"):
         scored(some_boxes([(0, 0, 0), (1, 0, 0)]), 0.5, np.nan)
+
+
+def test_matching_needs_a_threshold() -> None:
+    with pytest.raises(InputError, match="thresholds: there is none, neither of 3D IoU nor of distance"):
+        DetectionOptions(ious=(), distances_m=())
 
 
 def test_another_scenes_predictions_are_refused() -> None:

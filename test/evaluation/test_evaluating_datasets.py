@@ -25,9 +25,9 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made.record(tmp_path_factory.mktemp("evaluated"))
 
 
-def written(folder: Path, *parts: Predictions, grids: bool = False) -> Path:
+def written(folder: Path, *parts: Predictions, grids: bool = False, frame_id: str = "map") -> Path:
     """Predictions of the first scenes."""
-    write_predictions(folder / "boxes.parquet", list(zip(made.NAMES, parts, strict=False)))
+    write_predictions(folder / "boxes.parquet", list(zip(made.NAMES, parts, strict=False)), frame_id)
     for name in made.NAMES if grids else ():
         for tick in range(made.TICKS):
             write_grid(folder, name, tick, made.scores(tick))
@@ -195,6 +195,16 @@ def test_only_frames_with_truth_are_evaluated(tmp_path: Path) -> None:
     scene = open_dataset(dataset).scenes[1]
     result = evaluate([scene], open_predictions(said))
     assert result.frames[scene.name]["tick"].tolist() == [0, 2, 4, 6, 8]
+    assert result.detections[Cut()].mean_ap("iou") == pytest.approx(1)
+
+
+def test_answers_to_frames_whose_pose_was_lost_do_not_count(tmp_path: Path) -> None:
+    dataset, ticks = made.record(tmp_path / "dataset", without="/ego/odom"), made.truth().frame
+    offset_m = np.array([made.ego_m(tick) for tick in ticks])
+    predictions = made.as_predicted(center_m=made.truth().center_m - offset_m)
+    said = written(tmp_path, predictions, predictions, frame_id="ego/base_link")
+    result = evaluate([open_dataset(dataset).scenes[1]], open_predictions(said))
+    assert result.frame_count == 5
     assert result.detections[Cut()].mean_ap("iou") == pytest.approx(1)
 
 

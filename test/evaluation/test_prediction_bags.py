@@ -46,7 +46,7 @@ def read(path: Path, scenes: Sequence[str] = (SCENE,)) -> PredictedScene:
 def test_tables_answer_their_frames_also_without_boxes(tmp_path: Path) -> None:
     scene = read(write_bag(tmp_path / SCENE, tables()), (SCENE, OTHER))
     found = scene.boxes()
-    assert scene.ticks_answered == scene.ticks_with_boxes == {0, 2, 3}
+    assert scene.ticks_with_boxes == {0, 2, 3}
     np.testing.assert_array_equal(found.predictions.boxes.frame, [2, 2, 3, 3, 3])
     np.testing.assert_array_equal(found.predictions.boxes.center_m[:, 0], [2, 2, 3, 3, 3])
     assert {each.frame_id for each in found.references} == {"ego/lidar"}
@@ -57,7 +57,7 @@ def test_types_that_only_the_file_defines_are_read(tmp_path: Path) -> None:
     scene = read(write_bag(tmp_path / "bag", said))
     found = scene.boxes()
     np.testing.assert_array_equal(found.predictions.boxes.center_m, [[1, 2, 3]])
-    assert scene.ticks_answered == {1} and found.references[0].frame_id == "ego/base_link"
+    assert scene.ticks_with_boxes == {1} and found.references[0].frame_id == "ego/base_link"
 
 
 def test_markers_are_read_and_empty_arrays_answer_nothing(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_markers_are_read_and_empty_arrays_answer_nothing(tmp_path: Path) -> Non
     nothing.markers = []
     said = [(BOXES, 1, markers([ENTRY], header(int(STAMPS_NS[3])))), (BOXES, 2, nothing)]
     scene = read(write_bag(tmp_path / "bag", said))
-    assert len(scene.boxes()) == 1 and scene.ticks_answered == {3}
+    assert len(scene.boxes()) == 1 and scene.ticks_with_boxes == {3}
 
 
 def test_score_images_and_topics_of_ones_choice(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_score_images_and_topics_of_ones_choice(tmp_path: Path) -> None:
     grid = scene.grid(1)
     assert grid is not None and grid.classes == BEV_CLASSES and scene.grid(2) is None
     np.testing.assert_array_equal(np.moveaxis(grid.scores, 0, -1), CELLS)
-    assert scene.ticks_answered == {1, 2} and scene.ticks_with_grid == {1}
+    assert scene.ticks_with_boxes == {2} and scene.ticks_with_grid == {1}
 
 
 def test_occupancy_grids_are_layers_of_the_classes_that_there_are(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_bag_of_several_scenes_is_told_apart_by_stamps(tmp_path: Path) -> None
     predicted = open_predictions(write_bag(tmp_path / "live", said)).of_dataset([first.name, second.name])
     assert predicted.scenes == (first.name, second.name)
     found = [predicted.scene(name, each) for name, each in zip(predicted.scenes, stamps, strict=True)]
-    assert [sorted(scene.ticks_answered) for scene in found] == [[0, 1], [2, 3]]
+    assert [sorted(scene.ticks_with_boxes) for scene in found] == [[0, 1], [2, 3]]
     assert [len(scene.boxes()) for scene in found] == [1, 5]
 
 
@@ -114,9 +114,9 @@ def test_a_folder_of_bags_and_a_dataset_with_predictions_in_its_bags(tmp_path: P
     for path in (tmp_path / "answers", tmp_path / "dataset"):
         predicted = open_predictions(path).of_dataset([SCENE, OTHER])
         assert set(predicted.scenes) == {SCENE, OTHER}
-        assert predicted.scene(OTHER, STAMPS_NS).ticks_answered == {1}
+        assert predicted.scene(OTHER, STAMPS_NS).ticks_with_boxes == {1}
         sent = pickle.loads(pickle.dumps(predicted))
-        assert sent.scene(SCENE, STAMPS_NS).ticks_answered == {0, 2, 3}
+        assert sent.scene(SCENE, STAMPS_NS).ticks_with_boxes == {0, 2, 3}
 
 
 def test_mcap_files_side_by_side_are_bags_of_their_own(tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ def test_a_bag_that_was_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
     path = write_bag(tmp_path / SCENE, tables())
     file = next(path.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[:-8])
-    assert read(path).ticks_answered == {0, 2, 3}
+    assert read(path).ticks_with_boxes == {0, 2, 3}
 
 
 def test_missing_topics_and_other_types_are_named(tmp_path: Path) -> None:

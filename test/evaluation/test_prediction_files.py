@@ -55,7 +55,7 @@ def test_columns_become_boxes_of_their_scene(tmp_path: Path, write: Writer) -> N
     np.testing.assert_array_equal(boxes.size_m, [[4, 2, 1.5], [0.5, 0.5, 1.75]])
     np.testing.assert_array_equal(boxes.yaw_rad, [0.1, 0.3])
     np.testing.assert_array_equal(boxes.velocity_mps, [[1, 0.5, 0], [2, 0.25, 0]])
-    assert scene.ticks_answered == {0, 3} and scene.grid(0) is None
+    assert scene.ticks_with_boxes == {0, 3} and scene.grid(0) is None
     bus = pickle.loads(pickle.dumps(predicted)).scene(OTHER, STAMPS_NS).boxes().predictions.boxes
     assert np.isnan(bus.velocity_mps).all() and bus.frame == [2]
 
@@ -92,7 +92,7 @@ def test_an_empty_class_answers_without_a_box(tmp_path: Path, write: Writer) -> 
         score=np.array([0.5, 0.2, np.nan]), x=np.full(3, 1.0), **{"class": np.array(["car", "bus", ""])}
     )
     scene = read(write(tmp_path / "a", columns))
-    assert len(scene.boxes()) == 1 and scene.ticks_answered == {0, 3}
+    assert len(scene.boxes()) == 1 and scene.ticks_with_boxes == {0, 3}
     columns["score"][2] = 0.5
     with pytest.raises(InputError, match=r"score: row 2 is 0.5; it must be empty as well, as the class is"):
         read(write(tmp_path / "b", columns)).boxes()
@@ -103,7 +103,7 @@ def test_nulls_of_parquet_are_unknown_velocities_or_no_box(tmp_path: Path) -> No
     columns |= {"vx": [None, 1.0, 2.0], "vz": [1.0, None, None], "class": [0, 1, None], "score": [0.5, 0.5, None]}
     pq.write_table(pa.table(columns), tmp_path / "a.parquet")
     scene = read(tmp_path / "a.parquet")
-    assert np.isnan(scene.boxes().predictions.boxes.velocity_mps).all() and scene.ticks_answered == {0, 3}
+    assert np.isnan(scene.boxes().predictions.boxes.velocity_mps).all() and scene.ticks_with_boxes == {0, 3}
     other = read(tmp_path / "a.parquet", OTHER).boxes().predictions.boxes
     assert np.isnan(other.velocity_mps).all()  # its vy is NaN
 
@@ -155,7 +155,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     write_predictions(path, [(SCENE, Predictions(boxes, np.array([0.25, 0.75])), [0, 1, 2])], "ego/base_link")
     scene = read(path)
     found, order = scene.boxes(), [1, 0]
-    assert scene.ticks_answered == {0, 1, 2} and found.references[0].frame_id == "ego/base_link"
+    assert scene.ticks_with_boxes == {0, 1, 2} and found.references[0].frame_id == "ego/base_link"
     np.testing.assert_array_equal(found.predictions.score, [0.75, 0.25])
     for name in ("frame", "label", "center_m", "size_m", "yaw_rad", "velocity_mps", "attribute"):
         np.testing.assert_array_equal(getattr(found.predictions.boxes, name), getattr(boxes, name)[order])
@@ -231,6 +231,21 @@ def test_an_unknown_scene_is_named(tmp_path: Path, write: Writer) -> None:
     predicted = open_predictions(write(tmp_path / "a", some_columns()))
     with pytest.raises(InputError, match=r"scene: there is no 'Blocks-0001'; the dataset has Blocks-0000"):
         predicted.of_dataset([SCENE])
+
+
+def test_columns_of_an_npz_file_are_lists_of_numbers_or_of_texts(tmp_path: Path) -> None:
+    as_bytes = {"class": np.array([b"car", b"bus", b"pedestrian"]), "scene": np.array([SCENE, OTHER, SCENE], bytes)}
+    scene = read(to_npz(tmp_path / "a", some_columns(frame_id=np.array(b"ego/lidar"), **as_bytes)))
+    assert [BOX_CLASSES[label] for label in scene.boxes().predictions.boxes.label] == ["car", "pedestrian"]
+    assert scene.boxes().references[0].frame_id == "ego/lidar"
+    for name, values, message in (
+        ("class", np.array(0), "class: is of the type int64; it must be one-dimensional, integer or text"),
+        ("x", np.zeros((3, 1)), "x: is of the type float64; it must be one-dimensional"),
+        ("x", np.zeros(2), "x: has 2 rows; class has 3"),
+        ("class", np.array([b"car", b"bus", "piéton".encode("latin1")]), "class: is not UTF-8: "),
+    ):
+        with pytest.raises(InputError, match=rf"b\.npz: {message}"):
+            open_predictions(to_npz(tmp_path / "b", some_columns(**{name: values})))
 
 
 def test_a_missing_scene_or_tick_is_named(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def test_grids_are_read_frame_by_frame(tmp_path: Path) -> None:
     save(tmp_path, scores=ALL)
     save(tmp_path, "000000.npz", scores=np.full((2, 4, 3), 128, np.uint8), classes=np.array(["car", "road"]))
     scene = read(tmp_path)
-    assert scene.ticks_answered == scene.ticks_with_grid == {0, 2} and not scene.ticks_with_boxes
+    assert scene.ticks_with_grid == {0, 2} and not scene.ticks_with_boxes
     first, third = scene.grid(0), scene.grid(2)
     assert first is not None and third is not None and scene.grid(1) is None
     assert first.classes == ("car", "road") and first.scores.dtype == np.uint8
@@ -83,7 +83,7 @@ def test_bad_scores_are_named(tmp_path: Path, arrays: dict[str, AnyArray], messa
 @pytest.mark.parametrize("name", ["000004.npz", "2.npz", "frame.npz"])
 def test_a_file_of_no_frame_is_named(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match=rf"{name}: its name must be the tick: .*, 000000.npz to 000003.npz"):
-        _ = read(save(tmp_path, name, scores=ALL)).ticks_answered
+        _ = read(save(tmp_path, name, scores=ALL)).ticks_with_grid
 
 
 def test_a_folder_of_no_scene_is_named(tmp_path: Path) -> None:

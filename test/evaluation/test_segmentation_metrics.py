@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from simbev_ros.errors import InputError
+from simbev_ros.evaluation.figures import segmentation_figures
 from simbev_ros.evaluation.segmentation import THRESHOLDS, no_frames, segmentation_tally
 from simbev_ros.semantics import BEV_CLASSES
 
@@ -32,7 +33,8 @@ def test_frames_add_up_as_one_large_frame() -> None:
         for column, threshold in enumerate(THRESHOLDS):
             above = scores[:, row] >= threshold
             assert total.iou()[row, column] == (of_class & above).sum() / (of_class | above).sum()
-    np.testing.assert_allclose(total.mean_iou(), total.iou().mean(axis=0))
+    mean = segmentation_figures(total, BEV_CLASSES)["mean_IoU_at"]
+    np.testing.assert_allclose([*mean.values()], total.iou().mean(axis=0))
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64, np.uint8])
@@ -57,12 +59,12 @@ def test_bytes_are_shares_of_255() -> None:
 
 
 def test_a_class_that_is_nowhere_is_in_no_mean() -> None:
-    labels, scores = np.full((2, 2), ROAD, np.uint16), np.zeros((2, 2, 2))
+    labels, scores = np.full((2, 2), ROAD, np.uint16), np.zeros((len(BEV_CLASSES), 2, 2))
     scores[0] = 1
-    found = segmentation_tally(labels, scores, ("road", "car"))
-    assert np.isnan(found.iou()[1]).all()
-    assert (found.mean_iou() == 1).all()
-    assert np.isnan(no_frames().mean_iou()).all()
+    figures = segmentation_figures(segmentation_tally(labels, scores), ("road", "car"))
+    assert set(figures["IoU_at"]["car"].values()) == {None}
+    assert set(figures["mean_IoU_at"].values()) == {1}
+    assert set(segmentation_figures(no_frames(), BEV_CLASSES)["mean_IoU_at"].values()) == {None}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+import time
 
 import numpy as np
 import rclpy
@@ -64,6 +65,8 @@ class EchoStack(Node):
         tick = self.spec.tick_of(stamp_of(message.header.stamp))
         if tick == self.options.die_at:
             sys.exit("out of memory")
+        if tick == self.options.hang_at:
+            time.sleep(1000)
         truth = table_from_message(message)
         kinds = [(name, "<f4") for name in ("length", "width", "height", "yaw", "vx", "vy", "vz", "score")]
         table = np.zeros(len(truth), [("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("class", "u1"), *kinds])
@@ -89,6 +92,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--skip", type=int, default=0, help="leave out each so many-th tick")
     parser.add_argument("--die-at", type=int, default=-1)
+    parser.add_argument("--hang-at", type=int, default=-1)
     parser.add_argument("--reports", action="store_true")
     rclpy.init()
     rclpy.spin(EchoStack(parser.parse_args()))

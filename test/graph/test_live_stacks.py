@@ -64,6 +64,27 @@ def test_truth_as_answers_is_perfect_in_every_frame(simbev: Simbev, lidar_config
 
 
 @pytest.mark.slow
+def test_cubes_in_a_tilted_frame_and_grids_of_classes_are_as_good(
+    simbev: Simbev, lidar_config: Config, tmp_path: Path
+) -> None:
+    config, file = lidar_config("evaluation: {participant: relay}"), tmp_path / "figures.json"
+    config.write_text(config.read_text().replace("{z_m: 1.8}", "{x_m: 0.5, z_m: 1.8, yaw_deg: 100, pitch_deg: 5}"))
+    stack = shlex.join([sys.executable, str(Path(__file__).with_name("relay_stack.py"))])
+    code, output = simbev("run", config, "--stack", stack, "--evaluate", file).finish()
+    assert code == 0, output
+    figures = figures_of(file)
+    assert (figures["frames"]["answered_boxes"], figures["frames"]["answered_grids"]) == (10, 10)
+    assert figures["frames"]["missed"] == 0
+    for method in ("iou", "distance"):
+        found = figures["detection"][method]
+        assert found["mAP"] == 1.0
+        assert (found["ATE"], found["ASE"], found["AVE"]) == (pytest.approx(0, abs=1e-6),) * 2 + (1.0,)
+        assert found["AOE"] == pytest.approx(0, abs=0.01)  # upright in a tilted frame is not upright in the map
+    assert set(figures["segmentation"]["IoU_at"]) == {"road", "car", "pedestrian"}
+    assert set(figures["segmentation"]["mean_IoU_at"].values()) == {1.0}
+
+
+@pytest.mark.slow
 def test_frames_without_an_answer_are_missed(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
     config, file = lidar_config(PARTICIPANT), tmp_path / "figures.json"
     code, output = simbev("run", config, "--stack", echo("--reports", "--skip", "5"), "--evaluate", file).finish()
@@ -73,6 +94,14 @@ def test_frames_without_an_answer_are_missed(simbev: Simbev, lidar_config: Confi
     assert figures["frames"]["answered_boxes"] == figures["frames"]["answered_grids"] == 8
     assert figures["detection"]["iou"]["mAP"] == pytest.approx(0.8, abs=0.05)
     assert figures["segmentation"]["mean_IoU_at"]["0.5"] == pytest.approx(0.8, abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_stack_that_hangs_is_named(simbev: Simbev, lidar_config: Config) -> None:
+    config = lidar_config(PARTICIPANT + "\ngraph: {silence_timeout_s: 15}")
+    code, output = simbev("run", config, "--stack", echo("--reports", "--hang-at", "3")).finish()
+    assert code == 1
+    assert "error: node echo has been silent for 15 s, after tick 2" in output
 
 
 def test_a_stack_that_dies_ends_the_run(simbev: Simbev, lidar_config: Config) -> None:

@@ -124,13 +124,15 @@ class AnswerJoin:
             frame.input_s = at_s
 
     def add_answer(self, topic: str, tick: int, value: Any, at_s: float) -> None:
-        """An answer, be it to a tick that has no frame.
+        """An answer, be it to a tick that has no frame. Live, a later one to the same tick takes its place.
+
+        A live scene may start again, while an answer is on its way that was meant for what it was before.
 
         Raises:
-            InputError: There was one of this topic to this tick.
+            InputError: In lockstep, there was one of this topic to this tick.
         """
         self._idle_s = 0.0
-        if (topic, tick) in self._answered:
+        if (topic, tick) in self._answered and self._patience.grace_ticks is None:
             raise InputError(f"{topic}: tick {tick} is answered twice; allowed is one answer to each frame")
         self._answered.add((topic, tick))
         newest = self._newest_answer.get(topic)

@@ -174,6 +174,13 @@ def test_a_frame_is_answered_once() -> None:
         scene.answer(0, "/boxes")
 
 
+def test_live_a_later_answer_takes_the_place_of_one_from_before_a_new_start() -> None:
+    scene = Scene(LIVE, topics=["/boxes"]).answer(1, "/boxes", at_s=90.0).truth(0, 1).answer(0, "/boxes")
+    scene.join.add_answer("/boxes", 1, "again", 102.0)
+    first, second = scene.join.leaving(scene.now_s)
+    assert (first.tick, second.answers, second.answered_s) == (0, {"/boxes": "again"}, 102.0)
+
+
 def test_the_end_is_reached_when_the_last_frame_has_left() -> None:
     scene = Scene(LIVE).truth(0, 1).answer(0)
     scene.join.end(1)

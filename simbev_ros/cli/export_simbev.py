@@ -37,7 +37,8 @@ def export_simbev(
         made = _make(parts, jobs or os.cpu_count() or 1)
         missing = finish(opened, parts)
     frames = sum(part.count for part in parts)
-    console.print(f"{frames} frames of {len(opened.scenes)} scenes in {escape(str(root))}", highlight=False)
+    scenes = f"{len(opened.scenes)} scene{'s' * (len(opened.scenes) != 1)}"
+    console.print(f"{frames} frames of {scenes} in {escape(str(root))}", highlight=False)
     if made < frames:
         console.print(f"{frames - made} of them were there already", highlight=False)
     for line in missing:

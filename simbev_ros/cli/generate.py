@@ -41,6 +41,7 @@ def generate(
     from simbev_ros.dataset.lock import DatasetLock
     from simbev_ros.dataset.plan import Plan, PlannedEntry, numbers_of
     from simbev_ros.dataset.staging import clean_up
+    from simbev_ros.recording.layout import scenes_folder
 
     scenario, console = load_scenario(config).model_copy(update={"evaluation": None}), Console()  # no stack runs here
     numbers = numbers_of(replace or ())
@@ -59,6 +60,7 @@ def generate(
         clean_up(out)
         plan, entries = planned()
         plan.save(out)
+        scenes_folder(out).mkdir(exist_ok=True)  # a dataset from now on, to all who look
         with DatasetMaker(scenario, out, console, retries=retries) as maker:
             outcome = maker.make(entries)
     _show(outcome, out, console)

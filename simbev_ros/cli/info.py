@@ -16,7 +16,7 @@ from rich.table import Table
 
 from simbev_ros.cli.output_file import require_place, writing
 from simbev_ros.errors import BagError
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, is_dataset, is_scene, scenes_of
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, additional_bags, is_dataset, is_scene, scenes_of
 from simbev_ros.scene.ending import DURATION
 
 _STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red", "damaged": "red"}
@@ -53,7 +53,8 @@ def info(
         facts: dict[str, Any] = {"path": str(path), "scenes": scenes}
         own = {str(bag) for bag in bags if is_scene(bag) or bag.name.endswith(PARTIAL_SUFFIX)}
         finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
-        more = f", {len(bags) - len(own)} additional bags" if len(bags) > len(own) else ""
+        additional = sum(len(additional_bags(bag)) for bag in bags if is_scene(bag))
+        more = f", {additional} additional bags" if additional else ""
         parts: list[str | Table] = [
             f"[bold]{escape(str(path))}[/]: {finished} of {len(own)} scenes finished{more}",
             _scene_table(scenes, digest),

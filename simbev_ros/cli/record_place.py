@@ -11,7 +11,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.bag_files import check_space
-from simbev_ros.recording.layout import CONFIG_ATTACHMENT, partial_of, scene_folder
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, partial_of, scene_folder, scenes_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.spec import SceneSpec
 
@@ -62,7 +62,7 @@ def _is_made_again(partial: Path, scenario: Scenario, spec: SceneSpec) -> bool:
 
 def _make_writable(dataset: Path) -> None:
     try:
-        (dataset / "scenes").mkdir(parents=True, exist_ok=True)
+        scenes_folder(dataset).mkdir(parents=True, exist_ok=True)
         probe = dataset / ".writable"
         probe.touch()
         probe.unlink()

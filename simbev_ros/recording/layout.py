@@ -92,15 +92,20 @@ def bytes_of(bag: Path) -> int:
     return sum(file.stat().st_size for file in mcap_files(bag))
 
 
+def scenes_folder(dataset: Path) -> Path:
+    """The folder with a folder for each split; a dataset has it from its beginning."""
+    return dataset / "scenes"
+
+
 def scene_folder(dataset: Path, split: str, name: str) -> Path:
     """The folder of a scene's finished bag in a dataset."""
-    return dataset / "scenes" / split / name
+    return scenes_folder(dataset) / split / name
 
 
 def dataset_of(bag: Path) -> Path | None:
     """The dataset that a bag's folder is in; None: in none."""
     dataset = bag.parent.parent.parent
-    return dataset if bag.parent.parent == dataset / "scenes" else None
+    return dataset if bag.parent.parent == scenes_folder(dataset) else None
 
 
 def additional_folder(bag: Path, label: str) -> Path:
@@ -128,9 +133,9 @@ def is_scene(bag: Path) -> bool:
 
 def is_dataset(path: Path) -> bool:
     """Whether a path is a dataset's folder."""
-    return (path / "scenes").is_dir()
+    return scenes_folder(path).is_dir()
 
 
 def scenes_of(dataset: Path) -> list[Path]:
     """The bags of a dataset, finished and unfinished, as ``scenes/<split>/<scene>``, in order of name."""
-    return sorted({path.parent for path in (dataset / "scenes").glob("*/*/*.mcap")})
+    return sorted({path.parent for path in scenes_folder(dataset).glob("*/*/*.mcap")})

@@ -67,7 +67,8 @@ class _Walk:
         self.content, self._see = content, see
         self.chunks: dict[int, int] = {}  # length by offset
         self._crc = zlib.crc32(MCAP0_MAGIC)
-        self._expected_index: dict[int, list[tuple[int, int]]] = {}
+        self._expected_index: dict[int, list[tuple[int, int]]] | None = {}  # None: the chunk is damaged
+        self.whole_chunks = 0
 
     def take(self, offset: int, opcode: int, record: bytes) -> None:
         """The next record: its head and all that follows."""
@@ -89,10 +90,13 @@ class _Walk:
         if opcode == Opcode.CHUNK:
             self._expect_no_more_index(offset)
             self.chunks[offset] = len(record)
-            self._enter_chunk(Chunk.read(body))
+            self._expected_index = None
+            self._expected_index = self._enter_chunk(Chunk.read(body))
+            self.whole_chunks += 1
         elif opcode == Opcode.MESSAGE_INDEX:
             index = MessageIndex.read(body)
-            if sorted(index.records) != sorted(self._expected_index.pop(index.channel_id, [])):
+            expected = self._expected_index
+            if expected is not None and sorted(index.records) != sorted(expected.pop(index.channel_id, [])):
                 content.faults.append(f"message index at byte {offset:,}: it does not list what the chunk holds")
         elif opcode == Opcode.ATTACHMENT:
             attachment = attachment_of(record)
@@ -101,15 +105,17 @@ class _Walk:
             metadata = Metadata.read(body)
             content.metadata[metadata.name] = metadata.metadata
 
-    def _enter_chunk(self, chunk: Chunk) -> None:
+    def _enter_chunk(self, chunk: Chunk) -> dict[int, list[tuple[int, int]]]:
+        """What its message indexes must be: log time in ns and offset of each message, by channel id."""
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
         data, place = stream.read(size), 0
+        places: dict[int, list[tuple[int, int]]] = {}
         while place < size:
             opcode, length = RECORD_HEAD.unpack_from(data, place)
             body = ReadDataStream(io.BytesIO(data[place + RECORD_HEAD.size : place + RECORD_HEAD.size + length]))
             if opcode == Opcode.MESSAGE:
                 message = Message.read(body, length)
-                self._expected_index.setdefault(message.channel_id, []).append((message.log_time, place))
+                places.setdefault(message.channel_id, []).append((message.log_time, place))
                 self.content.counts[message.channel_id] = self.content.counts.get(message.channel_id, 0) + 1
                 self._see(message, self.content)
             elif opcode == Opcode.SCHEMA:
@@ -119,12 +125,13 @@ class _Walk:
                 channel = Channel.read(body)
                 self.content.channels[channel.id] = channel
             place += RECORD_HEAD.size + length
+        return places
 
     def _expect_no_more_index(self, offset: int) -> None:
         """All message indexes of a chunk follow it."""
         if self._expected_index:
-            self._expected_index.clear()
             self.content.faults.append(f"before byte {offset:,}: a chunk's message index is missing")
+        self._expected_index = {}
 
     def _end(self, end: DataEnd) -> None:
         if end.data_section_crc not in (0, self._crc):
@@ -169,5 +176,5 @@ def _summary_faults(stream: BinaryIO, size: int, walk: _Walk) -> Iterator[str]:
     if {chunk.chunk_start_offset: chunk.chunk_length for chunk in summary.chunk_indexes} != walk.chunks:
         yield "summary: its list of chunks is not that of the file"
     counts = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
-    if counts != walk.content.counts:
+    if walk.whole_chunks == len(walk.chunks) and counts != walk.content.counts:
         yield "summary: its counts of messages are not those of the file"

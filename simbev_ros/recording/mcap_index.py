@@ -115,7 +115,8 @@ def read_index(stream: BinaryIO, name: str) -> McapIndex:
     try:
         return _from_summary(stream, name)
     except DAMAGE as error:
-        raise BagError(f"{name}: damaged index: {error}; simbev repair saves what is in it") from None
+        problem = str(error) or "a record ends too early"
+        raise BagError(f"{name}: damaged: {problem}; simbev repair saves what is in it") from None
 
 
 def read_chunk(stream: BinaryIO, offset: int) -> list[McapRecord]:

@@ -12,7 +12,7 @@ import pytest
 from commands import Command
 
 from simbev_ros.dataset.index import read_index
-from simbev_ros.recording.layout import scenes_of
+from simbev_ros.recording.layout import is_dataset, scenes_of
 from simbev_ros.recording.verify import verify_bag
 
 pytestmark = pytest.mark.graph
@@ -105,6 +105,8 @@ def test_more_scenes_are_added_and_some_replaced_with_nothing_else_touched(simbe
 def test_a_second_writer_is_refused_and_an_interrupt_leaves_whole_scenes(simbev: Simbev, tmp_path: Path) -> None:
     config, dataset = write(tmp_path, "{map: Blocks, train: 20}"), tmp_path / "set"
     command = simbev("generate", config, "--out", dataset)
+    command.wait_for(lambda: is_dataset(dataset))
+    assert not scenes_of(dataset), "a dataset from its beginning, before there is a scene"
     command.wait_for(lambda: len(files(dataset)) > 0)
     code, output = simbev("generate", config, "--out", dataset).finish()
     assert code == 2 and f"process {command.process.pid} is writing into it" in output

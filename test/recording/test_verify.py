@@ -12,6 +12,7 @@ from ros_messages import string
 
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
 
 
@@ -43,6 +44,17 @@ def test_every_flipped_bit_is_found(bag: Path) -> None:
         damaged[place] ^= 1 << choice.randrange(8)
         file.write_bytes(damaged)
         assert problems(bag), place
+
+
+def test_a_damaged_chunk_is_one_fault_and_not_one_for_each_topic_in_it(bag: Path) -> None:
+    file = bag / "a_0.mcap"
+    with SceneBag(bag) as opened:
+        offset = opened._parts[0].index.chunks[3].offset
+    damaged = bytearray(file.read_bytes())
+    damaged[offset + 80] ^= 1
+    file.write_bytes(damaged)
+    chunk, whole = problems(bag)
+    assert f"chunk at byte {offset:,}: " in chunk and "the CRC of all before the summary is wrong" in whole
 
 
 def test_a_damaged_attachment_is_named_once(bag: Path) -> None:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import zipfile
 from typing import Any
 
 import cv2
@@ -16,6 +17,7 @@ from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Array
 
 _JPEG_QUALITY = 80
+_ZIP_LEVEL = 4
 _FARTHEST_M = 1000.0
 _TOP_CODE = (1 << 24) - 1
 _EGO_HALF_LENGTH_M, _EGO_HALF_WIDTH_M = 2.44, 1.04
@@ -48,9 +50,11 @@ def depth_png(depth_m: Float32Array) -> bytes:
 
 
 def npz(array: AnyArray) -> bytes:
-    """One array under the key ``data``."""
+    """One array under the key ``data``; numpy's own writer takes three times as long to make it a fifth smaller."""
     file = io.BytesIO()
-    np.savez_compressed(file, data=array)
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_ZIP_LEVEL) as archive:
+        entry = zipfile.ZipInfo("data.npy")  # of no time: the same array gives the same bytes
+        archive.writestr(entry, npy(array), zipfile.ZIP_DEFLATED, _ZIP_LEVEL)
     return file.getvalue()
 
 

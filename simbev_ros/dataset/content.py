@@ -89,21 +89,24 @@ class Content:
     tick_ns: int
 
     @classmethod
-    def of(cls, path: Path, additional: Mapping[str, Path], cache: ChunkCache) -> "Content":
+    def of(
+        cls, path: Path, additional: Mapping[str, Path], cache: ChunkCache, *, may_be_cut_off: bool = False
+    ) -> "Content":
         """That of a scene's bag, and of additional bags by label.
 
         A key that is taken gets the label behind it, as in ``cam_front/rgb@label``, and so do all keys of a sensor
         that there is already elsewhere or with other optics, and its name.
 
         Raises:
-            BagError: A bag cannot be read, holds no scene, or an additional one has another motion.
+            BagError: A bag cannot be read, was cut off although that may not be, holds no scene, or an additional one
+                has another motion.
         """
-        bag = IndexedBag(path, cache)
+        bag = _opened(path, cache, may_be_cut_off)
         spec = spec_of(bag)
         sources, calibration = _sources(bag, spec), calibrations(spec.rig)
         stamps_ns = _stamps_ns(spec, sources)
         for label, place in sorted(additional.items()):
-            other = IndexedBag(place, cache)
+            other = _opened(place, cache, may_be_cut_off)
             other_spec = spec_of(other)
             if (other_spec.name, other_spec.start_ns) != (spec.name, spec.start_ns):
                 raise BagError(f"{place}: its motion is that of scene {other_spec.name}, not of {spec.name} beside it")
@@ -117,6 +120,13 @@ class Content:
         constants = {key: source for key, source in sources.items() if source.topic.is_latched}
         frequent = {key: sources[key] for key in sorted(sources.keys() - constants.keys())}
         return cls(bag, frequent, constants, calibration, stamps_ns, spec.tick_ns)
+
+
+def _opened(path: Path, cache: ChunkCache, may_be_cut_off: bool) -> IndexedBag:
+    bag = IndexedBag(path, cache)
+    if not (bag.closed or may_be_cut_off):
+        raise BagError(f"{path}: it was cut off; simbev repair saves what is in it")
+    return bag
 
 
 def tracks_of(path: Path) -> Tracks:

@@ -97,7 +97,8 @@ def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: i
     """Open a dataset, or one bag, also one that is unfinished or cut off.
 
     Args:
-        path: A dataset's folder, a bag's, or an MCAP file. Of a dataset all finished scenes are given.
+        path: A dataset's folder, a bag's, or an MCAP file. Of a dataset all finished scenes are given; reading one
+            that was cut off since raises BagError.
         cache_bytes: How much of decompressed chunks to keep, in each process.
         threads: How many decode at a time in ``Frame.load``; None: one for each core.
 
@@ -108,7 +109,7 @@ def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: i
     path, cache = Path(path), ChunkCache(cache_bytes)
     if not is_dataset(path):
         locate_mcap(path)
-        return Dataset(path, [Scene(path, cache, threads=threads)])
+        return Dataset(path, [Scene(path, cache, threads=threads, may_be_cut_off=True)])
     rows = {row["path"]: row for row in read_index(path)}
     bags = sorted(_bags(path).items(), key=lambda item: (int(item[0].name.rpartition("-")[2]), item[0]))
     return Dataset(path, [Scene(bag, cache, labelled, _row(rows, path, bag), threads) for bag, labelled in bags])

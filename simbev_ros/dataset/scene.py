@@ -1,7 +1,7 @@
 """Scenes and their frames: all that was sensed and labelled at each tick, decoded when it is asked for."""
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, overload
 
@@ -25,6 +25,7 @@ class Scene(Sequence[Frame]):
         additional: Additional bags of the same motion, by label.
         row: What the dataset's index says of it; empty if it has no row there.
         threads: How many decode at a time in ``Frame.load``; None: one for each core.
+        may_be_cut_off: Whether what is left of a bag that was cut off counts as the scene; else it raises BagError.
     """
 
     def __init__(
@@ -34,9 +35,11 @@ class Scene(Sequence[Frame]):
         additional: Mapping[str, Path] | None = None,
         row: Mapping[str, Any] | None = None,
         threads: int | None = None,
+        *,
+        may_be_cut_off: bool = False,
     ) -> None:
         self.path, self.additional, self.row, self.threads = path, dict(additional or {}), dict(row or {}), threads
-        self._cache = cache
+        self.may_be_cut_off, self._cache = may_be_cut_off, cache
 
     @property
     def name(self) -> str:
@@ -131,11 +134,12 @@ class Scene(Sequence[Frame]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it was before anything was read, so that it is small when it is sent to another process."""
-        return Scene, (self.path, self._cache, self.additional, self.row, self.threads)
+        made = partial(Scene, may_be_cut_off=self.may_be_cut_off)
+        return made, (self.path, self._cache, self.additional, self.row, self.threads)
 
     def __repr__(self) -> str:
         return f"<scene {self.name}, {len(self)} frames>"
 
     @cached_property
     def _content(self) -> Content:
-        return Content.of(self.path, self.additional, self._cache)
+        return Content.of(self.path, self.additional, self._cache, may_be_cut_off=self.may_be_cut_off)

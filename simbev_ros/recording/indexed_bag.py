@@ -53,6 +53,7 @@ class IndexedBag:
     Attributes:
         file: Its first MCAP file.
         files: All of them.
+        closed: All of them were closed by their writer; else the bag was cut off.
         topics: By name.
 
     Raises:
@@ -63,6 +64,7 @@ class IndexedBag:
         self.files = mcap_files(path)
         self.file, self._cache = self.files[0], cache
         indexes = [_index_of(file) for file in self.files]
+        self.closed = all(index.closed for index in indexes)
         attached = ChainMap(*(index.attachments for index in indexes))
         self._scene = {name: data for name, data in attached.items() if name == SCENE_ATTACHMENT}
         parts: dict[str, list[tuple[int, McapIndex, Channel]]] = {}

@@ -30,6 +30,17 @@ def test_a_bag_that_is_cut_off_can_be_read_as_far_as_it_goes(content: bytes, tmp
         np.testing.assert_array_equal(frame.load()["cam_front/instance"], written.pixels("mono16", frame.tick))
 
 
+@pytest.mark.parametrize("share", [0.5, 0.999])
+def test_a_scene_of_a_dataset_that_is_cut_off_is_no_shorter_scene(content: bytes, tmp_path: Path, share: float) -> None:
+    for number in (0, 1):
+        bag = written.record(tmp_path / f"scenes/train/Blocks-000{number}", written.spec())
+    (bag / "Blocks-0001_0.mcap").write_bytes(content[: int(len(content) * share)])
+    whole, cut_off = open_dataset(tmp_path).scenes
+    assert len(whole) == written.TICKS
+    with pytest.raises(BagError, match="Blocks-0001: it was cut off; simbev repair saves what is in it"):
+        len(cut_off)
+
+
 def test_a_flipped_bit_is_named_and_other_frames_can_be_read(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "flipped_0.mcap"
     file.write_bytes(content)

@@ -48,6 +48,7 @@ setup(
         "simplejpeg>=1.8",
         "trimesh>=4.5",
         "typer>=0.15",
+        "zlib-ng>=0.5",
         "zstandard>=0.23",
     ],
     extras_require={

@@ -37,6 +37,7 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.reader import RawMessage
+from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -53,6 +54,7 @@ class RecorderNode(GraphNode):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        keep_freed_memory()
         self._dataset = Path(self.declared("dataset", "", "Folder of the dataset that scenes are written to"))
         self._config = self.declared("config", "", "The configuration, kept as an attachment of each bag")
         recording = self.declared("recording", "{}", "The section of that name of the configuration, as JSON")

@@ -1,7 +1,6 @@
 """Whether an MCAP file is what it says of itself: every CRC, and its index against its content."""
 
 import io
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO
@@ -11,6 +10,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Message, MessageIndex, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
+from zlib_ng.zlib_ng import crc32
 
 from simbev_ros.recording.mcap_index import DAMAGE, FOOTER_BYTES, RECORD_HEAD, attachment_of, read_summary
 
@@ -66,7 +66,7 @@ class _Walk:
     def __init__(self, content: McapContent, see: Callable[[Message, McapContent], None]) -> None:
         self.content, self._see = content, see
         self.chunks: dict[int, int] = {}  # length by offset
-        self._crc = zlib.crc32(MCAP0_MAGIC)
+        self._crc = crc32(MCAP0_MAGIC)
         self._expected_index: dict[int, list[tuple[int, int]]] | None = {}  # None: the chunk is damaged
         self.whole_chunks = 0
 
@@ -77,7 +77,7 @@ class _Walk:
             if opcode == Opcode.DATA_END:
                 self._end(DataEnd.read(body))
                 return
-            self._crc = zlib.crc32(record, self._crc)
+            self._crc = crc32(record, self._crc)
             if opcode not in (Opcode.MESSAGE_INDEX, Opcode.CHUNK):
                 self._expect_no_more_index(offset)
             self._enter(offset, opcode, record, body)

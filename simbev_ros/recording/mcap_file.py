@@ -6,7 +6,6 @@ chunks come ready, so that whoever collects messages need not wait for zstd and 
 
 import os
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,6 +32,7 @@ from mcap.records import (
     SummaryOffset,
 )
 from mcap.writer import MCAP0_MAGIC
+from zlib_ng.zlib_ng import crc32
 
 from simbev_ros import __version__
 from simbev_ros.recording.mcap_index import MESSAGE_HEAD, RECORD_HEAD
@@ -165,7 +165,7 @@ class McapFile:
         """Size and CRC of all parts, and what they become as one stream; they are not joined, which takes as long."""
         size, crc = sum(map(len, parts)), 0
         for part in parts:
-            crc = zlib.crc32(part, crc)
+            crc = crc32(part, crc)
         if self._compressor is None:
             return size, crc, list(parts)
         stream = self._compressor.compressobj(size)
@@ -198,7 +198,7 @@ class McapFile:
         offsets_at = start + len(summary)
         summary += _record(*offsets)
         footer = _record(Footer(summary_crc=0, summary_offset_start=offsets_at, summary_start=start))[:-_CRC_BYTES]
-        crc = zlib.crc32(footer, zlib.crc32(summary))
+        crc = crc32(footer, crc32(summary))
         return bytes(summary) + footer + crc.to_bytes(_CRC_BYTES, "little")
 
     def _statistics(self) -> Statistics:
@@ -226,7 +226,7 @@ class McapFile:
             self._file.seek(self.size)
             raise
         for record in records:
-            self._crc = zlib.crc32(record, self._crc)
+            self._crc = crc32(record, self._crc)
             self.size += len(record)
 
 

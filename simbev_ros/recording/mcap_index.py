@@ -2,7 +2,6 @@
 
 import io
 import struct
-import zlib
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Footer, McapRec
 from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
+from zlib_ng.zlib_ng import crc32
 from zstandard import ZstdError
 
 from simbev_ros.errors import BagError
@@ -140,7 +140,7 @@ def read_summary(stream: BinaryIO) -> Summary | None:
     footer = Footer.read(ReadDataStream(io.BytesIO(end[RECORD_HEAD.size :])))
     start = stream.seek(min(footer.summary_start or footer_at, footer_at))
     covered = stream.read(footer_at - start) + end[: -CRC.size]
-    if footer.summary_crc not in (0, zlib.crc32(covered)):
+    if footer.summary_crc not in (0, crc32(covered)):
         raise ValueError("the CRC of the summary is wrong")
     stream.seek(0)
     return make_reader(stream).get_summary()
@@ -149,7 +149,7 @@ def read_summary(stream: BinaryIO) -> Summary | None:
 def attachment_of(record: bytes) -> Attachment:
     """What is in the record of an attachment, its head included; its CRC is checked. Raises one of ``DAMAGE``."""
     attachment: Attachment = Attachment.read(ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :])))
-    if CRC.unpack(record[-CRC.size :])[0] not in (0, zlib.crc32(record[RECORD_HEAD.size : -CRC.size])):
+    if CRC.unpack(record[-CRC.size :])[0] not in (0, crc32(record[RECORD_HEAD.size : -CRC.size])):
         raise ValueError(f"the CRC of attachment {attachment.name} is wrong")
     return attachment
 

@@ -1,5 +1,16 @@
 """The exception tree. The command line maps each branch to an exit code and prints the message without a traceback."""
 
+import struct
+import tokenize
+import zipfile
+import zlib
+
+NPZ_DAMAGE = (
+    *(ValueError, LookupError, OSError, EOFError, RuntimeError, MemoryError, SyntaxError, TypeError),
+    *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
+"""What numpy raises on NPY and NPZ files that are damaged, wherever the damage is."""
+
 
 class SimbevError(Exception):
     """Something failed although the input was good. Exit code 1."""

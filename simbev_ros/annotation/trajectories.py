@@ -19,16 +19,12 @@ Sizes are those at rest and do not change; a box of /ego/boxes fits its actor's 
 """
 
 import io
-import struct
-import tokenize
-import zipfile
-import zlib
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from simbev_ros.annotation.boxes import NO_CLASS, box_centers_m, class_of_blueprint
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.errors import NPZ_DAMAGE, BagError, InputError
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array, Table, UInt8Array, UInt32Array
@@ -156,13 +152,6 @@ def futures(
     )
 
 
-DAMAGE = (
-    *(ValueError, LookupError, OSError, EOFError, RuntimeError, MemoryError, SyntaxError),
-    *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
-)
-"""What numpy raises on NPZ files that are damaged."""
-
-
 def npz_of(tracks: Tracks) -> bytes:
     """The file of some tracks; of the same tracks the same bytes."""
     arrays = {field.name: np.asarray(getattr(tracks, field.name)) for field in fields(Tracks)}
@@ -183,7 +172,7 @@ def tracks_of_npz(file: bytes) -> Tracks:
             known = arrays["class_names"].tolist()
             values = {field.name: arrays[field.name] for field in fields(Tracks) if field.name != "box_class"}
             numbers = np.array([BOX_CLASSES.index(name) for name in known], np.uint8)[arrays["class"]]
-    except DAMAGE as error:
+    except NPZ_DAMAGE as error:
         raise BagError(f"the trajectories are damaged: {error}") from None
     return Tracks(**{**values, "tick_ns": int(values["tick_ns"]), "box_class": numbers})
 

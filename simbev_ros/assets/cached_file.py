@@ -2,7 +2,6 @@
 
 import hashlib
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from importlib.resources import files
@@ -12,10 +11,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from simbev_ros.errors import InputError
+from simbev_ros.errors import NPZ_DAMAGE, InputError
 from simbev_ros.maps.cache_ageing import remove_unused, use
 
-_DAMAGED = (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile)
 _T = TypeVar("_T")
 
 
@@ -25,7 +23,7 @@ def cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callable[[P
     Args:
         path: The file, in the folder of an entry (``maps.cache_ageing``).
         kind: Of thing, in the plural, for messages.
-        read: Raises what numpy's readers raise if the file is damaged.
+        read: Raises one of ``errors.NPZ_DAMAGE`` if the file is damaged.
         write: Is given another path. Readers see all or nothing, and of several writers the last wins.
 
     Raises:
@@ -35,7 +33,7 @@ def cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callable[[P
     if path.is_file():
         try:
             return read(path)
-        except _DAMAGED:
+        except NPZ_DAMAGE:
             pass
     is_first = not path.parent.exists()
     try:

@@ -21,7 +21,7 @@ def meshes_from(arrays: Mapping[str, AnyArray]) -> list[Mesh]:
     """The meshes, from an open file that has the arrays.
 
     Raises:
-        ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile: The file is damaged.
+        One of ``errors.NPZ_DAMAGE``: The file is damaged.
     """
     columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
     count = len(columns["vertices"])

@@ -24,7 +24,7 @@ def read_region(path: Path) -> RegionScene:
     """Read it again, the same to the byte.
 
     Raises:
-        ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile: The file is damaged.
+        One of ``errors.NPZ_DAMAGE``: The file is damaged.
     """
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         meshes = meshes_from(arrays)

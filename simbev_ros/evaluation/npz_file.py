@@ -5,8 +5,7 @@ from pathlib import Path
 
 from numpy.lib.npyio import NpzFile
 
-from simbev_ros.annotation.trajectories import DAMAGE
-from simbev_ros.errors import InputError
+from simbev_ros.errors import NPZ_DAMAGE, InputError
 from simbev_ros.types import AnyArray
 
 
@@ -28,7 +27,7 @@ def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyA
                 if names is None or name in names:
                     arrays[name] = file[name]
             return arrays
-    except DAMAGE as error:
+    except NPZ_DAMAGE as error:
         place = f"{name}: " if name else ""
         raise InputError(f"{path}: {place}cannot be read as NPZ: {_reason(error)}") from None
 

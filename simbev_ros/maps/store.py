@@ -1,7 +1,6 @@
 """RoadNetworks on disk: the net, its OpenDRIVE twin, and all else as flat arrays in one file that loads fast."""
 
 import json
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from simbev_ros.errors import NPZ_DAMAGE
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.columns import from_columns, part_of, to_columns
 from simbev_ros.maps.land.features import Footprint, MapFeatures, Water, Zone
@@ -88,7 +88,7 @@ def _complaints(folder: Path) -> Iterator[None]:
     """Whatever reading a damaged folder ends in, as one error."""
     try:
         yield
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+    except NPZ_DAMAGE as error:
         raise ValueError(f"{folder}: {error}") from error
 
 

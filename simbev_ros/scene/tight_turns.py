@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.errors import NPZ_DAMAGE
 from simbev_ros.maps.cache import code_version, folder_of
 from simbev_ros.maps.cache_ageing import discard
 from simbev_ros.maps.network import Lane, RoadNetwork
@@ -40,7 +41,7 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprin
         try:
             tight = np.load(folder / _FILE, allow_pickle=False)
             return dict(zip(bodies, tight.reshape(len(bodies), len(driving)), strict=True))
-        except (OSError, EOFError, ValueError):
+        except NPZ_DAMAGE:
             discard(folder)
 
 

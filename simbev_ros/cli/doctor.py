@@ -32,7 +32,8 @@ def doctor() -> None:
     simbev doctor
     """
     table = Table("", "part", "found", box=None)
-    findings = list(_findings())
+    with Console(stderr=True).status("looking at this machine"):
+        findings = list(_findings())
     for finding in findings:
         mark = {True: "[green]✓[/]", False: "[red]✗[/]", None: "·"}[finding.fine]
         table.add_row(mark, finding.subject, finding.found)
@@ -45,6 +46,7 @@ def _findings() -> Iterator[Finding]:
     yield Finding("Python", platform.python_version(), True)
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     yield Finding("machine", f"{os.cpu_count()} cores, {memory_gib:.0f} GiB of memory")
+    yield from _libraries()
     yield _checked("ROS 2", _ros)
     for package, use in (("tf2_msgs", "/tf live"), ("vision_msgs", "Detection3DArray")):
         there = util.find_spec(package) is not None
@@ -55,6 +57,22 @@ def _findings() -> Iterator[Finding]:
     yield _shared_memory()
     free_gib = shutil.disk_usage(".").free / 2**30
     yield Finding("disk", f"{free_gib:.1f} GiB free here", free_gib > 2)
+
+
+def _libraries() -> Iterator[Finding]:
+    """Shared libraries of the system that the installed wheels need: those that are missing, with their packages."""
+    from simbev_ros.installation.system_libraries import find_missing_libraries
+
+    try:
+        missing = find_missing_libraries()
+    except metadata.PackageNotFoundError:
+        yield Finding("libraries", "not checked: simbev_ros runs from its sources without being installed")
+        return
+    for library in missing:
+        remedy = f"apt-get install {library.package}" if library.package else "no known package"
+        yield Finding("libraries", f"{library.name} is missing: {remedy} (for {library.needed_by})", False)
+    if not missing:
+        yield Finding("libraries", "all that the installed wheels need of the system are there", True)
 
 
 def _checked(subject: str, check: Callable[[], str]) -> Finding:

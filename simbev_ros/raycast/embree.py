@@ -1,11 +1,14 @@
 """The border to Embree, through Open3D: triangles go in once, rays go in as often as wanted."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import open3d
 
+from simbev_ros.raycast.open3d_core import load_open3d_core
 from simbev_ros.types import AnyArray, Float32Array, Int32Array, Int64Array
+
+_OPEN3D = load_open3d_core()
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,7 @@ class TriangleSet:
     """An immutable bounding volume hierarchy of (T, 3) triangles over (V, 3) float32 vertices in metres."""
 
     def __init__(self, vertices_m: Float32Array, triangles: Int32Array) -> None:
-        self._scene = open3d.t.geometry.RaycastingScene()
+        self._scene = _OPEN3D.t.geometry.RaycastingScene()
         self._is_empty = not len(triangles)
         if not self._is_empty:
             self._scene.add_triangles(_tensor(vertices_m), _tensor(triangles.astype(np.uint32)))
@@ -72,5 +75,5 @@ class TriangleSet:
         )
 
 
-def _tensor(array: AnyArray) -> open3d.core.Tensor:
-    return open3d.core.Tensor.from_numpy(np.ascontiguousarray(array))
+def _tensor(array: AnyArray) -> Any:
+    return _OPEN3D.core.Tensor.from_numpy(np.ascontiguousarray(array))

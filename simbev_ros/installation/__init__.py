@@ -1,0 +1,1 @@
+"""What must be on a machine besides Python's packages, and what of it is missing."""

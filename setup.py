@@ -1,4 +1,4 @@
-"""Package definition, for pip and for colcon (ament_python). package.xml holds the metadata that ROS wants there too."""
+"""Package definition, for pip and for colcon (ament_python). What ROS wants in package.xml is read from there."""
 
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -95,11 +95,14 @@ setup(
     extras_require={
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         # Its own reading of its towns is the truth that a test of the OpenDRIVE reader compares with.
-        "carla": ["carla>=0.9.16; python_version < '3.13' and sys_platform == 'linux' and platform_machine == 'x86_64'"],
+        "carla": [
+            "carla>=0.9.16; python_version < '3.13' and sys_platform == 'linux' and platform_machine == 'x86_64'",
+        ],
         "test": [
             "mypy>=1.15",
             "pytest>=8.3",
             "ruff>=0.9",
+            "setuptools>=71",
             "types-PyYAML",
             "types-shapely",
         ],

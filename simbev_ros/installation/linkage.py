@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from elftools.common.exceptions import ELFError
+from elftools.elf.dynamic import DynamicSegment
 from elftools.elf.elffile import ELFFile
 
 _MAGIC = b"\x7fELF"
@@ -48,6 +49,7 @@ def read_linkage(path: Path) -> Linkage | None:
 def _dynamic_tags(elf: ELFFile) -> Iterator[tuple[str, str]]:
     """Pairs of needed, rpath or runpath and its text."""
     for segment in elf.iter_segments("PT_DYNAMIC"):
+        assert isinstance(segment, DynamicSegment)
         for tag in segment.iter_tags():
             for kind in ("needed", "rpath", "runpath"):
                 if tag.entry.d_tag == f"DT_{kind.upper()}":

@@ -10,7 +10,7 @@ from rich.progress import Progress
 
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
-from simbev_ros.viz.layout import LabelPlace
+from simbev_ros.viz.sheet.layout import LabelPlace
 
 _GALLERY = "Gallery"
 
@@ -87,9 +87,9 @@ def make_preview(
         BagError: The bag cannot be read, or has nothing to show.
     """
     from simbev_ros.recording.reader import SceneBag
-    from simbev_ros.viz.frames import FrameReader
-    from simbev_ros.viz.preview import write_picture, write_video
-    from simbev_ros.viz.views import find_views
+    from simbev_ros.viz.sheet.frames import FrameReader
+    from simbev_ros.viz.sheet.preview import write_picture, write_video
+    from simbev_ros.viz.sheet.views import find_views
 
     with SceneBag(path) as bag:
         reader = FrameReader(bag, find_views(bag, labels))

@@ -12,9 +12,9 @@ from simbev_ros.annotation.trajectories import Tracks, tracks_of_npz
 from simbev_ros.dataset.calibration import Calibration, calibrations
 from simbev_ros.dataset.values import message_of, value_of
 from simbev_ros.errors import BagError
-from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array

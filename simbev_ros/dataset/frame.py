@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbev_ros.annotation.boxes import LIGHT_IDS
+from simbev_ros.annotation.boxes.boxes import LIGHT_IDS
 from simbev_ros.annotation.trajectories import HORIZON_S, Futures, futures
 from simbev_ros.dataset.content import Source
 from simbev_ros.dataset.decoders import decoders

@@ -11,8 +11,8 @@ from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
-from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.layout import additional_bags, bytes_of, is_dataset, is_scene, locate_mcap, scenes_of
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 
 CACHE_BYTES = 256 << 20
 

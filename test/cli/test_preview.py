@@ -14,13 +14,13 @@ from simbev_ros.config.sensor import Pose
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.types import UInt8Array
-from simbev_ros.viz.contact_sheet import Captions, ContactSheet
-from simbev_ros.viz.frames import FrameReader
-from simbev_ros.viz.layout import LabelPlace
-from simbev_ros.viz.sheet_panels import LABEL_PANEL
-from simbev_ros.viz.views import find_views
+from simbev_ros.viz.sheet.contact_sheet import Captions, ContactSheet
+from simbev_ros.viz.sheet.frames import FrameReader
+from simbev_ros.viz.sheet.layout import LabelPlace
+from simbev_ros.viz.sheet.sheet_panels import LABEL_PANEL
+from simbev_ros.viz.sheet.views import find_views
 
 FRONT = "/ego/cam_front/rgb/image_raw/compressed"
 LIDAR, BEV = "/ego/lidar/semantic_points", "/ego/bev/labels"

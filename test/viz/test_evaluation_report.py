@@ -12,20 +12,20 @@ import pytest
 from html_page import Page
 
 from simbev_ros.dataset import open_dataset
-from simbev_ros.evaluation import nuscenes
-from simbev_ros.evaluation.boxes import Predictions
-from simbev_ros.evaluation.cuts import GROUPS, Cut, cuts_of
-from simbev_ros.evaluation.detection import DetectionOptions
 from simbev_ros.evaluation.evaluation import evaluate
 from simbev_ros.evaluation.figures import figures_of
 from simbev_ros.evaluation.filters import BoxFilter
-from simbev_ros.evaluation.nuscenes import NuscenesResult
+from simbev_ros.evaluation.metrics import nuscenes
+from simbev_ros.evaluation.metrics.boxes import Predictions
+from simbev_ros.evaluation.metrics.detection import DetectionOptions
+from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predictions import open_predictions, write_grid, write_predictions
+from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
+from simbev_ros.evaluation.slices import GROUPS, Cut, cuts_of
 from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.viz.evaluation_report import write_evaluation_report
-from simbev_ros.viz.svg_charts import Series
-from simbev_ros.viz.svg_lines import share_profile
+from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
+from simbev_ros.viz.reports.svg_charts import Series
+from simbev_ros.viz.reports.svg_lines import share_profile
 
 ERRORS = ("ATE", "AOE", "ASE", "AVE")
 

@@ -8,8 +8,8 @@ from simbev_ros.errors import BagError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.viz.frames import FrameReader
-from simbev_ros.viz.views import find_views
+from simbev_ros.viz.sheet.frames import FrameReader
+from simbev_ros.viz.sheet.views import find_views
 
 TICK_NS = 50_000_000
 FAST, SLOW = "/ego/cam_back/rgb/image_raw", "/ego/cam_front/rgb/image_raw"

@@ -12,8 +12,8 @@ from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.types import Float64Array
-from simbev_ros.viz.frames import Frame, FrameReader
-from simbev_ros.viz.views import find_views
+from simbev_ros.viz.sheet.frames import Frame, FrameReader
+from simbev_ros.viz.sheet.views import find_views
 
 TICK_NS = 50_000_000
 RGB, BOXES, ODOMETRY, BEV = "/ego/cam_front/rgb/image_raw", "/ego/boxes", "/ego/odom", "/ego/bev/labels"

@@ -7,8 +7,9 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from simbev_ros.config.map_files import MAP_SUFFIXES
 from simbev_ros.config.paths import shipped_config_dir
-from simbev_ros.config.scenario import MAP_SUFFIXES, Scenario
+from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.yaml_file import YamlFile
 from simbev_ros.errors import InputError
 

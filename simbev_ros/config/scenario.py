@@ -17,8 +17,6 @@ from simbev_ros.config.rig import Rig
 
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
-MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
-"""Of map files: OpenDRIVE, OpenStreetMap, SUMO net."""
 
 _Percent = Annotated[PaperOrDrawn, within(0, 100)]
 _Count = Annotated[PaperOrDrawn, within(0, 10_000)]

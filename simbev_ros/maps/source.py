@@ -4,7 +4,7 @@ import hashlib
 import re
 from pathlib import Path
 
-from simbev_ros.config.scenario import MAP_SUFFIXES
+from simbev_ros.config.map_files import MAP_SUFFIXES
 from simbev_ros.errors import InputError
 from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.safe_xml import check_readable

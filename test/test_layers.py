@@ -11,6 +11,7 @@ FLOORS = [
     {"types", "errors", "semantics", "palette", "installation", "__init__"},
     {"geometry"},
     {"config", "random"},
+    {"cache"},
     {"maps"},
     {"scene"},
     {"assets"},

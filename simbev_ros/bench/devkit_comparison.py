@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from simbev_ros.cache.entries import default_cache_dir
 from simbev_ros.errors import SimbevError
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
-from simbev_ros.maps.cache import default_cache_dir
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Float64Array
 

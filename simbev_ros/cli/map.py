@@ -16,11 +16,11 @@ from rich.markup import escape
 
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene
+from simbev_ros.cache.entries import default_cache_dir
 from simbev_ros.cli.map_report import MapReport, Surroundings, map_table, towns_table
 from simbev_ros.cli.scenes import prepare_regions
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.cache import default_cache_dir
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.region import Reach, regions_of

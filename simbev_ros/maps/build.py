@@ -11,9 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from simbev_ros.cache.entries import default_cache_dir, discard_entry
+from simbev_ros.cache.fingerprint import fingerprint
+from simbev_ros.cache.folders import ensure_folder
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.cache import code_version, default_cache_dir, folder_of
-from simbev_ros.maps.cache_ageing import discard
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
@@ -75,7 +76,7 @@ def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> 
             attempt += 1
             if attempt == _ATTEMPTS:
                 raise
-            discard(folder)
+            discard_entry(folder)
 
 
 def _folder(spec: MapSpec, cache_dir: Path) -> Path:
@@ -84,8 +85,9 @@ def _folder(spec: MapSpec, cache_dir: Path) -> Path:
     key = f"{spec.name}\n{source}\n".encode()
     parts_of = _imported(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
     try:
+        build = partial(_build, spec, parts_of)
         with _no_collection():
-            return folder_of("maps", spec.name, code_version(), key, partial(_build, spec, parts_of), cache_dir)
+            return ensure_folder("maps", spec.name, fingerprint(__name__), key, build, cache_dir)
     except Exception as error:
         error.add_note(f"while building the roads of map {spec.path or spec.name}")
         raise

@@ -8,7 +8,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from simbev_ros.assets.cached_file import assets_version, cached
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.facets import TILE_M
 from simbev_ros.assets.placement.static_scene import StaticScene, StreetLight, Tile
@@ -17,8 +16,9 @@ from simbev_ros.assets.regions.far_land import FarLand, cells_of, far_land, far_
 from simbev_ros.assets.regions.region_file import read_region, read_streetside, write_region
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
-from simbev_ros.maps.cache import code_version, default_cache_dir
-from simbev_ros.maps.cache_ageing import entry_path
+from simbev_ros.cache.entries import default_cache_dir, entry_path
+from simbev_ros.cache.files import read_cached
+from simbev_ros.cache.fingerprint import fingerprint
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
@@ -80,9 +80,9 @@ class StaticCache:
     def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
         """Arguments as of ``load_static_scene``."""
         self._network = network
-        root, version = (cache_dir or default_cache_dir()) / _KIND, code_version() + assets_version()
+        root = (cache_dir or default_cache_dir()) / _KIND
         key = f"{network.net_path.parent.name}\n{spec.seed}\n".encode()
-        self._folder = entry_path(root, spec.name, version, key)
+        self._folder = entry_path(root, spec.name, fingerprint(__name__), key)
 
     def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
         """Those that are not there yet."""
@@ -98,11 +98,11 @@ class StaticCache:
 
     def _read_region(self, region: Region, read: Callable[[Path], _T]) -> _T:
         """Of a region, built if it is not there."""
-        return cached(self._path(region), _KIND, read, partial(self._write_region, region=region))
+        return read_cached(self._path(region), _KIND, read, partial(self._write_region, region=region))
 
     def far_land(self) -> FarLand:
         """What lies beyond the regions; raises as ``load_static_scene``."""
-        return cached(self._folder / "far_land.npz", _KIND, _read_far_land, self._write_far_land)
+        return read_cached(self._folder / "far_land.npz", _KIND, _read_far_land, self._write_far_land)
 
     @cached_property
     def _terrain(self) -> Terrain:

@@ -4,14 +4,14 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.cache.entries import discard_entry
+from simbev_ros.cache.fingerprint import fingerprint
+from simbev_ros.cache.folders import ensure_folder
 from simbev_ros.errors import NPZ_DAMAGE
-from simbev_ros.maps.cache import code_version, folder_of
-from simbev_ros.maps.cache_ageing import discard
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.blueprints import Footprint, load_blueprints
@@ -37,12 +37,12 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprin
     cache_dir = network.net_path.parents[2]  # it holds a folder of maps, and that a folder of each map
     while True:
         key = _key(bodies, driving, sidewalks, following)
-        folder = folder_of("turns", network.name, _version(), key, build, cache_dir)
+        folder = ensure_folder("turns", network.name, fingerprint(__name__), key, build, cache_dir)
         try:
             tight = np.load(folder / _FILE, allow_pickle=False)
             return dict(zip(bodies, tight.reshape(len(bodies), len(driving)), strict=True))
         except NPZ_DAMAGE:
-            discard(folder)
+            discard_entry(folder)
 
 
 def _build(
@@ -68,9 +68,3 @@ def _key(
     content.update(np.concatenate([np.empty((0, 3)), *(lane.centerline_m for lane in lanes)]).tobytes())
     content.update(following.tobytes())
     return content.digest()
-
-
-def _version() -> bytes:
-    """That of the code."""
-    here = (files("simbev_ros.scene.streets").joinpath(name) for name in ("off_tracking.py", "tight_turns.py"))
-    return b"".join((code_version(), *(module.read_bytes() for module in here)))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.assets.cached_file import cached
+from simbev_ros.cache.files import read_cached
 from simbev_ros.types import AnyArray
 
 THING = np.arange(40, dtype=np.float32)
@@ -26,8 +26,8 @@ def test_a_cached_file_with_any_flipped_bit_is_written_again(tmp_path: Path) -> 
     np.savez_compressed(file, thing=THING)
     content, path = file.getvalue(), tmp_path / "entry/thing.npz"
     path.parent.mkdir()
-    for place in range(8 * len(content)):
+    for bit in range(8 * len(content)):
         damaged = bytearray(content)
-        damaged[place // 8] ^= 1 << place % 8
+        damaged[bit // 8] ^= 1 << bit % 8
         path.write_bytes(damaged)
-        np.testing.assert_array_equal(cached(path, "things", read, write), THING)
+        np.testing.assert_array_equal(read_cached(path, "things", read, write), THING)

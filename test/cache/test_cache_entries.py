@@ -1,4 +1,4 @@
-"""What another version of the code has left in the cache goes when it is old and nobody uses it; nothing else does."""
+"""Entries of other versions are evicted when they are old and no process uses them; no other entry is."""
 
 import os
 import subprocess
@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.maps import cache_ageing
-from simbev_ros.maps.cache import folder_of
-from simbev_ros.maps.cache_ageing import KEPT_S, entry_path, remove_unused, use
+from simbev_ros.cache import entries
+from simbev_ros.cache.entries import KEPT_S, entry_path, evict_unused, hold_entry
+from simbev_ros.cache.folders import ensure_folder
 
 
 def entry(cache: Path, name: str, version: bytes, *, unused_s: float) -> Path:
@@ -27,7 +27,7 @@ def aged(folder: Path, unused_s: float) -> Path:
 
 def written(cache: Path) -> Path:
     """A new entry of version 2."""
-    return folder_of("maps", "New", b"2", os.urandom(4), lambda work: (work / "net").touch(), cache)
+    return ensure_folder("maps", "New", b"2", os.urandom(4), lambda work: (work / "net").touch(), cache)
 
 
 def test_only_old_entries_of_other_versions_go(tmp_path: Path) -> None:
@@ -42,10 +42,11 @@ def test_only_old_entries_of_other_versions_go(tmp_path: Path) -> None:
     assert (tmp_path / "maps").is_dir() and (kept[0] / "net").read_text() == "Young"
 
 
-def test_what_is_used_stays_as_long_as_the_process_lives(tmp_path: Path) -> None:
+def test_an_entry_in_use_stays_as_long_as_the_process_lives(tmp_path: Path) -> None:
     folder = entry(tmp_path, "Old", b"1", unused_s=2 * KEPT_S)
-    program = f"import sys, pathlib; from simbev_ros.maps.cache_ageing import use; use(pathlib.Path({str(folder)!r}))"
-    command = [sys.executable, "-c", f"{program}; print('used', flush=True); sys.stdin.read()"]
+    program = "import sys, pathlib; from simbev_ros.cache.entries import hold_entry; "
+    program += f"hold_entry(pathlib.Path({str(folder)!r})); print('used', flush=True); sys.stdin.read()"
+    command = [sys.executable, "-c", program]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as user:
         assert user.stdout is not None and user.stdout.readline() == "used\n"
         assert time.time() - folder.stat().st_mtime < 60
@@ -59,13 +60,13 @@ def test_what_is_used_stays_as_long_as_the_process_lives(tmp_path: Path) -> None
 def test_an_entry_that_is_taken_into_use_at_the_last_moment_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder, remove = entry(tmp_path, "Old", b"1", unused_s=2 * KEPT_S), cache_ageing._remove
+    folder, remove = entry(tmp_path, "Old", b"1", unused_s=2 * KEPT_S), entries._evict
 
     def late(old: Path) -> None:
         os.utime(folder)
         remove(old)
 
-    monkeypatch.setattr(cache_ageing, "_remove", late)
+    monkeypatch.setattr(entries, "_evict", late)
     written(tmp_path)
     assert (folder / "net").is_file()
 
@@ -74,9 +75,9 @@ def test_a_found_entry_counts_as_used_and_one_that_is_gone_is_no_error(tmp_path:
     found = written(tmp_path)
     aged(found, 2 * KEPT_S)
     key = b"the same"
-    again = folder_of("maps", "New", b"2", key, lambda work: None, tmp_path)
+    again = ensure_folder("maps", "New", b"2", key, lambda work: None, tmp_path)
     aged(again, 2 * KEPT_S)
-    assert folder_of("maps", "New", b"2", key, lambda work: pytest.fail("built again"), tmp_path) == again
+    assert ensure_folder("maps", "New", b"2", key, lambda work: pytest.fail("built again"), tmp_path) == again
     assert time.time() - again.stat().st_mtime < 60 < time.time() - found.stat().st_mtime
-    use(tmp_path / "gone")
-    remove_unused(found)
+    hold_entry(tmp_path / "gone")
+    evict_unused(found)

@@ -1,0 +1,96 @@
+"""Entries of the cache: where they are, which are in use, and which are evicted.
+
+An entry is a folder below the folder of its kind. Its name contains a hash of the fingerprint of the code that built
+it. A process that uses an entry sets its modification time and holds a lock on it until the process ends, however that
+happens. Entries that other versions of the code built are evicted when no process has used them for a while.
+"""
+
+import fcntl
+import hashlib
+import os
+import tempfile
+import time
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+KEPT_S = 14 * 86400.0
+"""How long after its last use an entry of another version is kept."""
+
+
+def default_cache_dir() -> Path:
+    """Folder of the cache: ``$XDG_CACHE_HOME/simbev_ros``, by default ``~/.cache/simbev_ros``."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "simbev_ros"
+
+
+def entry_path(kind: Path, name: str, version: bytes, key: bytes) -> Path:
+    """Path of an entry, whether or not it exists.
+
+    Args:
+        kind: Folder of the entry's kind.
+        name: Shown to users who look into the cache; it identifies nothing.
+        version: Fingerprint of the code that builds the entry.
+        key: All else that decides the content.
+    """
+    return kind / f"{name}-{hashlib.sha256(version).hexdigest()[:8]}-{hashlib.sha256(version + key).hexdigest()[:20]}"
+
+
+def hold_entry(entry: Path) -> None:
+    """Protect an entry from eviction while this process lives; without effect if it is absent or read-only."""
+    with suppress(OSError):
+        os.utime(entry)
+        _lock(entry, entry.stat().st_ino)
+
+
+@cache
+def _lock(entry: Path, _inode: int) -> None:
+    """Lock an entry until the process ends: the descriptor is never closed."""
+    descriptor = os.open(entry, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:  # another process is just removing it
+        os.close(descriptor)
+        raise
+
+
+def evict_unused(written: Path) -> None:
+    """Remove entries of the same kind that other versions built, that are old and that no process uses.
+
+    Args:
+        written: An entry that was just written. Entries of its version stay, and so does any that cannot be removed.
+    """
+    version = _version(written)
+    for entry in written.parent.iterdir():
+        if _version(entry) != version and _is_old(entry):
+            with suppress(OSError):
+                _evict(entry)
+
+
+def discard_entry(entry: Path) -> None:
+    """Remove a damaged entry; it disappears for all processes at the same moment."""
+    with tempfile.TemporaryDirectory(prefix=".damaged-", dir=entry.parent) as bin_, suppress(FileNotFoundError):
+        entry.rename(Path(bin_) / entry.name)
+
+
+def _evict(entry: Path) -> None:
+    """Remove an entry unless a process holds it."""
+    descriptor = os.open(entry, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if _is_old(entry):  # no process has begun to use it before it was locked
+            discard_entry(entry)
+    finally:
+        os.close(descriptor)
+
+
+def _version(entry: Path) -> str:
+    """The part of an entry's name that stands for the version of the code."""
+    return entry.name.rpartition("-")[0].rpartition("-")[2]
+
+
+def _is_old(entry: Path) -> bool:
+    """Whether an entry exists and was last used more than ``KEPT_S`` ago."""
+    try:
+        return entry.stat().st_mtime < time.time() - KEPT_S
+    except FileNotFoundError:
+        return False

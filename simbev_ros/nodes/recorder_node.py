@@ -125,7 +125,7 @@ class RecorderNode(GraphNode):
                 )
             elif stamp_ns >= self._spec.start_ns:
                 self._take(topic.name, stamp_ns, payload)
-                if topic.type == "nav_msgs/msg/Odometry":
+                if topic.name == topics.odometry_name(self._spec.rig.agent):
                     transform = ego_transform(deserialize_message(payload, Odometry))
                     self._take(topics.TF, stamp_ns, serialised_transforms([transform]))
 
@@ -148,7 +148,7 @@ class RecorderNode(GraphNode):
             return
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
-            self._writer.write(topic, stamp_ns, canonical(payload, "std_msgs/msg/String"))
+            self._writer.write(topic, stamp_ns, canonical(payload, self._manifest[topic].type))
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick

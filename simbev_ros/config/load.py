@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from simbev_ros.config.map_files import MAP_SUFFIXES
 from simbev_ros.config.paths import shipped_config_dir
+from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.yaml_file import YamlFile
 from simbev_ros.errors import InputError
@@ -146,7 +147,7 @@ def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
     return keys
 
 
-_BRANCHES = {"number", "distribution", "paper", "camera", "lidar", "radar", "gnss", "imu"}
+_BRANCHES = {"number", "distribution", "paper", *SENSOR_KINDS}
 
 
 def _suggestion(key: str, location: Sequence[str | int], data: Any) -> str:

@@ -1,7 +1,7 @@
 """The rig: which sensors an agent carries."""
 
-from collections.abc import Sequence
-from typing import Annotated, Self, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Final, Self, TypeVar, get_args
 
 from pydantic import Field, model_validator
 
@@ -13,9 +13,18 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Name, Sensor
 
 AnySensor = Annotated[Camera | Lidar | Radar | Gnss | Imu, Field(discriminator="type")]
-
+"""Every kind of sensor. All that depends on the kind follows from this union: docs/extending/sensor.md."""
 
 S = TypeVar("S", bound=Sensor)
+
+
+def _models_by_kind() -> dict[str, type[Sensor]]:
+    union, *_ = get_args(AnySensor)
+    return {get_args(model.model_fields["type"].annotation)[0]: model for model in get_args(union)}
+
+
+SENSOR_KINDS: Final[Mapping[str, type[Sensor]]] = _models_by_kind()
+"""Model of each kind of sensor by the kind's name, which is the ``type`` in a rig; in the order of the union."""
 
 
 class Rig(Model):

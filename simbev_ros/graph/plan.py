@@ -8,12 +8,12 @@ from pathlib import Path
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, REFERENCE_STACK, Evaluation
 from simbev_ros.config.lidar import Lidar
-from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
-from simbev_ros.config.rig import Rig
+from simbev_ros.config.rig import SENSOR_KINDS, Rig
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.config.sensor import Sensor
-from simbev_ros.msgs.topics import agent_topic, camera_info_topic
+from simbev_ros.msgs.annotation_topics import bev_labels_name, boxes_name
+from simbev_ros.msgs.sensor_topics import camera_info_name, points_name
+from simbev_ros.msgs.topics import odometry_name
 
 _Parameters = Mapping[str, object]
 
@@ -30,14 +30,11 @@ class NodePlan:
 ProcessPlan = tuple[NodePlan, ...]
 """The nodes that share one process."""
 
-_EVALUATED = ("boxes", "bev/labels")
-"""Topics of the annotator with the truth."""
-
 _SHARE_OF_SILENCE = 0.8
 """So long an evaluator waits for a stack, so that it can say what is missing before it is silent for too long."""
 
-_TOGETHER: tuple[Mapping[str, type[Sensor]], ...] = ({"lidar": Lidar, "radar": Radar}, {"gnss": Gnss, "imu": Imu})
-"""Kinds of nodes that share a process. Radars take a tenth of a lidar's time, and the same meshes in memory."""
+_RAY_CASTING = (Lidar, Radar)
+"""Their nodes share a process: radars take a tenth of a lidar's time, and the same meshes in memory."""
 
 
 def planned_processes(
@@ -79,14 +76,11 @@ def _processes_behind_world(
     patterns = {f"{name}_topics": list(words) for name, words in chosen.items() if words}
     common: dict[str, object] = {"live": live, "recorded": dataset is not None, "annotated": True, **patterns}
     if scenario.evaluation is not None:
-        truth = [agent_topic(scenario.rig.agent, name) for name in _EVALUATED]
-        common["evaluated_topics"] = [*truth, input_topic(scenario.rig, scenario.evaluation)]
+        agent, read = scenario.rig.agent, input_topic(scenario.rig, scenario.evaluation)
+        common["evaluated_topics"] = [boxes_name(agent), bev_labels_name(agent), read]
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
-    for kinds in _TOGETHER:
-        nodes = tuple(NodePlan(kind, kind, common) for kind, sensor in kinds.items() if scenario.rig.of_type(sensor))
-        if nodes:
-            yield nodes
+    yield from _sensor_processes(scenario.rig, common)
     yield (NodePlan("annotator", "annotator", {**common, "annotated": False, "compressed": compressed}),)
     if dataset is not None:
         parameters = {
@@ -108,7 +102,7 @@ def planned_stack(scenario: Scenario) -> tuple[str, ...]:
     agent, boxes = scenario.rig.agent, evaluation.boxes_topic
     topics = {
         "/ego/lidar/points": input_topic(scenario.rig, evaluation),
-        "/ego/odom": agent_topic(agent, "odom"),
+        "/ego/odom": odometry_name(agent),
         BOXES_TOPIC: boxes,
         f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
         GRIDS_TOPIC: evaluation.grids_topic,
@@ -123,10 +117,10 @@ def input_topic(rig: Rig, evaluation: Evaluation) -> str:
         return evaluation.answers_to
     for lidar in rig.of_type(Lidar):
         if lidar.points:
-            return agent_topic(rig.agent, f"{lidar.name}/points")
+            return points_name(rig.agent, lidar.name)
     for camera in rig.of_type(Camera):
-        return camera_info_topic(rig.agent, camera.name, camera.modalities[0])
-    return agent_topic(rig.agent, "odom")
+        return camera_info_name(rig.agent, camera.name, camera.modalities[0])
+    return odometry_name(rig.agent)
 
 
 def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -> Iterator[ProcessPlan]:
@@ -141,6 +135,16 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
             "turn": index,
         }
         yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)
+
+
+def _sensor_processes(rig: Rig, common: _Parameters) -> Iterator[ProcessPlan]:
+    """The nodes of all sensors but cameras: those that cast rays in one process, the light ones in another."""
+    kinds = {kind: model for kind, model in SENSOR_KINDS.items() if model is not Camera and rig.of_type(model)}
+    casting = [kind for kind, model in kinds.items() if model in _RAY_CASTING]
+    light = [kind for kind in kinds if kind not in casting]
+    for together in (casting, light):
+        if together:
+            yield tuple(NodePlan(kind, kind, common) for kind in together)
 
 
 def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.recording.qos import QosProfile
 
 _DEPTH = 16

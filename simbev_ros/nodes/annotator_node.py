@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
-from nav_msgs.msg import OccupancyGrid
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
@@ -23,7 +22,7 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.msgs import topics
+from simbev_ros.msgs.annotation_topics import annotation_topics, read_by_annotator, viewing_cameras
 from simbev_ros.msgs.images import image_message, labels_of_image
 from simbev_ros.msgs.markers import box_markers
 from simbev_ros.msgs.message_types import message_class
@@ -31,7 +30,7 @@ from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of_serialised
 from simbev_ros.msgs.tables import message_from_table, table_from_message
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import MAP_FRAME, record_message
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.sensor_join import SensorJoin
@@ -85,18 +84,16 @@ class AnnotatorNode(Participant):
         self._network = load_network(spec.map)
         self._scene = SceneAnnotator(spec, self._network, self._meshes)
         self._read_sensors(spec)
-        recorded = list(topics.annotation_topics(spec))
-        for topic in recorded:
-            self.advertise(topic, message_class(topic.type))
-        for name in BEV_CLASSES:
-            self.advertise(Topic(_grid_topic(spec.rig.agent, name), "nav_msgs/msg/OccupancyGrid"), OccupancyGrid)
+        self._topics = annotation_topics(spec)
+        for topic in (*self._topics.recorded, *self._topics.grids.values()):
+            self.advertise(topic)
         gc.collect()
         gc.freeze()  # maps are many objects, which the collector would go through again and again
-        return [topic.name for topic in recorded]
+        return [topic.name for topic in self._topics.recorded]
 
     def _read_sensors(self, spec: SceneSpec) -> None:
         """Subscribe to what the boxes need, once for all scenes that have it."""
-        self._sensors = topics.read_by_annotator(spec, compressed_images=self._compressed)
+        self._sensors = read_by_annotator(spec, compressed_images=self._compressed)
         names = {topic.name for topic in self._sensors.values()}
         for name in self._subscriptions_of.keys() - names:
             self.inputs.remove(self._subscriptions_of[name])
@@ -132,7 +129,7 @@ class AnnotatorNode(Participant):
         self._publish_labels(spec, state, labels)
         place_m = vector(state.ego, "x y z")
         lane = record_message(lane_record(self._network, place_m, float(state.ego["yaw"])), state.stamp_ns)
-        self.publish(topics.agent_topic(spec.rig.agent, "hd_map"), lane)
+        self.publish(self._topics.hd_map.name, lane)
         self._join.expect(state.tick, _Tick(state, labels.boxes))
 
     def _is_sent(self, topic: Topic) -> bool:
@@ -146,25 +143,24 @@ class AnnotatorNode(Participant):
             self._publish_seen(spec)
 
     def _publish_labels(self, spec: SceneSpec, state: WorldState, labels: Labels) -> None:
-        agent, stamp_ns = spec.rig.agent, state.stamp_ns
-        frame = f"{agent}/base_link"
-        self.publish(f"/{agent}/bev/labels", image_message(labels.grid, stamp_ns, frame))
-        if self.readers(f"/{agent}/bev/color"):
-            self.publish(f"/{agent}/bev/color", image_message(bev_color(labels.grid), stamp_ns, frame))
+        topics, stamp_ns, frame = self._topics, state.stamp_ns, f"{spec.rig.agent}/base_link"
+        self.publish(topics.bev_labels.name, image_message(labels.grid, stamp_ns, frame))
+        if self.readers(topics.bev_color.name):
+            self.publish(topics.bev_color.name, image_message(bev_color(labels.grid), stamp_ns, frame))
         self._publish_grids(labels.grid, spec, state)
-        if labels.voxels is not None:
-            self.publish(f"/{agent}/occupancy/points", message_from_table(labels.voxels, stamp_ns, frame))
-        if labels.roads is not None:
-            self.publish(f"/{agent}/vector_map", record_message(labels.roads, stamp_ns))
+        if topics.occupancy is not None and labels.voxels is not None:
+            self.publish(topics.occupancy.name, message_from_table(labels.voxels, stamp_ns, frame))
+        if topics.vector_map is not None and labels.roads is not None:
+            self.publish(topics.vector_map.name, record_message(labels.roads, stamp_ns))
 
     def _publish_grids(self, grid: UInt16Array, spec: SceneSpec, state: WorldState) -> None:
-        agent, geometry, ego = spec.rig.agent, spec.annotation.bev.grid, state.ego
+        geometry, frame = spec.annotation.bev.grid, f"{spec.rig.agent}/base_link"
         for index, name in enumerate(BEV_CLASSES):
-            topic = _grid_topic(agent, name)
-            if self.readers(topic):
+            topic = self._topics.grids[name]
+            if self.readers(topic.name):
                 covered = (grid >> index & 1).astype(bool)
-                frame = f"{agent}/base_link"
-                self.publish(topic, occupancy_grid_message(covered, geometry, state.stamp_ns, frame, ego))
+                message = occupancy_grid_message(covered, geometry, state.stamp_ns, frame, state.ego)
+                self.publish(topic.name, message)
 
     def _publish_seen(self, spec: SceneSpec) -> None:
         """Publish the boxes of all ticks that need not wait any longer."""
@@ -174,17 +170,17 @@ class AnnotatorNode(Participant):
             self.report_finished(spec, tick.state.tick)
 
     def _publish_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> None:
-        agent, state = spec.rig.agent, tick.state
+        topics, state = self._topics, tick.state
         lidar_m, radar_m = (self._clouds(spec.rig.of_type(kind), state, messages) for kind in (Lidar, Radar))
         boxes = with_points(tick.boxes, lidar_m, radar_m)
         seen = self._seen(spec, tick, messages)
         boxes["visibility"] = visibility(boxes["id"], seen.values())
-        self.publish(f"/{agent}/boxes", message_from_table(boxes, state.stamp_ns, MAP_FRAME))
-        if self.readers(f"/{agent}/boxes/markers"):
-            self.publish(f"/{agent}/boxes/markers", box_markers(boxes, state.stamp_ns))
+        self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
+        if self.readers(topics.box_markers.name):
+            self.publish(topics.box_markers.name, box_markers(boxes, state.stamp_ns))
         for camera, table in seen.items():
-            message = message_from_table(table, state.stamp_ns, f"{agent}/{camera}_optical")
-            self.publish(topics.views_topic(agent, camera), message)
+            message = message_from_table(table, state.stamp_ns, f"{spec.rig.agent}/{camera}_optical")
+            self.publish(topics.views[camera].name, message)
 
     def _clouds(
         self, sensors: Iterable[Sensor], state: WorldState, messages: dict[str, bytes]
@@ -200,7 +196,7 @@ class AnnotatorNode(Participant):
 
     def _seen(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> dict[str, Table]:
         """By camera that has sent an image what it sees of the boxes."""
-        cameras = [camera for camera in topics.viewing_cameras(spec) if camera.name in messages]
+        cameras = [camera for camera in viewing_cameras(spec) if camera.name in messages]
         images = self._decoders.map(self._image, [messages[camera.name] for camera in cameras])
         views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in cameras]
         tables = self._views.views(tick.state, tick.boxes, views, list(images))
@@ -215,7 +211,3 @@ class AnnotatorNode(Participant):
     def close(self) -> None:
         """End the threads that decode."""
         self._decoders.shutdown()
-
-
-def _grid_topic(agent: str, class_name: str) -> str:
-    return f"/{agent}/bev/{class_name}/grid"

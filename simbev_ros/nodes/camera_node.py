@@ -9,15 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from typing import NamedTuple
 
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
-
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import QUALITIES, Device, Quality, Rendering
 from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import InputError
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
-from simbev_ros.msgs.topics import Topic, camera_info_topic, compressed_topic, image_topic
+from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode
@@ -29,28 +27,12 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.types import AnyArray
 
 
-class _Topics(NamedTuple):
-    """Those of one modality of a camera."""
-
-    raw: str
-    compressed: str
-    info: str
-
-    @classmethod
-    def of(cls, agent: str, camera: str, modality: Modality) -> "_Topics":
-        return cls(
-            image_topic(agent, camera, modality),
-            compressed_topic(agent, camera, modality),
-            camera_info_topic(agent, camera, modality),
-        )
-
-
 class _Output(NamedTuple):
     """A modality of a camera at a tick: where it goes, whether anybody reads its forms, and the image if so."""
 
     camera: Camera
     modality: Modality
-    topics: _Topics
+    topics: CameraTopics
     raw: bool
     compressed: bool
     image: AnyArray | None = None
@@ -72,6 +54,7 @@ class CameraNode(Participant):
         self._renderer: Renderer | None = None
         self._surroundings = Surroundings()
         self._cameras: list[Camera] = []
+        self._topics: dict[str, dict[Modality, CameraTopics]] = {}
         self._previous: dict[int, WorldState] = {}
         self._encoders = ThreadPoolExecutor(max_workers=os.cpu_count())
 
@@ -86,8 +69,9 @@ class CameraNode(Participant):
         self._renderer.set_lights(spec.lights)
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
+        self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
         self._previous.clear()
-        return list(self._advertise(spec))
+        return list(self._advertise())
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
         """Whether any camera takes a picture."""
@@ -99,18 +83,17 @@ class CameraNode(Participant):
             if state.tick % period:
                 continue
             frame = RenderFrame(state, self._previous.get(period))
-            outputs = self._rendered(spec, self._outputs(spec, cameras), frame)
+            outputs = self._rendered(spec, self._outputs(cameras), frame)
             if state.tick >= 0:  # pictures of the lead-in only warm the renderer up
                 self._publish(spec, outputs, frame)
             self._previous[period] = state
 
-    def _outputs(self, spec: SceneSpec, cameras: Iterable[Camera]) -> list[_Output]:
+    def _outputs(self, cameras: Iterable[Camera]) -> list[_Output]:
         """All modalities of some cameras, and who reads them now."""
         outputs = []
         for camera in cameras:
-            for modality in camera.modalities:
-                topics = _Topics.of(spec.rig.agent, camera.name, modality)
-                raw, compressed = self.readers(topics.raw) > 0, self.readers(topics.compressed) > 0
+            for modality, topics in self._topics[camera.name].items():
+                raw, compressed = self.readers(topics.raw.name) > 0, self.readers(topics.compressed.name) > 0
                 outputs.append(_Output(camera, modality, topics, raw, compressed))
         return outputs
 
@@ -136,10 +119,10 @@ class CameraNode(Participant):
         for output, data in zip(outputs, encoded, strict=True):
             frame_id = f"{spec.rig.agent}/{output.camera.name}_optical"
             if output.raw and output.image is not None:
-                self.publish(output.topics.raw, image_message(output.image, stamp_ns, frame_id))
+                self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
             if data is not None:
-                self.publish(output.topics.compressed, compressed_image_message(*data, stamp_ns, frame_id))
-            self.publish(output.topics.info, camera_info_message(output.camera.model, stamp_ns, frame_id))
+                self.publish(output.topics.compressed.name, compressed_image_message(*data, stamp_ns, frame_id))
+            self.publish(output.topics.info.name, camera_info_message(output.camera.model, stamp_ns, frame_id))
 
     def _encoded(self, output: _Output) -> tuple[bytes, str] | None:
         """Compressed bytes and format, where somebody listens."""
@@ -148,18 +131,13 @@ class CameraNode(Participant):
         encoding = encoding_of(output.image)
         return encode(encoding, output.image, self._jpeg_quality), compressed_format(encoding)
 
-    def _advertise(self, spec: SceneSpec) -> Iterator[str]:
+    def _advertise(self) -> Iterator[str]:
         """Make the publishers; give the topics that a recorder takes."""
-        for camera in self._cameras:
-            for modality in camera.modalities:
-                topics = _Topics.of(spec.rig.agent, camera.name, modality)
-                self.advertise(Topic(topics.raw, "sensor_msgs/msg/Image", sensor=True), Image)
-                self.advertise(
-                    Topic(topics.compressed, "sensor_msgs/msg/CompressedImage", sensor=True), CompressedImage
-                )
-                self.advertise(Topic(topics.info, "sensor_msgs/msg/CameraInfo", sensor=True), CameraInfo)
-                yield topics.compressed if self._compressed else topics.raw
-                yield topics.info
+        for modalities in self._topics.values():
+            for topics in modalities.values():
+                for topic in topics:
+                    self.advertise(topic)
+                yield from (topic.name for topic in topics.recorded(compressed=self._compressed))
 
     def close(self) -> None:
         """Free the GL resources."""

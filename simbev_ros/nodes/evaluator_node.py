@@ -24,12 +24,14 @@ from simbev_ros.evaluation.live.answer_stamps import answered_tick
 from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, LiveScene, live_figures
 from simbev_ros.evaluation.options import options_of
 from simbev_ros.msgs import topics
+from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.images import labels_of_image
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
+from simbev_ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised
 from simbev_ros.msgs.tables import table_from_message
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import map_from_ego
 from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
@@ -98,19 +100,18 @@ class EvaluatorNode(GraphNode):
         self._live_evaluation = LiveEvaluation(spec, self._options)
         for name in self._answers.found:
             self._join.offer(name)
-        known = {topic.name: topic for topic in topics.manifest(spec, compressed_images=False)}
-        truth = {"odom": (POSE, map_from_ego), "boxes": (BOXES, _boxes), "bev/labels": (LABELS, labels_of_image)}
-        for name, (part, value_of) in truth.items():
-            self._subscribe(known[topics.agent_topic(spec.rig.agent, name)], self._truth(part, value_of))
+        labels = annotation_topics(spec)
+        self._subscribe(topics.odometry_topic(spec), self._truth(POSE, map_from_ego))
+        self._subscribe(labels.boxes, self._truth(BOXES, _boxes))
+        self._subscribe(labels.bev_labels, self._truth(LABELS, labels_of_image))
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._since_s = 0, False, time.monotonic()
         self._spec = spec
         self._numbers.add(spec.number)
 
     def _answered_topic(self, spec: SceneSpec) -> Topic:
-        sent = [topic for form in (False, True) for topic in topics.sensor_topics(spec, compressed_images=form)]
-        odometry = Topic(topics.agent_topic(spec.rig.agent, "odom"), "nav_msgs/msg/Odometry")
-        known = {topic.name: topic for topic in (*sent, odometry)}
+        sent = [topic for form in (False, True) for topic in sensor_topics(spec, compressed_images=form)]
+        known = {topic.name: topic for topic in (*sent, topics.odometry_topic(spec))}
         if self._input not in known:
             raise InputError(f"evaluation.answers_to: nobody sends {self._input}; allowed: {', '.join(known)}")
         return known[self._input]

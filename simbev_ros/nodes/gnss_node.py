@@ -1,15 +1,22 @@
 """The GNSS node: publishes the fixes of the rig's receivers."""
 
-from sensor_msgs.msg import NavSatFix
+from typing import NamedTuple
 
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.maps.build import load_datum
 from simbev_ros.msgs.motion import fix_message
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.sensor_topics import gnss_topic
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.gnss import GnssModel
+
+
+class _Mounted(NamedTuple):
+    frame: str
+    model: GnssModel
+    topic: Topic
 
 
 class GnssNode(Participant):
@@ -17,22 +24,21 @@ class GnssNode(Participant):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._models: dict[str, GnssModel] = {}
+        self._mounted: list[_Mounted] = []
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Find out where the map lies on Earth, and advertise the topics."""
         datum = load_datum(spec.map)
-        self._models = {}
-        names = []
+        self._mounted = []
         for gnss in spec.rig.of_type(Gnss):
-            frame, period = f"{spec.rig.agent}/{gnss.name}", spec.period_ticks(gnss.rate_hz)
-            self._models[frame] = GnssModel(gnss, datum, spec.seed, spec.tick_ns, period)
-            names.append(f"/{frame}/fix")
-            self.advertise(Topic(names[-1], "sensor_msgs/msg/NavSatFix", period, sensor=True), NavSatFix)
-        return names
+            topic = gnss_topic(spec, gnss)
+            self.advertise(topic)
+            model = GnssModel(gnss, datum, spec.seed, spec.tick_ns, topic.period_ticks)
+            self._mounted.append(_Mounted(f"{spec.rig.agent}/{gnss.name}", model, topic))
+        return [mounted.topic.name for mounted in self._mounted]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Publish what is due."""
-        for frame, model in self._models.items():
+        for frame, model, topic in self._mounted:
             if model.is_due(state.tick):
-                self.publish(f"/{frame}/fix", fix_message(model.measure(state), state.stamp_ns, frame))
+                self.publish(topic.name, fix_message(model.measure(state), state.stamp_ns, frame))

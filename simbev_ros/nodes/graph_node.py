@@ -11,8 +11,10 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
 from simbev_ros.msgs import topics
+from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
 from simbev_ros.msgs.stamps import header
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.load_meter import LoadMeter
 from simbev_ros.scene.spec import SceneSpec
 
@@ -51,11 +53,11 @@ class GraphNode(Node):
             return list(self.declare_parameter(name, Parameter.Type.STRING_ARRAY, descriptor).value or [])
         return self.declare_parameter(name, default, descriptor).value
 
-    def advertise(self, topic: topics.Topic, message_type: Any) -> None:
+    def advertise(self, topic: Topic) -> None:
         """Make a topic's publisher, once."""
         if topic.name not in self._topic_publishers:
-            qos = rclpy_qos(qos_of(topic, live=self.live))
-            self._topic_publishers[topic.name] = self.create_publisher(message_type, topic.name, qos)
+            kind, qos = message_class(topic.type), rclpy_qos(qos_of(topic, live=self.live))
+            self._topic_publishers[topic.name] = self.create_publisher(kind, topic.name, qos)
 
     def publish(self, name: str, message: Any) -> None:
         """Publish on an advertised topic."""

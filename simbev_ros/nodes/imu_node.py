@@ -1,14 +1,20 @@
 """The IMU node: publishes the samples of the rig's inertial measurement units."""
 
-from sensor_msgs.msg import Imu as ImuMessage
+from typing import NamedTuple
 
 from simbev_ros.config.positioning import Imu
 from simbev_ros.msgs.motion import imu_messages
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.sensor_topics import ImuTopics, imu_topics
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.imu import ImuModel
+
+
+class _Mounted(NamedTuple):
+    frame: str
+    model: ImuModel
+    topics: ImuTopics
 
 
 class ImuNode(Participant):
@@ -20,30 +26,27 @@ class ImuNode(Participant):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._previous: WorldState | None = None
-        self._models: dict[str, ImuModel] = {}
+        self._mounted: list[_Mounted] = []
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Advertise the topics."""
         self._previous = None
-        self._models = {}
-        names = []
+        self._mounted = []
         for imu in spec.rig.of_type(Imu):
-            frame = f"{spec.rig.agent}/{imu.name}"
-            period, per_tick = spec.period_ticks(imu.rate_hz), spec.messages_per_tick(imu.rate_hz)
-            self._models[frame] = ImuModel(imu, spec.seed, spec.tick_ns, period, per_tick)
-            for name in (f"/{frame}/data_raw", f"/{frame}/data"):
-                self.advertise(
-                    Topic(name, "sensor_msgs/msg/Imu", period, messages_per_tick=per_tick, sensor=True), ImuMessage
-                )
-                names.append(name)
-        return names
+            topics = imu_topics(spec, imu)
+            for topic in topics:
+                self.advertise(topic)
+            period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
+            model = ImuModel(imu, spec.seed, spec.tick_ns, period, per_tick)
+            self._mounted.append(_Mounted(f"{spec.rig.agent}/{imu.name}", model, topics))
+        return [topic.name for mounted in self._mounted for topic in mounted.topics]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Publish what is due."""
-        for frame, model in self._models.items():
+        for frame, model, topics in self._mounted:
             if model.is_due(state.tick):
                 samples = model.measure(state, self._previous)
-                for name, oriented in ((f"/{frame}/data_raw", False), (f"/{frame}/data", True)):
+                for topic, oriented in ((topics.raw, False), (topics.oriented, True)):
                     for message in imu_messages(samples, frame, oriented=oriented):
-                        self.publish(name, message)
+                        self.publish(topic.name, message)
         self._previous = state

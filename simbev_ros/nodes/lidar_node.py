@@ -5,12 +5,10 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import NamedTuple
 
-from sensor_msgs.msg import PointCloud2
-
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.lidar import Lidar
+from simbev_ros.msgs.sensor_topics import LidarTopics, lidar_topics
 from simbev_ros.msgs.tables import message_from_table
-from simbev_ros.msgs.topics import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings, place_soon_m, view_of_rays_m
 from simbev_ros.raycast.scene import RayScene
@@ -32,6 +30,7 @@ class _Mounted(NamedTuple):
     lidar: Lidar
     model: LidarModel
     period_ticks: int
+    topics: LidarTopics
 
     @property
     def way(self) -> _Way:
@@ -62,12 +61,12 @@ class LidarNode(Participant):
         for lidar in lidars:
             period = spec.period_ticks(lidar.rate_hz)
             model = LidarModel(lidar, spec.seed, turn_s=period * spec.tick_ns / NS_PER_S)
-            self._mounted.append(_Mounted(lidar, model, period))
-            for cloud, published in (("points", lidar.points), ("semantic_points", lidar.semantic_points)):
-                if published:
-                    name = f"/{spec.rig.agent}/{lidar.name}/{cloud}"
-                    self.advertise(Topic(name, "sensor_msgs/msg/PointCloud2", period, sensor=True), PointCloud2)
-                    recorded.append(name)
+            topics = lidar_topics(spec, lidar)
+            self._mounted.append(_Mounted(lidar, model, period, topics))
+            for topic in topics:
+                if topic is not None:
+                    self.advertise(topic)
+                    recorded.append(topic.name)
         return recorded
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -90,12 +89,12 @@ class LidarNode(Participant):
         earlier = [each for each in self._states if each.tick >= state.tick - way.turn_ticks]
         hidden_ids = frozenset() if way.hits_own_vehicle else state.ego_ids
         self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
-        for lidar, model, _ in alike:
+        for lidar, model, _, topics in alike:
             scan = model.scan(self._rays, state, earlier)
             frame = f"{spec.rig.agent}/{lidar.name}"
-            for cloud, table in (("points", scan.points), ("semantic_points", scan.semantic_points)):
-                if table is not None and state.tick >= 0:
-                    self.publish(f"/{frame}/{cloud}", message_from_table(table, state.stamp_ns, frame))
+            for topic, table in ((topics.points, scan.points), (topics.semantic_points, scan.semantic_points)):
+                if topic is not None and table is not None and state.tick >= 0:
+                    self.publish(topic.name, message_from_table(table, state.stamp_ns, frame))
 
 
 def _reach_m(lidar: Lidar) -> float:

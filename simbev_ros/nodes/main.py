@@ -11,21 +11,13 @@ from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.errors import DiskError, InputError, SimbevError
+from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lifeline import end_with_supervisor
 
-KINDS = {
-    "world": ("world_node", "WorldNode"),
-    "camera": ("camera_node", "CameraNode"),
-    "lidar": ("lidar_node", "LidarNode"),
-    "radar": ("radar_node", "RadarNode"),
-    "gnss": ("gnss_node", "GnssNode"),
-    "imu": ("imu_node", "ImuNode"),
-    "annotator": ("annotator_node", "AnnotatorNode"),
-    "recorder": ("recorder_node", "RecorderNode"),
-    "evaluator": ("evaluator_node", "EvaluatorNode"),
-}
-"""Kind of node → module and class. Imported on demand: a lidar process needs no OpenGL."""
+KINDS = ("world", *SENSOR_KINDS, "annotator", "recorder", "evaluator")
+"""Kinds of nodes. Each kind of sensor has a node of that name."""
 
 ERROR_MARK = "error: "
 """Begins the line, and what follows it, in which a process says why it ends."""
@@ -46,8 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
             kind, _, name = word.partition(":")
             if kind not in KINDS:
                 raise InputError(f"no kind of node is called {kind!r}; allowed: {', '.join(KINDS)}")
-            module, node_class = KINDS[kind]
-            nodes.append(getattr(importlib.import_module(f"simbev_ros.nodes.{module}"), node_class)(name or kind))
+            nodes.append(node_class(kind)(name or kind))
         executor = _make_executor(takes_message_info=any(node.takes_message_info for node in nodes))
         for node in nodes:
             executor.add_node(node)
@@ -62,6 +53,21 @@ def main(arguments: list[str] | None = None) -> int:
             node.destroy_node()
         rclpy.shutdown()
     return 0
+
+
+def node_class(kind: str) -> type[GraphNode]:
+    """The class of a kind of node: of ``lidar`` it is ``LidarNode`` in ``nodes/lidar_node.py``.
+
+    It is imported only when it is asked for: a lidar process needs no OpenGL.
+
+    Raises:
+        ModuleNotFoundError: The kind has no module.
+        AttributeError: The module has no class of that name.
+    """
+    module = importlib.import_module(f"simbev_ros.nodes.{kind}_node")
+    name = "".join(part.capitalize() for part in kind.split("_"))
+    found: type[GraphNode] = getattr(module, f"{name}Node")
+    return found
 
 
 def _make_executor(*, takes_message_info: bool) -> Executor:

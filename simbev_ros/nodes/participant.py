@@ -6,6 +6,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.msgs import topics
+from simbev_ros.msgs.annotation_topics import read_by_annotator
 from simbev_ros.msgs.qos import LATCHED, STATE, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.world import stamp_of_weather, world_state
@@ -93,7 +94,7 @@ class Participant(GraphNode):
 
     def _readers_of(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """How many readers each topic will have."""
-        forms = [topics.read_by_annotator(spec, compressed_images=compressed) for compressed in (False, True)]
+        forms = [read_by_annotator(spec, compressed_images=compressed) for compressed in (False, True)]
         labelled = {topic.name for form in forms for topic in form.values()}
         return {
             name: (self.recorded and name in self._recorded_topics)

@@ -1,13 +1,13 @@
 """The radar node: casts the rays of the rig's radars and publishes their detections."""
 
 import math
-
-from sensor_msgs.msg import PointCloud2
+from typing import NamedTuple
 
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.radar import Radar
+from simbev_ros.msgs.sensor_topics import radar_topic
 from simbev_ros.msgs.tables import message_from_table
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings, place_soon_m, view_of_rays_m
 from simbev_ros.raycast.scene import RayScene
@@ -15,6 +15,14 @@ from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import vector
 from simbev_ros.sensors.radar import RadarModel, scan_radars
+
+
+class _Mounted(NamedTuple):
+    model: RadarModel
+    topic: Topic
+
+    def is_due(self, tick: int) -> bool:
+        return tick % self.topic.period_ticks == 0
 
 
 class RadarNode(Participant):
@@ -25,7 +33,7 @@ class RadarNode(Participant):
         self._surroundings = Surroundings()
         self._rays: RayScene | None = None
         self._reach_m = 0.0  # of all radars, from the ego's origin
-        self._models: list[tuple[RadarModel, int]] = []  # with the ticks from scan to scan
+        self._mounted: list[_Mounted] = []
         self._previous: WorldState | None = None
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
@@ -38,32 +46,28 @@ class RadarNode(Participant):
         if static is not None:
             self._rays = RayScene(static, load_models())
         self._previous = None
-        self._models = []
+        self._mounted = []
         for radar in radars:
-            period = spec.period_ticks(radar.rate_hz)
-            scan_s = period * spec.tick_ns / NS_PER_S
-            self._models.append((RadarModel(radar, spec.seed, scan_s), period))
-            self.advertise(Topic(_topic(spec, radar), "sensor_msgs/msg/PointCloud2", period, sensor=True), PointCloud2)
-        return [_topic(spec, radar) for radar in radars]
+            topic = radar_topic(spec, radar)
+            self.advertise(topic)
+            scan_s = topic.period_ticks * spec.tick_ns / NS_PER_S
+            self._mounted.append(_Mounted(RadarModel(radar, spec.seed, scan_s), topic))
+        return [mounted.topic.name for mounted in self._mounted]
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
         """At ticks at which a radar scans."""
-        return tick >= 0 and any(tick % period == 0 for _, period in self._models)
+        return tick >= 0 and any(mounted.is_due(tick) for mounted in self._mounted)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Cast what is due, and publish it. Rays pass through the ego and through its rider."""
-        due = [model for model, period in self._models if state.tick % period == 0]
+        due = [mounted for mounted in self._mounted if mounted.is_due(state.tick)]
         if due:
             assert self._rays is not None
             self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
-            clouds = scan_radars(due, self._rays, state, self._previous)
+            clouds = scan_radars([model for model, _ in due], self._rays, state, self._previous)
             if state.tick >= 0:  # scans of the lead-in only warm the ray caster up
-                for model, cloud in zip(due, clouds, strict=True):
+                for (model, topic), cloud in zip(due, clouds, strict=True):
                     frame = f"{spec.rig.agent}/{model.radar.name}"
-                    self.publish(_topic(spec, model.radar), message_from_table(cloud, state.stamp_ns, frame))
+                    self.publish(topic.name, message_from_table(cloud, state.stamp_ns, frame))
             self._rays.build_ahead(place_soon_m(state), self._reach_m)
         self._previous = state
-
-
-def _topic(spec: SceneSpec, radar: Radar) -> str:
-    return f"/{spec.rig.agent}/{radar.name}/points"

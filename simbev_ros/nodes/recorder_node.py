@@ -20,7 +20,7 @@ from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of_serialised
 from simbev_ros.msgs.tables import table_from_message
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.transforms import ego_transform, serialised_transforms, static_transforms
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
@@ -90,7 +90,7 @@ class RecorderNode(GraphNode):
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/gzip", load_source(spec.map))
         for topic in self._manifest.values():
             self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), apart=topic.sensor)
-        odometry = topics.agent_topic(spec.rig.agent, "odom")
+        odometry = topics.odometry_name(spec.rig.agent)
         for topic in every:
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
                 self._subscribe(topic)
@@ -125,7 +125,7 @@ class RecorderNode(GraphNode):
                 )
             elif stamp_ns >= self._spec.start_ns:
                 self._take(topic.name, stamp_ns, payload)
-                if topic.type == "nav_msgs/msg/Odometry":
+                if topic.name == topics.odometry_name(self._spec.rig.agent):
                     transform = ego_transform(deserialize_message(payload, Odometry))
                     self._take(topics.TF, stamp_ns, serialised_transforms([transform]))
 
@@ -148,7 +148,7 @@ class RecorderNode(GraphNode):
             return
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
-            self._writer.write(topic, stamp_ns, canonical(payload, "std_msgs/msg/String"))
+            self._writer.write(topic, stamp_ns, canonical(payload, self._manifest[topic].type))
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick

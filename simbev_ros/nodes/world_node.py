@@ -5,12 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
-from visualization_msgs.msg import MarkerArray
 
 from simbev_ros.assets.regions.region_scene import Streetside
 from simbev_ros.assets.regions.static_cache import load_streetside
@@ -43,19 +40,6 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
 from simbev_ros.world.source import Source
-
-_MESSAGE_TYPES = {
-    topics.SCENE: String,
-    topics.MAP: String,
-    topics.LEGEND: String,
-    topics.CLOCK: Clock,
-    topics.ACTORS: PointCloud2,
-    topics.SIGNALS: PointCloud2,
-    topics.LIGHTS: PointCloud2,
-    topics.BUILDING_LIGHTS: String,
-    topics.WEATHER: String,
-    topics.EVENTS: String,
-}
 
 
 class WorldNode(GraphNode):
@@ -94,10 +78,8 @@ class WorldNode(GraphNode):
         self._request, self._end = request, None
         spec = request.spec
         network = load_network(spec.map)
-        self.advertise(topics.Topic(topics.END, "std_msgs/msg/String", 0), String)
-        self.advertise(topics.Topic(topics.WORLD_MARKERS, "visualization_msgs/msg/MarkerArray"), MarkerArray)
-        for topic in topics.world_topics(spec):
-            self.advertise(topic, _MESSAGE_TYPES.get(topic.name, Odometry))
+        for topic in (*topics.unrecorded_world_topics(), *topics.world_topics(spec)):
+            self.advertise(topic)
         self._transforms.start_scene(spec)
         command = topics.agent_topic(spec.rig.agent, "cmd_vel")
         if spec.ego_driver == "twist" and command not in self._commands:
@@ -172,7 +154,7 @@ class WorldNode(GraphNode):
         if self.readers(topics.WORLD_MARKERS):
             self.publish(topics.WORLD_MARKERS, world_markers(state))
         odometry = odometry_message(state.ego, state.stamp_ns, f"{agent}/base_link")
-        self.publish(topics.agent_topic(agent, "odom"), odometry)
+        self.publish(topics.odometry_name(agent), odometry)
         self._transforms.publish(odometry)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

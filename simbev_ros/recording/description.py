@@ -9,13 +9,15 @@ import numpy as np
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
-from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
-from simbev_ros.config.rig import Rig
+from simbev_ros.config.rig import SENSOR_KINDS, Rig
 from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.recording.reader import SceneBag, Topic
 from simbev_ros.scene.spec import SceneSpec
+
+_ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
+"""Kinds of sensors that prose writes in another way than rigs do."""
 
 
 def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], None] = lambda *_: None) -> dict[str, Any]:
@@ -112,5 +114,6 @@ def _rig(rig: Rig) -> list[str]:
         f"{radar.range_m:g} m {radar.horizontal_fov_deg:g}x{radar.vertical_fov_deg:g}°" for radar in rig.of_type(Radar)
     )
     phrases += [f"{count} radar{'s' * (count > 1)} {kind}" for kind, count in radars.items()]
-    phrases += ["GNSS"] * len(rig.of_type(Gnss)) + ["IMU"] * len(rig.of_type(Imu))
+    others = {kind: model for kind, model in SENSOR_KINDS.items() if model not in (Camera, Lidar, Radar)}
+    phrases += [_ABBREVIATIONS.get(kind, kind) for kind, model in others.items() for _ in rig.of_type(model)]
     return phrases

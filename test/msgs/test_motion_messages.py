@@ -11,7 +11,7 @@ from simbev_ros.config.rig import Rig
 from simbev_ros.msgs.motion import fix_message, imu_messages
 from simbev_ros.msgs.qos import qos_of
 from simbev_ros.msgs.stamps import stamp_of
-from simbev_ros.msgs.topics import Topic
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.sensors.gnss import NO_FIX, GnssFix
 from simbev_ros.sensors.imu import ImuSamples
 

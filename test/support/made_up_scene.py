@@ -51,7 +51,7 @@ def made_up_scene(
     path: Path, *, number: int = 0, split: str = "train", ticks: int = 3, sensors: list[dict[str, Any]] | None = None
 ) -> MadeUp:
     """Write a finished bag. Occupancy is there at every second tick."""
-    spec = _spec(number, split, ticks, SENSORS if sensors is None else sensors)
+    spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks)
     made, rng = MadeUp(spec), np.random.default_rng(number)
     with SceneBagWriter(path) as writer:
         writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
@@ -106,7 +106,8 @@ def noise(rng: np.random.Generator, dtype: np.dtype[Any], count: int) -> Table:
     return table
 
 
-def _spec(number: int, split: str, ticks: int, sensors: list[dict[str, Any]]) -> SceneSpec:
+def made_up_spec(sensors: list[dict[str, Any]], *, number: int = 0, split: str = "train", ticks: int = 3) -> SceneSpec:
+    """A scene with some sensors, which nobody has drawn; every label is on."""
     start = {"lane": "a_0", "s_m": 0}
     car = {"blueprint": "vehicle.sedan", "color": 0, "start": start, "speed_factor": 1, "min_gap_m": 2}
     return SceneSpec.model_validate(

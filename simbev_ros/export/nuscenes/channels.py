@@ -8,6 +8,7 @@ and of its sensors agree on it, so nothing in the world moves, and boxes, grids 
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal, assert_never
 
 import numpy as np
 
@@ -26,7 +27,13 @@ TOP_LIDAR = "LIDAR_TOP"
 SENSOR_FROM_LIDAR = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """Sensor frame (x forward, y left, z up) from nuScenes' lidar frame (x right, y forward, z up)."""
 
-_SUFFIX = {"camera": ".jpg", "lidar": ".pcd.bin", "radar": ".pcd"}
+Modality = Literal["camera", "lidar", "radar"]
+"""nuScenes' kinds of sensors."""
+
+_Exported = Camera | Lidar | Radar
+"""The sensors that have a modality; the layout has no files for others."""
+
+_SUFFIX: dict[Modality, str] = {"camera": ".jpg", "lidar": ".pcd.bin", "radar": ".pcd"}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,13 +42,13 @@ class Channel:
 
     Attributes:
         name: As ``CAM_FRONT``.
-        modality: ``camera``, ``lidar`` or ``radar``.
+        modality: The kind of sensor that nuScenes takes it for.
         key: Of what it senses, in frames.
         calibration: Of the sensor.
     """
 
     name: str
-    modality: str
+    modality: Modality
     key: str
     calibration: Calibration
 
@@ -96,14 +103,19 @@ def channels_of(scene: Scene) -> list[Channel]:
 def _channels(calibrations: Mapping[str, Calibration]) -> Iterator[Channel]:
     top = _top_lidar([name for name, known in calibrations.items() if isinstance(known.sensor, Lidar)])
     for name, calibration in calibrations.items():
-        match calibration.sensor:
+        sensor = calibration.sensor
+        if not isinstance(sensor, _Exported):
+            continue
+        match sensor:
             case Camera():
                 yield Channel(name.upper(), "camera", f"{name}/rgb", calibration)
-            case Lidar(points=points):
-                key = f"{name}/points" if points else f"{name}/semantic_points"
+            case Lidar():
+                key = f"{name}/points" if sensor.points else f"{name}/semantic_points"
                 yield Channel(TOP_LIDAR if name == top else name.upper(), "lidar", key, calibration)
             case Radar():
                 yield Channel(name.upper(), "radar", f"{name}/points", calibration)
+            case _:
+                assert_never(sensor)
 
 
 def _top_lidar(names: Sequence[str]) -> str:

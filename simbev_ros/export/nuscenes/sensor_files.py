@@ -9,7 +9,7 @@ import numpy as np
 from simbev_ros.annotation.boxes.points import map_points
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, columns
-from simbev_ros.export.nuscenes.channels import Channel
+from simbev_ros.export.nuscenes.channels import Channel, Modality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.recording.image_codecs import encode_rgb
@@ -171,4 +171,4 @@ def _pcd_head(count: int) -> bytes:
     ).encode()
 
 
-_CONTENT: dict[str, Callable[[Frame, Channel], bytes]] = {"camera": _image, "lidar": _lidar, "radar": _radar}
+_CONTENT: dict[Modality, Callable[[Frame, Channel], bytes]] = {"camera": _image, "lidar": _lidar, "radar": _radar}

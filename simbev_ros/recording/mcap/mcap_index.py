@@ -5,7 +5,7 @@ import struct
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import BinaryIO
+from typing import BinaryIO, assert_never
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
@@ -39,6 +39,9 @@ _ENTRY = struct.Struct("<QQ")
 
 CRC = struct.Struct("<I")
 FOOTER_BYTES = RECORD_HEAD.size + 20
+
+_Description = Channel | Schema | Attachment | Metadata
+"""Records that describe messages or lie beside them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +246,7 @@ def _enter_chunk(index: McapIndex, offset: int, data: bytes) -> None:
     index.chunks.append(ChunkEntry(offset, min(every), max(every), frozenset(stamps_ns)))
 
 
-def _enter(index: McapIndex, record: McapRecord) -> None:
+def _enter(index: McapIndex, record: _Description) -> None:
     match record:
         case Channel():
             index.channels[record.id] = record
@@ -253,9 +256,11 @@ def _enter(index: McapIndex, record: McapRecord) -> None:
             index.attachments[record.name] = record.data
         case Metadata():
             index.metadata[record.name] = record.metadata
+        case _:
+            assert_never(record)
 
 
-_READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
+_READERS: dict[int, Callable[[ReadDataStream], _Description]] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
     Opcode.ATTACHMENT: Attachment.read,

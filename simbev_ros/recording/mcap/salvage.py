@@ -166,3 +166,5 @@ def _enter(record: McapRecord, found: Salvage) -> None:
             found.attachments[record.name] = record
         case Metadata():
             found.metadata[record.name] = record.metadata
+        case _:
+            pass  # mcap may learn to read more kinds of records; nothing here needs them

@@ -6,7 +6,7 @@ nesting of them has exactly one height for a given width.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, assert_never
 
 LabelPlace = Literal["off", "panel", "cameras"]
 """Where labels are drawn: nowhere; over a second picture of the main camera, and from above; over all cameras too."""
@@ -69,6 +69,8 @@ def _place(block: Block, left: float, top: float, width: float, gap_px: int) -> 
                 slope, offset = _width_line(part, gap_px)
                 yield from _place(part, left, top, width, gap_px)
                 top += (width - offset) / slope + gap_px
+        case _:
+            assert_never(block)
 
 
 def _width_line(block: Block, gap_px: int) -> tuple[float, float]:

@@ -1,0 +1,102 @@
+"""The topics of the annotator: labels that it publishes, and sensor data that it reads. Pure: imports no ROS."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.radar import Radar
+from simbev_ros.msgs.sensor_topics import camera_topics, lidar_topics, radar_topic
+from simbev_ros.msgs.topic import Topic, agent_topic
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.semantics import BEV_CLASSES
+
+
+@dataclass(frozen=True, slots=True)
+class AnnotationTopics:
+    """Topics that the annotator publishes in one scene.
+
+    Attributes:
+        bev_labels: The bird's-eye-view grid, a bit a class.
+        bev_color: A picture of it.
+        boxes: The 3D boxes.
+        box_markers: The boxes for displays.
+        hd_map: The lane under the ego.
+        views: By camera with instance images, what it sees of the boxes.
+        occupancy: Occupied voxels; None: the configuration does not ask for them.
+        vector_map: The roads around the ego; None: the configuration does not ask for them.
+        grids: By class, the grid for displays. Bags never have it.
+    """
+
+    bev_labels: Topic
+    bev_color: Topic
+    boxes: Topic
+    box_markers: Topic
+    hd_map: Topic
+    views: Mapping[str, Topic]
+    occupancy: Topic | None
+    vector_map: Topic | None
+    grids: Mapping[str, Topic]
+
+    @property
+    def recorded(self) -> tuple[Topic, ...]:
+        """The topics that a bag has, in its order."""
+        always = (self.bev_labels, self.bev_color, self.boxes, self.box_markers, self.hd_map)
+        asked = (topic for topic in (self.occupancy, self.vector_map) if topic is not None)
+        return (*always, *self.views.values(), *asked)
+
+
+def boxes_name(agent: str) -> str:
+    """Name of the topic with the 3D boxes around an agent."""
+    return agent_topic(agent, "boxes")
+
+
+def bev_labels_name(agent: str) -> str:
+    """Name of the topic with the bird's-eye-view grid around an agent."""
+    return agent_topic(agent, "bev/labels")
+
+
+def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
+    """Topics that the annotator publishes in a scene."""
+    agent, occupancy, vector_map = spec.rig.agent, spec.annotation.occupancy, spec.annotation.vector_map
+
+    def topic(name: str, type_name: str, rate_hz: float | None = None) -> Topic:
+        return Topic(agent_topic(agent, name), type_name, spec.period_ticks(rate_hz))
+
+    return AnnotationTopics(
+        bev_labels=Topic(bev_labels_name(agent), "sensor_msgs/msg/Image"),
+        bev_color=topic("bev/color", "sensor_msgs/msg/Image"),
+        boxes=Topic(boxes_name(agent), "sensor_msgs/msg/PointCloud2"),
+        box_markers=topic("boxes/markers", "visualization_msgs/msg/MarkerArray"),
+        hd_map=topic("hd_map", "std_msgs/msg/String"),
+        views={
+            camera.name: topic(f"{camera.name}/boxes", "sensor_msgs/msg/PointCloud2", camera.rate_hz)
+            for camera in viewing_cameras(spec)
+        },
+        occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
+        vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
+        grids={name: topic(f"bev/{name}/grid", "nav_msgs/msg/OccupancyGrid") for name in BEV_CLASSES},
+    )
+
+
+def viewing_cameras(spec: SceneSpec) -> list[Camera]:
+    """The cameras of which the annotator says what they see: those with instance images, if views are asked for."""
+    return [each for each in spec.rig.of_type(Camera) if spec.annotation.views and "instance" in each.modalities]
+
+
+def read_by_annotator(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
+    """By sensor the topic that the annotator reads of it: a cloud, or instance images in their compressed or raw form.
+
+    Of a lidar it reads the cloud with errors if there is one, as that is what perception gets.
+    """
+    return dict(_read_by_annotator(spec, compressed_images))
+
+
+def _read_by_annotator(spec: SceneSpec, compressed_images: bool) -> Iterator[tuple[str, Topic]]:
+    for lidar in spec.rig.of_type(Lidar):
+        yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
+    for radar in spec.rig.of_type(Radar):
+        yield radar.name, radar_topic(spec, radar)
+    for camera in viewing_cameras(spec):
+        images, _ = camera_topics(spec, camera)["instance"].recorded(compressed=compressed_images)
+        yield camera.name, images

@@ -1,0 +1,144 @@
+"""The topics of a rig's sensors: each name, type and rate is stated here and nowhere else. Pure: imports no ROS.
+
+Each kind of sensor has a function here that gives its topics. Its node publishes on them; ``topics_of_sensor`` gives
+them to the manifest, by which recorders, evaluators and the annotator know what a sensor sends.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple, assert_never
+
+from simbev_ros.config.camera import Camera, Modality
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.radar import Radar
+from simbev_ros.config.rig import AnySensor
+from simbev_ros.config.sensor import Sensor
+from simbev_ros.msgs.topic import Topic, agent_topic
+from simbev_ros.scene.spec import SceneSpec
+
+_POINTS = "points"
+_CAMERA_INFO = "camera_info"
+_COMPRESSED: dict[Modality, str] = {
+    "rgb": "compressed",
+    "semantic": "compressed",
+    "instance": "compressed",
+    "depth": "compressedDepth",
+    "flow": "compressed",
+}
+"""Last part of the name of a modality's compressed topic, as image_transport has it."""
+
+
+class CameraTopics(NamedTuple):
+    """Topics of one modality of a camera.
+
+    Attributes:
+        raw: Its images.
+        compressed: Its images compressed, named as image_transport does.
+        info: The CameraInfo beside them.
+    """
+
+    raw: Topic
+    compressed: Topic
+    info: Topic
+
+    def recorded(self, *, compressed: bool) -> tuple[Topic, Topic]:
+        """The topics that a bag has: images in one of the two forms, and their CameraInfo."""
+        return (self.compressed if compressed else self.raw), self.info
+
+
+class LidarTopics(NamedTuple):
+    """Topics of a lidar; None: the rig has this cloud switched off. At least one is on."""
+
+    points: Topic | None
+    semantic_points: Topic | None
+
+
+class ImuTopics(NamedTuple):
+    """Topics of an IMU (REP-145): samples without the orientation, and with it."""
+
+    raw: Topic
+    oriented: Topic
+
+
+def points_name(agent: str, sensor: str) -> str:
+    """Name of the topic with the points of a lidar or the detections of a radar."""
+    return agent_topic(agent, f"{sensor}/{_POINTS}")
+
+
+def camera_info_name(agent: str, camera: str, modality: Modality) -> str:
+    """Name of the CameraInfo topic of a camera's modality."""
+    return agent_topic(agent, f"{camera}/{modality}/{_CAMERA_INFO}")
+
+
+def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopics]:
+    """Topics of a camera, by modality in the rig's order."""
+    topics = {}
+    for modality in camera.modalities:
+        raw = f"{modality}/image_raw"
+        topics[modality] = CameraTopics(
+            _topic(spec, camera, raw, "sensor_msgs/msg/Image"),
+            _topic(spec, camera, f"{raw}/{_COMPRESSED[modality]}", "sensor_msgs/msg/CompressedImage"),
+            _topic(spec, camera, f"{modality}/{_CAMERA_INFO}", "sensor_msgs/msg/CameraInfo"),
+        )
+    return topics
+
+
+def lidar_topics(spec: SceneSpec, lidar: Lidar) -> LidarTopics:
+    """Topics of a lidar."""
+    return LidarTopics(
+        _topic(spec, lidar, _POINTS, "sensor_msgs/msg/PointCloud2") if lidar.points else None,
+        _topic(spec, lidar, "semantic_points", "sensor_msgs/msg/PointCloud2") if lidar.semantic_points else None,
+    )
+
+
+def radar_topic(spec: SceneSpec, radar: Radar) -> Topic:
+    """Topic of a radar: its detections."""
+    return _topic(spec, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
+
+
+def gnss_topic(spec: SceneSpec, gnss: Gnss) -> Topic:
+    """Topic of a GNSS receiver: its fixes."""
+    return _topic(spec, gnss, "fix", "sensor_msgs/msg/NavSatFix")
+
+
+def imu_topics(spec: SceneSpec, imu: Imu) -> ImuTopics:
+    """Topics of an IMU."""
+    return ImuTopics(
+        raw=_topic(spec, imu, "data_raw", "sensor_msgs/msg/Imu"),
+        oriented=_topic(spec, imu, "data", "sensor_msgs/msg/Imu"),
+    )
+
+
+def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:
+    """Topics of all sensors of a scene's rig; of images the compressed or the raw form."""
+    for sensor in spec.rig.sensors:
+        yield from topics_of_sensor(spec, sensor, compressed_images=compressed_images)
+
+
+def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: bool) -> tuple[Topic, ...]:
+    """Topics of one sensor, whatever its kind, in the order in which a bag has them."""
+    match sensor:
+        case Camera():
+            modalities = camera_topics(spec, sensor).values()
+            return tuple(topic for each in modalities for topic in each.recorded(compressed=compressed_images))
+        case Lidar():
+            return tuple(topic for topic in lidar_topics(spec, sensor) if topic is not None)
+        case Radar():
+            return (radar_topic(spec, sensor),)
+        case Gnss():
+            return (gnss_topic(spec, sensor),)
+        case Imu():
+            return imu_topics(spec, sensor)
+        case _:
+            assert_never(sensor)
+
+
+def _topic(spec: SceneSpec, sensor: Sensor, name: str, type_name: str) -> Topic:
+    """A topic in a sensor's namespace, at the sensor's rate."""
+    return Topic(
+        agent_topic(spec.rig.agent, f"{sensor.name}/{name}"),
+        type_name,
+        spec.period_ticks(sensor.rate_hz),
+        sensor=True,
+        messages_per_tick=spec.messages_per_tick(sensor.rate_hz),
+    )

@@ -1,0 +1,53 @@
+"""The kinds of sensors are those of one union, from which all others follow."""
+
+import ast
+import importlib
+import pkgutil
+from pathlib import Path
+
+import pytest
+
+from simbev_ros import config
+from simbev_ros.config.rig import SENSOR_KINDS, Rig
+from simbev_ros.config.sensor import Sensor
+
+PACKAGE = Path(config.__file__).parents[1]
+
+
+def models() -> set[type[Sensor]]:
+    """Models of sensors that a rig could name: all below ``Sensor`` that have a ``type``."""
+    found: set[type[Sensor]] = set()
+    for module in pkgutil.iter_modules(config.__path__):
+        contents = vars(importlib.import_module(f"{config.__name__}.{module.name}")).values()
+        found.update(each for each in contents if isinstance(each, type) and issubclass(each, Sensor))
+    return {model for model in found if "type" in model.model_fields}
+
+
+def test_every_model_of_a_sensor_is_in_the_union() -> None:
+    assert set(SENSOR_KINDS.values()) == models()
+
+
+@pytest.mark.parametrize("kind", SENSOR_KINDS)
+def test_a_rig_names_a_sensor_by_its_kind_and_needs_to_say_no_more_than_its_name(kind: str) -> None:
+    (sensor,) = Rig.model_validate({"sensors": [{"type": kind, "name": "a"}]}).sensors
+    assert type(sensor) is SENSOR_KINDS[kind]
+    assert sensor.type == kind
+
+
+def matches() -> list[tuple[str, ast.Match]]:
+    return [
+        (f"{path.relative_to(PACKAGE)}:{node.lineno}", node)
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Match)
+    ]
+
+
+@pytest.mark.parametrize(("place", "match"), matches(), ids=[place for place, _ in matches()])
+def test_every_match_says_what_happens_to_all_else(place: str, match: ast.Match) -> None:
+    """Where nothing else can come, ``assert_never`` lets mypy prove it; a new member of a union is then an error."""
+    last = match.cases[-1]
+    assert ast.unparse(last.pattern) == "_", f"{place}: end it with `case _: assert_never(…)`, or with a default"
+    names = {node.id for case in match.cases for node in ast.walk(case.pattern) if isinstance(node, ast.Name)}
+    if names & {model.__name__ for model in SENSOR_KINDS.values()}:
+        assert "assert_never" in ast.unparse(last), f"{place}: kinds of sensors have no default"

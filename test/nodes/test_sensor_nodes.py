@@ -1,0 +1,89 @@
+"""Every kind of sensor has a node, which offers and sends what the manifest says, and says nothing of it itself."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import rclpy
+from made_up_scene import made_up_spec
+from synthetic_world import actor, box_model, world
+
+from simbev_ros import nodes
+from simbev_ros.config.rig import SENSOR_KINDS
+from simbev_ros.msgs.sensor_topics import sensor_topics
+from simbev_ros.msgs.topics import manifest
+from simbev_ros.nodes.main import KINDS, node_class
+from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.surroundings import Surroundings
+from simbev_ros.semantics import Tag
+
+CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
+LIGHT_KINDS = [kind for kind in SENSOR_KINDS if kind not in ("camera", "lidar", "radar")]
+"""The others need meshes; their tests are beside this one, and in test/graph."""
+
+
+@pytest.fixture
+def context() -> Iterator[None]:
+    rclpy.init(domain_id=39)
+    yield
+    rclpy.shutdown()
+
+
+def started(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[str]]:
+    """A node that has started a scene with one sensor, without meshes and OpenGL; and what it has of it to record."""
+    made_class = node_class(kind)
+    monkeypatch.setattr(Surroundings, "changed", lambda *_: None)
+    if kind == "camera":
+        module = __import__(made_class.__module__, fromlist=["open_context"])
+        monkeypatch.setattr(module, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
+    node: Any = made_class(kind)
+    if kind == "camera":
+        node._renderer = SimpleNamespace(set_lights=lambda _: None, close=lambda: None)
+    return node, node.start_scene(made_up_spec([{"type": kind, "name": "some"}]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_has_a_node(kind: str) -> None:
+    assert node_class(kind).__module__ == f"simbev_ros.nodes.{kind}_node"
+    assert kind not in SENSOR_KINDS or issubclass(node_class(kind), Participant)
+
+
+@pytest.mark.usefixtures("context")
+@pytest.mark.parametrize("kind", SENSOR_KINDS)
+def test_a_node_offers_what_the_manifest_says(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, recorded = started(kind, monkeypatch)
+    promised = list(sensor_topics(made_up_spec([{"type": kind, "name": "some"}]), compressed_images=True))
+    offered = dict(node.get_publisher_names_and_types_by_node(kind, "/"))
+    node.close()
+    node.destroy_node()
+    assert recorded == [topic.name for topic in promised]
+    assert {topic.name: [topic.type] for topic in promised}.items() <= offered.items()
+
+
+@pytest.mark.usefixtures("context")
+@pytest.mark.parametrize("kind", LIGHT_KINDS)
+def test_a_node_sends_on_each_of_its_topics(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, recorded = started(kind, monkeypatch)
+    sent: list[str] = []
+    monkeypatch.setattr(node, "publish", lambda name, _: sent.append(name))
+    for tick in (-1, 0):
+        node.process(made_up_spec([{"type": kind, "name": "some"}]), world(actor(CAR), tick=tick))
+        assert sent == (recorded if tick == 0 else [])
+    node.destroy_node()
+
+
+def test_no_node_names_a_topic_or_type_of_the_manifest() -> None:
+    spec = made_up_spec([{"type": kind, "name": kind} for kind in SENSOR_KINDS])
+    known = [topic for form in (False, True) for topic in manifest(spec, compressed_images=form)]
+    tails = {topic.name.split("/", depth)[-1] for topic in known for depth in (1, 2, 3)} - {""}
+    said = {*tails, *(topic.type for topic in known)}
+    stated = [
+        f"{path.name}:{node.lineno}: {node.value!r}"
+        for path in sorted(Path(nodes.__file__).parent.glob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.strip("/") in said
+    ]
+    assert stated == []

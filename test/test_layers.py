@@ -23,7 +23,9 @@ FLOORS = [
     {"msgs"},
     {"nodes"},
     {"graph"},
-    {"cli", "bench"},
+    {"production"},
+    {"bench"},
+    {"cli"},
     {"reference_stack"},
 ]
 ALONE = {"reference_stack"}

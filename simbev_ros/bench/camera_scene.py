@@ -7,12 +7,12 @@ from rich.console import Console
 
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
-from simbev_ros.cli.scenes import build_surroundings, drawn_scenes
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import MapScenes, Timing, Traffic, WeatherConfig
 from simbev_ros.maps.build import load_network
+from simbev_ros.production.play import build_surroundings, drawn_scenes
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.state import WorldState

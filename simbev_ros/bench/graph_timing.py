@@ -6,9 +6,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from simbev_ros.cli.scenes import drawn_scenes, scene_progress
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.production.play import drawn_scenes, scene_progress
 
 
 @dataclass(frozen=True, slots=True)

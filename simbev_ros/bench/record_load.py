@@ -7,10 +7,10 @@ import numpy as np
 from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.cli.scenes import drawn_scenes
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import MapScenes, Timing
 from simbev_ros.msgs.topics import manifest
+from simbev_ros.production.play import drawn_scenes
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import UInt8Array
 

@@ -7,9 +7,9 @@ import numpy as np
 from rich.console import Console
 
 from simbev_ros.bench.world_node_timing import SceneTiming, timed_scenes
-from simbev_ros.cli.scenes import build_surroundings, drawn_scenes
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import MapScenes, Scenario
+from simbev_ros.production.play import build_surroundings, drawn_scenes
 
 ACTORS = (50, 150, 300, 600, 950)
 """As many are asked for: a third vehicles, the others people. Riders and hazard areas come on top."""

@@ -26,7 +26,7 @@ def demo(
     simbev demo --seed 12 --out /tmp/demo12
     """
     from simbev_ros.cli.preview import make_preview
-    from simbev_ros.cli.scenes import play_scenes
+    from simbev_ros.production.play import play_scenes
 
     console = Console()
     scenario = load_scenario("demo")

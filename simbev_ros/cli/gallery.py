@@ -10,7 +10,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.cli.preview import make_room
-from simbev_ros.cli.scenes import map_roads, prepare_regions
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.config.rendering import Quality
 from simbev_ros.maps.build import load_network
@@ -20,6 +19,7 @@ from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_place
+from simbev_ros.production.play import map_roads, prepare_regions
 from simbev_ros.viz import gallery
 from simbev_ros.viz.gallery import Picture, Section
 from simbev_ros.viz.street.street_view import StreetView

@@ -11,7 +11,7 @@ from rich.table import Table
 from simbev_ros.config.load import load_scenario
 
 if TYPE_CHECKING:
-    from simbev_ros.cli.dataset_maker import Outcome
+    from simbev_ros.production.dataset_maker import Outcome
 
 
 def generate(
@@ -37,10 +37,10 @@ def generate(
 
     simbev generate my.yaml --out datasets/first --replace 3,17-20
     """
-    from simbev_ros.cli.dataset_maker import DatasetMaker
     from simbev_ros.dataset.lock import DatasetLock
     from simbev_ros.dataset.plan import Plan, PlannedEntry, numbers_of
     from simbev_ros.dataset.staging import clean_up
+    from simbev_ros.production.dataset_maker import DatasetMaker
     from simbev_ros.recording.layout import scenes_folder
 
     scenario, console = load_scenario(config).model_copy(update={"evaluation": None}), Console()  # no stack runs here
@@ -52,7 +52,7 @@ def generate(
 
     _, entries = planned()  # bad input is refused before anything is written
     if dry_run:
-        from simbev_ros.cli.dataset_estimate import show_estimate
+        from simbev_ros.production.estimate import show_estimate
 
         show_estimate(scenario, out, entries, console)
         return

@@ -7,11 +7,11 @@ import typer
 from rich.console import Console
 
 from simbev_ros import __version__
-from simbev_ros.cli.bench import bench
+from simbev_ros.cli.bench.group import bench
 from simbev_ros.cli.demo import demo
 from simbev_ros.cli.doctor import doctor
-from simbev_ros.cli.evaluate import evaluate
-from simbev_ros.cli.export import export
+from simbev_ros.cli.evaluate.command import evaluate
+from simbev_ros.cli.export.group import export
 from simbev_ros.cli.generate import generate
 from simbev_ros.cli.info import info
 from simbev_ros.cli.map import map_

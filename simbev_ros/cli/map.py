@@ -17,7 +17,6 @@ from rich.markup import escape
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene
 from simbev_ros.cli.map_report import MapReport, Surroundings, map_table, towns_table
-from simbev_ros.cli.scenes import prepare_regions
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.cache import default_cache_dir
@@ -27,6 +26,7 @@ from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_place, statistics_of
+from simbev_ros.production.play import prepare_regions
 from simbev_ros.types import Float64Array
 
 _WIDTH_IN_A_PIPE = 160

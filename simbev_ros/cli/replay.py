@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.live_evaluation import FiguresOption, StackOption, with_evaluation
+from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import (
@@ -54,7 +54,7 @@ def replay(
 
     simbev replay datasets/first rear_cameras.yaml --merge rear
     """
-    from simbev_ros.cli.scenes import played
+    from simbev_ros.production.play import played
 
     if merge is not None and (record is not None or live):
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
@@ -135,7 +135,7 @@ def _refuse_twins(specs: "Sequence[SceneSpec]", dataset: Path | None) -> None:
 
 def _spec(bag: Path, scenario: "Scenario", console: Console) -> "SceneSpec":
     """The scene that a bag is replayed as; whatever is wrong with the bag is said before the graph starts."""
-    from simbev_ros.cli.scenes import map_roads
+    from simbev_ros.production.play import map_roads
     from simbev_ros.recording.reader import SceneBag
     from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
 

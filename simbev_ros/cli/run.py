@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.live_evaluation import FiguresOption, StackOption, with_evaluation
+from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.paths import shipped_config_dir
 
@@ -32,7 +32,7 @@ def run(
 
     simbev run my.yaml --stack reference --evaluate figures.json
     """
-    from simbev_ros.cli.scenes import play_scenes
+    from simbev_ros.production.play import play_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
     console = Console()

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simbev_ros.cli import scenes
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.statistics import busiest_place
 from simbev_ros.maps.sumo.netconvert import sumo_home
+from simbev_ros.production import play as scenes
 
 STREET = """<node id="1" lat="{0}" lon="{1}"/><node id="2" lat="{2}" lon="{3}"/>
 <way id="1"><nd ref="1"/><nd ref="2"/>{4}</way>"""

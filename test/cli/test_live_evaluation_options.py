@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from simbev_ros.cli.live_evaluation import print_live_tables, with_evaluation
+from simbev_ros.cli.evaluate.live import print_live_tables, with_evaluation
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.filesize import decimal
 from rich.table import Table
 
-from simbev_ros.cli.dataset_maker import Drawer
-from simbev_ros.cli.scenes import build_surroundings, scene_progress
 from simbev_ros.config.scenario import SPLITS, Scenario
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.production.dataset_maker import Drawer
+from simbev_ros.production.play import build_surroundings, scene_progress
 from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.drawing.draw_scene import ticks_of

@@ -8,8 +8,8 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
-from simbev_ros.cli.bench_data import evaluate, reading, record
-from simbev_ros.cli.bench_report import Json, progress_bar, show_timing
+from simbev_ros.cli.bench.data import evaluate, reading, record
+from simbev_ros.cli.bench.report import Json, progress_bar, show_timing
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import QUALITIES, Quality, Rendering

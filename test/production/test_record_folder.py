@@ -9,11 +9,11 @@ import pytest
 from made_up_scene import made_up_scene
 from rich.console import Console
 
-from simbev_ros.cli.record_place import held_place
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.errors import InputError
+from simbev_ros.production.record_folder import held_place
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.scene.spec import SceneSpec

@@ -58,7 +58,7 @@ def with_evaluation(scenario: Scenario, figures: Path | None, stack: str | None)
 
 def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:
     """Print ``evaluation.live.live_figures`` as tables."""
-    from simbev_ros.cli.evaluation_tables import print_tables
+    from simbev_ros.cli.evaluate.tables import print_tables
 
     print_tables(figures, console)
     frames, latency_ms = figures["frames"], figures["latency_ms"]

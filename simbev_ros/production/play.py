@@ -12,8 +12,7 @@ from rich.text import Text
 
 from simbev_ros.assets.regions.region_pool import build_regions
 from simbev_ros.assets.regions.static_cache import StaticCache
-from simbev_ros.cli.live_evaluation import print_live_tables
-from simbev_ros.cli.record_place import held_place
+from simbev_ros.cli.evaluate.live import print_live_tables
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import SimbevError
 from simbev_ros.graph.session import GraphSession
@@ -21,6 +20,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.record_folder import held_place
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes, starts_of
 from simbev_ros.scene.ending import DURATION

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from simbev_ros.cli.bench_report import progress_bar
+from simbev_ros.cli.bench.report import progress_bar
 from simbev_ros.cli.output_file import require_place, writing
 
 _WORDS = "with commas between"
@@ -91,8 +91,8 @@ def evaluate(
 
     simbev evaluate stack.mcap datasets/first/scenes/val/Town03-0004 --report report.html --json figures.json
     """
-    from simbev_ros.cli import evaluation_options as parse
-    from simbev_ros.cli.evaluation_tables import print_tables
+    from simbev_ros.cli.evaluate import options as parse
+    from simbev_ros.cli.evaluate.tables import print_tables
     from simbev_ros.dataset import open_dataset
     from simbev_ros.evaluation.evaluation import evaluate as evaluated
     from simbev_ros.evaluation.figures import figures_of

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.bench_report import Json, progress_bar, show_timing
+from simbev_ros.cli.bench.report import Json, progress_bar, show_timing
 
 
 def reading(

@@ -13,7 +13,6 @@ from rich.filesize import decimal
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from simbev_ros.cli.scenes import build_surroundings, map_roads
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import Row, bring_up_to_date, row_of, write_index
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
@@ -23,6 +22,7 @@ from simbev_ros.graph.session import GraphSession
 from simbev_ros.graph.traces import sweep
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.play import build_surroundings, map_roads
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, starts_of
 from simbev_ros.scene.drawing.starts import Starts

@@ -1,0 +1,1 @@
+"""Playing scenes and making datasets from Python, without a console."""

@@ -50,6 +50,8 @@ HOMES = {
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),
+    "rich": ("cli", "recording/bag_files", "viz/reports/dataset_scenes"),
+    "typer": ("cli",),
 }
 
 

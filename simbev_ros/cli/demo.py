@@ -26,6 +26,7 @@ def demo(
     simbev demo --seed 12 --out /tmp/demo12
     """
     from simbev_ros.cli.preview import make_preview
+    from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.production.play import play_scenes
 
     console = Console()
@@ -35,7 +36,7 @@ def demo(
     folder = out or _free_folder(Path("out/demo"))
     if folder.exists():
         raise InputError(f"--out {folder}: exists already; nothing was overwritten")
-    (bag,) = play_scenes(scenario, console, dataset=folder)
+    (bag,) = play_scenes(scenario, dataset=folder, observer=SceneDisplay(console))
     preview = make_preview(bag, folder, console=console)
     command = os.environ.get("SIMBEV_COMMAND", "simbev")
     console.print()
@@ -56,7 +57,7 @@ def demo(
 
 
 def _free_folder(wanted: Path) -> Path:
-    """The path, or the first of ``path-2``, ``path-3``, … that is not there."""
+    """The path, or the first of ``path-2``, ``path-3``, … that does not exist."""
     number, path = 1, wanted
     while path.exists():
         number += 1

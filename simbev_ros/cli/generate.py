@@ -8,10 +8,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from simbev_ros.cli.console import plural
+from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 
 if TYPE_CHECKING:
-    from simbev_ros.production.dataset_maker import Outcome
+    from simbev_ros.production.dataset import DatasetResult
 
 
 def generate(
@@ -37,39 +39,29 @@ def generate(
 
     simbev generate my.yaml --out datasets/first --replace 3,17-20
     """
-    from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.dataset.plan import Plan, PlannedEntry, numbers_of
-    from simbev_ros.dataset.staging import clean_up
-    from simbev_ros.production.dataset_maker import DatasetMaker
-    from simbev_ros.recording.layout import scenes_folder
+    from simbev_ros.cli.production_display import DatasetDisplay
+    from simbev_ros.production.dataset import make_dataset
 
-    scenario, console = load_scenario(config).model_copy(update={"evaluation": None}), Console()  # no stack runs here
-    numbers = numbers_of(replace or ())
-
-    def planned() -> tuple[Plan, list[PlannedEntry]]:
-        plan = Plan.of(out).extended(scenario)
-        return plan, plan.chosen(numbers) if numbers else plan.to_make(out, scenario)
-
-    _, entries = planned()  # bad input is refused before anything is written
+    scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), Console()
     if dry_run:
-        from simbev_ros.production.estimate import show_estimate
+        from simbev_ros.cli.estimate_table import show_estimate
 
-        show_estimate(scenario, out, entries, console)
+        show_estimate(scenario, out, numbers, console)
         return
-    with DatasetLock(out):
-        clean_up(out)
-        plan, entries = planned()
-        plan.save(out)
-        scenes_folder(out).mkdir(exist_ok=True)  # a dataset from now on, to all who look
-        with DatasetMaker(scenario, out, console, retries=retries) as maker:
-            outcome = maker.make(entries)
-    _show(outcome, out, console)
-    raise typer.Exit(1 if outcome.failed else 0)
+    display = DatasetDisplay(console)
+    result = make_dataset(scenario, out, replace=numbers, retries=retries, observer=display)
+    _show(result, console)
+    raise typer.Exit(0 if result.is_complete else 1)
 
 
-def _show(outcome: "Outcome", out: Path, console: Console) -> None:
-    made, failed = len(outcome.made), outcome.failed
-    console.print(f"{made} scene{'s' * (made != 1)} made in {out}", highlight=False, soft_wrap=True)
+def _show(result: "DatasetResult", console: Console) -> None:
+    """Print how many scenes were made, and a table of those that failed or are damaged."""
+    console.print(f"{plural(len(result.made), 'scene')} made in {result.path}", highlight=False, soft_wrap=True)
+    remedies = {
+        name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it anew"
+        for name, problem in result.damaged.items()
+    }
+    failed = {**result.failed, **remedies}
     if failed:
         table = Table("scene", "what is wrong", title=f"{len(failed)} failed")
         for name, problem in failed.items():

@@ -25,7 +25,7 @@ from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
-_LONGEST = 300
+_MAX_LENGTH = 300
 
 app = typer.Typer(
     name="simbev",
@@ -74,14 +74,17 @@ def main() -> None:
 
 
 def _message(error: Exception) -> str:
-    """What the user is told; of errors that nobody foresaw, also in the middle of what."""
+    """The message for the user; that of an unexpected error includes the step that was running."""
+    if isinstance(error, InputError) and error.parameter is not None:
+        option = f"--{error.parameter.replace('_', '-')}"
+        return option + str(error).removeprefix(error.parameter)
     if isinstance(error, SimbevError):
         return str(error)
     while_what = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
     if isinstance(error, MemoryError):
         return f"memory ran out{while_what}"
     return (
-        f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_LONGEST}}{while_what}\n"
+        f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_MAX_LENGTH}}{while_what}\n"
         f"Please report it. With {_TRACEBACK_VARIABLE}=1 the traceback is shown"
     )
 

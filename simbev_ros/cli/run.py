@@ -32,6 +32,7 @@ def run(
 
     simbev run my.yaml --stack reference --evaluate figures.json
     """
+    from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.production.play import play_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
@@ -40,5 +41,5 @@ def run(
         domain = 0
     profile = shipped_config_dir() / "fastdds.xml"
     console.print(f"subscribers: export FASTRTPS_DEFAULT_PROFILES_FILE={profile}", style="dim", soft_wrap=True)
-    for bag in play_scenes(scenario, console, live=live, dataset=record, domain=domain):
+    for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, observer=SceneDisplay(console)):
         console.print(f"recorded {bag}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What of ``simbev bench`` times work on data: reading and recording bags, evaluating predictions."""
+"""``simbev bench`` commands that time work on data: reading, recording and evaluation."""
 
 import os
 import tempfile
@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.bench.report import Json, progress_bar, show_timing
+from simbev_ros.cli.bench.report import Json, show_timing
+from simbev_ros.cli.console import counting_bar
+from simbev_ros.cli.production_display import SceneDisplay
 
 
 def reading(
@@ -28,9 +30,8 @@ def reading(
     """
     from simbev_ros.bench.reading_timing import timed_reading
 
-    with progress_bar("frames", Console(stderr=True)) as bars:
-        task = bars.add_task("", total=2 * frames)
-        result = timed_reading(path, frames, lambda: bars.advance(task))
+    with counting_bar("frames", Console(stderr=True), 2 * frames) as bar:
+        result = timed_reading(path, frames, bar.advance)
     show_timing(
         result,
         f"reading {result.scene}, {result.decoded_mb:.0f} MB of arrays a frame",
@@ -59,10 +60,9 @@ def record(
     from simbev_ros.bench.record_timing import files_to_write, timed_recording
 
     console = Console(stderr=True)
-    with progress_bar("files", console) as bars:
-        task = bars.add_task("", total=files_to_write(rounds))
-        place = folder or Path(tempfile.gettempdir())
-        result = timed_recording(place, ticks, rounds, console, lambda: bars.advance(task))
+    with counting_bar("files", console, files_to_write(rounds)) as bar:
+        target = folder or Path(tempfile.gettempdir())
+        result = timed_recording(target, ticks, rounds, bar.advance, SceneDisplay(console))
     show_timing(
         result,
         "recording",
@@ -88,9 +88,8 @@ def evaluate(
     """
     from simbev_ros.bench.evaluate_timing import timed_evaluation
 
-    with progress_bar("scenes", Console(stderr=True)) as bars:
-        task = bars.add_task("", total=scenes)
-        result = timed_evaluation(scenes, jobs or os.cpu_count() or 1, lambda: bars.advance(task))
+    with counting_bar("scenes", Console(stderr=True), scenes) as bar:
+        result = timed_evaluation(scenes, jobs or os.cpu_count() or 1, bar.advance)
     show_timing(
         result, result.title(), ("", "s", "CPU s"), result.rows(), as_json=as_json, comparison=result.comparison()
     )

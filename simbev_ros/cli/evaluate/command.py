@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from simbev_ros.cli.bench.report import progress_bar
+from simbev_ros.cli.console import counting_bar
 from simbev_ros.cli.output_file import require_place, writing
 
 _WORDS = "with commas between"
@@ -94,7 +94,7 @@ def evaluate(
     from simbev_ros.cli.evaluate import options as parse
     from simbev_ros.cli.evaluate.tables import print_tables
     from simbev_ros.dataset import open_dataset
-    from simbev_ros.evaluation.evaluation import evaluate as evaluated
+    from simbev_ros.evaluation.evaluation import evaluate as evaluate_dataset
     from simbev_ros.evaluation.figures import figures_of
     from simbev_ros.evaluation.metrics.detection import DetectionOptions
     from simbev_ros.evaluation.options import EvaluationOptions
@@ -127,10 +127,10 @@ def evaluate(
         require_place(file)
     opened, console = open_dataset(dataset, threads=1), Console(highlight=False)
     chosen = parse.chosen_scenes(opened, split, scenes)
-    said = open_predictions(predictions, boxes_topic, grids_topic).of_dataset([s.name for s in opened.scenes])
-    with progress_bar("frames", Console(stderr=True)) as bars:
-        task = bars.add_task("", total=sum(len(range(0, len(scene), every)) for scene in chosen))
-        result = evaluated(chosen, said, options, jobs or os.cpu_count() or 1, lambda n: bars.update(task, completed=n))
+    predicted = open_predictions(predictions, boxes_topic, grids_topic).of_dataset([s.name for s in opened.scenes])
+    frames = sum(len(range(0, len(scene), every)) for scene in chosen)
+    with counting_bar("frames", Console(stderr=True), frames) as bar:
+        result = evaluate_dataset(chosen, predicted, options, jobs or os.cpu_count() or 1, bar.show)
     figures = {"dataset": str(dataset), "predictions": str(predictions), **figures_of(result)}
     if json_file is not None:  # before the tables, whose reader may go, as head does
         with writing(json_file):
@@ -141,5 +141,5 @@ def evaluate(
         from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
 
         with Console(stderr=True).status("report"), writing(report):
-            write_evaluation_report(report, result, chosen, said, figures)
+            write_evaluation_report(report, result, chosen, predicted, figures)
         console.print(f"report in {escape(str(report))}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The tables of an evaluation in the terminal: all, each class, each threshold, each condition."""
+"""Tables of an evaluation in the terminal: totals, then by class, by threshold and by condition."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -6,6 +6,8 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+
+from simbev_ros.cli.console import plural
 
 _METHODS = {"iou": "3D IoU", "distance": "distance"}
 _ERRORS = ("ATE", "AOE", "ASE", "AVE")
@@ -22,8 +24,7 @@ def print_tables(figures: _Figures, console: Console) -> None:
     answered = ", ".join(
         f"{frames[f'answered_{what}']} with {what}" for what in ("boxes", "grids") if frames[f"answered_{what}"]
     )
-    evaluated, scenes = frames["evaluated"], frames["scenes"]
-    counted = f"{evaluated} frame{'s' * (evaluated != 1)} of {scenes} scene{'s' * (scenes != 1)}"
+    counted = f"{plural(frames['evaluated'], 'frame')} of {plural(frames['scenes'], 'scene')}"
     console.print(f"{counted}; answered: {answered or 'none'}", soft_wrap=True)
     for table in _tables(figures):
         if not console.is_terminal:  # nothing is cut off in a file
@@ -65,7 +66,7 @@ def _precisions(detection: _Figures, method: str) -> Table:
 
 
 def _errors(detection: _Figures, methods: Sequence[str]) -> Table:
-    """Of what matches, means over the thresholds."""
+    """Errors of matched boxes, averaged over the thresholds."""
     table = _table(
         f"errors, matched by {' and by '.join(_METHODS[method] for method in methods)}",
         "class",

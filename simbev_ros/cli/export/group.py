@@ -1,4 +1,4 @@
-"""``simbev export``: datasets in the layouts of others, one a file."""
+"""The group of commands ``simbev export``."""
 
 import typer
 

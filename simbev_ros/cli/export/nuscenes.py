@@ -1,16 +1,14 @@
-"""``simbev export nuscenes``: a dataset in nuScenes' layout."""
+"""``simbev export nuscenes``: writes a dataset in the layout of nuScenes."""
 
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from simbev_ros.cli.console import counting_bar, plural
 from simbev_ros.errors import SimbevError
 
 
@@ -45,7 +43,7 @@ def export_nuscenes(
 
     opened = open_dataset(dataset, threads=1)
     rate_hz = None if all_frames else keyframe_hz
-    with _bar() as report:
+    with counting_bar("frames", Console(stderr=True), elapsed=True) as bar:
         done = export_nuscenes(
             opened,
             out,
@@ -53,29 +51,14 @@ def export_nuscenes(
             sweeps=sweeps,
             version=version,
             jobs=jobs or os.cpu_count() or 1,
-            report=report,
+            report=bar.show,
         )
     console = Console(soft_wrap=True, highlight=False)
     there = done.scenes - done.made
-    console.print(f"{done.samples} samples of {_scenes(done.scenes)}, {done.files} files in {escape(str(out))}")
+    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {escape(str(out))}")
     if there:
-        console.print(f"{_scenes(there)} {'was' if there == 1 else 'were'} there already")
+        console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
     for reason in done.failures.values():
         console.print(f"[red]{escape(reason)}[/]")
     if done.failures:
-        raise SimbevError(f"{len(done.failures)} of {_scenes(len(opened.scenes))} could not be exported")
-
-
-def _scenes(count: int) -> str:
-    return f"{count} scene{'s' * (count != 1)}"
-
-
-@contextmanager
-def _bar() -> Iterator[Callable[[int, int], None]]:
-    """A bar of frames, and what to tell it: how many are done, and how many there are."""
-    columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn())
-    with Progress(
-        *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True), expand=True, transient=True
-    ) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        raise SimbevError(f"{len(done.failures)} of {plural(len(opened.scenes), 'scene')} could not be exported")

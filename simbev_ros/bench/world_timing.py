@@ -18,7 +18,7 @@ ACTORS = (50, 150, 300, 600, 950)
 
 @dataclass(frozen=True, slots=True)
 class WorldTiming:
-    """Scenes of growing size on one map; ``growth`` is the exponent of the actors in the processor time."""
+    """Times of scenes of growing size on one map; processor time grows as the number of actors to the ``growth``."""
 
     map: str
     scenes: list[SceneTiming]

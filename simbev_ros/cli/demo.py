@@ -1,4 +1,4 @@
-"""``simbev demo``: one short scene from nothing to a bag, a picture and a video."""
+"""``simbev demo``: makes a bag, a picture and a video of one short scene."""
 
 import os
 from pathlib import Path
@@ -15,7 +15,7 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(help="Folder to make; default: out/demo, or the next free out/demo-2, …")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Another scene.", min=0, max=2**31, show_default=False)] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the scene.", min=0, max=2**31, show_default=False)] = None,
 ) -> None:
     """Simulate, sense, label and record one short scene, and draw a preview of it.
 

@@ -1,4 +1,4 @@
-"""``simbev generate``: make a dataset, or what is missing of it."""
+"""``simbev generate``: makes a dataset, or its missing scenes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,15 +21,18 @@ def generate(
     out: Annotated[Path, typer.Option(help="The dataset's folder, new or begun.", show_default=False)],
     replace: Annotated[
         list[str] | None,
-        typer.Option(help="Make these scenes anew, and no others: numbers and ranges.", metavar="3,17-20"),
+        typer.Option(help="Make only these scenes again: numbers and ranges.", metavar="3,17-20"),
     ] = None,
-    retries: Annotated[int, typer.Option(help="How often to try a scene again that has failed.", min=0, max=10)] = 2,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be made, how long and how large.")] = False,
+    retries: Annotated[int, typer.Option(help="Maximum number of retries of a failed scene.", min=0, max=10)] = 2,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only estimate the number, time and size of scenes.")
+    ] = False,
 ) -> None:
-    """Make as many scenes of each map and split as the configuration asks for; those that are there count.
+    """Make the scenes of each map and split that the configuration asks for; existing scenes count.
 
-    After Ctrl-C, a crash or a power cut the same command goes on where it was. A scene that fails is tried again, then
-    listed, and the others go on; the exit code is 1 then. The dataset has an index, index.parquet, and a log per scene.
+    After Ctrl-C, a crash or a power cut the same command continues where it stopped. A scene that fails is tried again,
+    then listed, and the others follow; the exit code is 1 then. The dataset gets an index, index.parquet, and a log for
+    each scene.
 
     [bold]Examples[/]
 

@@ -31,9 +31,11 @@ def info(
     report: Annotated[
         Path | None, typer.Option(help="Also write statistics with plots, one HTML page.", metavar="FILE")
     ] = None,
-    jobs: Annotated[int | None, typer.Option(help="Processes for it; as many as there are cores.", min=1)] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Processes for the statistics; default: number of cores.", min=1)
+    ] = None,
 ) -> None:
-    """Say what is in a recorded scene, finished or not, or in a dataset.
+    """Print the content of a recorded scene, finished or not, or of a dataset.
 
     [bold]Examples[/]
 

@@ -1,4 +1,4 @@
-"""The ``simbev`` command: one verb a file. Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
+"""Entry point of the ``simbev`` command. Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
 
 import os
 import sys

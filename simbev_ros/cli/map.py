@@ -42,20 +42,20 @@ def map_(
         str | None,
         typer.Argument(help="A town, or a file (.xodr, .osm, .net.xml); default: a table of all towns.", metavar="MAP"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of all that the map leaves open.", min=0, max=2**31)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed for everything the map does not determine.", min=0, max=2**31)] = 0,
     out: Annotated[
         Path | None, typer.Option(help="Write PICTURE-above.png and PICTURE-street.png.", metavar="PICTURE.png")
     ] = None,
     at: Annotated[
-        tuple[float, float] | None, typer.Option(help="Where to look: x y in the map, metres.", metavar="X Y")
+        tuple[float, float] | None, typer.Option(help="Position of the pictures in the map, in meters.", metavar="X Y")
     ] = None,
     everything: Annotated[
-        bool, typer.Option("--all", help="Surroundings of all of the map, not only around one place.")
+        bool, typer.Option("--all", help="Build the surroundings of the whole map, not only around one position.")
     ] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Build from nothing, to time it.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Build without the cache, for timing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Build a map; say what is in it, what had to be repaired, and show it from above and from the street.
+    """Build a map, print its statistics and what had to be repaired, and show it from above and from the street.
 
     [bold]Examples[/]
 

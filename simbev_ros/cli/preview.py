@@ -27,20 +27,26 @@ def preview(
         typer.Option(help="Drawn over: nothing (off), one more picture and views from above (panel), all (cameras)."),
     ] = "panel",
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace pictures that are there.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
     gallery: Annotated[
-        bool, typer.Option("--gallery", help="No bag: draw towns, weathers and modalities.", rich_help_panel=_GALLERY)
+        bool,
+        typer.Option(
+            "--gallery", help="Draw towns, weathers and modalities instead of a bag.", rich_help_panel=_GALLERY
+        ),
     ] = False,
     maps: Annotated[
         list[str] | None,
-        typer.Option("--map", help="Only of this town or map file; may be repeated.", rich_help_panel=_GALLERY),
+        typer.Option("--map", help="Only this town or map file; may be repeated.", rich_help_panel=_GALLERY),
     ] = None,
     size: Annotated[
-        str, typer.Option(help="Of each picture, in pixels.", metavar="WxH", rich_help_panel=_GALLERY)
+        str, typer.Option(help="Size of each picture in pixels.", metavar="WxH", rich_help_panel=_GALLERY)
     ] = "1600x900",
-    quality: Annotated[Quality, typer.Option(help="Of drawing: low, medium, high.", rich_help_panel=_GALLERY)] = "high",
+    quality: Annotated[
+        Quality, typer.Option(help="Quality of rendering: low, medium, high.", rich_help_panel=_GALLERY)
+    ] = "high",
     seed: Annotated[
-        int, typer.Option(help="Of all that maps leave open.", min=0, max=2**31, rich_help_panel=_GALLERY)
+        int,
+        typer.Option(help="Seed for everything the maps do not determine.", min=0, max=2**31, rich_help_panel=_GALLERY),
     ] = 0,
 ) -> None:
     """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene; or a gallery.

@@ -1,4 +1,4 @@
-"""``simbev replay``: recorded scenes once more, with other sensors, another weather or another time of day."""
+"""``simbev replay``: plays recorded scenes with other sensors, other weather or another time of day."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -47,8 +47,9 @@ def replay(
 ) -> None:
     """Play recorded scenes with exactly the same motion, on the same topics and stamps.
 
-    Rig and annotation are the configuration's, and weather and lights if it has these sections; all else is the bags'.
-    Of a dataset those scenes are played that are not recorded yet: after Ctrl-C the same command goes on where it was.
+    Rig and annotation come from the configuration, as do weather and lights if it has these sections; everything else
+    comes from the bags. Of a dataset only scenes that are not recorded yet are played: after Ctrl-C the same command
+    continues where it stopped.
 
     [bold]Examples[/]
 

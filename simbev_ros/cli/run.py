@@ -1,4 +1,4 @@
-"""``simbev run``: start the graph and stream the scenes of a configuration."""
+"""``simbev run``: streams the scenes of a configuration from a graph, with or without recording."""
 
 import os
 from pathlib import Path

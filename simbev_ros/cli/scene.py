@@ -31,16 +31,16 @@ def scene(
     config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     count: Annotated[
         int | None,
-        typer.Option(help="How many scenes; by default as many as the configuration asks for.", min=1, max=100_000),
+        typer.Option(help="Number of scenes; default: that of the configuration.", min=1, max=100_000),
     ] = None,
     map_name: Annotated[
-        str | None, typer.Option("--map", help="Draw all on this town or map file instead.", metavar="MAP")
+        str | None, typer.Option("--map", help="Draw all scenes on this town or map file instead.", metavar="MAP")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Draw scenes without simulating them: statistics and a histogram of every parameter, and what it is meant to be.
+    """Draw scenes without simulating them; print statistics, a histogram and the distribution of every parameter.
 
-    Scene k is what [bold]simbev run[/] would play as number k; after the last one the maps come round again.
+    Scene k is the one that [bold]simbev run[/] would play as number k; after the last one the maps are repeated.
 
     [bold]Examples[/]
 

@@ -24,10 +24,10 @@ _MAX_SHOWN = 200
 
 def verify(
     paths: Annotated[list[Path], typer.Argument(help="Scenes' bags, their .mcap files, or datasets.")],
-    jobs: Annotated[int | None, typer.Option(help="Bags to read at once; as many as there are cores.", min=1)] = None,
+    jobs: Annotated[int | None, typer.Option(help="Bags to read at once; default: number of cores.", min=1)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Read every byte: checksums, indexes, types, payloads, stamps, and whether all is there that belongs to a scene.
+    """Read every byte and check checksums, indexes, types, payloads, stamps, and the completeness of scenes.
 
     The exit code is 1 if anything is wrong.
 

@@ -14,15 +14,16 @@ from simbev_ros.cli.production_display import SceneDisplay
 
 
 def reading(
-    path: Annotated[Path, typer.Argument(help="A dataset, of which the first scene is read, or a bag.")],
+    path: Annotated[Path, typer.Argument(help="A bag, or a dataset, whose first scene is read.")],
     frames: Annotated[
-        int, typer.Option(help="Frames to read in each order; the median counts.", min=1, max=10_000)
+        int, typer.Option(help="Number of frames to read in each order, of which medians are taken.", min=1, max=10_000)
     ] = 20,
     as_json: Json = False,
 ) -> None:
-    """Time how fast frames of a recorded scene are read and decoded with all that they have.
+    """Time how fast whole frames of a recorded scene are read and decoded.
 
-    In order, where what lies together is decompressed once, and at random, each with nothing read before but the index.
+    They are read in order, so that neighbors are decompressed together, and at random, each with nothing but the index
+    in memory.
 
     [bold]Example[/]
 
@@ -42,16 +43,18 @@ def reading(
 
 
 def record(
-    folder: Annotated[Path | None, typer.Option(help="On the disk to write to; by default the temporary one.")] = None,
-    ticks: Annotated[int, typer.Option(help="In each file.", min=1, max=1000)] = 20,
-    rounds: Annotated[int, typer.Option(help="How often each file is written.", min=1, max=100)] = 5,
+    folder: Annotated[
+        Path | None, typer.Option(help="A folder on the disk to write to; default: that of temporary files.")
+    ] = None,
+    ticks: Annotated[int, typer.Option(help="Number of ticks in each file.", min=1, max=1000)] = 20,
+    rounds: Annotated[int, typer.Option(help="Number of times each file is written.", min=1, max=100)] = 5,
     as_json: Json = False,
 ) -> None:
-    """Time the recorder on six 1600x900 cameras: raw colour images, and all modalities compressed with a lidar.
+    """Time the recorder on six 1600x900 cameras: raw color images, and all modalities compressed with a lidar.
 
-    The writer alone, and the recorder's node, which gets them through DDS from a process that shares the cores with it.
-    For comparison, the same messages are written in a bare loop of the mcap package's own writer, with its own settings
-    and chunks as large as ours.
+    The writer is timed alone, and in the recorder node, which receives messages through DDS from a process that shares
+    the cores with it. For comparison, a bare loop writes the same messages with the mcap package's writer, with its own
+    settings and our chunk size.
 
     [bold]Example[/]
 
@@ -73,14 +76,16 @@ def record(
 
 
 def evaluate(
-    scenes: Annotated[int, typer.Option(help="Of 320 frames with 81 boxes each; the paper has 320.", min=1)] = 320,
-    jobs: Annotated[int | None, typer.Option(help="Scenes at once; as many as there are cores.", min=1)] = None,
+    scenes: Annotated[
+        int, typer.Option(help="Number of scenes of 320 frames with 81 boxes each; the paper has 320.", min=1)
+    ] = 320,
+    jobs: Annotated[int | None, typer.Option(help="Scenes at once; default: number of cores.", min=1)] = None,
     as_json: Json = False,
 ) -> None:
-    """Time the detection metrics on synthetic boxes with noisy predictions: matching by IoU, by distance, the table.
+    """Time the detection metrics on synthetic boxes with noisy predictions: matching by IoU and by distance, averages.
 
-    For comparison, the nuscenes-devkit evaluates some of the frames too, if it can be imported, or if the tests have
-    made its environment.
+    For comparison, the nuscenes-devkit evaluates some of the frames too, if it can be imported or the tests have made
+    its environment.
 
     [bold]Example[/]
 

@@ -33,9 +33,9 @@ bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
 
 @bench.callback()
 def _bench() -> None:
-    """Time the whole graph, or its cameras, rays, labels, recorder, world or what is done with datasets alone.
+    """Time the whole graph, or only its cameras, rays, labels, recorder or world, or work on datasets.
 
-    Without a name it is the graph.
+    Without a command the whole graph is timed.
 
     [bold]Examples[/]
 
@@ -56,7 +56,7 @@ def graph(
     config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper, stack.")] = "demo",
     ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
     record: Annotated[
-        bool, typer.Option(help="Record too, to a temporary folder. Cameras draw only what is read.")
+        bool, typer.Option(help="Also record, into a temporary folder. Cameras draw only images that are read.")
     ] = True,
     as_json: Json = False,
 ) -> None:
@@ -86,7 +86,7 @@ for _command in (cameras, rays, labels, reading, record, evaluate):
 
 @bench.command()
 def world(
-    map_name: Annotated[str, typer.Argument(help="A town, or a file.", metavar="MAP")] = "Town10HD",
+    map_name: Annotated[str, typer.Argument(help="A town or a map file.", metavar="MAP")] = "Town10HD",
     config: Annotated[
         str, typer.Option(help="Configuration of the traffic: a file, or demo, live, paper, stack.")
     ] = "demo",
@@ -95,7 +95,7 @@ def world(
 ) -> None:
     """Time the world node alone on one map: traffic, motion, publishing, with 50 to 950 actors.
 
-    A third of the actors are vehicles. The growth is the exponent of the number of actors: at most 1 is at most linear.
+    A third of the actors are vehicles. Processor time grows as the number of actors to the power of the printed growth.
 
     [bold]Example[/]
 

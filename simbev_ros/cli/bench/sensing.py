@@ -13,33 +13,43 @@ from simbev_ros.config.rendering import QUALITIES, Quality, Rendering
 
 _MIN_PX = 16
 
-_Map = Annotated[str, typer.Option("--map", help="A town, or a file.")]
+_Map = Annotated[str, typer.Option("--map", help="A town or a map file.")]
 _Crowd = Annotated[
-    int, typer.Option(help="A third vehicles, the others people on foot; riders come on top.", min=2, max=2_000)
+    int,
+    typer.Option(
+        help="Number of actors: a third are vehicles, the others pedestrians; riders come on top.", min=2, max=2_000
+    ),
 ]
-_Radius = Annotated[float, typer.Option(help="Of the circle around the ego that they are in, m.", min=20)]
-_Frames = Annotated[int, typer.Option(help="Ticks to time; the median counts.", min=1, max=1000)]
+_Radius = Annotated[float, typer.Option(help="Radius around the ego in which they start, in m.", min=20)]
+_Frames = Annotated[int, typer.Option(help="Number of ticks to time, of which medians are taken.", min=1, max=1000)]
 
 
 def cameras(
     map_name: _Map = "Town03",
     actors: Annotated[
-        int, typer.Option(help="Half vehicles, half people on foot; riders come on top.", min=2, max=20_000)
+        int,
+        typer.Option(
+            help="Number of actors: half are vehicles, half pedestrians; riders come on top.", min=2, max=20_000
+        ),
     ] = 100,
-    quality: Annotated[Quality | None, typer.Option(help="Of the colour images; all of them when omitted.")] = None,
-    size: Annotated[str, typer.Option(help="Of every image, pixels.", metavar="WIDTHxHEIGHT")] = "1600x900",
-    frames: Annotated[int, typer.Option(help="Frames to time; the median counts.", min=1, max=1000)] = 5,
+    quality: Annotated[
+        Quality | None, typer.Option(help="Quality of the color images; default: all qualities.")
+    ] = None,
+    size: Annotated[str, typer.Option(help="Size of every image in pixels.", metavar="WIDTHxHEIGHT")] = "1600x900",
+    frames: Annotated[
+        int, typer.Option(help="Number of frames to time, of which medians are taken.", min=1, max=1000)
+    ] = 5,
     processes: Annotated[
         int | None,
-        typer.Option(help="That share the cameras; as many as a graph would have when omitted.", min=1, max=16),
+        typer.Option(help="Number of processes that share the cameras; default: that of a graph.", min=1, max=16),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Time the paper's six cameras with five modalities each, by day, at each quality: a whole frame, and its parts.
 
-    A frame begins with the state of the world and ends with all images in memory, those of all processes. The parts are
-    timed in one process and in frames of their own, because waiting for each takes longer. Where the package mujoco is
-    installed, its renderer draws the same triangles in as many processes for comparison.
+    A frame begins with the state of the world and ends when the images of all processes are in memory. The parts are
+    timed in other frames and in one process, because waiting for each of them takes longer. If the package mujoco is
+    installed, its renderer draws the same triangles with the same number of processes for comparison.
 
     [bold]Example[/]
 
@@ -71,10 +81,10 @@ def rays(
     frames: _Frames = 10,
     as_json: Json = False,
 ) -> None:
-    """Time the rays of the paper's lidar and of its four radars, the moving actors placed anew for each tick.
+    """Time the rays of the paper's lidar and of its four radars, with moving actors updated at each tick.
 
-    What is timed begins with the state of the world and ends with tables of points. For comparison, the lidar's rays
-    are also cast in plain Open3D, into one merged mesh of what is static near the ego and of all actors.
+    The time begins with the state of the world and ends with tables of points. For comparison, the lidar's rays are
+    also cast in plain Open3D into one merged mesh of the static scene near the ego and of all actors.
 
     [bold]Example[/]
 
@@ -107,10 +117,10 @@ def labels(
     frames: _Frames = 10,
     as_json: Json = False,
 ) -> None:
-    """Time the labels of a tick: grid, boxes, points in them, what cameras see of them, the vector map and voxels.
+    """Time the labels of a tick: grid, boxes, points in them, their visibility to cameras, vector map and voxels.
 
-    Grid, boxes, lidar, radars and the six cameras are those of the paper. For comparison, the same grid is made from
-    the same triangles in shapely.
+    Grid, boxes, lidar, radars and the six cameras are those of the paper. For comparison, the same grid is computed
+    from the same triangles with shapely.
 
     [bold]Example[/]
 

@@ -27,7 +27,7 @@ def print_tables(figures: _Figures, console: Console) -> None:
     counted = f"{plural(frames['evaluated'], 'frame')} of {plural(frames['scenes'], 'scene')}"
     console.print(f"{counted}; answered: {answered or 'none'}", soft_wrap=True)
     for table in _tables(figures):
-        if not console.is_terminal:  # nothing is cut off in a file
+        if not console.is_terminal:  # in a file nothing is cut off
             console.width = max(console.width, console.measure(table).maximum)
         console.print(table)
 

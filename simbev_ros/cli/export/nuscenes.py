@@ -16,19 +16,20 @@ def export_nuscenes(
     dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder to export to, nuScenes' dataroot.", show_default=False)],
     keyframe_hz: Annotated[
-        float, typer.Option(help="Samples, which have annotations, per second.", min=0.01, max=1000)
+        float, typer.Option(help="Number of samples, which have annotations, per second.", min=0.01, max=1000)
     ] = 2.0,
     all_frames: Annotated[bool, typer.Option("--all-frames", help="Every frame is a sample.")] = False,
-    sweeps: Annotated[bool, typer.Option(help="Write what sensors saw between samples.")] = True,
+    sweeps: Annotated[bool, typer.Option(help="Write the sensor data between samples.")] = True,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
-    jobs: Annotated[int | None, typer.Option(help="Scenes at once; as many as there are cores.", min=1)] = None,
+    jobs: Annotated[int | None, typer.Option(help="Scenes at once; default: number of cores.", min=1)] = None,
 ) -> None:
-    """Write finished scenes as nuScenes does, for the nuscenes-devkit: tables, samples, sweeps, masks of maps.
+    """Write finished scenes in the layout of nuScenes for its devkit: tables, samples, sweeps, masks of maps.
 
-    A sample has of each sensor what it saw at that very time, or else its last before: boxes lie on what images show if
-    the rates of all sensors are multiples of --keyframe-hz.
+    A sample has the data of each sensor at its time, or else the last before it: boxes match the images if the rates of
+    all sensors are multiples of --keyframe-hz.
 
-    After Ctrl-C or a crash the same command goes on where it was; of a dataset that has grown only what is new is made.
+    After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
+    written.
     The devkit's splits are lists of nuScenes' scenes. Ours are in splits.json beside the tables, as simbev_train,
     simbev_val and simbev_test; the devkit finds them there from its release 1.2 on.
 

@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 
 def export_simbev(
     dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder that the layout's folder, simbev, is made in.", show_default=False)],
-    jobs: Annotated[int | None, typer.Option(help="Processes; as many as there are cores.", min=1)] = None,
+    out: Annotated[Path, typer.Option(help="Folder in which the folder simbev is made.", show_default=False)],
+    jobs: Annotated[int | None, typer.Option(help="Number of processes; default: number of cores.", min=1)] = None,
 ) -> None:
-    """Write finished scenes as SimBEV does: sweeps, ground truth, infos.
+    """Write finished scenes in the layout of SimBEV: sweeps, ground truth, infos.
 
-    After Ctrl-C or a crash the same command goes on where it was; of a dataset that has grown only what is new is made.
+    After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
+    written.
 
     [bold]Examples[/]
 

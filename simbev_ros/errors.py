@@ -19,9 +19,19 @@ class SimbevError(Exception):
 
 
 class InputError(SimbevError):
-    """The user's input is wrong; the message names file, field, value and what is allowed. Exit code 2."""
+    """The user's input is wrong; the message names file, field, value and what is allowed. Exit code 2.
+
+    Args:
+        problem: The message.
+        parameter: Name of the function parameter with the wrong value, if there is one. It precedes the message; the
+            command line puts the name of its option there instead.
+    """
 
     exit_code = 2
+
+    def __init__(self, problem: str = "", *, parameter: str | None = None) -> None:
+        super().__init__(problem if parameter is None else f"{parameter}: {problem}")
+        self.parameter = parameter
 
 
 class GraphError(SimbevError):

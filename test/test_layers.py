@@ -24,7 +24,9 @@ FLOORS = [
     {"msgs"},
     {"nodes"},
     {"graph"},
-    {"cli", "bench"},
+    {"production"},
+    {"bench"},
+    {"cli"},
     {"reference_stack"},
 ]
 ALONE = {"reference_stack"}
@@ -49,6 +51,8 @@ HOMES = {
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),
+    "rich": ("cli", "recording/bag_files", "viz/reports/dataset_scenes"),
+    "typer": ("cli",),
 }
 
 

@@ -1,18 +1,18 @@
-"""A scene to draw without a graph: some moments of traffic around the ego, by day, and all that stands there."""
+"""A simulated scene for benchmarks without a graph: the static scene and some moments of traffic around the ego."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rich.console import Console
-
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
-from simbev_ros.cli.scenes import build_surroundings, drawn_scenes
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import MapScenes, Timing, Traffic, WeatherConfig
 from simbev_ros.maps.build import load_network
+from simbev_ros.production.drawing import draw_scenes
+from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
+from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.state import WorldState
@@ -35,13 +35,13 @@ _DAY = WeatherConfig(
 
 @dataclass(frozen=True, slots=True)
 class CameraScene:
-    """What a renderer needs.
+    """The input of a renderer.
 
     Attributes:
-        map: The town's name.
-        static: What stands there.
+        map: Name of the town.
+        static: Its static scene near the ego.
         lights: Street lights and windows.
-        states: Moments, a tick apart.
+        states: States of the world, one tick apart.
     """
 
     map: str
@@ -54,17 +54,27 @@ def camera_scene(
     map_name: str,
     actors: int,
     moments: int,
-    console: Console,
+    observer: ProductionObserver = SILENT,
     weather: WeatherConfig = _DAY,
     *,
     vehicle_share: float = 0.5,
     spawn_radius_m: float = 400.0,
     spacing_m: float = 24.0,
 ) -> CameraScene:
-    """Simulate traffic on a map, by default half of it vehicles, half people on foot; there are no hazard areas.
+    """Simulate traffic on a map without hazard areas.
+
+    Args:
+        map_name: A town or a map file.
+        actors: Number of vehicles and pedestrians; riders come on top.
+        moments: Number of states after the warm-up.
+        observer: Receives the progress.
+        weather: The weather of the scene.
+        vehicle_share: Share of vehicles among the actors.
+        spawn_radius_m: Radius around the ego in which actors start.
+        spacing_m: Minimum distance between the start positions of vehicles.
 
     Raises:
-        InputError: There is no such map, or it has no room for so many.
+        InputError: The map does not exist, or has no room for that many actors.
     """
     vehicles = int(actors * vehicle_share)
     traffic = Traffic(
@@ -73,12 +83,12 @@ def camera_scene(
     time = Timing(warm_up_s=_WARM_UP_S, duration_s=4.0)
     update = {"scenes": (MapScenes(map=map_name, train=1),), "traffic": traffic, "time": time, "weather": weather}
     scenario = load_scenario("paper").model_copy(update={**update, "hazards": Hazards(count=0)})
-    [spec] = drawn_scenes(scenario, console)
-    build_surroundings([spec], console)
+    [spec] = draw_scenes(scenario, observer)
+    build_surroundings([spec], observer)
     network = load_network(spec.map)
     reach = loaded_reach(spec, network)
     beside = load_streetside(spec.map, network, reach=reach)
-    with console.status("traffic"), Simulation(spec, network, beside.obstacles, beside.plazas) as simulation:
+    with observe_step(observer, "traffic"), Simulation(spec, network, beside.obstacles, beside.plazas) as simulation:
         states = [simulation.step() for _ in range(spec.warm_up_ticks + moments)][-moments:]
     static = load_static_scene(spec.map, network, reach=reach)
     return CameraScene(spec.map.name, static, spec.lights, states)

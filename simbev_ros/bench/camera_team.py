@@ -1,4 +1,4 @@
-"""Processes that draw a rig's cameras together, each its share, as camera nodes do, and the time that they take."""
+"""Processes that share the cameras of a rig as camera nodes do, for timing."""
 
 import os
 import signal
@@ -22,11 +22,11 @@ from simbev_ros.render.renderer import Renderer
 from simbev_ros.render.shares import camera_processes, drawing_environment
 
 Painter = Quality | Literal["MuJoCo"]
-"""What draws: our renderer at a quality, or MuJoCo's."""
+"""The renderer to time: ours at a quality, or MuJoCo's."""
 
 
 class _Share(NamedTuple):
-    """What one process draws, and on what."""
+    """The cameras that one process draws, with the scene and the device."""
 
     scene: CameraScene
     views: Sequence[CameraView]
@@ -34,18 +34,18 @@ class _Share(NamedTuple):
     turn: int
 
 
-class _Easel(NamedTuple):
-    """A painter at work."""
+class _LoadedRenderer(NamedTuple):
+    """A renderer that has loaded the scene."""
 
     draw: Callable[[RenderFrame], object]
     close: Callable[[], None]
 
 
 class CameraTeam:
-    """The processes. As a context manager it ends them, whatever happens."""
+    """Processes that draw one scene together; as a context manager it ends them."""
 
     def __init__(self, scene: CameraScene, views: Sequence[CameraView], rendering: Rendering) -> None:
-        """Start as many as a graph with this configuration would, and give them the scene.
+        """Start as many processes as a graph with this configuration would, and send them the scene.
 
         Raises:
             RenderError: The number of GPUs is wanted, but there is no EGL.
@@ -62,14 +62,14 @@ class CameraTeam:
             for line, share in zip(self._lines, shares, strict=True):
                 line.send(share)
         except BaseException:
-            self.__exit__()
+            self.close()
             raise
 
     def _start(self) -> None:
         context = get_context("spawn")
         environment = drawing_environment(self.processes)
         resource_tracker.ensure_running()  # when it starts, it lets SIGINT through again
-        # By the workers for good: Ctrl-C is the parent's business.
+        # The workers inherit this: only the parent reacts to Ctrl-C.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             for _ in range(self.processes):
@@ -86,6 +86,10 @@ class CameraTeam:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Kill the processes and wait for their end."""
         for worker in self._workers:
             worker.kill()  # it holds nothing that outlives it
             worker.join()
@@ -93,7 +97,7 @@ class CameraTeam:
             line.close()
 
     def prepare(self, painter: Painter) -> None:
-        """Load the scene into this painter in all processes.
+        """Load the scene into a renderer in all processes.
 
         Raises:
             RenderError: OpenGL is not usable here, or has too little memory.
@@ -102,7 +106,7 @@ class CameraTeam:
         self._answers(painter)
 
     def draw(self, moment: int) -> tuple[float, float]:
-        """Draw the scene's moment of a number, from 0, with all cameras.
+        """Draw one moment of the scene, counted from 0, with all cameras.
 
         Returns:
             Wall time until all images were in memory, and processor time of all processes, s.
@@ -116,7 +120,7 @@ class CameraTeam:
         return time.perf_counter() - start_s, cpu_s
 
     def _answers(self, request: Painter | int) -> list[float]:
-        """Processor time that each process spent on a request, s."""
+        """Send a request to all processes and return the processor time that each spent on it, s."""
         try:
             for line in self._lines:
                 line.send(request)
@@ -130,14 +134,14 @@ class CameraTeam:
 
 
 def moments(scene: CameraScene) -> list[RenderFrame]:
-    """What there is to draw of a scene, the first one to warm up."""
+    """The frames of a scene; the first one is for warm-up."""
     return [RenderFrame(now, before) for before, now in pairwise(scene.states)]
 
 
 def _serve(line: Connection, environment: dict[str, str]) -> None:
-    """Answer requests with the processor time that they took, s, or with what went wrong, until the line ends."""
+    """Answer requests with their processor time, s, or with the error, until the connection closes."""
     os.environ.update(environment)  # before OpenGL is loaded
-    easel: _Easel | None = None
+    loaded: _LoadedRenderer | None = None
     try:
         share: _Share = line.recv()
         frames = moments(share.scene)
@@ -145,12 +149,12 @@ def _serve(line: Connection, environment: dict[str, str]) -> None:
             request: Painter | int = line.recv()
             start_s = time.process_time()
             if isinstance(request, int):
-                assert easel is not None, "nothing is prepared"
-                easel.draw(frames[request])
+                assert loaded is not None, "nothing is prepared"
+                loaded.draw(frames[request])
             else:
-                if easel is not None:
-                    easel.close()
-                easel = _easel(request, share)
+                if loaded is not None:
+                    loaded.close()
+                loaded = _load(request, share)
             line.send(time.process_time() - start_s)
     except (EOFError, ConnectionError):  # the parent has ended
         return
@@ -158,11 +162,11 @@ def _serve(line: Connection, environment: dict[str, str]) -> None:
         line.send(error)
 
 
-def _easel(painter: Painter, share: _Share) -> _Easel:
+def _load(painter: Painter, share: _Share) -> _LoadedRenderer:
     scene, models = share.scene, load_models()
     if painter == "MuJoCo":
         rival = MujocoScene(scene.static, models, scene.states[-1], share.views)
-        return _Easel(lambda _: rival.render(), rival.close)
+        return _LoadedRenderer(lambda _: rival.render(), rival.close)
     renderer = Renderer(scene.static, models, open_context(share.device, share.turn), painter)
     renderer.set_lights(scene.lights)
-    return _Easel(partial(renderer.render, share.views), renderer.close)
+    return _LoadedRenderer(partial(renderer.render, share.views), renderer.close)

@@ -1,4 +1,4 @@
-"""Timing cameras: what a frame of a rig costs at each quality, where it goes, and what another renderer takes."""
+"""Times the cameras of a rig: a frame at each quality, the parts of it, and another renderer for comparison."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from simbev_ros.render.renderer import Renderer
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Time per frame of the whole rig; of all threads together for the processor's."""
+    """Wall time and processor time of all threads per frame of the whole rig."""
 
     name: str
     wall_ms: float
@@ -30,7 +30,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class QualityTiming:
-    """One quality: the whole, and its parts, which were timed in other frames and one process, and each waited for."""
+    """One quality: a whole frame, and its parts, which were timed one by one in other frames and a single process."""
 
     quality: Quality
     total: Cost
@@ -42,10 +42,10 @@ class Comparison:
     """Another renderer on the same triangles, cameras and machine, right after ours.
 
     Attributes:
-        version: Of MuJoCo.
-        total: Colour, depth and segmentation; there is no flow. As many processes share the cameras.
-        wall_ratio: Its time over ours at medium quality, or the first one timed: above 1 ours is faster.
-        cpu_ratio: The same of the processor's time.
+        version: Version of MuJoCo.
+        total: Time for color, depth and segmentation, without flow, with the same number of processes.
+        wall_ratio: Its wall time over ours at medium quality, or at the first quality; above 1 ours is faster.
+        cpu_ratio: The same ratio for processor time.
     """
 
     version: str
@@ -56,7 +56,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class CameraTiming:
-    """What was drawn and what it took; ``mujoco`` is None where that package is not installed."""
+    """The scene, the cameras and their times; ``mujoco`` is None if that package is not installed."""
 
     renderer: str
     processes: int
@@ -71,7 +71,7 @@ class CameraTiming:
     mujoco: Comparison | None
 
     def title(self) -> str:
-        """What was timed, in a line."""
+        """One line on the scene and the cameras."""
         return (
             f"{self.cameras} cameras of {self.width_px} x {self.height_px} on {self.map}, {self.actors} actors, "
             f"{self.triangles:,} triangles; {self.processes} "
@@ -79,7 +79,7 @@ class CameraTiming:
         )
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Of a table: quality, name, wall and processor's milliseconds per frame."""
+        """Rows of a table: quality, part, wall time and processor time per frame in ms."""
         costs = [
             (timing.quality if cost is timing.total else "", cost)
             for timing in self.qualities
@@ -90,7 +90,7 @@ class CameraTiming:
         return [(quality, cost.name, f"{cost.wall_ms:.1f}", f"{cost.cpu_ms:.1f}") for quality, cost in costs]
 
     def comparison(self) -> str:
-        """The ratios in a sentence."""
+        """A sentence on the ratios to MuJoCo."""
         if self.mujoco is None:
             return "To compare with another renderer: pip install mujoco"
         return (
@@ -101,7 +101,7 @@ class CameraTiming:
 
 
 def steps(scene: CameraScene, qualities: Sequence[Quality]) -> int:
-    """How many frames ``timed_cameras`` draws."""
+    """Number of frames that ``timed_cameras`` draws."""
     return len(moments(scene)) * (2 * len(qualities) + has_mujoco())
 
 
@@ -113,14 +113,14 @@ def timed_cameras(
     rendering: Rendering,
     progress: Callable[[], None] = lambda: None,
 ) -> CameraTiming:
-    """Draw the moments of a scene with all cameras, read all back, and take the median of what it took.
+    """Draw the moments of a scene with all cameras, read the images back, and take the median of the times.
 
     Args:
-        scene: Of at least three moments: one before the first, one to warm up, and those that are timed.
+        scene: At least three moments: one before the first frame, one for warm-up, and those to time.
         cameras: Their poses and modalities.
         size_px: Width and height of every image.
-        qualities: To be timed one after the other.
-        rendering: How many processes share the cameras, and on what they draw.
+        qualities: The qualities to time, one after the other.
+        rendering: The number of processes that share the cameras, and their devices.
         progress: Called after each frame.
 
     Raises:
@@ -156,7 +156,7 @@ def timed_cameras(
 
 
 def _total(team: CameraTeam, painter: Painter, scene: CameraScene, progress: Callable[[], None]) -> Cost:
-    """Of a frame, from the common start until the last process has all its images."""
+    """Time of a frame, from the common start until the last process has all its images."""
     team.prepare(painter)
     costs = []
     for moment in range(len(moments(scene))):
@@ -173,7 +173,7 @@ def _parts(
     rendering: Rendering,
     progress: Callable[[], None],
 ) -> list[Cost]:
-    """Of a frame that this process alone draws."""
+    """Times of the parts of a frame that this process draws alone."""
     context = open_context(rendering.device_of(0))
     clock = PartClock(context)
     renderer = Renderer(scene.static, load_models(), context, quality, timer=clock)
@@ -191,7 +191,7 @@ def _parts(
 
 
 def _compared(rival: Cost, timings: Sequence[QualityTiming]) -> Comparison:
-    """MuJoCo's renderer against our medium quality, or else the first."""
+    """Compare MuJoCo's renderer with our medium quality, or else the first one."""
     ours = next((timing for timing in timings if timing.quality == "medium"), timings[0]).total
     return Comparison(version("mujoco"), rival, rival.wall_ms / ours.wall_ms, rival.cpu_ms / ours.cpu_ms)
 
@@ -209,7 +209,7 @@ def _median(name: str, costs: Sequence[Cost]) -> Cost:
 
 
 def _triangles(scene: CameraScene) -> int:
-    """Of all that is loaded, the actors of the last moment included."""
+    """Number of triangles of the static scene and of the actors at the last moment."""
     models, blueprints = load_models(), scene.states[-1].actors["blueprint"]
     of_actors = sum(len(models[blueprint].mesh.triangles) for blueprint in blueprints)
     return of_actors + sum(len(tile.mesh.triangles) for tile in scene.static.tiles)

@@ -1,4 +1,4 @@
-"""Boxes handed to the nuscenes-devkit, in a Python that has it, for comparison."""
+"""Evaluates boxes with the nuscenes-devkit, in a Python installation that has it, for comparison."""
 
 import importlib.util
 import json
@@ -24,12 +24,12 @@ Records = dict[str, list[dict[str, Any]]]
 
 
 def devkit_environment() -> Path:
-    """Where the environment with the devkit is that tests make for the user."""
+    """The folder of the virtual environment with the devkit that the tests make for the user."""
     return default_cache_dir() / DEVKIT.replace("==", "-")
 
 
 def devkit_python() -> Path | None:
-    """A Python that has the devkit: this one, or that of the environment; None: there is none."""
+    """The Python executable that has the devkit: this one, or that of the environment; None: there is none."""
     if importlib.util.find_spec("nuscenes") is not None:
         return Path(sys.executable)
     folder = devkit_environment()
@@ -39,13 +39,13 @@ def devkit_python() -> Path | None:
 def devkit_numbers(
     python: Path, truth: Boxes, predictions: Predictions, frames: Sequence[int], attributes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """What the devkit says of predictions, and the ``seconds`` that it took.
+    """Metrics of predictions by the devkit, and the ``seconds`` that it took.
 
     Args:
-        python: Has the devkit.
-        truth: Boxes of classes that the devkit knows.
-        predictions: As well.
-        frames: All that are evaluated.
+        python: Executable of a Python installation with the devkit.
+        truth: Ground-truth boxes of classes that the devkit knows.
+        predictions: Predicted boxes of such classes.
+        frames: Numbers of all frames to evaluate.
         attributes: Names of the boxes' attributes, by their numbers.
 
     Raises:
@@ -69,7 +69,7 @@ def devkit_numbers(
 def devkit_records(
     boxes: Boxes, score: Float64Array | None, frames: Sequence[int], attributes: Sequence[str] = ()
 ) -> Records:
-    """Boxes as the devkit reads them, by the numbers of their frames as tokens of samples; truth has no scores."""
+    """Boxes in the format of the devkit, with frame numbers as sample tokens; ground truth has no scores."""
     records: Records = {str(frame): [] for frame in frames}
     for record in _records(boxes, score, attributes):
         records[record["sample_token"]].append(record)

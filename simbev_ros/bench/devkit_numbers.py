@@ -1,6 +1,6 @@
-"""The nuscenes-devkit's figures of boxes in a JSON file, without any dataset. A program of its own, BOXES OUT.
+"""A program of its own, ``BOXES OUT``: computes metrics of the boxes in a JSON file with the nuscenes-devkit.
 
-It is run by a Python that has the devkit and needs nothing of this project.
+It runs in a Python installation that has the devkit, needs no dataset, and imports nothing of this project.
 """
 
 import json
@@ -20,7 +20,7 @@ HAS_NO = {"traffic_cone": ["attr_err", "vel_err", "orient_err"], "barrier": ["at
 
 
 def numbers(truth: Any, predictions: Any) -> dict[str, Any]:
-    """As its ``DetectionEval.evaluate`` computes them."""
+    """Metrics of predictions, computed as in the devkit's ``DetectionEval.evaluate``."""
     config = config_factory("detection_cvpr_2019")
     metrics = DetectionMetrics(config)
     for name in config.class_names:
@@ -35,7 +35,7 @@ def numbers(truth: Any, predictions: Any) -> dict[str, Any]:
 
 
 def main(boxes: Path, out: Path) -> None:
-    """Write the numbers, and how long they took."""
+    """Write the metrics and the time that they took."""
     content = json.loads(boxes.read_text())
     both = [EvalBoxes.deserialize(content[kind], DetectionBox) for kind in ("truth", "predictions")]
     began_s = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Timing the detection metrics: as many scenes as the paper has, and, for comparison, the nuscenes-devkit."""
+"""Times the detection metrics on as many scenes as the paper has, with the nuscenes-devkit for comparison."""
 
 import resource
 import time
@@ -18,7 +18,7 @@ from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merg
 from simbev_ros.evaluation.metrics.scene_matching import tally
 
 _TIMED = 5
-"""Scenes whose parts are timed; the first warms up."""
+"""Number of scenes whose parts are timed; the first one is for warm-up."""
 _DEVKIT_FRAMES = 40
 _WAYS: dict[str, DetectionOptions] = {
     "by IoU": DetectionOptions(distances_m=()),
@@ -33,10 +33,10 @@ class DevkitTiming:
     """The same boxes evaluated by the devkit and by our variant of its metrics.
 
     Attributes:
-        frames: How many they are of.
-        devkit_s: Of the devkit, once the boxes are objects of its own.
-        own_s: Of ours, the median.
-        nds_difference: Between the scores.
+        frames: Number of frames.
+        devkit_s: Time of the devkit, without the conversion of boxes into its objects.
+        own_s: Time of ours, the median.
+        nds_difference: Difference of the nuScenes detection scores.
     """
 
     frames: int
@@ -47,18 +47,18 @@ class DevkitTiming:
 
 @dataclass(frozen=True, slots=True)
 class EvaluateTiming:
-    """All of it.
+    """Time and memory of an evaluation.
 
     Attributes:
-        scenes: How many were evaluated, of 320 frames each.
-        truths: Boxes of the truth in them.
-        predictions: Predictions in them.
-        costs: Of parts, per scene.
-        jobs: Processes that the scenes were spread over.
-        scenes_s: Wall time of all scenes, in which they are also drawn.
-        result_s: Of putting them together, and of the table.
-        memory_mib: The most of all processes together; what they share is counted in each.
-        devkit: None: there is no devkit.
+        scenes: Number of scenes, of 320 frames each.
+        truths: Number of ground-truth boxes in them.
+        predictions: Number of predicted boxes in them.
+        costs: Times of the parts of an evaluation, per scene.
+        jobs: Number of processes that shared the scenes.
+        scenes_s: Wall time of all scenes, including their generation.
+        result_s: Wall time of merging them and of computing the result.
+        memory_mib: Maximum memory of all processes together; shared memory is counted for each of them.
+        devkit: The comparison; None: there is no devkit.
     """
 
     scenes: int
@@ -72,12 +72,12 @@ class EvaluateTiming:
     devkit: DevkitTiming | None
 
     def title(self) -> str:
-        """Of the table."""
+        """Title of the table."""
         boxes = f"{self.truths / 1e6:.1f} M boxes and {self.predictions / 1e6:.1f} M predictions"
         return f"evaluating {self.scenes} scenes, {self.scenes * FRAMES:,} frames, {boxes}"
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Of the table: what, and wall times; then those of the whole."""
+        """Rows of the table: each part with its wall and processor time, then the whole."""
         rows = [(f"a scene {each.name}", each.wall_ms / 1e3, each.cpu_ms / 1e3) for each in self.costs]
         return [
             *((name, f"{wall_s:.3f}", f"{cpu_s:.3f}") for name, wall_s, cpu_s in rows),
@@ -86,7 +86,7 @@ class EvaluateTiming:
         ]
 
     def comparison(self) -> str:
-        """A sentence on memory, and one on the devkit."""
+        """A sentence on memory and one on the devkit."""
         memory = f"At most {self.memory_mib / 1024:.1f} GiB."
         if self.devkit is None:
             return f"{memory} There is no {DEVKIT} to compare with."
@@ -101,8 +101,8 @@ def timed_evaluation(scenes: int, jobs: int, advance: Callable[[], None] = lambd
     """Evaluate synthetic scenes.
 
     Args:
-        scenes: How many.
-        jobs: How many processes share them.
+        scenes: Number of scenes.
+        jobs: Number of processes that share them.
         advance: Called after each scene.
 
     Raises:
@@ -137,7 +137,7 @@ def _costs() -> list[Cost]:
 
 
 def _memory_mib(jobs: int) -> float:
-    """The most that this process, and all that it has started, have had."""
+    """Maximum memory of this process and its children so far."""
     own, others = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return (own + (jobs * others if jobs > 1 else 0)) / 1024
 

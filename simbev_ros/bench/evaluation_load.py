@@ -1,4 +1,4 @@
-"""Synthetic scenes to be evaluated: as many boxes as in the paper's, along two streets that cross, and predictions."""
+"""Synthetic scenes to evaluate: as many boxes as in the paper, along two crossing streets, with predictions."""
 
 from dataclasses import replace
 
@@ -10,18 +10,18 @@ from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Float64Array, Int64Array
 
 SCENES, FRAMES, BOXES = 320, 320, 81
-"""Of the paper: scenes, frames of each, and boxes of each frame."""
+"""Numbers of the paper: scenes, frames per scene, boxes per frame."""
 
 _REACH_M, _STREET_M = 120.0, 12.0
 _PEOPLE = 0.45
 _FOUND, _STRAY = 0.8, 0.3
-"""Shares of the boxes: those that are predicted, and how many predictions of nothing there are."""
+"""Shares relative to the number of boxes: boxes that are predicted, and false positives."""
 _OFF = 0.3
-"""Spread of what is predicted: places in m, yaws in rad, velocities in m/s."""
+"""Standard deviations of predictions: positions in m, yaws in rad, velocities in m/s."""
 
 
 def synthetic_scene(seed: int, frames: int = FRAMES, per_frame: int = BOXES) -> tuple[Boxes, Predictions]:
-    """Truth and predictions of a scene whose frames are numbered from 0."""
+    """Ground truth and predictions of a scene whose frames are numbered from 0."""
     rng = stream(seed, "evaluation_load")
     truth = _boxes(rng, np.repeat(np.arange(frames), per_frame))
     found = _predicted(rng, truth.take(rng.random(len(truth)) < _FOUND))

@@ -1,4 +1,4 @@
-"""Timing labels: what a tick's grid, boxes, points, views, vector map and voxels cost, and what a plain grid would."""
+"""Times the labels of a tick: grid, boxes, points, views, vector map and voxels, with a plain grid for comparison."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -49,20 +49,20 @@ _Cloud = tuple[Pose, Table]
 
 @dataclass(frozen=True, slots=True)
 class LabelTiming:
-    """What was annotated and what it took.
+    """The annotated scene and the times of its labels.
 
     Attributes:
-        map: The town.
-        actors: In the world.
-        near_actors: At most 100 m from the ego.
-        boxes: At the last tick.
-        points: Of the lidar and the radars then.
-        frames: Timed ones; medians count.
-        costs: Of each label.
-        every_tick: Grid, boxes and points together.
-        plain: The grid by the plain way.
-        ratio: Plain over ours.
-        agreement: Least share of cells that have the same labels in both.
+        map: Name of the town.
+        actors: Number of actors in the world.
+        near_actors: Number of actors up to 100 m from the ego.
+        boxes: Number of boxes at the last tick.
+        points: Number of lidar and radar points at the last tick.
+        frames: Number of timed ticks, of which medians are taken.
+        costs: Time of each label.
+        every_tick: Time of grid, boxes and points together.
+        plain: Time of the plain grid.
+        ratio: Time of the plain grid over that of ours.
+        agreement: Minimum share of cells with the same labels in both grids.
     """
 
     map: str
@@ -78,21 +78,21 @@ class LabelTiming:
     agreement: float
 
     def title(self) -> str:
-        """What was timed, in a line."""
+        """One line on the scene."""
         return (
             f"labels on {self.map}, {self.near_actors} of {self.actors} actors within {_NEAR_M:.0f} m, "
             f"{self.boxes} boxes, {self.points:,} points"
         )
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Of a table: name, median, least and the processor's milliseconds per tick."""
+        """Rows of a table: label, then median, minimum and processor time per tick in ms."""
         return [
             (cost.name, *(f"{ms:.1f}" for ms in (cost.wall_ms, cost.least_ms, cost.cpu_ms)))
             for cost in (*self.costs, self.every_tick, self.plain)
         ]
 
     def comparison(self) -> str:
-        """The ratio in a sentence."""
+        """A sentence on the comparison with the plain grid."""
         return (
             f"The same triangles asked in shapely for the cell centres in them: {self.ratio:.0f} times our time; "
             f"{100 * self.agreement:.3f} % of the cells have the same labels"
@@ -100,10 +100,10 @@ class LabelTiming:
 
 
 def timed_labels(scene: CameraScene, progress: Callable[[], None] = lambda: None) -> LabelTiming:
-    """Annotate the moments of a scene, the first one to warm up, as the paper does, and with voxels and lines of roads.
+    """Annotate the moments of a scene as the paper does, and with voxels and a vector map.
 
     Args:
-        scene: Of at least two moments.
+        scene: At least two moments; the first one is for warm-up.
         progress: Called after each moment.
 
     Raises:
@@ -139,7 +139,7 @@ def timed_labels(scene: CameraScene, progress: Callable[[], None] = lambda: None
 
 
 class _Annotators:
-    """What is timed, and the watch that times it."""
+    """The annotators and the stopwatch that times them."""
 
     def __init__(self, scene: CameraScene) -> None:
         scenario, models = load_scenario("paper"), load_models()
@@ -161,7 +161,7 @@ class _Annotators:
         self._radars = [RadarModel(radar, 0, _TURN_S) for radar in scenario.rig.of_type(Radar)]
 
     def time(self, state: WorldState) -> None:
-        """Every label of a tick."""
+        """Time every label of a tick."""
         run, annotation, occupancy = self.watch.run, self._annotation, self._occupancy
         lidar, radar = self._clouds(state)
         level = self._levels.of_ego(state)
@@ -176,12 +176,12 @@ class _Annotators:
         self.boxes, self.points = len(table), sum(len(cloud) for _, cloud in (*lidar, *radar))
 
     def time_plain(self, state: WorldState) -> float:
-        """The grid the plain way, and the share of cells that are the same if levels are not told apart."""
+        """Time the plain grid and return the share of cells with the same labels, regardless of levels."""
         plain = self.watch.run(_PLAIN, lambda: self._plain.labels(state))
         return float((plain == self._bev.labels(state, self._annotation.bev.grid)).mean())
 
     def _clouds(self, state: WorldState) -> tuple[list[_Cloud], list[_Cloud]]:
-        """What the lidar and what the radars measure, with their poses."""
+        """The points of the lidar and of the radars, with the poses of the sensors."""
         reach_m = self._lidar.range_m + _BESIDE_EGO_M
         self._rays.update(state, vector(state.ego, "x y z"), reach_m, state.ego_ids)
         points = self._lidar_model.scan(self._rays, state).points

@@ -22,22 +22,22 @@ _LIGHT = np.array([0.5, -0.3, -0.8])
 _SHADOW_M = 150.0
 _SHADOW_PX = 2048
 _BODY_FROM_GL = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""MuJoCo's cameras look along -z, x right, y up."""
+"""Rotation to MuJoCo's camera frame: x right, y up, view along -z."""
 
 
 def has_mujoco() -> bool:
-    """Whether the package is there."""
+    """Whether the package is installed."""
     return find_spec("mujoco") is not None
 
 
 class MujocoScene:
-    """One moment of a scene. Close it in the end."""
+    """One moment of a scene, loaded into MuJoCo's renderer; close it after use."""
 
     def __init__(
         self, static: StaticScene, models: Sequence[ActorModel], state: WorldState, views: Sequence[CameraView]
     ) -> None:
-        """Upload what is around: one mesh for each tag of each tile, and for each actor but the ego."""
-        os.environ.setdefault("MUJOCO_GL", "egl")  # is read when the package is imported
+        """Upload one mesh for each tag of each tile, and for each actor except the ego."""
+        os.environ.setdefault("MUJOCO_GL", "egl")  # read when the package is imported
         import mujoco
 
         self._mujoco = mujoco
@@ -65,7 +65,7 @@ class MujocoScene:
         self._cameras = len(views)
 
     def render(self) -> list[tuple[AnyArray, AnyArray, AnyArray]]:
-        """Of each camera (H, W, 3) colour, (H, W) depth in metres and (H, W, 2) segmentation."""
+        """Draw with every camera: (H, W, 3) color, (H, W) depth in m and (H, W, 2) segmentation."""
         renderer, images = self._renderer, []
         for camera in range(self._cameras):
             renderer.update_scene(self._data, camera=camera)
@@ -78,11 +78,11 @@ class MujocoScene:
         return images
 
     def close(self) -> None:
-        """Free its context."""
+        """Free the OpenGL context."""
         self._renderer.close()
 
     def _set_up(self, view: CameraView) -> None:
-        """A sun with a shadow map and no anti-aliasing; lengths are in metres."""
+        """Set up a sun with a shadow map, without anti-aliasing; lengths are in m."""
         spec: Any = self._spec
         spec.stat.extent = 1.0
         spec.visual.map.znear, spec.visual.map.zfar, spec.visual.map.shadowclip = 0.1, 2000.0, _SHADOW_M
@@ -93,10 +93,10 @@ class MujocoScene:
         )
 
     def _add(self, vertices_m: AnyArray, triangles: AnyArray, color: AnyArray) -> None:
-        """One mesh in one colour, that of the mean."""
+        """Add a mesh with its mean color."""
         used, corners = np.unique(triangles, return_inverse=True)
         vertices_m = vertices_m[used]
-        if len(vertices_m) < 4:  # of a mesh MuJoCo wants as many
+        if len(vertices_m) < 4:  # the minimum for a mesh in MuJoCo
             vertices_m = np.concatenate([vertices_m, vertices_m[:1] + 1e-3])
         name = f"mesh {self._count}"
         self._count += 1

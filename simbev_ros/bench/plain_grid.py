@@ -1,4 +1,4 @@
-"""The plain way to the bird's-eye-view grid, to compare with: every triangle asks a tree for the cell centres in it."""
+"""A plain bird's-eye-view grid for comparison: every triangle queries a tree for the cell centers in it."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ from simbev_ros.types import Float64Array, UInt16Array
 
 
 class PlainGrid:
-    """Labels of a map and its actors, levels not told apart."""
+    """Computes the labels of a map and its actors, regardless of levels."""
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel], grid: BevGrid) -> None:
         self._models, self._grid = models, grid
@@ -31,7 +31,7 @@ class PlainGrid:
                 self._static.append((name, mesh.vertices[mesh.triangles] + tile.origin_m))
 
     def labels(self, state: WorldState) -> UInt16Array:
-        """(rows, columns) bits of the classes, as ``BevAnnotator.labels`` gives them."""
+        """(rows, columns) bits of the classes, like those of ``BevAnnotator.labels``."""
         level = state.ego.copy()
         level["roll"], level["pitch"] = 0.0, 0.0
         ego_from_map = inverse(map_from_actors(level[None])[0])

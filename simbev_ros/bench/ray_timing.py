@@ -1,4 +1,4 @@
-"""Timing rays: what the paper's lidar and radars cost, where it goes, and what one merged mesh would cost instead."""
+"""Times the rays of the paper's lidar and radars, their parts, and one merged mesh for comparison."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -28,28 +28,28 @@ _SAME_M = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class RayCost(Cost):
-    """What casting rays took."""
+    """Time of casting rays."""
 
     rays_per_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class RayTiming:
-    """What was cast and what it took.
+    """The scene and the times of its rays.
 
     Attributes:
-        map: The town.
-        actors: In the world.
-        near_actors: As near to the ego as the rays reach.
-        triangles: Of what is static near the ego, and of all actors.
-        rays: Of the lidar.
-        frames: Timed ones; medians count.
-        whole: Whole sensors: from the state of the world to tables of points.
-        parts: Of the lidar's rays.
-        merged: The lidar's rays against one merged mesh in plain Open3D.
-        whole_ratio: Merged over ours, everything built for a tick included.
-        cast_ratio: Merged over ours, with the merged scene ready and ours built.
-        agreement: Share of the lidar's rays that have the same range in both, within 1 mm.
+        map: Name of the town.
+        actors: Number of actors in the world.
+        near_actors: Number of actors within the range of the rays.
+        triangles: Number of triangles of the static scene near the ego and of all actors.
+        rays: Number of lidar rays.
+        frames: Number of timed ticks, of which medians are taken.
+        whole: Times of whole sensors, from the state of the world to tables of points.
+        parts: Times of the parts of a lidar scan.
+        merged: Times of the lidar rays with one merged mesh in plain Open3D.
+        whole_ratio: Time of the merged mesh over that of ours, including the construction for each tick.
+        cast_ratio: Time of the merged mesh over that of ours, without the construction of the merged mesh.
+        agreement: Share of the lidar rays whose ranges agree within 1 mm.
     """
 
     map: str
@@ -66,7 +66,7 @@ class RayTiming:
     agreement: float
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Of a table: group, name, median, least and the processor's milliseconds per tick, rays per second."""
+        """Rows of a table: group, part, median, minimum and processor time per tick in ms, rays per second."""
         groups = ("sensors", self.whole), ("parts", self.parts), ("Open3D, merged", self.merged)
         return [
             (
@@ -80,7 +80,7 @@ class RayTiming:
         ]
 
     def comparison(self) -> str:
-        """The ratios in a sentence."""
+        """A sentence on the comparison with the merged mesh."""
         return (
             f"One merged mesh in plain Open3D takes {self.whole_ratio:.1f} times our time, {self.cast_ratio:.1f} times "
             f"when it is not built anew; {100 * self.agreement:.2f} % of the ranges are the same within 1 mm"
@@ -88,10 +88,10 @@ class RayTiming:
 
 
 def timed_rays(scene: CameraScene, progress: Callable[[], None] = lambda: None) -> RayTiming:
-    """Scan the moments of a scene, the first one to warm up, with the lidar and the radars of the paper's rig.
+    """Scan the moments of a scene with the lidar and the radars of the paper's rig.
 
     Args:
-        scene: Of at least two moments.
+        scene: At least two moments; the first one is for warm-up.
         progress: Called after each moment.
     """
     keep_freed_memory()
@@ -137,7 +137,7 @@ _BUILT, _PLAIN = "actors posed, all merged, scene built", "cast"
 
 
 class _Sensors:
-    """What is timed, and the watch that times it."""
+    """The sensors and the stopwatch that times them."""
 
     def __init__(self, scene: CameraScene, lidar: Lidar, radars: Sequence[Radar]) -> None:
         models = load_models()
@@ -154,7 +154,7 @@ class _Sensors:
         self._previous: WorldState | None = None
 
     def time_whole(self, state: WorldState) -> None:
-        """Whole sensors, each as if it were alone."""
+        """Time whole sensors, each as if it were alone."""
 
         def scan(model: LidarModel) -> None:
             self._update(state)
@@ -170,7 +170,7 @@ class _Sensors:
         self._previous = state
 
     def time_parts(self, state: WorldState) -> float:
-        """The parts of a lidar scan, and the plain way; the share of rays that find the same."""
+        """Time the parts of a lidar scan and the merged mesh; return the share of rays that agree."""
         place_m = vector(state.ego, "x y z")
         origin_m, directions = self._lidar_rays(state)
         fresh = StaticTriangles(self._static)

@@ -1,4 +1,4 @@
-"""Timing how fast frames of a recorded scene can be read and decoded, one after the other and at random."""
+"""Times the reading and decoding of frames of a recorded scene, in order and at random."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ from simbev_ros.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class AccessTiming:
-    """One way to read, per frame; wall and processor time of all threads."""
+    """Wall time and processor time of all threads per frame, for one order of frames."""
 
     order: str
     median_s: float
@@ -23,14 +23,14 @@ class AccessTiming:
 
     @classmethod
     def of(cls, order: str, spent_s: Sequence[tuple[float, float]]) -> Self:
-        """Of the wall and processor times of some frames."""
+        """Summarize the wall and processor times of frames."""
         wall_s, cpu_s = np.array(spent_s).T
         return cls(order, float(np.median(wall_s)), float(wall_s.min()), float(np.median(cpu_s)))
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingTiming:
-    """A scene's frames with all that they have; ``decoded_mb`` are of arrays in the first one."""
+    """Times of reading whole frames; ``decoded_mb`` is the size of all arrays of the first one."""
 
     scene: str
     frames: int
@@ -46,13 +46,13 @@ class ReadingTiming:
 
 
 def timed_reading(path: Path, count: int, advance: Callable[[], None] = lambda: None) -> ReadingTiming:
-    """Read frames of the first scene of a dataset, or of a bag, in order and at random places.
+    """Read frames of a bag, or of the first scene of a dataset, in order and at random.
 
-    At random nothing is known of the file but its index: each frame is read with an empty cache.
+    At random each frame is read with an empty cache; only the index of the file is known.
 
     Args:
         path: The dataset or bag.
-        count: How many frames, in each order.
+        count: Number of frames to read in each order.
         advance: Called after each frame.
 
     Raises:
@@ -72,7 +72,7 @@ def timed_reading(path: Path, count: int, advance: Callable[[], None] = lambda: 
 
 
 def _loading_s(scene: Scene, tick: int, advance: Callable[[], None]) -> tuple[float, float]:
-    """Wall and processor time of all that a frame has; the scene's index is read before."""
+    """Wall and processor time of reading a whole frame; the scene's index is read before."""
     frame = scene[tick]
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     frame.load()

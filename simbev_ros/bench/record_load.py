@@ -1,16 +1,16 @@
-"""What the recorder is timed with: a scene of six 1600x900 cameras and a lidar, and messages as large as theirs."""
+"""Synthetic input for timing the recorder: a scene with six cameras of 1600x900 and a lidar, and their messages."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.cli.scenes import drawn_scenes
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import MapScenes, Timing
 from simbev_ros.msgs.topics import manifest
+from simbev_ros.production.drawing import draw_scenes
+from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import UInt8Array
 
@@ -20,19 +20,19 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 _TICK_S = 0.05
 _WIDTH_PX, _HEIGHT_PX = 1600, 900
 _ENCODED_BYTES = {"rgb": 330_000, "semantic": 45_000, "instance": 60_000, "depth": 800_000, "flow": 1_500_000}
-"""Of 1600x900 pixels, as JPEG and PNG."""
+"""Size of a JPEG or PNG file of 1600x900 pixels, by modality."""
 _LIDAR_RAYS = 128 * 2048
 
 
 class Message(NamedTuple):
-    """One that is recorded at every tick: its type, and its bytes, which begin with a header."""
+    """A message that is recorded at every tick: its type, and its bytes, which begin with a header."""
 
     type_name: str
     data: bytes
 
 
-def recorded_scene(ticks: int, console: Console) -> SceneSpec:
-    """A scene with the paper's rig and nothing else."""
+def recorded_scene(ticks: int, observer: ProductionObserver = SILENT) -> SceneSpec:
+    """A scene with the paper's rig on an empty map."""
     paper = load_scenario("paper")
     alone = {"vehicles": 1, "pedestrians": 0, "spawn_radius_m": 100.0}
     shortened = {
@@ -40,11 +40,11 @@ def recorded_scene(ticks: int, console: Console) -> SceneSpec:
         "scenes": (MapScenes(map="Blocks", train=1),),
         "traffic": paper.traffic.model_copy(update=alone),
     }
-    return drawn_scenes(paper.model_copy(update=shortened), console)[0]
+    return draw_scenes(paper.model_copy(update=shortened), observer)[0]
 
 
 def recorded_tick(spec: SceneSpec, images: Images) -> dict[str, Message]:
-    """Messages of a tick by topic: raw colour images, or all modalities compressed; infos and a cloud."""
+    """Messages of one tick by topic: raw color images or all modalities compressed, camera infos and a point cloud."""
     rng = np.random.default_rng(0)
     messages = {}
     for topic in manifest(spec, compressed_images=images == "compressed"):
@@ -56,7 +56,7 @@ def recorded_tick(spec: SceneSpec, images: Images) -> dict[str, Message]:
 
 
 def _raw_image(_modality: str, rng: np.random.Generator) -> Mapping[str, Any]:
-    """Smooth, with noise."""
+    """A smooth image with noise."""
     row, column = np.mgrid[:_HEIGHT_PX, :_WIDTH_PX]
     smooth = 128 + 90 * np.sin(row / 170) * np.cos(column / 210)
     image = smooth[..., None] + rng.integers(-2, 3, (_HEIGHT_PX, _WIDTH_PX, 3))
@@ -65,7 +65,7 @@ def _raw_image(_modality: str, rng: np.random.Generator) -> Mapping[str, Any]:
 
 
 def _compressed_image(modality: str, rng: np.random.Generator) -> Mapping[str, Any]:
-    """It looks random to zstd."""
+    """Random bytes, which zstd cannot compress, like those of an encoded image."""
     return {"format": "png", "data": _bytes(rng, _ENCODED_BYTES[modality])}
 
 
@@ -77,7 +77,7 @@ def _camera_info(_modality: str, rng: np.random.Generator) -> Mapping[str, Any]:
 
 
 def _cloud(_modality: str, rng: np.random.Generator) -> Mapping[str, Any]:
-    """A lidar's turn: x y z intensity float32, ring uint16, time float32."""
+    """One revolution of a lidar: x y z intensity float32, ring uint16, time float32."""
     azimuth = np.linspace(0, 2 * np.pi, _LIDAR_RAYS)
     range_m = 30 + 10 * np.sin(9 * azimuth) + rng.normal(0, 0.02, _LIDAR_RAYS)
     table = np.zeros(_LIDAR_RAYS, [("xyzi", "<f4", 4), ("ring", "<u2"), ("time", "<f4")])

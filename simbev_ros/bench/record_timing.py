@@ -1,4 +1,4 @@
-"""Timing the recorder: its writer, and its whole node behind DDS, against a bare loop of the mcap package."""
+"""Times the recorder, its writer alone and its node behind DDS, against a bare loop of the mcap package."""
 
 import os
 import shutil
@@ -11,12 +11,12 @@ from statistics import median
 from typing import NamedTuple
 
 from mcap.writer import Writer
-from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.bench.record_load import Images, Message, recorded_scene, recorded_tick
 from simbev_ros.bench.recorder_timing import timed_recorder
 from simbev_ros.config.scenario import Recording
+from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
@@ -34,7 +34,7 @@ class _Spent(NamedTuple):
 
 
 class _Load(NamedTuple):
-    """What is recorded: a scene, and what each of its ticks holds."""
+    """The input to record: a scene, and the messages of each tick."""
 
     spec: SceneSpec
     images: Images
@@ -42,20 +42,21 @@ class _Load(NamedTuple):
 
 
 _Work = Callable[[Path, _Load], tuple[float, float]]
-"""Writes into a folder; gives wall and processor time, s."""
+"""Writes into a folder and returns wall time and processor time, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordTiming:
-    """How fast some topics were recorded, one way.
+    """Speed of one writer.
 
     Attributes:
-        topics: Which: raw or compressed images.
-        way: By the mcap package's writer, by ours, or by the recorder's node, to which they come through DDS.
-        mb_per_s: Payload over wall time: the median, and the best.
-        cpu_s_per_gb: Processor time of all threads, the least.
-        size: Of the file over the payload.
-        ratio: Speed over that of the mcap package: the median of rounds.
+        topics: Kind of images: raw or compressed.
+        way: The writer: that of the mcap package, ours, or the recorder node, which receives messages through DDS.
+        mb_per_s: Payload per wall time, the median of all rounds.
+        best_mb_per_s: Payload per wall time of the fastest round.
+        cpu_s_per_gb: Processor time of all threads per payload, the minimum.
+        size: Size of the file relative to the payload.
+        ratio: Speed relative to the mcap package, the median of all rounds.
     """
 
     topics: str
@@ -69,10 +70,13 @@ class RecordTiming:
 
 @dataclass(frozen=True, slots=True)
 class RecordTimings:
-    """All of them.
+    """Speeds of all writers.
 
     Attributes:
-        tick_mb: Payload of a tick, by kind of topics.
+        ticks: Number of ticks in each file.
+        rounds: Number of files that each writer wrote.
+        tick_mb: Payload of a tick, by kind of images.
+        timings: Each writer with each kind of images.
     """
 
     ticks: int
@@ -81,7 +85,7 @@ class RecordTimings:
     timings: list[RecordTiming]
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Of a table: topics, way, speeds, processor time, size, ratio."""
+        """Rows of a table: topics, writer, speeds, processor time, size, ratio."""
         return [
             (
                 f"{each.topics}, {self.tick_mb[each.topics]:.0f} MB/tick",
@@ -97,22 +101,26 @@ class RecordTimings:
 
 
 def timed_recording(
-    folder: Path, ticks: int, rounds: int, console: Console, progress: Callable[[], None] = lambda: None
+    folder: Path,
+    ticks: int,
+    rounds: int,
+    progress: Callable[[], None] = lambda: None,
+    observer: ProductionObserver = SILENT,
 ) -> RecordTimings:
-    """Record so many ticks each way, again and again in turn.
+    """Record the same messages with each writer, in turn and repeatedly.
 
     Args:
-        folder: On the disk that is to be written to; nothing stays there.
-        ticks: In each file.
-        rounds: How often.
-        console: Shows how the map is loaded.
+        folder: A folder on the disk to write to; all files are removed again.
+        ticks: Number of ticks in each file.
+        rounds: Number of files that each writer writes.
         progress: Called after each file.
+        observer: Receives the progress of loading the map.
 
     Raises:
-        DiskError: There is not enough room.
+        DiskError: There is not enough space.
         SimbevError: The recorder's process fails.
     """
-    spec, timings = recorded_scene(ticks, console), []
+    spec, timings = recorded_scene(ticks, observer), []
     tick_mb: dict[str, float] = {}
     for images in _IMAGES:
         load = _Load(spec, images, recorded_tick(spec, images))
@@ -128,7 +136,7 @@ def timed_recording(
 
 
 def _spent(folder: Path, work: _Work, load: _Load) -> _Spent:
-    """What some writing into a folder, which is removed afterwards, takes."""
+    """Time and file size of writing into a temporary folder."""
     place = Path(tempfile.mkdtemp(prefix="simbev_ros-bench-", dir=folder))
     try:
         wall_s, cpu_s = work(place, load)
@@ -151,12 +159,12 @@ def _timing(images: str, way: str, spent: Sequence[_Spent], bare: Sequence[_Spen
 
 
 def files_to_write(rounds: int) -> int:
-    """How often progress is reported."""
+    """Number of files, after each of which progress is reported."""
     return len(_IMAGES) * rounds * len(_WAYS)
 
 
 def _write_bare(place: Path, load: _Load) -> tuple[float, float]:
-    """Chunks as large as ours, and on the disk at the end like ours."""
+    """Write with the mcap package, with our chunk size, and sync to the disk at the end as we do."""
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     with (place / "bare.mcap").open("wb") as stream:
         writer = Writer(stream, chunk_size=Recording().chunk_kib << 10)
@@ -170,7 +178,7 @@ def _write_bare(place: Path, load: _Load) -> tuple[float, float]:
             stamp_ns = load.spec.stamp_ns(number)
             for topic, (_, data) in load.tick.items():
                 writer.add_message(channels[topic], stamp_ns, data, stamp_ns, number)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
         stream.flush()
         os.fsync(stream.fileno())
     return time.perf_counter() - wall_s, time.process_time() - cpu_s
@@ -189,7 +197,7 @@ def _write_ours(place: Path, load: _Load) -> tuple[float, float]:
 
 
 def _record(place: Path, load: _Load) -> tuple[float, float]:
-    """The time of whoever sends is not the recorder's, but both share the cores."""
+    """Record through DDS; the sender's time is not counted, but it shares the cores with the recorder."""
     messages = {topic: message.data for topic, message in load.tick.items()}
     timing = timed_recorder(load.spec, Recording(images=load.images), messages, place)
     return timing.wall_s, timing.cpu_s

@@ -1,4 +1,4 @@
-"""Timing the recorder node: the messages of a scene come to it through DDS, as fast as lockstep lets them."""
+"""Times the recorder node, which receives the messages of a scene through DDS as fast as lockstep permits."""
 
 import os
 import struct
@@ -43,10 +43,10 @@ class RecorderTiming:
     """One scene, from its first tick until its bag is closed and on the disk.
 
     Attributes:
-        payload_mb: Of all messages.
-        wall_s: Time that it took.
+        payload_mb: Size of all messages.
+        wall_s: Wall time.
         cpu_s: Processor time of the recorder's process.
-        sender_cpu_s: Of the process that sends.
+        sender_cpu_s: Processor time of the sending process.
     """
 
     payload_mb: float
@@ -59,10 +59,10 @@ def timed_recorder(spec: SceneSpec, recording: Recording, tick: Mapping[str, byt
     """Send a scene to a recorder node, which runs in a process of its own.
 
     Args:
-        spec: Of which only what is in ``tick`` is sent and recorded, and what a replay needs.
-        recording: How; its choice of topics does not count.
-        tick: By topic a message as it is sent at every tick, serialised: little-endian CDR that begins with a header.
-        folder: Where the dataset is made.
+        spec: The scene; only the topics in ``tick`` and those that a replay needs are sent and recorded.
+        recording: Settings of the recorder; its choice of topics is ignored.
+        tick: For each topic the serialized message to send at every tick: little-endian CDR that begins with a header.
+        folder: Folder for the dataset.
 
     Raises:
         SimbevError: The recorder has ended, or is silent.
@@ -85,7 +85,7 @@ def timed_recorder(spec: SceneSpec, recording: Recording, tick: Mapping[str, byt
 
 
 class _Sender:
-    """Stands for all nodes whose topics are recorded."""
+    """Replaces all nodes whose topics are recorded."""
 
     def __init__(
         self, node: Node, spec: SceneSpec, recording: Recording, tick: Mapping[str, bytes], recorder: NodeProcess
@@ -106,7 +106,7 @@ class _Sender:
                 self._publishers[topic.name] = node.create_publisher(message_class(topic.type), topic.name, qos)
 
     def timing(self) -> RecorderTiming:
-        """Send the scene."""
+        """Send the scene and time it."""
         spec = self._spec
         self._publishers[topics.MAP].publish(String())
         self._publishers[topics.SCENE].publish(String(data=spec.model_dump_json()))
@@ -118,7 +118,7 @@ class _Sender:
                 end = SceneEnd(scene=spec.name, tick=tick, reason=DURATION)
                 self._publishers[topics.END].publish(String(data=end.model_dump_json()))
             payload_bytes += self._send(spec.stamp_ns(tick))
-        self._wait_until(spec.ticks + _WINDOW_TICKS)  # the tick after the last is finished when the bag is closed
+        self._wait_until(spec.ticks + _WINDOW_TICKS)  # the recorder finishes one more tick when the bag is closed
         return RecorderTiming(
             payload_bytes / 1e6,
             time.perf_counter() - wall_s,
@@ -127,7 +127,7 @@ class _Sender:
         )
 
     def _send(self, stamp_ns: int) -> int:
-        """Send one tick; give its bytes."""
+        """Send one tick and return its size in bytes."""
         self._publishers[topics.WEATHER].publish(record_message({}, stamp_ns))
         for name, message in self._tick.items():
             _STAMP.pack_into(message, _STAMP_AT, *divmod(stamp_ns, NS_PER_S))
@@ -135,7 +135,7 @@ class _Sender:
         return sum(len(message) for message in self._tick.values())
 
     def _wait_until(self, tick: int) -> None:
-        """Until lockstep lets a tick start, and every topic has its reader."""
+        """Wait until lockstep permits a tick and every topic has a subscriber."""
         deadline_s = time.monotonic() + _PATIENCE_S
         while not self._lockstep.may_start(tick) or any(
             p.get_subscription_count() == 0 for p in self._publishers.values()

@@ -1,4 +1,4 @@
-"""Times of pieces of work that are done again and again."""
+"""Measures the wall and processor time of repeated work."""
 
 import time
 from collections.abc import Callable
@@ -11,7 +11,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """One thing that was timed, per tick: the median, the least, and the processor's time of all threads together."""
+    """Time of one part per tick: median and minimum wall time, and median processor time of all threads."""
 
     name: str
     wall_ms: float
@@ -34,7 +34,7 @@ class Stopwatch:
         return result
 
     def cost(self, name: str, *more: str, title: str = "") -> Cost:
-        """What work of that name took, or of several names together; the first time was to warm up."""
+        """Time of the work with a name, or with several names together; the first run was for warm-up."""
         ticks = zip(*(self._spent[each][1:] for each in (name, *more)), strict=True)
         wall_s, cpu_s = zip(*(map(sum, zip(*tick, strict=True)) for tick in ticks), strict=True)
         return Cost(title or name, 1e3 * median(wall_s), 1e3 * min(wall_s), 1e3 * median(cpu_s))

@@ -1,4 +1,4 @@
-"""Timing the world node alone: what its ticks take, publishing included."""
+"""Times the ticks of the world node alone, including publishing."""
 
 import os
 import time
@@ -20,7 +20,7 @@ from simbev_ros.scene.spec import SceneSpec
 
 @dataclass(frozen=True, slots=True)
 class SceneTiming:
-    """One scene: wall time of the world node's ticks, publishing included, and its processor time, all per tick."""
+    """Wall time and processor time of the world node per tick of one scene, including publishing."""
 
     vehicles: int
     people: int
@@ -30,7 +30,7 @@ class SceneTiming:
 
 
 class _TickTimes(LoadMeter):
-    """Keeps the wall and processor time of each tick, in s."""
+    """Records the wall and processor time of each tick, in s."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -44,7 +44,7 @@ class _TickTimes(LoadMeter):
 
 
 def timed_scenes(specs: Sequence[SceneSpec]) -> list[SceneTiming]:
-    """Play scenes, one after the other and each in one go, as nobody has to be waited for."""
+    """Play scenes one after the other as fast as possible, without other nodes to wait for."""
     with DomainLock() as lock:
         os.environ.update(graph_environment(lock.domain))
         rclpy.init(domain_id=lock.domain, signal_handler_options=SignalHandlerOptions.NO)

@@ -1,39 +1,47 @@
-"""Timing the world node on scenes with ever more actors: how its cost grows."""
+"""Times the world node on scenes with increasing numbers of actors to find how its cost grows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rich.console import Console
 
 from simbev_ros.bench.world_node_timing import SceneTiming, timed_scenes
-from simbev_ros.cli.scenes import build_surroundings, drawn_scenes
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import MapScenes, Scenario
+from simbev_ros.production.drawing import draw_scenes
+from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
+from simbev_ros.production.surroundings import build_surroundings
 
 ACTORS = (50, 150, 300, 600, 950)
-"""As many are asked for: a third vehicles, the others people. Riders and hazard areas come on top."""
+"""Numbers of actors: a third are vehicles, the others pedestrians. Riders and hazard areas come on top."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorldTiming:
-    """Scenes of growing size on one map; ``growth`` is the exponent of the actors in the processor time."""
+    """Times of scenes of growing size on one map; processor time grows as the number of actors to the ``growth``."""
 
     map: str
     scenes: list[SceneTiming]
     growth: float
 
 
-def timed_world(scenario: Scenario, map_name: str, counts: Sequence[int] = ACTORS) -> WorldTiming:
-    """Play a scene on a map with each number of actors, without sensors, and time what would be recorded of it.
+def timed_world(
+    scenario: Scenario, map_name: str, counts: Sequence[int] = ACTORS, observer: ProductionObserver = SILENT
+) -> WorldTiming:
+    """Play a scene without sensors with each number of actors, and time the ticks after the warm-up.
+
+    Args:
+        scenario: The configuration of the traffic.
+        map_name: A town or a map file.
+        counts: Numbers of actors.
+        observer: Receives the progress.
 
     Raises:
-        InputError: there is no such map, or it has no room for so many vehicles.
+        InputError: The map does not exist, or has no room for that many vehicles.
     """
-    console = Console(stderr=True)
-    specs = [drawn_scenes(_with_actors(scenario, map_name, count), console)[0] for count in counts]
-    build_surroundings(specs, console)
-    with console.status(f"scenes on {specs[0].map.name}"):
+    specs = [draw_scenes(_with_actors(scenario, map_name, count), observer)[0] for count in counts]
+    build_surroundings(specs, observer)
+    with observe_step(observer, f"scenes on {specs[0].map.name}"):
         scenes = timed_scenes(specs)
     logs = np.log([(scene.vehicles + scene.people, scene.cpu_ms) for scene in scenes])
     return WorldTiming(specs[0].map.name, scenes, float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0]))

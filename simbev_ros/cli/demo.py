@@ -1,4 +1,4 @@
-"""``simbev demo``: one short scene from nothing to a bag, a picture and a video."""
+"""``simbev demo``: makes a bag, a picture and a video of one short scene."""
 
 import os
 from pathlib import Path
@@ -15,7 +15,7 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(help="Folder to make; default: out/demo, or the next free out/demo-2, …")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Another scene.", min=0, max=2**31, show_default=False)] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the scene.", min=0, max=2**31, show_default=False)] = None,
 ) -> None:
     """Simulate, sense, label and record one short scene, and draw a preview of it.
 
@@ -26,7 +26,8 @@ def demo(
     simbev demo --seed 12 --out /tmp/demo12
     """
     from simbev_ros.cli.preview import make_preview
-    from simbev_ros.cli.scenes import play_scenes
+    from simbev_ros.cli.production_display import SceneDisplay
+    from simbev_ros.production.play import play_scenes
 
     console = Console()
     scenario = load_scenario("demo")
@@ -35,7 +36,7 @@ def demo(
     folder = out or _free_folder(Path("out/demo"))
     if folder.exists():
         raise InputError(f"--out {folder}: exists already; nothing was overwritten")
-    (bag,) = play_scenes(scenario, console, dataset=folder)
+    (bag,) = play_scenes(scenario, dataset=folder, observer=SceneDisplay(console))
     preview = make_preview(bag, folder, console=console)
     command = os.environ.get("SIMBEV_COMMAND", "simbev")
     console.print()
@@ -56,7 +57,7 @@ def demo(
 
 
 def _free_folder(wanted: Path) -> Path:
-    """The path, or the first of ``path-2``, ``path-3``, … that is not there."""
+    """The path, or the first of ``path-2``, ``path-3``, … that does not exist."""
     number, path = 1, wanted
     while path.exists():
         number += 1

@@ -1,4 +1,4 @@
-"""``simbev doctor``: what this machine has and lacks."""
+"""``simbev doctor``: checks whether this machine has everything that simbev needs."""
 
 import os
 import platform
@@ -15,7 +15,7 @@ from simbev_ros.errors import SimbevError
 
 
 class Finding(NamedTuple):
-    """One line of the report; ``fine`` None: only for information."""
+    """One line of the report; ``fine`` is None for mere information."""
 
     subject: str
     found: str
@@ -60,7 +60,7 @@ def _findings() -> Iterator[Finding]:
 
 
 def _libraries() -> Iterator[Finding]:
-    """Shared libraries of the system that the installed wheels need: those that are missing, with their packages."""
+    """The missing shared libraries that the installed wheels need from the system, with their packages."""
     from simbev_ros.installation.system_libraries import find_missing_libraries
 
     try:
@@ -90,14 +90,14 @@ def _ros() -> str:
 
 
 def _renderers() -> Iterator[Finding]:
-    """What cameras are drawn with, and every device of EGL: used, in reserve, or why it cannot be used."""
+    """The renderer of the cameras, and the state of every EGL device: used, in reserve, or why it cannot be used."""
     from simbev_ros.render.gl.context import describe_renderer, survey_devices
 
     renderer = _checked("renderer", describe_renderer)
     yield renderer
     try:
         surveys = survey_devices()
-    except SimbevError:  # the renderer's line says it already
+    except SimbevError:  # reported by the line of the renderer
         return
     gpus = sum(survey.renderer is not None and not survey.device.software for survey in surveys)
     for survey in surveys:

@@ -1,16 +1,15 @@
-"""``simbev preview --gallery``: towns, weathers and modalities in pictures; builds what they show."""
+"""``simbev preview --gallery``: pictures of towns, weathers and camera modalities."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from simbev_ros.assets.regions.static_cache import load_static_scene
+from simbev_ros.cli.console import counting_bar
+from simbev_ros.cli.output_file import make_room
 from simbev_ros.cli.picture_size import picture_size_px
-from simbev_ros.cli.preview import make_room
-from simbev_ros.cli.scenes import map_roads, prepare_regions
+from simbev_ros.cli.production_display import MapDisplay
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.config.rendering import Quality
 from simbev_ros.maps.build import load_network
@@ -20,62 +19,63 @@ from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_place
+from simbev_ros.production.surroundings import build_missing_regions, load_roads
 from simbev_ros.viz import gallery
 from simbev_ros.viz.gallery import Picture, Section
 from simbev_ros.viz.street.street_view import StreetView
 from simbev_ros.viz.street.viewpoint import street_place
 
 STREET_MAP = "Town10HD"
-"""Where the street of all weathers is, if it is among the maps; else it is in the first of them."""
+"""The map whose street is shown in all weathers; if it is not among the maps, the first of them is taken."""
 
-_REACH_M, _VIEW_WITHIN_M = 400.0, 260.0  # around the busiest place: what is built, and where the camera may stand
+_REACH_M, _VIEW_WITHIN_M = 400.0, 260.0  # radii around the busiest place: of the surroundings, and of camera positions
 _TOWNS_IN_A_ROW, _WEATHERS_IN_A_ROW, _MODALITIES_IN_A_ROW = 4, 4, 3
 _TOWN_BUSY, _STREET_BUSY = 1.5, 2.2
-_LEAST_PX = 160
+_MIN_PX = 160
 
 
 def make_gallery(
     out: Path, maps: Sequence[str], size: str, quality: Quality, seed: int, *, overwrite: bool, console: Console
 ) -> list[Path]:
-    """Draw all pictures and their sheets; give the paths of the sheets.
+    """Draw all pictures and their sheets; return the paths of the sheets.
 
     Args:
-        out: The folder: a sheet for each section, and next to it a folder with its pictures.
-        maps: Towns or map files; none: all towns.
-        size: Of each picture, ``WIDTHxHEIGHT`` in pixels.
-        quality: Of drawing.
-        seed: Of all that the maps leave open, and of who is on the road.
-        overwrite: Replace pictures that are there.
-        console: For progress.
+        out: The folder for the sheets; the pictures of each sheet go into a folder next to it.
+        maps: Towns or map files; empty: all towns.
+        size: Size of each picture, ``WIDTHxHEIGHT`` in pixels.
+        quality: Quality of rendering.
+        seed: Seed for everything the maps do not determine, and for the traffic.
+        overwrite: Whether to replace existing pictures.
+        console: Where to show the progress.
 
     Raises:
-        InputError: No such map, no such size, or pictures are there already, or the folder cannot be written.
-        RenderError: OpenGL is not usable here.
+        InputError: A map does not exist, the size is wrong, a picture exists, or the folder cannot be written to.
+        RenderError: OpenGL cannot be used on this machine.
     """
-    size_px = picture_size_px(size, _LEAST_PX)
+    size_px, display = picture_size_px(size, _MIN_PX), MapDisplay(console)
     specs = [map_spec(name, seed) for name in maps or known_maps()]
     street = next((spec for spec in specs if spec.name == STREET_MAP), specs[0])
     sections = _sections(specs, street)
     make_room(out, [path for section in sections for path in (_sheet(out, section), out / section.name)], overwrite)
     for spec in specs:
-        network = map_roads(spec, console)
-        prepare_regions(spec, network, regions_of(network.layout, _reach(network)), console)
-    columns = (TextColumn("{task.description}"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, expand=True, transient=True) as bars:
-        task = bars.add_task("pictures", total=sum(sum(section.rows) for section in sections))
-        drawn = _drawn(specs, street, size_px, quality)
+        network = load_roads(spec, display)
+        build_missing_regions(spec, network, regions_of(network.layout, _reach(network)), display)
+    count = sum(sum(section.rows) for section in sections)
+    with counting_bar("pictures", console, count, elapsed=True, remaining=False) as bar:
+        drawn = _draw_pictures(specs, street, size_px, quality)
         for section in sections:
             pictures = []
             for _ in range(sum(section.rows)):
                 pictures.append(next(drawn))
                 gallery.write_jpeg(out / section.name / f"{pictures[-1].name}.jpg", pictures[-1].rgb)
-                bars.update(task, advance=1, description=escape(pictures[-1].title))
+                bar.describe(pictures[-1].title)
+                bar.advance()
             gallery.write_jpeg(_sheet(out, section), gallery.sheet(section, pictures))
     return [_sheet(out, section) for section in sections]
 
 
 def _sections(specs: Sequence[MapSpec], street: MapSpec) -> list[Section]:
-    """The sheets, in the order in which ``_drawn`` gives their pictures."""
+    """The sheets, in the order of the pictures of ``_draw_pictures``."""
     count = len(gallery.weathers())
     where = f"one street of {street.name}"
     return [
@@ -87,8 +87,10 @@ def _sections(specs: Sequence[MapSpec], street: MapSpec) -> list[Section]:
     ]
 
 
-def _drawn(specs: Sequence[MapSpec], street: MapSpec, size_px: tuple[int, int], quality: Quality) -> Iterator[Picture]:
-    """All pictures, one after the other."""
+def _draw_pictures(
+    specs: Sequence[MapSpec], street: MapSpec, size_px: tuple[int, int], quality: Quality
+) -> Iterator[Picture]:
+    """Draw all pictures, one after the other."""
     for spec in specs:
         with _street_view(spec, quality, _TOWN_BUSY) as view:
             yield gallery.in_fair_weather(view, spec.name, size_px)
@@ -98,7 +100,7 @@ def _drawn(specs: Sequence[MapSpec], street: MapSpec, size_px: tuple[int, int], 
 
 
 def _street_view(spec: MapSpec, quality: Quality, busy: float) -> StreetView:
-    """From the best place near the busiest one."""
+    """The view from the best camera position near the busiest place of a map."""
     network = load_network(spec)
     reach = _reach(network)
     static = load_static_scene(spec, network, reach=reach)

@@ -1,4 +1,4 @@
-"""``simbev generate``: make a dataset, or what is missing of it."""
+"""``simbev generate``: makes a dataset, or its missing scenes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,10 +8,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from simbev_ros.cli.console import plural
+from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 
 if TYPE_CHECKING:
-    from simbev_ros.cli.dataset_maker import Outcome
+    from simbev_ros.production.dataset import DatasetResult
 
 
 def generate(
@@ -19,15 +21,18 @@ def generate(
     out: Annotated[Path, typer.Option(help="The dataset's folder, new or begun.", show_default=False)],
     replace: Annotated[
         list[str] | None,
-        typer.Option(help="Make these scenes anew, and no others: numbers and ranges.", metavar="3,17-20"),
+        typer.Option(help="Make only these scenes again: numbers and ranges.", metavar="3,17-20"),
     ] = None,
-    retries: Annotated[int, typer.Option(help="How often to try a scene again that has failed.", min=0, max=10)] = 2,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be made, how long and how large.")] = False,
+    retries: Annotated[int, typer.Option(help="Maximum number of retries of a failed scene.", min=0, max=10)] = 2,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only estimate the number, time and size of scenes.")
+    ] = False,
 ) -> None:
-    """Make as many scenes of each map and split as the configuration asks for; those that are there count.
+    """Make the scenes of each map and split that the configuration asks for; existing scenes count.
 
-    After Ctrl-C, a crash or a power cut the same command goes on where it was. A scene that fails is tried again, then
-    listed, and the others go on; the exit code is 1 then. The dataset has an index, index.parquet, and a log per scene.
+    After Ctrl-C, a crash or a power cut the same command continues where it stopped. A scene that fails is tried again,
+    then listed, and the others follow; the exit code is 1 then. The dataset gets an index, index.parquet, and a log for
+    each scene.
 
     [bold]Examples[/]
 
@@ -37,39 +42,29 @@ def generate(
 
     simbev generate my.yaml --out datasets/first --replace 3,17-20
     """
-    from simbev_ros.cli.dataset_maker import DatasetMaker
-    from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.dataset.plan import Plan, PlannedEntry, numbers_of
-    from simbev_ros.dataset.staging import clean_up
-    from simbev_ros.recording.layout import scenes_folder
+    from simbev_ros.cli.production_display import DatasetDisplay
+    from simbev_ros.production.dataset import make_dataset
 
-    scenario, console = load_scenario(config).model_copy(update={"evaluation": None}), Console()  # no stack runs here
-    numbers = numbers_of(replace or ())
-
-    def planned() -> tuple[Plan, list[PlannedEntry]]:
-        plan = Plan.of(out).extended(scenario)
-        return plan, plan.chosen(numbers) if numbers else plan.to_make(out, scenario)
-
-    _, entries = planned()  # bad input is refused before anything is written
+    scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), Console()
     if dry_run:
-        from simbev_ros.cli.dataset_estimate import show_estimate
+        from simbev_ros.cli.estimate_table import show_estimate
 
-        show_estimate(scenario, out, entries, console)
+        show_estimate(scenario, out, numbers, console)
         return
-    with DatasetLock(out):
-        clean_up(out)
-        plan, entries = planned()
-        plan.save(out)
-        scenes_folder(out).mkdir(exist_ok=True)  # a dataset from now on, to all who look
-        with DatasetMaker(scenario, out, console, retries=retries) as maker:
-            outcome = maker.make(entries)
-    _show(outcome, out, console)
-    raise typer.Exit(1 if outcome.failed else 0)
+    display = DatasetDisplay(console)
+    result = make_dataset(scenario, out, replace=numbers, retries=retries, observer=display)
+    _show(result, console)
+    raise typer.Exit(0 if result.is_complete else 1)
 
 
-def _show(outcome: "Outcome", out: Path, console: Console) -> None:
-    made, failed = len(outcome.made), outcome.failed
-    console.print(f"{made} scene{'s' * (made != 1)} made in {out}", highlight=False, soft_wrap=True)
+def _show(result: "DatasetResult", console: Console) -> None:
+    """Print how many scenes were made, and a table of those that failed or are damaged."""
+    console.print(f"{plural(len(result.made), 'scene')} made in {result.path}", highlight=False, soft_wrap=True)
+    remedies = {
+        name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it anew"
+        for name, problem in result.damaged.items()
+    }
+    failed = {**result.failed, **remedies}
     if failed:
         table = Table("scene", "what is wrong", title=f"{len(failed)} failed")
         for name, problem in failed.items():

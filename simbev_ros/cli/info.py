@@ -1,4 +1,4 @@
-"""``simbev info``: what is in a bag, or in a dataset of bags."""
+"""``simbev info``: prints the content of a bag or a dataset."""
 
 import json
 import os
@@ -9,21 +9,19 @@ from typing import Annotated, Any
 import typer
 from rich import box
 from rich.console import Console
-from rich.filesize import decimal
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from simbev_ros.cli.console import counting_bar, format_size, percent_bar, table_console
 from simbev_ros.cli.output_file import require_place, writing
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, additional_bags, is_dataset, is_scene, scenes_of
 from simbev_ros.scene.ending import DURATION
 
 _STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red", "damaged": "red"}
-_WIDTH_IN_A_PIPE = 160
-_MOST_PROBLEMS = 5
+_MAX_PROBLEMS = 5
 _SHORT = 16
-"""Hexadecimal digits of a hash that are enough to print."""
+"""Number of hexadecimal digits of a hash that are printed."""
 
 
 def info(
@@ -33,9 +31,11 @@ def info(
     report: Annotated[
         Path | None, typer.Option(help="Also write statistics with plots, one HTML page.", metavar="FILE")
     ] = None,
-    jobs: Annotated[int | None, typer.Option(help="Processes for it; as many as there are cores.", min=1)] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Processes for the statistics; default: number of cores.", min=1)
+    ] = None,
 ) -> None:
-    """Say what is in a recorded scene, finished or not, or in a dataset.
+    """Print the content of a recorded scene, finished or not, or of a dataset.
 
     [bold]Examples[/]
 
@@ -65,34 +65,27 @@ def info(
     if as_json:
         print(json.dumps(facts, indent=2))
     else:
-        console = Console()
-        if not console.is_terminal:
-            console = Console(width=_WIDTH_IN_A_PIPE)
-        console.print(*parts, sep="\n")
+        table_console().print(*parts, sep="\n")
     if report is not None:
         _write_report(path, report, jobs or os.cpu_count() or 1)
 
 
 def _write_report(path: Path, report: Path, jobs: int) -> None:
-    """Statistics of a dataset's finished scenes, or of a bag."""
+    """Write statistics of the finished scenes of a dataset, or of a bag."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.statistics import statistics_of
     from simbev_ros.viz.reports.dataset_report import dataset_report
 
     console = Console(stderr=True, soft_wrap=True)
-    columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, expand=True, transient=True) as bar:
-        task = bar.add_task("", total=None)
-        statistics = statistics_of(
-            open_dataset(path, threads=1), jobs, lambda done, total: bar.update(task, completed=done, total=total)
-        )
+    with counting_bar("frames", console) as bar:
+        statistics = statistics_of(open_dataset(path, threads=1), jobs, bar.show)
     with writing(report):
         report.write_text(dataset_report(statistics), encoding="utf-8")
     console.print(f"statistics in {escape(str(report))}", highlight=False)
 
 
 def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
-    """One of a dataset's bags; what is wrong with it if it cannot be read."""
+    """Facts of a bag in a dataset; if it cannot be read, only the reason."""
     try:
         return _describe(bag, digest)
     except BagError as error:
@@ -102,11 +95,8 @@ def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
 def _describe(path: Path, digest: bool) -> dict[str, Any]:
     from simbev_ros.recording.description import describe_bag
 
-    with Progress(console=Console(stderr=True), transient=True, disable=not digest) as progress:
-        task = progress.add_task(path.name, total=None)
-        return describe_bag(
-            path, digest=digest, progress=lambda done, total: progress.update(task, completed=done, total=total)
-        )
+    with percent_bar(path.name, Console(stderr=True), hidden=not digest) as bar:
+        return describe_bag(path, digest=digest, progress=bar.show)
 
 
 def _fact_table(facts: dict[str, Any]) -> Table:
@@ -117,12 +107,12 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     table.add_row("state", _state(facts))
     if facts["ended"]:
         table.add_row("ended", escape(facts["ended"]))
-    for problem in facts["problems"][:_MOST_PROBLEMS]:
+    for problem in facts["problems"][:_MAX_PROBLEMS]:
         table.add_row("", f"[red]{escape(problem)}[/]")
-    if len(facts["problems"]) > _MOST_PROBLEMS:
-        table.add_row("", f"[red]and {len(facts['problems']) - _MOST_PROBLEMS} topics more[/]")
+    if len(facts["problems"]) > _MAX_PROBLEMS:
+        table.add_row("", f"[red]and {len(facts['problems']) - _MAX_PROBLEMS} topics more[/]")
     table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / 1e9:.2f} s")
-    table.add_row("size", f"{decimal(facts['file_bytes'])}, {facts['messages']} messages")
+    table.add_row("size", f"{format_size(facts['file_bytes'])}, {facts['messages']} messages")
     if scene := facts["scene"]:
         table.add_row("map", f"{scene['map']}, split {scene['split']}, seed {scene['seed']}")
         part = "" if facts["ticks"] in (None, scene["ticks"]) else f"{facts['ticks']} of "
@@ -130,7 +120,7 @@ def _fact_table(facts: dict[str, Any]) -> Table:
         table.add_row("actors", f"{scene['vehicles']} vehicles, {scene['pedestrians']} pedestrians")
         table.add_row("weather", _weather(scene))
         table.add_row("rig", "\n".join(scene["rig"]))
-    attachments = ", ".join(f"{name} ({decimal(size)})" for name, size in facts["attachments"].items())
+    attachments = ", ".join(f"{name} ({format_size(size)})" for name, size in facts["attachments"].items())
     table.add_row("attached", attachments or "nothing")
     if "digest" in facts:
         table.add_row("digest", facts["digest"][:_SHORT])
@@ -138,7 +128,7 @@ def _fact_table(facts: dict[str, Any]) -> Table:
 
 
 def _weather(scene: dict[str, Any]) -> str:
-    """Each parameter, and what it becomes."""
+    """Each parameter of the weather at the beginning, and at the end if it changes."""
     final = scene["final_weather"] or {}
     return ", ".join(
         f"{key} {value:g}" + (f" → {final[key]:g}" if final else "") for key, value in scene["weather"].items()
@@ -157,7 +147,7 @@ def _topic_table(topics: Sequence[dict[str, Any]], digest: bool) -> Table:
         count, expected = topic["count"], topic["expected"]
         messages = str(count) if expected in (None, count) else f"[red]{count} of {expected}[/]"
         rate = f"{topic['rate_hz']:.4g} Hz" if topic["rate_hz"] else ""
-        size = decimal(topic["bytes"]) if topic["bytes"] is not None else ""
+        size = format_size(topic["bytes"]) if topic["bytes"] is not None else ""
         hashes = [topic["digest"][:_SHORT]] if digest else []
         table.add_row(topic["name"], topic["type"].replace("/msg/", "/"), messages, rate, size, *hashes)
     return table
@@ -180,7 +170,7 @@ def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
             continue
         length = f"{scene['duration_s']:.2f} s"
         hashes = [scene["digest"][:_SHORT]] if digest else []
-        table.add_row(name, _state(scene), length, str(scene["messages"]), decimal(scene["file_bytes"]), *hashes)
+        table.add_row(name, _state(scene), length, str(scene["messages"]), format_size(scene["file_bytes"]), *hashes)
     return table
 
 

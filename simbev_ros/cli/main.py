@@ -1,4 +1,4 @@
-"""The ``simbev`` command: one verb a file. Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
+"""Entry point of the ``simbev`` command. Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
 
 import os
 import sys
@@ -7,11 +7,11 @@ import typer
 from rich.console import Console
 
 from simbev_ros import __version__
-from simbev_ros.cli.bench import bench
+from simbev_ros.cli.bench.group import bench
 from simbev_ros.cli.demo import demo
 from simbev_ros.cli.doctor import doctor
-from simbev_ros.cli.evaluate import evaluate
-from simbev_ros.cli.export import export
+from simbev_ros.cli.evaluate.command import evaluate
+from simbev_ros.cli.export.group import export
 from simbev_ros.cli.generate import generate
 from simbev_ros.cli.info import info
 from simbev_ros.cli.map import map_
@@ -25,7 +25,7 @@ from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
-_LONGEST = 300
+_MAX_LENGTH = 300
 
 app = typer.Typer(
     name="simbev",
@@ -74,14 +74,17 @@ def main() -> None:
 
 
 def _message(error: Exception) -> str:
-    """What the user is told; of errors that nobody foresaw, also in the middle of what."""
+    """The message for the user; that of an unexpected error includes the step that was running."""
+    if isinstance(error, InputError) and error.parameter is not None:
+        option = f"--{error.parameter.replace('_', '-')}"
+        return option + str(error).removeprefix(error.parameter)
     if isinstance(error, SimbevError):
         return str(error)
     while_what = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
     if isinstance(error, MemoryError):
         return f"memory ran out{while_what}"
     return (
-        f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_LONGEST}}{while_what}\n"
+        f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_MAX_LENGTH}}{while_what}\n"
         f"Please report it. With {_TRACEBACK_VARIABLE}=1 the traceback is shown"
     )
 

@@ -1,4 +1,4 @@
-"""What ``simbev map`` tells of a map, as JSON and as tables."""
+"""The report of ``simbev map`` on a map, as JSON and as tables."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -15,13 +15,13 @@ from simbev_ros.maps.statistics import MapStatistics
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What stands and lies around one place, or everywhere.
+    """The static scene around one position, or of the whole map.
 
     Attributes:
         seconds: Time to build or load it.
-        triangles: Of its meshes.
-        regions: How many regions it has.
-        of_regions: How many regions the map has.
+        triangles: Number of triangles of its meshes.
+        regions: Number of its regions.
+        of_regions: Number of regions of the map.
     """
 
     seconds: float
@@ -32,15 +32,15 @@ class Surroundings:
 
 @dataclass(frozen=True, slots=True)
 class MapReport:
-    """All about a map.
+    """Facts of a map.
 
     Attributes:
-        spec: Which map.
-        statistics: What is in it.
-        datum: Where it lies.
-        notes: What was repaired or left out.
+        spec: The map.
+        statistics: Numbers and lengths of its parts.
+        datum: Geographic position of its origin.
+        notes: Repairs and omissions.
         network_s: Time to build or load the roads.
-        surroundings: None where they were not asked for.
+        surroundings: The static scene; None if it was not asked for.
     """
 
     spec: MapSpec
@@ -51,7 +51,7 @@ class MapReport:
     surroundings: Surroundings | None = None
 
     def facts(self) -> dict[str, Any]:
-        """For JSON."""
+        """The report as data for JSON."""
         return {
             "name": self.spec.name,
             "file": self.spec.path or None,
@@ -65,7 +65,7 @@ class MapReport:
 
 
 def map_table(report: MapReport) -> Table:
-    """One map, a line for each fact."""
+    """A table of one map with a line for each fact."""
     figures = report.statistics
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
@@ -96,7 +96,7 @@ def map_table(report: MapReport) -> Table:
 
 
 def towns_table(reports: Sequence[MapReport]) -> Table:
-    """Several maps, a line for each."""
+    """A table of several maps with a line for each."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("map")
     for title in (

@@ -1,4 +1,4 @@
-"""Files that people ask for on the command line: refused before the work, written after it."""
+"""Files that users ask for on the command line: checked before the work begins, written after it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,10 +8,10 @@ from simbev_ros.errors import InputError
 
 
 def require_place(file: Path) -> None:
-    """See that there is a folder for a file, before hours are spent on what goes into it.
+    """Check that a file can be created in its folder, before hours are spent on its content.
 
     Raises:
-        InputError: There is none, or the file is a folder.
+        InputError: The folder does not exist, or the file is a folder.
     """
     if not file.absolute().parent.is_dir():
         raise InputError(f"{file}: there is no folder {file.absolute().parent}")
@@ -19,9 +19,24 @@ def require_place(file: Path) -> None:
         raise InputError(f"{file}: is a folder, not a file")
 
 
+def make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
+    """Make the folder for some files.
+
+    Raises:
+        InputError: The folder cannot be made, or a file exists and must not be overwritten.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be created: {error.strerror}") from None
+    taken = [path for path in targets if path.exists()]
+    if taken and not overwrite:
+        raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")
+
+
 @contextmanager
 def writing(file: Path) -> Iterator[None]:
-    """Turn what the operating system refuses into InputError."""
+    """Turn errors of the operating system while a file is written into ``InputError``."""
     try:
         yield
     except OSError as error:

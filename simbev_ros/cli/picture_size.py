@@ -1,4 +1,4 @@
-"""The size of pictures as it is written on the command line."""
+"""Sizes of pictures as they are written on the command line: ``1600x900``."""
 
 import re
 
@@ -8,7 +8,7 @@ MOST_PX = 8192
 
 
 def picture_size_px(text: str, least_px: int) -> tuple[int, int]:
-    """Width and height of ``1600x900``.
+    """Parse a width and a height in pixels.
 
     Raises:
         InputError: It is not of that form, too small or too large.

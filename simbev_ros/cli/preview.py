@@ -1,4 +1,4 @@
-"""``simbev preview``: pictures of a recorded scene, or a gallery of what there is to see."""
+"""``simbev preview``: pictures of a recorded scene, or a gallery of towns, weathers and camera modalities."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
 
+from simbev_ros.cli.console import percent_bar
+from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
 from simbev_ros.viz.sheet.layout import LabelPlace
@@ -26,20 +27,26 @@ def preview(
         typer.Option(help="Drawn over: nothing (off), one more picture and views from above (panel), all (cameras)."),
     ] = "panel",
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace pictures that are there.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
     gallery: Annotated[
-        bool, typer.Option("--gallery", help="No bag: draw towns, weathers and modalities.", rich_help_panel=_GALLERY)
+        bool,
+        typer.Option(
+            "--gallery", help="Draw towns, weathers and modalities instead of a bag.", rich_help_panel=_GALLERY
+        ),
     ] = False,
     maps: Annotated[
         list[str] | None,
-        typer.Option("--map", help="Only of this town or map file; may be repeated.", rich_help_panel=_GALLERY),
+        typer.Option("--map", help="Only this town or map file; may be repeated.", rich_help_panel=_GALLERY),
     ] = None,
     size: Annotated[
-        str, typer.Option(help="Of each picture, in pixels.", metavar="WxH", rich_help_panel=_GALLERY)
+        str, typer.Option(help="Size of each picture in pixels.", metavar="WxH", rich_help_panel=_GALLERY)
     ] = "1600x900",
-    quality: Annotated[Quality, typer.Option(help="Of drawing: low, medium, high.", rich_help_panel=_GALLERY)] = "high",
+    quality: Annotated[
+        Quality, typer.Option(help="Quality of rendering: low, medium, high.", rich_help_panel=_GALLERY)
+    ] = "high",
     seed: Annotated[
-        int, typer.Option(help="Of all that maps leave open.", min=0, max=2**31, rich_help_panel=_GALLERY)
+        int,
+        typer.Option(help="Seed for everything the maps do not determine.", min=0, max=2**31, rich_help_panel=_GALLERY),
     ] = 0,
 ) -> None:
     """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene; or a gallery.
@@ -83,8 +90,8 @@ def make_preview(
     """Write the pictures of a bag and return their paths: ``<scene>.png`` and ``<scene>.mp4``.
 
     Raises:
-        InputError: There is no such frame, or a picture is there already, or the folder cannot be made.
-        BagError: The bag cannot be read, or has nothing to show.
+        InputError: The frame does not exist, a picture exists already, or the folder cannot be made.
+        BagError: The bag cannot be read, or has no topic that can be shown.
     """
     from simbev_ros.dataset.opened import open_bag
     from simbev_ros.viz.sheet.frames import FrameReader
@@ -102,18 +109,6 @@ def make_preview(
     make_room(out, targets, overwrite)
     write_picture(reader, index, picture)
     if video:
-        with Progress(console=console, transient=True) as progress:
-            task = progress.add_task("video", total=count)
-            write_video(reader, film, lambda: progress.advance(task))
+        with percent_bar("video", console, count) as bar:
+            write_video(reader, film, bar.advance)
     return targets
-
-
-def make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
-    """Make a folder in which none of the targets is; raises ``InputError``."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be created: {error.strerror}") from None
-    taken = [path for path in targets if path.exists()]
-    if taken and not overwrite:
-        raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")

@@ -1,4 +1,4 @@
-"""``simbev repair``: a valid bag with everything that can be saved of a damaged one."""
+"""``simbev repair``: saves the readable content of a damaged bag in a new one."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ def repair(
         Path | None, typer.Option(help="Folder of the new bag; default: the old one's, with -repaired.")
     ] = None,
 ) -> None:
-    """Write a new bag with every message that can be read, and say what is lost. The old bag stays as it is.
+    """Write a new bag with every message that can be read, and report the losses. The old bag stays as it is.
 
     [bold]Example[/]
 

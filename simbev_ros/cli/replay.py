@@ -1,4 +1,4 @@
-"""``simbev replay``: recorded scenes once more, with other sensors, another weather or another time of day."""
+"""``simbev replay``: plays recorded scenes with other sensors, other weather or another time of day."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.live_evaluation import FiguresOption, StackOption, with_evaluation
+from simbev_ros.cli.console import plural
+from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import (
@@ -24,6 +25,7 @@ from simbev_ros.recording.layout import (
 
 if TYPE_CHECKING:
     from simbev_ros.config.scenario import Scenario
+    from simbev_ros.production.observer import ProductionObserver
     from simbev_ros.scene.spec import SceneSpec
 
 
@@ -45,8 +47,9 @@ def replay(
 ) -> None:
     """Play recorded scenes with exactly the same motion, on the same topics and stamps.
 
-    Rig and annotation are the configuration's, and weather and lights if it has these sections; all else is the bags'.
-    Of a dataset those scenes are played that are not recorded yet: after Ctrl-C the same command goes on where it was.
+    Rig and annotation come from the configuration, as do weather and lights if it has these sections; everything else
+    comes from the bags. Of a dataset only scenes that are not recorded yet are played: after Ctrl-C the same command
+    continues where it stopped.
 
     [bold]Examples[/]
 
@@ -54,36 +57,44 @@ def replay(
 
     simbev replay datasets/first rear_cameras.yaml --merge rear
     """
-    from simbev_ros.cli.scenes import played
+    from simbev_ros.cli.production_display import SceneDisplay
+    from simbev_ros.production.play import play_specs
 
     if merge is not None and (record is not None or live):
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
     scenario, console = with_evaluation(load_scenario(config), evaluate, stack), Console()
-    found = _wanted(bags, record, merge, console)
+    found = _bags_to_replay(bags, record, merge, console)
     if not found:
         return
     folders = [locate_mcap(bag).resolve().parent for bag in found]
-    with _merging(folders, merge) as staging:
-        specs = [_spec(bag, scenario, console) for bag in found]
-        _refuse_twins(specs, record or staging)
-        with closing(played(scenario, specs, console, live=live, dataset=record or staging, replays=found)) as scenes:
+    display = SceneDisplay(console)
+    with _staging_folder(folders, merge) as staging:
+        dataset = record or staging
+        specs = [_replayed_spec(bag, scenario, display) for bag in found]
+        _refuse_duplicates(specs, dataset)
+        playing = play_specs(scenario, specs, live=live, dataset=dataset, replays=found, observer=display)
+        with closing(playing) as scenes:
             for folder, recorded in zip(folders, scenes, strict=True):
-                place = recorded if merge is None else recorded.rename(additional_folder(folder, merge))
-                if record is not None or merge is not None:
-                    console.print(f"recorded {place}", highlight=False, soft_wrap=True)
+                bag = recorded if merge is None else recorded.rename(additional_folder(folder, merge))
+                if dataset is not None:
+                    console.print(f"recorded {bag}", highlight=False, soft_wrap=True)
 
 
-def _wanted(paths: Sequence[Path], record: Path | None, merge: str | None, console: Console) -> list[Path]:
-    """The bags among some paths, and of datasets the scenes that are not recorded yet."""
+def _bags_to_replay(paths: Sequence[Path], record: Path | None, merge: str | None, console: Console) -> list[Path]:
+    """The bags among the paths, and the scenes of the datasets among them that are not recorded yet."""
     wanted = [bag for path in paths for bag in (_scenes(path) if is_dataset(path) else [path])]
     done = [bag for path in paths if is_dataset(path) for bag in _scenes(path) if _is_recorded(bag, record, merge)]
     if done:
-        console.print(f"{len(done)} scene{'s' * (len(done) != 1)} recorded before", highlight=False)
+        console.print(f"{plural(len(done), 'scene')} recorded before", highlight=False)
     return [bag for bag in wanted if bag not in done]
 
 
 def _scenes(dataset: Path) -> list[Path]:
-    """The finished scenes of a dataset, of which there must be some."""
+    """The finished scenes of a dataset.
+
+    Raises:
+        InputError: It has none.
+    """
     bags = [bag for bag in scenes_of(dataset) if is_scene(bag)]
     if not bags:
         raise InputError(f"{dataset}: there is no finished scene to replay")
@@ -91,18 +102,18 @@ def _scenes(dataset: Path) -> list[Path]:
 
 
 def _is_recorded(bag: Path, record: Path | None, merge: str | None) -> bool:
-    """Whether the bag that comes of a dataset's scene is there."""
+    """Whether the bag that replaying a dataset's scene would record exists."""
     if merge is not None:
         return additional_folder(bag, merge).exists()
     return record is not None and scene_folder(record, bag.parent.name, bag.name).exists()
 
 
 @contextmanager
-def _merging(folders: Sequence[Path], label: str | None) -> Iterator[Path | None]:
-    """Hold the dataset that all bags are in, if they get a label; give the folder in it where scenes are made.
+def _staging_folder(folders: Sequence[Path], label: str | None) -> Iterator[Path | None]:
+    """Hold the dataset that contains all bags, if they get a label, and yield its folder for unfinished scenes.
 
     Raises:
-        InputError: A bag is not in a dataset, or in another one than the first, or has an additional bag of this label.
+        InputError: A bag is not in the same dataset as the first one, or has an additional bag with this label.
     """
     if label is None:
         yield None
@@ -125,22 +136,24 @@ def _merging(folders: Sequence[Path], label: str | None) -> Iterator[Path | None
             clean_up(dataset)
 
 
-def _refuse_twins(specs: "Sequence[SceneSpec]", dataset: Path | None) -> None:
-    """Two bags of one scene cannot be recorded into one dataset."""
+def _refuse_duplicates(specs: "Sequence[SceneSpec]", dataset: Path | None) -> None:
+    """Refuse to record two bags of the same scene into one dataset."""
     counts = Counter((spec.split, spec.name) for spec in specs)
-    twins = [name for (_, name), count in counts.items() if count > 1]
-    if twins and dataset is not None:
-        raise InputError(f"{twins[0]}: two of the bags are of this scene, and one dataset has room for one of them")
+    duplicates = [name for (_, name), count in counts.items() if count > 1]
+    if duplicates and dataset is not None:
+        raise InputError(
+            f"{duplicates[0]}: two of the bags are of this scene, and one dataset has room for one of them"
+        )
 
 
-def _spec(bag: Path, scenario: "Scenario", console: Console) -> "SceneSpec":
-    """The scene that a bag is replayed as; whatever is wrong with the bag is said before the graph starts."""
-    from simbev_ros.cli.scenes import map_roads
+def _replayed_spec(bag: Path, scenario: "Scenario", observer: "ProductionObserver") -> "SceneSpec":
+    """The scene that a bag is replayed as; errors of the bag are raised before the graph starts."""
+    from simbev_ros.production.surroundings import load_roads
     from simbev_ros.recording.reader import SceneBag
     from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
 
     with SceneBag(bag) as recorded:
         load_recorded_roads(recorded)
-        spec = replayed_spec(recorded, scenario, map_roads(recorded_spec(recorded).map, console))
+        spec = replayed_spec(recorded, scenario, load_roads(recorded_spec(recorded).map, observer))
     Replay(spec, bag).close()
     return spec

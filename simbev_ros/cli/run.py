@@ -1,4 +1,4 @@
-"""``simbev run``: start the graph and stream the scenes of a configuration."""
+"""``simbev run``: streams the scenes of a configuration from a graph, with or without recording."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.live_evaluation import FiguresOption, StackOption, with_evaluation
+from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.paths import shipped_config_dir
 
@@ -32,7 +32,8 @@ def run(
 
     simbev run my.yaml --stack reference --evaluate figures.json
     """
-    from simbev_ros.cli.scenes import play_scenes
+    from simbev_ros.cli.production_display import SceneDisplay
+    from simbev_ros.production.play import play_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
     console = Console()
@@ -40,5 +41,5 @@ def run(
         domain = 0
     profile = shipped_config_dir() / "fastdds.xml"
     console.print(f"subscribers: export FASTRTPS_DEFAULT_PROFILES_FILE={profile}", style="dim", soft_wrap=True)
-    for bag in play_scenes(scenario, console, live=live, dataset=record, domain=domain):
+    for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, observer=SceneDisplay(console)):
         console.print(f"recorded {bag}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""``simbev scene``: draw scenes without simulating them, and say what was drawn."""
+"""``simbev scene``: draws scenes without simulating them and prints statistics of their parameters."""
 
 import json
 import logging
@@ -11,9 +11,9 @@ import typer
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from simbev_ros.cli.console import counting_bar, table_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -22,7 +22,6 @@ from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planne
 from simbev_ros.scene.drawing.statistics import BINS, SceneStatistics, Tally, meant
 from simbev_ros.types import Float64Array
 
-_WIDTH_IN_A_PIPE = 160
 _WIDE = 120
 _NAME_WIDTH, _FIGURE_WIDTH = 24, 8
 _BARS = " ▁▂▃▄▅▆▇█"
@@ -32,16 +31,16 @@ def scene(
     config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     count: Annotated[
         int | None,
-        typer.Option(help="How many scenes; by default as many as the configuration asks for.", min=1, max=100_000),
+        typer.Option(help="Number of scenes; default: that of the configuration.", min=1, max=100_000),
     ] = None,
     map_name: Annotated[
-        str | None, typer.Option("--map", help="Draw all on this town or map file instead.", metavar="MAP")
+        str | None, typer.Option("--map", help="Draw all scenes on this town or map file instead.", metavar="MAP")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Draw scenes without simulating them: statistics and a histogram of every parameter, and what it is meant to be.
+    """Draw scenes without simulating them; print statistics, a histogram and the distribution of every parameter.
 
-    Scene k is what [bold]simbev run[/] would play as number k; after the last one the maps come round again.
+    Scene k is the one that [bold]simbev run[/] would play as number k; after the last one the maps are repeated.
 
     [bold]Examples[/]
 
@@ -61,9 +60,7 @@ def scene(
     if as_json:
         typer.echo(json.dumps(_facts(statistics, scenario), indent=2))
         return
-    output = Console()
-    if not output.is_terminal:
-        output = Console(width=_WIDTH_IN_A_PIPE)
+    output = table_console()
     maps = ", ".join(f"{escape(name)} ({scenes})" for name, scenes in statistics.maps.items())
     output.print(f"[bold]{len(planned)} scenes[/]: {maps}")
     _print_numbers(output, statistics, scenario)
@@ -71,7 +68,7 @@ def scene(
 
 
 def _planned(scenario: Scenario, count: int | None, map_name: str | None) -> list[PlannedScene]:
-    """The first scenes of the configuration, or all of it; from the beginning again where it has not so many."""
+    """The scenes to draw; beyond the last one the configuration's scenes are repeated."""
     wanted = list(planned_scenes(scenario))
     if map_name is not None:
         chosen = map_spec(map_name)
@@ -84,19 +81,19 @@ def _draw(
     scenario: Scenario, planned: Sequence[PlannedScene], statistics: SceneStatistics, console: Console, number: int
 ) -> None:
     """Draw the scenes of one map."""
-    name = escape(planned[0].map.name)
-    with console.status(f"roads of {name}"):
+    name = planned[0].map.name
+    with console.status(f"roads of {escape(name)}"):
         network = load_network(planned[0].map)
         starts = starts_of(scenario, network)
-    columns = (TextColumn("{task.description}"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, expand=True, transient=True) as bars:
-        for each in bars.track(planned, description=f"scenes on {name}"):
+    with counting_bar(f"scenes on {name}", console, len(planned)) as bar:
+        for each in planned:
             statistics.add(draw_scene(scenario, each, network, starts))
+            bar.advance()
 
 
 @contextmanager
 def _counted_notes(console: Console) -> Iterator[None]:
-    """Say how many notes there were while scenes were drawn, and only the first one of them."""
+    """Count the log messages while scenes are drawn; at the end print their number and the first one."""
     logger = logging.getLogger("simbev_ros.scene")
     messages: list[str] = []
     handler = logging.Handler()
@@ -111,7 +108,7 @@ def _counted_notes(console: Console) -> Iterator[None]:
 
 
 def _facts(statistics: SceneStatistics, scenario: Scenario) -> dict[str, Any]:
-    """For JSON."""
+    """The statistics as data for JSON."""
     return {
         "scenes": sum(statistics.maps.values()),
         "maps": dict(statistics.maps),
@@ -132,7 +129,7 @@ def _facts(statistics: SceneStatistics, scenario: Scenario) -> dict[str, Any]:
 
 
 def _print_numbers(output: Console, statistics: SceneStatistics, scenario: Scenario) -> None:
-    """A line for each parameter, by section; in a narrow terminal what it is meant to be has a line of its own."""
+    """Print a line for each parameter, by section; in a narrow terminal its distribution has a line of its own."""
     sections: dict[str, list[str]] = {}
     for name in statistics.numbers:
         sections.setdefault(name.rpartition(".")[0] or "scene", []).append(name)
@@ -149,13 +146,13 @@ def _print_numbers(output: Console, statistics: SceneStatistics, scenario: Scena
 
 
 def _figure(value: float) -> str:
-    """In a column: three digits at least, or two of what is next to nothing."""
+    """A number for a column with three significant digits, or two if it is tiny."""
     form = "0f" if abs(value) >= 100 else "3g" if abs(value) >= 0.01 else "2g"
     return f"{value:{_FIGURE_WIDTH}.{form}}"
 
 
 def _histogram(tally: Tally) -> str:
-    """One character for each bin, none where there is but one value; any height shows that something is there."""
+    """One character for each bin, empty for a single value; bins that are not empty have at least the lowest bar."""
     return _bars(tally.shares()) if tally.max > tally.min else ""
 
 

@@ -1,4 +1,4 @@
-"""``simbev verify``: whether bags and datasets are whole and right."""
+"""``simbev verify``: checks that bags and datasets are complete and undamaged."""
 
 import json
 import os
@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from simbev_ros.cli.console import counting_bar, plural
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import is_dataset, scenes_of
 
 if TYPE_CHECKING:
     from simbev_ros.recording.verify import Fault
 
-_MOST_SHOWN = 200
+_MAX_SHOWN = 200
 
 
 def verify(
     paths: Annotated[list[Path], typer.Argument(help="Scenes' bags, their .mcap files, or datasets.")],
-    jobs: Annotated[int | None, typer.Option(help="Bags to read at once; as many as there are cores.", min=1)] = None,
+    jobs: Annotated[int | None, typer.Option(help="Bags to read at once; default: number of cores.", min=1)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Read every byte: checksums, indexes, types, payloads, stamps, and whether all is there that belongs to a scene.
+    """Read every byte and check checksums, indexes, types, payloads, stamps, and the completeness of scenes.
 
     The exit code is 1 if anything is wrong.
 
@@ -56,17 +56,15 @@ def verify(
 
 
 def _faults(bags: Sequence[Path], jobs: int) -> "list[Fault]":
-    """Of all bags, in their order, several of them at once."""
+    """The faults of all bags, in the order of the bags, which are read in parallel."""
     from simbev_ros.dataset.parallel import in_processes
     from simbev_ros.recording.verify import verify_bag
 
-    columns = (TextColumn("bags"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
     faults: list[Fault] = []
-    with Progress(*columns, console=Console(stderr=True), expand=True, transient=True) as bars:
-        task = bars.add_task("", total=len(bags))
+    with counting_bar("bags", Console(stderr=True), len(bags)) as bar:
         for found in in_processes(verify_bag, bags, min(jobs, max(len(bags), 1))):
             faults += found
-            bars.advance(task)
+            bar.advance()
     return faults
 
 
@@ -77,15 +75,15 @@ def _plain(fault: "Fault") -> dict[str, str]:
 def _print(bags: int, faults: "Sequence[Fault]") -> None:
     console = Console()
     if not faults:
-        console.print(f"[green]{bags} bag{'s' * (bags != 1)}: nothing is wrong[/]")
+        console.print(f"[green]{plural(bags, 'bag')}: nothing is wrong[/]")
         return
     table = Table()
     for title in ("bag", "where", "what"):
         table.add_column(title, overflow="fold")
-    for fault in faults[:_MOST_SHOWN]:
+    for fault in faults[:_MAX_SHOWN]:
         table.add_row(*map(escape, (str(fault.bag), fault.place, fault.problem)))
     console.print(table)
-    more = len(faults) - _MOST_SHOWN
+    more = len(faults) - _MAX_SHOWN
     if more > 0:
         console.print(f"and {more} more; --json has all")
-    console.print(f"[red]{len(faults)} fault{'s' * (len(faults) != 1)} in {bags} bag{'s' * (bags != 1)}[/]")
+    console.print(f"[red]{plural(len(faults), 'fault')} in {plural(bags, 'bag')}[/]")

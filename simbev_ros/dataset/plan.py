@@ -1,7 +1,7 @@
-"""Which scenes a dataset is to have: numbers, once given, stay, whatever is asked for later.
+"""The plan of a dataset: which scenes it shall have, with numbers that never change once they are assigned.
 
-The plan is kept in the dataset as ``plan.json``, so that work that was interrupted goes on with the same scenes. Scenes
-that were recorded into the dataset without a plan are taken into it.
+The plan is stored in the dataset as ``plan.json``, so that interrupted work continues with the same scenes. Scenes that
+were recorded into the dataset without a plan are added to it.
 """
 
 import re
@@ -22,7 +22,6 @@ from simbev_ros.recording.mcap.syncing import sync, sync_names
 
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(r"(?P<map>.+)-(?P<number>\d{4,})")
-_RANGE = re.compile(r"(\d+)(?:-(\d+))?")
 _MOST_NAMED = 5
 
 
@@ -35,21 +34,21 @@ class PlannedEntry(Model):
 
     @property
     def name(self) -> str:
-        """That of its bag."""
+        """The name of its bag."""
         return f"{self.map}-{self.number:04d}"
 
 
 class Plan(Model):
-    """All scenes, by ascending number."""
+    """All scenes of a dataset, by ascending number."""
 
     scenes: tuple[PlannedEntry, ...] = ()
 
     @classmethod
     def of(cls, dataset: Path) -> Self:
-        """The plan of a dataset, which has none at first, and what is there without being planned.
+        """Load the plan of a dataset, empty if it has none, and add recorded scenes that are not in it.
 
         Raises:
-            InputError: Its file is damaged, or cannot be read.
+            InputError: The file is damaged, or cannot be read.
         """
         path = dataset / PLAN_FILE
         try:
@@ -62,15 +61,15 @@ class Plan(Model):
         return plan.with_entries(entry for entry in _recorded(dataset) if entry.number not in known)
 
     def with_entries(self, entries: Iterable[PlannedEntry]) -> Self:
-        """With more scenes."""
+        """A plan with further scenes."""
         return self.model_copy(
             update={"scenes": tuple(sorted((*self.scenes, *entries), key=lambda entry: entry.number))}
         )
 
     def extended(self, scenario: Scenario) -> Self:
-        """With as many scenes of each map and split as a configuration asks for; those that are there count.
+        """A plan with as many scenes of each map and split as a configuration asks for; existing scenes count.
 
-        New scenes take the numbers after the last one, in the order of the configuration: in an empty dataset they are
+        New scenes are numbered after the last one, in the order of the configuration: in an empty dataset they are
         those of ``planned_scenes``.
 
         Raises:
@@ -90,7 +89,7 @@ class Plan(Model):
         return self.with_entries(added)
 
     def save(self, dataset: Path) -> None:
-        """Write it, in one step that is never half done.
+        """Write the plan atomically.
 
         Raises:
             InputError: It cannot be written.
@@ -106,7 +105,7 @@ class Plan(Model):
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
     def to_make(self, dataset: Path, scenario: Scenario) -> list[PlannedEntry]:
-        """The first of the scenes without a finished bag, as many as are wanted beyond those that have one."""
+        """The scenes without a finished bag, in order, up to the number that the configuration still lacks."""
         wanted: Counter[tuple[str, Split]] = Counter()
         for asked in scenario.scenes:
             for split in SPLITS:
@@ -125,43 +124,27 @@ class Plan(Model):
         return chosen
 
     def chosen(self, numbers: Sequence[range]) -> list[PlannedEntry]:
-        """The scenes of some numbers.
+        """The scenes with some numbers.
 
         Raises:
-            InputError: One of them has no scene.
+            InputError: A number has no scene.
         """
         known = {entry.number for entry in self.scenes}
-        asked = (number for each in numbers for number in each)  # any range can be written down: it may have no end
+        asked = (number for each in numbers for number in each)  # users may give ranges of any length
         unknown = list(islice((number for number in asked if number not in known), _MOST_NAMED))
         if unknown:
             has = f"its numbers are {min(known)} to {max(known)}" if known else "it has none"
-            raise InputError(f"--replace: the dataset has no scene {', '.join(map(str, unknown))}; {has}")
+            raise InputError(f"the dataset has no scene {', '.join(map(str, unknown))}; {has}", parameter="replace")
         return [entry for entry in self.scenes if any(entry.number in each for each in numbers)]
 
 
 def bag_of(dataset: Path, entry: PlannedEntry) -> Path:
-    """The folder of a scene's finished bag."""
+    """The folder of a scene's finished bag, whether or not it exists."""
     return scene_folder(dataset, entry.split, entry.name)
 
 
-def numbers_of(words: Iterable[str]) -> list[range]:
-    """Scene numbers of words such as ``3``, ``17-20`` and ``3,5``.
-
-    Raises:
-        InputError: A word means no number.
-    """
-    numbers = []
-    for part in (part.strip() for word in words for part in re.split(r"[,\s]+", word.strip())):
-        match = _RANGE.fullmatch(part)
-        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-        if last < first:
-            raise InputError(f"--replace: {part!r} is neither a scene's number, such as 3, nor a range, such as 17-20")
-        numbers.append(range(first, last + 1))
-    return numbers
-
-
 def _recorded(dataset: Path) -> Iterator[PlannedEntry]:
-    """The scenes of which there are finished bags."""
+    """The scenes that have finished bags."""
     for split in SPLITS:
         for folder in sorted((dataset / "scenes" / split).glob("*")):
             match = _SCENE.fullmatch(folder.name)

@@ -1,4 +1,4 @@
-"""A ROS domain for each running graph, held by a lock file for as long as the graph runs."""
+"""Reserves a ROS domain for each running graph with a lock file."""
 
 import fcntl
 import os
@@ -9,17 +9,17 @@ from typing import IO, Self
 from simbev_ros.errors import InputError
 
 _ISOLATED_DOMAINS = range(41, 101)
-"""Safe with default port mapping (below 102), and away from the low numbers that people use by hand."""
+"""Safe with the default port mapping (below 102), and apart from the low numbers that people choose by hand."""
 
 
 class DomainLock:
-    """Holds a ROS domain.
+    """Holds a ROS domain until it is closed.
 
     Args:
-        wanted: The domain to take; None: ``ROS_DOMAIN_ID`` if it is set, else the first free one of a range of ours.
+        wanted: The domain; None: ``ROS_DOMAIN_ID`` if it is set, else the first free one of an own range.
 
     Raises:
-        InputError: the wanted domain is out of range, or another graph of ours runs in it.
+        InputError: The domain is out of range, or another simbev graph runs in it.
     """
 
     def __init__(self, wanted: int | None = None) -> None:
@@ -39,6 +39,10 @@ class DomainLock:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the domain for other graphs; further calls do nothing."""
         if self._file is not None:
             self._file.close()
             self._file = None

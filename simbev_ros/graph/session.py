@@ -1,4 +1,4 @@
-"""A running graph: starts its processes, plays scenes on it, watches it, and ends it without leftovers."""
+"""A running graph: starts its processes, plays scenes on it, watches it, and stops it without leftovers."""
 
 import json
 import os
@@ -24,7 +24,7 @@ from simbev_ros.scene.spec import SceneSpec
 _POLL_S = 0.1
 _STOP_TIMEOUT_S = 8.0
 _LIVE_PATIENCE_S, _LIVE_EVALUATION_PATIENCE_S = 2.0, 6.0
-"""So long a live recorder may wait for the last messages, which may have been lost, and an evaluator for answers."""
+"""Maximum time that a live recorder waits for the last messages, which may be lost, and an evaluator for answers."""
 
 Progress = Callable[[int | None], None]
 """Called with the last tick that every participant has finished; None while they load the scene."""
@@ -33,16 +33,17 @@ Progress = Callable[[int | None], None]
 class GraphSession:
     """The processes of one graph, reused from scene to scene.
 
-    As a context manager it stops them, whatever happens, and removes what they leave in shared memory.
+    ``close`` stops them and removes what they leave in shared memory; as a context manager the session starts and
+    closes itself.
 
     Args:
         scenario: The configuration.
         live: Paced by the wall clock, sensors best effort.
-        dataset: Where scenes are recorded; None: they are not.
+        dataset: Folder that scenes are recorded into; None: they are not recorded.
         domain: ROS domain; None: that of the environment, else a free one.
 
     Attributes:
-        figures: After the end what the evaluator has found out (``evaluation.live.live_figures``), if there is one.
+        figures: After ``close``, figures of the evaluated stack (``evaluation.live.live_figures``), if there is one.
     """
 
     def __init__(
@@ -61,14 +62,25 @@ class GraphSession:
         self.figures: dict[str, Any] | None = None
 
     def __enter__(self) -> Self:
-        try:
-            self._start()
-        except BaseException:
-            self._stop()
-            raise
+        self.start()
         return self
 
-    def _start(self) -> None:
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def start(self) -> None:
+        """Start the processes; if one of them cannot be started, none keeps running.
+
+        Raises:
+            RenderError: The configured devices cannot draw.
+        """
+        try:
+            self._start_processes()
+        except BaseException:
+            self.close()
+            raise
+
+    def _start_processes(self) -> None:
         environment = graph_environment(self.domain)
         os.environ.update(environment)  # for the monitor: the middleware reads it when the first node is made
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
@@ -86,12 +98,12 @@ class GraphSession:
         self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.participants])
 
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
-        """Play a scene to its end, which is returned.
+        """Play a scene to its end and return the end.
 
         Args:
             spec: The scene.
-            progress: Called often.
-            replay: A bag to take all motion from; None: it is simulated.
+            progress: Called several times per second.
+            replay: A bag to take all motion from; None: motion is simulated.
 
         Raises:
             InputError: a node cannot do what is asked for, or not on this machine; the message says what to change.
@@ -113,7 +125,7 @@ class GraphSession:
         return done is not None and done >= tick
 
     def _await_files(self, last_tick: int) -> None:
-        """Wait until bag and figures are written, which recorder and evaluator report as one more tick."""
+        """Wait until bag and figures are written; recorder and evaluator report that as one more tick."""
         writers = self.monitor.writers
         live_s = _LIVE_PATIENCE_S if self._scenario.evaluation is None else _LIVE_EVALUATION_PATIENCE_S
         patience_s = live_s if self._live else self._scenario.graph.silence_timeout_s
@@ -134,19 +146,19 @@ class GraphSession:
         return self._monitor
 
     def new_output(self) -> dict[str, str]:
-        """What every process has written since the last call."""
+        """Output of every process since the last call, by its label."""
         return {process.label: process.new_output() for process in self._processes}
 
     def cpu_s(self) -> dict[str, float]:
-        """Processor time of every process so far."""
+        """Processor time that every process has spent, by its label."""
         return {process.label: process.cpu_s for process in self._processes}
 
     def memory_mib(self) -> dict[str, float]:
-        """Resident memory of every process."""
+        """Resident memory of every process, by its label."""
         return {process.label: process.memory_mib for process in self._processes}
 
     def _finished_tick(self) -> int | None:
-        """In live mode nodes may leave out ticks, the last one too: then the world decides, and the recorder."""
+        """The last tick that all have finished; in live mode nodes may skip ticks, so only the world node counts."""
         if not self._live:
             return self.monitor.behind_world.finished_by_all()
         return self.monitor.world.finished_by_all()
@@ -169,11 +181,8 @@ class GraphSession:
         self._failed = True
         raise GraphError(f"{message}\nlogs: {self._traces.folder}")
 
-    def __exit__(self, *_: object) -> None:
-        self._stop()
-
-    def _stop(self) -> None:
-        """Stop all processes, the recorder too in its own time, and remove every trace but the logs of a failure."""
+    def close(self) -> None:
+        """Stop all processes, giving the recorder time to finish, and remove all traces except logs of a failure."""
         for process in self._processes:
             self._traces.note(process.pid)
             process.terminate()
@@ -185,4 +194,4 @@ class GraphSession:
         if self._monitor is not None:
             self._monitor.close()
         self._traces.remove(keep_logs=self._failed)
-        self._lock.__exit__()
+        self._lock.close()

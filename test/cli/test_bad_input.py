@@ -21,7 +21,7 @@ def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("the graph was started")
 
-    monkeypatch.setattr(session.GraphSession, "__enter__", refuse)
+    monkeypatch.setattr(session.GraphSession, "start", refuse)
 
 
 def config(tmp_path: Path, text: str) -> Path:

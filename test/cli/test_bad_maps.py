@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simbev_ros.cli import scenes
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.statistics import busiest_place
 from simbev_ros.maps.sumo.netconvert import sumo_home
+from simbev_ros.production import drawing, play
 
 STREET = """<node id="1" lat="{0}" lon="{1}"/><node id="2" lat="{2}" lon="{3}"/>
 <way id="1"><nd ref="1"/><nd ref="2"/>{4}</way>"""
@@ -188,8 +188,8 @@ def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
     def reached(*_: object, **__: object) -> None:
         raise _Reached("reached the graph")
 
-    monkeypatch.setattr(scenes, "build_surroundings", lambda *_: None)
-    monkeypatch.setattr(scenes, "GraphSession", reached)
+    monkeypatch.setattr(play, "build_surroundings", lambda *_: None)
+    monkeypatch.setattr(play, "GraphSession", reached)
 
 
 @pytest.fixture
@@ -230,15 +230,15 @@ def test_a_map_that_goes_or_changes_while_scenes_are_drawn_is_said(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path = tmp_path / "maps/street.osm"
 
-    def changed(scenario: scenes.Scenario) -> Iterator[object]:
+    def changed(scenario: drawing.Scenario) -> Iterator[object]:
         yield from list(planned(scenario))
         if content is None:
             path.unlink()
         else:
             path.write_text(content)
 
-    planned = scenes.planned_scenes
-    monkeypatch.setattr(scenes, "planned_scenes", changed)
+    planned = drawing.planned_scenes
+    monkeypatch.setattr(drawing, "planned_scenes", changed)
     error = refused("run", config)
     assert f"{path}: {message}" in error
 

@@ -67,7 +67,7 @@ def test_a_dry_run_counts_bags_not_rows_of_the_index(simbev: Simbev, config: Pat
 def test_verify_names_every_bag_and_fault_in_full(
     simbev: Simbev, dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("simbev_ros.cli.verify._MOST_SHOWN", 1)
+    monkeypatch.setattr("simbev_ros.cli.verify._MAX_SHOWN", 1)
     for bag in scenes_of(dataset):
         (bag / "metadata.yaml").unlink()
     faults = json.loads(simbev("verify", dataset, "--json").out)["faults"]

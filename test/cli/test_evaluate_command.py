@@ -54,7 +54,7 @@ def test_figures_are_written_although_nobody_reads_the_tables(
     def gone(*_: object) -> None:
         raise BrokenPipeError
 
-    monkeypatch.setattr("simbev_ros.cli.evaluation_tables.print_tables", gone)
+    monkeypatch.setattr("simbev_ros.cli.evaluate.tables.print_tables", gone)
     called(predictions, dataset, "--json", tmp_path / "figures.json", "--jobs", "1")
     assert json.loads((tmp_path / "figures.json").read_text())["frames"]["evaluated"] == 20
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from simbev_ros.cli.live_evaluation import print_live_tables, with_evaluation
+from simbev_ros.cli.evaluate.live import print_live_tables, with_evaluation
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
@@ -21,7 +21,7 @@ def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("the graph was started")
 
-    monkeypatch.setattr(session.GraphSession, "__enter__", refuse)
+    monkeypatch.setattr(session.GraphSession, "start", refuse)
 
 
 def test_without_options_nothing_changes() -> None:

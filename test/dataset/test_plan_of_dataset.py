@@ -6,7 +6,7 @@ import pytest
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.dataset.plan import Plan, bag_of, numbers_of
+from simbev_ros.dataset.plan import Plan, bag_of
 from simbev_ros.errors import InputError
 from simbev_ros.scene.drawing.draw_scene import planned_scenes
 
@@ -64,26 +64,15 @@ def test_a_damaged_plan_is_named(tmp_path: Path) -> None:
         Plan.of(tmp_path)
 
 
-@pytest.mark.parametrize(("words", "numbers"), [(["3", "17-20"], [3, 17, 18, 19, 20]), (["3, 5", "5-5"], [3, 5, 5])])
-def test_numbers_and_ranges(words: list[str], numbers: list[int]) -> None:
-    assert [number for each in numbers_of(words) for number in each] == numbers
-
-
-@pytest.mark.parametrize("word", ["x", "", "5-3", "-1", "1.5"])
-def test_what_is_no_number_is_refused(word: str) -> None:
-    with pytest.raises(InputError, match="--replace"):
-        numbers_of([word])
-
-
 def test_a_scene_that_is_not_there_cannot_be_replaced(tmp_path: Path) -> None:
     plan = Plan.of(tmp_path).extended(asking(BLOCKS))
-    assert [entry.number for entry in plan.chosen(numbers_of(["2,1-2"]))] == [1, 2]
-    with pytest.raises(InputError, match="no scene 7, 9; its numbers are 0 to 3"):
-        plan.chosen(numbers_of(["1,7,9"]))
+    assert [entry.number for entry in plan.chosen([range(2, 3), range(1, 3)])] == [1, 2]
+    with pytest.raises(InputError, match=r"^replace: the dataset has no scene 7, 9; its numbers are 0 to 3"):
+        plan.chosen([range(1, 2), range(7, 8), range(9, 10)])
     with pytest.raises(InputError, match="no scene 4, 5, 6, 7, 8;"):
-        plan.chosen(numbers_of(["0-3000000000000"]))
+        plan.chosen([range(3_000_000_000_001)])
     with pytest.raises(InputError, match="no scene 0; it has none"):
-        Plan().chosen(numbers_of(["0"]))
+        Plan().chosen([range(1)])
 
 
 def test_a_dataset_has_one_writer(tmp_path: Path) -> None:

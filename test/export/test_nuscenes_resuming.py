@@ -46,7 +46,7 @@ def test_another_bag_or_other_settings_replace_what_is_there(tmp_path: Path) -> 
     made_up_scene(bag, ticks=23)
     export(tmp_path / "set", tmp_path / "out")
     assert export(tmp_path / "set", tmp_path / "out", sweeps=False, keyframe_hz=None).made == 1
-    with pytest.raises(InputError, match=r"--keyframe-hz: 3 is no divisor of the 20 frames/s"):
+    with pytest.raises(InputError, match=r"^keyframe_hz: 3 is no divisor of the 20 frames/s"):
         export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # and what is there stays
     assert not list((tmp_path / "out").glob("sweeps/*/*"))
     assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23

@@ -4,12 +4,14 @@ import json
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import Command
+from commands import DOMAIN, Command
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.recording.layout import is_dataset, scenes_of
@@ -127,3 +129,29 @@ def test_a_scene_that_cannot_be_made_is_listed_and_the_rest_goes_on(simbev: Simb
     assert code == 1 and "2 scenes made" in output and "Atlantis-0001" in output
     assert "the configuration has no map Atlantis" in " ".join(output.split())
     assert [path.name for path in scenes_of(dataset)] == ["Blocks-0000", "Blocks-0002"]
+
+
+PROGRAM = """
+import sys
+from simbev_ros.production import make_dataset
+result = make_dataset(sys.argv[1], sys.argv[2])
+assert [entry.name for entry in result.made] == ["Blocks-0000"] and result.is_complete, result
+assert not {"rich.console", "typer", "simbev_ros.cli"} & sys.modules.keys()
+"""
+
+
+def test_a_python_program_makes_a_dataset_without_a_console(tmp_path: Path) -> None:
+    config, dataset = write(tmp_path, "{map: Blocks, train: 1}"), tmp_path / "set"
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, config, dataset],
+        env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        start_new_session=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert [row["name"] for row in read_index(dataset)] == ["Blocks-0000"]
+    assert not [fault for bag in scenes_of(dataset) for fault in verify_bag(bag)]

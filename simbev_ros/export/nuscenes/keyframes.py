@@ -1,4 +1,4 @@
-"""Which frames of a scene are nuScenes' samples, and which of its data belong to each."""
+"""Selects the keyframes of a scene, which become nuScenes' samples, and the sensor data of each."""
 
 import numpy as np
 
@@ -13,10 +13,10 @@ _SAME_HZ = 1e-6
 
 
 def whole_ticks(scene: Scene) -> Int64Array:
-    """(T,) ticks of frames that have all that tables need; tick 0 is the first keyframe.
+    """(T,) ticks of frames that have everything the tables need; tick 0 is the first keyframe.
 
     Raises:
-        BagError: There is none, or the bag lacks what all frames need.
+        BagError: There is no such frame, or the bag lacks a topic that all frames need.
     """
     missing = [key for key in _NEEDED if key not in scene.sources]
     if missing or "world/legend" not in scene.constants:
@@ -28,20 +28,21 @@ def whole_ticks(scene: Scene) -> Int64Array:
 
 
 def keyframes_of(scene: Scene, keyframe_hz: float | None) -> Int64Array:
-    """(K,) ticks of keyframes, so many a second; None: all that are whole.
+    """(K,) ticks of keyframes at a rate; None: every complete frame is one.
 
     Raises:
-        InputError: The scene has no such keyframes.
-        BagError: As of ``whole_ticks``.
+        InputError: The rate does not divide that of the scene's frames.
+        BagError: As in ``whole_ticks``.
     """
     ticks, period = whole_ticks(scene), _period(scene, keyframe_hz)
     return np.compress(ticks % period == 0, ticks)
 
 
 def taken_by(scene: Scene, channel: Channel, ticks: Int64Array) -> dict[int, int]:
-    """Ticks of the data that a channel has for keyframes, and their keyframes.
+    """The data of a channel that belong to keyframes: a mapping from ticks of data to ticks of keyframes.
 
-    That is of the same tick, of a sensor with another rhythm the last before, if no earlier keyframe has it already.
+    A keyframe takes the data of its own tick; if the sensor has none there, the last before, unless an earlier keyframe
+    has them already.
     """
     own = np.flatnonzero(scene.has([channel.key]))
     places = np.searchsorted(own, ticks, side="right") - 1
@@ -50,11 +51,13 @@ def taken_by(scene: Scene, channel: Channel, ticks: Int64Array) -> dict[int, int
 
 
 def _period(scene: Scene, keyframe_hz: float | None) -> int:
-    """Every how many frames there is a keyframe."""
+    """Number of frames from one keyframe to the next."""
     if keyframe_hz is None:
         return 1
     tick_hz = NS_PER_S / scene.spec.tick_ns
     period = round(tick_hz / keyframe_hz)
     if period < 1 or abs(tick_hz / period - keyframe_hz) > _SAME_HZ:
-        raise InputError(f"--keyframe-hz: {keyframe_hz:g} is no divisor of the {tick_hz:g} frames/s of {scene.path}")
+        raise InputError(
+            f"{keyframe_hz:g} is no divisor of the {tick_hz:g} frames/s of {scene.path}", parameter="keyframe_hz"
+        )
     return period

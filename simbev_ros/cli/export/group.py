@@ -1,9 +1,9 @@
-"""``simbev export``: datasets in the layouts of others, one a file."""
+"""The group of commands ``simbev export``."""
 
 import typer
 
-from simbev_ros.cli.export_nuscenes import export_nuscenes
-from simbev_ros.cli.export_simbev import export_simbev
+from simbev_ros.cli.export.nuscenes import export_nuscenes
+from simbev_ros.cli.export.simbev import export_simbev
 
 export = typer.Typer(rich_markup_mode="rich", no_args_is_help=True, help="Write a dataset in another layout.")
 export.command("simbev")(export_simbev)

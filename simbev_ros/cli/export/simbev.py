@@ -1,4 +1,4 @@
-"""``simbev export simbev``: a dataset in SimBEV's own layout."""
+"""``simbev export simbev``: writes a dataset in the layout of SimBEV."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from simbev_ros.cli.console import counting_bar, plural
 
 if TYPE_CHECKING:
     from simbev_ros.export.simbev.export import Part
@@ -15,12 +16,13 @@ if TYPE_CHECKING:
 
 def export_simbev(
     dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder that the layout's folder, simbev, is made in.", show_default=False)],
-    jobs: Annotated[int | None, typer.Option(help="Processes; as many as there are cores.", min=1)] = None,
+    out: Annotated[Path, typer.Option(help="Folder in which the folder simbev is made.", show_default=False)],
+    jobs: Annotated[int | None, typer.Option(help="Number of processes; default: number of cores.", min=1)] = None,
 ) -> None:
-    """Write finished scenes as SimBEV does: sweeps, ground truth, infos.
+    """Write finished scenes in the layout of SimBEV: sweeps, ground truth, infos.
 
-    After Ctrl-C or a crash the same command goes on where it was; of a dataset that has grown only what is new is made.
+    After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
+    written.
 
     [bold]Examples[/]
 
@@ -37,7 +39,7 @@ def export_simbev(
         made = _make(parts, jobs or os.cpu_count() or 1)
         missing = finish(opened, parts)
     frames = sum(part.count for part in parts)
-    scenes = f"{len(opened.scenes)} scene{'s' * (len(opened.scenes) != 1)}"
+    scenes = plural(len(opened.scenes), "scene")
     console.print(f"{frames} frames of {scenes} in {escape(str(root))}", highlight=False)
     if made < frames:
         console.print(f"{frames - made} of them were there already", highlight=False)
@@ -46,15 +48,13 @@ def export_simbev(
 
 
 def _make(parts: "list[Part]", jobs: int) -> int:
-    """Make the parts that are not there; how many frames they have."""
+    """Make the missing parts and return the number of their frames."""
     from simbev_ros.dataset.parallel import in_processes
     from simbev_ros.export.simbev.export import make_part
 
     todo = [part for part in parts if part.record() is None]
     frames = sum(part.count for part in todo)
-    columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), expand=True, transient=True) as bar:
-        task = bar.add_task("", total=frames)
+    with counting_bar("frames", Console(stderr=True), frames) as bar:
         for count in in_processes(make_part, todo, min(jobs, max(len(todo), 1))):
-            bar.advance(task, count)
+            bar.advance(count)
     return frames

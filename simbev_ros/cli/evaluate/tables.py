@@ -7,6 +7,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from simbev_ros.cli.console import plural
 from simbev_ros.evaluation.tables import Cell, FigureTable, Kind, evaluation_tables, text_of
 
 
@@ -16,12 +17,11 @@ def print_tables(figures: Mapping[str, Any], console: Console) -> None:
     answered = ", ".join(
         f"{frames[f'answered_{what}']} with {what}" for what in ("boxes", "grids") if frames[f"answered_{what}"]
     )
-    evaluated, scenes = frames["evaluated"], frames["scenes"]
-    counted = f"{evaluated} frame{'s' * (evaluated != 1)} of {scenes} scene{'s' * (scenes != 1)}"
+    counted = f"{plural(frames['evaluated'], 'frame')} of {plural(frames['scenes'], 'scene')}"
     console.print(f"{counted}; answered: {answered or 'none'}", soft_wrap=True)
     for figure_table in evaluation_tables(figures):
         table = _draw(figure_table)
-        if not console.is_terminal:  # nothing is cut off in a file
+        if not console.is_terminal:  # in a file nothing is cut off
             console.width = max(console.width, console.measure(table).maximum)
         console.print(table)
 

@@ -1,4 +1,4 @@
-"""What ``run`` and ``replay`` have in common where a perception stack is evaluated: two options, and the tables."""
+"""Options and tables of ``simbev run`` and ``simbev replay`` for the evaluation of a perception stack."""
 
 import os
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ FiguresOption = Annotated[
     Path | None,
     typer.Option(
         "--evaluate",
-        help="Compare what a stack answers with the truth; file (.json) for all figures, or folder for those of each "
+        help="Compare the answers of a stack with the truth; file (.json) for all figures, or folder for those of each "
         "scene.",
         metavar="PATH",
         rich_help_panel=_PANEL,
@@ -28,7 +28,7 @@ FiguresOption = Annotated[
 StackOption = Annotated[
     str | None,
     typer.Option(
-        help="Run this command with the graph and evaluate what it answers; reference: the stack included.",
+        help="Run this command with the graph and evaluate its answers; reference: the included stack.",
         metavar="COMMAND",
         rich_help_panel=_PANEL,
     ),
@@ -36,10 +36,10 @@ StackOption = Annotated[
 
 
 def with_evaluation(scenario: Scenario, figures: Path | None, stack: str | None) -> Scenario:
-    """The configuration with what the options say.
+    """The configuration with the values of the options.
 
     Raises:
-        InputError: An option is not as it must be, or nothing can be written there.
+        InputError: An option is wrong, or the figures cannot be written there.
     """
     if figures is not None:
         _require_writable(figures)
@@ -58,7 +58,7 @@ def with_evaluation(scenario: Scenario, figures: Path | None, stack: str | None)
 
 def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:
     """Print ``evaluation.live.live_figures`` as tables."""
-    from simbev_ros.cli.evaluation_tables import print_tables
+    from simbev_ros.cli.evaluate.tables import print_tables
 
     print_tables(figures, console)
     frames, latency_ms = figures["frames"], figures["latency_ms"]

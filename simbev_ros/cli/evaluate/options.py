@@ -1,4 +1,4 @@
-"""Words of the command line into what is evaluated."""
+"""Parses the command-line options of ``simbev evaluate``."""
 
 import math
 from collections.abc import Sequence
@@ -12,10 +12,10 @@ from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 
 
 def words(option: str, text: str) -> tuple[str, ...]:
-    """Words with commas between.
+    """Parse words that are separated by commas.
 
     Raises:
-        InputError: There is none, or nothing between two commas.
+        InputError: A word is empty.
     """
     found = tuple(word.strip() for word in text.split(","))
     if not all(found):
@@ -24,15 +24,19 @@ def words(option: str, text: str) -> tuple[str, ...]:
 
 
 def numbers(option: str, text: str) -> tuple[float, ...]:
-    """Finite numbers with commas between. Raises InputError for anything else."""
+    """Parse finite numbers that are separated by commas.
+
+    Raises:
+        InputError: A word is not a finite number.
+    """
     return tuple(_number(option, word) for word in words(option, text))
 
 
 def span(option: str, text: str) -> tuple[float, float]:
-    """Two numbers with a colon between; without the first it is 0, without the second infinite.
+    """Parse an interval ``FROM:TO``, which by default begins at 0 and has no end.
 
     Raises:
-        InputError: It is something else.
+        InputError: The text is not an interval.
     """
     low, colon, high = text.partition(":")
     if not colon:
@@ -41,10 +45,10 @@ def span(option: str, text: str) -> tuple[float, float]:
 
 
 def thresholds(option: str, text: str, most: float) -> tuple[float, ...]:
-    """Positive numbers up to a limit, rising, with commas between; ``none``: not one.
+    """Parse positive, increasing numbers up to a limit; ``none``: an empty list.
 
     Raises:
-        InputError: One is not.
+        InputError: A number is wrong.
     """
     if text == "none":
         return ()
@@ -55,10 +59,10 @@ def thresholds(option: str, text: str, most: float) -> tuple[float, ...]:
 
 
 def classes(option: str, text: str | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Classes of boxes, and of cells; None: all.
+    """Parse names of classes into those of boxes and those of cells; None: all.
 
     Raises:
-        InputError: One is neither.
+        InputError: A class does not exist.
     """
     if text is None:
         return BOX_CLASSES, BEV_CLASSES
@@ -73,10 +77,10 @@ def classes(option: str, text: str | None) -> tuple[tuple[str, ...], tuple[str, 
 def counted(
     *, distance: str, visibility: float, points: int, difficulty: str | None, daytime: str | None, weather: str | None
 ) -> Cut:
-    """What counts at all; None: whatever it is.
+    """Parse the conditions on boxes and frames that are evaluated at all; None: no condition.
 
     Raises:
-        InputError: It can be nothing.
+        InputError: A condition is malformed or excludes everything.
     """
     boxes = BoxFilter(
         range_m=span("--range", distance),
@@ -92,10 +96,10 @@ def counted(
 
 
 def chosen_scenes(dataset: Dataset, split: str | None, names: str | None) -> Sequence[Scene]:
-    """Scenes of a split, of some names, or of both.
+    """The scenes of a dataset with a split and names; None: any.
 
     Raises:
-        InputError: There is no such scene, or none is left.
+        InputError: A scene does not exist, or none is left.
     """
     wanted = None if names is None else words("--scenes", names)
     known = [scene.name for scene in dataset.scenes]

@@ -1,19 +1,18 @@
 """Where an earlier run was killed: what comes back the same is recorded anew, all else is for the user to decide."""
 
-import io
 import re
 import shutil
 from pathlib import Path
 
 import pytest
 from made_up_scene import made_up_scene
-from rich.console import Console
 
-from simbev_ros.cli.record_place import held_place
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.errors import InputError
+from simbev_ros.production.observer import ProductionObserver
+from simbev_ros.production.record_folder import hold_record_folder
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.scene.spec import SceneSpec
@@ -40,21 +39,32 @@ def killed(dataset: Path, scenario: Scenario, spec: SceneSpec) -> Path:
     return copy.rename(writer.partial_path)
 
 
-def said(dataset: Path, scenario: Scenario, spec: SceneSpec, *, live: bool = False) -> str:
-    console = Console(file=io.StringIO(), width=300)
-    with held_place(dataset, scenario, [spec], console, live=live):
+class Removed(ProductionObserver):
+    """Collects the names of scenes whose leftovers were removed."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+
+    def leftover_removed(self, spec: SceneSpec) -> None:
+        self.names.append(spec.name)
+
+
+def hold(dataset: Path, scenario: Scenario, spec: SceneSpec, *, live: bool = False) -> list[str]:
+    """Hold the folder for a scene; give the names of scenes whose leftovers were removed."""
+    removed = Removed()
+    with hold_record_folder(dataset, scenario, [spec], live=live, observer=removed):
         assert not list(dataset.glob("scenes/*/*.partial"))
         with pytest.raises(InputError, match="is writing into it"):
             DatasetLock(dataset)
-    return str(console.file.getvalue())  # type: ignore[attr-defined]
+    return removed.names
 
 
 def test_a_part_of_the_same_scene_is_made_anew(tmp_path: Path, scenario: Scenario, spec: SceneSpec) -> None:
     killed(tmp_path / "set", scenario, spec)
-    assert f"{spec.name}: a run that was ended has left a part of it" in said(tmp_path / "set", scenario, spec)
+    assert hold(tmp_path / "set", scenario, spec) == [spec.name]
     scene_folder(tmp_path / "set", spec.split, f"{spec.name}.partial").mkdir(parents=True)  # killed before its file
-    assert "made anew" in said(tmp_path / "set", scenario, spec)
-    assert said(tmp_path / "set", scenario, spec) == ""
+    assert hold(tmp_path / "set", scenario, spec) == [spec.name]
+    assert hold(tmp_path / "set", scenario, spec) == []
 
 
 def test_what_would_not_come_back_stays(tmp_path: Path, scenario: Scenario, spec: SceneSpec) -> None:
@@ -68,16 +78,16 @@ def test_what_would_not_come_back_stays(tmp_path: Path, scenario: Scenario, spec
     ]
     for other_scenario, other_spec, live in others:
         with pytest.raises(InputError, match=re.escape(f"simbev repair {partial} saves what is in it")):
-            said(tmp_path / "set", other_scenario, other_spec, live=live)
+            hold(tmp_path / "set", other_scenario, other_spec, live=live)
     assert {file.name: file.read_bytes() for file in partial.iterdir()} == before
     shutil.rmtree(partial)
     killed(tmp_path / "set", scenario, steered)
     with pytest.raises(InputError, match="would not come back"):
-        said(tmp_path / "set", scenario, steered)
+        hold(tmp_path / "set", scenario, steered)
 
 
 def test_while_another_process_records_nothing_is_touched(tmp_path: Path, scenario: Scenario, spec: SceneSpec) -> None:
     partial = killed(tmp_path / "set", scenario, spec)
     with DatasetLock(tmp_path / "set"), pytest.raises(InputError, match=r"process \d+ is writing into it"):
-        said(tmp_path / "set", scenario, spec)
+        hold(tmp_path / "set", scenario, spec)
     assert list(partial.iterdir())

@@ -1,4 +1,4 @@
-"""What people see of a benchmark: a bar while it runs, a table or JSON at its end."""
+"""The output of a benchmark: a table, or JSON."""
 
 import json
 from collections.abc import Sequence
@@ -7,16 +7,9 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-
-
-def progress_bar(what: str, console: Console) -> Progress:
-    """A bar that counts."""
-    columns = (TextColumn(what), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, expand=True, transient=True)
 
 
 def show_timing(
@@ -28,7 +21,7 @@ def show_timing(
     as_json: bool,
     comparison: str = "",
 ) -> None:
-    """Print a result as a table with a sentence below, or as it is in JSON."""
+    """Print a result as a table with a sentence below it, or its raw data as JSON."""
     if as_json:
         typer.echo(json.dumps(asdict(result), indent=2))
         return

@@ -1,4 +1,4 @@
-"""``simbev evaluate``: how good predictions are, as the paper measures it."""
+"""``simbev evaluate``: measures predictions with the metrics of the paper."""
 
 import json
 import os
@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from simbev_ros.cli.bench_report import progress_bar
+from simbev_ros.cli.console import counting_bar
 from simbev_ros.cli.output_file import require_place, writing
 
 _WORDS = "with commas between"
@@ -24,27 +24,33 @@ def evaluate(
     dataset: Annotated[Path, typer.Argument(help="The dataset, or one scene's bag.", show_default=False)],
     split: Annotated[Literal["train", "val", "test"] | None, typer.Option(help="Only scenes of this split.")] = None,
     scenes: Annotated[str | None, typer.Option(help=f"Only these scenes, {_WORDS}.", metavar="NAMES")] = None,
-    every: Annotated[int, typer.Option(help="Only each so many-th frame of a scene.", min=1)] = 1,
+    every: Annotated[int, typer.Option(help="Evaluate every Nth frame of each scene.", min=1)] = 1,
     classes: Annotated[
         str | None, typer.Option(help=f"Only these classes of boxes and cells, {_WORDS}.", metavar="NAMES")
     ] = None,
     distance: Annotated[
-        str, typer.Option("--range", help="From the ego, m.", metavar="FROM:TO", rich_help_panel=_COUNTED)
+        str,
+        typer.Option(
+            "--range",
+            help="Distance range from the ego vehicle, in meters.",
+            metavar="FROM:TO",
+            rich_help_panel=_COUNTED,
+        ),
     ] = "0:",
     visibility: Annotated[
-        float, typer.Option(help="Least visible share of a box.", min=0, max=1, rich_help_panel=_COUNTED)
+        float, typer.Option(help="Minimum visible share of a box.", min=0, max=1, rich_help_panel=_COUNTED)
     ] = 0.0,
     points: Annotated[
-        int, typer.Option(help="Fewest points of lidars and radars in a box.", min=0, rich_help_panel=_COUNTED)
+        int, typer.Option(help="Minimum number of lidar and radar points in a box.", min=0, rich_help_panel=_COUNTED)
     ] = 0,
     difficulty: Annotated[
-        str | None, typer.Option(help=f"Of boxes, {_WORDS}.", metavar="NAMES", rich_help_panel=_COUNTED)
+        str | None, typer.Option(help=f"Difficulties of boxes, {_WORDS}.", metavar="NAMES", rich_help_panel=_COUNTED)
     ] = None,
     daytime: Annotated[
-        str | None, typer.Option(help="day, twilight, night.", metavar="NAMES", rich_help_panel=_COUNTED)
+        str | None, typer.Option(help="Times of day: day, twilight, night.", metavar="NAMES", rich_help_panel=_COUNTED)
     ] = None,
     weather: Annotated[
-        str | None, typer.Option(help="clear, cloudy, fog, rain.", metavar="NAMES", rich_help_panel=_COUNTED)
+        str | None, typer.Option(help="Weather: clear, cloudy, fog, rain.", metavar="NAMES", rich_help_panel=_COUNTED)
     ] = None,
     by: Annotated[
         str,
@@ -52,33 +58,36 @@ def evaluate(
             help=f"Tables by distance, visibility, points, difficulty, daytime, weather, {_WORDS}.", metavar="NAMES"
         ),
     ] = "distance",
-    rings: Annotated[str, typer.Option(help="Where rings of distance begin, m.", metavar="METRES")] = "0,20,40,60",
+    rings: Annotated[
+        str, typer.Option(help="Start of each ring of distance, in meters.", metavar="METERS")
+    ] = "0,20,40,60",
     ious: Annotated[
-        str, typer.Option(help="Thresholds of matching by 3D IoU.", metavar="NUMBERS")
+        str, typer.Option(help="Thresholds for matching by 3D IoU.", metavar="NUMBERS")
     ] = "0.3,0.4,0.5,0.6,0.7,0.8,0.9",
     distances: Annotated[
-        str, typer.Option(help="Thresholds of matching by distance, m.", metavar="NUMBERS")
+        str, typer.Option(help="Thresholds for matching by distance, in meters.", metavar="NUMBERS")
     ] = "0.5,1,2,4",
     planar: Annotated[bool, typer.Option("--planar", help="Distances and velocities without z.")] = False,
     envelope: Annotated[
         bool, typer.Option("--envelope", help="Area under the envelope of precision over recall, as Pascal VOC.")
     ] = False,
     nuscenes: Annotated[
-        bool, typer.Option("--nuscenes", help="nuScenes' own metrics too, over its keyframes and classes.")
+        bool, typer.Option("--nuscenes", help="Also compute the metrics of nuScenes, over its keyframes and classes.")
     ] = False,
-    boxes_topic: Annotated[str, typer.Option(help="Of boxes in bags.")] = "/prediction/boxes",
-    grids_topic: Annotated[str, typer.Option(help="Of scores of cells in bags.")] = "/prediction/bev",
+    boxes_topic: Annotated[str, typer.Option(help="Topic of boxes in bags.")] = "/prediction/boxes",
+    grids_topic: Annotated[str, typer.Option(help="Topic of cell scores in bags.")] = "/prediction/bev",
     report: Annotated[
         Path | None, typer.Option(help="HTML file with curves, tables and the worst frames.", rich_help_panel=_OUTPUT)
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="File for all figures.", rich_help_panel=_OUTPUT)
     ] = None,
-    jobs: Annotated[int | None, typer.Option(help="Scenes at once; as many as there are cores.", min=1)] = None,
+    jobs: Annotated[int | None, typer.Option(help="Scenes at once; default: number of cores.", min=1)] = None,
 ) -> None:
     """Measure predictions: AP by 3D IoU and distance, mAP, ATE, AOE, ASE, AVE, SDS, and bird's-eye-view IoU.
 
-    Every frame of the chosen scenes counts; one without an answer is missed. A class without truth is in no mean.
+    Every frame of the chosen scenes counts; one without a prediction is missed. Classes without ground truth are not
+    part of any mean.
     Conditions: rain from a precipitation of 10 % on, else fog from a density of 20 %, else cloudy from 60 %; twilight
     while the sun is within 6° of the horizon. Rows of a table are parts of the whole: what is predicted in vain counts
     in each row that its distance and frame belong to, and in none farther away than boxes are labelled.
@@ -91,10 +100,10 @@ def evaluate(
 
     simbev evaluate stack.mcap datasets/first/scenes/val/Town03-0004 --report report.html --json figures.json
     """
-    from simbev_ros.cli import evaluation_options as parse
-    from simbev_ros.cli.evaluation_tables import print_tables
+    from simbev_ros.cli.evaluate import options as parse
+    from simbev_ros.cli.evaluate.tables import print_tables
     from simbev_ros.dataset import open_dataset
-    from simbev_ros.evaluation.evaluation import evaluate as evaluated
+    from simbev_ros.evaluation.evaluation import evaluate as evaluate_dataset
     from simbev_ros.evaluation.figures import figures_of
     from simbev_ros.evaluation.metrics.detection import DetectionOptions
     from simbev_ros.evaluation.options import EvaluationOptions
@@ -127,12 +136,12 @@ def evaluate(
         require_place(file)
     opened, console = open_dataset(dataset, threads=1), Console(highlight=False)
     chosen = parse.chosen_scenes(opened, split, scenes)
-    said = open_predictions(predictions, boxes_topic, grids_topic).of_dataset([s.name for s in opened.scenes])
-    with progress_bar("frames", Console(stderr=True)) as bars:
-        task = bars.add_task("", total=sum(len(range(0, len(scene), every)) for scene in chosen))
-        result = evaluated(chosen, said, options, jobs or os.cpu_count() or 1, lambda n: bars.update(task, completed=n))
+    predicted = open_predictions(predictions, boxes_topic, grids_topic).of_dataset([s.name for s in opened.scenes])
+    frames = sum(len(range(0, len(scene), every)) for scene in chosen)
+    with counting_bar("frames", Console(stderr=True), frames) as bar:
+        result = evaluate_dataset(chosen, predicted, options, jobs or os.cpu_count() or 1, bar.show)
     figures = {"dataset": str(dataset), "predictions": str(predictions), **figures_of(result)}
-    if json_file is not None:  # before the tables, whose reader may go, as head does
+    if json_file is not None:  # before the tables, whose reader may close the pipe, as head does
         with writing(json_file):
             json_file.write_text(json.dumps(figures, indent=2) + "\n")
         console.print(f"figures in {escape(str(json_file))}", soft_wrap=True)
@@ -141,5 +150,5 @@ def evaluate(
         from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
 
         with Console(stderr=True).status("report"), writing(report):
-            write_evaluation_report(report, result, chosen, said, figures)
+            write_evaluation_report(report, result, chosen, predicted, figures)
         console.print(f"report in {escape(str(report))}", soft_wrap=True)

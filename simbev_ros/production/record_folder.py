@@ -1,15 +1,14 @@
-"""The place of scenes that are to be recorded: nothing is overwritten, and what a dead run has left is in no way."""
+"""The folder that scenes are recorded into: held against other writers, never overwritten, cleared of leftovers."""
 
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.console import Console
-
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.errors import BagError, InputError
+from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, partial_of, scene_folder, scenes_folder
 from simbev_ros.recording.reader import SceneBag
@@ -17,39 +16,44 @@ from simbev_ros.scene.spec import SceneSpec
 
 
 @contextmanager
-def held_place(
-    dataset: Path, scenario: Scenario, specs: Sequence[SceneSpec], console: Console, *, live: bool
+def hold_record_folder(
+    dataset: Path,
+    scenario: Scenario,
+    specs: Sequence[SceneSpec],
+    *,
+    live: bool,
+    observer: ProductionObserver = SILENT,
 ) -> Iterator[None]:
-    """Hold a dataset as long as scenes are recorded into it, and remove what this run makes again in any case.
+    """Hold a dataset while scenes are recorded into it, and remove leftovers that the recording reproduces exactly.
 
     Raises:
-        InputError: The folder cannot be made or written to, another process records into it, a scene is there, or the
-            part of one that was recorded until something ended it, and that could not be made again as it is.
+        InputError: The folder cannot be made or written to, another process records into it, a scene exists already,
+            or an unfinished bag of a scene exists that this recording would not reproduce.
         DiskError: The disk is nearly full.
     """
-    places = [scene_folder(dataset, spec.split, spec.name) for spec in specs]
-    for place in places:
-        if place.exists():
-            raise InputError(f"{place}: exists already; nothing was overwritten. Choose another folder or move it away")
+    bags = [scene_folder(dataset, spec.split, spec.name) for spec in specs]
+    for bag in bags:
+        if bag.exists():
+            raise InputError(f"{bag}: exists already; nothing was overwritten. Choose another folder or move it away")
     with DatasetLock(dataset):
-        left = [(partial_of(place), spec) for place, spec in zip(places, specs, strict=True)]
-        left = [(partial, spec) for partial, spec in left if partial.exists()]
-        for partial, spec in left:
-            if live or not _is_made_again(partial, scenario, spec):
+        leftovers = [(partial_of(bag), spec) for bag, spec in zip(bags, specs, strict=True)]
+        leftovers = [(partial, spec) for partial, spec in leftovers if partial.exists()]
+        for partial, spec in leftovers:
+            if live or not _is_reproduced(partial, scenario, spec):
                 raise InputError(
                     f"{partial}: an earlier run has recorded this until something ended it, and it would not come back "
                     f"the same. simbev repair {partial} saves what is in it; then remove or rename it"
                 )
-        for partial, spec in left:
+        for partial, spec in leftovers:
             shutil.rmtree(partial)
-            console.print(f"{spec.name}: a run that was ended has left a part of it; it is made anew", soft_wrap=True)
+            observer.leftover_removed(spec)
         _make_writable(dataset)
         check_space(dataset, scenario.recording.least_free_mib << 20)
         yield
 
 
-def _is_made_again(partial: Path, scenario: Scenario, spec: SceneSpec) -> bool:
-    """Whether all that is in an unfinished bag follows from the scene and the configuration that are to be recorded."""
+def _is_reproduced(partial: Path, scenario: Scenario, spec: SceneSpec) -> bool:
+    """Whether everything in an unfinished bag follows from the scene and the configuration that are to be recorded."""
     if not any(partial.iterdir()):
         return True
     try:

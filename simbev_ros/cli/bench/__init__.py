@@ -1,0 +1,1 @@
+"""``simbev bench``: times parts of the system on this machine and prints tables."""

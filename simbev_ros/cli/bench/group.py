@@ -1,0 +1,125 @@
+"""The group of commands ``simbev bench``, and those that time the whole graph or its world node."""
+
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from typer.core import TyperGroup
+
+from simbev_ros.cli.bench.data import evaluate, reading, record
+from simbev_ros.cli.bench.report import Json, show_timing
+from simbev_ros.cli.bench.sensing import cameras, labels, rays
+from simbev_ros.cli.production_display import SceneDisplay
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.scenario import Scenario, Timing
+
+_DEFAULT = "graph"
+
+
+class _DefaultGroup(TyperGroup):
+    """A group whose default command is ``graph``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Insert the name of the default command if there is none."""
+        named = bool(args) and (args[0] in self.commands or args[0] in ctx.help_option_names)
+        rest: list[str] = super().parse_args(ctx, args if named else [_DEFAULT, *args])
+        return rest
+
+
+bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
+
+
+@bench.callback()
+def _bench() -> None:
+    """Time the whole graph, or only its cameras, rays, labels, recorder or world, or work on datasets.
+
+    Without a command the whole graph is timed.
+
+    [bold]Examples[/]
+
+    simbev bench
+
+    simbev bench cameras --quality low --size 800x450
+
+    simbev bench record
+
+    simbev bench evaluate
+
+    simbev bench world Town10HD --ticks 200
+    """
+
+
+@bench.command()
+def graph(
+    config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper, stack.")] = "demo",
+    ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
+    record: Annotated[
+        bool, typer.Option(help="Also record, into a temporary folder. Cameras draw only images that are read.")
+    ] = True,
+    as_json: Json = False,
+) -> None:
+    """Time the whole graph: ticks per second, and for each node the time per tick and the processor time.
+
+    [bold]Example[/]
+
+    simbev bench live --no-record --json
+    """
+    from simbev_ros.bench.graph_timing import timed_graph
+
+    with tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as folder:
+        dataset = Path(folder) / "dataset" if record else None
+        result = timed_graph(_shortened(config, ticks), dataset, SceneDisplay(Console(stderr=True)))
+    show_timing(
+        result,
+        f"{result.ticks_per_s:.2f} ticks/s",
+        ("process", "busy ms/tick", "CPU ms/tick", "memory MiB"),
+        [(row.name, f"{row.busy_ms:.1f}", f"{row.cpu_ms:.1f}", f"{row.memory_mib:.0f}") for row in result.processes],
+        as_json=as_json,
+    )
+
+
+for _command in (cameras, rays, labels, reading, record, evaluate):
+    bench.command()(_command)
+
+
+@bench.command()
+def world(
+    map_name: Annotated[str, typer.Argument(help="A town or a map file.", metavar="MAP")] = "Town10HD",
+    config: Annotated[
+        str, typer.Option(help="Configuration of the traffic: a file, or demo, live, paper, stack.")
+    ] = "demo",
+    ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
+    as_json: Json = False,
+) -> None:
+    """Time the world node alone on one map: traffic, motion, publishing, with 50 to 950 actors.
+
+    A third of the actors are vehicles. Processor time grows as the number of actors to the power of the printed growth.
+
+    [bold]Example[/]
+
+    simbev bench world Town10HD --ticks 200
+    """
+    from simbev_ros.bench.world_timing import timed_world
+
+    grown = timed_world(_shortened(config, ticks), map_name, observer=SceneDisplay(Console(stderr=True)))
+    show_timing(
+        grown,
+        f"world node on {grown.map}, growth {grown.growth:.2f}",
+        ("vehicles", "people", "busy ms/tick", "99th percentile", "CPU ms/tick"),
+        [
+            (f"{row.vehicles}", f"{row.people}", f"{row.mean_ms:.1f}", f"{row.p99_ms:.1f}", f"{row.cpu_ms:.1f}")
+            for row in grown.scenes
+        ],
+        as_json=as_json,
+    )
+
+
+def _shortened(config: str, ticks: int) -> Scenario:
+    """The first scene of a configuration, shortened to a number of ticks."""
+    scenario = load_scenario(config)
+    timing = Timing(
+        tick_s=scenario.time.tick_s, warm_up_s=scenario.time.warm_up_s, duration_s=ticks * scenario.time.tick_s
+    )
+    return scenario.model_copy(update={"time": timing, "scenes": scenario.scenes[:1]})

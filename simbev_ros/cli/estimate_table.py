@@ -1,0 +1,46 @@
+"""The output of ``simbev generate --dry-run``: scenes to make, and what they would cost."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from simbev_ros.cli.console import format_duration, format_size
+from simbev_ros.cli.production_display import SceneDisplay
+from simbev_ros.config.scenario import SPLITS, Scenario
+from simbev_ros.production.dataset import plan_scenes
+from simbev_ros.production.estimate import SAMPLE_TICKS, Estimate, SceneCounts, count_scenes, estimate_dataset
+
+
+def show_estimate(scenario: Scenario, dataset: Path, replace: Sequence[range], console: Console) -> None:
+    """Print which scenes would be made and their estimated cost; nothing is written into the dataset.
+
+    Raises:
+        InputError: The plan of the dataset or the configuration is wrong, or the sample cannot be played.
+        GraphError: A node died or fell silent.
+    """
+    _, entries = plan_scenes(scenario, dataset, replace)
+    console.print(_counts_table(*count_scenes(dataset, entries)))
+    if not entries:
+        console.print("nothing is missing")
+        return
+    estimate = estimate_dataset(scenario, dataset, entries, SceneDisplay(console))
+    console.print(_sentence(estimate, entries[0].name), highlight=False, soft_wrap=True)
+
+
+def _counts_table(existing: SceneCounts, missing: SceneCounts) -> Table:
+    table = Table("map", *(f"{split}: {state}" for split in SPLITS for state in ("there", "to make")))
+    for name in dict.fromkeys(name for name, _ in (*existing, *missing)):
+        table.add_row(name, *(str(counts[name, split]) for split in SPLITS for counts in (existing, missing)))
+    return table
+
+
+def _sentence(estimate: Estimate, sampled: str) -> str:
+    sample = estimate.sample
+    return (
+        f"{estimate.scenes} scenes, {estimate.frames:,} frames: about {format_duration(estimate.duration_s)} and "
+        f"{format_size(estimate.size_bytes)} ({format_size(estimate.free_bytes)} are free); measured on {SAMPLE_TICKS} "
+        f"frames of {sampled}: {sample.start_s:.1f} s to begin, {sample.tick_s:.2f} s and "
+        f"{format_size(sample.tick_bytes)} a frame"
+    )

@@ -1,0 +1,1 @@
+"""``simbev export``: writes datasets in the layouts of other projects."""

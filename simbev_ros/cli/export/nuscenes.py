@@ -1,0 +1,65 @@
+"""``simbev export nuscenes``: writes a dataset in the layout of nuScenes."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from simbev_ros.cli.console import counting_bar, plural
+from simbev_ros.errors import SimbevError
+
+
+def export_nuscenes(
+    dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder to export to, nuScenes' dataroot.", show_default=False)],
+    keyframe_hz: Annotated[
+        float, typer.Option(help="Number of samples, which have annotations, per second.", min=0.01, max=1000)
+    ] = 2.0,
+    all_frames: Annotated[bool, typer.Option("--all-frames", help="Every frame is a sample.")] = False,
+    sweeps: Annotated[bool, typer.Option(help="Write the sensor data between samples.")] = True,
+    version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
+    jobs: Annotated[int | None, typer.Option(help="Scenes at once; default: number of cores.", min=1)] = None,
+) -> None:
+    """Write finished scenes in the layout of nuScenes for its devkit: tables, samples, sweeps, masks of maps.
+
+    A sample has the data of each sensor at its time, or else the last before it: boxes match the images if the rates of
+    all sensors are multiples of --keyframe-hz.
+
+    After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
+    written.
+    The devkit's splits are lists of nuScenes' scenes. Ours are in splits.json beside the tables, as simbev_train,
+    simbev_val and simbev_test; the devkit finds them there from its release 1.2 on.
+
+    [bold]Examples[/]
+
+    simbev export nuscenes datasets/first --out exported
+
+    simbev export nuscenes datasets/first --out exported --keyframe-hz 4 --no-sweeps
+    """
+    from simbev_ros.dataset import open_dataset
+    from simbev_ros.export.nuscenes.export import export_nuscenes
+
+    opened = open_dataset(dataset, threads=1)
+    rate_hz = None if all_frames else keyframe_hz
+    with counting_bar("frames", Console(stderr=True), elapsed=True) as bar:
+        done = export_nuscenes(
+            opened,
+            out,
+            keyframe_hz=rate_hz,
+            sweeps=sweeps,
+            version=version,
+            jobs=jobs or os.cpu_count() or 1,
+            report=bar.show,
+        )
+    console = Console(soft_wrap=True, highlight=False)
+    there = done.scenes - done.made
+    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {escape(str(out))}")
+    if there:
+        console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
+    for reason in done.failures.values():
+        console.print(f"[red]{escape(reason)}[/]")
+    if done.failures:
+        raise SimbevError(f"{len(done.failures)} of {plural(len(opened.scenes), 'scene')} could not be exported")

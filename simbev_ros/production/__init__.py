@@ -1,0 +1,13 @@
+"""Playing scenes and making datasets from Python, without a console.
+
+>>> from simbev_ros.production import make_dataset
+>>> result = make_dataset("my.yaml", "datasets/first")
+>>> result.is_complete
+True
+"""
+
+from simbev_ros.production.dataset import DatasetResult, make_dataset
+from simbev_ros.production.observer import ProductionObserver
+from simbev_ros.production.play import play_scenes
+
+__all__ = ["DatasetResult", "ProductionObserver", "make_dataset", "play_scenes"]

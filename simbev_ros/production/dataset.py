@@ -1,0 +1,108 @@
+"""Making a dataset from a configuration: the core of ``simbev generate``, for Python programs without a console."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.lock import DatasetLock
+from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
+from simbev_ros.dataset.staging import clean_up
+from simbev_ros.production.dataset_maker import DatasetMaker
+from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.recording.layout import scenes_folder
+
+Numbers = Sequence[int | range]
+"""Numbers of scenes, single or as ranges."""
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetResult:
+    """What ``make_dataset`` did.
+
+    Attributes:
+        path: The dataset's folder.
+        made: Scenes that were made.
+        skipped: Scenes that existed before and were left as they are.
+        failed: For the name of each scene that could not be made, the reason.
+        damaged: For the name of each existing scene whose bag is damaged, the reason; it was left as it is.
+    """
+
+    path: Path
+    made: tuple[PlannedEntry, ...]
+    skipped: tuple[PlannedEntry, ...]
+    failed: Mapping[str, str]
+    damaged: Mapping[str, str]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether no scene failed and none is damaged."""
+        return not self.failed and not self.damaged
+
+
+def make_dataset(
+    scenario: Scenario | Path | str,
+    out: Path | str,
+    *,
+    replace: Numbers = (),
+    retries: int = 2,
+    observer: ProductionObserver = SILENT,
+) -> DatasetResult:
+    """Make the scenes that a configuration asks for; scenes that exist already count.
+
+    Interrupted at any moment, the same call continues where it stopped. All input is checked before anything is
+    written. A scene that fails is tried again, then listed, and the others follow. A perception stack in the
+    configuration is not run.
+
+    Args:
+        scenario: The configuration, its file, or the name of a shipped one, such as ``paper``.
+        out: The dataset's folder, new or begun.
+        replace: Numbers of the scenes to make again; no other scenes are made then.
+        retries: Number of further attempts at a scene after the graph has failed.
+        observer: Receives the progress.
+
+    Raises:
+        InputError: The configuration, a map or a number is wrong, the folder cannot be written to, another process
+            writes into it, or the first scene cannot be made with this configuration.
+        DiskError: The disk is full, or nearly; the scenes made before are complete.
+
+    Example:
+        >>> from simbev_ros.production import make_dataset
+        >>> result = make_dataset("my.yaml", "datasets/first")
+        >>> print(len(result.made), "made,", len(result.skipped), "existed,", dict(result.failed))
+    """
+    scenario, out = without_stack(scenario), Path(out)
+    plan_scenes(scenario, out, replace)
+    with DatasetLock(out):
+        clean_up(out)
+        plan, entries = plan_scenes(scenario, out, replace)
+        plan.save(out)
+        scenes_folder(out).mkdir(exist_ok=True)  # from now on it is recognized as a dataset
+        skipped = tuple(entry for entry in existing_scenes(plan, out) if entry not in entries)
+        with DatasetMaker(scenario, out, retries=retries, observer=observer) as maker:
+            outcome = maker.make(entries)
+    skipped = tuple(entry for entry in skipped if entry.name not in outcome.damaged)
+    return DatasetResult(out, tuple(outcome.made), skipped, outcome.failed, outcome.damaged)
+
+
+def plan_scenes(scenario: Scenario, out: Path, replace: Numbers = ()) -> tuple[Plan, list[PlannedEntry]]:
+    """The plan of a dataset extended by what a configuration asks for, and the scenes that have to be made.
+
+    Raises:
+        InputError: The dataset's plan is damaged, a map does not exist, or a number to replace has no scene.
+    """
+    plan = Plan.of(out).extended(scenario)
+    numbers = [number if isinstance(number, range) else range(number, number + 1) for number in replace]
+    return plan, plan.chosen(numbers) if numbers else plan.to_make(out, scenario)
+
+
+def existing_scenes(plan: Plan, dataset: Path) -> list[PlannedEntry]:
+    """The scenes of a plan that have a finished bag."""
+    return [entry for entry in plan.scenes if bag_of(dataset, entry).is_dir()]
+
+
+def without_stack(scenario: Scenario | Path | str) -> Scenario:
+    """The configuration, loaded if it is a path or name, without a perception stack: production runs none."""
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    return loaded.model_copy(update={"evaluation": None})

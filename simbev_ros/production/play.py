@@ -1,0 +1,138 @@
+"""Playing scenes on a node graph, with or without recording: the core of ``simbev run``, ``demo`` and ``replay``."""
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import zip_longest
+from pathlib import Path
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.errors import SimbevError
+from simbev_ros.graph.session import GraphSession
+from simbev_ros.production.drawing import draw_scenes
+from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.record_folder import hold_record_folder
+from simbev_ros.production.surroundings import build_surroundings
+from simbev_ros.recording.layout import scene_folder
+from simbev_ros.scene.ending import SceneEnd
+from simbev_ros.scene.spec import SceneSpec
+
+
+def play_scenes(
+    scenario: Scenario,
+    *,
+    live: bool = False,
+    dataset: Path | None = None,
+    domain: int | None = None,
+    observer: ProductionObserver = SILENT,
+) -> list[Path]:
+    """Play every scene of a configuration and return the folders of the recorded bags.
+
+    All input is checked before the graph starts.
+
+    Args:
+        scenario: The configuration.
+        live: Paced by the wall clock instead of as fast as possible.
+        dataset: Folder to record into; None: nothing is recorded.
+        domain: ROS domain; None: that of the environment, else a free one.
+        observer: Receives the progress.
+
+    Raises:
+        InputError: A scene cannot be drawn, or its bag cannot be written.
+        DiskError: The disk is full, or nearly.
+        GraphError: A node died or fell silent.
+    """
+    specs = draw_scenes(scenario, observer)
+    bags = list(play_specs(scenario, specs, live=live, dataset=dataset, domain=domain, observer=observer))
+    return bags if dataset is not None else []
+
+
+def play_specs(
+    scenario: Scenario,
+    specs: Sequence[SceneSpec],
+    *,
+    live: bool = False,
+    dataset: Path | None = None,
+    domain: int | None = None,
+    replays: Sequence[Path] = (),
+    observer: ProductionObserver = SILENT,
+) -> Generator[Path, None, None]:
+    """Play drawn scenes one after the other on one graph; yield the folder of each scene's bag when the scene ends.
+
+    The folder is yielded whether or not the scene was recorded. The graph runs until the generator is exhausted or
+    closed.
+
+    Args:
+        scenario: The configuration.
+        specs: The scenes.
+        live: Paced by the wall clock instead of as fast as possible.
+        dataset: Folder to record into; None: nothing is recorded.
+        domain: ROS domain; None: that of the environment, else a free one.
+        replays: For each scene a bag to take all motion from; empty: motion is simulated.
+        observer: Receives the progress.
+
+    Raises:
+        InputError: A scene's bag cannot be written.
+        DiskError: The disk is full, or nearly.
+        GraphError: A node died or fell silent.
+    """
+    with ExitStack() as held:
+        if dataset is not None:
+            held.enter_context(hold_record_folder(dataset, scenario, specs, live=live, observer=observer))
+        build_surroundings(specs, observer)
+        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain)
+        held.enter_context(_run_graph(session, observer))
+        observer.graph_started(session.domain)
+        for spec, replay in zip_longest(specs, replays):
+            play_on(session, spec, observer, replay=replay)
+            yield scene_folder(dataset or Path(), spec.split, spec.name)
+
+
+def play_on(
+    session: GraphSession,
+    spec: SceneSpec,
+    observer: ProductionObserver = SILENT,
+    *,
+    replay: Path | None = None,
+    on_tick: Callable[[int | None], None] = lambda tick: None,
+) -> SceneEnd:
+    """Play one scene on a running graph and report its progress.
+
+    Args:
+        session: The graph.
+        spec: The scene.
+        observer: Receives the progress.
+        replay: A bag to take all motion from; None: motion is simulated.
+        on_tick: Called after the observer with the last finished tick, for callers that measure.
+
+    Raises:
+        InputError: A node cannot do what is asked for.
+        DiskError: The disk is full, or nearly.
+        GraphError: A node died or fell silent.
+    """
+
+    def progress(tick: int | None) -> None:
+        observer.scene_progressed(spec, tick)
+        on_tick(tick)
+
+    end: SceneEnd | None = None
+    observer.scene_started(spec)
+    try:
+        end = session.play(spec, progress, replay)
+    finally:
+        observer.scene_ended(spec, end)
+    return end
+
+
+@contextmanager
+def _run_graph(session: GraphSession, observer: ProductionObserver) -> Iterator[None]:
+    """Run a graph and report the figures of an evaluated stack at its end, also after Ctrl-C."""
+    failed = False
+    try:
+        with session:
+            yield
+    except SimbevError:  # its message is what counts; the figures of the scenes so far are in the file
+        failed = True
+        raise
+    finally:
+        if session.figures is not None and not failed:
+            observer.stack_evaluated(session.figures)

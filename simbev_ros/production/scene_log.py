@@ -1,0 +1,26 @@
+"""Log files of the scenes of a dataset: how each was made, and the output of the processes that made it."""
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+LOG_FOLDER = "logs"
+
+
+class SceneLog:
+    """Log of one attempt at a scene: ``logs/<scene>.log``, or ``logs/<scene>.failed-1.log`` if the attempt failed."""
+
+    def __init__(self, dataset: Path, name: str, attempt: int) -> None:
+        self._folder, self._name, self._attempt = dataset / LOG_FOLDER, name, attempt
+        self._began = time.time()
+
+    def close(self, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:
+        """Write the file: a summary of how the attempt ended, and the output of each process."""
+        name = f"{self._name}.failed-{self._attempt + 1}" if failed else self._name
+        self._folder.mkdir(exist_ok=True)
+        duration_s = time.time() - self._began
+        began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self._began))
+        lines = [f"{self._name}, attempt {self._attempt + 1}, began {began}, took {duration_s:.1f} s", summary]
+        for process, text in output.items():
+            lines += [f"--- {process}", text.rstrip()] if text.strip() else []
+        (self._folder / f"{name}.log").write_text("\n".join(lines) + "\n", encoding="utf-8")

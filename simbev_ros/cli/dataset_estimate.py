@@ -19,7 +19,7 @@ from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.drawing.draw_scene import ticks_of
+from simbev_ros.scene.drawing.draw_scene import duration_ticks
 
 _SAMPLE_TICKS = 10
 
@@ -55,7 +55,7 @@ def show_estimate(scenario: Scenario, dataset: Path, entries: Sequence[PlannedEn
         console.print("nothing is missing")
         return
     sample = _sampled(scenario, entries[0], console)
-    ticks = sum(ticks_of(scenario.time, scenario.seed + entry.number) for entry in entries)
+    ticks = sum(duration_ticks(scenario.time, scenario.seed + entry.number) for entry in entries)
     seconds = len(entries) * sample.start_s + ticks * sample.tick_s
     size = len(entries) * sample.scene_bytes + ticks * sample.tick_bytes
     free = shutil.disk_usage(_existing(dataset)).free

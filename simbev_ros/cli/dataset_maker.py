@@ -24,8 +24,8 @@ from simbev_ros.graph.traces import sweep
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.bag_files import check_space
-from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, starts_of
-from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
+from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -39,7 +39,7 @@ class Drawer:
         self._scenario, self._console = scenario, console
         specs = [map_spec(asked.map) for asked in scenario.scenes]
         self._maps: Mapping[str, MapSpec] = {spec.name: spec for spec in specs}
-        self._latest: tuple[MapSpec, Starts] | None = None
+        self._latest: tuple[MapSpec, StartPositions] | None = None
 
     def draw(self, entry: PlannedEntry) -> SceneSpec:
         """A scene.
@@ -52,7 +52,7 @@ class Drawer:
         spec = self._maps[entry.map]
         network = map_roads(spec, self._console)
         if self._latest is None or self._latest[0] != spec:
-            self._latest = spec, starts_of(self._scenario, network)
+            self._latest = spec, start_positions(self._scenario, network)
         planned = PlannedScene(entry.number, spec, entry.split)
         return draw_scene(self._scenario, planned, network, self._latest[1])
 

@@ -22,7 +22,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes, starts_of
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes, start_positions
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.spec import SceneSpec
@@ -131,7 +131,7 @@ def drawn_scenes(scenario: Scenario, console: Console) -> list[SceneSpec]:
     """All scenes that a configuration asks for; says what had to be repaired in their maps."""
     planned = list(planned_scenes(scenario))
     networks = {spec: map_roads(spec, console) for spec in dict.fromkeys(scene.map for scene in planned)}
-    starts = {spec: starts_of(scenario, network) for spec, network in networks.items()}
+    starts = {spec: start_positions(scenario, network) for spec, network in networks.items()}
     return [draw_scene(scenario, scene, networks[scene.map], starts[scene.map]) for scene in planned]
 
 

@@ -12,7 +12,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.semantics import Tag
 
 
-class Footprint(NamedTuple):
+class VehicleFootprint(NamedTuple):
     """How a vehicle is drawn along a way; distances along it are from its middle.
 
     Attributes:
@@ -58,14 +58,14 @@ class Blueprint(Model):
         return self.kind == "pedestrian" and not self.wheelchair
 
     @property
-    def footprint(self) -> Footprint:
+    def footprint(self) -> VehicleFootprint:
         """A vehicle's: its axles lie half a wheelbase before and behind its middle.
 
         The point that leads is where the front bumper swings out of a bend by as much as the rear axle cuts it.
         """
         length_m, width_m, _ = self.size_m
         axle_m = self.wheelbase_m / 2.0
-        return Footprint(length_m, width_m, (length_m / 2.0 + axle_m) / math.sqrt(2.0) - axle_m, axle_m)
+        return VehicleFootprint(length_m, width_m, (length_m / 2.0 + axle_m) / math.sqrt(2.0) - axle_m, axle_m)
 
     @field_validator("tag", mode="before")
     @classmethod

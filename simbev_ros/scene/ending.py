@@ -21,7 +21,7 @@ class SceneEnd(Model):
     events: int = Field(0, ge=0, description="messages on /world/events from tick 0 to the last one")
 
 
-class Ending:
+class SceneEndDetector:
     """Watches one scene.
 
     Args:

@@ -47,7 +47,7 @@ def load_gaits() -> tuple[Gait, ...]:
     return tuple(Gait.model_validate(row) for row in yaml.safe_load(text))
 
 
-def gaits_between(parts: int) -> tuple[Gait, ...]:
+def interpolate_gaits(parts: int) -> tuple[Gait, ...]:
     """The rows, and so many less one between each two of them."""
     names = list(Gait.model_fields)
     rows = np.array([[getattr(gait, name) for name in names] for gait in load_gaits()])
@@ -66,7 +66,7 @@ def unit_mps(height_m: float) -> float:
     return float(np.sqrt(_G_MPS2 * height_m))
 
 
-def strides_m(height_m: Float64Array, speed_mps: Float64Array) -> Float64Array:
+def stride_lengths_m(height_m: Float64Array, speed_mps: Float64Array) -> Float64Array:
     """(N,) ways of two steps of people of (N,) heights at (N,) speeds."""
     gaits = load_gaits()
     relative = np.interp(

@@ -13,7 +13,7 @@ _ANGLES = ("roll", "pitch", "yaw", "steer", "gait")
 _NS_PER_S = 1e9
 
 
-def actors_between(before: Table, after: Table, share: float | Float64Array) -> Table:
+def interpolate_actors(before: Table, after: Table, share: float | Float64Array) -> Table:
     """(N,) rows of actors at a share of the way from one tick (0) to another (1).
 
     Places move in straight lines and angles turn evenly, which is what tf2 does between two transforms. What cannot be
@@ -37,7 +37,7 @@ def actors_between(before: Table, after: Table, share: float | Float64Array) -> 
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class ActorHistory:
     """Where actors have been lately.
 
     Attributes:
@@ -49,7 +49,7 @@ class Course:
     lags_s: Float64Array
 
     @classmethod
-    def of(cls, state: WorldState, earlier: Sequence[WorldState] = ()) -> "Course":
+    def of(cls, state: WorldState, earlier: Sequence[WorldState] = ()) -> "ActorHistory":
         """Of the actors of a state; those that are missing in an earlier one stood still since then.
 
         Args:
@@ -58,7 +58,7 @@ class Course:
         """
         tables, lags_s = [state.actors], [0.0]
         for each in sorted(earlier, key=lambda each: -each.stamp_ns):
-            tables.append(known_before(state.actors, each.actors, otherwise=tables[-1]))
+            tables.append(earlier_rows(state.actors, each.actors, otherwise=tables[-1]))
             lags_s.append((state.stamp_ns - each.stamp_ns) / _NS_PER_S)
         return cls(np.stack(tables), np.array(lags_s))
 
@@ -68,9 +68,9 @@ class Course:
         newest: Table = self.tables[0]
         return newest
 
-    def only(self, chosen: BoolArray) -> "Course":
+    def only(self, chosen: BoolArray) -> "ActorHistory":
         """The course of (A,) chosen actors."""
-        return Course(self.tables[:, chosen], self.lags_s)
+        return ActorHistory(self.tables[:, chosen], self.lags_s)
 
     def at(self, actor: Int64Array, lag_s: Float64Array) -> Table:
         """(N,) rows of (N,) actors so long ago; farther back than is known they stand still."""
@@ -78,10 +78,10 @@ class Course:
             return self.now[actor]
         older = np.clip(np.searchsorted(self.lags_s, lag_s), 1, len(self.lags_s) - 1)
         share = (self.lags_s[older] - lag_s) / (self.lags_s[older] - self.lags_s[older - 1])
-        return actors_between(self.tables[older, actor], self.tables[older - 1, actor], np.clip(share, 0.0, 1.0))
+        return interpolate_actors(self.tables[older, actor], self.tables[older - 1, actor], np.clip(share, 0.0, 1.0))
 
 
-def known_before(actors: Table, earlier: Table, otherwise: Table | None = None) -> Table:
+def earlier_rows(actors: Table, earlier: Table, otherwise: Table | None = None) -> Table:
     """(N,) earlier rows of the same (N,) actors, as ``otherwise`` (default: as now) where there are none."""
     rows = (actors if otherwise is None else otherwise).copy()
     known = np.isin(actors["id"], earlier["id"])

@@ -16,8 +16,8 @@ from simbev_ros.types import Int64Array, Table
 from simbev_ros.world.cast import cast_of, first_prop_id
 from simbev_ros.world.doors import Doors
 from simbev_ros.world.kinematics.collisions import Impact
-from simbev_ros.world.kinematics.footing import Footing
-from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.footing import GroundPlanes
+from simbev_ros.world.kinematics.ground import GroundSurface
 from simbev_ros.world.kinematics.motion import Motion
 from simbev_ros.world.leading_points import LeadingPoints
 from simbev_ros.world.lights import HAZARD_LIGHTS
@@ -84,7 +84,7 @@ class Actors:
             directions,
             tick_s,
             max(1, round(_HALF_WINDOW_S / tick_s)),
-            None if self._ground.is_level else Footing(self._ground, cast.bodies.contacts),
+            None if self._ground.is_level else GroundPlanes(self._ground, cast.bodies.contacts),
         )
         # The oldest entry is of the tick that the kinematics are of.
         length = self.delay_ticks + 1
@@ -94,7 +94,7 @@ class Actors:
         self._table = ActorTable(spec, cast, vehicles)
 
     @property
-    def ground(self) -> Ground:
+    def ground(self) -> GroundSurface:
         """What everybody stands on."""
         return self._ground
 
@@ -136,9 +136,9 @@ class Actors:
             self._traffic.crash(body, front_m, yaw_rad)
 
 
-def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> Ground:
+def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> GroundSurface:
     """What can be reached; the sidewalks that people can reach are there from the beginning."""
-    ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
+    ground = GroundSurface(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
     fastest_mps = max((person.max_speed_mps for person in spec.pedestrians), default=0.0)
     ground.prepare(sample.pedestrian_m, fastest_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)
     return ground

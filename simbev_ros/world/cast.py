@@ -16,8 +16,8 @@ from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_bluepri
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.types import BoolArray, Float64Array, Table
-from simbev_ros.world.kinematics.contacts import Boxes
-from simbev_ros.world.kinematics.footing import Contacts
+from simbev_ros.world.kinematics.contacts import BodyBoxes
+from simbev_ros.world.kinematics.footing import ContactPoints
 from simbev_ros.world.kinematics.motion import Bodies
 
 _PEDESTRIAN_TRAIL_M = 0.75
@@ -140,11 +140,11 @@ def _bodies(members: Sequence[_Member]) -> Bodies:
         leans=np.array([bool(member.blueprint.rider) for member in leaders]),
         mount_m=np.array([member.mount_m for member in members], np.float64),
         contacts=_contacts([member.blueprint for member in leaders]),
-        boxes=Boxes(np.array([member.blueprint.size_m for member in leaders]), int(np.count_nonzero(drives))),
+        boxes=BodyBoxes(np.array([member.blueprint.size_m for member in leaders]), int(np.count_nonzero(drives))),
     )
 
 
-def _contacts(blueprints: Sequence[Blueprint]) -> Contacts:
+def _contacts(blueprints: Sequence[Blueprint]) -> ContactPoints:
     """Four wheels of a car or truck, two of a two-wheeler, the middle of a pedestrian."""
     body, ahead_m, left_m = [], [], []
     for index, blueprint in enumerate(blueprints):
@@ -154,4 +154,4 @@ def _contacts(blueprints: Sequence[Blueprint]) -> Contacts:
                 body.append(index)
                 ahead_m.append(ahead * blueprint.wheelbase_m)
                 left_m.append(left * track_m)
-    return Contacts(np.array(body, np.int64), np.array(ahead_m, np.float64), np.array(left_m, np.float64))
+    return ContactPoints(np.array(body, np.int64), np.array(ahead_m, np.float64), np.array(left_m, np.float64))

@@ -14,11 +14,11 @@ from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSp
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.driving.rain import RainEffect, rain_effect
-from simbev_ros.world.pedestrians.crossing_sites import CrossingPlace
-from simbev_ros.world.pedestrians.itineraries import Itineraries, Leg, WayStreams
+from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
+from simbev_ros.world.pedestrians.itineraries import Itineraries, ItineraryStreams, Leg
 from simbev_ros.world.sumo.closures import add_closures
 from simbev_ros.world.sumo.names import pedestrian_name, vehicle_name
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
@@ -66,7 +66,7 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
     duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
     streets = streets_of(network)
     start_edges = {network.lanes[vehicle.start.lane].edge for vehicle in spec.drivers}
-    tracks = Tracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
+    tracks = LaneTracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
     fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
     rain = rain_effect(spec.weather)
     root = ElementTree.Element("routes")
@@ -88,7 +88,7 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
     itineraries = Itineraries(network, spec.hazards, plazas)
     excursions: dict[int, tuple[Leg, ...]] = {}
     for index, pedestrian in enumerate(spec.pedestrians):
-        streams = WayStreams(
+        streams = ItineraryStreams(
             *(stream(spec.seed, f"{pedestrian_name(index)}.{name}") for name in ("walk", "jaywalks", "plazas"))
         )
         lane = network.lanes[pedestrian.start.lane]
@@ -97,7 +97,7 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         for leg in legs:
             edges.update(leg.edges)
-            if isinstance(leg.excursion, CrossingPlace):
+            if isinstance(leg.excursion, CrossingSite):
                 edges.update(part.edge for part in leg.excursion.carriageways)
             if leg.excursion is not None:
                 excursions[index] = legs

@@ -24,7 +24,7 @@ _REASON = "doors"
 _ALL = 0.5  # how often all doors open; else one does
 
 
-class Standing(Protocol):
+class StandingTraffic(Protocol):
     """What doors ask of the traffic; vehicles by their place in ``vehicles``."""
 
     @property
@@ -53,7 +53,7 @@ class _Visit:
 class Doors:
     """Doors of a scene's vehicles over time."""
 
-    def __init__(self, spec: SceneSpec, traffic: Standing, front_m: Float64Array, delay_ticks: int) -> None:
+    def __init__(self, spec: SceneSpec, traffic: StandingTraffic, front_m: Float64Array, delay_ticks: int) -> None:
         """All shut but those of hazard areas, at rest at the (V, 3) places ``front_m``.
 
         What is seen is ``delay_ticks`` behind the traffic.

@@ -10,14 +10,14 @@ import numpy as np
 
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Table
-from simbev_ros.world.driving.careful_drivers import Lookout
+from simbev_ros.world.driving.careful_drivers import CarefulDrivers
 from simbev_ros.world.kinematics.collisions import Collisions
-from simbev_ros.world.kinematics.followers import Pursuit, Steady, Tow
-from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.followers import PursuingPoints, SteadyPoints, TowedPoints
+from simbev_ros.world.kinematics.ground import GroundSurface
 from simbev_ros.world.kinematics.motion import Bodies
 from simbev_ros.world.pedestrians.excursions import Excursions
-from simbev_ros.world.pedestrians.furniture_avoidance import Furniture
-from simbev_ros.world.pedestrians.vehicle_avoidance import Berth
+from simbev_ros.world.pedestrians.furniture_avoidance import FurnitureAvoidance
+from simbev_ros.world.pedestrians.vehicle_avoidance import VehicleAvoidance
 from simbev_ros.world.population import Population
 from simbev_ros.world.sumo.traffic import TrafficSample
 
@@ -40,7 +40,7 @@ class LeadingPoints:
         traffic: Population,
         bodies: Bodies,
         excursions: Excursions,
-        ground: Ground,
+        ground: GroundSurface,
         obstacles: Table,
         sample: TrafficSample,
         directions: Float64Array,
@@ -62,14 +62,14 @@ class LeadingPoints:
         fastest_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
         self._tick_s = tick_s
         self._sumos = slice(traffic.moving)
-        self._excursions, self._ground, self._furniture = excursions, ground, Furniture(obstacles)
-        self._steady = Steady(sample.front_m, _MOST_CHANGE_MPS2 * tick_s**2)
+        self._excursions, self._ground, self._furniture = excursions, ground, FurnitureAvoidance(obstacles)
+        self._steady = SteadyPoints(sample.front_m, _MOST_CHANGE_MPS2 * tick_s**2)
         behind_m = (bodies.boxes.size_m[:vehicles, 0] / 2.0 - bodies.lead_m[:vehicles])[:, None]
-        self._tow = Tow(sample.front_m, directions[:vehicles], behind_m[:, 0])
-        self._berth = Berth(bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles])
-        self._lookout = Lookout(bodies, _careful(spec, traffic), sample.front_m[self._sumos], traffic, tick_s)
+        self._tow = TowedPoints(sample.front_m, directions[:vehicles], behind_m[:, 0])
+        self._berth = VehicleAvoidance(bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles])
+        self._lookout = CarefulDrivers(bodies, _careful(spec, traffic), sample.front_m[self._sumos], traffic, tick_s)
         start_m = self._furniture.aside(sample.pedestrian_m)
-        self._pursuit = Pursuit(start_m, _HURRY * fastest_mps * tick_s, _WALKERS_MPS2 * tick_s**2)
+        self._pursuit = PursuingPoints(start_m, _HURRY * fastest_mps * tick_s, _WALKERS_MPS2 * tick_s**2)
         self._step_back_m = (_HURRY * fastest_mps + _STEP_BACK_MPS) * tick_s
         self._wrecks = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
         self.now: Float64Array = self._led(sample)

@@ -10,11 +10,11 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.lights import HAZARD_LIGHTS
-from simbev_ros.world.sumo.tracks import Tracks
-from simbev_ros.world.sumo.traffic import Traffic, TrafficSample
+from simbev_ros.world.sumo.tracks import LaneTracks
+from simbev_ros.world.sumo.traffic import SumoTraffic, TrafficSample
 
 
-class Population(Traffic):
+class Population(SumoTraffic):
     """Traffic whose last vehicles stand where the specification says; SUMO does not know them.
 
     Attributes:
@@ -26,10 +26,10 @@ class Population(Traffic):
         spec: SceneSpec,
         files: Sequence[Path],
         speeds_mps: Mapping[str, float],
-        tracks: Tracks,
+        tracks: LaneTracks,
         closed_lanes: Iterable[str] = (),
     ) -> None:
-        """As ``Traffic``, for a scene."""
+        """As ``SumoTraffic``, for a scene."""
         super().__init__(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed_lanes)
         self.moving = len(self.vehicles)
         standing = [index for index, vehicle in enumerate(spec.vehicles) if vehicle.stands_at is not None]
@@ -43,7 +43,7 @@ class Population(Traffic):
         self._flashing = np.array([HAZARD_LIGHTS * stand.hazard_lights for stand in stands], np.int64)
 
     def sample(self) -> TrafficSample:
-        """As ``Traffic.sample``."""
+        """As ``SumoTraffic.sample``."""
         sample = super().sample()
         return replace(
             sample,
@@ -52,23 +52,23 @@ class Population(Traffic):
         )
 
     def directions(self) -> Float64Array:
-        """As ``Traffic.directions``."""
+        """As ``SumoTraffic.directions``."""
         directions = super().directions()
         return np.concatenate([directions[: self.moving], self._ahead, directions[self.moving :]])
 
     def speed_mps(self, vehicle: int) -> float:
-        """As ``Traffic.speed_mps``."""
+        """As ``SumoTraffic.speed_mps``."""
         return super().speed_mps(vehicle) if vehicle < self.moving else 0.0
 
     def direction(self, vehicle: int) -> Float64Array:
-        """As ``Traffic.direction``."""
+        """As ``SumoTraffic.direction``."""
         return super().direction(vehicle) if vehicle < self.moving else self._ahead[vehicle - self.moving, :2]
 
     def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
-        """As ``Traffic.distance_m``."""
+        """As ``SumoTraffic.distance_m``."""
         return super().distance_m(vehicle, edge, position_m) if vehicle < self.moving else np.inf
 
     def crash(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
-        """As ``Traffic.crash``; who stands anyway is not moved."""
+        """As ``SumoTraffic.crash``; who stands anyway is not moved."""
         if not self.moving <= body < len(self.vehicles):
             super().crash(body, front_m, yaw_rad)

@@ -9,10 +9,10 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Table
 from simbev_ros.world.cast import blueprint_of
-from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.ground import GroundSurface
 
 
-def prop_rows(spec: SceneSpec, first_id: int, ground: Ground) -> Table:
+def prop_rows(spec: SceneSpec, first_id: int, ground: GroundSurface) -> Table:
     """(K,) ``ACTOR_DTYPE``, upright on the ground; ids ascend from ``first_id``."""
     props = [prop for hazard in spec.hazards for prop in hazard.props]
     blueprints = [blueprint_of(prop.blueprint) for prop in props]
@@ -29,7 +29,7 @@ def prop_rows(spec: SceneSpec, first_id: int, ground: Ground) -> Table:
     return rows
 
 
-def prop_obstacles(rows: Table, network: RoadNetwork, ground: Ground) -> Table:
+def prop_obstacles(rows: Table, network: RoadNetwork, ground: GroundSurface) -> Table:
     """(K,) ``OBSTACLE_DTYPE`` of those of the things that stand where people walk; these pass them off the road."""
     place_m = np.column_stack([rows["x"], rows["y"], rows["z"]]).astype(np.float64)
     on_sidewalk = ground.raised_m(place_m) > 0.0

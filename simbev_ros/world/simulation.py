@@ -27,12 +27,12 @@ from simbev_ros.world.demand import demand_of
 from simbev_ros.world.driving.ego_driver import EgoDriver
 from simbev_ros.world.driving.rain import rain_effect
 from simbev_ros.world.population import Population
-from simbev_ros.world.sumo.closures import with_closures
-from simbev_ros.world.sumo.curve_speeds import bend_speeds
-from simbev_ros.world.sumo.net_crop import cropped_net
+from simbev_ros.world.sumo.closures import slow_near_closures
+from simbev_ros.world.sumo.curve_speeds import curve_speeds
+from simbev_ros.world.sumo.net_crop import crop_net
 from simbev_ros.world.sumo.routes import Routes
-from simbev_ros.world.sumo.signals import SignalHeads, programmes, programmes_xml
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
@@ -64,21 +64,21 @@ class Simulation:
         self._steps = 0
         self._second_ticks = max(1, round(NS_PER_S / spec.tick_ns))
         net = network.net_path.read_text(encoding="utf-8")
-        cycles = programmes(spec, net)
+        cycles = signal_programs(spec, net)
         self._signal_heads = SignalHeads(network.signals, cycles, spec.tick_ns)
         demand = demand_of(spec, network, plazas)
-        part = cropped_net(net, demand.edges)
+        part = crop_net(net, demand.edges)
         self._routes = Routes(spec, network, part.edges)
         lanes = [each for each in network.lanes.values() if each.edge in part.edges and each.kind not in _ON_FOOT]
-        signals = programmes_xml([cycle for cycle in cycles if cycle.id in part.lights], spec.tick_ns)
+        signals = signal_programs_xml([cycle for cycle in cycles if cycle.id in part.lights], spec.tick_ns)
         with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
             inputs = {"scene.net.xml": part.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
             for name, text in inputs.items():
                 Path(folder, name).write_text(text, encoding="utf-8")
             files = [Path(folder, name) for name in inputs]
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
-            speeds_mps = with_closures(bend_speeds(lanes), spec, lanes)
-            self._traffic = Population(spec, files, speeds_mps, Tracks(lanes), closed)
+            speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
+            self._traffic = Population(spec, files, speeds_mps, LaneTracks(lanes), closed)
         try:
             self._actors = Actors(spec, network, self._traffic, obstacles, demand.excursions)
             self._driver = self._ego_driver(network) if spec.ego_driver == "twist" else None

@@ -5,7 +5,7 @@ from typing import Protocol
 from simbev_ros.scene.state import WorldState
 
 
-class Source(Protocol):
+class StateSource(Protocol):
     """One scene, tick by tick."""
 
     @property

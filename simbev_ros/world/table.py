@@ -3,7 +3,7 @@
 import numpy as np
 
 from simbev_ros.random import stream
-from simbev_ros.scene.gait import strides_m
+from simbev_ros.scene.gait import stride_lengths_m
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import EGO_ID, Behavior
 from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
@@ -72,7 +72,7 @@ class ActorTable:
         self._wheel_rad += motion.advance_m / cast.wheel_radius_m
         stride_m = cast.stride_m.copy()
         height_m = cast.rows["height"][cast.on_foot].astype(np.float64)
-        stride_m[cast.on_foot] = strides_m(height_m, motion.speed_mps[cast.on_foot])
+        stride_m[cast.on_foot] = stride_lengths_m(height_m, motion.speed_mps[cast.on_foot])
         turn_rad = 2.0 * np.pi * motion.advance_m[self._moved_by] / stride_m
         self._gait_rad = (self._gait_rad + turn_rad) % (2.0 * np.pi)
         rolls = motion.speed_mps > _STEERING_MPS

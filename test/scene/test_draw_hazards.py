@@ -17,7 +17,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
-from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
 from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec, PropSpec
 from simbev_ros.scene.spec import StandSpec, VehicleSpec
@@ -35,8 +35,8 @@ def network() -> RoadNetwork:
 
 
 @cache
-def starts() -> Starts:
-    return Starts(network(), 24.0)
+def starts() -> StartPositions:
+    return StartPositions(network(), 24.0)
 
 
 def drawn(config: Hazards, seed: int, near: BoolArray | None = None) -> DrawnHazards:

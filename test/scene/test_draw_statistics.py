@@ -13,7 +13,7 @@ from simbev_ros.config.scenario import Scenario, Timing, Traffic, WeatherConfig,
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, starts_of
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
@@ -119,7 +119,7 @@ PLANNED = PlannedScene(0, MapSpec(name="Blocks"), "train")
 
 def small_scenes(scenario: Scenario) -> Iterator[SceneSpec]:
     network = load_network(PLANNED.map)
-    starts = starts_of(scenario, network)
+    starts = start_positions(scenario, network)
     for number in range(SCENES):
         yield draw_scene(scenario, PLANNED._replace(number=number), network, starts)
 
@@ -128,7 +128,7 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
     time = Timing(duration_s=Distribution(uniform=(4, 20)))
     empty = {"traffic": Traffic(vehicles=0, pedestrians=0), "hazards": Hazards(count=0), "time": time}
     scenario = load_scenario("paper").model_copy(update=empty)
-    starts = starts_of(scenario, load_network(PLANNED.map))
+    starts = start_positions(scenario, load_network(PLANNED.map))
     ids = [starts.vehicles.waypoint(place) for place in np.flatnonzero(starts.fit(20.0)["vehicle.sedan"])]
     rank = {(place.lane, place.s_m): index for index, place in enumerate(ids)}
     specs = list(small_scenes(scenario))
@@ -148,7 +148,7 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
 @pytest.mark.slow
 def test_traffic_and_people() -> None:
     scenario = load_scenario("paper").model_copy(update={"hazards": Hazards(count=0)})  # they take free places
-    starts = starts_of(scenario, load_network(PLANNED.map))
+    starts = start_positions(scenario, load_network(PLANNED.map))
     shares, people, vehicles, walkers = [], [], [], []
     position_m = {
         (place.lane, place.s_m): starts.vehicles.position_m[index]

@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from simbev_ros.scene.ending import DURATION, Ending, SceneEnd
+from simbev_ros.scene.ending import DURATION, SceneEnd, SceneEndDetector
 from simbev_ros.scene.spec import SceneSpec
 
 
-def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) -> Ending:
+def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) -> SceneEndDetector:
     spec = SceneSpec.model_construct(
         number=4,
         map=SimpleNamespace(name="Blocks"),
@@ -16,10 +16,10 @@ def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) 
         ticks=100,
         end_after_standing_ticks=standing_ticks,
     )
-    return Ending(spec, (ticks, reason))
+    return SceneEndDetector(spec, (ticks, reason))
 
 
-def play(ending: Ending, *speeds_mps: float, first_tick: int = 0) -> SceneEnd | None:
+def play(ending: SceneEndDetector, *speeds_mps: float, first_tick: int = 0) -> SceneEnd | None:
     """The end, if it comes at the last of these speeds and not before."""
     for tick, speed_mps in enumerate(speeds_mps, start=first_tick):
         ego = {"vx": 0.6 * speed_mps, "vy": 0.8 * speed_mps}

@@ -10,13 +10,13 @@ from simbev_ros.maps.roads.surface import FAST_MPS, crosswalk_polygons, surfaces
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec
 from simbev_ros.types import Float64Array
-from simbev_ros.world.pedestrians.crossing_sites import CrossingPlace, CrossingPlaces
+from simbev_ros.world.pedestrians.crossing_sites import CrossingSite, CrossingSites
 
 
-def places_of(town: str, hazards: tuple[HazardSpec, ...] = ()) -> list[CrossingPlace]:
+def places_of(town: str, hazards: tuple[HazardSpec, ...] = ()) -> list[CrossingSite]:
     """A place every 15 m along the sidewalks of a town, where there is one."""
     network = load_network(MapSpec(name=town, seed=0))
-    places = CrossingPlaces(network, hazards)
+    places = CrossingSites(network, hazards)
     found = [
         places.place(lane.edge, float(s_m))
         for lane in network.lanes_of(LaneKind.SIDEWALK)
@@ -25,7 +25,7 @@ def places_of(town: str, hazards: tuple[HazardSpec, ...] = ()) -> list[CrossingP
     return [place for place in found if place is not None]
 
 
-def along(place: CrossingPlace, first_m: float, last_m: float) -> shapely.LineString:
+def along(place: CrossingSite, first_m: float, last_m: float) -> shapely.LineString:
     """The part of a way between two distances."""
     ahead: Float64Array = (place.ends_m[1] - place.ends_m[0])[:2] / place.length_m
     return shapely.LineString([place.ends_m[0, :2] + first_m * ahead, place.ends_m[0, :2] + last_m * ahead])

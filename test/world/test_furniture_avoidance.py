@@ -3,17 +3,17 @@
 import numpy as np
 
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
-from simbev_ros.world.pedestrians.furniture_avoidance import Furniture
+from simbev_ros.world.pedestrians.furniture_avoidance import FurnitureAvoidance
 
 RADIUS_M = 0.25
 STEP_M = 0.02
 
 
-def trees() -> Furniture:
+def trees() -> FurnitureAvoidance:
     """Two of them along the x axis; the road is to the south."""
     obstacles = np.zeros(2, OBSTACLE_DTYPE)
     obstacles["x"], obstacles["radius"], obstacles["away_y"] = [10.0, 18.0], RADIUS_M, 1.0
-    return Furniture(obstacles)
+    return FurnitureAvoidance(obstacles)
 
 
 def walk(y_m: float, z_m: float = 0.0) -> np.ndarray:

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from simbev_ros.world.driving.careful_drivers import Lookout
-from simbev_ros.world.kinematics.contacts import Boxes
-from simbev_ros.world.kinematics.footing import Contacts
+from simbev_ros.world.driving.careful_drivers import CarefulDrivers
+from simbev_ros.world.kinematics.contacts import BodyBoxes
+from simbev_ros.world.kinematics.footing import ContactPoints
 from simbev_ros.world.kinematics.motion import Bodies
 
 TICK_S = 0.1
@@ -77,12 +77,12 @@ class Road:
             lead_m=zeros + LEAD_M,
             leans=zeros > 1.0,
             mount_m=np.zeros((len(size_m), 3)),
-            contacts=Contacts(np.zeros(0, np.int64), np.zeros(0), np.zeros(0)),
-            boxes=Boxes(size_m, count),
+            contacts=ContactPoints(np.zeros(0, np.int64), np.zeros(0), np.zeros(0)),
+            boxes=BodyBoxes(size_m, count),
         )
         behind_m = CAR_M[0] / 2.0 - LEAD_M
         fronts = np.array([self.places_m(v, s) for v, s in enumerate(self.s_m)])
-        lookout = Lookout(bodies, self.careful, fronts, self, TICK_S)
+        lookout = CarefulDrivers(bodies, self.careful, fronts, self, TICK_S)
         gaps_m, self.aside_m = [], 0.0
         for tick in range(ticks):
             limit = np.array([self.limits_mps.get(v, np.inf) for v in range(count)])

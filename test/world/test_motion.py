@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from simbev_ros.world.kinematics.contacts import Boxes
-from simbev_ros.world.kinematics.followers import Pursuit, Steady, Tow
-from simbev_ros.world.kinematics.footing import Contacts
+from simbev_ros.world.kinematics.contacts import BodyBoxes
+from simbev_ros.world.kinematics.followers import PursuingPoints, SteadyPoints, TowedPoints
+from simbev_ros.world.kinematics.footing import ContactPoints
 from simbev_ros.world.kinematics.motion import Bodies, Motion
 
 TICK_S = 0.05
@@ -16,8 +16,8 @@ def body(trail_m=3.0, lead_m=2.0, leans=False, mounts_m=((0.0, 0.0, 0.0),)):
         lead_m=np.array([lead_m]),
         leans=np.array([leans]),
         mount_m=np.array(mounts_m),
-        contacts=Contacts(np.zeros(1, np.int64), np.zeros(1), np.zeros(1)),
-        boxes=Boxes(np.ones((1, 3)), 1),
+        contacts=ContactPoints(np.zeros(1, np.int64), np.zeros(1), np.zeros(1)),
+        boxes=BodyBoxes(np.ones((1, 3)), 1),
     )
 
 
@@ -104,7 +104,7 @@ def test_a_pursuer_keeps_to_its_speed_and_acceleration_and_stops_where_its_targe
     target_m[:, 0, 0] = np.minimum(0.4 * np.arange(200), 40.0)  # runs at 8 m/s at once, and stops at once
     target_m[:, 1, 1] = np.where(np.arange(200) < 20, 0.0, 0.6)  # jumps aside
     change_m = 5.0 * TICK_S**2
-    pursuit = Pursuit(target_m[0], np.array([0.5, 0.1]), change_m)
+    pursuit = PursuingPoints(target_m[0], np.array([0.5, 0.1]), change_m)
     points_m = np.array([pursuit.advance(each) for each in target_m])
     steps_m = np.diff(points_m, axis=0)
     assert np.all(np.linalg.norm(steps_m, axis=2).max(axis=0) <= [0.5 + 1e-9, 0.1 + 1e-9])
@@ -116,7 +116,7 @@ def test_a_pursuer_keeps_to_its_speed_and_acceleration_and_stops_where_its_targe
 def test_who_is_towed_goes_the_same_way_behind():
     angle = 0.03 * np.arange(1, 200)
     lead_m = np.stack([10.0 * np.sin(angle), 10.0 * (1.0 - np.cos(angle)), 0.0 * angle], axis=-1)
-    tow = Tow(np.zeros((2, 3)), np.array([[1.0, 0.0, 0.0]] * 2), np.array([2.0, 0.0]))
+    tow = TowedPoints(np.zeros((2, 3)), np.array([[1.0, 0.0, 0.0]] * 2), np.array([2.0, 0.0]))
     points_m = np.array([tow.advance(np.repeat(each[None], 2, axis=0)) for each in lead_m])
     assert np.array_equal(points_m[:, 1], lead_m)
     behind = angle - 0.2
@@ -129,7 +129,7 @@ def test_a_target_that_jumps_aside_is_followed_like_a_change_of_lanes():
     way_m = np.cumsum(np.minimum(0.05 * np.arange(160), 1.2))
     jump = int(np.argmax(way_m > 80.0))
     target_m = np.stack([way_m, np.where(np.arange(160) >= jump, 3.5, 0.0), np.zeros(160)], axis=-1)[:, None]
-    steady = Steady(target_m[0], 0.08)
+    steady = SteadyPoints(target_m[0], 0.08)
     points_m = np.array([steady.advance(each)[0] for each in target_m])
     assert np.array_equal(points_m[:jump], target_m[:jump, 0])
     assert np.abs(np.diff(points_m[:, 1])).max() < 0.25
@@ -140,11 +140,11 @@ def test_a_target_that_jumps_aside_is_followed_like_a_change_of_lanes():
 
 def test_who_turns_a_sharp_corner_follows_it_and_who_stands_stays():
     corner_m = np.concatenate([[[0.5 * k, 0.0, 0.0] for k in range(20)], [[9.5, 0.5 * k, 0.0] for k in range(1, 60)]])
-    steady = Steady(corner_m[:1], 0.08)
+    steady = SteadyPoints(corner_m[:1], 0.08)
     points_m = np.array([steady.advance(each[None])[0] for each in corner_m])
     assert np.linalg.norm(points_m - corner_m, axis=1).max() < 2.5
     assert np.array_equal(points_m[-1], corner_m[-1])
     standing_m = np.concatenate([corner_m[:22], np.repeat(corner_m[21:22], 30, axis=0)])
-    steady = Steady(standing_m[:1], 0.08)
+    steady = SteadyPoints(standing_m[:1], 0.08)
     points_m = np.array([steady.advance(each[None])[0] for each in standing_m])
     assert np.array_equal(points_m[-1], points_m[-10])

@@ -22,7 +22,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import Behavior, Event, Light
 from simbev_ros.types import BoolArray, Float64Array, Table
 from simbev_ros.world.cast import first_prop_id
-from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.ground import GroundSurface
 from simbev_ros.world.simulation import Simulation
 
 TICK_S = 0.05
@@ -133,7 +133,7 @@ def test_wheels_stand_on_the_road_whatever_its_slope(town: str, seed: int) -> No
     places = (kinds == "vehicle") & ~impact.any(axis=0)
     rows = actors[::10, places].ravel()
     half_m = np.array([blueprint.wheelbase_m for blueprint in load_blueprints()])[rows["blueprint"]] / 2.0
-    ground = Ground(load_network(map_spec(town)).layout)
+    ground = GroundSurface(load_network(map_spec(town)).layout)
     ahead = np.stack([np.cos(rows["yaw"]), np.sin(rows["yaw"]), -np.sin(rows["pitch"])], axis=-1).astype(np.float64)
     middle_m = vector(rows, ("x", "y", "z"))
     for axle_m in (half_m, -half_m):

@@ -10,7 +10,7 @@ from world_scenes import blocks, run, scene
 from simbev_ros.scene.streets.street_graph import Streets
 from simbev_ros.world import simulation
 from simbev_ros.world.demand import demand_of
-from simbev_ros.world.sumo.net_crop import CroppedNet, cropped_net
+from simbev_ros.world.sumo.net_crop import CroppedNet, crop_net
 
 
 def whole() -> str:
@@ -25,7 +25,7 @@ def test_streets_and_the_junctions_at_their_ends_stay_as_they_are() -> None:
     streets = Streets(blocks())
     start = next(lane for lane in streets.lanes if not lane.junction)
     route = streets.for_class("passenger").route(start.id, 300.0, np.random.default_rng(1))
-    part = cropped_net(whole(), route)
+    part = crop_net(whole(), route)
     before, after = ElementTree.fromstring(whole()), ElementTree.fromstring(part.xml)
     edges, kept = by_id(before, "edge"), by_id(after, "edge")
     assert set(route) < kept.keys() == part.edges
@@ -52,7 +52,7 @@ def test_streets_and_the_junctions_at_their_ends_stay_as_they_are() -> None:
 
 def test_a_scene_on_the_part_is_the_scene_on_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = scene(vehicles=12, pedestrians=12, ticks=80)
-    assert len(cropped_net(whole(), demand_of(spec, blocks()).edges).xml) < len(whole())
+    assert len(crop_net(whole(), demand_of(spec, blocks()).edges).xml) < len(whole())
     part = run(spec)
 
     def uncropped(net: str, used: object) -> CroppedNet:
@@ -83,7 +83,7 @@ def test_elements_without_children_and_entities_in_comments_do_no_harm() -> None
         '<connection from=":J_0" to="B" fromLane="0" toLane="0" dir="s" state="M"/>\n'
         '<connection from="B" to="C" fromLane="0" toLane="0" dir="s" state="M"/>\n</net>'
     )
-    root = ElementTree.fromstring(cropped_net(net, ["A"]).xml)
+    root = ElementTree.fromstring(crop_net(net, ["A"]).xml)
     assert list(by_id(root, "edge")) == [":J_0", "A", "B"]
     junctions = {each.attrib["id"]: each for each in root.iter("junction")}
     assert junctions.keys() == {"I", "J", "K"}

@@ -10,8 +10,8 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
-from simbev_ros.scene.drawing.starts import Starts
-from simbev_ros.scene.streets.off_tracking import Obstacles, bent_ways, unfit
+from simbev_ros.scene.drawing.starts import StartPositions
+from simbev_ros.scene.streets.off_tracking import TurnObstacles, bent_paths, too_tight
 from simbev_ros.scene.streets.street_graph import Streets
 
 
@@ -29,8 +29,8 @@ def ring(name: str, radius_m: float, height_m: float = 0.0, kind: LaneKind = Lan
 def fits(body: Blueprint, others: tuple[Lane, ...], sidewalks: tuple[Lane, ...] = ()) -> bool:
     """Whether it fits a ring of 20 m radius."""
     lanes = (ring("A_0", 20.0), *others)
-    ways = bent_ways(lanes, np.empty((0, 2), np.int64))
-    return not unfit([body.footprint], ways, Obstacles(lanes, sidewalks))[0, 0]
+    ways = bent_paths(lanes, np.empty((0, 2), np.int64))
+    return not too_tight([body.footprint], ways, TurnObstacles(lanes, sidewalks))[0, 0]
 
 
 def test_a_bus_cuts_a_ring_as_far_as_its_wheelbase_demands():
@@ -75,6 +75,6 @@ def test_a_bus_drives_straight_on_where_the_turn_is_too_tight():
 @pytest.mark.parametrize("town, least", [("Blocks", 0.3), ("Town10HD", 0.6)])
 def test_towns_have_room_for_buses(town, least):
     roads = blocks() if town == "Blocks" else load_network(map_spec(town))
-    fit = Starts(roads, 24.0).fit(20.0)
+    fit = StartPositions(roads, 24.0).fit(20.0)
     assert fit["vehicle.bus"].sum() > least * fit["vehicle.sedan"].sum()
     assert fit["vehicle.box_truck"].sum() > 0.4 * fit["vehicle.sedan"].sum()

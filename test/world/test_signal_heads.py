@@ -9,7 +9,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Signal
 from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.state import SignalState
-from simbev_ros.world.sumo.signals import Programme, SignalHeads, programmes, programmes_xml
+from simbev_ros.world.sumo.signals import SignalHeads, SignalProgram, signal_programs, signal_programs_xml
 
 CARLA = Path(__file__).parents[2].parent / "shared" / "maps" / "carla"
 _SHOWN = {"G": SignalState.GREEN, "g": SignalState.GREEN, "y": SignalState.YELLOW, "r": SignalState.RED}
@@ -21,12 +21,12 @@ def head(programme, link):
 
 @pytest.fixture(scope="module")
 def cycles():
-    return programmes(scene(), blocks().net_path.read_text())
+    return signal_programs(scene(), blocks().net_path.read_text())
 
 
 def test_every_head_shows_what_sumo_says_at_every_tick(cycles, tmp_path: Path):
     additional = tmp_path / "signals.add.xml"
-    additional.write_text(programmes_xml(cycles, round(TICK_S * 1e9)))
+    additional.write_text(signal_programs_xml(cycles, round(TICK_S * 1e9)))
     heads = [head(cycle.id, link) for cycle in cycles for link in range(len(cycle.states[0]))]
     table = SignalHeads(heads, cycles, round(TICK_S * 1e9))
     options = ["--step-length", "0.05", "--no-step-log", "true", "--xml-validation", "never"]
@@ -55,7 +55,7 @@ def test_green_lasts_as_drawn_then_yellow_3_s_then_all_red_2_s(cycles):
 
 
 def test_time_in_state_counts_from_the_change_across_phases_and_cycles():
-    cycle = Programme("J", ("Gr", "gr", "yr", "rG"), (4, 2, 1, 3), offset_ticks=1, green_s=0.6)
+    cycle = SignalProgram("J", ("Gr", "gr", "yr", "rG"), (4, 2, 1, 3), offset_ticks=1, green_s=0.6)
     heads = SignalHeads([head("J", 0), head("J", 1)], [cycle], 100_000_000)
     times = np.array([heads.at(tick)["time_in_state"] for tick in range(-1, 13)]) / np.float32(0.1)
     # Link 0: red for 3 ticks before tick 1, green 6, yellow 1, red 3; link 1: green for 3 ticks, red 7.
@@ -64,7 +64,7 @@ def test_time_in_state_counts_from_the_change_across_phases_and_cycles():
 
 
 def test_time_remaining_counts_down_to_the_change_which_may_never_come():
-    cycle = Programme("J", ("Grr", "grr", "yrr", "rGr"), (4, 2, 1, 3), offset_ticks=1, green_s=0.6)
+    cycle = SignalProgram("J", ("Grr", "grr", "yrr", "rGr"), (4, 2, 1, 3), offset_ticks=1, green_s=0.6)
     heads = SignalHeads([head("J", 0), head("J", 1), head("J", 2)], [cycle], 100_000_000)
     times = np.array([heads.at(tick)["time_remaining"] for tick in range(-1, 13)]) / np.float32(0.1)
     assert times[:, 0].round().tolist() == [2, 1, 6, 5, 4, 3, 2, 1, 1, 3, 2, 1, 6, 5]
@@ -80,7 +80,7 @@ def test_the_time_remaining_is_the_time_that_then_passes_until_the_change(town: 
         pytest.skip("without the shared maps")
     network = load_network(map_spec(str(town)))
     spec = scene(vehicles=1, pedestrians=0, green_time_s=(4.0, 13.3, 27.7))
-    cycles = programmes(spec, network.net_path.read_text())
+    cycles = signal_programs(spec, network.net_path.read_text())
     heads = SignalHeads(network.signals, cycles, spec.tick_ns)
     rows = np.stack([heads.at(tick) for tick in range(1600)])
     assert rows.shape[1] >= 16
@@ -95,7 +95,7 @@ def test_the_time_remaining_is_the_time_that_then_passes_until_the_change(town: 
 
 
 def test_heads_carry_their_pose_and_green_time():
-    cycle = Programme("J", ("G", "r"), (5, 5), 0, green_s=0.5)
+    cycle = SignalProgram("J", ("G", "r"), (5, 5), 0, green_s=0.5)
     signal = Signal(np.array([1.0, 2.0, 5.5]), 0.25, np.zeros(3), "J", 0, "")
     row = SignalHeads([signal], [cycle], 100_000_000).at(0)[0]
     assert (row["x"], row["y"], row["z"], row["yaw"], row["green_time"], row["id"]) == (1.0, 2.0, 5.5, 0.25, 0.5, 1)

@@ -15,7 +15,7 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.sumo.crossfall import CROSSFALL
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
-from simbev_ros.scene.gait import strides_m
+from simbev_ros.scene.gait import stride_lengths_m
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.population import Population
 from simbev_ros.world.simulation import Simulation
@@ -167,7 +167,7 @@ def test_walkers_feet_and_wheelchairs_wheels_do_not_slide(name):
     strides = np.diff(np.unwrap(person["gait"])) / (2 * np.pi)
     blueprint = load_blueprints()[index]
     speed_mps = np.hypot(person["vx"], person["vy"])[1:].astype(np.float64)
-    stride_m = blueprint.stride_m or strides_m(blueprint.size_m[2], speed_mps)
+    stride_m = blueprint.stride_m or stride_lengths_m(blueprint.size_m[2], speed_mps)
     assert np.sum(strides * stride_m) == pytest.approx(way_m, rel=0.03)
 
 

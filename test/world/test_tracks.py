@@ -7,7 +7,7 @@ import pytest
 from world_scenes import lane
 
 from simbev_ros.maps.network import Lane
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 STRAIGHT_M, RADIUS_M, SPACING_M = 150.0, 20.0, 3.5
 
@@ -24,7 +24,7 @@ def bending_lane(index: int) -> Lane:
 
 
 LANES = [bending_lane(index) for index in range(3)]
-TRACKS = Tracks([lane("B_0"), *LANES])
+TRACKS = LaneTracks([lane("B_0"), *LANES])
 
 
 def places(index: int, positions_m: np.ndarray, left_m: float = 0.0) -> np.ndarray:
@@ -88,5 +88,5 @@ def test_no_lane_stands_still_while_its_neighbour_turns_away() -> None:
     turning = replace(lane("A_1"), centerline_m=turning_m)
     ahead = replace(lane("A_0"), centerline_m=np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]]))
     positions_m = np.linspace(0.0, 20.0, 41)
-    places_m = Tracks([ahead, turning]).places_m(["A_0"] * 41, positions_m, np.zeros(41))
+    places_m = LaneTracks([ahead, turning]).places_m(["A_0"] * 41, positions_m, np.zeros(41))
     np.testing.assert_allclose(np.diff(places_m[:, 0]), 0.5, atol=0.16)

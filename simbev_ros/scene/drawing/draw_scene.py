@@ -20,8 +20,8 @@ from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.drivers import Driver, draw_driver
 from simbev_ros.scene.drawing.spawn import draw_spawn
-from simbev_ros.scene.drawing.start_clearance import Room
-from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.drawing.start_clearance import StartClearance
+from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.gait import transition_mps
 from simbev_ros.scene.hazards.detours import Detours
 from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
@@ -57,7 +57,7 @@ def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
 
 
 def draw_scene(
-    scenario: Scenario, planned: PlannedScene, network: RoadNetwork, starts: Starts | None = None
+    scenario: Scenario, planned: PlannedScene, network: RoadNetwork, starts: StartPositions | None = None
 ) -> SceneSpec:
     """Draw one scene.
 
@@ -65,19 +65,19 @@ def draw_scene(
         scenario: The configuration.
         planned: Number, map and split.
         network: The roads of ``planned.map``.
-        starts: ``starts_of`` the configuration and these roads, for whoever draws many scenes; by default worked out.
+        starts: ``start_positions`` the configuration and these roads, for whoever draws many scenes; by default worked out.
 
     Raises:
         InputError: more vehicles are asked for than there is room, or a blueprint is unknown or may drive nowhere.
     """
     seed = scenario.seed + planned.number
-    starts = starts_of(scenario, network) if starts is None else starts
-    ticks, warm_up_ticks = ticks_of(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
+    starts = start_positions(scenario, network) if starts is None else starts
+    ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     ego, ego_position_m = _draw_ego(scenario, seed, network, starts, duration_s)
     weather, final_weather = draw_weathers(scenario.weather, seed, hilly=starts.is_hilly)
     hazards = _draw_hazards(scenario, seed, network, starts, duration_s, ego, ego_position_m)
-    room = Room(network)
+    room = StartClearance(network)
     room.take(ego)
     vehicles = tuple(
         _draw_vehicles(scenario.traffic, seed, starts, duration_s, ego.start, ego_position_m, hazards, room)
@@ -105,7 +105,7 @@ def draw_scene(
         hazards=hazards.hazards,
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{programme}.green"))
-            for programme in starts.programmes or ("",)
+            for programme in starts.signal_programs or ("",)
         ),
     )
 
@@ -115,18 +115,18 @@ def _standing_ticks(scenario: Scenario) -> int | None:
     return None if standing_s is None else max(1, math.ceil(standing_s / scenario.time.tick_s - 1e-6))
 
 
-def starts_of(scenario: Scenario, network: RoadNetwork) -> Starts:
+def start_positions(scenario: Scenario, network: RoadNetwork) -> StartPositions:
     """Where actors can start on a map: the part of drawing that all scenes of the map share."""
-    return Starts(network, scenario.traffic.waypoint_spacing_m)
+    return StartPositions(network, scenario.traffic.waypoint_spacing_m)
 
 
-def ticks_of(timing: Timing, seed: int) -> int:
+def duration_ticks(timing: Timing, seed: int) -> int:
     """Length of the scene: as it is fixed, or drawn and rounded to whole ticks."""
     return max(1, round(sample(timing.duration_s, stream(seed, "time.duration")) / timing.tick_s))
 
 
 def _draw_ego(
-    scenario: Scenario, seed: int, network: RoadNetwork, starts: Starts, duration_s: float
+    scenario: Scenario, seed: int, network: RoadNetwork, starts: StartPositions, duration_s: float
 ) -> tuple[VehicleSpec, Float64Array]:
     """The ego and its (3,) place."""
     by_name = {blueprint.name: blueprint for blueprint in load_blueprints() if blueprint.kind == "vehicle"}
@@ -150,7 +150,7 @@ def _draw_ego(
 
 def _free_places(
     traffic: Traffic,
-    starts: Starts,
+    starts: StartPositions,
     duration_s: float,
     ego: WaypointSpec,
     ego_m: Float64Array,
@@ -170,7 +170,7 @@ def _draw_hazards(
     scenario: Scenario,
     seed: int,
     network: RoadNetwork,
-    starts: Starts,
+    starts: StartPositions,
     duration_s: float,
     ego: VehicleSpec,
     ego_m: Float64Array,
@@ -186,12 +186,12 @@ def _draw_hazards(
 def _draw_vehicles(
     traffic: Traffic,
     seed: int,
-    starts: Starts,
+    starts: StartPositions,
     duration_s: float,
     ego: WaypointSpec,
     ego_m: Float64Array,
     hazards: DrawnHazards,
-    room: Room,
+    room: StartClearance,
 ) -> Iterator[VehicleSpec]:
     """Vehicles at the free places around the ego and outside of hazard areas, each of a kind that may drive there."""
     places, closed = starts.vehicles, hazards.closed_edges
@@ -226,7 +226,9 @@ def _draw_vehicles(
         _LOGGER.warning("room for %d of %d vehicles around the ego", found, count)
 
 
-def _with_room(names: tuple[str, ...], start: WaypointSpec, room: Room, rng: np.random.Generator) -> Blueprint | None:
+def _with_room(
+    names: tuple[str, ...], start: WaypointSpec, room: StartClearance, rng: np.random.Generator
+) -> Blueprint | None:
     """One of these vehicles; a short one if there is no room for that; None if there is none for that either."""
     short = tuple(name for name in names if not is_long(load_blueprints()[blueprint_index()[name]]))
     for allowed in (names, short):
@@ -257,11 +259,11 @@ def _vehicle(
 def _draw_pedestrians(
     traffic: Traffic,
     seed: int,
-    starts: Starts,
+    starts: StartPositions,
     duration_s: float,
     map_name: str,
     center_m: Float64Array,
-    room: Room,
+    room: StartClearance,
 ) -> Iterator[PedestrianSpec]:
     """Pedestrians on sidewalks around the ego; as many as there is room for, down to none, and a note if not all."""
     rng = stream(seed, "pedestrians.count")

@@ -12,7 +12,7 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array
 _APART_M = 0.3
 
 
-class Room:
+class StartClearance:
     """What the vehicles of a scene take up before anybody moves."""
 
     def __init__(self, network: RoadNetwork) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.hazards.sites import HazardSites
-from simbev_ros.scene.streets.lane_positions import Places, places_along
+from simbev_ros.scene.streets.lane_positions import LanePositions, positions_along
 from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.scene.streets.walks import WalkGraph
@@ -17,17 +17,17 @@ _TAIL_M = 1.0  # of a long vehicle may stick out of its lane
 _WALK_MPS = 2.0  # where one can walk at this speed for the whole scene is room enough
 
 
-class Starts:
+class StartPositions:
     """The places of one map."""
 
     def __init__(self, network: RoadNetwork, waypoint_spacing_m: float) -> None:
         """Lay the places for vehicles along the streets, and those for pedestrians along the sidewalks."""
         self._streets = streets_of(network)
-        self.vehicles = places_along(self._streets.lanes, waypoint_spacing_m / 2.0, waypoint_spacing_m)
+        self.vehicles = positions_along(self._streets.lanes, waypoint_spacing_m / 2.0, waypoint_spacing_m)
         walks = WalkGraph(network)
         component_m = walks.component_m()
         self._component_m = np.array([component_m[lane.edge] for lane in walks.sidewalks])
-        self.pedestrians: Places = places_along(walks.sidewalks, 1.0, 1.0, end_margin_m=0.5)
+        self.pedestrians: LanePositions = positions_along(walks.sidewalks, 1.0, 1.0, end_margin_m=0.5)
         self._network = network
         self.fit = lru_cache(maxsize=8)(self._fit)
         self.hazard_sites = lru_cache(maxsize=8)(partial(HazardSites, network))
@@ -38,7 +38,7 @@ class Starts:
         return any(bool(np.any(np.abs(lane.centerline_m[:, 2]) > 0.01)) for lane in self._network.lanes.values())
 
     @cached_property
-    def programmes(self) -> tuple[str, ...]:
+    def signal_programs(self) -> tuple[str, ...]:
         """The traffic lights' programmes."""
         return tuple(sorted({signal.programme for signal in self._network.signals}))
 

@@ -117,7 +117,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, float | str]]:
         yield name, value if isinstance(value, str) else float(value)
 
 
-def meant(name: str, scenario: Scenario) -> str:
+def configured_value(name: str, scenario: Scenario) -> str:
     """What a parameter is meant to be under a configuration; empty if the configuration has no say."""
     facts = _facts()
     for path in _candidates(name, facts["fields"]):

@@ -4,7 +4,7 @@ import numpy as np
 
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
-from simbev_ros.scene.streets.lane_positions import Places
+from simbev_ros.scene.streets.lane_positions import LanePositions
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.types import BoolArray
 
@@ -16,7 +16,9 @@ _LEAST_SHARE = 0.75  # of the places around the ego where one can still start
 class Detours:
     """The ways around closed roads, in a scene."""
 
-    def __init__(self, network: RoadNetwork, ego: Blueprint, ego_lane: str, places: Places, near: BoolArray) -> None:
+    def __init__(
+        self, network: RoadNetwork, ego: Blueprint, ego_lane: str, places: LanePositions, near: BoolArray
+    ) -> None:
         """For an ego that starts on a lane, and the others at those of the (N,) places that are ``near``."""
         self._streets = streets_of(network)
         self._ego, self._ego_lane = ego, ego_lane

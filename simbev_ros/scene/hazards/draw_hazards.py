@@ -18,7 +18,7 @@ from simbev_ros.scene.hazards.sites import HazardSites
 from simbev_ros.scene.hazards.vehicles import accident_vehicles, works_vehicles
 from simbev_ros.scene.hazards.workers import workers
 from simbev_ros.scene.spec import VehicleSpec
-from simbev_ros.scene.streets.lane_positions import Places
+from simbev_ros.scene.streets.lane_positions import LanePositions
 from simbev_ros.types import BoolArray, Float64Array
 
 _LOGGER = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ class DrawnHazards(NamedTuple):
         """Streets that nobody drives onto."""
         return frozenset(edge for hazard in self.hazards for edge in hazard.closed_edges)
 
-    def leave_free(self, places: Places) -> BoolArray:
+    def leave_free(self, places: LanePositions) -> BoolArray:
         """(N,) whether vehicles can start at places: not in or close to an area, nor where it closes the way on."""
         closed = self.closed_edges
         free = ~np.array([lane.edge in closed for lane in places.lanes], bool)[places.row]
@@ -54,7 +54,7 @@ def draw_hazards(
     config: Hazards,
     seed: int,
     sites: HazardSites,
-    places: Places,
+    places: LanePositions,
     near: BoolArray,
     ego_m: Float64Array,
     detours: Detours | None = None,

@@ -7,7 +7,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.roadside import Roadside, side_of
 
-SHORTEST_M = 24.0
+MIN_LENGTH_M = 24.0
 """Of an area between its tapers: room for an emergency vehicle and two cars."""
 
 _ENTRY_M, _ENTRY_S = 15.0, 1.5  # from the lane's start at least, to get off the closed lanes; and time at the limit
@@ -24,7 +24,7 @@ _USUAL = "passenger"
 _KMH_PER_MPS = 3.6
 
 
-class Site(NamedTuple):
+class HazardSite(NamedTuple):
     """Lanes of one edge that a hazard closes.
 
     Attributes:
@@ -69,7 +69,7 @@ class HazardSites:
         self._taper_factor = taper_factor
         self.roadside = Roadside(network)
 
-    def at(self, lane: Lane) -> Site | None:
+    def at(self, lane: Lane) -> HazardSite | None:
         """The site that a hazard on a driving lane takes; None: there is no room.
 
         The driving lanes between it and the nearer side of the road are closed, but no more than stay open; where there
@@ -82,16 +82,16 @@ class HazardSites:
         closed = self._closed(lane, driving)
         if closed[0].kind is not LaneKind.DRIVING:
             taper_m = _SHOULDER_TAPER * self._taper_m(lane.speed_mps, closed[0].width_m)
-            site = Site(closed, side_of(lane, closed[0]), _CORNER_M, closed[0].length_m - _CORNER_M, taper_m)
+            site = HazardSite(closed, side_of(lane, closed[0]), _CORNER_M, closed[0].length_m - _CORNER_M, taper_m)
         elif len(closed) == len(driving):
-            site = Site(closed, self.roadside.hand, _CORNER_M, lane.length_m - _CORNER_M, _END_TAPER_M, True)
+            site = HazardSite(closed, self.roadside.hand, _CORNER_M, lane.length_m - _CORNER_M, _END_TAPER_M, True)
         else:
             taper_m = self._taper_m(lane.speed_mps, sum(each.width_m for each in closed))
             side = side_of(next(each for each in driving if each not in closed), closed[0])
             from_s_m = max(_ENTRY_M, _ENTRY_S * lane.speed_mps)
-            site = Site(closed, side, from_s_m, closed[0].length_m - _EXIT_M, taper_m)
+            site = HazardSite(closed, side, from_s_m, closed[0].length_m - _EXIT_M, taper_m)
         too_narrow = site.closes_road and lane.width_m < _LEAST_ROAD_M
-        return None if too_narrow or site.room_m < SHORTEST_M else site
+        return None if too_narrow or site.room_m < MIN_LENGTH_M else site
 
     def _closed(self, lane: Lane, driving: list[Lane]) -> tuple[Lane, ...]:
         """Which lanes are closed, the outermost first, for a hazard on one of the driving lanes of an edge."""

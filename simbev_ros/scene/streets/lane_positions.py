@@ -12,7 +12,7 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class LanePositions:
     """N places on some lanes.
 
     Attributes:
@@ -46,11 +46,13 @@ class Places:
         return WaypointSpec(lane=self.lanes[self.row[index]].id, s_m=float(self.s_m[index]))
 
 
-def places_along(lanes: Sequence[Lane], first_m: float, spacing_m: float, end_margin_m: float = 0.0) -> Places:
+def positions_along(
+    lanes: Sequence[Lane], first_m: float, spacing_m: float, end_margin_m: float = 0.0
+) -> LanePositions:
     """The first place of each lane ``first_m`` from its start, then one every ``spacing_m``, clear of its end."""
     lines = Polylines.of([lane.centerline_m for lane in lanes])
     counts = np.ceil((lines.length_m - end_margin_m - first_m) / spacing_m).clip(0.0).astype(np.int64)
     row = np.repeat(np.arange(len(lanes)), counts)
     number = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
     s_m: Float64Array = first_m + spacing_m * number.astype(np.float64)
-    return Places(tuple(lanes), row, s_m, lines.values(lines.parameter(row, s_m)))
+    return LanePositions(tuple(lanes), row, s_m, lines.values(lines.parameter(row, s_m)))

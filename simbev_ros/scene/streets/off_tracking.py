@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.scene.blueprints import Blueprint, Footprint
+from simbev_ros.scene.blueprints import Blueprint, VehicleFootprint
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _LONG_M = 5.5  # shorter vehicles fit everywhere
@@ -28,7 +28,7 @@ _ONTO_SIDEWALKS_M = 0.8
 _OTHER_LEVEL_M = 2.5
 
 
-class Ways(NamedTuple):
+class TurningPaths(NamedTuple):
     """N ways, each from lane to lane, in M samples about a metre apart.
 
     Attributes:
@@ -51,7 +51,7 @@ def is_long(blueprint: Blueprint) -> bool:
     return blueprint.size_m[0] >= _LONG_M
 
 
-def bent_ways(lanes: Sequence[Lane], following: Int64Array) -> Ways:
+def bent_paths(lanes: Sequence[Lane], following: Int64Array) -> TurningPaths:
     """Of the ways through junctions and of the lanes outside, those that bend.
 
     Args:
@@ -72,7 +72,7 @@ def bent_ways(lanes: Sequence[Lane], following: Int64Array) -> Ways:
     lines = Polylines.of([lines_m[index] for index in bent])
     way, s_m = lines.places(_STEP_M)
     place = lines.parameter(way, s_m)
-    return Ways(
+    return TurningPaths(
         lines.values(place),
         lines.headings(place),
         np.searchsorted(way, np.arange(len(lines) + 1)),
@@ -101,7 +101,7 @@ def _turn_rad(line_m: Float64Array) -> float:
     return float(np.ptp(np.unwrap(np.arctan2(steps_m[:, 1], steps_m[:, 0])))) if len(steps_m) else 0.0
 
 
-class Obstacles:
+class TurnObstacles:
     """What a vehicle must keep off: samples of the middles of lanes outside junctions and of sidewalks."""
 
     def __init__(self, driving: Sequence[Lane], sidewalks: Sequence[Lane]) -> None:
@@ -127,7 +127,7 @@ class Obstacles:
         return np.where(inside, self._lane[near], -1)
 
 
-def unfit(bodies: Sequence[Footprint], ways: Ways, obstacles: Obstacles) -> BoolArray:
+def too_tight(bodies: Sequence[VehicleFootprint], ways: TurningPaths, obstacles: TurnObstacles) -> BoolArray:
     """(B, N) whether each of B vehicles does not fit each of N ways."""
     length_m, width_m, lead_m, axle_m = np.array(bodies, np.float64).reshape(-1, 4).T
     width_m = width_m + 2.0 * _PASSING_M * (length_m < _RARE_M)

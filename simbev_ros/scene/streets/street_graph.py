@@ -16,7 +16,7 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.scene.blueprints import Blueprint, Footprint
+from simbev_ros.scene.blueprints import Blueprint, VehicleFootprint
 from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.scene.streets.tight_turns import tight_lanes
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
@@ -74,13 +74,13 @@ class Streets:
         """The graph of one of SUMO's vehicle classes."""
         return StreetGraph(self, sumo_class, self.open_to(sumo_class))
 
-    def _for_long(self, sumo_class: str, body: Footprint) -> "StreetGraph":
+    def _for_long(self, sumo_class: str, body: VehicleFootprint) -> "StreetGraph":
         """The graph of long vehicles of a class."""
         tight = streets_of(self._network).tight[body][self._kept]
         return StreetGraph(self, sumo_class, self.open_to(sumo_class) & ~tight)
 
     @cached_property
-    def tight(self) -> Mapping[Footprint, BoolArray]:
+    def tight(self) -> Mapping[VehicleFootprint, BoolArray]:
         """For each long vehicle's footprint, (L,) which lanes it must not take; to be asked for all of a map."""
         return tight_lanes(self._network, self.following)
 

@@ -14,14 +14,14 @@ from simbev_ros.maps.cache import code_version, folder_of
 from simbev_ros.maps.cache_ageing import discard
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.scene.blueprints import Footprint, load_blueprints
-from simbev_ros.scene.streets.off_tracking import Obstacles, bent_ways, is_long, unfit
+from simbev_ros.scene.blueprints import VehicleFootprint, load_blueprints
+from simbev_ros.scene.streets.off_tracking import TurnObstacles, bent_paths, is_long, too_tight
 from simbev_ros.types import BoolArray, Int64Array
 
 _FILE = "tight.npy"
 
 
-def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprint, BoolArray]:
+def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[VehicleFootprint, BoolArray]:
     """For each long vehicle's footprint, (L,) which driving lanes it must not take.
 
     Args:
@@ -46,18 +46,22 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprin
 
 
 def _build(
-    bodies: Sequence[Footprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array, folder: Path
+    bodies: Sequence[VehicleFootprint],
+    driving: Sequence[Lane],
+    sidewalks: Sequence[Lane],
+    following: Int64Array,
+    folder: Path,
 ) -> None:
     """Fill a folder of the cache."""
-    ways = bent_ways(driving, following)
-    body, way = np.nonzero(unfit(bodies, ways, Obstacles(driving, sidewalks)))
+    ways = bent_paths(driving, following)
+    body, way = np.nonzero(too_tight(bodies, ways, TurnObstacles(driving, sidewalks)))
     tight = np.zeros((len(bodies), len(driving)), bool)
     tight[body, ways.decisive[way]] = True
     np.save(folder / _FILE, tight, allow_pickle=False)
 
 
 def _key(
-    bodies: Sequence[Footprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array
+    bodies: Sequence[VehicleFootprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array
 ) -> bytes:
     """All that decides the content: the vehicles and the lanes."""
     lanes = (*driving, *sidewalks)

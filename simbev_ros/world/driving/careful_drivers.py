@@ -12,9 +12,15 @@ from typing import Protocol
 import numpy as np
 
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
-from simbev_ros.world.driving.conflicts import Encounters, Outlook
-from simbev_ros.world.driving.passing import Passing
-from simbev_ros.world.driving.trajectory_prediction import TIMES_S, Course, Foresight, Ways, walks
+from simbev_ros.world.driving.conflicts import Conflicts, PredictedTraffic
+from simbev_ros.world.driving.passing import PassingOffsets
+from simbev_ros.world.driving.trajectory_prediction import (
+    TIMES_S,
+    PredictedTrajectories,
+    RouteGeometry,
+    TrajectoryPredictor,
+    walks,
+)
 from simbev_ros.world.kinematics.motion import Bodies
 
 _REASON = "lookout"
@@ -26,7 +32,7 @@ _STANDING_MPS = 0.02
 _FRONT_M = 0.5
 
 
-class Drivers(Ways, Protocol):
+class DriverControl(RouteGeometry, Protocol):
     """What the look-out asks of the traffic; vehicles by their place in ``vehicles``."""
 
     def speed_mps(self, vehicle: int) -> float:
@@ -36,7 +42,7 @@ class Drivers(Ways, Protocol):
         """Let a vehicle drive no faster for a reason; None: lift that."""
 
 
-class Lookout:
+class CarefulDrivers:
     """What all careful drivers of a scene see, and how they brake.
 
     Attributes:
@@ -44,7 +50,7 @@ class Lookout:
     """
 
     def __init__(
-        self, bodies: Bodies, careful: BoolArray, front_m: Float64Array, traffic: Drivers, tick_s: float
+        self, bodies: Bodies, careful: BoolArray, front_m: Float64Array, traffic: DriverControl, tick_s: float
     ) -> None:
         """At rest.
 
@@ -63,9 +69,9 @@ class Lookout:
         self._careful[: self._sumos] = careful[: self._sumos]
         self._traffic = traffic
         self._tick_s = tick_s
-        self._foresight = Foresight(bodies, front_m, traffic, tick_s)
+        self._foresight = TrajectoryPredictor(bodies, front_m, traffic, tick_s)
         self._every = max(1, round(_LOOK_S / tick_s))
-        self._passing = Passing(self._sumos, self._every * tick_s)
+        self._passing = PassingOffsets(self._sumos, self._every * tick_s)
         self._steps = 0
         self._people_m: Float64Array | None = None
 
@@ -107,7 +113,9 @@ class Lookout:
             speed_mps = self._traffic.speed_mps(vehicle) - braking_mps2 * self._tick_s
             self._traffic.limit(vehicle, _REASON, max(speed_mps, 0.0))
 
-    def _courses(self, position_m: Float64Array, ahead: Float64Array, still: BoolArray, on_kerb: BoolArray) -> Course:
+    def _courses(
+        self, position_m: Float64Array, ahead: Float64Array, still: BoolArray, on_kerb: BoolArray
+    ) -> PredictedTrajectories:
         """How all bodies at (G, 2) go on now."""
         place_m, people_m = np.split(position_m, [self._vehicles])
         before_m = people_m if self._people_m is None else self._people_m
@@ -118,11 +126,13 @@ class Lookout:
         drives = np.flatnonzero(~still[: self._sumos] & (self._foresight.speed_mps > _STANDING_MPS))
         course = self._foresight.course(drives, starts=False)
         center_m[drives], forward[drives] = course.center_m, course.forward
-        return Course(np.concatenate([center_m, strolls.center_m]), np.concatenate([forward, strolls.forward]))
+        return PredictedTrajectories(
+            np.concatenate([center_m, strolls.center_m]), np.concatenate([forward, strolls.forward])
+        )
 
-    def _look(self, drivers: Int64Array, now: Course, height_m: Float64Array) -> None:
+    def _look(self, drivers: Int64Array, now: PredictedTrajectories, height_m: Float64Array) -> None:
         """Decide who of (D,) drivers brakes, and how hard, and who makes room."""
-        outlook = Outlook(self._half_m, height_m, self._let_go(now), now)
+        outlook = PredictedTraffic(self._half_m, height_m, self._let_go(now), now)
         moving = drivers[~outlook.own.stays[drivers]]
         met = outlook.encounters(moving)
         needed_mps2, brakes = self._yielding(met, outlook)
@@ -130,7 +140,7 @@ class Lookout:
         self._foresight.aside_m = self._passing.aside_m
         self._brake(drivers, met.me[brakes], needed_mps2[brakes])
 
-    def _let_go(self, now: Course) -> Course:
+    def _let_go(self, now: PredictedTrajectories) -> PredictedTrajectories:
         """The courses of all bodies if those who yield drove off."""
         held = np.array(sorted(self.braking_mps2), np.int64)
         if not len(held):
@@ -138,9 +148,9 @@ class Lookout:
         center_m, forward = now.center_m.copy(), now.forward.copy()
         course = self._foresight.course(held, starts=True)
         center_m[held], forward[held] = course.center_m, course.forward
-        return Course(center_m, forward)
+        return PredictedTrajectories(center_m, forward)
 
-    def _yielding(self, met: Encounters, outlook: Outlook) -> tuple[Float64Array, BoolArray]:
+    def _yielding(self, met: Conflicts, outlook: PredictedTraffic) -> tuple[Float64Array, BoolArray]:
         """(N,) decelerations that drivers need in encounters, and (N,) in which of these they brake."""
         needed_mps2, in_vain = self._needed_mps2(met, outlook)
         could = self._careful[met.other]
@@ -154,7 +164,7 @@ class Lookout:
         yields |= in_vain & others_in_vain & (is_held | could)
         return needed_mps2, yields & (is_held | (needed_mps2 > _UNCOMFORTABLE_MPS2))
 
-    def _needed_mps2(self, met: Encounters, outlook: Outlook) -> tuple[Float64Array, BoolArray]:
+    def _needed_mps2(self, met: Conflicts, outlook: PredictedTraffic) -> tuple[Float64Array, BoolArray]:
         """How hard drivers must brake for others whom they would touch.
 
         Returns:

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
-from simbev_ros.world.driving.trajectory_prediction import TIMES_S, Course
+from simbev_ros.world.driving.trajectory_prediction import TIMES_S, PredictedTrajectories
 
 MARGINS_M = (0.25, 0.1, 0.02)  # between bodies; the next one of those who are closer already
 _LEVEL_M = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Encounters:
+class Conflicts:
     """N drivers and the bodies that they would touch; bodies by their places among all.
 
     Attributes:
@@ -33,17 +33,17 @@ class Encounters:
     margin_m: Float64Array
     first: Int64Array
 
-    def where(self, chosen: BoolArray) -> "Encounters":
+    def where(self, chosen: BoolArray) -> "Conflicts":
         """Those of the N that are chosen, (N,)."""
-        return Encounters(self.me[chosen], self.other[chosen], self.margin_m[chosen], self.first[chosen])
+        return Conflicts(self.me[chosen], self.other[chosen], self.margin_m[chosen], self.first[chosen])
 
-    def reversed(self) -> "Encounters":
+    def reversed(self) -> "Conflicts":
         """The same as the others would have them if these were the drivers."""
-        return Encounters(self.other, self.me, self.margin_m, self.first)
+        return Conflicts(self.other, self.me, self.margin_m, self.first)
 
 
 @dataclass(frozen=True, slots=True)
-class Touches:
+class FirstContacts:
     """How N drivers and their others lie when they touch at first; pairs are metres ahead and to the driver's left.
 
     Attributes:
@@ -60,7 +60,7 @@ class Touches:
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
+class PredictedTraffic:
     """The courses of G bodies as drivers weigh them.
 
     Attributes:
@@ -72,8 +72,8 @@ class Outlook:
 
     half_m: Float64Array
     height_m: Float64Array
-    own: Course
-    others: Course
+    own: PredictedTrajectories
+    others: PredictedTrajectories
 
     @property
     def radius_m(self) -> Float64Array:
@@ -81,22 +81,22 @@ class Outlook:
         radius_m: Float64Array = np.hypot(*self.half_m.T)
         return radius_m
 
-    def encounters(self, drivers: Int64Array) -> Encounters:
+    def encounters(self, drivers: Int64Array) -> Conflicts:
         """Of (D,) drivers, with all whom they would touch later than now."""
         me, other = self._near(drivers)
         margin_m = self._margins_m(me, other)
         later = np.arange(1, len(TIMES_S))
-        first = self._first(Encounters(me, other, margin_m, np.full(len(me), len(TIMES_S))), later, later)
-        return Encounters(me, other, margin_m, first).where(first < len(TIMES_S))
+        first = self._first(Conflicts(me, other, margin_m, np.full(len(me), len(TIMES_S))), later, later)
+        return Conflicts(me, other, margin_m, first).where(first < len(TIMES_S))
 
-    def entry(self, met: Encounters) -> Int64Array:
+    def entry(self, met: Conflicts) -> Int64Array:
         """(N,) which of ``TIMES_S`` drivers enter the way that others take after that; the first touch at the latest.
 
         Of 0 the driver is on that way already.
         """
         return self._first(met, *np.triu_indices(len(TIMES_S), 1))
 
-    def touches(self, met: Encounters) -> Touches:
+    def touches(self, met: Conflicts) -> FirstContacts:
         """How those who meet lie when they touch at first."""
         ahead, forward = self.own.forward[met.me, met.first], self.others.forward[met.other, met.first]
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
@@ -105,7 +105,7 @@ class Outlook:
         cos, sin = np.abs(np.sum(ahead * forward, axis=1)), np.abs(np.sum(left * forward, axis=1))
         others_half_m = self.half_m[met.other]
         reach_m = self.half_m[met.me] + cos[:, None] * others_half_m + sin[:, None] * others_half_m[:, ::-1]
-        return Touches(ahead, gap_m, reach_m, cos)
+        return FirstContacts(ahead, gap_m, reach_m, cos)
 
     def _near(self, drivers: Int64Array) -> tuple[Int64Array, Int64Array]:
         """(N,) of the drivers, and (N,) bodies whose courses may meet theirs."""
@@ -135,7 +135,7 @@ class Outlook:
             margin_m[close[within]] = narrow_m
         return margin_m
 
-    def _first(self, met: Encounters, my_time: Int64Array, their_time: Int64Array) -> Int64Array:
+    def _first(self, met: Conflicts, my_time: Int64Array, their_time: Int64Array) -> Int64Array:
         """(N,) first of the (T,) times of drivers at which they touch others, who are where they are at (T,) others.
 
         It is ``met.first`` for those who touch nobody until then.

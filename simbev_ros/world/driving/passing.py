@@ -3,7 +3,7 @@
 import numpy as np
 
 from simbev_ros.types import Float64Array, Int64Array
-from simbev_ros.world.driving.conflicts import MARGINS_M, Encounters, Outlook
+from simbev_ros.world.driving.conflicts import MARGINS_M, Conflicts, PredictedTraffic
 from simbev_ros.world.driving.trajectory_prediction import TIMES_S
 
 _PARALLEL = 0.8  # cosine of the angle at which vehicles still pass each other, and do not cross
@@ -12,7 +12,7 @@ _STEP_M = 0.1  # by which a driver corrects how far aside it drives at each look
 _RETURN_MPS = 0.15
 
 
-class Passing:
+class PassingOffsets:
     """How far aside drivers make room.
 
     Attributes:
@@ -25,7 +25,7 @@ class Passing:
         self._look_s = look_s
         self._quiet_s = np.zeros(vehicles)  # since drivers had to make room
 
-    def advance(self, drivers: Int64Array, met: Encounters, outlook: Outlook) -> None:
+    def advance(self, drivers: Int64Array, met: Conflicts, outlook: PredictedTraffic) -> None:
         """Let (D,) drivers who look now make room for the vehicles that they meet, and the rest of them drive back."""
         touches = outlook.touches(met)
         gap_m = touches.gap_m[:, 1]

@@ -20,7 +20,7 @@ _SWERVE = 0.35  # metres aside per metre driven
 _MOST_SWERVE_MPS = 0.6
 
 
-class Ways(Protocol):
+class RouteGeometry(Protocol):
     """What looking ahead asks of the traffic."""
 
     def ahead_m(self, vehicle: Int64Array, way_m: Float64Array, left_m: Float64Array) -> Float64Array:
@@ -28,7 +28,7 @@ class Ways(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class PredictedTrajectories:
     """Poses of N bodies at ``TIMES_S`` from now, in plan.
 
     Attributes:
@@ -58,7 +58,7 @@ class Course:
         return stays
 
 
-class Foresight:
+class TrajectoryPredictor:
     """Foresees the courses of a scene's first V vehicles, which are SUMO's.
 
     Attributes:
@@ -68,7 +68,7 @@ class Foresight:
         is_aside_m: (V,) how far they do.
     """
 
-    def __init__(self, bodies: Bodies, front_m: Float64Array, traffic: Ways, tick_s: float) -> None:
+    def __init__(self, bodies: Bodies, front_m: Float64Array, traffic: RouteGeometry, tick_s: float) -> None:
         """At rest at the (V, 3) fronts."""
         self.speed_mps: Float64Array = np.zeros(len(front_m))
         self._traffic = traffic
@@ -104,7 +104,7 @@ class Foresight:
         self.is_aside_m = self.is_aside_m + swerve_m
         self._swerve_mps = swerve_m / self._tick_s
 
-    def course(self, vehicle: Int64Array, starts: bool) -> Course:
+    def course(self, vehicle: Int64Array, starts: bool) -> PredictedTrajectories:
         """Of (N,) vehicles, as they go on now or, for those that are held, as they would if they were let go."""
         gain_mps2 = np.full(len(vehicle), _STARTING_MPS2) if starts else self._gain_mps2[vehicle]
         way_m = _way_m(self.speed_mps[vehicle], np.clip(gain_mps2, -8.0, _STARTING_MPS2))
@@ -120,7 +120,7 @@ class Foresight:
         lead_m = np.where(share < 1.0, point_m + share * (front_m - point_m), front_m + places_m - places_m[:, :1])
         return self._towed(vehicle, lead_m)
 
-    def _towed(self, vehicle: Int64Array, lead_m: Float64Array) -> Course:
+    def _towed(self, vehicle: Int64Array, lead_m: Float64Array) -> PredictedTrajectories:
         """The course of bodies whose rear axles are drawn after (N, K, 2) points."""
         trail_m, rear_m = self._trail_m[vehicle, None], self._rear_m[vehicle, :2]
         forward = np.empty_like(lead_m)
@@ -128,14 +128,14 @@ class Foresight:
             pull_m = lead_m[:, number] - rear_m
             forward[:, number] = pull_m / np.maximum(np.linalg.norm(pull_m, axis=1, keepdims=True), 1e-9)
             rear_m = lead_m[:, number] - trail_m * forward[:, number]
-        return Course(lead_m - self._lead_m[vehicle, None, None] * forward, forward)
+        return PredictedTrajectories(lead_m - self._lead_m[vehicle, None, None] * forward, forward)
 
 
-def walks(position_m: Float64Array, velocity_mps: Float64Array, on_kerb: BoolArray) -> Course:
+def walks(position_m: Float64Array, velocity_mps: Float64Array, on_kerb: BoolArray) -> PredictedTrajectories:
     """The courses of people at (P, 2) with (P, 2) velocities; (P,) who of them is on a sidewalk."""
     time_s = np.minimum(TIMES_S, np.where(on_kerb, _ON_KERB_S, np.inf)[:, None])
     center_m = position_m[:, None] + velocity_mps[:, None] * time_s[..., None]
-    return Course(center_m, np.broadcast_to([1.0, 0.0], center_m.shape))
+    return PredictedTrajectories(center_m, np.broadcast_to([1.0, 0.0], center_m.shape))
 
 
 def _way_m(speed_mps: Float64Array, gain_mps2: Float64Array) -> Float64Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
-from simbev_ros.world.kinematics.contacts import Boxes
+from simbev_ros.world.kinematics.contacts import BodyBoxes
 
 _SKID_MPS2 = 7.0
 _BLOW_MPS = 1.0  # two who slide on together have no relative speed; with so much they are hit anew
@@ -42,7 +42,7 @@ class Collisions:
         impacts: Those of the latest tick.
     """
 
-    def __init__(self, boxes: Boxes, position_m: Float64Array, rpy_rad: Float64Array, tick_s: float) -> None:
+    def __init__(self, boxes: BodyBoxes, position_m: Float64Array, rpy_rad: Float64Array, tick_s: float) -> None:
         """At rest at (G, 3) positions and (G, 3) roll, pitch, yaw; who touches here may do so until they are apart."""
         self.crashed: BoolArray = np.zeros(len(position_m), bool)
         self.impacts: tuple[Impact, ...] = ()

@@ -9,7 +9,7 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)
-class Boxes:
+class BodyBoxes:
     """The boxes of G bodies that follow points; the origin is the middle of a box's bottom.
 
     Attributes:

@@ -9,7 +9,7 @@ _SPACING_M = 0.25
 _ARRIVED_M = 1e-4
 
 
-class Pursuit:
+class PursuingPoints:
     """Points that run after targets as people do: no faster than they can, and so that they can stop where these stop.
 
     A target's jump becomes a stretch of way, its sharp corner a bend.
@@ -49,7 +49,7 @@ class Pursuit:
         return self.position_m
 
 
-class Steady:
+class SteadyPoints:
     """Points that follow targets as vehicles can: where a target jumps, they go on and make up for it on their way."""
 
     def __init__(self, target_m: Float64Array, most_change_m: float) -> None:
@@ -75,7 +75,7 @@ class Steady:
         return point_m
 
 
-class Tow:
+class TowedPoints:
     """Points that go the same ways as their leaders, each a fixed distance behind."""
 
     def __init__(self, lead_m: Float64Array, direction: Float64Array, behind_m: Float64Array) -> None:

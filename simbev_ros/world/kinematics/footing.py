@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.types import Float64Array, Int64Array
-from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.ground import GroundSurface
 
 
 @dataclass(frozen=True, slots=True)
-class Contacts:
+class ContactPoints:
     """C points at which G bodies touch the ground, at least one each, ascending by body.
 
     Attributes:
@@ -23,10 +23,10 @@ class Contacts:
     left_m: Float64Array
 
 
-class Footing:
+class GroundPlanes:
     """Fits planes to the ground below bodies."""
 
-    def __init__(self, ground: Ground, contacts: Contacts) -> None:
+    def __init__(self, ground: GroundSurface, contacts: ContactPoints) -> None:
         self._ground = ground
         self._contacts = contacts
         self._count = np.bincount(contacts.body)

@@ -22,7 +22,7 @@ _CELL_M = 512.0
 _PATCH_M = 32.0
 
 
-class Ground:
+class GroundSurface:
     """The surfaces of a map's roads; sidewalks are built where they are asked for."""
 
     def __init__(self, layout: Layout) -> None:

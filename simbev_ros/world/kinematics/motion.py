@@ -14,9 +14,9 @@ import numpy as np
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.kinematics.collisions import Collisions
-from simbev_ros.world.kinematics.contacts import Boxes
-from simbev_ros.world.kinematics.footing import Contacts, Footing
-from simbev_ros.world.kinematics.moving_average import Window
+from simbev_ros.world.kinematics.contacts import BodyBoxes
+from simbev_ros.world.kinematics.footing import ContactPoints, GroundPlanes
+from simbev_ros.world.kinematics.moving_average import MovingAverage
 
 _GRAVITY_MPS2 = 9.81
 _SETTLING = 0.4  # heights are averaged over so much of the window of the points: long enough for springs
@@ -41,8 +41,8 @@ class Bodies:
     lead_m: Float64Array
     leans: BoolArray
     mount_m: Float64Array
-    contacts: Contacts
-    boxes: Boxes
+    contacts: ContactPoints
+    boxes: BodyBoxes
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class Motion:
         direction: Float64Array,
         tick_s: float,
         half_window_ticks: int,
-        footing: Footing | None = None,
+        footing: GroundPlanes | None = None,
     ) -> None:
         """At rest.
 
@@ -99,9 +99,9 @@ class Motion:
         self._bodies = bodies
         self._tick_s = tick_s
         self._footing = footing
-        self._points = Window(half_window_ticks)
+        self._points = MovingAverage(half_window_ticks)
         half_settling_ticks = 0 if footing is None else max(1, round(half_window_ticks * _SETTLING))
-        self._plans, self._planes = Window(half_settling_ticks), Window(half_settling_ticks)
+        self._plans, self._planes = MovingAverage(half_settling_ticks), MovingAverage(half_settling_ticks)
         self._points.add(point_m)
         self._lead_m = point_m[:, :3].copy()
         self._rear_m = self._lead_m - bodies.trail_m[:, None] * direction

@@ -7,7 +7,7 @@ import numpy as np
 from simbev_ros.types import Float64Array
 
 
-class Window:
+class MovingAverage:
     """The latest values of something, averaged around the middle one with weights that vanish at both ends."""
 
     def __init__(self, half_ticks: int) -> None:

@@ -23,7 +23,7 @@ _SQUARE = 0.97  # sine of the angle at which lanes are crossed
 
 
 @dataclass(frozen=True, slots=True)
-class Carriageway:
+class CrossedCarriageway:
     """The lanes of one edge on the way across.
 
     Attributes:
@@ -38,7 +38,7 @@ class Carriageway:
 
 
 @dataclass(frozen=True, slots=True)
-class CrossingPlace:
+class CrossingSite:
     """A straight way from the middle of a sidewalk to the middle of another.
 
     Attributes:
@@ -57,7 +57,7 @@ class CrossingPlace:
     far_edge: str
     far_position_m: float
     kerbs_m: tuple[float, float]
-    carriageways: tuple[Carriageway, ...]
+    carriageways: tuple[CrossedCarriageway, ...]
 
     @property
     def start_m(self) -> Float64Array:
@@ -71,7 +71,7 @@ class CrossingPlace:
         return float(np.linalg.norm(self.ends_m[1, :2] - self.ends_m[0, :2]))
 
 
-class CrossingPlaces:
+class CrossingSites:
     """Ways across the streets of a network."""
 
     def __init__(self, network: RoadNetwork, hazards: Sequence[HazardSpec] = ()) -> None:
@@ -92,7 +92,7 @@ class CrossingPlaces:
         """Length of an edge's sidewalk; 0 where there is none."""
         return self._sidewalk[edge].length_m if edge in self._sidewalk else 0.0
 
-    def place(self, edge: str, s_m: float) -> CrossingPlace | None:
+    def place(self, edge: str, s_m: float) -> CrossingSite | None:
         """The way across at a distance along an edge's sidewalk; None where there is none, or none that is fit."""
         lane = self._sidewalk[edge]
         start_m, yaw_rad = self._network.pose_on_lane(lane.id, s_m)
@@ -106,9 +106,9 @@ class CrossingPlaces:
 
     def _across(
         self, lane: Lane, s_m: float, start_m: Float64Array, along: Float64Array, across: Float64Array
-    ) -> CrossingPlace | None:
+    ) -> CrossingSite | None:
         """The way across in one direction, a (2,) unit vector."""
-        crossed: list[Carriageway] = []
+        crossed: list[CrossedCarriageway] = []
         near_kerb_m = reached_m = lane.width_m / 2.0
         for met, station_m, way_m, height_m in self._met(lane, start_m, across):
             half_m, position_m = met.width_m / 2.0, station_m * met.sumo_s_per_m
@@ -120,7 +120,7 @@ class CrossingPlaces:
                 end_m = np.append(start_m[:2] + way_m * across, height_m)
                 kerbs_m = near_kerb_m, way_m - half_m
                 ends_m, start_position_m = np.stack([start_m, end_m]), s_m * lane.sumo_s_per_m
-                return CrossingPlace(ends_m, along, start_position_m, met.edge, position_m, kerbs_m, tuple(crossed))
+                return CrossingSite(ends_m, along, start_position_m, met.edge, position_m, kerbs_m, tuple(crossed))
             if met.kind not in _CROSSED_KINDS:
                 return None
             crossed = _with(crossed, met.edge, position_m, way_m + half_m)
@@ -154,9 +154,9 @@ class CrossingPlaces:
             yield self._lanes[rows[index]], float(station_m[index]), float(way_m[index]), float(height_m[index])
 
 
-def _with(crossed: list[Carriageway], edge: str, position_m: float, until_m: float) -> list[Carriageway]:
+def _with(crossed: list[CrossedCarriageway], edge: str, position_m: float, until_m: float) -> list[CrossedCarriageway]:
     """The carriageways with one more lane."""
     if crossed and crossed[-1].edge == edge:
         last = crossed[-1]
-        return [*crossed[:-1], Carriageway(edge, min(position_m, last.position_m), max(until_m, last.until_m))]
-    return [*crossed, Carriageway(edge, position_m, until_m)]
+        return [*crossed[:-1], CrossedCarriageway(edge, min(position_m, last.position_m), max(until_m, last.until_m))]
+    return [*crossed, CrossedCarriageway(edge, position_m, until_m)]

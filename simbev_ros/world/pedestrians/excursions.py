@@ -12,11 +12,11 @@ import numpy as np
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.cast import blueprint_of
-from simbev_ros.world.pedestrians.free_walk import Stroller
+from simbev_ros.world.pedestrians.free_walk import FreeWalker
 from simbev_ros.world.pedestrians.itineraries import Leg
 from simbev_ros.world.pedestrians.jaywalks import Jaywalks
 from simbev_ros.world.pedestrians.plaza_visits import PlazaVisit
-from simbev_ros.world.sumo.traffic import Traffic, TrafficSample
+from simbev_ros.world.sumo.traffic import SumoTraffic, TrafficSample
 
 _AT_PLACE_M = 0.5
 _SIDEWALK_M = 3.0
@@ -26,7 +26,7 @@ class Excursions:
     """All ways of people off the net in a scene."""
 
     def __init__(
-        self, spec: SceneSpec, ways: Mapping[int, tuple[Leg, ...]], traffic: Traffic, front_m: Float64Array
+        self, spec: SceneSpec, ways: Mapping[int, tuple[Leg, ...]], traffic: SumoTraffic, front_m: Float64Array
     ) -> None:
         """All are on the net but those whose ways begin on plazas.
 
@@ -44,7 +44,7 @@ class Excursions:
         self._legs = {row: deque(ways[index]) for row, index in enumerate(traffic.pedestrians) if index in ways}
         self._jaywalks = Jaywalks(spec, traffic, front_m)
         self._pedestrian_m: Float64Array = np.zeros((len(people), 3))
-        self._strollers: dict[int, tuple[Stroller, Iterator[None]]] = {}
+        self._strollers: dict[int, tuple[FreeWalker, Iterator[None]]] = {}
         self._visits: dict[int, PlazaVisit] = {}
         for row, legs in self._legs.items():
             if legs[0].at_halt and isinstance(visit := legs[0].excursion, PlazaVisit):
@@ -109,7 +109,7 @@ class Excursions:
         """Let somebody begin its next excursion at a (3,) place."""
         leg = self._legs[row].popleft()
         assert leg.excursion is not None
-        stroller = Stroller(place_m, self._speed_mps[row], self._half_length_m[row], self._tick_s)
+        stroller = FreeWalker(place_m, self._speed_mps[row], self._half_length_m[row], self._tick_s)
         if isinstance(leg.excursion, PlazaVisit):
             self._visits[row] = leg.excursion
             steps = _visit(stroller, leg.excursion, leg.at_halt)
@@ -118,7 +118,7 @@ class Excursions:
         self._strollers[row] = stroller, self._stroll(row, stroller, steps, leg.excursion.far_position_m)
         self._traffic.take_out(row)
 
-    def _stroll(self, row: int, stroller: Stroller, steps: Iterator[None], position_m: float) -> Iterator[None]:
+    def _stroll(self, row: int, stroller: FreeWalker, steps: Iterator[None], position_m: float) -> Iterator[None]:
         """All from leaving the net to walking on it again, from SUMO's position on the next leg, tick by tick."""
         yield from steps
         leg = self._legs[row][0]
@@ -133,7 +133,7 @@ class Excursions:
         self._plan()
 
 
-def _visit(stroller: Stroller, visit: PlazaVisit, at_halt: bool) -> Iterator[None]:
+def _visit(stroller: FreeWalker, visit: PlazaVisit, at_halt: bool) -> Iterator[None]:
     """A round over a plaza, or what is left of it from the halt on."""
     if not at_halt:
         yield from stroller.follow(visit.way_there_m(stroller.position_m))

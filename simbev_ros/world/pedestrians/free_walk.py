@@ -9,7 +9,7 @@ from simbev_ros.types import Float64Array
 
 
 @dataclass(slots=True)
-class Stroller:
+class FreeWalker:
     """Somebody off the net.
 
     Attributes:

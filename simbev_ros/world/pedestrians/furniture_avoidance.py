@@ -17,7 +17,7 @@ _NEAREST = 5  # obstacles that one place is pushed by at most
 _LEVEL_M = 2.0
 
 
-class Furniture:
+class FurnitureAvoidance:
     """What stands in people's way."""
 
     def __init__(self, obstacles: Table) -> None:

@@ -14,7 +14,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.hazards.hazard import HazardSpec
 from simbev_ros.scene.spec import PedestrianSpec
 from simbev_ros.scene.streets.walks import WalkGraph
-from simbev_ros.world.pedestrians.crossing_sites import CrossingPlace, CrossingPlaces
+from simbev_ros.world.pedestrians.crossing_sites import CrossingSite, CrossingSites
 from simbev_ros.world.pedestrians.plaza_visits import PlazaVisit, PlazaVisits
 
 _CHANCE = 0.35  # that a jaywalker means to cross the street along a sidewalk
@@ -35,12 +35,12 @@ class Leg:
     """
 
     edges: tuple[str, ...]
-    excursion: CrossingPlace | PlazaVisit | None = None
+    excursion: CrossingSite | PlazaVisit | None = None
     arrival_m: float | None = None
     at_halt: bool = False
 
 
-class WayStreams(NamedTuple):
+class ItineraryStreams(NamedTuple):
     """What draws one pedestrian's destinations, where it crosses streets, and what it does on plazas."""
 
     walk: np.random.Generator
@@ -55,10 +55,10 @@ class Itineraries:
         """Of people on a network who keep off the hazard areas on it, and visit these plazas."""
         self._network = network
         self._walks = WalkGraph(network)
-        self._places = CrossingPlaces(network, hazards)
+        self._places = CrossingSites(network, hazards)
         self._visits = PlazaVisits(network, plazas)
 
-    def draw(self, pedestrian: PedestrianSpec, length_m: float, streams: WayStreams) -> tuple[Leg, ...]:
+    def draw(self, pedestrian: PedestrianSpec, length_m: float, streams: ItineraryStreams) -> tuple[Leg, ...]:
         """One pedestrian's way: a leg, or several with excursions between them.
 
         Args:
@@ -84,7 +84,7 @@ class Itineraries:
         edges: tuple[str, ...],
         start_m: float | None,
         length_m: float,
-        streams: WayStreams,
+        streams: ItineraryStreams,
     ) -> tuple[Leg, float]:
         """A leg along these edges to the first excursion, and at least how long it is.
 
@@ -109,8 +109,8 @@ class Itineraries:
         return Leg(edges), walked_m
 
     def _excursion(
-        self, pedestrian: PedestrianSpec, edge: str, first_m: float, last_m: float, streams: WayStreams
-    ) -> CrossingPlace | PlazaVisit | None:
+        self, pedestrian: PedestrianSpec, edge: str, first_m: float, last_m: float, streams: ItineraryStreams
+    ) -> CrossingSite | PlazaVisit | None:
         """What somebody leaves an edge's sidewalk for, between two distances along it."""
         visit = self._visits.visit(edge, first_m, last_m, streams.plazas) if pedestrian.visits_plazas else None
         if visit is not None or not pedestrian.jaywalks:

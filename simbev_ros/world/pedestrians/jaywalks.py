@@ -9,9 +9,9 @@ import shapely
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.types import BoolArray, Float64Array
 from simbev_ros.world.cast import blueprint_of
-from simbev_ros.world.pedestrians.crossing_sites import CrossingPlace
-from simbev_ros.world.pedestrians.free_walk import Stroller
-from simbev_ros.world.sumo.traffic import Traffic, TrafficSample
+from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
+from simbev_ros.world.pedestrians.free_walk import FreeWalker
+from simbev_ros.world.sumo.traffic import SumoTraffic, TrafficSample
 
 _COMFORTABLE_MPS2 = 2.5  # of drivers who see somebody on the road
 _REACTION_S = 0.8
@@ -29,8 +29,8 @@ _LOOK_S = 0.2  # how often people look for a gap, and drivers for people
 class _Crossing:
     """Somebody who crosses a street: where, whether it is on its way across, and which vehicles brake for it."""
 
-    place: CrossingPlace
-    stroller: Stroller
+    place: CrossingSite
+    stroller: FreeWalker
     started: bool = False
     braking: set[int] = field(default_factory=set)
 
@@ -49,7 +49,7 @@ class Jaywalks:
         on_way: (P,) bool; who is on its way across.
     """
 
-    def __init__(self, spec: SceneSpec, traffic: Traffic, front_m: Float64Array) -> None:
+    def __init__(self, spec: SceneSpec, traffic: SumoTraffic, front_m: Float64Array) -> None:
         """Nobody crosses yet.
 
         Args:
@@ -76,7 +76,7 @@ class Jaywalks:
         self._steps += 1
         self._front_m = sample.front_m
 
-    def cross(self, row: int, stroller: Stroller, place: CrossingPlace) -> Iterator[None]:
+    def cross(self, row: int, stroller: FreeWalker, place: CrossingSite) -> Iterator[None]:
         """Walk to the kerb, wait for a gap and go across; somebody is on its way until ``end`` says that it is over.
 
         Args:
@@ -110,14 +110,14 @@ class Jaywalks:
         """Whether somebody and its drivers look around now; not all do at once."""
         return (self._steps + row) % self._look_ticks == 0
 
-    def _near(self, place: CrossingPlace) -> list[int]:
+    def _near(self, place: CrossingSite) -> list[int]:
         """Vehicles that may be on a way or cannot stop far from it, ascending."""
         start_m, end_m = place.ends_m[:, :2]
         gap_m = np.linalg.norm(self._front_m[:, :2] - (start_m + end_m) / 2.0, axis=1)
         rows: list[int] = np.flatnonzero(gap_m < self._reach_m + place.length_m / 2.0).tolist()
         return rows
 
-    def _is_free(self, place: CrossingPlace) -> bool:
+    def _is_free(self, place: CrossingSite) -> bool:
         """Whether nobody is on a way across, and whoever comes can stop before it in comfort."""
         way = shapely.LineString(place.ends_m[:, :2])
         for vehicle in self._near(place):
@@ -146,7 +146,7 @@ class Jaywalks:
             self._traffic.limit(vehicle, f"jaywalker {row}", None)
         crossing.braking = braking
 
-    def _distance_m(self, vehicle: int, place: CrossingPlace, behind_m: float) -> float:
+    def _distance_m(self, vehicle: int, place: CrossingSite, behind_m: float) -> float:
         """How far it is for a vehicle to those carriageways of a way that are not behind yet; infinite: not its way."""
         return min(
             (

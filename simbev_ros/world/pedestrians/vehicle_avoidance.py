@@ -18,7 +18,7 @@ _AIR_M = 0.15  # between a vehicle and who walks around it
 _LEVEL_M = 2.0
 
 
-class Berth:
+class VehicleAvoidance:
     """Where vehicles' bodies are at SUMO's moment, and how people make room for them.
 
     Attributes:

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.scene.hazards.hazard import BlockedStretch
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 CLOSURE = "o"
 """Names of obstacles start so; a number follows."""
@@ -30,7 +30,7 @@ def add_closures(root: ElementTree.Element, spec: SceneSpec, network: RoadNetwor
     edges = {network.lanes[stretch.lane].edge for stretch in stretches}
     for driver in root.iter("vType") if stretches else ():
         driver.set("lcAssertive", _ASSERTIVE)
-    tracks = Tracks([lane for lane in network.lanes.values() if lane.edge in edges])
+    tracks = LaneTracks([lane for lane in network.lanes.values() if lane.edge in edges])
     for number, stretch in enumerate(stretches):
         lane = network.lanes[stretch.lane]
         to_s_m = min(stretch.to_s_m + _BEYOND_M, lane.length_m - _STOP_M)
@@ -49,7 +49,7 @@ def add_closures(root: ElementTree.Element, spec: SceneSpec, network: RoadNetwor
     return edges
 
 
-def with_closures(speeds_mps: Mapping[str, float], spec: SceneSpec, lanes: Iterable[Lane]) -> dict[str, float]:
+def slow_near_closures(speeds_mps: Mapping[str, float], spec: SceneSpec, lanes: Iterable[Lane]) -> dict[str, float]:
     """Speeds of lanes, lower on the streets with closed lanes and on those that lead to them.
 
     Args:

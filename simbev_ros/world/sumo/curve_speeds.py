@@ -12,7 +12,7 @@ _TURNING_RADPS = 0.6  # the same, for bends tighter than 5.5 m
 _CHORD_M = 6.0
 
 
-def bend_speeds(lanes: Iterable[Lane]) -> dict[str, float]:
+def curve_speeds(lanes: Iterable[Lane]) -> dict[str, float]:
     """Lane id → highest speed in m/s, for those driving lanes that bend too much for their speed limit."""
     bends = ((lane, max(_largest_curvature(lane), 1e-6)) for lane in lanes if lane.kind is LaneKind.DRIVING)
     speeds = ((lane, min(float(np.sqrt(_LATERAL_MPS2 / bend)), _TURNING_RADPS / bend)) for lane, bend in bends)

@@ -6,16 +6,16 @@ import numpy as np
 
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.sumo.libsumo_import import libsumo
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 _LANES = 7  # of the way of one vehicle; it ends there
 _STALE_TICKS = 100  # which lane of an edge a vehicle will take may change without its leaving its own
 
 
-class TrafficWays:
+class LanesAhead:
     """Where each of V vehicles of a running simulation goes next."""
 
-    def __init__(self, names: Sequence[str], tracks: Tracks) -> None:
+    def __init__(self, names: Sequence[str], tracks: LaneTracks) -> None:
         """For vehicles of these names, on tracks that hold all their lanes."""
         self._names = names
         self._tracks = tracks

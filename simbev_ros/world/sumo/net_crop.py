@@ -29,7 +29,7 @@ class CroppedNet(NamedTuple):
     lights: Set[str]
 
 
-def cropped_net(net: str, used: Iterable[str]) -> CroppedNet:
+def crop_net(net: str, used: Iterable[str]) -> CroppedNet:
     """The net with the edges ``used``, those inside junctions (``:…``) among them, and what belongs to them."""
     elements = _elements(net)
     ends = {edge["id"]: (edge["from"], edge["to"]) for _, edge in elements["edge"] if not edge["id"].startswith(":")}

@@ -12,7 +12,7 @@ from simbev_ros.world.cast import blueprint_of
 _AHEAD_M = 2000.0
 
 
-class Onward(NamedTuple):
+class RouteExtension(NamedTuple):
     """The edges that follow a route, and the lane at whose end the vehicle has to stay because nothing follows."""
 
     edges: tuple[str, ...]
@@ -27,7 +27,7 @@ class Routes:
         self._spec = spec
         self._streets = Streets(network, edges)
 
-    def onward(self, vehicle: int, edge: str, step: int) -> Onward:
+    def onward(self, vehicle: int, edge: str, step: int) -> RouteExtension:
         """How vehicle number ``vehicle`` of the specification, whose route ends with ``edge``, drives on."""
         rng = stream(self._spec.seed, f"v{vehicle}.onward", step)
         blueprint = blueprint_of(self._spec.vehicles[vehicle].blueprint)
@@ -36,4 +36,4 @@ class Routes:
             graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges, tight=True)
         edges = graph.onward(edge, _AHEAD_M, rng)
         last = edges[-1] if edges else edge
-        return Onward(edges, graph.lane_of(last) if graph.ends_at(last) else None)
+        return RouteExtension(edges, graph.lane_of(last) if graph.ends_at(last) else None)

@@ -32,7 +32,7 @@ _STATE_OF = {
 
 
 @dataclass(frozen=True, slots=True)
-class Programme:
+class SignalProgram:
     """The cycle of one traffic-light programme.
 
     Attributes:
@@ -50,7 +50,7 @@ class Programme:
     green_s: float
 
 
-def programmes(spec: SceneSpec, net: str) -> tuple[Programme, ...]:
+def signal_programs(spec: SceneSpec, net: str) -> tuple[SignalProgram, ...]:
     """All programmes of a SUMO net (its XML), by id, with the scene's green times and a drawn offset."""
     tick_s = spec.tick_ns / NS_PER_S
     result = []
@@ -61,7 +61,7 @@ def programmes(spec: SceneSpec, net: str) -> tuple[Programme, ...]:
         states, ticks = zip(*_retimed(phases, green_s, tick_s), strict=True)
         name = logic.attrib["id"]
         offset_ticks = int(stream(spec.seed, f"signals.{name}.offset").integers(sum(ticks)))
-        result.append(Programme(name, states, ticks, offset_ticks, green_s))
+        result.append(SignalProgram(name, states, ticks, offset_ticks, green_s))
     return tuple(result)
 
 
@@ -71,7 +71,7 @@ def _logics(net: str) -> list[ElementTree.Element]:
     return ElementTree.fromstring(f"<net>{net[start:end]}</tlLogic></net>").findall("tlLogic") if start >= 0 else []
 
 
-def programmes_xml(cycles: Sequence[Programme], tick_ns: int) -> str:
+def signal_programs_xml(cycles: Sequence[SignalProgram], tick_ns: int) -> str:
     """An additional file of SUMO's that puts these programmes in place of the net's."""
     root = ElementTree.Element("additional")
     for cycle in cycles:
@@ -86,7 +86,7 @@ def programmes_xml(cycles: Sequence[Programme], tick_ns: int) -> str:
 class SignalHeads:
     """The table of signal heads over time, computed for all programmes at once."""
 
-    def __init__(self, signals: Sequence[Signal], cycles: Sequence[Programme], tick_ns: int) -> None:
+    def __init__(self, signals: Sequence[Signal], cycles: Sequence[SignalProgram], tick_ns: int) -> None:
         self._tick_s = tick_ns / NS_PER_S
         self._table = _heads(signals, cycles)
         self._offset = np.array([cycle.offset_ticks for cycle in cycles], np.int64)
@@ -174,7 +174,7 @@ def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
     return left
 
 
-def _heads(signals: Sequence[Signal], cycles: Sequence[Programme]) -> Table:
+def _heads(signals: Sequence[Signal], cycles: Sequence[SignalProgram]) -> Table:
     """The columns that stay the same."""
     green_s = {cycle.id: cycle.green_s for cycle in cycles}
     table = np.zeros(len(signals), SIGNAL_DTYPE)

@@ -19,7 +19,7 @@ _SPACING_M = 1.0
 _STRETCH = 0.3  # by so much at most who drives on a lane is faster or slower than SUMO says
 
 
-class Tracks:
+class LaneTracks:
     """Lanes in samples: number k of one lane of an edge lies abreast of number k of the others."""
 
     def __init__(self, lanes: Sequence[Lane]) -> None:

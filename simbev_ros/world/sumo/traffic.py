@@ -12,10 +12,10 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.sumo.closures import CLOSURE
-from simbev_ros.world.sumo.lanes_ahead import TrafficWays
+from simbev_ros.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.world.sumo.libsumo_import import libsumo
 from simbev_ros.world.sumo.names import index_of, pedestrian_name, vehicle_name
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 _NS_PER_MS = 1_000_000
 _OPTIONS = {
@@ -53,7 +53,7 @@ _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 @dataclass(frozen=True, slots=True)
 class TrafficSample:
-    """What SUMO says at one tick, in the order of ``Traffic.vehicles`` and ``Traffic.pedestrians``; map frame.
+    """What SUMO says at one tick, in the order of ``SumoTraffic.vehicles`` and ``SumoTraffic.pedestrians``; map frame.
 
     Attributes:
         front_m: (V, 3) middle of each vehicle's front bumper, on the road.
@@ -66,7 +66,7 @@ class TrafficSample:
     pedestrian_m: Float64Array
 
 
-class Traffic:
+class SumoTraffic:
     """A running SUMO simulation. libsumo holds one per process; close this one before another is made.
 
     Attributes:
@@ -82,7 +82,7 @@ class Traffic:
         tick_ns: int,
         seed: int,
         speeds_mps: Mapping[str, float],
-        tracks: Tracks,
+        tracks: LaneTracks,
         closed_lanes: Iterable[str] = (),
     ) -> None:
         """Load a net and its traffic, and place all vehicles and pedestrians at time 0.
@@ -98,7 +98,7 @@ class Traffic:
         Raises:
             SimulationError: another simulation is running in this process, or SUMO does not accept its input.
         """
-        if Traffic._running:
+        if SumoTraffic._running:
             raise SimulationError("a simulation is running in this process already; close it first")
         if tick_ns % _NS_PER_MS:
             raise SimulationError(f"SUMO needs ticks of whole milliseconds, not {tick_ns} ns")
@@ -107,7 +107,7 @@ class Traffic:
         options = {**_OPTIONS, **inputs, **own}
         self._tracks = tracks
         self._tick_s = tick_ns / NS_PER_S
-        self._open = Traffic._running = True
+        self._open = SumoTraffic._running = True
         self._moved = False  # whether somebody is to be put elsewhere at the next step
         try:
             libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
@@ -130,7 +130,7 @@ class Traffic:
         self._off_net: dict[str, dict[int, Any]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
-        self._ways = TrafficWays(self._vehicle_names, tracks)
+        self._ways = LanesAhead(self._vehicle_names, tracks)
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
             libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
@@ -366,7 +366,7 @@ class Traffic:
                 with suppress(*_FAILURES):
                     libsumo.simulationStep()
             libsumo.close()
-            self._open = Traffic._running = False
+            self._open = SumoTraffic._running = False
 
 
 def _points(points: Sequence[tuple[float, float, float]]) -> Float64Array:

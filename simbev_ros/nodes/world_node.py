@@ -154,7 +154,7 @@ class WorldNode(GraphNode):
         assert self._spec is not None and self._source is not None
         with self.meter.busy():
             state = self._source.step()
-            self._end = self._ending.at(state)
+            self._end = self._ending.end_at(state)
             if self._end is not None:  # everybody knows it before they can have finished the last tick
                 self.publish(topics.END, String(data=self._end.model_dump_json()))
             self._publish_state(self._spec, state)

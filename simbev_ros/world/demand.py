@@ -76,14 +76,14 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
         way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
         graph = streets.for_blueprint(blueprint, spec.closed_edges)
-        if not graph.leads_on(vehicle.start.lane):  # put there by hand, it makes its way all the same
+        if not graph.has_successor(vehicle.start.lane):  # put there by hand, it makes its way all the same
             graph = streets.for_blueprint(blueprint, spec.closed_edges, tight=True)
-        route = graph.route(vehicle.start.lane, way_m, rng)
+        route = graph.draw_route(vehicle.start.lane, way_m, rng)
         lane = network.lanes[vehicle.start.lane]
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
         edges.update(route)
         element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route, start_m)
-        if graph.ends_at(route[-1]):
+        if graph.is_dead_end(route[-1]):
             ElementTree.SubElement(element, "stop", {"edge": route[-1], "duration": _FOREVER_S})
     itineraries = Itineraries(network, spec.hazards, plazas)
     excursions: dict[int, tuple[Leg, ...]] = {}

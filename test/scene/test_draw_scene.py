@@ -59,7 +59,7 @@ def test_vehicles_start_on_different_waypoints_within_the_radius(network: RoadNe
 
 
 def test_more_vehicles_than_places_is_refused(network: RoadNetwork) -> None:
-    with pytest.raises(InputError, match=r"traffic.vehicles: 500 wanted, but only \d+ places are free within"):
+    with pytest.raises(InputError, match=r"traffic.vehicles: 500 requested, but only \d+ positions are free within"):
         draw_scene(scenario(traffic=Traffic(vehicles=500, spawn_radius_m=100)), PLANNED, network)
 
 

@@ -129,8 +129,8 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
     empty = {"traffic": Traffic(vehicles=0, pedestrians=0), "hazards": Hazards(count=0), "time": time}
     scenario = load_scenario("paper").model_copy(update=empty)
     starts = start_positions(scenario, load_network(PLANNED.map))
-    ids = [starts.vehicles.waypoint(place) for place in np.flatnonzero(starts.fit(20.0)["vehicle.sedan"])]
-    rank = {(place.lane, place.s_m): index for index, place in enumerate(ids)}
+    ids = [starts.vehicles.waypoint(index) for index in np.flatnonzero(starts.usable(20.0)["vehicle.sedan"])]
+    rank = {(index.lane, index.s_m): index for index, index in enumerate(ids)}
     specs = list(small_scenes(scenario))
     egos = [spec.vehicles[0] for spec in specs]
     dither = np.random.default_rng(1).random(SCENES)  # of whole numbers: makes them continuous
@@ -151,15 +151,15 @@ def test_traffic_and_people() -> None:
     starts = start_positions(scenario, load_network(PLANNED.map))
     shares, people, vehicles, walkers = [], [], [], []
     position_m = {
-        (place.lane, place.s_m): starts.vehicles.position_m[index]
+        (index.lane, index.s_m): starts.vehicles.position_m[index]
         for index in range(len(starts.vehicles))
-        for place in [starts.vehicles.waypoint(index)]
+        for index in [starts.vehicles.waypoint(index)]
     }
-    fit = np.any(list(starts.fit(20.0).values()), axis=0)
+    usable = np.any(list(starts.usable(20.0).values()), axis=0)
     rng = np.random.default_rng(2)
     for spec in small_scenes(scenario):
         ego = spec.vehicles[0].start
-        free = np.count_nonzero(fit & starts.vehicles.within(position_m[ego.lane, ego.s_m], 400)) - 1
+        free = np.count_nonzero(usable & starts.vehicles.within_radius(position_m[ego.lane, ego.s_m], 400)) - 1
         shares.append((len(spec.vehicles) - 1 + rng.random()) / (free - 2))
         people.append(len(spec.pedestrians) + rng.random())
         vehicles += spec.vehicles[1:]

@@ -24,7 +24,7 @@ def play(ending: SceneEndDetector, *speeds_mps: float, first_tick: int = 0) -> S
     for tick, speed_mps in enumerate(speeds_mps, start=first_tick):
         ego = {"vx": 0.6 * speed_mps, "vy": 0.8 * speed_mps}
         state = SimpleNamespace(tick=tick, ego=ego, events=("bump",))
-        end = ending.at(state)  # type: ignore[arg-type]
+        end = ending.end_at(state)  # type: ignore[arg-type]
         assert end is None or tick == first_tick + len(speeds_mps) - 1
     return end
 

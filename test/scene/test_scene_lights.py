@@ -8,7 +8,7 @@ from scipy.stats import kstest
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.lights import BuildingLights, Lights, StreetLights
 from simbev_ros.config.load import load_scenario
-from simbev_ros.scene.drawing.draw_lights import draw_lights, white_of
+from simbev_ros.scene.drawing.draw_lights import draw_lights, white_balanced_srgb
 from simbev_ros.scene.lights import LightSpec, street_lights
 
 PLACES_M = np.random.default_rng(5).uniform(-4000.0, 4000.0, (4000, 3)) * [1.0, 1.0, 0.002]
@@ -74,8 +74,8 @@ def test_windows_have_random_colors_or_those_of_the_user() -> None:
 
 
 def test_low_temperatures_are_orange_and_high_ones_blue() -> None:
-    np.testing.assert_allclose(white_of(3_600.0), 1.0, atol=1e-9)
-    red_over_blue = np.array([white_of(kelvin) for kelvin in (2_400.0, 3_000.0, 3_600.0, 5_000.0, 6_500.0)])
+    np.testing.assert_allclose(white_balanced_srgb(3_600.0), 1.0, atol=1e-9)
+    red_over_blue = np.array([white_balanced_srgb(kelvin) for kelvin in (2_400.0, 3_000.0, 3_600.0, 5_000.0, 6_500.0)])
     ratio = red_over_blue[:, 0] / red_over_blue[:, 2]
     assert np.all(np.diff(ratio) < 0)
     assert ratio[0] > 1.3

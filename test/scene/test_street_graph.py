@@ -38,7 +38,7 @@ def fit(roads: RoadNetwork, way_m: float, sumo_class: str = "passenger", s_m: fl
     """Lanes on which a vehicle can start at ``s_m``."""
     streets = Streets(roads)
     rows = np.arange(len(streets.lanes))
-    good = streets.for_class(sumo_class).fit(rows, np.full(len(rows), s_m), way_m)
+    good = streets.for_class(sumo_class).usable_starts(rows, np.full(len(rows), s_m), way_m)
     return {each.id for each, is_good in zip(streets.lanes, good, strict=True) if is_good}
 
 
@@ -47,7 +47,7 @@ def test_routes_follow_connections_of_the_net() -> None:
     connected = {(element.attrib["from"], element.attrib["to"]) for element in net.iter("connection")}
     graph = Streets(blocks()).for_class("passenger")
     for index, start in enumerate(blocks().waypoints(24.0).lane[::7]):
-        route = graph.route(start, 3000.0, stream(1, f"test.{index}"))
+        route = graph.draw_route(start, 3000.0, stream(1, f"test.{index}"))
         assert all(pair in connected for pair in pairwise(route))
         first = (route[0], start.rsplit("_", 1)[1], route[1])
         fields = ("from", "fromLane", "to")
@@ -56,7 +56,7 @@ def test_routes_follow_connections_of_the_net() -> None:
 
 def test_routes_are_long_enough() -> None:
     start = blocks().waypoints(24.0).lane[0]
-    route = Streets(blocks()).for_class("bus").route(start, 2500.0, stream(1, "test"))
+    route = Streets(blocks()).for_class("bus").draw_route(start, 2500.0, stream(1, "test"))
     length_of = {each.edge: each.length_m for each in blocks().lanes.values() if each.kind is LaneKind.DRIVING}
     assert 2500.0 <= sum(length_of[edge] for edge in route[1:]) < 3000.0
 
@@ -65,9 +65,9 @@ def test_a_route_takes_a_way_that_ends_only_if_it_is_long_enough_or_there_is_not
     graph = Streets(network(lane("A_0", "B_0", "D_0"), lane("B_0", "A_0"), lane("D_0", "E_0"), lane("E_0"))).for_class(
         "passenger"
     )
-    assert set(graph.route("A_0", 5000.0, stream(1, "test"))[:-2]) == {"A", "B"}
-    assert graph.route("D_0", 5000.0, stream(1, "test")) == ("D", "E")
-    seconds = {graph.route("A_0", 150.0, stream(seed, "test"))[1] for seed in range(20)}
+    assert set(graph.draw_route("A_0", 5000.0, stream(1, "test"))[:-2]) == {"A", "B"}
+    assert graph.draw_route("D_0", 5000.0, stream(1, "test")) == ("D", "E")
+    seconds = {graph.draw_route("A_0", 150.0, stream(seed, "test"))[1] for seed in range(20)}
     assert seconds == {"B", "D"}
 
 
@@ -75,7 +75,7 @@ def test_streets_that_only_a_junction_joins_follow_each_other_through_all_its_la
     graph = Streets(
         network(lane("A_0", ":j_0"), lane(":j_0", ":j_1", junction="j"), lane(":j_1", "B_0", junction="j"), lane("B_0"))
     ).for_class("passenger")
-    assert graph.route("A_0", 50.0, stream(1, "test")) == ("A", "B")
+    assert graph.draw_route("A_0", 50.0, stream(1, "test")) == ("A", "B")
 
 
 def test_a_route_keeps_to_lanes_that_its_class_may_use() -> None:
@@ -86,12 +86,12 @@ def test_a_route_keeps_to_lanes_that_its_class_may_use() -> None:
         lane("C_0", "A_0"),
     )
     streets = Streets(fork)
-    assert set(streets.for_class("passenger").route("A_0", 5000.0, stream(1, "test"))) == {"A", "C"}
-    assert set(streets.for_class("bus").route("A_0", 5000.0, stream(1, "test"))) == {"A", "B", "C"}
+    assert set(streets.for_class("passenger").draw_route("A_0", 5000.0, stream(1, "test"))) == {"A", "C"}
+    assert set(streets.for_class("bus").draw_route("A_0", 5000.0, stream(1, "test"))) == {"A", "B", "C"}
     with pytest.raises(SimulationError, match="class passenger cannot start on lane B_0"):
-        streets.for_class("passenger").route("B_0", 100.0, stream(1, "test"))
+        streets.for_class("passenger").draw_route("B_0", 100.0, stream(1, "test"))
     with pytest.raises(SimulationError, match="class bus cannot start on lane :j_0"):
-        streets.for_class("bus").route(":j_0", 100.0, stream(1, "test"))
+        streets.for_class("bus").draw_route(":j_0", 100.0, stream(1, "test"))
     assert fit(fork, 150.0) == {"A_0", "C_0"}
     assert fit(fork, 150.0, "bus") == {"A_0", "B_0", "C_0"}
 
@@ -135,6 +135,6 @@ def test_nobody_is_led_onto_closed_edges_or_those_that_lead_only_there() -> None
         lane("A_0", "B_0", "C_0", "P_0"), lane("B_0", "A_0"), lane("C_0", "A_0"), lane("P_0", "B_0"), lane("D_0", "P_0")
     )
     graph = Streets(roads).for_class("passenger")
-    assert graph.cut_off({"B"}) == {"B", "P", "D"}
-    assert set(graph.avoiding({"B"}).route("A_0", 5000.0, stream(1, "test"))) == {"A", "C"}
-    assert graph.avoiding({"B"}).leads_on("B_0") and not graph.avoiding({"B"}).leads_on("P_0")
+    assert graph.cut_off_edges({"B"}) == {"B", "P", "D"}
+    assert set(graph.without_edges({"B"}).draw_route("A_0", 5000.0, stream(1, "test"))) == {"A", "C"}
+    assert graph.without_edges({"B"}).has_successor("B_0") and not graph.without_edges({"B"}).has_successor("P_0")

@@ -50,14 +50,14 @@ def test_weather_stays_in_the_warm_up_and_reaches_the_final_one_at_the_last_tick
 )
 def test_the_sun_takes_the_shorter_way(start_deg: float, end_deg: float, middle_deg: float) -> None:
     start, end = weather(sun_azimuth_deg=start_deg), weather(sun_azimuth_deg=end_deg)
-    assert start.towards(end, 0.5).sun_azimuth_deg == pytest.approx(middle_deg)
-    assert start.towards(end, 0.0).sun_azimuth_deg == start_deg
-    assert start.towards(end, 1.0).sun_azimuth_deg == end_deg
+    assert start.interpolate(end, 0.5).sun_azimuth_deg == pytest.approx(middle_deg)
+    assert start.interpolate(end, 0.0).sun_azimuth_deg == start_deg
+    assert start.interpolate(end, 1.0).sun_azimuth_deg == end_deg
 
 
 def test_a_parameter_at_the_end_of_its_range_stays_in_it() -> None:
     wet = weather(precipitation=100.0, wetness=0.1)
-    between = [wet.towards(wet, share) for share in np.linspace(0, 1, 1000).tolist()]
+    between = [wet.interpolate(wet, share) for share in np.linspace(0, 1, 1000).tolist()]
     assert {(each.precipitation, each.wetness) for each in between} == {(100.0, 0.1)}
 
 

@@ -24,7 +24,7 @@ def by_id(root: ElementTree.Element, tag: str) -> dict[str, bytes]:
 def test_streets_and_the_junctions_at_their_ends_stay_as_they_are() -> None:
     streets = Streets(blocks())
     start = next(lane for lane in streets.lanes if not lane.junction)
-    route = streets.for_class("passenger").route(start.id, 300.0, np.random.default_rng(1))
+    route = streets.for_class("passenger").draw_route(start.id, 300.0, np.random.default_rng(1))
     part = crop_net(whole(), route)
     before, after = ElementTree.fromstring(whole()), ElementTree.fromstring(part.xml)
     edges, kept = by_id(before, "edge"), by_id(after, "edge")

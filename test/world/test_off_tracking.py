@@ -69,12 +69,12 @@ def test_a_bus_drives_straight_on_where_the_turn_is_too_tight():
     streets = Streets(roads)
     for name, ways in (("sedan", {"B", "C"}), ("bus", {"B"})):
         graph = streets.for_blueprint(blueprint(name))
-        assert {graph.route("A_0", 100.0, stream(seed, "test"))[1] for seed in range(8)} == ways
+        assert {graph.draw_route("A_0", 100.0, stream(seed, "test"))[1] for seed in range(8)} == ways
 
 
 @pytest.mark.parametrize("town, least", [("Blocks", 0.3), ("Town10HD", 0.6)])
 def test_towns_have_room_for_buses(town, least):
     roads = blocks() if town == "Blocks" else load_network(map_spec(town))
-    fit = StartPositions(roads, 24.0).fit(20.0)
-    assert fit["vehicle.bus"].sum() > least * fit["vehicle.sedan"].sum()
-    assert fit["vehicle.box_truck"].sum() > 0.4 * fit["vehicle.sedan"].sum()
+    usable = StartPositions(roads, 24.0).usable(20.0)
+    assert usable["vehicle.bus"].sum() > least * usable["vehicle.sedan"].sum()
+    assert usable["vehicle.box_truck"].sum() > 0.4 * usable["vehicle.sedan"].sum()

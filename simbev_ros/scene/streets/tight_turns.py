@@ -1,4 +1,4 @@
-"""The lanes of a map that are too tight for long vehicles: found once, then read from the cache beside the map's."""
+"""The lanes of a map that are too tight for long vehicles, computed once and cached beside the map."""
 
 import hashlib
 import json
@@ -22,11 +22,11 @@ _FILE = "tight.npy"
 
 
 def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[VehicleFootprint, BoolArray]:
-    """For each long vehicle's footprint, (L,) which driving lanes it must not take.
+    """For each long vehicle's footprint, (L,) driving lanes that it must not take.
 
     Args:
         network: The map.
-        following: (K, 2) rows of driving lanes and of those that follow them.
+        following: (K, 2) rows of driving lanes and their successors.
 
     Raises:
         InputError: The cache cannot be written.
@@ -34,10 +34,10 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[VehicleF
     bodies = sorted({each.footprint for each in load_blueprints() if each.kind == "vehicle" and is_long(each)})
     driving, sidewalks = network.lanes_of(LaneKind.DRIVING), network.lanes_of(LaneKind.SIDEWALK)
     build = partial(_build, bodies, driving, sidewalks, following)
-    cache_dir = network.net_path.parents[2]  # it holds a folder of maps, and that a folder of each map
+    cache_dir = network.net_path.parents[2]  # the net is in <cache>/<maps>/<map>
     while True:
-        key = _key(bodies, driving, sidewalks, following)
-        folder = folder_of("turns", network.name, _version(), key, build, cache_dir)
+        key = _cache_key(bodies, driving, sidewalks, following)
+        folder = folder_of("turns", network.name, _code_version(), key, build, cache_dir)
         try:
             tight = np.load(folder / _FILE, allow_pickle=False)
             return dict(zip(bodies, tight.reshape(len(bodies), len(driving)), strict=True))
@@ -52,18 +52,18 @@ def _build(
     following: Int64Array,
     folder: Path,
 ) -> None:
-    """Fill a folder of the cache."""
-    ways = bent_paths(driving, following)
-    body, way = np.nonzero(too_tight(bodies, ways, TurnObstacles(driving, sidewalks)))
+    """Compute the tight lanes into a folder of the cache."""
+    paths = bent_paths(driving, following)
+    body, path = np.nonzero(too_tight(bodies, paths, TurnObstacles(driving, sidewalks)))
     tight = np.zeros((len(bodies), len(driving)), bool)
-    tight[body, ways.decisive[way]] = True
+    tight[body, paths.decisive[path]] = True
     np.save(folder / _FILE, tight, allow_pickle=False)
 
 
-def _key(
+def _cache_key(
     bodies: Sequence[VehicleFootprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array
 ) -> bytes:
-    """All that decides the content: the vehicles and the lanes."""
+    """Digest of everything that determines the content: the vehicles and the lanes."""
     lanes = (*driving, *sidewalks)
     named = json.dumps(
         [bodies, len(driving), [(lane.junction, lane.width_m, len(lane.centerline_m)) for lane in lanes]]
@@ -74,7 +74,7 @@ def _key(
     return content.digest()
 
 
-def _version() -> bytes:
-    """That of the code."""
-    here = (files("simbev_ros.scene.streets").joinpath(name) for name in ("off_tracking.py", "tight_turns.py"))
-    return b"".join((code_version(), *(module.read_bytes() for module in here)))
+def _code_version() -> bytes:
+    """Version of the code that determines the content."""
+    modules = (files("simbev_ros.scene.streets").joinpath(name) for name in ("off_tracking.py", "tight_turns.py"))
+    return b"".join((code_version(), *(module.read_bytes() for module in modules)))

@@ -70,7 +70,7 @@ class Itineraries:
         start_m: float | None = pedestrian.start.s_m
         legs: list[Leg] = []
         while True:
-            edges = self._walks.walk(edge, max(length_m, 1.0), streams.walk)
+            edges = self._walks.draw_walk(edge, max(length_m, 1.0), streams.walk)
             leg, walked_m = self._leg(pedestrian, edges, start_m, length_m, streams)
             legs.append(leg)
             if leg.excursion is None:

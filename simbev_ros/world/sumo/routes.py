@@ -32,8 +32,8 @@ class Routes:
         rng = stream(self._spec.seed, f"v{vehicle}.onward", step)
         blueprint = blueprint_of(self._spec.vehicles[vehicle].blueprint)
         graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges)
-        if graph.ends_at(edge):
+        if graph.is_dead_end(edge):
             graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges, tight=True)
-        edges = graph.onward(edge, _AHEAD_M, rng)
+        edges = graph.draw_continuation(edge, _AHEAD_M, rng)
         last = edges[-1] if edges else edge
-        return RouteExtension(edges, graph.lane_of(last) if graph.ends_at(last) else None)
+        return RouteExtension(edges, graph.first_lane(last) if graph.is_dead_end(last) else None)

@@ -78,7 +78,7 @@ class Doors:
         self._open = np.array([0 if stand is None else stand.open_doors for stand in stands], np.uint8)
         self._published = deque([self._open] * (delay_ticks + 1), maxlen=delay_ticks + 1)
 
-    def advance(self, front_m: Float64Array, step: int) -> UInt8Array:
+    def advance_doors(self, front_m: Float64Array, step: int) -> UInt8Array:
         """(V,) bits of open doors ``delay_ticks`` ago. Call it once for each step of the traffic."""
         moved_m = np.linalg.norm(front_m - self._front_m, axis=1)
         self._stood_ticks = np.where(moved_m < _MAX_CREEP_M, self._stood_ticks + 1, 0)

@@ -73,7 +73,7 @@ class LeadingPoints:
         self._careful_drivers = CarefulDrivers(
             bodies, _is_careful(spec, traffic), sample.front_m[self._sumo_vehicles], traffic, tick_s
         )
-        start_m = self._furniture_avoidance.aside(sample.pedestrian_m)
+        start_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
         self._pursuing_points = PursuingPoints(
             start_m, _CATCH_UP_FACTOR * max_speed_mps * tick_s, _PEDESTRIAN_MPS2 * tick_s**2
         )
@@ -81,12 +81,12 @@ class LeadingPoints:
         self._wrecks = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
         self.now: Float64Array = self._update_points(sample)
 
-    def advance(self, sample: TrafficSample, crashed: BoolArray) -> None:
+    def advance_points(self, sample: TrafficSample, crashed: BoolArray) -> None:
         """Take SUMO's next sample. ``crashed`` (V + P,) marks actors that have collided and no longer move."""
         vehicles = len(sample.front_m)
-        pedestrian_m = self._excursions.advance(sample, crashed[vehicles:])
+        pedestrian_m = self._excursions.advance_walkers(sample, crashed[vehicles:])
         self.now = self._update_points(replace(sample, pedestrian_m=pedestrian_m))
-        self._careful_drivers.advance(
+        self._careful_drivers.look_and_brake(
             self._front_m[self._sumo_vehicles],
             self.now[self._sumo_vehicles, :3],
             self._vehicle_avoidance.rear_m[self._sumo_vehicles],
@@ -108,13 +108,17 @@ class LeadingPoints:
 
         Pedestrians on sidewalks stand at curb height, those on plazas on the paving, all others on the carriageway.
         """
-        self._front_m = self._steady_fronts.advance(sample.front_m).copy()
-        self._front_m[self._sumo_vehicles] += self._careful_drivers.aside_m
-        point_m = self._towed_points.advance(self._front_m)
-        desired_m = self._furniture_avoidance.aside(sample.pedestrian_m)
-        desired_m = self._vehicle_avoidance.advance(point_m, self._pursuing_points.position_m, desired_m, self._tick_s)
+        self._front_m = self._steady_fronts.follow(sample.front_m).copy()
+        self._front_m[self._sumo_vehicles] += self._careful_drivers.offset_m
+        point_m = self._towed_points.follow(self._front_m)
+        desired_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
+        desired_m = self._vehicle_avoidance.avoid_paths(
+            point_m, self._pursuing_points.position_m, desired_m, self._tick_s
+        )
         self._vehicle_avoidance.rest_crashed(*self._wrecks)
-        pedestrian_m = self._vehicle_avoidance.keep_off(self._pursuing_points.advance(desired_m), self._max_evasion_m)
+        pedestrian_m = self._vehicle_avoidance.avoid_bodies(
+            self._pursuing_points.pursue(desired_m), self._max_evasion_m
+        )
         self._pursuing_points.position_m = pedestrian_m
         points = np.zeros((len(point_m) + len(pedestrian_m), 4))
         points[:, :3] = np.concatenate([point_m, pedestrian_m])

@@ -109,7 +109,7 @@ class Simulation:
     def drive_ego(self, speed_mps: float, yaw_rate_radps: float) -> None:
         """Set the next motion of an ego driven from outside; without further commands it brakes after 0.5 s."""
         if self._driver is not None:
-            self._driver.command(speed_mps, yaw_rate_radps)
+            self._driver.set_command(speed_mps, yaw_rate_radps)
 
     def step(self) -> WorldState:
         """Advance by one tick and return its state.

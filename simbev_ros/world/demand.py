@@ -99,7 +99,7 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
         )
         lane = network.lanes[pedestrian.start.lane]
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(streams.walk.uniform(-1.0, 1.0))
-        legs = itineraries.draw(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
+        legs = itineraries.draw_legs(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         for leg in legs:
             edges.update(leg.edges)

@@ -176,13 +176,16 @@ class CarefulDrivers:
         first_contacts, entry_time = predicted.first_contacts(conflicts), predicted.entry_time(conflicts)
         gap_m, reach_m = first_contacts.gap_m[:, 0], first_contacts.reach_m[:, 0]
         # A pedestrian who steps in front of a vehicle blocks its path; the vehicle waits nevertheless.
-        steps_in_front = (conflicts.other >= self._vehicles) & (gap_m > self._half_m[conflicts.driver, 0] - _FRONT_DEPTH_M)
+        steps_in_front = (conflicts.other >= self._vehicles) & (
+            gap_m > self._half_m[conflicts.driver, 0] - _FRONT_DEPTH_M
+        )
         is_useless = (entry_time == 0) & ~steps_in_front
         entry_time = np.select(entry_time == 0, conflicts.first_time, entry_time)
         first_s, step_s, half_s = TIMES_S[conflicts.first_time], TIMES_S[1], TIMES_S[1] / 2.0
         speed_mps = self._predictor.speed_mps[conflicts.driver]
         moved_m = (
-            predicted.as_seen.center_m[conflicts.other, conflicts.first_time] - predicted.as_seen.center_m[conflicts.other, 0]
+            predicted.as_seen.center_m[conflicts.other, conflicts.first_time]
+            - predicted.as_seen.center_m[conflicts.other, 0]
         )
         along_mps = np.sum(moved_m * first_contacts.ahead, axis=1) / np.maximum(first_s, half_s)
         closing_mps = speed_mps - np.clip(along_mps, 0.0, speed_mps)

@@ -14,12 +14,12 @@ def bend(radius_m, turn_rad, straight_m=50.0):
     return Lane("A_0", "A", 0, LaneKind.DRIVING, line_m, 3.5, 13.9, "", ())
 
 
-def test_a_bend_is_driven_with_two_metres_per_second_squared_to_the_side():
+def test_a_bend_is_driven_with_a_lateral_acceleration_of_two_meters_per_second_squared():
     assert curve_speeds([bend(28.0, np.pi / 2)])["A_0"] == pytest.approx(np.sqrt(2.0 * 28.0), rel=0.03)
     assert curve_speeds([bend(8.0, -np.pi / 2, straight_m=0.1)])["A_0"] == pytest.approx(4.0, rel=0.03)
 
 
-def test_in_a_very_tight_bend_one_turns_no_faster_than_a_steering_wheel_does():
+def test_a_very_tight_bend_is_driven_at_the_maximum_yaw_rate():
     assert curve_speeds([bend(2.0, np.pi)])["A_0"] == pytest.approx(0.6 * 2.0, rel=0.05)
 
 

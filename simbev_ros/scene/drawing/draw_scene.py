@@ -105,8 +105,8 @@ def draw_scene(
         walker_cross_factor=_cross_factor(scenario.traffic, seed),
         hazards=hazards.hazards,
         green_time_s=tuple(
-            sample(scenario.traffic.green_time_s, stream(seed, f"signals.{programme}.green"))
-            for programme in starts.signal_programs or ("",)
+            sample(scenario.traffic.green_time_s, stream(seed, f"signals.{program}.green"))
+            for program in starts.signal_programs or ("",)
         ),
     )
 

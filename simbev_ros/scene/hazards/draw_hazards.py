@@ -19,7 +19,7 @@ from simbev_ros.scene.hazards.guards import (
     props_footprint,
 )
 from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec
-from simbev_ros.scene.hazards.place_workers import place_workers
+from simbev_ros.scene.hazards.workers import place_workers
 from simbev_ros.scene.hazards.roadside import Roadside
 from simbev_ros.scene.hazards.sites import HazardSites
 from simbev_ros.scene.hazards.vehicles import place_accident_vehicles, place_work_vehicles

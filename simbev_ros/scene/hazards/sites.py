@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.scene.hazards.area_around import HazardArea
+from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.roadside import Roadside, side_of
 
 MIN_LENGTH_M = 24.0

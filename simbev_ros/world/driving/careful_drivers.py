@@ -123,7 +123,7 @@ class CarefulDrivers:
         vehicle_m, pedestrian_m = np.split(position_m, [self._vehicles])
         before_m = pedestrian_m if self._pedestrian_m is None else self._pedestrian_m
         self._pedestrian_m = pedestrian_m
-        velocity_mps = np.select(has_stopped[self._vehicles :, None], 0.0, (pedestrian_m - before_m) / self._tick_s)
+        velocity_mps = np.where(has_stopped[self._vehicles :, None], 0.0, (pedestrian_m - before_m) / self._tick_s)
         pedestrians = predict_pedestrians(pedestrian_m, velocity_mps, on_sidewalk)
         center_m, forward = (np.repeat(each[:, None], len(TIMES_S), axis=1) for each in (vehicle_m, ahead))
         driving = np.flatnonzero(~has_stopped[: self._sumo_count] & (self._predictor.speed_mps > _STANDING_MPS))

@@ -132,8 +132,8 @@ class CrossingSites:
     ) -> Iterator[tuple[Lane, float, float, float]]:
         """Yield the lanes that a path meets, with distances along each lane and along the path, and heights.
 
-        Ascends along the path. Skips the lane where the path starts and lanes on other levels; ends at a lane that is met
-        at a slant.
+        Ascends along the path. Skips the lane where the path starts and lanes on other levels; ends at a lane that is
+        met at a slant.
         """
         path = shapely.LineString([start_m[:2], start_m[:2] + _MAX_LENGTH_M * across])
         if shapely.dwithin(path, self._hazard_areas, _MIN_HAZARD_DISTANCE_M):

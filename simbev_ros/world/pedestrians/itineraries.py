@@ -117,9 +117,9 @@ class Itineraries:
         self, pedestrian: PedestrianSpec, edge: str, min_m: float, max_m: float, streams: ItineraryStreams
     ) -> CrossingSite | PlazaVisit | None:
         """Draw the excursion from an edge's sidewalk, between two distances along it; None: there is none."""
-        draw_visit = self._visits.draw_visit(edge, min_m, max_m, streams.plazas) if pedestrian.visits_plazas else None
-        if draw_visit is not None or not pedestrian.jaywalks:
-            return draw_visit
+        visit = self._visits.draw_visit(edge, min_m, max_m, streams.plazas) if pedestrian.visits_plazas else None
+        if visit is not None or not pedestrian.jaywalks:
+            return visit
         from_m, to_m = self._crossing_sites.stations_m(edge)
         min_m, max_m = max(min_m, from_m), min(max_m, to_m)
         if min_m < max_m and streams.crossings.random() < _CROSSING_PROBABILITY:

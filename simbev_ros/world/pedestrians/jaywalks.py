@@ -154,7 +154,7 @@ class Jaywalks:
         crossing.braking = braking
 
     def _distance_m(self, vehicle: int, site: CrossingSite, cleared_m: float) -> float:
-        """Driving distance of a vehicle to the crossed carriageways not yet cleared; infinite if it does not reach any."""
+        """Driving distance of a vehicle to the crossed carriageways not yet cleared; infinite if it reaches none."""
         return min(
             (
                 self._traffic.distance_m(vehicle, carriageway.edge, carriageway.position_m)

@@ -164,7 +164,7 @@ class SumoTraffic:
             rows = [vehicles[name] for name in self._vehicle_names]
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
             lane_position = lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)
-            self._lanes_ahead.advance(*lane_position)
+            self._lanes_ahead.observe(*lane_position)
             front_m = self._tracks.positions_m(*lane_position)
             for name, (_, driven_m) in self._driven.items():
                 front_m[self._vehicle_names.index(name)] = driven_m

@@ -35,7 +35,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.parametrize("town, seed", SCENES)]
 
 
 class Run(NamedTuple):
-    """One scene: (T, N) actors, (T,) events, (N,) kinds, (T, N) whether in an impact, (N,) whether it keeps to sidewalks."""
+    """One scene: (T, N) actors, (T,) events, (N,) kinds, (T, N) whether in an impact, (N,) whether on walks only."""
 
     actors: Table
     events: list[tuple[Event, ...]]

@@ -19,10 +19,10 @@ from simbev_ros.scene.hazards.guards import (
     props_footprint,
 )
 from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec
-from simbev_ros.scene.hazards.workers import place_workers
 from simbev_ros.scene.hazards.roadside import Roadside
 from simbev_ros.scene.hazards.sites import HazardSites
 from simbev_ros.scene.hazards.vehicles import place_accident_vehicles, place_work_vehicles
+from simbev_ros.scene.hazards.workers import place_workers
 from simbev_ros.scene.spec import VehicleSpec
 from simbev_ros.scene.streets.lane_positions import LanePositions
 from simbev_ros.types import BoolArray, Float64Array

@@ -180,7 +180,7 @@ class CarefulDrivers:
             gap_m > self._half_m[conflicts.driver, 0] - _FRONT_DEPTH_M
         )
         is_useless = (entry_time == 0) & ~steps_in_front
-        entry_time = np.select(entry_time == 0, conflicts.first_time, entry_time)
+        entry_time = np.where(entry_time == 0, conflicts.first_time, entry_time)
         first_s, step_s, half_s = TIMES_S[conflicts.first_time], TIMES_S[1], TIMES_S[1] / 2.0
         speed_mps = self._predictor.speed_mps[conflicts.driver]
         moved_m = (

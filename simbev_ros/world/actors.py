@@ -161,13 +161,13 @@ def _report_missing(spec: SceneSpec, traffic: Population) -> None:
     """Log the actors that could not be placed; raise if the ego is one of them."""
     if 0 not in traffic.vehicles:
         raise SimulationError(f"{spec.name}: the ego does not fit at its start, {_describe_start(spec.vehicles[0])}")
-    for kind, wanted, present in (
+    for kind, requested, present in (
         ("vehicle", spec.vehicles, traffic.vehicles),
         ("pedestrian", spec.pedestrians, traffic.pedestrians),
     ):
-        for index in sorted(set(range(len(wanted))) - set(present)):
+        for index in sorted(set(range(len(requested))) - set(present)):
             _LOGGER.warning(
-                "%s: %s %d is left out; no room at %s", spec.name, kind, index, _describe_start(wanted[index])
+                "%s: %s %d is left out; no room at %s", spec.name, kind, index, _describe_start(requested[index])
             )
 
 

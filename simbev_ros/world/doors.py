@@ -25,7 +25,7 @@ _ALL_DOORS_PROBABILITY = 0.5  # probability that all doors open; otherwise one d
 
 
 class StandingTraffic(Protocol):
-    """What the doors need from the traffic; vehicles are given by their index in ``vehicles``."""
+    """Traffic interface that the doors need; vehicles are given by their index in ``vehicles``."""
 
     @property
     def vehicles(self) -> Sequence[int]:

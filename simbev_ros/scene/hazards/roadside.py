@@ -56,7 +56,7 @@ class Roadside:
         return sum(lane.width_m for lane in self._driving(edge))
 
     def entrances(self, edges: Set[str]) -> tuple[str, ...]:
-        """Those of the given edges that can be entered from other edges, sorted."""
+        """The subset of edges that can be entered from other edges, sorted."""
         return tuple(sorted(edge for edge in edges if not self._edges_before(edge) <= edges))
 
     def _edges_before(self, edge: str) -> set[str]:

@@ -102,7 +102,7 @@ def _turn_rad(line_m: Float64Array) -> float:
 
 
 class TurnObstacles:
-    """What turning vehicles must keep off: samples of the center lines of lanes outside junctions and of sidewalks."""
+    """Areas that turning vehicles must keep off: samples of the center lines of outside lanes and of sidewalks."""
 
     def __init__(self, driving: Sequence[Lane], sidewalks: Sequence[Lane]) -> None:
         lanes = [*driving, *sidewalks]

@@ -36,7 +36,7 @@ _FRONT_DEPTH_M = 0.5
 
 
 class DriverControl(RouteGeometry, Protocol):
-    """What careful drivers need from the traffic; vehicles are given by their index in ``vehicles``."""
+    """Traffic interface that careful drivers need; vehicles are given by their index in ``vehicles``."""
 
     def speed_mps(self, vehicle: int) -> float:
         """A vehicle's speed."""

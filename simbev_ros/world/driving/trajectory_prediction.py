@@ -21,7 +21,7 @@ _MAX_SWERVE_MPS = 0.6
 
 
 class RouteGeometry(Protocol):
-    """What trajectory prediction needs from the traffic."""
+    """Traffic interface that trajectory prediction needs."""
 
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, K, 3) positions of N vehicles' fronts after (N, K) distances, (N, K) farther to the left than now."""

@@ -112,7 +112,7 @@ class Collisions:
         return step_m
 
     def _new_pairs(self, pairs: Int64Array) -> Int64Array:
-        """Those of (K, 2) pairs that did not touch from the beginning."""
+        """The (K, 2) pairs without those that have touched from the beginning."""
         new_pairs: Int64Array = pairs[[key not in self._initial_pairs for key in map(tuple, pairs.tolist())]]
         return new_pairs
 

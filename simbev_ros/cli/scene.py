@@ -18,8 +18,8 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
-from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, starts_of
-from simbev_ros.scene.drawing.statistics import BINS, SceneStatistics, Tally, meant
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
+from simbev_ros.scene.drawing.statistics import BINS, SceneStatistics, Tally, configured_value
 from simbev_ros.types import Float64Array
 
 _WIDE = 120
@@ -84,7 +84,7 @@ def _draw(
     name = planned[0].map.name
     with console.status(f"roads of {escape(name)}"):
         network = load_network(planned[0].map)
-        starts = starts_of(scenario, network)
+        starts = start_positions(scenario, network)
     with counting_bar(f"scenes on {name}", console, len(planned)) as bar:
         for each in planned:
             statistics.add(draw_scene(scenario, each, network, starts))
@@ -114,7 +114,7 @@ def _facts(statistics: SceneStatistics, scenario: Scenario) -> dict[str, Any]:
         "maps": dict(statistics.maps),
         "parameters": {
             name: {
-                "meant": meant(name, scenario),
+                "meant": configured_value(name, scenario),
                 "count": tally.count,
                 "mean": tally.mean,
                 "sd": tally.sd,
@@ -138,7 +138,7 @@ def _print_numbers(output: Console, statistics: SceneStatistics, scenario: Scena
     for section, names in sections.items():
         output.print(f"[bold]{escape(section)}[/]", highlight=False)
         for name in names:
-            tally, meaning = statistics.numbers[name], escape(meant(name, scenario))
+            tally, meaning = statistics.numbers[name], escape(configured_value(name, scenario))
             figures = "".join(map(_figure, (tally.mean, tally.sd, tally.min, tally.max)))
             line = f"  {name.rpartition('.')[2]:{_NAME_WIDTH - 2}}{figures}  {_histogram(tally):{BINS}}"
             between = "  " if output.width >= _WIDE else "\n    "

@@ -31,7 +31,7 @@ from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
 from simbev_ros.recording.replay import Replay
-from simbev_ros.scene.ending import Ending, SceneEnd
+from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.lights import street_lights
 from simbev_ros.scene.reach import loaded_reach
@@ -39,7 +39,7 @@ from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
-from simbev_ros.world.source import Source
+from simbev_ros.world.source import StateSource
 
 
 class WorldNode(GraphNode):
@@ -53,7 +53,7 @@ class WorldNode(GraphNode):
         window_ticks = self.declared("window_ticks", 3, "Ticks that the world may be ahead of the slowest participant")
         self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
         self._pacer = Pacer(live=self.live)
-        self._source: Source | None = None
+        self._source: StateSource | None = None
         self._request: SceneRequest | None = None
         self._spec: SceneSpec | None = None
         self._end: SceneEnd | None = None
@@ -92,7 +92,7 @@ class WorldNode(GraphNode):
         self._publish_lights(spec, streetside)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
         self._source = _source_of(request, network, streetside)
-        self._ending = Ending(spec, self._source.available)
+        self._ending = SceneEndDetector(spec, self._source.available)
         for _ in range(spec.warm_up_ticks - spec.lead_in_ticks):
             self._source.step()
         self._next_tick = -spec.lead_in_ticks
@@ -136,7 +136,7 @@ class WorldNode(GraphNode):
         assert self._spec is not None and self._source is not None
         with self.meter.busy():
             state = self._source.step()
-            self._end = self._ending.at(state)
+            self._end = self._ending.end_at(state)
             if self._end is not None:  # everybody knows it before they can have finished the last tick
                 self.publish(topics.END, String(data=self._end.model_dump_json()))
             self._publish_state(self._spec, state)
@@ -198,7 +198,7 @@ class WorldNode(GraphNode):
             self._source = None
 
 
-def _source_of(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> Source:
+def _source_of(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> StateSource:
     """The simulation of a scene, or the bag that is replayed."""
     spec = request.spec
     if request.replay is not None:

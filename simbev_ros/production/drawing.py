@@ -9,8 +9,8 @@ from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import load_roads
-from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, starts_of
-from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
+from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -22,7 +22,7 @@ def draw_scenes(scenario: Scenario, observer: ProductionObserver = SILENT) -> li
     """
     planned = list(planned_scenes(scenario))
     networks = {spec: load_roads(spec, observer) for spec in dict.fromkeys(scene.map for scene in planned)}
-    starts = {spec: starts_of(scenario, network) for spec, network in networks.items()}
+    starts = {spec: start_positions(scenario, network) for spec, network in networks.items()}
     return [draw_scene(scenario, scene, networks[scene.map], starts[scene.map]) for scene in planned]
 
 
@@ -33,7 +33,7 @@ class PlannedSceneDrawer:
         self._scenario, self._observer = scenario, observer
         specs = [map_spec(wanted.map) for wanted in scenario.scenes]
         self._maps: Mapping[str, MapSpec] = {spec.name: spec for spec in specs}
-        self._latest: tuple[MapSpec, Starts] | None = None
+        self._latest: tuple[MapSpec, StartPositions] | None = None
 
     def draw(self, entry: PlannedEntry) -> SceneSpec:
         """Draw a scene.
@@ -46,6 +46,6 @@ class PlannedSceneDrawer:
         spec = self._maps[entry.map]
         network = load_roads(spec, self._observer)
         if self._latest is None or self._latest[0] != spec:
-            self._latest = spec, starts_of(self._scenario, network)
+            self._latest = spec, start_positions(self._scenario, network)
         planned = PlannedScene(entry.number, spec, entry.split)
         return draw_scene(self._scenario, planned, network, self._latest[1])

@@ -17,7 +17,7 @@ from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.drawing.draw_scene import ticks_of
+from simbev_ros.scene.drawing.draw_scene import duration_ticks
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -90,7 +90,7 @@ def estimate_dataset(
         GraphError: A node died or fell silent.
     """
     sample = _measure_sample(without_stack(scenario), entries[0], observer)
-    ticks = sum(ticks_of(scenario.time, scenario.seed + entry.number) for entry in entries)
+    ticks = sum(duration_ticks(scenario.time, scenario.seed + entry.number) for entry in entries)
     return Estimate(
         scenes=len(entries),
         frames=ticks,

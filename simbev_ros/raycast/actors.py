@@ -14,7 +14,7 @@ from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.raycast.boxes import CORNERS, Boxes, Passages
 from simbev_ros.raycast.part_stack import PartStack
-from simbev_ros.scene.interpolation import Course
+from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.scene.state import map_from_actors
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array, Table, UInt8Array
 
@@ -51,7 +51,7 @@ class ActorTriangles:
         self._stack = PartStack(models)
         self._skeletons = skeletons
 
-    def update(self, course: Course, origin_m: Float64Array) -> None:
+    def update(self, course: ActorHistory, origin_m: Float64Array) -> None:
         """Moves to a tick.
 
         Args:

@@ -4,7 +4,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.geometry.transforms import inverse
-from simbev_ros.scene.interpolation import actors_between
+from simbev_ros.scene.interpolation import interpolate_actors
 from simbev_ros.scene.state import map_from_actors
 from simbev_ros.types import Float64Array, Int32Array, Table
 
@@ -46,7 +46,7 @@ def part_velocities(
     """
     moving, which = np.unique(row, return_inverse=True)
     before, now = before[moving], now[moving]
-    then, soon = (actors_between(before, now, 1.0 + step) for step in (-_STEP, _STEP))
+    then, soon = (interpolate_actors(before, now, 1.0 + step) for step in (-_STEP, _STEP))
     change = skeletons.poses(soon) - skeletons.poses(then)
     rates = change @ inverse(skeletons.poses(now)) / (2.0 * _STEP * elapsed_s)
     actor, _ = skeletons.rows(now)

@@ -11,7 +11,7 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.raycast.actors import ActorTriangles
 from simbev_ros.raycast.motion import body_velocities, part_velocities
 from simbev_ros.raycast.static import StaticTriangles
-from simbev_ros.scene.interpolation import Course, known_before
+from simbev_ros.scene.interpolation import ActorHistory, earlier_rows
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
 
@@ -73,7 +73,7 @@ class RayScene:
             hidden_ids: Actors that rays pass through, such as the one that carries the sensor.
             earlier: The world at the ticks before, as far back as rays are cast; none: all are cast at the tick.
         """
-        course = Course.of(state, earlier)
+        course = ActorHistory.of(state, earlier)
         near = np.any([_within(actors, center_m, radius_m) for actors in course.tables], axis=0)
         course = course.only(near & ~np.isin(state.actors["id"], sorted(hidden_ids)))
         self.actors: Table = course.now
@@ -133,7 +133,7 @@ class RayScene:
         row, part, place_m = hits.row[moving], hits.part[moving], np.asarray(points_m, np.float64)[moving]
         velocity_mps[moving] = body_velocities(self.actors[row], place_m)
         if previous is not None and len(moving):
-            before = known_before(self.actors, previous.actors)
+            before = earlier_rows(self.actors, previous.actors)
             elapsed_s = (self._stamp_ns - previous.stamp_ns) / _NS_PER_S
             velocity_mps[moving] += part_velocities(self._skeletons, before, self.actors, elapsed_s, row, part, place_m)
         return velocity_mps

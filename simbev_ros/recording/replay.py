@@ -26,7 +26,7 @@ from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
-from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
@@ -209,7 +209,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> Sc
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
     changes: dict[str, object] = {"rig": scenario.rig, "annotation": scenario.annotation}
     if "weather" in scenario.model_fields_set:
-        is_hilly = Starts(network, scenario.traffic.waypoint_spacing_m).is_hilly
+        is_hilly = StartPositions(network, scenario.traffic.waypoint_spacing_m).is_hilly
         changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, hilly=is_hilly)
     if "lights" in scenario.model_fields_set:
         changes["lights"] = draw_lights(scenario.lights, spec.seed)

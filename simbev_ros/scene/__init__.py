@@ -1,1 +1,1 @@
-"""What a scene is: its drawn specification, its state at a tick, and how it is drawn."""
+"""Scenes: their drawn specification, their state at each tick, and how they are drawn from a configuration."""

@@ -1,4 +1,7 @@
-"""The blueprints: every kind of actor that can be in a scene, read from blueprints.yaml. Their meshes are in assets."""
+"""The actor blueprints: every kind of actor that can appear in a scene, read from blueprints.yaml.
+
+The package ``assets`` builds their meshes.
+"""
 
 import math
 from functools import lru_cache
@@ -12,14 +15,14 @@ from simbev_ros.config.base import Model
 from simbev_ros.semantics import Tag
 
 
-class Footprint(NamedTuple):
-    """How a vehicle is drawn along a way; distances along it are from its middle.
+class VehicleFootprint(NamedTuple):
+    """Geometry of a vehicle that follows a path; longitudinal distances are from its center.
 
     Attributes:
-        length_m: Of its box.
-        width_m: Of its box.
-        lead_m: How far ahead the point is that keeps to the way.
-        axle_m: How far behind the axle is that is drawn after it.
+        length_m: Length of its box.
+        width_m: Width of its box.
+        lead_m: Distance from the center forward to the point that stays on the path.
+        axle_m: Distance from the center back to the axle that is towed behind this point.
     """
 
     length_m: float
@@ -29,7 +32,7 @@ class Footprint(NamedTuple):
 
 
 class Blueprint(Model):
-    """One kind of actor; the fields are explained in blueprints.yaml."""
+    """One kind of actor; blueprints.yaml explains the fields."""
 
     name: str
     kind: Literal["vehicle", "rider", "pedestrian", "prop"]
@@ -54,18 +57,18 @@ class Blueprint(Model):
 
     @property
     def on_foot(self) -> bool:
-        """Whether it is somebody who walks or runs."""
+        """Whether this is a pedestrian who walks or runs, not a wheelchair user."""
         return self.kind == "pedestrian" and not self.wheelchair
 
     @property
-    def footprint(self) -> Footprint:
-        """A vehicle's: its axles lie half a wheelbase before and behind its middle.
+    def footprint(self) -> VehicleFootprint:
+        """Footprint of a vehicle; its axles lie half a wheelbase in front of and behind its center.
 
-        The point that leads is where the front bumper swings out of a bend by as much as the rear axle cuts it.
+        The leading point is where the front bumper swings out of a bend by as much as the rear axle cuts it.
         """
         length_m, width_m, _ = self.size_m
         axle_m = self.wheelbase_m / 2.0
-        return Footprint(length_m, width_m, (length_m / 2.0 + axle_m) / math.sqrt(2.0) - axle_m, axle_m)
+        return VehicleFootprint(length_m, width_m, (length_m / 2.0 + axle_m) / math.sqrt(2.0) - axle_m, axle_m)
 
     @field_validator("tag", mode="before")
     @classmethod
@@ -75,7 +78,7 @@ class Blueprint(Model):
 
 @lru_cache(maxsize=1)
 def load_blueprints() -> tuple[Blueprint, ...]:
-    """All blueprints; the index in the tuple is the ``blueprint`` column of the actors table."""
+    """Load all blueprints; the index in the tuple is the ``blueprint`` column of the actors table."""
     data = yaml.safe_load(files("simbev_ros.scene").joinpath("blueprints.yaml").read_text())
     blueprints = []
     for entry in data["blueprints"]:
@@ -87,5 +90,5 @@ def load_blueprints() -> tuple[Blueprint, ...]:
 
 @lru_cache(maxsize=1)
 def blueprint_index() -> dict[str, int]:
-    """Blueprint name → index."""
+    """Index of each blueprint by name."""
     return {blueprint.name: index for index, blueprint in enumerate(load_blueprints())}

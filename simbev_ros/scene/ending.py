@@ -1,4 +1,4 @@
-"""When and why a scene ends: after its duration, or earlier when the ego has stood still for too long."""
+"""Detection of the end of a scene: after its duration, or earlier when the ego has stood still for too long."""
 
 import math
 
@@ -13,20 +13,20 @@ _STANDING_MPS = 0.1
 
 
 class SceneEnd(Model):
-    """The end of a scene, as /world/end tells it before the last tick is published."""
+    """The end of a scene, published on /world/end before the last tick."""
 
     scene: str
-    tick: int = Field(ge=0, description="the last one")
-    reason: str = Field(description="duration, or in words why the scene ended earlier")
-    events: int = Field(0, ge=0, description="messages on /world/events from tick 0 to the last one")
+    tick: int = Field(ge=0, description="last tick of the scene")
+    reason: str = Field(description="duration, or the reason in words if the scene ended early")
+    events: int = Field(0, ge=0, description="number of messages on /world/events from tick 0 to the last tick")
 
 
-class Ending:
-    """Watches one scene.
+class SceneEndDetector:
+    """Detects the last tick of one scene.
 
     Args:
         spec: The scene.
-        available: Ticks that its source has, and why there are no more.
+        available: Number of ticks that its source provides, and why it provides no more.
     """
 
     def __init__(self, spec: SceneSpec, available: tuple[int, str]) -> None:
@@ -35,16 +35,16 @@ class Ending:
         self._standing_ticks = 0
         self._events = 0
 
-    def at(self, state: WorldState) -> SceneEnd | None:
-        """The end of the scene, if this tick, the next one after that of the call before, is its last."""
+    def end_at(self, state: WorldState) -> SceneEnd | None:
+        """The end of the scene if this tick is its last one, otherwise None. Call it for every tick in order."""
         if state.tick < 0:
             return None
         self._events += len(state.events)
-        ego, most = state.ego, self._spec.end_after_standing_ticks
-        stands = math.hypot(ego["vx"], ego["vy"]) < _STANDING_MPS
-        self._standing_ticks = self._standing_ticks + 1 if stands else 0
-        if most is not None and self._standing_ticks >= most:
-            standing_s = most * self._spec.tick_ns / NS_PER_S
+        ego, max_ticks = state.ego, self._spec.end_after_standing_ticks
+        is_standing = math.hypot(ego["vx"], ego["vy"]) < _STANDING_MPS
+        self._standing_ticks = self._standing_ticks + 1 if is_standing else 0
+        if max_ticks is not None and self._standing_ticks >= max_ticks:
+            standing_s = max_ticks * self._spec.tick_ns / NS_PER_S
             return self._end(state.tick, f"ego stood still for {standing_s:g} s at tick {state.tick}")
         return self._end(state.tick, self._reason) if state.tick >= self._last_tick else None
 

@@ -1,6 +1,6 @@
-"""How people walk and run: gait.yaml.
+"""Walking and running gaits of pedestrians, read from gait.yaml.
 
-The world advances the ``gait`` phase by its strides; the meshes are posed by all of it.
+The world simulation advances the ``gait`` phase by the stride length; the actor meshes are posed from all parameters.
 """
 
 from functools import lru_cache
@@ -13,14 +13,14 @@ from simbev_ros.config.base import Model
 from simbev_ros.types import Float64Array
 
 _G_MPS2 = 9.81
-_LEG = 0.53
-"""Height of the hips over that of the body: Drillis and Contini, "Body Segment Parameters", 1966."""
+_HIP_HEIGHT = 0.53
+"""Hip height divided by body height: Drillis and Contini, "Body Segment Parameters", 1966."""
 _TRANSITION_FROUDE = 0.5
-"""speed²/(g leg) from which people run: Kram, Domingo and Ferris, J. Exp. Biol. 200, 1997."""
+"""Froude number speed²/(g leg) above which people run: Kram, Domingo and Ferris, J. Exp. Biol. 200, 1997."""
 
 
 class Gait(Model):
-    """How people move at one speed; the fields are explained in gait.yaml."""
+    """Gait parameters at one speed; gait.yaml explains the fields."""
 
     speed: float
     stride: float
@@ -42,32 +42,32 @@ class Gait(Model):
 
 @lru_cache(maxsize=1)
 def load_gaits() -> tuple[Gait, ...]:
-    """The rows, by ascending speed."""
+    """Load the rows of gait.yaml, ascending by speed."""
     text = files("simbev_ros.scene").joinpath("gait.yaml").read_text()
     return tuple(Gait.model_validate(row) for row in yaml.safe_load(text))
 
 
-def gaits_between(parts: int) -> tuple[Gait, ...]:
-    """The rows, and so many less one between each two of them."""
+def interpolate_gaits(steps_per_row: int) -> tuple[Gait, ...]:
+    """Gait rows resampled with ``steps_per_row`` intervals between each two rows of the file."""
     names = list(Gait.model_fields)
     rows = np.array([[getattr(gait, name) for name in names] for gait in load_gaits()])
-    places = np.arange((len(rows) - 1) * parts + 1) / parts
-    columns = [np.interp(places, np.arange(len(rows)), column) for column in rows.T]
+    row_positions = np.arange((len(rows) - 1) * steps_per_row + 1) / steps_per_row
+    columns = [np.interp(row_positions, np.arange(len(rows)), column) for column in rows.T]
     return tuple(Gait(**dict(zip(names, row, strict=True))) for row in np.transpose(columns).tolist())
 
 
 def transition_mps(height_m: float) -> float:
-    """The speed above which a person of this height runs."""
-    return float(np.sqrt(_TRANSITION_FROUDE * _G_MPS2 * _LEG * height_m))
+    """Speed above which a person of this height runs."""
+    return float(np.sqrt(_TRANSITION_FROUDE * _G_MPS2 * _HIP_HEIGHT * height_m))
 
 
 def unit_mps(height_m: float) -> float:
-    """The speed that counts as 1 for a person of this height."""
+    """Speed that counts as 1 in gait.yaml for a person of this height."""
     return float(np.sqrt(_G_MPS2 * height_m))
 
 
-def strides_m(height_m: Float64Array, speed_mps: Float64Array) -> Float64Array:
-    """(N,) ways of two steps of people of (N,) heights at (N,) speeds."""
+def stride_lengths_m(height_m: Float64Array, speed_mps: Float64Array) -> Float64Array:
+    """(N,) stride lengths (two steps) of people of (N,) heights at (N,) speeds."""
     gaits = load_gaits()
     relative = np.interp(
         speed_mps / np.sqrt(_G_MPS2 * height_m), [gait.speed for gait in gaits], [gait.stride for gait in gaits]

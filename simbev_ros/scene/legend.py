@@ -1,4 +1,4 @@
-"""What the numbers in tables and images mean, for readers that do not have this package."""
+"""Legend of a dataset: the meaning of the numbers in its tables and images, for readers without this package."""
 
 from collections.abc import Sequence
 from enum import IntEnum, IntFlag
@@ -11,11 +11,11 @@ from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES, SIGN_TY
 
 
 def legend(signals: Sequence[Signal] = ()) -> dict[str, Any]:
-    """Plain values, for JSON: lists are indexed by the number that they explain, bits are given by their value.
+    """Legend as plain JSON values: lists are indexed by the number they explain, bit flags are listed by value.
 
     Args:
-        signals: Those of the map; one entry each, in the row order of /world/signals, says which programme it follows
-            and which signal of /world/map it is (null where the map names none there).
+        signals: The map's signals. There is one entry for each, in the row order of /world/signals: the signal program
+            it follows, and the signal of /world/map it belongs to (null if the map does not name one).
     """
     return {
         "blueprints": [_blueprint(blueprint) for blueprint in load_blueprints()],

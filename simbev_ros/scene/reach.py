@@ -1,4 +1,4 @@
-"""How much of a map a scene can see."""
+"""Region of interest of a scene: the part of a map that its ego can drive to or see."""
 
 import heapq
 from collections import defaultdict
@@ -11,44 +11,48 @@ from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.types import Float64Array
 
 VIEW_M = 500.0
-"""So far cameras see more than bare land."""
+"""Distance up to which cameras see detail beyond bare terrain."""
 
-_WHOLE_REGIONS = 12  # maps of so few regions are kept whole, so that scenes share what is loaded
+_MAX_WHOLE_REGIONS = 12  # maps with at most this number of regions are loaded whole, so that scenes share them
 _MARGIN_M = 30.0
 
 
 def loaded_reach(spec: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) -> Reach | None:
-    """What of a map is to be loaded for a scene: its reach; None: all, because the map is small."""
-    return None if len(regions_of(network.layout)) <= _WHOLE_REGIONS else reach_of(spec, network, view_m)
+    """The part of a map to load for a scene; None means all of it, because the map is small."""
+    return None if len(regions_of(network.layout)) <= _MAX_WHOLE_REGIONS else reach_of(spec, network, view_m)
 
 
 def reach_of(spec: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) -> Reach:
-    """A circle around the ego's start: as far as the roads let it get, and ``view_m`` beyond."""
+    """Circle around the ego's start: the distance that it can drive in the scene plus ``view_m``."""
     ego = spec.vehicles[0]
     start_m, _ = network.pose_on_lane(ego.start.lane, ego.start.s_m)
-    seconds = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    travel_m = _travel_m(network, start_m[:2], ego.start.lane, seconds * max(ego.speed_factor, 1.0))
+    duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
+    travel_m = _max_travel_m(network, start_m[:2], ego.start.lane, duration_s * max(ego.speed_factor, 1.0))
     return Reach((float(start_m[0]), float(start_m[1])), travel_m + _MARGIN_M + view_m)
 
 
-def _travel_m(network: RoadNetwork, start_m: Float64Array, lane: str, seconds: float) -> float:
-    """Distance of the farthest place that is reached from a lane's start at the speed limits, lanes changed freely."""
-    beside: dict[str, list[Lane]] = defaultdict(list)
+def _max_travel_m(network: RoadNetwork, start_m: Float64Array, lane: str, duration_s: float) -> float:
+    """Distance of the farthest point reachable from a lane's start at the speed limits; lane changes are free."""
+    lanes_by_edge: dict[str, list[Lane]] = defaultdict(list)
     for each in network.lanes.values():
-        beside[each.edge].append(each)
-    queue, reached, farthest_m = [(0.0, network.lanes[lane].edge)], set(), 0.0
+        lanes_by_edge[each.edge].append(each)
+    queue, reached, max_distance_m = [(0.0, network.lanes[lane].edge)], set(), 0.0
     while queue:
-        entered_s, edge = heapq.heappop(queue)
+        entry_s, edge = heapq.heappop(queue)
         if edge in reached:
             continue
         reached.add(edge)
-        for each in beside[edge]:
+        for each in lanes_by_edge[edge]:
             line_m = each.centerline_m[:, :2]
-            on_way_s = np.cumsum([0.0, *np.linalg.norm(np.diff(line_m, axis=0), axis=1)]) / max(each.speed_mps, 1.0)
-            within = entered_s + np.append(0.0, on_way_s[:-1]) <= seconds  # the vertex after the last one in time, too
-            farthest_m = max(farthest_m, float(np.linalg.norm(line_m[within] - start_m, axis=1).max(initial=0.0)))
-            left_s = entered_s + float(on_way_s[-1])
-            if left_s <= seconds:
-                for following in each.successors:
-                    heapq.heappush(queue, (left_s, network.lanes[following].edge))
-    return farthest_m
+            along_s = np.cumsum([0.0, *np.linalg.norm(np.diff(line_m, axis=0), axis=1)]) / max(each.speed_mps, 1.0)
+            reachable = (
+                entry_s + np.append(0.0, along_s[:-1]) <= duration_s
+            )  # including the first vertex beyond the time limit
+            max_distance_m = max(
+                max_distance_m, float(np.linalg.norm(line_m[reachable] - start_m, axis=1).max(initial=0.0))
+            )
+            exit_s = entry_s + float(along_s[-1])
+            if exit_s <= duration_s:
+                for successor in each.successors:
+                    heapq.heappush(queue, (exit_s, network.lanes[successor].edge))
+    return max_distance_m

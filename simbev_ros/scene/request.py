@@ -1,4 +1,4 @@
-"""What the world node is asked to play."""
+"""The request message that tells the world node which scene to play."""
 
 from pydantic import Field
 
@@ -7,7 +7,7 @@ from simbev_ros.scene.spec import SceneSpec
 
 
 class SceneRequest(Model):
-    """One scene, as it is asked for on /world/request."""
+    """Request for one scene, as sent on /world/request."""
 
     spec: SceneSpec
-    replay: str | None = Field(None, description="absolute path of a bag to take all motion from; none: simulate it")
+    replay: str | None = Field(None, description="absolute path of the bag to replay; none: simulate the scene")

@@ -1,4 +1,4 @@
-"""What the world is at one tick: the tables that the simulation writes and every sensor and annotator reads."""
+"""The world state at one tick: the tables that the simulation writes and every sensor and annotator reads."""
 
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
@@ -10,11 +10,11 @@ from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array, Table
 
 EGO_ID = 1
-"""Id of the ego in every scene."""
+"""Id of the ego vehicle in every scene."""
 
 ACTOR_DTYPE = np.dtype(
     [
-        ("x", "<f8"),  # m, map frame: centre of the ground plane of the actor's 3D box
+        ("x", "<f8"),  # m, map frame: center of the bottom face of the actor's 3D box
         ("y", "<f8"),
         ("z", "<f8"),
         ("roll", "<f4"),  # rad, fixed axes x y z (REP-103): R = Rz(yaw) Ry(pitch) Rx(roll)
@@ -29,14 +29,14 @@ ACTOR_DTYPE = np.dtype(
         ("wx", "<f4"),  # rad/s, map frame
         ("wy", "<f4"),
         ("wz", "<f4"),
-        ("length", "<f4"),  # m, along x y z of the actor
+        ("length", "<f4"),  # m, along the actor's x, y, z
         ("width", "<f4"),
         ("height", "<f4"),
         ("steer", "<f4"),  # rad, front wheel angle, left positive
-        ("wheel", "<f4"),  # rad, rotation of the wheels since the scene's start, forward positive
-        ("gait", "<f4"),  # rad, phase of a stride (0: the left foot lands) or of the pedals of a cyclist
+        ("wheel", "<f4"),  # rad, wheel rotation since the start of the scene, forward positive
+        ("gait", "<f4"),  # rad, phase of the stride (0: the left foot lands) or of a cyclist's pedals
         ("id", "<u4"),  # unique in a scene, never 0
-        ("parent", "<u4"),  # id of the vehicle that a rider sits on, else 0
+        ("parent", "<u4"),  # a rider's vehicle id, otherwise 0
         ("color", "<u4"),  # 0xRRGGBB, sRGB
         ("blueprint", "<u2"),  # index into the catalogue
         ("lights", "<u2"),  # Light bits
@@ -49,13 +49,13 @@ ACTOR_DTYPE = np.dtype(
 
 SIGNAL_DTYPE = np.dtype(
     [
-        ("x", "<f8"),  # m, map frame: centre of the signal head
+        ("x", "<f8"),  # m, map frame: center of the signal head
         ("y", "<f8"),
         ("z", "<f8"),
         ("yaw", "<f4"),  # rad, direction in which the lamps shine
         ("time_in_state", "<f4"),  # s
-        ("time_remaining", "<f4"),  # s until the state changes; infinite where it never does
-        ("green_time", "<f4"),  # s, as drawn for its programme
+        ("time_remaining", "<f4"),  # s until the state changes; infinite if it never does
+        ("green_time", "<f4"),  # s, as drawn for its signal program
         ("id", "<u4"),  # equals its row + 1
         ("state", "u1"),  # SignalState
     ],
@@ -64,7 +64,7 @@ SIGNAL_DTYPE = np.dtype(
 
 
 class Light(IntFlag):
-    """Bits of an actor's lights."""
+    """Bit flags of an actor's lights."""
 
     LOW_BEAM = 1
     BRAKE = 2
@@ -76,7 +76,7 @@ class Light(IntFlag):
 
 
 class Behavior(IntFlag):
-    """Bits of how an actor behaves."""
+    """Bit flags of an actor's behavior."""
 
     RECKLESS = 1
     DISTRACTED = 2
@@ -84,7 +84,7 @@ class Behavior(IntFlag):
 
 
 class SignalState(IntEnum):
-    """What a traffic light shows."""
+    """State that a traffic light shows."""
 
     OFF = 0
     RED = 1
@@ -95,13 +95,13 @@ class SignalState(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened within the last tick.
+    """Something that happened during the last tick.
 
     Attributes:
         type: ``collision``: two actors touch for the first time.
-        ids: Of the actors, ascending.
-        position_m: Map frame.
-        relative_speed_mps: Of the two, just before.
+        ids: Ids of the actors, ascending.
+        position_m: Position, map frame.
+        relative_speed_mps: Relative speed of the two actors just before the event.
     """
 
     type: str
@@ -118,10 +118,10 @@ class WorldState:
         stamp_ns: Simulated time.
         tick: 0 for the first recorded tick; negative during the warm-up.
         ego_id: Id of the ego's row.
-        actors: (N,) ``ACTOR_DTYPE``, ascending id, the ego included.
-        signals: (S,) ``SIGNAL_DTYPE``; rows never change place within a scene.
-        weather: Weather and light now.
-        events: What happened since the tick before; in nodes other than the world's, none.
+        actors: (N,) ``ACTOR_DTYPE``, ascending by id, including the ego.
+        signals: (S,) ``SIGNAL_DTYPE``; the row order is constant within a scene.
+        weather: Weather and light at this tick.
+        events: Events since the previous tick; always empty in nodes other than the world node.
     """
 
     stamp_ns: int
@@ -140,13 +140,13 @@ class WorldState:
 
     @property
     def ego_ids(self) -> frozenset[int]:
-        """Ids of the ego and of its rider, if it has one."""
+        """Ids of the ego and, if it has one, its rider."""
         riders = self.actors["id"][self.actors["parent"] == self.ego_id]
         return frozenset([self.ego_id, *riders.tolist()])
 
 
 def map_from_actors(actors: Table) -> Float64Array:
-    """(N, 4, 4) transforms, map from actor, of (N,) ``ACTOR_DTYPE`` rows."""
+    """(N, 4, 4) transforms from each actor's frame to the map, for (N,) ``ACTOR_DTYPE`` rows."""
     xyz = np.stack([actors["x"], actors["y"], actors["z"]], axis=-1)
     rpy = np.stack([actors["roll"], actors["pitch"], actors["yaw"]], axis=-1).astype(np.float64)
     return matrices_from_xyz_rpy(xyz, rpy)

@@ -1,11 +1,11 @@
-"""Weather and light of one moment, in CARLA's units."""
+"""Weather and sun of one moment, in CARLA's units."""
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 
 class Weather(BaseModel):
-    """Fully drawn weather; the ranges are those of the paper's table."""
+    """Fully drawn weather; the ranges are those of the table in the SimBEV paper."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -18,14 +18,14 @@ class Weather(BaseModel):
     sun_altitude_deg: float = Field(ge=-90, le=90)
     fog_density: float = Field(ge=0, le=100)
     fog_distance_m: float = Field(ge=0, description="where fog starts")
-    fog_falloff: float = Field(ge=0, description="0 fills all heights, 1 about air, > 5 hugs the ground")
+    fog_falloff: float = Field(ge=0, description="0: uniform with height; 1: about like air; > 5: fog hugs the ground")
 
-    def towards(self, other: "Weather", share: float) -> "Weather":
-        """The weather after a share, in 0..1, of the straight way to another; the sun goes round the shorter way."""
+    def interpolate(self, other: "Weather", fraction: float) -> "Weather":
+        """Weather at a fraction, 0 to 1, of a linear transition; the sun's azimuth takes the shorter way around."""
         start, end = (np.array(list(each.model_dump().values())) for each in (self, other))
-        turn = list(type(self).model_fields).index("sun_azimuth_deg")
-        end[turn] = start[turn] + (end[turn] - start[turn] + 180.0) % 360.0 - 180.0
-        # Clipped, because rounding may leave the range by the last digit.
-        now = np.clip(start * (1.0 - share) + end * share, np.minimum(start, end), np.maximum(start, end))
-        now[turn] %= 360.0
+        azimuth = list(type(self).model_fields).index("sun_azimuth_deg")
+        end[azimuth] = start[azimuth] + (end[azimuth] - start[azimuth] + 180.0) % 360.0 - 180.0
+        # Clipped, because rounding may exceed the range in the last digit.
+        now = np.clip(start * (1.0 - fraction) + end * fraction, np.minimum(start, end), np.maximum(start, end))
+        now[azimuth] %= 360.0
         return Weather(**dict(zip(type(self).model_fields, now.tolist(), strict=True)))

@@ -15,7 +15,7 @@ import numpy as np
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.random import stream
 from simbev_ros.raycast.scene import Hits, RayScene
-from simbev_ros.scene.interpolation import Course
+from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.sensors.lidar_echo import echo_strength, intensity, lost_for_weakness
 from simbev_ros.sensors.lidar_pattern import ScanPattern
@@ -120,7 +120,7 @@ class LidarModel:
 
     def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> _Rays:
         pattern, channels = self.pattern, self._lidar.channels
-        ego = Course.of(state, earlier).only(state.actors["id"] == state.ego_id)
+        ego = ActorHistory.of(state, earlier).only(state.actors["id"] == state.ego_id)
         egos = ego.at(np.zeros(len(pattern.column_time_s), np.int64), -pattern.column_time_s)
         poses = map_from_actors(egos) @ self._lidar.pose.ego_from_sensor
         columns = pattern.directions.reshape(len(poses), channels, 3)

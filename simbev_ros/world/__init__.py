@@ -1,1 +1,1 @@
-"""The simulation: scene specification in, one world state per tick out."""
+"""World simulation: a scene specification and its map in, one world state per tick out."""

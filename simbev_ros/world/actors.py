@@ -1,4 +1,4 @@
-"""All actors over time: SUMO's samples in, the actors table out, of the same moment for everything in it."""
+"""All actors over time: SUMO's samples in, one actors table per tick out, every column of the same moment."""
 
 import logging
 from collections import deque
@@ -16,8 +16,8 @@ from simbev_ros.types import Int64Array, Table
 from simbev_ros.world.cast import cast_of, first_prop_id
 from simbev_ros.world.doors import Doors
 from simbev_ros.world.kinematics.collisions import Impact
-from simbev_ros.world.kinematics.footing import Footing
-from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.footing import GroundPlanes
+from simbev_ros.world.kinematics.ground import GroundSurface
 from simbev_ros.world.kinematics.motion import Motion
 from simbev_ros.world.leading_points import LeadingPoints
 from simbev_ros.world.lights import HAZARD_LIGHTS
@@ -34,10 +34,10 @@ _GROUND_MARGIN_M = 50.0
 
 
 class Actors:
-    """The cast of a scene in motion.
+    """The moving actors and the static props of a scene.
 
     Attributes:
-        events: Those of the latest table.
+        events: Events of the latest table.
     """
 
     def __init__(
@@ -48,17 +48,17 @@ class Actors:
         obstacles: Table,
         excursions: Mapping[int, tuple[Leg, ...]],
     ) -> None:
-        """At rest, where SUMO has placed everybody.
+        """Start at rest, where SUMO has placed the actors.
 
         Args:
             spec: The scene.
             network: Its roads.
             traffic: SUMO.
-            obstacles: (K,) ``OBSTACLE_DTYPE``, what people walk around.
-            excursions: The ways of those pedestrians of the specification who leave SUMO's net.
+            obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
+            excursions: Legs of the pedestrians that leave SUMO's network, by their index in the specification.
 
         Raises:
-            SimulationError: the ego found no place.
+            SimulationError: The ego could not be placed.
         """
         self.events: tuple[Event, ...] = ()
         self._coming_events: tuple[Event, ...] = ()
@@ -67,7 +67,7 @@ class Actors:
         _report_missing(spec, traffic)
         sample, directions, vehicles = traffic.sample(), traffic.directions(), len(traffic.vehicles)
         self._excursions = Excursions(spec, excursions, traffic, sample.front_m)
-        pedestrian_m, directions[vehicles:] = self._excursions.at_start(sample.pedestrian_m, directions[vehicles:])
+        pedestrian_m, directions[vehicles:] = self._excursions.start_poses(sample.pedestrian_m, directions[vehicles:])
         sample = replace(sample, pedestrian_m=pedestrian_m)
         self._ground = _ground(spec, network, sample)
         self._props = prop_rows(spec, first_prop_id(spec), self._ground)
@@ -84,9 +84,9 @@ class Actors:
             directions,
             tick_s,
             max(1, round(_HALF_WINDOW_S / tick_s)),
-            None if self._ground.is_level else Footing(self._ground, cast.bodies.contacts),
+            None if self._ground.is_level else GroundPlanes(self._ground, cast.bodies.contacts),
         )
-        # The oldest entry is of the tick that the kinematics are of.
+        # The oldest entry belongs to the same tick as the kinematics.
         length = self.delay_ticks + 1
         self._doors = Doors(spec, traffic, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
@@ -94,78 +94,82 @@ class Actors:
         self._table = ActorTable(spec, cast, vehicles)
 
     @property
-    def ground(self) -> Ground:
-        """What everybody stands on."""
+    def ground(self) -> GroundSurface:
+        """The ground surface under all actors."""
         return self._ground
 
     @property
     def delay_ticks(self) -> int:
-        """How many ticks the tables are behind SUMO."""
+        """Number of ticks by which the tables are behind SUMO."""
         return self._motion.delay_ticks
 
-    def advance(self, sample: TrafficSample, step: int) -> Table:
-        """(N,) ``ACTOR_DTYPE``, one tick on; ``step`` counts the ticks since the scene's start."""
+    def advance_actors(self, sample: TrafficSample, step: int) -> Table:
+        """Advance by one tick; returns (N,) ``ACTOR_DTYPE``. ``step`` counts the ticks since the scene's start."""
         self._signals.append(sample.signals)
         vehicles, crashed = len(sample.signals), self._motion.collisions.crashed.copy()
-        self._leading.advance(sample, crashed)
+        self._leading.advance_points(sample, crashed)
         points = self._leading.now
-        # Bodies lag behind their points: who is across already may have metres to go to the kerb.
+        # Bodies lag behind their points: when the point is across, the body may still be meters from the curb.
         crossing = self._excursions.jaywalking | self._jaywalking[-1]
         self._jaywalking.append(crossing & (points[vehicles:, 3] == 0.0))
-        motion = self._motion.advance(points)
-        self.events = self._coming_events  # the collisions known now are among the poses of the next table
+        motion = self._motion.advance_motion(points)
+        self.events = self._coming_events  # collisions that are detected now belong to the next table
         self._coming_events = tuple(map(self._event, self._motion.collisions.impacts))
-        self._hold()
-        doors = self._doors.advance(sample.front_m, step)
+        self._hold_crashed()
+        doors = self._doors.advance_doors(sample.front_m, step)
         signals = self._signals[0] | np.where(crashed[:vehicles], HAZARD_LIGHTS, 0)
-        return np.concatenate([self._table.at(motion, signals, doors, self._jaywalking[0], step), self._props])
+        return np.concatenate([self._table.fill(motion, signals, doors, self._jaywalking[0], step), self._props])
 
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)
         x_m, y_m, z_m = impact.position_m.tolist()
         return Event("collision", (a, b), (x_m, y_m, z_m), impact.relative_speed_mps)
 
-    def _hold(self) -> None:
-        """Let SUMO know where those who have just collided will stand, so that the others queue or go around."""
+    def _hold_crashed(self) -> None:
+        """Tell SUMO where newly crashed actors will come to rest, so that others queue or drive around them."""
         collisions = self._motion.collisions
-        self._leading.rest(collisions)
+        self._leading.rest_crashed(collisions)
         for body in sorted({body for impact in collisions.impacts for body in impact.bodies}):
             yaw_rad = float(collisions.yaw_rad[body])
             ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
             front_m = collisions.rest_m[body] + self._half_length_m[body] * ahead
-            self._traffic.crash(body, front_m, yaw_rad)
+            self._traffic.hold_crashed(body, front_m, yaw_rad)
 
 
-def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> Ground:
-    """What can be reached; the sidewalks that people can reach are there from the beginning."""
-    ground = Ground(network.layout.near(_reached(spec, network, sample), _GROUND_MARGIN_M))
-    fastest_mps = max((person.max_speed_mps for person in spec.pedestrians), default=0.0)
-    ground.prepare(sample.pedestrian_m, fastest_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)
+def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> GroundSurface:
+    """The ground that actors can reach; prepares the sidewalks that pedestrians can reach."""
+    ground = GroundSurface(network.layout.near(_reachable_area(spec, network, sample), _GROUND_MARGIN_M))
+    max_speed_mps = max((pedestrian.max_speed_mps for pedestrian in spec.pedestrians), default=0.0)
+    ground.prepare(sample.pedestrian_m, max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)
     return ground
 
 
-def _reached(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:
-    """A rectangle that nobody leaves during the scene."""
-    places_m = np.concatenate([sample.front_m, sample.pedestrian_m])[:, :2]
-    # An ego that is driven from outside may be as fast as the limit, whatever its own factor.
-    boldest = max(1.0, *(vehicle.speed_factor for vehicle in spec.vehicles))
-    fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * boldest
-    way_m = fastest_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    area: shapely.Polygon = shapely.box(*(places_m.min(axis=0) - way_m), *(places_m.max(axis=0) + way_m))
+def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:
+    """A rectangle that no actor leaves during the scene."""
+    positions_m = np.concatenate([sample.front_m, sample.pedestrian_m])[:, :2]
+    # An ego driven from outside may drive at the speed limit, whatever its own speed factor.
+    max_speed_factor = max(1.0, *(vehicle.speed_factor for vehicle in spec.vehicles))
+    max_speed_mps = max(lane.speed_mps for lane in network.lanes.values()) * max_speed_factor
+    max_distance_m = max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
+    area: shapely.Polygon = shapely.box(
+        *(positions_m.min(axis=0) - max_distance_m), *(positions_m.max(axis=0) + max_distance_m)
+    )
     return area
 
 
 def _report_missing(spec: SceneSpec, traffic: Population) -> None:
-    """Log who found no place; the ego must have found one."""
+    """Log the actors that could not be placed; raise if the ego is one of them."""
     if 0 not in traffic.vehicles:
-        raise SimulationError(f"{spec.name}: the ego finds no place at its start, {_place(spec.vehicles[0])}")
-    for kind, wanted, present in (
+        raise SimulationError(f"{spec.name}: the ego does not fit at its start, {_describe_start(spec.vehicles[0])}")
+    for kind, requested, present in (
         ("vehicle", spec.vehicles, traffic.vehicles),
         ("pedestrian", spec.pedestrians, traffic.pedestrians),
     ):
-        for index in sorted(set(range(len(wanted))) - set(present)):
-            _LOGGER.warning("%s: %s %d is left out; no place at %s", spec.name, kind, index, _place(wanted[index]))
+        for index in sorted(set(range(len(requested))) - set(present)):
+            _LOGGER.warning(
+                "%s: %s %d is left out; no room at %s", spec.name, kind, index, _describe_start(requested[index])
+            )
 
 
-def _place(actor: VehicleSpec | PedestrianSpec) -> str:
+def _describe_start(actor: VehicleSpec | PedestrianSpec) -> str:
     return f"lane {actor.start.lane}, {actor.start.s_m:.1f} m"

@@ -1,8 +1,7 @@
-"""Who takes part in a scene: the columns of the actors table that never change, and how bodies hang on SUMO's points.
+"""The cast of a scene: the constant columns of the actors table, and how each body hangs on one of SUMO's points.
 
-Ids: the ego is 1, the other vehicles follow in the specification's order, then the riders in the order of their
-vehicles, then the pedestrians, then the props of hazard areas. Who finds no place leaves an id unused. Rows of the
-table ascend by id.
+Ids: the ego is 1, then the other vehicles in the specification's order, the riders in the order of their vehicles, the
+pedestrians, and the props of hazard areas. The id of an actor that cannot be placed is not reused. Rows ascend by id.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,25 +15,25 @@ from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_bluepri
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.types import BoolArray, Float64Array, Table
-from simbev_ros.world.kinematics.contacts import Boxes
-from simbev_ros.world.kinematics.footing import Contacts
+from simbev_ros.world.kinematics.contacts import BodyBoxes
+from simbev_ros.world.kinematics.footing import ContactPoints
 from simbev_ros.world.kinematics.motion import Bodies
 
 _PEDESTRIAN_TRAIL_M = 0.75
-_TRACK = 0.78  # of cars and trucks, in their widths, mirrors included
+_TRACK = 0.78  # track of cars and trucks divided by their width, mirrors included
 
 
 @dataclass(frozen=True, slots=True)
 class Cast:
-    """The N actors of a scene: V vehicles, then riders, then P pedestrians; riders have no leading point of their own.
+    """The N actors of a scene: V vehicles, then riders, then P pedestrians; a rider shares its vehicle's leading point.
 
     Attributes:
-        rows: (N,) ``ACTOR_DTYPE`` with the columns that stay the same.
-        bodies: How they hang on the V + P points.
-        wheelbase_m: (N,) 0 where there is none.
-        wheel_radius_m: (N,) infinite where there is none.
-        stride_m: (N,) way of one turn of ``gait``; infinite where there is none, or where it changes with the speed.
-        on_foot: (N,) who walks or runs, with strides that change with the speed.
+        rows: (N,) ``ACTOR_DTYPE`` with the constant columns filled in.
+        bodies: How the bodies hang on the V + P leading points.
+        wheelbase_m: (N,) 0 for actors without wheels.
+        wheel_radius_m: (N,) infinite for actors without wheels.
+        stride_m: (N,) distance per turn of ``gait``; infinite if there is none or if it depends on the speed.
+        on_foot: (N,) whether the actor walks or runs, with strides that depend on the speed.
     """
 
     rows: Table
@@ -63,12 +62,12 @@ def blueprint_of(name: str) -> Blueprint:
 
 
 def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]) -> Cast:
-    """The cast.
+    """Assemble the cast of a scene.
 
     Args:
         spec: The scene.
-        vehicles: Which of its vehicles take part, ascending; in the order of their leading points.
-        pedestrians: Which of its pedestrians take part, ascending; their points come after the vehicles'.
+        vehicles: Indices of its vehicles that take part, ascending, in the order of their leading points.
+        pedestrians: Indices of its pedestrians that take part, ascending; their points follow the vehicles'.
     """
     members = [*_vehicles(spec, vehicles), *_riders(spec, vehicles), *_pedestrians(spec, vehicles, pedestrians)]
     blueprints = [member.blueprint for member in members]
@@ -91,7 +90,7 @@ def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]
 
 
 def first_prop_id(spec: SceneSpec) -> int:
-    """The id after those of vehicles, riders and pedestrians."""
+    """The first id after vehicles, riders and pedestrians."""
     return EGO_ID + len(spec.vehicles) + len(_mounted(spec)) + len(spec.pedestrians)
 
 
@@ -104,15 +103,17 @@ def _vehicles(spec: SceneSpec, indices: Sequence[int]) -> Iterator[_Member]:
 
 
 def _riders(spec: SceneSpec, vehicles: Sequence[int]) -> Iterator[_Member]:
-    """The riders of those vehicles that have one; a rider's clothes are drawn here."""
+    """The riders of the participating vehicles; draws the colors of their clothes."""
     point_of = {index: point for point, index in enumerate(vehicles)}
     for number, index in enumerate(_mounted(spec)):
         if index in point_of:
-            carrier = blueprint_of(spec.vehicles[index].blueprint)
-            blueprint = blueprint_of(carrier.rider)
+            vehicle_blueprint = blueprint_of(spec.vehicles[index].blueprint)
+            blueprint = blueprint_of(vehicle_blueprint.rider)
             color = blueprint.colors[int(stream(spec.seed, f"vehicles.{index}.rider").integers(len(blueprint.colors)))]
             rider = EGO_ID + len(spec.vehicles) + number
-            yield _Member(rider, blueprint, color, point_of[index], EGO_ID + index, mount_m=carrier.rider_seat_m)
+            yield _Member(
+                rider, blueprint, color, point_of[index], EGO_ID + index, mount_m=vehicle_blueprint.rider_seat_m
+            )
 
 
 def _pedestrians(spec: SceneSpec, vehicles: Sequence[int], indices: Sequence[int]) -> Iterator[_Member]:
@@ -123,29 +124,31 @@ def _pedestrians(spec: SceneSpec, vehicles: Sequence[int], indices: Sequence[int
 
 
 def _mounted(spec: SceneSpec) -> list[int]:
-    """Which vehicles have a rider."""
+    """Indices of the vehicles that have a rider."""
     return [index for index, vehicle in enumerate(spec.vehicles) if blueprint_of(vehicle.blueprint).rider]
 
 
 def _bodies(members: Sequence[_Member]) -> Bodies:
-    """A vehicle's axles lie half a wheelbase before and behind its middle, its point near the front one."""
-    leaders = sorted((member for member in members if not member.parent), key=lambda member: member.point)
-    drives = np.array([member.blueprint.kind == "vehicle" for member in leaders])
-    rear_m = np.where(drives, [member.blueprint.footprint.axle_m for member in leaders], _PEDESTRIAN_TRAIL_M)
-    lead_m = np.where(drives, [member.blueprint.footprint.lead_m for member in leaders], 0.0)
+    """Bodies of the members: axles half a wheelbase from a vehicle's center, leading point near the front axle."""
+    point_owners = sorted((member for member in members if not member.parent), key=lambda member: member.point)
+    is_vehicle = np.array([member.blueprint.kind == "vehicle" for member in point_owners])
+    rear_m = np.where(is_vehicle, [member.blueprint.footprint.axle_m for member in point_owners], _PEDESTRIAN_TRAIL_M)
+    lead_m = np.where(is_vehicle, [member.blueprint.footprint.lead_m for member in point_owners], 0.0)
     return Bodies(
         point=np.array([member.point for member in members], np.int64),
         trail_m=lead_m + rear_m,
         lead_m=lead_m,
-        leans=np.array([bool(member.blueprint.rider) for member in leaders]),
+        leans=np.array([bool(member.blueprint.rider) for member in point_owners]),
         mount_m=np.array([member.mount_m for member in members], np.float64),
-        contacts=_contacts([member.blueprint for member in leaders]),
-        boxes=Boxes(np.array([member.blueprint.size_m for member in leaders]), int(np.count_nonzero(drives))),
+        contacts=_contacts([member.blueprint for member in point_owners]),
+        boxes=BodyBoxes(
+            np.array([member.blueprint.size_m for member in point_owners]), int(np.count_nonzero(is_vehicle))
+        ),
     )
 
 
-def _contacts(blueprints: Sequence[Blueprint]) -> Contacts:
-    """Four wheels of a car or truck, two of a two-wheeler, the middle of a pedestrian."""
+def _contacts(blueprints: Sequence[Blueprint]) -> ContactPoints:
+    """Contact points: four wheels of a car or truck, two of a two-wheeler, the center of a pedestrian."""
     body, ahead_m, left_m = [], [], []
     for index, blueprint in enumerate(blueprints):
         track_m = 0.0 if blueprint.rider or not blueprint.wheelbase_m else _TRACK * blueprint.size_m[1]
@@ -154,4 +157,4 @@ def _contacts(blueprints: Sequence[Blueprint]) -> Contacts:
                 body.append(index)
                 ahead_m.append(ahead * blueprint.wheelbase_m)
                 left_m.append(left * track_m)
-    return Contacts(np.array(body, np.int64), np.array(ahead_m, np.float64), np.array(left_m, np.float64))
+    return ContactPoints(np.array(body, np.int64), np.array(ahead_m, np.float64), np.array(left_m, np.float64))

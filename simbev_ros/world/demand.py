@@ -1,4 +1,4 @@
-"""SUMO's input for one scene: its vehicles and pedestrians with their types, routes and starts, as route file XML.
+"""SUMO's traffic demand for one scene: vehicles and pedestrians with types, routes and starts, as route file XML.
 
 Names: vehicle k of the specification is ``v<k>``, pedestrian k is ``p<k>``.
 """
@@ -14,24 +14,24 @@ from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSp
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.driving.rain import RainEffect, rain_effect
-from simbev_ros.world.pedestrians.crossing_sites import CrossingPlace
-from simbev_ros.world.pedestrians.itineraries import Itineraries, Leg, WayStreams
+from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
+from simbev_ros.world.pedestrians.itineraries import Itineraries, ItineraryStreams, Leg
 from simbev_ros.world.sumo.closures import add_closures
 from simbev_ros.world.sumo.names import pedestrian_name, vehicle_name
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
 _SIDE_MARGIN_M = 0.2
-_ROOM_M = 1.2  # that the narrowest take up in a lane: bicycles keep off kerbs and cars off bicycles
+_MIN_WIDTH_M = 1.2  # minimum width in SUMO: bicycles keep off curbs, and cars keep off bicycles
 _TYPE = {"speedDev": "0"}
 _DRIVER = {
     **_TYPE,
-    "carFollowModel": "IDM",  # the smoothest accelerations of SUMO's models that keep off crashes
-    "lcMaxSpeedLatStanding": "0",  # wheels do not roll sideways
+    "carFollowModel": "IDM",  # of SUMO's crash-free models, the one with the smoothest accelerations
+    "lcMaxSpeedLatStanding": "0",  # standing vehicles do not move sideways
     "lcMaxSpeedLatFactor": "0.5",
 }
-# Such a driver stops for no light, sign, vehicle or person at a junction, but keeps off those ahead on the same lane.
+# A reckless driver ignores lights, signs, vehicles and pedestrians at junctions, but not leaders on the same lane.
 _RECKLESS = {
     "jmDriveAfterRedTime": _FOREVER_S,
     "jmDriveAfterYellowTime": _FOREVER_S,
@@ -40,7 +40,7 @@ _RECKLESS = {
     "jmIgnoreJunctionFoeProb": "1",
     "impatience": "1",
 }
-# Such a driver stops for no light and no stop sign, but gives way to whoever is there.
+# A distracted driver ignores lights and stop signs, but yields to other road users.
 _DISTRACTED = {
     "jmDriveAfterRedTime": _FOREVER_S,
     "jmDriveAfterYellowTime": _FOREVER_S,
@@ -50,7 +50,13 @@ _DISTRACTED = {
 
 
 class Demand(NamedTuple):
-    """The route file's XML, the ids of all edges that somebody uses, and the ways of people who leave the net."""
+    """SUMO's input for a scene.
+
+    Attributes:
+        xml: The route file.
+        edges: Ids of all edges that are used.
+        excursions: Legs of the pedestrians that leave SUMO's network, by index in the specification.
+    """
 
     xml: str
     edges: Set[str]
@@ -58,46 +64,46 @@ class Demand(NamedTuple):
 
 
 def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = ()) -> Demand:
-    """What a scene asks of a road network, on which people may visit plazas.
+    """Assemble the traffic demand of a scene on a network whose plazas pedestrians may visit.
 
     Raises:
-        SimulationError: a vehicle starts where its class may not drive.
+        SimulationError: A vehicle starts where its class may not drive.
     """
     duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
     streets = streets_of(network)
     start_edges = {network.lanes[vehicle.start.lane].edge for vehicle in spec.drivers}
-    tracks = Tracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
-    fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
+    tracks = LaneTracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
+    max_limit_mps = max(lane.speed_mps for lane in network.lanes.values())
     rain = rain_effect(spec.weather)
     root = ElementTree.Element("routes")
     edges: set[str] = set()
     for index, vehicle in enumerate(spec.drivers):
         blueprint = blueprint_of(vehicle.blueprint)
-        way_m = duration_s * min(fastest_mps * vehicle.speed_factor, blueprint.max_speed_mps)
+        max_distance_m = duration_s * min(max_limit_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
         graph = streets.for_blueprint(blueprint, spec.closed_edges)
-        if not graph.leads_on(vehicle.start.lane):  # put there by hand, it makes its way all the same
+        if not graph.has_successor(vehicle.start.lane):  # a start set by hand: drive on, however tight the turns
             graph = streets.for_blueprint(blueprint, spec.closed_edges, tight=True)
-        route = graph.route(vehicle.start.lane, way_m, rng)
+        route = graph.draw_route(vehicle.start.lane, max_distance_m, rng)
         lane = network.lanes[vehicle.start.lane]
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
         edges.update(route)
         element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route, start_m)
-        if graph.ends_at(route[-1]):
+        if graph.is_dead_end(route[-1]):
             ElementTree.SubElement(element, "stop", {"edge": route[-1], "duration": _FOREVER_S})
     itineraries = Itineraries(network, spec.hazards, plazas)
     excursions: dict[int, tuple[Leg, ...]] = {}
     for index, pedestrian in enumerate(spec.pedestrians):
-        streams = WayStreams(
+        streams = ItineraryStreams(
             *(stream(spec.seed, f"{pedestrian_name(index)}.{name}") for name in ("walk", "jaywalks", "plazas"))
         )
         lane = network.lanes[pedestrian.start.lane]
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(streams.walk.uniform(-1.0, 1.0))
-        legs = itineraries.draw(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
+        legs = itineraries.draw_legs(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         for leg in legs:
             edges.update(leg.edges)
-            if isinstance(leg.excursion, CrossingPlace):
+            if isinstance(leg.excursion, CrossingSite):
                 edges.update(part.edge for part in leg.excursion.carriageways)
             if leg.excursion is not None:
                 excursions[index] = legs
@@ -114,14 +120,14 @@ def _add_vehicle(
     route: tuple[str, ...],
     start_m: float,
 ) -> ElementTree.Element:
-    """One vehicle at rest with its front bumper at its start, and a type of its own; the vehicle's element."""
+    """Add one vehicle, at rest with its front bumper at its start, and its own type; returns the vehicle's element."""
     blueprint = blueprint_of(vehicle.blueprint)
     length_m, width_m, height_m = blueprint.size_m
     own = {
         "id": name,
         "vClass": blueprint.sumo_class,
         "length": f"{length_m:g}",
-        "width": f"{max(width_m, _ROOM_M):g}",
+        "width": f"{max(width_m, _MIN_WIDTH_M):g}",
         "height": f"{height_m:g}",
         "accel": f"{blueprint.accel:g}",
         "decel": f"{blueprint.decel:g}",
@@ -133,8 +139,8 @@ def _add_vehicle(
         "lcSpeedGain": repr(vehicle.lane_change_eagerness),
         "latAlignment": "right" if blueprint.sumo_class == "bicycle" else "center",
     }
-    manner = _RECKLESS if vehicle.reckless else _DISTRACTED if vehicle.distracted else {}
-    ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **manner})
+    behavior = _RECKLESS if vehicle.reckless else _DISTRACTED if vehicle.distracted else {}
+    ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **behavior})
     start = {
         "depart": "0",
         "departLane": vehicle.start.lane.rsplit("_", 1)[1],
@@ -155,7 +161,7 @@ def _add_pedestrian(
     start_m: float,
     side_m: float,
 ) -> None:
-    """One pedestrian, ``start_m`` along the sidewalk and ``side_m`` to the left of its centre line."""
+    """Add one pedestrian, ``start_m`` along the sidewalk and ``side_m`` to the left of its center line."""
     length_m, width_m, height_m = blueprint_of(pedestrian.blueprint).size_m
     own = {
         "id": name,

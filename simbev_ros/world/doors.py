@@ -1,7 +1,7 @@
-"""Doors of vehicles that stand: opened now and then, and shut before the vehicle moves.
+"""Doors of standing vehicles: they open now and then, and close before the vehicle moves.
 
-All is decided at SUMO's moment, which is ahead of the tables. A vehicle is stopped in SUMO from the opening until its
-doors are seen to be shut, so that none moves with an open door.
+All decisions are made at SUMO's moment, which is ahead of the published tables. SUMO holds a vehicle from the opening
+of its doors until the tables show them closed, so that no vehicle moves with an open door.
 """
 
 from collections import deque
@@ -16,47 +16,53 @@ from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.types import Float64Array, UInt8Array
 from simbev_ros.world.cast import blueprint_of
 
-_STOOD_S = 1.0
+_MIN_STOOD_S = 1.0
 _WILL_STAND_S = 3.0
-_CREEPING_M = 1e-4  # a tick: SUMO's drivers never come to rest entirely
-_SHORTEST_S, _LONGEST_S = 1.5, 6.0
+_MAX_CREEP_M = 1e-4  # movement per tick that counts as standing: SUMO's drivers never come to rest entirely
+_MIN_OPEN_S, _MAX_OPEN_S = 1.5, 6.0
 _REASON = "doors"
-_ALL = 0.5  # how often all doors open; else one does
+_ALL_DOORS_PROBABILITY = 0.5  # probability that all doors open; otherwise one does
 
 
-class Standing(Protocol):
-    """What doors ask of the traffic; vehicles by their place in ``vehicles``."""
+class StandingTraffic(Protocol):
+    """Traffic interface that the doors need; vehicles are given by their index in ``vehicles``."""
 
     @property
     def vehicles(self) -> Sequence[int]:
         """Indices in the specification."""
 
-    def stands_on(self, vehicle: int, for_s: float) -> bool:
-        """Whether a vehicle at rest has a reason to stay there for so long."""
+    def will_stand(self, vehicle: int, for_s: float) -> bool:
+        """Whether a vehicle at rest has a reason to stay there for this duration."""
 
     def wants_to_move(self, vehicle: int) -> bool:
         """Whether a stopped vehicle would drive."""
 
-    def limit(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Let a vehicle drive no faster for a reason; None: lift that."""
+    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
+        """Limit a vehicle's speed for a reason; None lifts the limit."""
 
 
 @dataclass(slots=True)
-class _Visit:
-    """One opening: until when at most, in steps; and once shut, when the vehicle may go."""
+class _Opening:
+    """One opening of a vehicle's doors; steps of SUMO.
 
-    opened: int
-    shuts: int
-    goes: int | None = None
+    Attributes:
+        opened_step: Step of the opening.
+        closing_step: Latest step of the closing.
+        release_step: Step at which the vehicle may drive again; None while its doors are open.
+    """
+
+    opened_step: int
+    closing_step: int
+    release_step: int | None = None
 
 
 class Doors:
-    """Doors of a scene's vehicles over time."""
+    """The doors of a scene's vehicles over time."""
 
-    def __init__(self, spec: SceneSpec, traffic: Standing, front_m: Float64Array, delay_ticks: int) -> None:
-        """All shut but those of hazard areas, at rest at the (V, 3) places ``front_m``.
+    def __init__(self, spec: SceneSpec, traffic: StandingTraffic, front_m: Float64Array, delay_ticks: int) -> None:
+        """Start with all doors closed except in hazard areas, and vehicles at rest at the (V, 3) positions ``front_m``.
 
-        What is seen is ``delay_ticks`` behind the traffic.
+        The published tables are ``delay_ticks`` behind the traffic.
         """
         self._traffic = traffic
         self._seed = spec.seed
@@ -67,42 +73,44 @@ class Doors:
         self._delay_ticks = delay_ticks
         self._front_m = front_m
         self._stood_ticks = np.zeros(len(vehicles), np.int64)
-        self._visits: dict[int, _Visit] = {}
+        self._openings: dict[int, _Opening] = {}
         stands = [vehicle.stands_at for vehicle in vehicles]
         self._open = np.array([0 if stand is None else stand.open_doors for stand in stands], np.uint8)
-        self._seen = deque([self._open] * (delay_ticks + 1), maxlen=delay_ticks + 1)
+        self._published = deque([self._open] * (delay_ticks + 1), maxlen=delay_ticks + 1)
 
-    def advance(self, front_m: Float64Array, step: int) -> UInt8Array:
-        """(V,) bits of open doors ``delay_ticks`` ago; to be called once for each step of the traffic."""
+    def advance_doors(self, front_m: Float64Array, step: int) -> UInt8Array:
+        """(V,) bits of open doors ``delay_ticks`` ago. Call it once for each step of the traffic."""
         moved_m = np.linalg.norm(front_m - self._front_m, axis=1)
-        self._stood_ticks = np.where(moved_m < _CREEPING_M, self._stood_ticks + 1, 0)
+        self._stood_ticks = np.where(moved_m < _MAX_CREEP_M, self._stood_ticks + 1, 0)
         self._front_m = front_m
         self._open = self._open.copy()
-        for vehicle, visit in list(self._visits.items()):
-            self._end(vehicle, visit, step)
-        enough = self._stood_ticks == max(round(_STOOD_S / self._tick_s), self._delay_ticks + 1)
-        for vehicle in np.flatnonzero(enough & (self._probability > 0.0)).tolist():
-            self._begin(vehicle, step)
-        self._seen.append(self._open)
-        return self._seen[0]
+        for vehicle, opening in list(self._openings.items()):
+            self._update_opening(vehicle, opening, step)
+        stood_long_enough = self._stood_ticks == max(round(_MIN_STOOD_S / self._tick_s), self._delay_ticks + 1)
+        for vehicle in np.flatnonzero(stood_long_enough & (self._probability > 0.0)).tolist():
+            self._open_doors(vehicle, step)
+        self._published.append(self._open)
+        return self._published[0]
 
-    def _begin(self, vehicle: int, step: int) -> None:
+    def _open_doors(self, vehicle: int, step: int) -> None:
         rng = stream(self._seed, f"vehicles.{self._traffic.vehicles[vehicle]}.doors", step)
-        wanted = rng.random() < self._probability[vehicle]
-        if wanted and vehicle not in self._visits and self._traffic.stands_on(vehicle, _WILL_STAND_S):
+        is_drawn = rng.random() < self._probability[vehicle]
+        if is_drawn and vehicle not in self._openings and self._traffic.will_stand(vehicle, _WILL_STAND_S):
             doors = int(self._doors[vehicle])
-            bits = (1 << doors) - 1 if rng.random() < _ALL else 1 << int(rng.integers(doors))
+            bits = (1 << doors) - 1 if rng.random() < _ALL_DOORS_PROBABILITY else 1 << int(rng.integers(doors))
             self._open[vehicle] = bits
-            self._visits[vehicle] = _Visit(step, step + round(rng.uniform(_SHORTEST_S, _LONGEST_S) / self._tick_s))
-            self._traffic.limit(vehicle, _REASON, 0.0)
+            self._openings[vehicle] = _Opening(step, step + round(rng.uniform(_MIN_OPEN_S, _MAX_OPEN_S) / self._tick_s))
+            self._traffic.limit_speed(vehicle, _REASON, 0.0)
 
-    def _end(self, vehicle: int, visit: _Visit, step: int) -> None:
-        """Shut the doors in time or when the vehicle would go; let it go when that is seen."""
-        if visit.goes is None:
-            hurries = (step - visit.opened) * self._tick_s >= _SHORTEST_S and self._traffic.wants_to_move(vehicle)
-            if hurries or step >= visit.shuts:
+    def _update_opening(self, vehicle: int, opening: _Opening, step: int) -> None:
+        """Close the doors in time or when the vehicle wants to drive; release the vehicle when they are seen closed."""
+        if opening.release_step is None:
+            must_close = (step - opening.opened_step) * self._tick_s >= _MIN_OPEN_S and self._traffic.wants_to_move(
+                vehicle
+            )
+            if must_close or step >= opening.closing_step:
                 self._open[vehicle] = 0
-                visit.goes = step + self._delay_ticks + 1
-        elif step >= visit.goes:
-            self._traffic.limit(vehicle, _REASON, None)
-            del self._visits[vehicle]
+                opening.release_step = step + self._delay_ticks + 1
+        elif step >= opening.release_step:
+            self._traffic.limit_speed(vehicle, _REASON, None)
+            del self._openings[vehicle]

@@ -1,4 +1,4 @@
-"""Everybody with a place of their own: SUMO's traffic, and the vehicles that stand in hazard areas."""
+"""All actors that move or stand on their own: SUMO's traffic, and the vehicles that stand in hazard areas."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -10,15 +10,15 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.lights import HAZARD_LIGHTS
-from simbev_ros.world.sumo.tracks import Tracks
-from simbev_ros.world.sumo.traffic import Traffic, TrafficSample
+from simbev_ros.world.sumo.tracks import LaneTracks
+from simbev_ros.world.sumo.traffic import SumoTraffic, TrafficSample
 
 
-class Population(Traffic):
-    """Traffic whose last vehicles stand where the specification says; SUMO does not know them.
+class Population(SumoTraffic):
+    """SUMO's traffic plus the vehicles that stand in hazard areas, which SUMO does not know; these come last.
 
     Attributes:
-        moving: How many of ``vehicles`` are SUMO's; they come first.
+        sumo_vehicle_count: Number of ``vehicles`` that SUMO moves; they come first.
     """
 
     def __init__(
@@ -26,24 +26,24 @@ class Population(Traffic):
         spec: SceneSpec,
         files: Sequence[Path],
         speeds_mps: Mapping[str, float],
-        tracks: Tracks,
+        tracks: LaneTracks,
         closed_lanes: Iterable[str] = (),
     ) -> None:
-        """As ``Traffic``, for a scene."""
+        """Load SUMO's traffic as ``SumoTraffic`` does, and add the scene's standing vehicles."""
         super().__init__(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed_lanes)
-        self.moving = len(self.vehicles)
-        standing = [index for index, vehicle in enumerate(spec.vehicles) if vehicle.stands_at is not None]
-        self.vehicles = (*self.vehicles, *standing)
+        self.sumo_vehicle_count = len(self.vehicles)
+        standing_indices = [index for index, vehicle in enumerate(spec.vehicles) if vehicle.stands_at is not None]
+        self.vehicles = (*self.vehicles, *standing_indices)
         stands = [stand for vehicle in spec.vehicles if (stand := vehicle.stands_at) is not None]
-        half_m = np.array([blueprint_of(spec.vehicles[index].blueprint).size_m[0] / 2.0 for index in standing])
+        half_m = np.array([blueprint_of(spec.vehicles[index].blueprint).size_m[0] / 2.0 for index in standing_indices])
         yaw_rad = np.array([stand.yaw_rad for stand in stands])
-        self._ahead = np.column_stack([np.cos(yaw_rad), np.sin(yaw_rad), np.zeros(len(stands))])
-        middle_m = np.array([(stand.x_m, stand.y_m, stand.z_m) for stand in stands]).reshape(-1, 3)
-        self._front_m: Float64Array = middle_m + half_m[:, None] * self._ahead
+        self._headings = np.column_stack([np.cos(yaw_rad), np.sin(yaw_rad), np.zeros(len(stands))])
+        center_m = np.array([(stand.x_m, stand.y_m, stand.z_m) for stand in stands]).reshape(-1, 3)
+        self._front_m: Float64Array = center_m + half_m[:, None] * self._headings
         self._flashing = np.array([HAZARD_LIGHTS * stand.hazard_lights for stand in stands], np.int64)
 
     def sample(self) -> TrafficSample:
-        """As ``Traffic.sample``."""
+        """The current state, as in ``SumoTraffic.sample``."""
         sample = super().sample()
         return replace(
             sample,
@@ -52,23 +52,29 @@ class Population(Traffic):
         )
 
     def directions(self) -> Float64Array:
-        """As ``Traffic.directions``."""
+        """Unit vectors of all headings, as in ``SumoTraffic.directions``."""
         directions = super().directions()
-        return np.concatenate([directions[: self.moving], self._ahead, directions[self.moving :]])
+        return np.concatenate(
+            [directions[: self.sumo_vehicle_count], self._headings, directions[self.sumo_vehicle_count :]]
+        )
 
     def speed_mps(self, vehicle: int) -> float:
-        """As ``Traffic.speed_mps``."""
-        return super().speed_mps(vehicle) if vehicle < self.moving else 0.0
+        """A vehicle's speed; 0 for standing vehicles."""
+        return super().speed_mps(vehicle) if vehicle < self.sumo_vehicle_count else 0.0
 
     def direction(self, vehicle: int) -> Float64Array:
-        """As ``Traffic.direction``."""
-        return super().direction(vehicle) if vehicle < self.moving else self._ahead[vehicle - self.moving, :2]
+        """(2,) unit vector of a vehicle's heading."""
+        return (
+            super().direction(vehicle)
+            if vehicle < self.sumo_vehicle_count
+            else self._headings[vehicle - self.sumo_vehicle_count, :2]
+        )
 
     def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
-        """As ``Traffic.distance_m``."""
-        return super().distance_m(vehicle, edge, position_m) if vehicle < self.moving else np.inf
+        """Driving distance as in ``SumoTraffic.distance_m``; infinite for standing vehicles."""
+        return super().distance_m(vehicle, edge, position_m) if vehicle < self.sumo_vehicle_count else np.inf
 
-    def crash(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
-        """As ``Traffic.crash``; who stands anyway is not moved."""
-        if not self.moving <= body < len(self.vehicles):
-            super().crash(body, front_m, yaw_rad)
+    def hold_crashed(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Hold an actor as in ``SumoTraffic.hold_crashed``; standing vehicles already stand."""
+        if not self.sumo_vehicle_count <= body < len(self.vehicles):
+            super().hold_crashed(body, front_m, yaw_rad)

@@ -1,7 +1,7 @@
-"""The simulation of a scene: SceneSpec and roads in, one WorldState per tick out.
+"""Simulation of a scene: ``SceneSpec``, roads, obstacles and plazas in, one ``WorldState`` per tick out.
 
-SUMO decides where everybody goes. The tables that leave here are smooth and rigid, and a fixed part of a second behind
-SUMO; all in them, lights and signals too, is of the same moment.
+SUMO decides where vehicles and pedestrians move. The published tables are smooth, rigid-body motion, a fixed fraction
+of a second behind SUMO. Everything in a table, including lights and signals, belongs to the same moment.
 """
 
 import gc
@@ -27,12 +27,12 @@ from simbev_ros.world.demand import demand_of
 from simbev_ros.world.driving.ego_driver import EgoDriver
 from simbev_ros.world.driving.rain import rain_effect
 from simbev_ros.world.population import Population
-from simbev_ros.world.sumo.closures import with_closures
-from simbev_ros.world.sumo.curve_speeds import bend_speeds
-from simbev_ros.world.sumo.net_crop import cropped_net
+from simbev_ros.world.sumo.closures import slow_near_closures
+from simbev_ros.world.sumo.curve_speeds import curve_speeds
+from simbev_ros.world.sumo.net_crop import crop_net
 from simbev_ros.world.sumo.routes import Routes
-from simbev_ros.world.sumo.signals import SignalHeads, programmes, programmes_xml
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
@@ -40,7 +40,7 @@ _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
 class Simulation:
-    """One scene, from the start of its warm-up. Use it as a context manager: a process can run one at a time."""
+    """One running scene, from the start of its warm-up. Use it as a context manager; only one can run per process."""
 
     def __init__(
         self,
@@ -49,51 +49,51 @@ class Simulation:
         obstacles: Table = _NO_OBSTACLES,
         plazas: Sequence[Plaza] = (),
     ) -> None:
-        """Put everybody in place, at rest.
+        """Place all actors, at rest.
 
         Args:
             spec: The scene.
             network: The roads of ``spec.map``.
-            obstacles: (K,) ``OBSTACLE_DTYPE``, what people walk around.
-            plazas: What people visit.
+            obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
+            plazas: Plazas that pedestrians visit.
 
         Raises:
-            SimulationError: SUMO failed, the ego found no place, or a simulation is running in this process already.
+            SimulationError: SUMO failed, the ego could not be placed, or another simulation is running in this process.
         """
         self._spec = spec
         self._steps = 0
-        self._second_ticks = max(1, round(NS_PER_S / spec.tick_ns))
+        self._ticks_per_second = max(1, round(NS_PER_S / spec.tick_ns))
         net = network.net_path.read_text(encoding="utf-8")
-        cycles = programmes(spec, net)
+        cycles = signal_programs(spec, net)
         self._signal_heads = SignalHeads(network.signals, cycles, spec.tick_ns)
         demand = demand_of(spec, network, plazas)
-        part = cropped_net(net, demand.edges)
-        self._routes = Routes(spec, network, part.edges)
-        lanes = [each for each in network.lanes.values() if each.edge in part.edges and each.kind not in _ON_FOOT]
-        signals = programmes_xml([cycle for cycle in cycles if cycle.id in part.lights], spec.tick_ns)
+        cropped = crop_net(net, demand.edges)
+        self._routes = Routes(spec, network, cropped.edges)
+        lanes = [each for each in network.lanes.values() if each.edge in cropped.edges and each.kind not in _ON_FOOT]
+        signals = signal_programs_xml([cycle for cycle in cycles if cycle.id in cropped.lights], spec.tick_ns)
         with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
-            inputs = {"scene.net.xml": part.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
+            inputs = {"scene.net.xml": cropped.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
             for name, text in inputs.items():
                 Path(folder, name).write_text(text, encoding="utf-8")
             files = [Path(folder, name) for name in inputs]
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
-            speeds_mps = with_closures(bend_speeds(lanes), spec, lanes)
-            self._traffic = Population(spec, files, speeds_mps, Tracks(lanes), closed)
+            speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
+            self._traffic = Population(spec, files, speeds_mps, LaneTracks(lanes), closed)
         try:
             self._actors = Actors(spec, network, self._traffic, obstacles, demand.excursions)
             self._driver = self._ego_driver(network) if spec.ego_driver == "twist" else None
         except BaseException:
             self.close()
             raise
-        gc.freeze()  # all that is loaded stays, and looking through it for garbage takes a tick's time twice over
+        gc.freeze()  # what is loaded now stays; scanning it for garbage would take twice the time of a tick
 
     @property
     def available(self) -> tuple[int, str]:
-        """All ticks of the scene; it ends with its duration."""
+        """Number of ticks of the scene, and "duration" as the reason for its end."""
         return self._spec.ticks, DURATION
 
     def _ego_driver(self, network: RoadNetwork) -> EgoDriver:
-        """For an ego that is driven from outside; it goes no faster than the fastest road allows, times its factor."""
+        """Driver of an ego driven from outside; its speed limit is the fastest road's, times its own speed factor."""
         ego = self._spec.vehicles[0]
         blueprint = blueprint_of(ego.blueprint)
         fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * max(ego.speed_factor, 1.0)
@@ -107,56 +107,58 @@ class Simulation:
         )
 
     def drive_ego(self, speed_mps: float, yaw_rate_radps: float) -> None:
-        """How an ego that is driven from outside shall move from the next tick on; it brakes after 0.5 s without."""
+        """Set the next motion of an ego driven from outside; without further commands it brakes after 0.5 s."""
         if self._driver is not None:
-            self._driver.command(speed_mps, yaw_rate_radps)
+            self._driver.set_command(speed_mps, yaw_rate_radps)
 
     def step(self) -> WorldState:
-        """The state one tick on: tick -spec.warm_up_ticks, all at rest, at the first call; tick 0 after the warm-up's.
+        """Advance by one tick and return its state.
+
+        The first call returns tick ``-spec.warm_up_ticks`` with all actors at rest; tick 0 follows after the warm-up.
 
         Raises:
             SimulationError: SUMO failed.
         """
         if self._steps:
             if self._driver is not None:
-                self._driver.advance()
-                self._traffic.drive(0, self._driver.front_m, self._driver.yaw_rad)
-            self._traffic.step()
+                self._driver.advance_tick()
+                self._traffic.move_vehicle(0, self._driver.front_m, self._driver.yaw_rad)
+            self._traffic.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
-        if self._steps % self._second_ticks == 0:
-            self._prolong_routes()
-            self._traffic.make_room()
+        if self._steps % self._ticks_per_second == 0:
+            self._extend_routes()
+            self._traffic.shorten_closures()
             if self._spec.final_weather is not None:
                 self._adapt_to_rain(tick)
-        actors = self._actors.advance(self._traffic.sample(), self._steps)
+        actors = self._actors.advance_actors(self._traffic.sample(), self._steps)
         state = WorldState(
             stamp_ns=self._spec.stamp_ns(tick),
             tick=tick,
             ego_id=EGO_ID,
             actors=actors,
-            signals=self._signal_heads.at(self._steps - self._actors.delay_ticks),
+            signals=self._signal_heads.table_at(self._steps - self._actors.delay_ticks),
             weather=self._spec.weather_at(tick),
             events=self._actors.events,
         )
         self._steps += 1
         return state
 
-    def _prolong_routes(self) -> None:
-        """Give new routes to those whose routes end soon, except for an ego that is driven from outside."""
-        for row, edge in self._traffic.ending():
+    def _extend_routes(self) -> None:
+        """Extend the routes that end soon, except that of an ego driven from outside."""
+        for row, edge in self._traffic.ending_routes():
             if row == 0 and self._driver is not None:
                 continue
-            onward = self._routes.onward(self._traffic.vehicles[row], edge, self._steps)
-            self._traffic.prolong(row, onward.edges, onward.last_lane)
+            extension = self._routes.draw_extension(self._traffic.vehicles[row], edge, self._steps)
+            self._traffic.extend_route(row, extension.edges, extension.last_lane)
 
     def _adapt_to_rain(self, tick: int) -> None:
         effect = rain_effect(self._spec.weather_at(tick))
-        for row, index in enumerate(self._traffic.vehicles[: self._traffic.moving]):
+        for row, index in enumerate(self._traffic.vehicles[: self._traffic.sumo_vehicle_count]):
             vehicle = self._spec.vehicles[index]
-            self._traffic.adapt(row, vehicle.speed_factor * effect.speed, vehicle.headway_s * effect.headway)
+            self._traffic.adapt_driver(row, vehicle.speed_factor * effect.speed, vehicle.headway_s * effect.headway)
 
     def close(self) -> None:
-        """End SUMO; a second call does nothing."""
+        """Stop SUMO; further calls have no effect."""
         gc.unfreeze()
         self._traffic.close()
 

@@ -1,26 +1,26 @@
-"""Where the states of a scene come from: a simulation, or a bag that is replayed."""
+"""Interface of everything that provides the states of a scene: the simulation and the replay of a bag."""
 
 from typing import Protocol
 
 from simbev_ros.scene.state import WorldState
 
 
-class Source(Protocol):
-    """One scene, tick by tick."""
+class StateSource(Protocol):
+    """Provides the states of one scene, tick by tick."""
 
     @property
     def available(self) -> tuple[int, str]:
-        """How many ticks from tick 0 on there are, and why no more."""
+        """Number of ticks from tick 0 on, and the reason why there are no more."""
 
     def drive_ego(self, speed_mps: float, yaw_rate_radps: float) -> None:
-        """How the ego shall move from the next tick on; only an ego that is driven from outside heeds it."""
+        """Set the ego's motion from the next tick on; ignored unless the ego is driven from outside."""
 
     def step(self) -> WorldState:
-        """The state one tick on; at the first call that of the warm-up's first tick.
+        """Advance by one tick and return its state; the first call returns the first warm-up tick.
 
         Raises:
-            SimbevError: the source failed.
+            SimbevError: The source failed.
         """
 
     def close(self) -> None:
-        """Release what it holds; a second call does nothing."""
+        """Release all resources; further calls have no effect."""

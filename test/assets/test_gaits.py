@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from catalogue_models import GAIT, ON_FOOT, PEOPLE, blueprint, model, posed, rows
 
-from simbev_ros.scene.gait import strides_m, transition_mps
+from simbev_ros.scene.gait import stride_lengths_m, transition_mps
 from simbev_ros.types import Float64Array
 
 RUNNERS = [entry.name for entry in PEOPLE if entry.on_foot and not entry.runs_as]
@@ -22,7 +22,7 @@ def test_strides_of_all_speeds_fill_the_box_of_somebody_on_foot_to_a_centimetre(
 
 def straight_way(name: str, speed_mps: float) -> tuple[Float64Array, Float64Array]:
     """Two strides of somebody on foot: (N,) way covered, and the (N, V, 3) left foot, at rest in the map's frame."""
-    stride_m = strides_m(blueprint(name).size_m[2], np.array([speed_mps]))[0]
+    stride_m = stride_lengths_m(blueprint(name).size_m[2], np.array([speed_mps]))[0]
     way_m = np.linspace(0.0, 2.0 * stride_m, 400)
     actors = rows(len(way_m), gait=way_m / stride_m * 2.0 * np.pi, vx=speed_mps)
     return way_m, posed(model(name), actors, "foot left") + way_m[:, None, None] * [1.0, 0.0, 0.0]
@@ -54,7 +54,7 @@ def test_walkers_always_have_a_foot_on_the_ground_and_runners_fly_between_their_
 @pytest.mark.parametrize("height_m", [1.67, 1.8])
 def test_steps_are_as_many_a_second_as_those_of_adults(height_m: float) -> None:
     speed_mps = np.array([0.8, 1.4, 2.0, 2.5, 4.0, 8.0])
-    cadence_hz = 2.0 * speed_mps / strides_m(height_m, speed_mps)
+    cadence_hz = 2.0 * speed_mps / stride_lengths_m(height_m, speed_mps)
     assert (cadence_hz > [1.2, 1.75, 2.1, 2.6, 2.8, 3.3]).all()
     assert (cadence_hz < [1.6, 2.1, 2.5, 3.0, 3.2, 4.0]).all()
     assert transition_mps(height_m) == pytest.approx(2.1, abs=0.1)

@@ -39,7 +39,7 @@ def test_json_has_statistics_of_every_parameter_and_what_it_is_meant_to_be(
     assert parameters["ego.reckless"]["meant"] == "yes with probability 0.01"
     assert parameters["vehicles.speed_factor"]["count"] == 150
     assert parameters["pedestrians"]["min"] >= 100
-    assert parameters["hazards"]["meant"].startswith("each free place by hazards.probability")
+    assert parameters["hazards"]["meant"].startswith("each free position with hazards.probability")
     assert sum(facts["kinds"]["vehicles.blueprint"].values()) == 150
 
 

@@ -8,7 +8,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.interpolation import Course, actors_between
+from simbev_ros.scene.interpolation import ActorHistory, interpolate_actors
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Int64Array
 
@@ -179,7 +179,7 @@ def test_rays_of_the_past_hit_actors_where_they_were() -> None:
     directions = (targets - origins) / np.linalg.norm(targets - origins, axis=1, keepdims=True)
     lag_s = np.repeat(lags_s, 1000)
     hits = scene.cast(origins, directions, lag_s)
-    course = Course.of(now, states[:-1])
+    course = ActorHistory.of(now, states[:-1])
     for lag in lags_s:
         mine = lag_s == lag
         posed = pose_actors(MODELS, course.at(np.array([1, 2]), np.full(2, lag)), ORIGIN)
@@ -196,7 +196,7 @@ def test_rays_of_the_past_hit_actors_where_they_were() -> None:
 def test_between_ticks_angles_take_the_short_way_and_wheels_the_long_one() -> None:
     before = actor(MODELS[0], yaw=3.1, gait=6.2, wheel=100.0, x=2.0)
     after = actor(MODELS[0], yaw=-3.1, gait=0.1, wheel=105.0, x=4.0, doors=1)
-    row = actors_between(before, after, 0.25)[0]
+    row = interpolate_actors(before, after, 0.25)[0]
     assert row["x"] == 2.5
     assert row["yaw"] == pytest.approx(3.1 + 0.25 * (2 * np.pi - 6.2), abs=1e-6)
     assert row["gait"] == pytest.approx(6.2 + 0.25 * (2 * np.pi - 6.1), abs=1e-6)
@@ -206,6 +206,6 @@ def test_between_ticks_angles_take_the_short_way_and_wheels_the_long_one() -> No
 
 def test_an_actor_that_was_not_there_before_stands_still() -> None:
     now = world(actor(MODELS[0]), actor(MODELS[1], 1, id=9, x=5.0, vx=2.0), tick=1)
-    course = Course.of(now, [world(actor(MODELS[0], x=-3.0))])
+    course = ActorHistory.of(now, [world(actor(MODELS[0], x=-3.0))])
     assert list(course.at(np.array([0, 1]), np.array([0.025, 0.025]))["x"]) == [-1.5, 5.0]
     assert course.at(np.array([0]), np.array([9.0]))["x"][0] == -3.0

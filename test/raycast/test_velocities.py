@@ -9,7 +9,7 @@ from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
 from simbev_ros.raycast.scene import Hits, RayScene
-from simbev_ros.scene.interpolation import actors_between
+from simbev_ros.scene.interpolation import interpolate_actors
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Table
@@ -61,7 +61,7 @@ def test_velocities_of_wheels_and_limbs_are_the_change_of_their_points(blueprint
     found = scene.velocities(hits, points_m, previous=before)[hit]
 
     def posed(share: float) -> tuple[Float64Array, Table]:
-        rows = actors_between(before.actors, now.actors, share)[1:]
+        rows = interpolate_actors(before.actors, now.actors, share)[1:]
         return pose_actors(models, rows, np.zeros(3)).vertices.astype(np.float64), rows
 
     # The mesh a millisecond before and after: each point moves with the nearest vertices' rigid part.

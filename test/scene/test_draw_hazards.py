@@ -1,4 +1,4 @@
-"""Hazard areas: drawn as often, and as they are, as the configuration says; and each of them is in order."""
+"""Hazard areas are drawn with the configured frequencies and properties, and each of them is consistent."""
 
 import itertools
 from functools import cache
@@ -17,7 +17,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
-from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
 from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec, PropSpec
 from simbev_ros.scene.spec import StandSpec, VehicleSpec
@@ -26,7 +26,7 @@ from simbev_ros.types import BoolArray
 BLUEPRINTS = {blueprint.name: blueprint for blueprint in load_blueprints()}
 TOWN = MapSpec(name="Town06", seed=0)
 FAR_M = np.array([1e5, 0.0, 0.0])
-LEAST_P = 0.01
+MIN_P = 0.01
 
 
 @cache
@@ -35,20 +35,20 @@ def network() -> RoadNetwork:
 
 
 @cache
-def starts() -> Starts:
-    return Starts(network(), 24.0)
+def starts() -> StartPositions:
+    return StartPositions(network(), 24.0)
 
 
-def drawn(config: Hazards, seed: int, near: BoolArray | None = None) -> DrawnHazards:
+def draw(config: Hazards, seed: int, near: BoolArray | None = None) -> DrawnHazards:
     """The hazards of a scene whose ego is far away."""
-    places = starts().vehicles
-    near = np.ones(len(places), bool) if near is None else near
-    return draw_hazards(config, seed, starts().hazard_sites(config.taper_factor), places, near, FAR_M)
+    positions = starts().vehicles
+    near = np.ones(len(positions), bool) if near is None else near
+    return draw_hazards(config, seed, starts().hazard_sites(config.taper_factor), positions, near, FAR_M)
 
 
 @cache
-def many() -> tuple[HazardSpec, ...]:
-    return tuple(hazard for seed in range(90) for hazard in drawn(Hazards(count=7), seed).hazards)
+def many_hazards() -> tuple[HazardSpec, ...]:
+    return tuple(hazard for seed in range(90) for hazard in draw(Hazards(count=7), seed).hazards)
 
 
 def box(blueprint: str, stand: StandSpec | PropSpec) -> shapely.Polygon:
@@ -64,11 +64,11 @@ def footprint(vehicle: VehicleSpec) -> shapely.Polygon:
 
 
 def is_share(count: int, of: int, probability: float) -> bool:
-    return bool(binomtest(int(count), int(of), probability).pvalue > LEAST_P)
+    return bool(binomtest(int(count), int(of), probability).pvalue > MIN_P)
 
 
-def test_kinds_help_and_missing_cones_are_as_frequent_as_the_paper_says() -> None:
-    hazards = many()
+def test_kinds_emergency_vehicles_and_missing_cones_have_the_papers_frequencies() -> None:
+    hazards = many_hazards()
     assert len(hazards) > 500
     accidents = [hazard for hazard in hazards if hazard.kind is HazardKind.ACCIDENT]
     cones = sum(prop.blueprint == "prop.traffic_cone" for hazard in hazards for prop in hazard.props)
@@ -78,49 +78,49 @@ def test_kinds_help_and_missing_cones_are_as_frequent_as_the_paper_says() -> Non
     assert is_share(missing, missing + cones, 0.32)
 
 
-def test_each_place_that_has_room_becomes_a_hazard_with_the_probability() -> None:
-    places, sites = starts().vehicles, starts().hazard_sites(0.5)
+def test_each_site_with_room_becomes_a_hazard_with_the_configured_probability() -> None:
+    positions, sites = starts().vehicles, starts().hazard_sites(0.5)
     chosen: list[int] = []
-    for place in range(0, len(places), 3):
-        gaps_m = np.linalg.norm(places.position_m[chosen] - places.position_m[place], axis=1)
-        site = sites.at(places.lanes[places.row[place]])
+    for index in range(0, len(positions), 3):
+        gaps_m = np.linalg.norm(positions.position_m[chosen] - positions.position_m[index], axis=1)
+        site = sites.site_at(positions.lanes[positions.row[index]])
         if site is not None and not site.closes_road and gaps_m.min(initial=np.inf) > 600.0:
-            chosen.append(place)
-    near = np.isin(np.arange(len(places)), chosen)
-    count = sum(len(drawn(Hazards(probability=0.25), seed, near).hazards) for seed in range(60))
+            chosen.append(index)
+    near = np.isin(np.arange(len(positions)), chosen)
+    count = sum(len(draw(Hazards(probability=0.25), seed, near).hazards) for seed in range(60))
     assert len(chosen) >= 5
     assert is_share(count, 60 * len(chosen), 0.25)
 
 
-def test_the_warning_sign_is_40_to_160_m_ahead_and_evenly_so_where_no_junction_is_near() -> None:
-    signs_m = np.array([hazard.sign_distance_m for hazard in many() if hazard.sign_distance_m is not None])
-    assert len(signs_m) == len(many()) and signs_m.min() >= 40.0 and signs_m.max() <= 160.0
+def test_the_warning_sign_is_40_to_160_m_ahead_uniformly_where_no_junction_is_near() -> None:
+    signs_m = np.array([hazard.sign_distance_m for hazard in many_hazards() if hazard.sign_distance_m is not None])
+    assert len(signs_m) == len(many_hazards()) and signs_m.min() >= 40.0 and signs_m.max() <= 160.0
     after_long_lanes = np.array(
-        [hazard.sign_distance_m for hazard in many() if hazard.blocked and hazard.blocked[0].from_s_m > 160.0]
+        [hazard.sign_distance_m for hazard in many_hazards() if hazard.blocked and hazard.blocked[0].from_s_m > 160.0]
     )
     assert len(after_long_lanes) > 30
-    assert kstest(after_long_lanes, uniform(40, 120).cdf).pvalue > LEAST_P
+    assert kstest(after_long_lanes, uniform(40, 120).cdf).pvalue > MIN_P
 
 
-def test_a_sign_stands_beside_the_road_and_looks_at_those_who_come() -> None:
+def test_a_sign_stands_beside_the_road_and_faces_approaching_traffic() -> None:
     signs, on_the_right = 0, 0
-    for hazard in many()[:60]:
+    for hazard in many_hazards()[:60]:
         for prop in hazard.props:
             if prop.blueprint.startswith("prop.sign"):
-                place_m = np.array([[prop.x_m, prop.y_m, prop.z_m]])
-                lane = network().nearest_lane(place_m)
-                gap_m = float(np.linalg.norm(place_m[0, :2] - lane.position_m[0, :2]))
+                position_m = np.array([[prop.x_m, prop.y_m, prop.z_m]])
+                lane = network().nearest_lane(position_m)
+                gap_m = float(np.linalg.norm(position_m[0, :2] - lane.position_m[0, :2]))
                 width_m = network().lanes[lane.lane[0]].width_m
                 assert 0.0 < gap_m - width_m / 2.0 < 6.0
-                aside_m = (place_m[0, :2] - lane.position_m[0, :2]) @ [np.sin(prop.yaw_rad), -np.cos(prop.yaw_rad)]
+                aside_m = (position_m[0, :2] - lane.position_m[0, :2]) @ [np.sin(prop.yaw_rad), -np.cos(prop.yaw_rad)]
                 on_the_right += aside_m > 0.0
                 signs += 1
-    assert on_the_right > 0.9 * signs > 50  # where roads join, the nearest lane may be that of another one
+    assert on_the_right > 0.9 * signs > 50  # where roads merge, the nearest lane may belong to another road
 
 
-def test_vehicles_stand_inside_apart_and_off_the_open_lanes() -> None:
+def test_vehicles_stand_apart_inside_the_area_and_off_the_open_lanes() -> None:
     for seed in range(12):
-        scene = drawn(Hazards(count=6), seed)
+        scene = draw(Hazards(count=6), seed)
         outlines = [shapely.Polygon(hazard.outline_m) for hazard in scene.hazards]
         stands = [footprint(vehicle) for vehicle in scene.vehicles]
         assert all(any(outline.covers(stand) for outline in outlines) for stand in stands)
@@ -140,40 +140,42 @@ def test_vehicles_stand_inside_apart_and_off_the_open_lanes() -> None:
                     assert outline.intersection(open_lane).area < 0.01
 
 
-def test_things_and_vehicles_do_not_touch_and_leave_open_lanes_free() -> None:
+def test_props_and_vehicles_do_not_touch_and_leave_open_lanes_free() -> None:
     lanes = [lane for lane in network().lanes.values() if lane.kind is LaneKind.DRIVING]
     lines = np.array([shapely.LineString(lane.centerline_m[:, :2]) for lane in lanes], object)
     half_m = np.array([lane.width_m / 2.0 for lane in lanes])
     height_m = np.array([lane.centerline_m[:, 2].mean() for lane in lanes])
     for seed in range(12):
-        scene = drawn(Hazards(count=6), seed)
+        scene = draw(Hazards(count=6), seed)
         own = {stretch.lane for hazard in scene.hazards for stretch in hazard.blocked}
         other = np.array([lane.id not in own for lane in lanes])
         stands = shapely.union_all([footprint(vehicle) for vehicle in scene.vehicles])
         boxes = [(prop, box(prop.blueprint, prop)) for hazard in scene.hazards for prop in hazard.props]
-        assert not any(thing.intersects(stands) for _, thing in boxes)
+        assert not any(prop_box.intersects(stands) for _, prop_box in boxes)
         assert not any(a.overlaps(b) for (_, a), (_, b) in itertools.combinations(boxes, 2))
-        for prop, thing in boxes:
-            into_m = (half_m - shapely.distance(lines, thing))[other & (np.abs(height_m - prop.z_m) < 2.5)].max()
-            assert into_m < (0.0 if prop.blueprint.startswith("prop.sign") else 0.1)
+        for prop, prop_box in boxes:
+            intrusion_m = (half_m - shapely.distance(lines, prop_box))[
+                other & (np.abs(height_m - prop.z_m) < 2.5)
+            ].max()
+            assert intrusion_m < (0.0 if prop.blueprint.startswith("prop.sign") else 0.1)
 
 
 def test_workers_stand_in_work_zones_clear_of_each_other_and_of_vehicles() -> None:
-    found = 0
+    worker_count = 0
     for seed in range(12):
-        scene = drawn(Hazards(count=6, workers=4), seed)
+        scene = draw(Hazards(count=6, workers=4), seed)
         vehicles = shapely.union_all([footprint(vehicle) for vehicle in scene.vehicles])
         for hazard in scene.hazards:
-            people = [shapely.Point(prop.x_m, prop.y_m) for prop in hazard.props if prop.blueprint == "prop.worker"]
-            assert not people or hazard.kind is HazardKind.WORK_ZONE
-            assert all(shapely.Polygon(hazard.outline_m).buffer(-0.5).covers(person) for person in people)
-            assert all(person.distance(vehicles) > 0.59 for person in people)
-            assert all(a.distance(b) > 1.19 for a, b in itertools.combinations(people, 2))
-            found += len(people)
-    assert found > 50
+            workers = [shapely.Point(prop.x_m, prop.y_m) for prop in hazard.props if prop.blueprint == "prop.worker"]
+            assert not workers or hazard.kind is HazardKind.WORK_ZONE
+            assert all(shapely.Polygon(hazard.outline_m).buffer(-0.5).covers(worker) for worker in workers)
+            assert all(worker.distance(vehicles) > 0.59 for worker in workers)
+            assert all(a.distance(b) > 1.19 for a, b in itertools.combinations(workers, 2))
+            worker_count += len(workers)
+    assert worker_count > 50
 
 
-def test_nobody_starts_in_or_close_to_an_area_and_the_fixed_count_is_kept() -> None:
+def test_no_vehicle_starts_in_or_close_to_an_area_and_the_fixed_count_is_kept() -> None:
     scenario = Scenario.model_validate(
         {
             "scenes": [{"map": TOWN.name, "train": 1}],
@@ -196,5 +198,5 @@ def test_nobody_starts_in_or_close_to_an_area_and_the_fixed_count_is_kept() -> N
 
 @pytest.mark.parametrize("field", ["probability", "cone_missing_probability"])
 def test_other_draws_do_not_depend_on_these_fields(field: str) -> None:
-    plain, changed = (drawn(Hazards(count=2, **change), 3).vehicles for change in ({}, {field: 0.9}))
+    plain, changed = (draw(Hazards(count=2, **change), 3).vehicles for change in ({}, {field: 0.9}))
     assert plain == changed

@@ -42,7 +42,7 @@ def test_spec_survives_json(network: RoadNetwork) -> None:
     assert SceneSpec.model_validate_json(spec.model_dump_json()) == spec
 
 
-def test_one_more_vehicle_leaves_the_others_as_they_were(network: RoadNetwork) -> None:
+def test_one_more_vehicle_leaves_the_others_unchanged(network: RoadNetwork) -> None:
     few = draw_scene(scenario(traffic=Traffic(vehicles=10, pedestrians=5)), PLANNED, network)
     more = draw_scene(scenario(traffic=Traffic(vehicles=11, pedestrians=6)), PLANNED, network)
     assert more.vehicles[: len(few.vehicles)] == few.vehicles
@@ -58,8 +58,8 @@ def test_vehicles_start_on_different_waypoints_within_the_radius(network: RoadNe
     assert np.linalg.norm(positions - positions[0], axis=1).max() <= 200
 
 
-def test_more_vehicles_than_places_is_refused(network: RoadNetwork) -> None:
-    with pytest.raises(InputError, match=r"traffic.vehicles: 500 wanted, but only \d+ places are free within"):
+def test_more_vehicles_than_free_positions_are_refused(network: RoadNetwork) -> None:
+    with pytest.raises(InputError, match=r"traffic.vehicles: 500 requested, but only \d+ positions are free within"):
         draw_scene(scenario(traffic=Traffic(vehicles=500, spawn_radius_m=100)), PLANNED, network)
 
 
@@ -74,7 +74,7 @@ def with_lanes(network: RoadNetwork, change: Callable[[Lane], Lane | None]) -> R
     return replace(network, lanes={name: lane for name, lane in changed.items() if lane is not None})
 
 
-def test_nobody_starts_on_a_lane_that_is_closed_to_its_class(network: RoadNetwork) -> None:
+def test_no_vehicle_starts_on_a_lane_that_is_closed_to_its_class(network: RoadNetwork) -> None:
     def bus_lanes(lane: Lane) -> Lane:
         right = network.lanes.get(f"{lane.edge}_{lane.index - 1}")
         is_rightmost = lane.kind is LaneKind.DRIVING and (right is None or right.kind is not LaneKind.DRIVING)
@@ -107,13 +107,13 @@ def test_traffic_starts_on_driving_lanes_only(network: RoadNetwork) -> None:
     assert {changed.lanes[vehicle.start.lane].kind for vehicle in spec.vehicles} == {LaneKind.DRIVING}
 
 
-def test_an_ego_that_may_drive_nowhere_is_refused(network: RoadNetwork) -> None:
+def test_an_ego_without_a_lane_to_drive_on_is_refused(network: RoadNetwork) -> None:
     changed = with_lanes(network, lambda lane: replace(lane, classes=frozenset({"bus", "pedestrian"})))
     with pytest.raises(InputError, match=r"ego.blueprint: vehicle.sedan has no lane to drive on in map Blocks"):
         draw_scene(scenario(), PLANNED, changed)
 
 
-def test_a_map_without_sidewalks_has_no_pedestrians_and_says_so(
+def test_a_map_without_sidewalks_has_no_pedestrians_and_logs_a_warning(
     network: RoadNetwork, caplog: pytest.LogCaptureFixture
 ) -> None:
     bare = with_lanes(network, lambda lane: None if lane.kind in WALKABLE_KINDS else lane)
@@ -122,24 +122,24 @@ def test_a_map_without_sidewalks_has_no_pedestrians_and_says_so(
     assert caplog.messages == ["Blocks: room for 0 of 60 pedestrians on sidewalks within spawn_radius_m 400 of the ego"]
 
 
-def test_pedestrians_start_on_sidewalks_near_the_ego_that_are_long_enough_together(network: RoadNetwork) -> None:
+def test_pedestrians_start_near_the_ego_on_connected_sidewalks_that_are_long_enough(network: RoadNetwork) -> None:
     lone = next(lane for lane in network.lanes.values() if lane.kind is LaneKind.SIDEWALK)
     island = replace(lone, id="island_0", edge="island", successors=(), centerline_m=lone.centerline_m[:2])
     added = replace(network, lanes={**network.lanes, island.id: island})
     spec = draw_scene(scenario(traffic=Traffic(vehicles=0, pedestrians=600, spawn_radius_m=150)), PLANNED, added)
-    places_m = np.array([added.pose_on_lane(each.start.lane, each.start.s_m)[0] for each in spec.pedestrians])
+    positions_m = np.array([added.pose_on_lane(each.start.lane, each.start.s_m)[0] for each in spec.pedestrians])
     ego_m = added.pose_on_lane(spec.vehicles[0].start.lane, spec.vehicles[0].start.s_m)[0]
-    assert np.linalg.norm(places_m - ego_m, axis=1).max() <= 150.0
+    assert np.linalg.norm(positions_m - ego_m, axis=1).max() <= 150.0
     assert len(spec.pedestrians) > 100
     assert "island_0" not in {each.start.lane for each in spec.pedestrians}
 
 
-def test_who_is_faster_than_people_walk_runs_in_sports_clothes(network: RoadNetwork) -> None:
-    def people(fastest_mps: float) -> tuple[PedestrianSpec, ...]:
-        traffic = Traffic(vehicles=0, pedestrians=120, pedestrian_max_speed_mps=fastest_mps)
+def test_pedestrians_faster_than_walking_speed_run_in_sports_clothes(network: RoadNetwork) -> None:
+    def draw_pedestrians(max_speed_mps: float) -> tuple[PedestrianSpec, ...]:
+        traffic = Traffic(vehicles=0, pedestrians=120, pedestrian_max_speed_mps=max_speed_mps)
         return draw_scene(scenario(traffic=traffic), PLANNED, network).pedestrians
 
-    slow, fast = people(1.5), people(5.0)
+    slow, fast = draw_pedestrians(1.5), draw_pedestrians(5.0)
     named = {blueprint.name: blueprint for blueprint in load_blueprints()}
     assert len({each.blueprint for each in fast}) == 4
     for walker, runner in zip(slow, fast, strict=True):
@@ -149,7 +149,7 @@ def test_who_is_faster_than_people_walk_runs_in_sports_clothes(network: RoadNetw
         assert runner.max_speed_mps == (2.2 if expected == "pedestrian.wheelchair" else 5.0)
 
 
-def test_paper_draws_up_to_three_less_than_the_free_places(network: RoadNetwork) -> None:
+def test_paper_draws_up_to_three_less_than_the_free_positions(network: RoadNetwork) -> None:
     traffic = Traffic(spawn_radius_m=150, pedestrians=0)
     counts = []
     for number in range(40):
@@ -176,7 +176,7 @@ def test_weather_follows_the_papers_conditions() -> None:
     assert altitude.mean() == pytest.approx(180 * 3.6 / 5.6 - 90, abs=4)
 
 
-def test_fixing_one_weather_parameter_leaves_the_independent_ones() -> None:
+def test_fixing_one_weather_parameter_leaves_the_independent_ones_unchanged() -> None:
     free = draw_weather(WeatherConfig(), 5, hilly=False)
     fixed = draw_weather(WeatherConfig(cloudiness=12.0), 5, hilly=False)
     assert fixed.cloudiness == 12.0
@@ -196,7 +196,7 @@ def test_time_never_runs_backwards_from_scene_to_scene(network: RoadNetwork) -> 
     assert one.tick_of(one.stamp_ns(-1)) == -1
 
 
-def test_what_is_stamped_between_two_ticks_is_published_at_the_latter(network: RoadNetwork) -> None:
+def test_a_message_stamped_between_two_ticks_is_published_at_the_later_one(network: RoadNetwork) -> None:
     spec = draw_scene(scenario(), PLANNED, network)
     around = [spec.stamp_ns(3) - 1, spec.stamp_ns(3), spec.stamp_ns(3) + 1]
     assert [spec.publishing_tick_of(stamp_ns) for stamp_ns in around] == [3, 3, 4]

@@ -1,4 +1,4 @@
-"""Drawn scenes against the paper's distributions: Kolmogorov–Smirnov with p > 0.01 over 2,000 scenes of fixed seeds."""
+"""Drawn scenes against the paper's distributions: Kolmogorov–Smirnov with p > 0.01 over 2,000 fixed seeds."""
 
 from collections.abc import Iterator
 
@@ -13,24 +13,24 @@ from simbev_ros.config.scenario import Scenario, Timing, Traffic, WeatherConfig,
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, starts_of
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 
 SCENES = 2000
-LEAST_P = 0.01
+MIN_P = 0.01
 UNIFORM = stats.uniform()
 
 
 def agrees(values: Float64Array, distribution: object) -> bool:
     """Whether values may come from one of scipy's distributions."""
     assert len(values) > 200
-    return bool(stats.kstest(values, distribution.cdf).pvalue > LEAST_P)  # type: ignore[attr-defined]
+    return bool(stats.kstest(values, distribution.cdf).pvalue > MIN_P)  # type: ignore[attr-defined]
 
 
 def agrees_clipped(values: Float64Array, distribution: object, low: float, high: float) -> bool:
-    """The same where draws outside of an interval are put on its ends: their shares count, and what lies between."""
+    """Like ``agrees`` for draws clipped to an interval: checks the shares at its ends and the values in between."""
     below, above = distribution.cdf(low), distribution.sf(high)  # type: ignore[attr-defined]
     inside = values[(values > low) & (values < high)]
     quantiles = (distribution.cdf(inside) - below) / (1 - below - above)  # type: ignore[attr-defined]
@@ -42,13 +42,13 @@ def agrees_clipped(values: Float64Array, distribution: object, low: float, high:
 
 
 def is_share(count: int, of: int, probability: float) -> bool:
-    """Whether so many of so many may be yes."""
-    return bool(stats.binomtest(int(count), of, probability).pvalue > LEAST_P)
+    """Whether ``count`` of ``of`` draws are plausible at this probability."""
+    return bool(stats.binomtest(int(count), of, probability).pvalue > MIN_P)
 
 
 @pytest.fixture(scope="module", params=["weather", "final"])
 def weather(request: pytest.FixtureRequest) -> dict[str, Float64Array]:
-    """Each parameter's (2000,) draws: of the initial weather, and of the final one, which follows the same rules."""
+    """(2000,) draws of each parameter: of the initial weather, or of the final one, which follows the same rules."""
     config = WeatherConfig(final=WeatherParameters())
     pairs = [draw_weathers(config, seed, hilly=False) for seed in range(SCENES)]
     drawn = [pair[request.param == "final"] for pair in pairs]
@@ -110,7 +110,7 @@ def test_parameters_without_a_rule_between_them_are_uncorrelated() -> None:
     assert np.abs(correlation - np.eye(len(columns))).max() < 4 / SCENES**0.5
 
 
-_OF_VEHICLES = (
+_VEHICLE_FIELDS = (
     *("speed_factor", "min_gap_m", "headway_s", "lane_change_eagerness"),
     *("reckless", "distracted", "emergency_lights"),
 )
@@ -119,7 +119,7 @@ PLANNED = PlannedScene(0, MapSpec(name="Blocks"), "train")
 
 def small_scenes(scenario: Scenario) -> Iterator[SceneSpec]:
     network = load_network(PLANNED.map)
-    starts = starts_of(scenario, network)
+    starts = start_positions(scenario, network)
     for number in range(SCENES):
         yield draw_scene(scenario, PLANNED._replace(number=number), network, starts)
 
@@ -128,12 +128,12 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
     time = Timing(duration_s=Distribution(uniform=(4, 20)))
     empty = {"traffic": Traffic(vehicles=0, pedestrians=0), "hazards": Hazards(count=0), "time": time}
     scenario = load_scenario("paper").model_copy(update=empty)
-    starts = starts_of(scenario, load_network(PLANNED.map))
-    ids = [starts.vehicles.waypoint(place) for place in np.flatnonzero(starts.fit(20.0)["vehicle.sedan"])]
-    rank = {(place.lane, place.s_m): index for index, place in enumerate(ids)}
+    starts = start_positions(scenario, load_network(PLANNED.map))
+    ids = [starts.vehicles.waypoint(index) for index in np.flatnonzero(starts.usable(20.0)["vehicle.sedan"])]
+    rank = {(waypoint.lane, waypoint.s_m): index for index, waypoint in enumerate(ids)}
     specs = list(small_scenes(scenario))
     egos = [spec.vehicles[0] for spec in specs]
-    dither = np.random.default_rng(1).random(SCENES)  # of whole numbers: makes them continuous
+    dither = np.random.default_rng(1).random(SCENES)  # makes integers continuous
     ranks = np.array([rank[ego.start.lane, ego.start.s_m] for ego in egos])
     assert agrees((ranks + dither) / len(ids), UNIFORM)
     ticks = np.array([spec.ticks for spec in specs])
@@ -146,27 +146,29 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
 
 
 @pytest.mark.slow
-def test_traffic_and_people() -> None:
-    scenario = load_scenario("paper").model_copy(update={"hazards": Hazards(count=0)})  # they take free places
-    starts = starts_of(scenario, load_network(PLANNED.map))
-    shares, people, vehicles, walkers = [], [], [], []
+def test_vehicles_and_pedestrians() -> None:
+    scenario = load_scenario("paper").model_copy(update={"hazards": Hazards(count=0)})  # they occupy start positions
+    starts = start_positions(scenario, load_network(PLANNED.map))
+    shares, pedestrian_counts, vehicles, walking_speeds_mps = [], [], [], []
     position_m = {
-        (place.lane, place.s_m): starts.vehicles.position_m[index]
+        (waypoint.lane, waypoint.s_m): starts.vehicles.position_m[index]
         for index in range(len(starts.vehicles))
-        for place in [starts.vehicles.waypoint(index)]
+        for waypoint in [starts.vehicles.waypoint(index)]
     }
-    fit = np.any(list(starts.fit(20.0).values()), axis=0)
+    usable = np.any(list(starts.usable(20.0).values()), axis=0)
     rng = np.random.default_rng(2)
     for spec in small_scenes(scenario):
         ego = spec.vehicles[0].start
-        free = np.count_nonzero(fit & starts.vehicles.within(position_m[ego.lane, ego.s_m], 400)) - 1
+        free = np.count_nonzero(usable & starts.vehicles.within_radius(position_m[ego.lane, ego.s_m], 400)) - 1
         shares.append((len(spec.vehicles) - 1 + rng.random()) / (free - 2))
-        people.append(len(spec.pedestrians) + rng.random())
+        pedestrian_counts.append(len(spec.pedestrians) + rng.random())
         vehicles += spec.vehicles[1:]
-        walkers += [each.max_speed_mps for each in spec.pedestrians if each.blueprint != "pedestrian.wheelchair"]
+        walking_speeds_mps += [
+            each.max_speed_mps for each in spec.pedestrians if each.blueprint != "pedestrian.wheelchair"
+        ]
     assert agrees(np.array(shares), UNIFORM)
-    assert agrees(np.array(people), stats.uniform(0, 641))
-    drawn = {name: np.array([getattr(each, name) for each in vehicles], float) for name in _OF_VEHICLES}
+    assert agrees(np.array(pedestrian_counts), stats.uniform(0, 641))
+    drawn = {name: np.array([getattr(each, name) for each in vehicles], float) for name in _VEHICLE_FIELDS}
     assert agrees(drawn["speed_factor"], stats.uniform(0.8, 0.6))
     assert agrees_clipped(drawn["min_gap_m"], stats.norm(3.2, 1.0), 0.5, 10)
     assert agrees_clipped(drawn["headway_s"], stats.norm(1.2, 0.25), 0.7, 2.5)
@@ -174,7 +176,7 @@ def test_traffic_and_people() -> None:
     assert is_share(drawn["reckless"].sum(), len(vehicles), 0.01)
     assert is_share(drawn["distracted"].sum(), len(vehicles), 0.02)
     emergency = {blueprint.name for blueprint in load_blueprints() if blueprint.emergency}
-    shine = [each.emergency_lights for each in vehicles if each.blueprint in emergency]
-    assert is_share(sum(shine), len(shine), 0.5)
-    assert sum(shine) == drawn["emergency_lights"].sum()
-    assert agrees_clipped(np.array(walkers), stats.lognorm(0.64, scale=np.exp(0.16)), 0.8, 8)
+    is_lit = [each.emergency_lights for each in vehicles if each.blueprint in emergency]
+    assert is_share(sum(is_lit), len(is_lit), 0.5)
+    assert sum(is_lit) == drawn["emergency_lights"].sum()
+    assert agrees_clipped(np.array(walking_speeds_mps), stats.lognorm(0.64, scale=np.exp(0.16)), 0.8, 8)

@@ -1,14 +1,14 @@
-"""When and why scenes end."""
+"""When and why a scene ends."""
 
 from types import SimpleNamespace
 
 import pytest
 
-from simbev_ros.scene.ending import DURATION, Ending, SceneEnd
+from simbev_ros.scene.ending import DURATION, SceneEnd, SceneEndDetector
 from simbev_ros.scene.spec import SceneSpec
 
 
-def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) -> Ending:
+def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) -> SceneEndDetector:
     spec = SceneSpec.model_construct(
         number=4,
         map=SimpleNamespace(name="Blocks"),
@@ -16,30 +16,30 @@ def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) 
         ticks=100,
         end_after_standing_ticks=standing_ticks,
     )
-    return Ending(spec, (ticks, reason))
+    return SceneEndDetector(spec, (ticks, reason))
 
 
-def play(ending: Ending, *speeds_mps: float, first_tick: int = 0) -> SceneEnd | None:
-    """The end, if it comes at the last of these speeds and not before."""
+def play(detector: SceneEndDetector, *speeds_mps: float, first_tick: int = 0) -> SceneEnd | None:
+    """The end of the scene, which must not come before the last of these speeds; None if it does not come at all."""
     for tick, speed_mps in enumerate(speeds_mps, start=first_tick):
         ego = {"vx": 0.6 * speed_mps, "vy": 0.8 * speed_mps}
         state = SimpleNamespace(tick=tick, ego=ego, events=("bump",))
-        end = ending.at(state)  # type: ignore[arg-type]
+        end = detector.end_at(state)  # type: ignore[arg-type]
         assert end is None or tick == first_tick + len(speeds_mps) - 1
     return end
 
 
-def test_a_scene_ends_when_the_ego_has_stood_for_so_long_without_a_break() -> None:
-    ending = watch(4)
-    assert play(ending, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.05) is None
-    end = play(ending, 0.0, first_tick=7)
+def test_a_scene_ends_when_the_ego_has_stood_still_long_enough_without_a_break() -> None:
+    detector = watch(4)
+    assert play(detector, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.05) is None
+    end = play(detector, 0.0, first_tick=7)
     assert end == SceneEnd(scene="Blocks-0004", tick=7, reason="ego stood still for 0.2 s at tick 7", events=8)
 
 
 def test_standing_in_the_warm_up_does_not_count() -> None:
-    ending = watch(3)
-    assert play(ending, *[0.0] * 10, first_tick=-8) is None
-    assert play(ending, 0.0, first_tick=2) is not None
+    detector = watch(3)
+    assert play(detector, *[0.0] * 10, first_tick=-8) is None
+    assert play(detector, 0.0, first_tick=2) is not None
 
 
 @pytest.mark.parametrize(("ticks", "reason"), [(100, DURATION), (30, "the replayed bag ends at tick 29")])

@@ -1,4 +1,4 @@
-"""Street lights follow the paper's distribution lamp by lamp; windows' colours are those of the scene."""
+"""Street lights follow the paper's distribution lamp by lamp; window colors are those of the scene."""
 
 import numpy as np
 import pytest
@@ -8,14 +8,14 @@ from scipy.stats import kstest
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.lights import BuildingLights, Lights, StreetLights
 from simbev_ros.config.load import load_scenario
-from simbev_ros.scene.drawing.draw_lights import draw_lights, white_of
+from simbev_ros.scene.drawing.draw_lights import draw_lights, white_balanced_srgb
 from simbev_ros.scene.lights import LightSpec, street_lights
 
-PLACES_M = np.random.default_rng(5).uniform(-4000.0, 4000.0, (4000, 3)) * [1.0, 1.0, 0.002]
+POSITIONS_M = np.random.default_rng(5).uniform(-4000.0, 4000.0, (4000, 3)) * [1.0, 1.0, 0.002]
 
 
 def test_lamps_follow_the_papers_rule() -> None:
-    table = street_lights(draw_lights(Lights(), 3), PLACES_M)
+    table = street_lights(draw_lights(Lights(), 3), POSITIONS_M)
     flux_lm = table["intensity_lm"].astype(float)
     assert flux_lm.min() == 10_000.0
     assert 35_500.0 < flux_lm.max() <= 36_000.0
@@ -29,35 +29,35 @@ def test_lamps_follow_the_papers_rule() -> None:
     assert abs(np.corrcoef(table["failed"], flux_lm)[0, 1]) < 0.05
 
 
-def test_a_lamp_is_the_same_whatever_else_is_loaded_and_in_whatever_order() -> None:
+def test_a_lamp_does_not_depend_on_other_loaded_lamps_or_their_order() -> None:
     lights = draw_lights(Lights(), 3)
-    everywhere = street_lights(lights, PLACES_M[:200])
+    all_lamps = street_lights(lights, POSITIONS_M[:200])
     order = np.random.default_rng(1).permutation(200)[:70]
-    some = street_lights(lights, PLACES_M[order])
+    some = street_lights(lights, POSITIONS_M[order])
     for name in ("x", "y", "z", "intensity_lm", "on", "failed"):
-        np.testing.assert_array_equal(some[name], everywhere[name][order])
+        np.testing.assert_array_equal(some[name], all_lamps[name][order])
     np.testing.assert_array_equal(some["id"], np.arange(1, 71))
-    other = street_lights(draw_lights(Lights(), 4), PLACES_M[:200])
-    assert np.mean(other["intensity_lm"] == everywhere["intensity_lm"]) < 0.2
-    above = street_lights(lights, np.add(PLACES_M[:200], [0.0, 0.0, 8.0]))
-    assert np.mean(above["intensity_lm"] == everywhere["intensity_lm"]) < 0.2, "lamps of a bridge are others"
+    other = street_lights(draw_lights(Lights(), 4), POSITIONS_M[:200])
+    assert np.mean(other["intensity_lm"] == all_lamps["intensity_lm"]) < 0.2
+    above = street_lights(lights, np.add(POSITIONS_M[:200], [0.0, 0.0, 8.0]))
+    assert np.mean(above["intensity_lm"] == all_lamps["intensity_lm"]) < 0.2, "lamps of a bridge are others"
 
 
-def test_the_switch_is_for_all_and_breaks_none() -> None:
+def test_disabling_street_lights_turns_off_all_lamps_without_breaking_any() -> None:
     on, off = (draw_lights(Lights(street=StreetLights(enabled=enabled)), 3) for enabled in (True, False))
-    lit, dark = (street_lights(lights, PLACES_M) for lights in (on, off))
+    lit, dark = (street_lights(lights, POSITIONS_M) for lights in (on, off))
     assert lit["on"].any()
     assert not dark["on"].any()
     for name in ("intensity_lm", "failed"):
         np.testing.assert_array_equal(lit[name], dark[name])
 
 
-def test_the_user_can_fix_and_change_every_figure() -> None:
+def test_the_user_can_fix_and_change_every_parameter() -> None:
     config = StreetLights(
         base_lm=Distribution(uniform=(5_000, 6_000)), change_lm=500, minimum_lm=0, failure_probability=0
     )
     lights = draw_lights(Lights(street=config), 3)
-    table = street_lights(lights, PLACES_M[:50])
+    table = street_lights(lights, POSITIONS_M[:50])
     np.testing.assert_allclose(table["intensity_lm"], lights.street.base_lm + 500)
     assert 5_000 <= lights.street.base_lm <= 6_000
     assert LightSpec.model_validate_json(lights.model_dump_json()) == lights
@@ -74,8 +74,8 @@ def test_windows_have_random_colors_or_those_of_the_user() -> None:
 
 
 def test_low_temperatures_are_orange_and_high_ones_blue() -> None:
-    np.testing.assert_allclose(white_of(3_600.0), 1.0, atol=1e-9)
-    red_over_blue = np.array([white_of(kelvin) for kelvin in (2_400.0, 3_000.0, 3_600.0, 5_000.0, 6_500.0)])
+    np.testing.assert_allclose(white_balanced_srgb(3_600.0), 1.0, atol=1e-9)
+    red_over_blue = np.array([white_balanced_srgb(kelvin) for kelvin in (2_400.0, 3_000.0, 3_600.0, 5_000.0, 6_500.0)])
     ratio = red_over_blue[:, 0] / red_over_blue[:, 2]
     assert np.all(np.diff(ratio) < 0)
     assert ratio[0] > 1.3
@@ -91,7 +91,7 @@ def test_low_temperatures_are_orange_and_high_ones_blue() -> None:
         ({"buildings": {"share_lit": 2}}, "0 to 1 is allowed"),
     ],
 )
-def test_figures_out_of_range_are_refused(section: dict[str, object], message: str) -> None:
+def test_values_out_of_range_are_refused(section: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         Lights.model_validate(section)
     assert load_scenario("paper").lights == Lights()

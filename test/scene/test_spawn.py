@@ -1,4 +1,4 @@
-"""The ego starts where the user says, on a lane that it may use, and nobody else starts there."""
+"""The ego starts at the configured pose, on a lane that it may use, and no other vehicle starts there."""
 
 from dataclasses import replace
 
@@ -29,26 +29,26 @@ def drawn(network: RoadNetwork, *poses: SpawnPose, number: int = 3, vehicles: fl
     return draw_scene(scenario, PLANNED._replace(number=number), network)
 
 
-def middle_m(network: RoadNetwork, ego: VehicleSpec, length_m: float) -> np.ndarray:
+def center_m(network: RoadNetwork, ego: VehicleSpec, length_m: float) -> np.ndarray:
     return network.pose_on_lane(ego.start.lane, ego.start.s_m - length_m / 2.0)[0]
 
 
-def pose_at(network: RoadNetwork, number: int, aside_m: float = 0.0) -> SpawnPose:
+def pose_at(network: RoadNetwork, number: int, offset_m: float = 0.0) -> SpawnPose:
     waypoints = network.waypoints(24.0)
     yaw = waypoints.yaw_rad[number]
-    place_m = waypoints.position_m[number, :2] + aside_m * np.array([-np.sin(yaw), np.cos(yaw)])
-    return SpawnPose(x_m=place_m[0], y_m=place_m[1], yaw_deg=float(np.degrees(yaw)))
+    position_m = waypoints.position_m[number, :2] + offset_m * np.array([-np.sin(yaw), np.cos(yaw)])
+    return SpawnPose(x_m=position_m[0], y_m=position_m[1], yaw_deg=float(np.degrees(yaw)))
 
 
 @pytest.mark.parametrize("number", [0, 40, 77])
-def test_the_ego_stands_with_its_middle_at_the_pose(network: RoadNetwork, number: int) -> None:
+def test_the_ego_stands_with_its_center_at_the_pose(network: RoadNetwork, number: int) -> None:
     from simbev_ros.world.cast import blueprint_of
 
-    spec = drawn(network, pose_at(network, number, aside_m=0.8))
+    spec = drawn(network, pose_at(network, number, offset_m=0.8))
     ego = spec.vehicles[0]
     assert ego.start.lane == network.waypoints(24.0).lane[number]
-    found_m = middle_m(network, ego, blueprint_of(ego.blueprint).size_m[0])
-    assert found_m[:2] == pytest.approx(network.waypoints(24.0).position_m[number, :2], abs=0.01)
+    center_found_m = center_m(network, ego, blueprint_of(ego.blueprint).size_m[0])
+    assert center_found_m[:2] == pytest.approx(network.waypoints(24.0).position_m[number, :2], abs=0.01)
 
 
 def test_the_yaw_chooses_the_direction(network: RoadNetwork) -> None:
@@ -61,7 +61,7 @@ def test_the_yaw_chooses_the_direction(network: RoadNetwork) -> None:
     assert np.cos(yaws[0] - yaws[1]) == pytest.approx(-1.0, abs=0.01)
 
 
-def test_one_of_the_poses_is_drawn_for_each_scene_and_changes_nothing_of_the_weather(network: RoadNetwork) -> None:
+def test_one_of_the_poses_is_drawn_for_each_scene_without_changing_the_weather(network: RoadNetwork) -> None:
     poses = [pose_at(network, number) for number in (3, 30, 60)]
     specs = [drawn(network, *poses, number=number) for number in range(12)]
     assert len({spec.vehicles[0].start.lane for spec in specs}) == 3
@@ -72,8 +72,8 @@ def test_one_of_the_poses_is_drawn_for_each_scene_and_changes_nothing_of_the_wea
 def test_no_other_vehicle_starts_in_the_ego(network: RoadNetwork) -> None:
     for number in range(6):
         ego, *others = drawn(network, pose_at(network, 12), number=number, vehicles=90).vehicles
-        here = [other.start.s_m - ego.start.s_m for other in others if other.start.lane == ego.start.lane]
-        assert all(abs(gap_m) > 20.0 for gap_m in here)
+        gaps_m = [other.start.s_m - ego.start.s_m for other in others if other.start.lane == ego.start.lane]
+        assert all(abs(gap_m) > 20.0 for gap_m in gaps_m)
 
 
 def test_a_pose_far_from_every_lane_is_refused_by_its_number(network: RoadNetwork) -> None:
@@ -89,7 +89,7 @@ def test_the_height_counts(network: RoadNetwork) -> None:
         drawn(network, above)
 
 
-def test_lanes_closed_to_the_ego_are_passed_over(network: RoadNetwork) -> None:
+def test_lanes_closed_to_the_ego_are_skipped(network: RoadNetwork) -> None:
     pose = pose_at(network, 12)
     closed = network.lanes[drawn(network, pose).vehicles[0].start.lane]
     changed = {**network.lanes, closed.id: replace(closed, classes=frozenset({"bus"}))}

@@ -14,7 +14,7 @@ def test_a_tally_of_batches_equals_the_statistics_of_the_whole() -> None:
     assert tally.mean == pytest.approx(values.mean(), rel=1e-12)
     assert tally.sd == pytest.approx(values.std(), rel=1e-9)
     shares = np.histogram(values, BINS)[0] / len(values)
-    assert tally.shares() == pytest.approx(shares, abs=0.004)  # of a part of the values
+    assert tally.shares() == pytest.approx(shares, abs=0.004)  # of a sample of the values
     assert tally.shares().sum() == pytest.approx(1.0)
 
 

@@ -1,4 +1,4 @@
-"""Walks go on over what touches."""
+"""Random walks continue over adjacent sidewalks and crossings."""
 
 from dataclasses import replace
 from functools import cache
@@ -29,28 +29,28 @@ def network(*lanes: Lane) -> RoadNetwork:
     return replace(blocks(), lanes={each.id: each for each in lanes})
 
 
-def test_walks_go_on_over_what_touches_and_do_not_turn_back_on_a_sidewalk() -> None:
+def test_walks_continue_on_adjacent_edges_and_do_not_turn_back_on_a_sidewalk() -> None:
     graph = WalkGraph(blocks())
-    touching = {(a.edge, blocks().lanes[b].edge) for a in blocks().lanes.values() for b in a.successors}
-    touching |= {(b, a) for a, b in touching}
+    adjacent = {(a.edge, blocks().lanes[b].edge) for a in blocks().lanes.values() for b in a.successors}
+    adjacent |= {(b, a) for a, b in adjacent}
     for index, start in enumerate(graph.sidewalks):
-        walk = graph.walk(start.edge, 1500.0, stream(2, f"test.{index}"))
-        assert all(pair in touching for pair in pairwise(walk))
+        walk = graph.draw_walk(start.edge, 1500.0, stream(2, f"test.{index}"))
+        assert all(pair in adjacent for pair in pairwise(walk))
         assert all(a != c for a, b, c in zip(walk, walk[1:], walk[2:], strict=False) if not b.startswith(":"))
         assert not walk[-1].startswith(":")
 
 
-def test_walks_set_out_in_both_directions() -> None:
+def test_walks_start_in_both_directions() -> None:
     graph = WalkGraph(blocks())
-    seconds = {graph.walk(graph.sidewalks[0].edge, 200.0, stream(seed, "test"))[1] for seed in range(20)}
+    seconds = {graph.draw_walk(graph.sidewalks[0].edge, 200.0, stream(seed, "test"))[1] for seed in range(20)}
     assert len(seconds) == 2
 
 
 def test_a_walk_ends_where_nothing_can_be_reached() -> None:
-    assert WalkGraph(network(walkable("A_0"))).walk("A", 1000.0, stream(1, "test")) == ("A",)
+    assert WalkGraph(network(walkable("A_0"))).draw_walk("A", 1000.0, stream(1, "test")) == ("A",)
 
 
-def test_sidewalks_that_touch_over_a_crossing_are_as_long_as_all_together() -> None:
+def test_the_length_of_connected_sidewalks_is_their_sum() -> None:
     graph = WalkGraph(
         network(
             walkable("A_0", ":c_0"),
@@ -60,4 +60,4 @@ def test_sidewalks_that_touch_over_a_crossing_are_as_long_as_all_together() -> N
             replace(walkable("D_0"), classes=frozenset({"bicycle"})),
         )
     )
-    assert graph.component_m() == pytest.approx({"A": 160.0, "B": 160.0, "C": 70.0})
+    assert graph.component_length_m() == pytest.approx({"A": 160.0, "B": 160.0, "C": 70.0})

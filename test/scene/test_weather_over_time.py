@@ -1,4 +1,4 @@
-"""Weather moves linearly from an initial to a final draw; the sun goes round the shorter way."""
+"""Weather changes linearly from an initial to a final draw; the sun takes the shorter way around."""
 
 from pathlib import Path
 
@@ -27,14 +27,14 @@ def weather(**changes: float) -> Weather:
     return draw_weather(WeatherParameters(cloudiness=20, fog_density=0), 1, hilly=False).model_copy(update=changes)
 
 
-def drawn(folder: Path, text: str = CONFIG, number: int = 0) -> SceneSpec:
+def draw(folder: Path, text: str = CONFIG, number: int = 0) -> SceneSpec:
     (folder / "config.yaml").write_text(text)
     planned = PlannedScene(number, MapSpec(name="Blocks"), "train")
     return draw_scene(load_scenario(folder / "config.yaml"), planned, load_network(planned.map))
 
 
-def test_weather_stays_in_the_warm_up_and_reaches_the_final_one_at_the_last_tick(tmp_path: Path) -> None:
-    spec = drawn(tmp_path)
+def test_weather_is_constant_in_the_warm_up_and_final_at_the_last_tick(tmp_path: Path) -> None:
+    spec = draw(tmp_path)
     assert spec.final_weather is not None and spec.final_weather.cloudiness == 100
     assert spec.weather_at(-20) == spec.weather_at(0) == spec.weather
     for name in WeatherParameters.model_fields:
@@ -50,31 +50,31 @@ def test_weather_stays_in_the_warm_up_and_reaches_the_final_one_at_the_last_tick
 )
 def test_the_sun_takes_the_shorter_way(start_deg: float, end_deg: float, middle_deg: float) -> None:
     start, end = weather(sun_azimuth_deg=start_deg), weather(sun_azimuth_deg=end_deg)
-    assert start.towards(end, 0.5).sun_azimuth_deg == pytest.approx(middle_deg)
-    assert start.towards(end, 0.0).sun_azimuth_deg == start_deg
-    assert start.towards(end, 1.0).sun_azimuth_deg == end_deg
+    assert start.interpolate(end, 0.5).sun_azimuth_deg == pytest.approx(middle_deg)
+    assert start.interpolate(end, 0.0).sun_azimuth_deg == start_deg
+    assert start.interpolate(end, 1.0).sun_azimuth_deg == end_deg
 
 
 def test_a_parameter_at_the_end_of_its_range_stays_in_it() -> None:
     wet = weather(precipitation=100.0, wetness=0.1)
-    between = [wet.towards(wet, share) for share in np.linspace(0, 1, 1000).tolist()]
+    between = [wet.interpolate(wet, fraction) for fraction in np.linspace(0, 1, 1000).tolist()]
     assert {(each.precipitation, each.wetness) for each in between} == {(100.0, 0.1)}
 
 
 def test_a_final_weather_changes_nothing_else(tmp_path: Path) -> None:
-    moving, still = drawn(tmp_path), drawn(tmp_path, CONFIG.replace("weather: {final: ", "# "))
+    moving, still = draw(tmp_path), draw(tmp_path, CONFIG.replace("weather: {final: ", "# "))
     assert still.final_weather is None and still.weather_at(30) == still.weather
     assert moving.model_copy(update={"final_weather": None}) == still
 
 
-def test_initial_and_final_weather_are_drawn_apart() -> None:
+def test_initial_and_final_weather_are_drawn_independently() -> None:
     initial, final = draw_weathers(WeatherConfig(final=WeatherParameters()), 4, hilly=False)
     assert final is not None and initial.cloudiness != final.cloudiness
     assert initial == draw_weather(WeatherParameters(), 4, hilly=False)
 
 
 def test_a_drawn_duration_is_rounded_to_whole_ticks(tmp_path: Path) -> None:
-    ticks = [drawn(tmp_path, number=number).ticks for number in range(30)]
+    ticks = [draw(tmp_path, number=number).ticks for number in range(30)]
     assert min(ticks) >= 40 and max(ticks) <= 60
     assert len(set(ticks)) > 10
 
@@ -92,4 +92,4 @@ def test_a_drawn_duration_is_rounded_to_whole_ticks(tmp_path: Path) -> None:
 )
 def test_bad_values_are_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        drawn(tmp_path, text)
+        draw(tmp_path, text)

@@ -15,7 +15,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.interpolation import Course
+from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar import LidarModel, LidarScan
@@ -94,7 +94,7 @@ def test_a_rolling_scan_deskewed_with_the_odometry_lies_on_the_moving_meshes(tic
     assert found.points["time"].tobytes() == cloud["time"].tobytes()
     points = deskewed(sensor, cloud, states)
     assert np.abs(points[cloud["object_id"] == 0, 2]).max() < 2e-3
-    course = Course.of(states[-1], states[:-1])
+    course = ActorHistory.of(states[-1], states[:-1])
     for row in range(1, 4):
         mine = cloud["object_id"] == states[-1].actors["id"][row]
         assert mine.sum() > 25

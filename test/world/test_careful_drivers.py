@@ -1,4 +1,4 @@
-"""Collisions in whole scenes: careful drivers have none, reckless ones do."""
+"""Collisions in whole scenes: careful drivers have none, reckless drivers do."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from simbev_ros.world.simulation import Simulation
 
 
 def collisions(map_name: str, seed: int, reckless: float) -> list[bool]:
-    """For each collision of a scene, whether a reckless driver is in it."""
+    """For each collision of a scene, whether it involves a reckless driver."""
     scenario = Scenario.model_validate(
         {
             "seed": seed,
@@ -46,6 +46,6 @@ def test_careful_drivers_have_no_collisions(town, seed):
 
 @pytest.mark.slow
 def test_reckless_drivers_have_collisions_and_careful_ones_only_with_them():
-    found = [each for seed in (710, 711, 712) for each in collisions("Town07", seed, 0.4)]
-    assert found
-    assert all(found)
+    involves_reckless = [each for seed in (710, 711, 712) for each in collisions("Town07", seed, 0.4)]
+    assert involves_reckless
+    assert all(involves_reckless)

@@ -1,4 +1,4 @@
-"""Roads of one lane that a hazard closes: traffic goes elsewhere, and barriers say so."""
+"""One-lane roads that a hazard closes: traffic detours, and barriers close the road."""
 
 from functools import cache
 from xml.etree import ElementTree
@@ -36,7 +36,7 @@ def scenes() -> tuple[SceneSpec, ...]:
     return tuple(draw_scene(scenario, PlannedScene(number, TOWN, "train"), network()) for number in range(6))
 
 
-def test_each_hazard_of_a_town_of_one_lane_roads_closes_one_and_bars_it_where_it_begins() -> None:
+def test_each_hazard_on_one_lane_roads_closes_its_road_with_barriers_at_the_start() -> None:
     for scene in scenes():
         assert len(scene.hazards) == 2
         for hazard in scene.hazards:
@@ -52,7 +52,7 @@ def _after(lane: str) -> tuple[str, ...]:
     return network().lanes[lane].successors
 
 
-def test_nobody_drives_onto_a_closed_road_at_first_or_later_and_who_starts_there_is_past_the_hazard() -> None:
+def test_no_route_enters_a_closed_road_and_vehicles_that_start_there_are_past_the_hazard() -> None:
     for scene in scenes():
         root = ElementTree.fromstring(demand_of(scene, network()).xml)
         for element in root.iter("route"):
@@ -60,7 +60,7 @@ def test_nobody_drives_onto_a_closed_road_at_first_or_later_and_who_starts_there
         routes = Routes(scene, network(), {lane.edge for lane in network().lanes.values()})
         for number, vehicle in enumerate(scene.drivers):
             edge = network().lanes[vehicle.start.lane].edge
-            assert scene.closed_edges.isdisjoint(routes.onward(number, edge, 7).edges)
+            assert scene.closed_edges.isdisjoint(routes.draw_extension(number, edge, 7).edges)
             if edge in scene.closed_edges:
                 assert number > 0
                 ends_m = [s.to_s_m for h in scene.hazards for s in h.blocked if s.lane == vehicle.start.lane]

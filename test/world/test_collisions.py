@@ -3,11 +3,11 @@ import pytest
 import shapely
 
 from simbev_ros.world.kinematics.collisions import Collisions
-from simbev_ros.world.kinematics.contacts import Boxes
+from simbev_ros.world.kinematics.contacts import BodyBoxes
 
 TICK_S = 0.05
 CAR_M = [4.6, 2.0, 1.5]
-PERSON_M = [0.6, 0.5, 1.7]
+PEDESTRIAN_M = [0.6, 0.5, 1.7]
 
 
 def outlines(boxes, position_m, yaw_rad):
@@ -20,24 +20,26 @@ def outlines(boxes, position_m, yaw_rad):
 def test_boxes_touch_where_their_outlines_and_heights_overlap():
     rng = np.random.default_rng(3)
     count, vehicles = 300, 100
-    size_m = np.where(np.arange(count)[:, None] < vehicles, rng.uniform([2, 1, 1], [12, 3, 3], (count, 3)), PERSON_M)
+    size_m = np.where(
+        np.arange(count)[:, None] < vehicles, rng.uniform([2, 1, 1], [12, 3, 3], (count, 3)), PEDESTRIAN_M
+    )
     position_m = rng.uniform([0, 0, 0], [80, 80, 8], (count, 3))
     yaw_rad = rng.uniform(-np.pi, np.pi, count)
-    boxes = Boxes(size_m, vehicles)
+    boxes = BodyBoxes(size_m, vehicles)
     shapes = outlines(boxes, position_m, yaw_rad)
     bottom, top = position_m[:, 2], position_m[:, 2] + size_m[:, 2]
-    wanted = [
+    expected = [
         (a, b)
         for a in range(vehicles)
         for b in range(a + 1, count)
         if shapes[a].intersects(shapes[b]) and bottom[a] < top[b] and bottom[b] < top[a]
     ]
-    assert len(wanted) > 40
-    assert list(map(tuple, boxes.touching(position_m, yaw_rad).tolist())) == wanted
+    assert len(expected) > 40
+    assert list(map(tuple, boxes.touching_pairs(position_m, yaw_rad).tolist())) == expected
 
 
 def play(boxes, start_m, velocity_mps, yaw_rad, ticks=80):
-    """(T, G, 3) positions of bodies that want to go straight on, and the collisions of each tick."""
+    """(T, G, 3) positions of bodies that try to move straight ahead, and the collisions of each tick."""
     rpy_rad = np.column_stack([np.zeros((len(start_m), 2)), yaw_rad])
     collisions = Collisions(boxes, start_m, rpy_rad, TICK_S)
     positions_m, impacts = [start_m], []
@@ -48,7 +50,7 @@ def play(boxes, start_m, velocity_mps, yaw_rad, ticks=80):
 
 
 def test_two_cars_head_on_stop_against_each_other_and_stay():
-    boxes = Boxes(np.array([CAR_M, CAR_M]), 2)
+    boxes = BodyBoxes(np.array([CAR_M, CAR_M]), 2)
     start_m, velocity_mps = np.array([[-20.0, 0, 0], [20.0, 0.5, 0]]), np.array([[10.0, 0, 0], [-10.0, 0, 0]])
     positions_m, impacts, collisions = play(boxes, start_m, velocity_mps, np.array([0.0, np.pi]))
     (impact,) = [impact for at_tick in impacts for impact in at_tick]
@@ -60,8 +62,8 @@ def test_two_cars_head_on_stop_against_each_other_and_stay():
     assert collisions.crashed.all()
 
 
-def test_who_is_hit_from_behind_is_pushed_on_until_both_have_braked():
-    boxes = Boxes(np.array([CAR_M, CAR_M]), 2)
+def test_a_car_hit_from_behind_is_pushed_until_both_have_braked():
+    boxes = BodyBoxes(np.array([CAR_M, CAR_M]), 2)
     start_m, velocity_mps = np.array([[-12.3, 0, 0], [0.0, 0, 0]]), np.array([[12.0, 0, 0], [0.0, 0, 0]])
     positions_m, _, collisions = play(boxes, start_m, velocity_mps, np.zeros(2))
     # The momentum is shared at 6 m/s; locked wheels brake 7 m/s².
@@ -74,38 +76,40 @@ def test_a_pile_up_leaves_no_boxes_overlapping_at_any_tick():
     rng = np.random.default_rng(1)
     yaw_rad = rng.uniform(-np.pi, np.pi, 40)
     ring_m = 30.0 + 8.0 * (np.arange(40) // 10)
-    place_rad = 2.0 * np.pi * np.arange(40) / 10
-    start_m = np.column_stack([ring_m * np.cos(place_rad), ring_m * np.sin(place_rad), np.zeros(40)])
-    boxes = Boxes(np.array([CAR_M] * 30 + [PERSON_M] * 10), 30)
+    angle_rad = 2.0 * np.pi * np.arange(40) / 10
+    start_m = np.column_stack([ring_m * np.cos(angle_rad), ring_m * np.sin(angle_rad), np.zeros(40)])
+    boxes = BodyBoxes(np.array([CAR_M] * 30 + [PEDESTRIAN_M] * 10), 30)
     velocity_mps = -start_m / 3.0 * rng.uniform(0.7, 1.3, (40, 1))
     positions_m, impacts, _ = play(boxes, start_m, velocity_mps, yaw_rad)
     assert sum(map(len, impacts)) > 10
-    for each_m in positions_m[1:]:
-        shapes = outlines(boxes, each_m, yaw_rad)
+    for at_tick_m in positions_m[1:]:
+        shapes = outlines(boxes, at_tick_m, yaw_rad)
         a, b = shapely.STRtree(shapes).query(shapes, predicate="intersects")
         pairs = (a < b) & (a < 30)
         assert shapely.area(shapely.intersection(shapes[a[pairs]], shapes[b[pairs]])).max(initial=0.0) < 1e-6
 
 
-def test_who_drives_below_a_bridge_hits_nobody_on_it():
-    boxes = Boxes(np.array([CAR_M, CAR_M]), 2)
+def test_a_car_below_a_bridge_hits_nothing_on_it():
+    boxes = BodyBoxes(np.array([CAR_M, CAR_M]), 2)
     start_m, velocity_mps = np.array([[-20.0, 0, 0], [20.0, 0, 5.0]]), np.array([[10.0, 0, 0], [-10.0, 0, 0]])
     _, impacts, collisions = play(boxes, start_m, velocity_mps, np.array([0.0, np.pi]))
     assert not any(impacts)
     assert not collisions.crashed.any()
 
 
-def test_who_stands_in_another_from_the_beginning_may_leave():
-    boxes = Boxes(np.array([CAR_M, PERSON_M]), 1)
+def test_bodies_that_overlap_from_the_start_may_separate():
+    boxes = BodyBoxes(np.array([CAR_M, PEDESTRIAN_M]), 1)
     start_m, velocity_mps = np.array([[0.0, 0, 0], [0.0, 1.0, 0]]), np.array([[0.0, 0, 0], [0.0, 1.0, 0]])
     positions_m, impacts, _ = play(boxes, start_m, velocity_mps, np.zeros(2))
     assert not any(impacts)
     assert positions_m[-1, 1, 1] > 4.0
 
 
-def test_who_overlaps_from_the_start_may_be_kept_from_leaving():
-    boxes = Boxes(np.array([CAR_M, CAR_M, CAR_M]), 3)
-    start_m = np.array([[0.0, 0, 0], [4.55, 0, 0], [9.16, 0, 0]])  # the first two by 5 cm; 1 cm before the third
+def test_bodies_that_overlap_from_the_start_may_be_kept_from_separating():
+    boxes = BodyBoxes(np.array([CAR_M, CAR_M, CAR_M]), 3)
+    start_m = np.array(
+        [[0.0, 0, 0], [4.55, 0, 0], [9.16, 0, 0]]
+    )  # the first two overlap by 5 cm; the third is 1 cm ahead
     velocity_mps = np.array([[0.0, 0, 0], [10.0, 0, 0], [0.0, 0, 0]])
     positions_m, impacts, collisions = play(boxes, start_m, velocity_mps, np.zeros(3))
     assert [impact.bodies for at_tick in impacts for impact in at_tick] == [(1, 2)]

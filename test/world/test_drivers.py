@@ -1,4 +1,4 @@
-"""What drivers do besides driving: run lights, open doors, switch on blue lights, mind the rain, drive on for ever."""
+"""Driver behavior besides driving: running lights, opening doors, blue lights, rain, and routes that do not end."""
 
 from functools import cache
 
@@ -18,17 +18,17 @@ BLUEPRINTS = {blueprint.name: blueprint for blueprint in load_blueprints()}
 
 
 def changed(spec, **fields):
-    """The scene with these fields in all vehicles."""
+    """The scene with these fields set in all vehicles."""
     return spec.model_copy(update={"vehicles": tuple(each.model_copy(update=fields) for each in spec.vehicles)})
 
 
 def vehicles_of(states):
-    """(T, V) rows of the vehicles."""
+    """(T, V) vehicle rows."""
     return of_kind(np.stack([state.actors for state in states]), "vehicle")
 
 
 def red_light_runners(spec):
-    """Names of the vehicles that cross a stop line at red, and the smallest gap to a leader in the same lane, m."""
+    """Names of the vehicles that cross a stop line at red, and the smallest gap (m) to a leader on the same lane."""
     ran, gap_m = set(), np.inf
     with Simulation(spec, blocks()) as simulation:
         for _ in range(spec.warm_up_ticks + spec.ticks):
@@ -45,7 +45,7 @@ def red_light_runners(spec):
     return ran, gap_m
 
 
-def test_distracted_drivers_run_red_lights_but_keep_off_those_ahead():
+def test_distracted_drivers_run_red_lights_but_keep_their_distance_to_leaders():
     spec = scene(pedestrians=0, ticks=400)
     assert not red_light_runners(spec)[0]
     ran, gap_m = red_light_runners(changed(spec, distracted=True))
@@ -55,12 +55,12 @@ def test_distracted_drivers_run_red_lights_but_keep_off_those_ahead():
 
 @cache
 def door_run():
-    """(T, V) vehicles that open doors wherever they stand."""
+    """(T, V) vehicles that open their doors whenever they stand."""
     spec = scene(vehicles=50, pedestrians=0, ticks=800, green_time_s=(20.0,))
     return vehicles_of(run(changed(spec, door_probability=1.0, blueprint="vehicle.sedan")))
 
 
-def test_doors_are_open_only_while_standing_and_are_shut_again():
+def test_doors_are_open_only_while_standing_and_close_again():
     rows = door_run()
     is_open = rows["doors"] > 0
     speed_mps = np.linalg.norm([rows["vx"], rows["vy"], rows["vz"]], axis=0)
@@ -73,9 +73,9 @@ def test_doors_are_open_only_while_standing_and_are_shut_again():
 def test_vehicles_stand_for_a_second_before_doors_open_and_have_only_the_doors_of_their_blueprint():
     rows = door_run()
     ticks = round(1.0 / TICK_S)
-    place_m = np.stack([rows["x"], rows["y"]], axis=-1)
+    position_m = np.stack([rows["x"], rows["y"]], axis=-1)
     for tick, vehicle in np.argwhere(np.diff((rows["doors"] > 0).astype(int), axis=0) == 1):
-        assert np.ptp(place_m[tick - ticks : tick + 1, vehicle], axis=0).max() < 0.05
+        assert np.ptp(position_m[tick - ticks : tick + 1, vehicle], axis=0).max() < 0.05
     doors = np.array([blueprint.doors for blueprint in load_blueprints()])[rows["blueprint"]]
     assert np.all(rows["doors"] < 2**doors)
     assert {1, 4} <= {int(bits).bit_count() for bits in rows["doors"].ravel()}
@@ -101,7 +101,7 @@ def test_blue_lights_blink_twice_a_second_and_only_where_they_are_on():
     assert np.mean(blue[-40:, 1]) == pytest.approx(0.5)
 
 
-def test_a_vehicle_is_drawn_with_its_driver_each_value_on_its_own():
+def test_each_value_of_a_driver_is_drawn_independently():
     traffic = Traffic()
     drivers = [draw_driver(traffic, BLUEPRINTS["vehicle.police"], 3, f"vehicles.{index}") for index in range(2000)]
     assert np.mean([driver["distracted"] for driver in drivers]) == pytest.approx(0.02, abs=0.01)
@@ -113,7 +113,7 @@ def test_a_vehicle_is_drawn_with_its_driver_each_value_on_its_own():
     assert not any(draw_driver(traffic, BLUEPRINTS["vehicle.sedan"], 3, f"{n}")["emergency_lights"] for n in range(20))
 
 
-def test_distraction_is_told_in_the_actors_table():
+def test_distraction_is_a_behavior_bit_of_the_actors_table():
     behavior = vehicles_of(run(changed(scene(vehicles=3, pedestrians=0, ticks=1), distracted=True)))["behavior"]
     assert np.all(behavior == Behavior.DISTRACTED)
 
@@ -139,10 +139,10 @@ def test_drivers_slow_down_when_it_begins_to_rain():
     spec = scene(vehicles=12, pedestrians=0, ticks=100)
     storm = spec.model_copy(update={"final_weather": NOON.model_copy(update={"precipitation": 100})})
     with Simulation(storm, blocks()) as simulation:
-        wanted = []
+        factors = []
         for _ in range(spec.warm_up_ticks + spec.ticks + 20):
             simulation.step()
-            wanted.append((libsumo.vehicle.getSpeedFactor("v3"), libsumo.vehicle.getTau("v3")))
-    first, last = np.array(wanted[1]), np.array(wanted[-1])
+            factors.append((libsumo.vehicle.getSpeedFactor("v3"), libsumo.vehicle.getTau("v3")))
+    first, last = np.array(factors[1]), np.array(factors[-1])
     assert first == pytest.approx((spec.vehicles[3].speed_factor, spec.vehicles[3].headway_s), rel=1e-3)
     assert last / first == pytest.approx((0.91, 1 / 0.89), rel=1e-3)

@@ -1,4 +1,4 @@
-"""An ego that is driven from outside: where commands take it, within which limits, and what traffic makes of it."""
+"""An ego driven from outside: where commands take it, its limits, and how traffic reacts to it."""
 
 import numpy as np
 import pytest
@@ -20,21 +20,21 @@ def driver() -> EgoDriver:
 
 
 def drive(car: EgoDriver, speed_mps: float, yaw_rate_radps: float, ticks: int) -> np.ndarray:
-    """(T, 3) x, y of the front bumper and heading."""
+    """(T, 3) x and y of the front bumper, and the heading."""
     path = []
     for _ in range(ticks):
-        car.command(speed_mps, yaw_rate_radps)
-        car.advance()
+        car.set_command(speed_mps, yaw_rate_radps)
+        car.advance_tick()
         path.append([*car.front_m[:2], car.yaw_rad])
     return np.array(path)
 
 
 def rear_axle_m(path: np.ndarray) -> np.ndarray:
-    reach_m = (SEDAN.size_m[0] + SEDAN.wheelbase_m) / 2.0
-    return path[:, :2] - reach_m * np.stack([np.cos(path[:, 2]), np.sin(path[:, 2])], axis=1)
+    rear_to_front_m = (SEDAN.size_m[0] + SEDAN.wheelbase_m) / 2.0
+    return path[:, :2] - rear_to_front_m * np.stack([np.cos(path[:, 2]), np.sin(path[:, 2])], axis=1)
 
 
-def test_it_reaches_the_wanted_speed_at_the_vehicles_acceleration() -> None:
+def test_the_ego_reaches_the_desired_speed_at_its_maximum_acceleration() -> None:
     path = drive(driver(), 10.0, 0.0, 200)
     speed_mps = np.diff(path[:, 0]) / TICK_S
     assert speed_mps[-1] == pytest.approx(10.0)
@@ -42,7 +42,7 @@ def test_it_reaches_the_wanted_speed_at_the_vehicles_acceleration() -> None:
     assert np.all(path[:, 1] == 5.0)
 
 
-def test_a_steady_turn_is_a_circle_of_speed_over_yaw_rate() -> None:
+def test_a_steady_turn_is_a_circle_of_radius_speed_over_yaw_rate() -> None:
     path = drive(driver(), 5.0, 0.25, 800)[300:]
     assert np.diff(path[:, 2]).mean() / TICK_S == pytest.approx(0.25, rel=1e-3)
     rear_m = rear_axle_m(path)
@@ -50,7 +50,7 @@ def test_a_steady_turn_is_a_circle_of_speed_over_yaw_rate() -> None:
     assert np.linalg.norm(rear_m - center_m, axis=1) == pytest.approx(5.0 / 0.25, abs=0.1)
 
 
-def test_left_is_positive_and_wild_commands_stay_within_what_tyres_hold() -> None:
+def test_left_is_positive_and_extreme_commands_stay_within_tire_limits() -> None:
     path = drive(driver(), 1e9, 1e9, 300)
     rate_radps = np.diff(path[:, 2]) / TICK_S
     assert rate_radps.min() >= 0.0
@@ -60,13 +60,13 @@ def test_left_is_positive_and_wild_commands_stay_within_what_tyres_hold() -> Non
     assert (speed_mps * rate_radps).max() < 7.1
 
 
-def test_without_commands_for_half_a_second_it_brakes_to_a_stand() -> None:
+def test_the_ego_brakes_to_a_stop_without_commands_for_half_a_second() -> None:
     car = driver()
     drive(car, 8.0, 0.0, 200)
     before = car.front_m[0]
     speeds = []
     for _ in range(60):
-        car.advance()
+        car.advance_tick()
         speeds.append((car.front_m[0] - before) / TICK_S)
         before = car.front_m[0]
     assert speeds[8] == pytest.approx(8.0)
@@ -75,16 +75,16 @@ def test_without_commands_for_half_a_second_it_brakes_to_a_stand() -> None:
 
 
 @pytest.mark.parametrize("command", [(float("nan"), 0.0), (5.0, float("inf"))])
-def test_what_is_no_number_is_no_command(command: tuple[float, float]) -> None:
+def test_non_finite_commands_are_ignored(command: tuple[float, float]) -> None:
     assert np.all(drive(driver(), *command, 40)[:, 0] == 10.0)
 
 
-def test_it_does_not_drive_backwards() -> None:
+def test_the_ego_does_not_drive_backwards() -> None:
     assert np.all(drive(driver(), -3.0, 0.0, 40)[:, 0] == 10.0)
 
 
-def driven(*commands: tuple[float, float], vehicles: int = 24) -> Table:
-    """(T,) rows of the ego of a scene whose commands, one a tick after the warm-up, are these."""
+def run_commands(*commands: tuple[float, float], vehicles: int = 24) -> Table:
+    """(T,) ego rows of a scene with these commands, one per tick after the warm-up."""
     spec = scene(vehicles=vehicles, pedestrians=0, ticks=len(commands), ego_driver="twist")
     rows = []
     with Simulation(spec, blocks()) as simulation:
@@ -101,28 +101,28 @@ def test_without_commands_the_ego_stands_while_others_drive() -> None:
     spec = scene(pedestrians=0, ticks=60, ego_driver="twist")
     with Simulation(spec, blocks()) as simulation:
         states = [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
-    way_m = [np.hypot(states[-1].actors[name] - states[0].actors[name], 0.0) for name in ("x", "y")]
-    assert way_m[0][0] == way_m[1][0] == 0.0
-    assert np.hypot(*way_m)[1:].max() > 20.0
+    displacement_m = [np.hypot(states[-1].actors[name] - states[0].actors[name], 0.0) for name in ("x", "y")]
+    assert displacement_m[0][0] == displacement_m[1][0] == 0.0
+    assert np.hypot(*displacement_m)[1:].max() > 20.0
 
 
 def test_the_ego_follows_its_commands_and_the_same_commands_give_the_same_bytes() -> None:
     commands = [(6.0, 0.0)] * 80 + [(6.0, 0.3)] * 120
-    rows = driven(*commands, vehicles=1)
+    rows = run_commands(*commands, vehicles=1)
     speed_mps = np.hypot(rows["vx"], rows["vy"])
     assert speed_mps[75:].mean() == pytest.approx(6.0, abs=0.2)
     assert rows["wz"][130:].mean() == pytest.approx(0.3, abs=0.02)
     moved_m = np.hypot(np.diff(rows["x"]), np.diff(rows["y"]))
     assert moved_m == pytest.approx(speed_mps[1:] * TICK_S, abs=0.02)
-    assert driven(*commands, vehicles=1).tobytes() == rows.tobytes()
+    assert run_commands(*commands, vehicles=1).tobytes() == rows.tobytes()
 
 
-def test_it_may_leave_the_roads_for_good() -> None:
-    rows = driven(*[(15.0, 0.1 * (tick < 60)) for tick in range(600)], vehicles=12)
+def test_the_ego_may_leave_the_roads_for_good() -> None:
+    rows = run_commands(*[(15.0, 0.1 * (tick < 60)) for tick in range(600)], vehicles=12)
     assert np.hypot(rows["x"][-1] - rows["x"][0], rows["y"][-1] - rows["y"][0]) > 200.0
 
 
-def test_who_is_behind_a_standing_ego_stops() -> None:
+def test_a_vehicle_behind_a_standing_ego_stops() -> None:
     spec = scene(vehicles=2, pedestrians=0, ticks=200, ego_driver="twist")
     ego, other = spec.vehicles
     lane = max(blocks().lanes.values(), key=lambda lane: lane.length_m * (lane.kind == "driving" and not lane.junction))

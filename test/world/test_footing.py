@@ -1,4 +1,4 @@
-"""Bodies stand on the surface below their wheels, on the level that they are on."""
+"""Bodies stand on the surface below their wheels, on the correct level."""
 
 from itertools import pairwise
 
@@ -8,14 +8,14 @@ import pytest
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.world.kinematics.contacts import Boxes
-from simbev_ros.world.kinematics.footing import Contacts, Footing
-from simbev_ros.world.kinematics.ground import CURB_HEIGHT_M, Ground
+from simbev_ros.world.kinematics.contacts import BodyBoxes
+from simbev_ros.world.kinematics.footing import ContactPoints, GroundPlanes
+from simbev_ros.world.kinematics.ground import CURB_HEIGHT_M, GroundSurface
 from simbev_ros.world.kinematics.motion import Bodies, Motion
 
 TICK_S = 0.05
-WHEELS = Contacts(np.zeros(4, np.int64), np.array([1.4, 1.4, -1.4, -1.4]), np.array([0.8, -0.8, 0.8, -0.8]))
-FOOT = Contacts(np.zeros(1, np.int64), np.zeros(1), np.zeros(1))
+WHEELS = ContactPoints(np.zeros(4, np.int64), np.array([1.4, 1.4, -1.4, -1.4]), np.array([0.8, -0.8, 0.8, -0.8]))
+FOOT = ContactPoints(np.zeros(1, np.int64), np.zeros(1), np.zeros(1))
 
 
 def strip(name, line_m, width_m=8.0, level=0, cross_slope=0.0, kind=LaneKind.DRIVING):
@@ -30,33 +30,33 @@ def layout(*strips):
 
 
 def line(height, start_m=-100.0, stop_m=400.0):
-    """Along x, at the heights of a function of x."""
+    """A line along x, at the heights given by a function of x."""
     x = np.arange(start_m, stop_m + 1.0, 2.0)
     return np.column_stack([x, np.zeros(len(x)), [height(each) for each in x]])
 
 
 def drive(ground, height, contacts=WHEELS, speed_mps=12.0, seconds=12.0, y_m=0.0):
-    """Origins, (3, 3) rotations and kinematics of a car that drives along x, led by points on the road."""
-    boxes = Boxes(np.ones((1, 3)), 1)
+    """Origins and kinematics of a car that drives along x, led by points on the road."""
+    boxes = BodyBoxes(np.ones((1, 3)), 1)
     bodies = Bodies(
         np.zeros(1, np.int64), np.array([3.6]), np.array([2.2]), np.array([False]), np.zeros((1, 3)), contacts, boxes
     )
     x = speed_mps * TICK_S * np.arange(int(seconds / TICK_S))
     points = np.stack([x, np.full(len(x), y_m), [height(each) for each in x], np.zeros(len(x))], axis=1)[:, None]
-    motion = Motion(bodies, points[0], np.array([[1.0, 0.0, 0.0]]), TICK_S, 7, Footing(ground, contacts))
-    states = [motion.advance(point) for point in points][40:]
+    motion = Motion(bodies, points[0], np.array([[1.0, 0.0, 0.0]]), TICK_S, 7, GroundPlanes(ground, contacts))
+    states = [motion.advance_motion(point) for point in points][40:]
     return np.concatenate([state.position_m for state in states]), states
 
 
 def wheels_m(states):
-    """(T, 4, 3) contacts of the car."""
-    arms_m = np.column_stack([WHEELS.ahead_m, WHEELS.left_m, np.zeros(4)])
-    return np.stack([s.position_m + arms_m @ rotations_from_rpy(s.rpy_rad)[0].T for s in states])
+    """(T, 4, 3) contact points of the car."""
+    contacts_m = np.column_stack([WHEELS.ahead_m, WHEELS.left_m, np.zeros(4)])
+    return np.stack([s.position_m + contacts_m @ rotations_from_rpy(s.rpy_rad)[0].T for s in states])
 
 
 def test_on_a_tilted_plane_all_wheels_touch_and_the_body_pitches_and_rolls_with_it():
     road = strip("road", line(lambda x: 0.1 * x), width_m=12.0, cross_slope=0.05)
-    _, states = drive(Ground(layout(road)), lambda x: 0.1 * x, y_m=2.0)
+    _, states = drive(GroundSurface(layout(road)), lambda x: 0.1 * x, y_m=2.0)
     wheels = wheels_m(states)
     assert np.abs(wheels[..., 2] - (0.1 * wheels[..., 0] + 0.05 * wheels[..., 1])).max() < 1e-3
     roll, pitch, yaw = states[-1].rpy_rad[0]
@@ -67,17 +67,17 @@ def test_on_a_tilted_plane_all_wheels_touch_and_the_body_pitches_and_rolls_with_
 
 def test_a_pedestrian_stays_upright_on_a_slope():
     road = strip("road", line(lambda x: 0.1 * x), cross_slope=0.05)
-    origins_m, states = drive(Ground(layout(road)), lambda x: 0.1 * x, FOOT, speed_mps=1.5, seconds=8.0)
+    origins_m, states = drive(GroundSurface(layout(road)), lambda x: 0.1 * x, FOOT, speed_mps=1.5, seconds=8.0)
     assert np.all(states[-1].rpy_rad == 0.0)
     assert np.abs(origins_m[:, 2] - 0.1 * origins_m[:, 0]).max() < 1e-3
 
 
 @pytest.mark.parametrize("radius_m", [400.0, -250.0])
-def test_wheels_stay_within_three_centimetres_on_crests_and_in_dips(radius_m):
+def test_wheels_stay_within_three_centimeters_of_the_road_on_crests_and_in_dips(radius_m):
     def height(x):
         return 5.0 - (x - 70.0) ** 2 / (2.0 * radius_m)
 
-    _, states = drive(Ground(layout(strip("road", line(height)))), height, speed_mps=15.0)
+    _, states = drive(GroundSurface(layout(strip("road", line(height)))), height, speed_mps=15.0)
     wheels = wheels_m(states)
     assert np.abs(wheels[..., 2] - height(wheels[..., 0])).max() < 0.03
     mean_mps2 = np.mean([state.acceleration_mps2[0, 2] for state in states])
@@ -88,10 +88,10 @@ def test_derivatives_are_those_of_the_poses():
     def height(x):
         return 2.0 * np.sin(x / 25.0)
 
-    origins_m, states = drive(Ground(layout(strip("road", line(height), cross_slope=0.03))), height)
+    origins_m, states = drive(GroundSurface(layout(strip("road", line(height), cross_slope=0.03))), height)
     velocity_mps = np.concatenate([state.velocity_mps for state in states])
-    way_m = np.cumsum((velocity_mps[1:] + velocity_mps[:-1]) / 2.0 * TICK_S, axis=0)
-    np.testing.assert_allclose(origins_m[1:] - origins_m[0], way_m, atol=5e-3)
+    path_m = np.cumsum((velocity_mps[1:] + velocity_mps[:-1]) / 2.0 * TICK_S, axis=0)
+    np.testing.assert_allclose(origins_m[1:] - origins_m[0], path_m, atol=5e-3)
     for before, after in pairwise(states):
         turn = rotations_from_rpy(after.rpy_rad)[0] @ rotations_from_rpy(before.rpy_rad)[0].T
         vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0 / TICK_S
@@ -114,27 +114,31 @@ def crossing():
     )
 
 
-def test_levels_are_told_apart_by_height():
+def test_levels_are_distinguished_by_height():
     height, roads = crossing()
     points_m = np.array([[80, 0, 6.0], [80, 0, 0.0], [80, 0, 6.4], [80, 0, -0.4], [80, 4.3, 6.0], [41, 0, height(41)]])
-    assert Ground(roads).levels(points_m).tolist() == [1, 0, 1, 0, 1, 1]
-    assert Ground(roads).levels(np.array([[39.0, 0.0, height(39)], [80, 20, 0], [80, 20, 6.0]])).tolist() == [0, 0, 0]
-    assert Ground(roads).heights_m(points_m[:2]) == pytest.approx([6.0, 0.0], abs=0.01)
+    assert GroundSurface(roads).levels(points_m).tolist() == [1, 0, 1, 0, 1, 1]
+    assert GroundSurface(roads).levels(np.array([[39.0, 0.0, height(39)], [80, 20, 0], [80, 20, 6.0]])).tolist() == [
+        0,
+        0,
+        0,
+    ]
+    assert GroundSurface(roads).heights_m(points_m[:2]) == pytest.approx([6.0, 0.0], abs=0.01)
 
 
 def test_a_car_drives_onto_a_deck_and_off_again_without_a_jump():
     height, roads = crossing()
-    origins_m, states = drive(Ground(roads), height)
+    origins_m, states = drive(GroundSurface(roads), height)
     wheels = wheels_m(states)
     assert np.abs(wheels[..., 2] - height(wheels[..., 0])).max() < 0.03
     assert np.abs([state.acceleration_mps2[0, 2] for state in states]).max() < 3.0
     assert origins_m[-1, 0] > 125.0
 
 
-def test_a_sidewalk_is_a_curb_above_its_own_level_only():
+def test_a_sidewalk_rises_by_the_curb_height_on_its_own_level_only():
     x = np.arange(0.0, 101.0, 2.0)
     upper = np.column_stack([x, np.full(len(x), 5.5), np.full(len(x), 6.0)])
-    ground = Ground(
+    ground = GroundSurface(
         layout(
             strip("below", np.column_stack([x, np.zeros(len(x)), np.zeros(len(x))]), width_m=20.0),
             strip("deck", np.column_stack([x, np.zeros(len(x)), np.full(len(x), 6.0)]), level=1),

@@ -1,4 +1,4 @@
-"""An ego that drives up a straight road of 10 %: its pose and motion, and all that is mounted on it."""
+"""An ego that drives up a straight road of 10 % grade: its pose and motion, and its sensors."""
 
 import subprocess
 from dataclasses import replace
@@ -57,7 +57,7 @@ def road(tmp_path_factory: pytest.TempPathFactory) -> RoadNetwork:
 
 
 def level_across(strip: Strip) -> Strip:
-    """Without crossfall."""
+    """The strip without crossfall."""
     left_m, right_m = (np.column_stack([side[:, :2], GRADE * side[:, 0]]) for side in (strip.left_m, strip.right_m))
     return replace(strip, left_m=left_m, right_m=right_m)
 
@@ -121,7 +121,7 @@ def test_frames_of_all_sensors_tilt_with_the_ego(states: list[WorldState], spec:
 
 
 def matrix(transform: object) -> np.ndarray:
-    """(4, 4) of a geometry_msgs/Transform."""
+    """(4, 4) matrix of a geometry_msgs/Transform."""
     t, q = transform.translation, transform.rotation
     result = matrices_from_xyz_rpy(np.array([t.x, t.y, t.z]), np.zeros(3))
     x, y, z, w = q.x, q.y, q.z, q.w

@@ -1,4 +1,4 @@
-"""Hazard areas in the simulation: traffic flows around them, and what stands in them is in every table."""
+"""Hazard areas in the simulation: traffic flows around them, and their vehicles and props are in every table."""
 
 from functools import cache
 
@@ -19,8 +19,8 @@ from simbev_ros.types import AnyArray, Table
 from simbev_ros.world.simulation import Simulation
 
 TOWN = MapSpec(name="Town06", seed=0)
-EVERY = 4  # of the ticks looked at
-BESIDE_M = 8.0
+STRIDE = 4  # of the checked ticks
+PASSING_DISTANCE_M = 8.0
 
 
 def scene(accident_share: float, vehicles: int, duration_s: float) -> SceneSpec:
@@ -46,19 +46,19 @@ def scene(accident_share: float, vehicles: int, duration_s: float) -> SceneSpec:
 
 @cache
 def states(accident_share: float, vehicles: int = 20, duration_s: float = 2.0) -> tuple[SceneSpec, Table]:
-    """A scene and its (T, N) actors, of some of the ticks."""
+    """A scene and the (T, N) actors of every ``STRIDE``-th tick."""
     spec = scene(accident_share, vehicles, duration_s)
     with Simulation(spec, load_network(TOWN)) as simulation:
         tables = [simulation.step().actors for _ in range(spec.warm_up_ticks + spec.ticks)]
-    return spec, np.stack(tables[::EVERY])
+    return spec, np.stack(tables[::STRIDE])
 
 
 def footprints(actors: Table) -> AnyArray:
-    """(N,) shapely."""
+    """(N,) footprint polygons."""
     ahead = np.stack([np.cos(actors["yaw"]), np.sin(actors["yaw"])], axis=1) * actors["length"][:, None] / 2.0
     left = np.stack([-np.sin(actors["yaw"]), np.cos(actors["yaw"])], axis=1) * actors["width"][:, None] / 2.0
-    middle = np.stack([actors["x"], actors["y"]], axis=1)
-    corners = [middle + ahead + left, middle - ahead + left, middle - ahead - left, middle + ahead - left]
+    center = np.stack([actors["x"], actors["y"]], axis=1)
+    corners = [center + ahead + left, center - ahead + left, center - ahead - left, center + ahead - left]
     return np.asarray(shapely.polygons(np.stack(corners, axis=1)), object)
 
 
@@ -71,13 +71,15 @@ def test_traffic_passes_work_zones_and_keeps_off_them() -> None:
         driving = actors[actors["id"] <= len(spec.drivers)]
         shapes = footprints(driving)
         for zone, outline in enumerate(outlines):
-            level = np.abs(driving["z"] - spec.hazards[zone].z_m) < 3.0
-            assert not (shapely.intersects(outline, shapes) & level).any()
-            passed[zone].update(driving["id"][level & shapely.dwithin(outline, shapes, BESIDE_M)].tolist())
+            is_on_level = np.abs(driving["z"] - spec.hazards[zone].z_m) < 3.0
+            assert not (shapely.intersects(outline, shapes) & is_on_level).any()
+            passed[zone].update(
+                driving["id"][is_on_level & shapely.dwithin(outline, shapes, PASSING_DISTANCE_M)].tolist()
+            )
     assert min(map(len, passed)) >= 5
 
 
-def test_what_stands_in_a_hazard_stands_in_every_table_lit_and_on_the_ground() -> None:
+def test_vehicles_and_props_of_a_hazard_are_in_every_table_lit_and_on_the_ground() -> None:
     spec, tables = states(accident_share=1.0)
     blueprints = np.array(load_blueprints(), object)
     first, last = len(spec.drivers) + 1, len(spec.vehicles)
@@ -90,8 +92,8 @@ def test_what_stands_in_a_hazard_stands_in_every_table_lit_and_on_the_ground() -
         assert np.ptp(poses, axis=1).max() < 1e-9
     assert np.all(np.diff(tables["id"].astype(np.int64), axis=1) > 0)
     stands = [vehicle.stands_at for vehicle in spec.vehicles[first - 1 :] if vehicle.stands_at is not None]
-    middle_m = np.array([(stand.x_m, stand.y_m) for stand in stands])
-    assert np.allclose(np.stack([standing["x"][0], standing["y"][0]], axis=1), middle_m, atol=0.01)
+    center_m = np.array([(stand.x_m, stand.y_m) for stand in stands])
+    assert np.allclose(np.stack([standing["x"][0], standing["y"][0]], axis=1), center_m, atol=0.01)
     assert standing["doors"][0].tolist() == [stand.open_doors for stand in stands]
     z_m = np.array([prop.z_m for prop in specified])
     assert np.abs(props["z"][0] - z_m).max() < 0.5

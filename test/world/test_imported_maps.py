@@ -1,4 +1,4 @@
-"""Scenes on maps that come as files: named in a configuration, drawn, driven for ten seconds."""
+"""Scenes on map files: configured, drawn, and driven for ten seconds."""
 
 import re
 import subprocess
@@ -25,14 +25,14 @@ traffic: {vehicles: 25, pedestrians: 25, spawn_radius_m: 300, reckless_probabili
 
 
 def configured(folder: Path, map_name: str) -> PlannedScene:
-    """The scene of a configuration in ``folder`` whose map lies in its folder ``maps``."""
+    """The scene of a configuration in ``folder`` whose map lies in the sub-folder ``maps``."""
     (folder / "config.yaml").write_text(CONFIG % map_name)
     (planned,) = planned_scenes(load_scenario(folder / "config.yaml"))
     return planned
 
 
 def map_file(folder: Path, options: str) -> str:
-    """Makes ``maps/<name>``, by netgenerate or from the sample; gives the name."""
+    """Create ``maps/<name>``, with netgenerate or from the sample; returns the name."""
     (folder / "maps").mkdir()
     if options == "sample":
         (folder / "maps/riverside.osm").symlink_to(SAMPLE)
@@ -42,7 +42,7 @@ def map_file(folder: Path, options: str) -> str:
     return "made by sumo.net.xml"
 
 
-def driven(folder: Path, planned: PlannedScene) -> list[WorldState]:
+def drive(folder: Path, planned: PlannedScene) -> list[WorldState]:
     network = load_network(planned.map, folder / "cache")
     spec = draw_scene(load_scenario(folder / "config.yaml"), planned, network)
     with Simulation(spec, network) as simulation:
@@ -53,7 +53,7 @@ def driven(folder: Path, planned: PlannedScene) -> list[WorldState]:
 def test_a_scene_on_a_file_spawns_and_drives(tmp_path: Path, options: str) -> None:
     planned = configured(tmp_path, map_file(tmp_path, options))
     assert re.fullmatch(r"riverside|made_by_sumo", planned.map.name)
-    states = driven(tmp_path, planned)
+    states = drive(tmp_path, planned)
     kinds = np.array([blueprint.kind for blueprint in load_blueprints()])
     first, last = (state.actors[kinds[state.actors["blueprint"]] != "prop"] for state in (states[0], states[-1]))
     assert np.array_equal(first["id"], last["id"])
@@ -72,6 +72,6 @@ def test_a_file_that_changed_since_the_scene_was_drawn_is_refused(tmp_path: Path
         load_network(planned.map, tmp_path / "cache")
 
 
-def test_a_map_that_is_not_there_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_missing_map_is_refused_with_its_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"config\.yaml:1: scenes\[0\]\.map: no such file: .*maps/my\.xodr"):
         configured(tmp_path, "my.xodr")

@@ -1,4 +1,4 @@
-"""Jaywalkers: they cross away from crosswalks, careful drivers stop for them, and they walk on on the other side."""
+"""Jaywalkers cross away from crosswalks, careful drivers stop for them, and they walk on on the other side."""
 
 from functools import cache
 
@@ -22,7 +22,7 @@ _STREET = "-grid.ring.11"
 
 @cache
 def meeting(car_m: float, reckless: bool):
-    """(T, 2) a car that comes along a street, someone who crosses it 12 m from where it starts, and the events."""
+    """(T, 2) rows of a car on a street and of a pedestrian who crosses it 12 m from their start, and the events."""
     spec = scene(vehicles=1, pedestrians=1, ticks=300, seed=48)
     start = WaypointSpec(lane=f"{_STREET}_1", s_m=car_m)
     car = spec.vehicles[0].model_copy(update={"start": start, "speed_factor": 1.0, "reckless": reckless})
@@ -38,7 +38,7 @@ def meeting(car_m: float, reckless: bool):
     return np.stack([state.actors for state in states]), [event for state in states for event in state.events]
 
 
-def crosses(actors):
+def is_crossing(actors):
     return (actors["behavior"] & Behavior.JAYWALKING) > 0
 
 
@@ -50,9 +50,9 @@ def along(rows, x, y):
     return rows[x] * np.cos(rows["yaw"]) + rows[y] * np.sin(rows["yaw"])
 
 
-def test_a_careful_driver_brakes_in_comfort_for_a_jaywalker_and_drives_on_when_it_is_gone():
+def test_a_careful_driver_brakes_gently_for_a_jaywalker_and_then_drives_on():
     actors, events = meeting(40.0, reckless=False)
-    car, crossing = actors[:, 0], crosses(actors[:, 1])
+    car, crossing = actors[:, 0], is_crossing(actors[:, 1])
     assert not events
     assert along(car, "vx", "vy")[crossing].max() > 7.0
     assert along(car, "vx", "vy")[crossing].min() < 2.0
@@ -63,22 +63,22 @@ def test_a_careful_driver_brakes_in_comfort_for_a_jaywalker_and_drives_on_when_i
     assert gap_m[crossing].min() > car["length"][0] / 2.0 + 1.0
 
 
-def test_a_reckless_driver_runs_a_jaywalker_over():
+def test_a_reckless_driver_runs_over_a_jaywalker():
     meetings = [meeting(car_m, reckless=True) for car_m in (37.0, 38.0, 39.0, 40.0, 41.0)]
     for actors, events in meetings:
         if not events:
-            assert along(actors[:, 0], "ax", "ay")[crosses(actors[:, 1])].min() > -0.5
+            assert along(actors[:, 0], "ax", "ay")[is_crossing(actors[:, 1])].min() > -0.5
     hits = [(actors, events) for actors, events in meetings if events]
     assert hits
     for actors, events in hits:
         assert [(event.type, event.ids) for event in events] == [("collision", (1, 2))]
-        assert crosses(actors[:, 1])[-1]  # it lies on the road
+        assert is_crossing(actors[:, 1])[-1]  # it lies on the road
 
 
-def test_a_jaywalker_waits_for_a_car_that_is_too_near():
+def test_a_jaywalker_waits_for_a_car_that_is_too_close():
     actors, events = meeting(50.0, reckless=False)
     car, walker = actors[:, 0], actors[:, 1]
-    first = np.flatnonzero(crosses(walker))[0]
+    first = np.flatnonzero(is_crossing(walker))[0]
     waits = np.hypot(walker["vx"], walker["vy"])[:first] < 0.05
     assert np.count_nonzero(waits[20:]) > 20
     assert along(car, "ax", "ay").min() > -0.5
@@ -86,21 +86,21 @@ def test_a_jaywalker_waits_for_a_car_that_is_too_near():
 
 
 @pytest.mark.parametrize("car_m", [40.0, 50.0])
-def test_the_bit_is_set_exactly_while_somebody_is_on_the_carriageway(car_m):
+def test_the_behavior_bit_is_set_exactly_while_a_pedestrian_is_on_the_carriageway(car_m):
     actors, _ = meeting(car_m, reckless=False)
     walker = actors[:, 1]
     road = surfaces_of(blocks().layout, area=shapely.Point(walker["x"][0], walker["y"][0]).buffer(60.0)).road
     depth_m = shapely.distance(road.boundary, shapely.points(plan_m(walker)))
     depth_m = np.where(shapely.contains_xy(road, plan_m(walker)), depth_m, -depth_m)
-    assert np.all(crosses(walker)[depth_m > 0.25])
-    assert not np.any(crosses(walker)[depth_m < -0.25])
+    assert np.all(is_crossing(walker)[depth_m > 0.25])
+    assert not np.any(is_crossing(walker)[depth_m < -0.25])
     assert np.count_nonzero(depth_m > 0.25) > 60
 
 
-def test_a_jaywalker_crosses_squarely_without_a_jump_and_walks_on_along_the_other_side():
+def test_a_jaywalker_crosses_at_a_right_angle_without_jumps_and_walks_on_the_other_side():
     actors, _ = meeting(40.0, reckless=False)
     walker = actors[:, 1]
-    on_road = np.flatnonzero(crosses(walker))
+    on_road = np.flatnonzero(is_crossing(walker))
     assert np.hypot(walker["vx"], walker["vy"]).max() < 1.5 * 1.3 * 1.05
     assert np.hypot(walker["ax"], walker["ay"]).max() < 5.1
     line_m = plan_m(walker[on_road])
@@ -113,7 +113,7 @@ def test_a_jaywalker_crosses_squarely_without_a_jump_and_walks_on_along_the_othe
     assert shapely.contains_xy(sidewalk, plan_m(walker)[on_road[-1] + 10 :]).all()
 
 
-def test_people_who_may_not_jaywalk_have_the_same_ways_as_without_jaywalkers_around():
+def test_other_pedestrians_keep_their_routes_when_some_may_jaywalk():
     spec = scene(vehicles=1, pedestrians=24)
     some = tuple(each.model_copy(update={"jaywalks": index % 2 == 0}) for index, each in enumerate(spec.pedestrians))
     changed = demand_of(spec.model_copy(update={"pedestrians": some}), blocks())
@@ -127,14 +127,14 @@ def test_people_who_may_not_jaywalk_have_the_same_ways_as_without_jaywalkers_aro
 
 def test_the_same_seed_gives_the_same_bytes_with_jaywalkers():
     spec = scene(vehicles=20, pedestrians=30, ticks=120)
-    bold = tuple(each.model_copy(update={"jaywalks": True}) for each in spec.pedestrians)
-    spec = spec.model_copy(update={"pedestrians": bold})
+    all_jaywalkers = tuple(each.model_copy(update={"jaywalks": True}) for each in spec.pedestrians)
+    spec = spec.model_copy(update={"pedestrians": all_jaywalkers})
     first, second = (np.stack([state.actors for state in run(spec)]) for _ in range(2))
     assert first.tobytes() == second.tobytes()
-    assert crosses(first).any()
+    assert is_crossing(first).any()
 
 
-def drawn(town: str, seed: int, **traffic):
+def draw_town(town: str, seed: int, **traffic):
     """A scene with careful drivers only, and its network."""
     scenario = Scenario.model_validate(
         {
@@ -150,12 +150,12 @@ def drawn(town: str, seed: int, **traffic):
     return draw_scene(scenario, planned, network), network
 
 
-def test_about_the_drawn_share_may_jaywalk_and_wheelchairs_never_do():
+def test_about_the_drawn_share_may_jaywalk_but_never_wheelchair_users():
     for factor in (0.0, 0.3, 1.0):
-        spec, _ = drawn(BLOCKS.name, 3, vehicles=1, pedestrians=300, walker_cross_factor=factor)
-        feet = [each for each in spec.pedestrians if each.blueprint != "pedestrian.wheelchair"]
+        spec, _ = draw_town(BLOCKS.name, 3, vehicles=1, pedestrians=300, walker_cross_factor=factor)
+        walking_pedestrians = [each for each in spec.pedestrians if each.blueprint != "pedestrian.wheelchair"]
         assert spec.walker_cross_factor == factor
-        assert np.mean([each.jaywalks for each in feet]) == pytest.approx(factor, abs=0.07)
+        assert np.mean([each.jaywalks for each in walking_pedestrians]) == pytest.approx(factor, abs=0.07)
         assert not any(each.jaywalks for each in spec.pedestrians if each.blueprint == "pedestrian.wheelchair")
 
 
@@ -164,12 +164,12 @@ def test_about_the_drawn_share_may_jaywalk_and_wheelchairs_never_do():
     ("town", "seed"), [("Blocks", 1), ("Town01", 2), ("Town03", 3), ("Town05", 4), ("Town10HD", 5)]
 )
 def test_careful_drivers_hit_no_jaywalker_in_the_towns(town, seed):
-    spec, network = drawn(town, seed, vehicles=60, pedestrians=100)
+    spec, network = draw_town(town, seed, vehicles=60, pedestrians=100)
     jaywalks, before = 0, np.zeros(0, bool)
     with Simulation(spec, network) as simulation:
         for _ in range(spec.warm_up_ticks + spec.ticks):
             state = simulation.step()
-            now = crosses(state.actors)
+            now = is_crossing(state.actors)
             jaywalks += np.count_nonzero(now & ~before) if len(before) else 0
             before = now
             hit = np.isin(state.actors["id"], [each for event in state.events for each in event.ids])

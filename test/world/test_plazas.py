@@ -1,4 +1,4 @@
-"""People on plazas: they walk there along paths, halt, and come back to a sidewalk."""
+"""Pedestrians visit plazas: they walk there along paths, stop, and return to a sidewalk."""
 
 from functools import cache
 
@@ -26,7 +26,7 @@ def plazas():
     return load_streetside(map_spec(TOWN), load_network(map_spec(TOWN))).plazas
 
 
-def drawn(seed, duration_s, **traffic):
+def draw_town(seed, duration_s, **traffic):
     scenario = Scenario.model_validate(
         {
             "seed": seed,
@@ -41,8 +41,8 @@ def drawn(seed, duration_s, **traffic):
     return draw_scene(scenario, planned, load_network(planned.map))
 
 
-def simulated(spec):
-    """(T, P) people."""
+def simulate(spec):
+    """(T, P) pedestrians."""
     network = load_network(spec.map)
     with Simulation(spec, network, load_streetside(spec.map, network).obstacles, plazas()) as simulation:
         states = [simulation.step().actors for _ in range(spec.warm_up_ticks + spec.ticks)]
@@ -51,11 +51,11 @@ def simulated(spec):
 
 @cache
 def minute():
-    """(T, P) people of a minute, and which of them are on a plaza, beyond the sidewalk."""
-    people = simulated(drawn(31, 56.0, plaza_probability=1.0))
+    """(T, P) pedestrians over a minute, and whether each is on a plaza, beyond the sidewalk."""
+    pedestrians = simulate(draw_town(31, 56.0, plaza_probability=1.0))
     paved = shapely.difference(shapely.union_all([plaza.free for plaza in plazas()]), walkable().buffer(0.5))
     shapely.prepare(paved)
-    return people, shapely.contains_xy(paved, people["x"].astype(float), people["y"].astype(float))
+    return pedestrians, shapely.contains_xy(paved, pedestrians["x"].astype(float), pedestrians["y"].astype(float))
 
 
 @cache
@@ -64,29 +64,29 @@ def walkable():
     return shapely.union(surfaces.sidewalk, surfaces.crosswalk)
 
 
-def speed_mps(people):
-    return np.hypot(people["vx"], people["vy"])
+def speed_mps(pedestrians):
+    return np.hypot(pedestrians["vx"], pedestrians["vy"])
 
 
-def test_people_reach_plazas_halt_there_and_return_to_the_sidewalk():
-    people, paved = minute()
+def test_visitors_reach_plazas_stop_there_and_return_to_the_sidewalk():
+    pedestrians, paved = minute()
     visitors = paved.any(axis=0)
     assert np.count_nonzero(visitors) > 10
     assert paved[0].any()  # some are there from the start
-    halts = np.sum(paved & (speed_mps(people) < 0.02), axis=0) * TICK_S
-    assert np.count_nonzero(halts > 2.0) > 8
+    stop_s = np.sum(paved & (speed_mps(pedestrians) < 0.02), axis=0) * TICK_S
+    assert np.count_nonzero(stop_s > 2.0) > 8
     sidewalk = walkable().buffer(0.1)
     shapely.prepare(sidewalk)
-    on_sidewalk = shapely.contains_xy(sidewalk, people["x"].astype(float), people["y"].astype(float))
-    walks_on_s = np.sum(on_sidewalk & (speed_mps(people) > 0.3) & (np.cumsum(paved, axis=0) > 0), axis=0) * TICK_S
+    on_sidewalk = shapely.contains_xy(sidewalk, pedestrians["x"].astype(float), pedestrians["y"].astype(float))
+    walks_on_s = np.sum(on_sidewalk & (speed_mps(pedestrians) > 0.3) & (np.cumsum(paved, axis=0) > 0), axis=0) * TICK_S
     assert np.count_nonzero(walks_on_s > 3.0) > 2
 
 
-def test_people_stand_on_the_paving_that_is_seen():
-    people, paved = minute()
-    place_m = np.stack([people[name][paved] for name in ("x", "y", "z")], axis=-1)[::5].astype(np.float32)
+def test_visitors_stand_on_the_visible_paving():
+    pedestrians, paved = minute()
+    position_m = np.stack([pedestrians[name][paved] for name in ("x", "y", "z")], axis=-1)[::5].astype(np.float32)
     rays = np.concatenate(
-        [place_m + np.float32([0, 0, 0.5]), np.tile(np.float32([0, 0, -1]), (len(place_m), 1))], axis=1
+        [position_m + np.float32([0, 0, 0.5]), np.tile(np.float32([0, 0, -1]), (len(position_m), 1))], axis=1
     )
     scene = o3d.t.geometry.RaycastingScene()
     for tile in load_static_scene(map_spec(TOWN), load_network(map_spec(TOWN))).tiles:
@@ -97,51 +97,51 @@ def test_people_stand_on_the_paving_that_is_seen():
     assert np.mean(np.abs(below_m) < 0.03) > 0.99
 
 
-def test_people_keep_to_paving_and_sidewalks_clear_of_what_stands_there():
-    people, paved = minute()
-    people = people[:, paved.any(axis=0)]
+def test_visitors_keep_to_paving_and_sidewalks_clear_of_obstacles():
+    pedestrians, paved = minute()
+    pedestrians = pedestrians[:, paved.any(axis=0)]
     free = shapely.union_all([walkable().buffer(0.3), *(plaza.free.buffer(0.25) for plaza in plazas())])
     shapely.prepare(free)
-    inside = shapely.contains_xy(free, people["x"].astype(float), people["y"].astype(float))
+    inside = shapely.contains_xy(free, pedestrians["x"].astype(float), pedestrians["y"].astype(float))
     assert np.mean(inside) > 0.999
 
 
-def test_people_on_plazas_neither_jump_nor_spin():
-    people, paved = minute()
-    visitors = people[:, paved.any(axis=0)]
-    place_m = np.stack([visitors[name] for name in ("x", "y", "z")], axis=-1).astype(np.float64)
-    assert np.linalg.norm(np.diff(place_m, axis=0), axis=-1).max() < 1.4 * 2.3 * TICK_S
+def test_visitors_neither_jump_nor_spin():
+    pedestrians, paved = minute()
+    visitors = pedestrians[:, paved.any(axis=0)]
+    position_m = np.stack([visitors[name] for name in ("x", "y", "z")], axis=-1).astype(np.float64)
+    assert np.linalg.norm(np.diff(position_m, axis=0), axis=-1).max() < 1.4 * 2.3 * TICK_S
     acceleration_mps2 = np.linalg.norm(np.stack([visitors[name] for name in ("ax", "ay", "az")], axis=-1), axis=-1)
     assert acceleration_mps2.max() < 5.0
     assert np.abs(visitors["wz"]).max() < 2.5
 
 
 def test_the_same_seed_gives_the_same_bytes_with_plazas():
-    spec = drawn(32, 8.0, plaza_probability=1.0)
-    first, second = simulated(spec), simulated(spec)
+    spec = draw_town(32, 8.0, plaza_probability=1.0)
+    first, second = simulate(spec), simulate(spec)
     assert first.tobytes() == second.tobytes()
 
 
-def test_who_does_not_visit_plazas_or_knows_of_none_keeps_to_the_net():
+def test_pedestrians_without_plazas_to_visit_stay_on_the_network():
     network = load_network(map_spec(TOWN))
-    keen, others = (drawn(33, 16.0, plaza_probability=probability) for probability in (1.0, 0.0))
-    assert demand_of(keen, network, plazas()).excursions
-    assert not demand_of(keen, network).excursions
-    assert not demand_of(others, network, plazas()).excursions
+    visitors_spec, others_spec = (draw_town(33, 16.0, plaza_probability=probability) for probability in (1.0, 0.0))
+    assert demand_of(visitors_spec, network, plazas()).excursions
+    assert not demand_of(visitors_spec, network).excursions
+    assert not demand_of(others_spec, network, plazas()).excursions
 
 
 def test_the_drawn_share_visits_plazas_but_runners_do_not():
-    spec = drawn(34, 16.0, pedestrians=300, plaza_probability=0.4)
+    spec = draw_town(34, 16.0, pedestrians=300, plaza_probability=0.4)
     walks = np.array([each.max_speed_mps < 2.0 for each in spec.pedestrians])
     visits = np.array([each.visits_plazas for each in spec.pedestrians])
     assert np.mean(visits[walks]) == pytest.approx(0.4, abs=0.07)
     assert not any(each.visits_plazas for each in spec.pedestrians if each.max_speed_mps > 2.6)
 
 
-def test_an_ego_that_is_driven_from_outside_goes_with_people_who_begin_on_plazas():
-    spec = drawn(31, 56.0, plaza_probability=1.0).model_copy(update={"ego_driver": "twist"})
+def test_an_ego_driven_from_outside_works_with_visitors_who_start_on_plazas():
+    spec = draw_town(31, 56.0, plaza_probability=1.0).model_copy(update={"ego_driver": "twist"})
     network = load_network(spec.map)
-    assert any(legs[0].at_halt for legs in demand_of(spec, network, plazas()).excursions.values())
+    assert any(legs[0].starts_at_stop for legs in demand_of(spec, network, plazas()).excursions.values())
     with Simulation(spec, network, plazas=plazas()) as simulation:
         simulation.drive_ego(1.0, 0.0)
         assert len(simulation.step().actors) > 80

@@ -1,4 +1,4 @@
-"""One seed, one scene: the same bytes again, and in another process that hashes strings otherwise."""
+"""The same seed gives the same scene: identical bytes in every run and in a process with another hash seed."""
 
 import hashlib
 import os
@@ -28,7 +28,7 @@ _EVERYTHING = {
 
 
 def digest() -> str:
-    """Of all that the world says in a scene with hazards, jaywalkers, collisions and a shower, and of the scene."""
+    """Digest of a scene with hazards, jaywalkers, collisions and rain, and of all its states."""
     scenario = Scenario.model_validate(_EVERYTHING)
     planned = next(planned_scenes(scenario))
     spec = draw_scene(scenario, planned, load_network(planned.map))
@@ -61,5 +61,5 @@ def test_a_scene_that_ends_with_a_collision_leaves_no_trace_in_the_next_one():
     first = run(spec)
     with Simulation(spec, blocks()) as simulation:
         simulation.step()
-        simulation._traffic.crash(0, np.array([5.0, 5.0, 0.0]), 0.0)
+        simulation._traffic.hold_crashed(0, np.array([5.0, 5.0, 0.0]), 0.0)
     assert [state.actors.tobytes() for state in run(spec)] == [state.actors.tobytes() for state in first]

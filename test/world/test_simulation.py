@@ -15,12 +15,12 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.sumo.crossfall import CROSSFALL
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
-from simbev_ros.scene.gait import strides_m
+from simbev_ros.scene.gait import stride_lengths_m
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.population import Population
 from simbev_ros.world.simulation import Simulation
 
-_LARGEST_ACCELERATION_MPS2 = 10.0
+_MAX_ACCELERATION_MPS2 = 10.0
 
 
 def xyz(actors):
@@ -46,7 +46,7 @@ def test_the_same_specification_gives_the_same_bytes_again_and_in_another_proces
     assert digest(run(spec)) == digest(run(spec)) == other.stdout.strip()
 
 
-def test_another_seed_sends_the_same_people_elsewhere():
+def test_another_seed_sends_the_same_pedestrians_elsewhere():
     spec = scene(ticks=60)
     assert digest(run(spec)) != digest(run(spec.model_copy(update={"seed": 8})))
 
@@ -58,46 +58,46 @@ def test_ticks_run_from_minus_the_warm_up_to_the_last_recorded_one():
     assert [state.stamp_ns for state in states] == [spec.stamp_ns(tick) for tick in range(-2, 3)]
 
 
-def test_everybody_starts_at_rest_at_the_place_that_was_drawn():
+def test_all_actors_start_at_rest_at_their_drawn_positions():
     spec, actors = busy_run()
     names = ("vx", "vy", "vz", "ax", "ay", "az", "wx", "wy", "wz", "steer", "wheel", "gait")
     assert all(np.all(actors[0][name] == 0.0) for name in names)
     assert np.abs(actors[0]["roll"]).max() == pytest.approx(np.arctan(CROSSFALL), rel=0.2)
     for vehicle, row in zip(spec.vehicles, actors[0], strict=False):
-        place, yaw_rad = blocks().pose_on_lane(vehicle.start.lane, vehicle.start.s_m)
+        position, yaw_rad = blocks().pose_on_lane(vehicle.start.lane, vehicle.start.s_m)
         front = xyz(row) + row["length"] / 2 * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
-        offset = front - place
+        offset = front - position
         assert abs(offset[0] * np.cos(yaw_rad) + offset[1] * np.sin(yaw_rad)) < max(0.05, 0.012 * row["length"])
         assert np.linalg.norm(offset) < 1.5
         assert abs(row["yaw"] - yaw_rad) < max(0.2, 0.02 * row["length"])  # a body in a bend lies on the chord
 
 
-def test_nobody_appears_vanishes_or_jumps():
+def test_no_actor_appears_vanishes_or_jumps():
     spec, actors = busy_run()
     assert np.all(actors["id"] == actors["id"][0])
     assert np.all(np.diff(actors["id"][0].astype(int)) > 0)
     blueprints = [load_blueprints()[blueprint_index()[vehicle.blueprint]] for vehicle in spec.vehicles]
     riders = sum(bool(blueprint.rider) for blueprint in blueprints)
     assert len(actors[0]) == len(spec.vehicles) + riders + len(spec.pedestrians)
-    way_m = np.linalg.norm(np.diff(xyz(actors), axis=0), axis=-1)
-    assert way_m.max() < 25.0 * TICK_S
+    distance_m = np.linalg.norm(np.diff(xyz(actors), axis=0), axis=-1)
+    assert distance_m.max() < 25.0 * TICK_S
     assert (
         np.linalg.norm(np.diff(xyz(of_kind(actors, "pedestrian")), axis=0), axis=-1).max() < 2.2 * 1.3 * 1.05 * TICK_S
     )
 
 
-def test_most_vehicles_and_people_get_somewhere():
+def test_most_vehicles_and_pedestrians_move_away_from_their_start():
     _, actors = busy_run()
-    way_m = np.linalg.norm(xyz(actors[-1]) - xyz(actors[0]), axis=-1)
-    assert np.mean(way_m > 5.0) > 0.75
+    distance_m = np.linalg.norm(xyz(actors[-1]) - xyz(actors[0]), axis=-1)
+    assert np.mean(distance_m > 5.0) > 0.75
 
 
 def test_velocity_integrates_to_position_and_acceleration_to_velocity():
     _, actors = busy_run()
     v = velocity(actors).astype(float)
     a = np.stack([actors["ax"], actors["ay"], actors["az"]], axis=-1).astype(float)
-    way = np.cumsum((v[1:] + v[:-1]) / 2 * TICK_S, axis=0)
-    np.testing.assert_allclose(xyz(actors)[1:] - xyz(actors)[0], way, atol=0.02)
+    path = np.cumsum((v[1:] + v[:-1]) / 2 * TICK_S, axis=0)
+    np.testing.assert_allclose(xyz(actors)[1:] - xyz(actors)[0], path, atol=0.02)
     np.testing.assert_allclose(v[1:] - v[0], np.cumsum((a[1:] + a[:-1]) / 2 * TICK_S, axis=0), atol=0.002)
 
 
@@ -108,7 +108,7 @@ def test_motion_of_vehicles_is_physical():
     ahead = np.sum(velocity(vehicles)[..., :2] * heading, axis=-1)
     assert ahead.min() > -0.3
     assert np.abs(vehicles["wz"]).max() < 1.2
-    assert np.hypot(vehicles["ax"], vehicles["ay"]).max() < _LARGEST_ACCELERATION_MPS2
+    assert np.hypot(vehicles["ax"], vehicles["ay"]).max() < _MAX_ACCELERATION_MPS2
     # The rear axle rolls without slip: it has no speed to the side.
     wheelbase_m = 0.6 * vehicles["length"]
     side = velocity(vehicles)[..., 1] * heading[..., 0] - velocity(vehicles)[..., 0] * heading[..., 1]
@@ -146,44 +146,46 @@ def test_two_wheelers_lean_into_curves():
 
 def test_pedestrians_stay_on_sidewalks_and_crossings_at_their_height():
     _, actors = busy_run()
-    people = of_kind(actors, "pedestrian")
+    pedestrians = of_kind(actors, "pedestrian")
     surfaces = surfaces_of(blocks().layout)
     sidewalk = surfaces.sidewalk
     walkable = shapely.union_all([sidewalk, surfaces.crosswalk]).buffer(0.2)
-    points = np.stack([people["x"], people["y"]], axis=-1)[::10].reshape(-1, 2)
+    points = np.stack([pedestrians["x"], pedestrians["y"]], axis=-1)[::10].reshape(-1, 2)
     assert shapely.contains_xy(walkable, points).all()
-    deep, z = shapely.contains_xy(sidewalk.buffer(-1.0), points), people["z"][::10].ravel()
+    deep, z = shapely.contains_xy(sidewalk.buffer(-1.0), points), pedestrians["z"][::10].ravel()
     assert z[deep] == pytest.approx(blocks().elevation.height_m(points[deep]) + CURB_HEIGHT_M, abs=0.01)
     on_road = shapely.contains_xy(surfaces.road.buffer(-1.5), points)
     assert np.all(z[on_road] < 0.02)
 
 
 @pytest.mark.parametrize("name", ["pedestrian.man", "pedestrian.wheelchair"])
-def test_walkers_feet_and_wheelchairs_wheels_do_not_slide(name):
+def test_feet_and_wheelchair_wheels_do_not_slide(name):
     _, actors = busy_run()
     index = blueprint_index()[name]
-    person = actors[:, actors["blueprint"][0] == index][:, 0]
-    way_m = np.linalg.norm(np.diff(xyz(person)[:, :2], axis=0), axis=-1).sum()
-    strides = np.diff(np.unwrap(person["gait"])) / (2 * np.pi)
+    pedestrian = actors[:, actors["blueprint"][0] == index][:, 0]
+    distance_m = np.linalg.norm(np.diff(xyz(pedestrian)[:, :2], axis=0), axis=-1).sum()
+    strides = np.diff(np.unwrap(pedestrian["gait"])) / (2 * np.pi)
     blueprint = load_blueprints()[index]
-    speed_mps = np.hypot(person["vx"], person["vy"])[1:].astype(np.float64)
-    stride_m = blueprint.stride_m or strides_m(blueprint.size_m[2], speed_mps)
-    assert np.sum(strides * stride_m) == pytest.approx(way_m, rel=0.03)
+    speed_mps = np.hypot(pedestrian["vx"], pedestrian["vy"])[1:].astype(np.float64)
+    stride_m = blueprint.stride_m or stride_lengths_m(blueprint.size_m[2], speed_mps)
+    assert np.sum(strides * stride_m) == pytest.approx(distance_m, rel=0.03)
 
 
 def test_wheels_roll_the_distance_driven():
     _, actors = busy_run()
     ego = actors[:, 0]
-    way_m = np.linalg.norm(np.diff(xyz(ego), axis=0), axis=-1).sum()
-    assert ego["wheel"][-1] * 0.33 == pytest.approx(way_m, rel=0.02)
+    distance_m = np.linalg.norm(np.diff(xyz(ego), axis=0), axis=-1).sum()
+    assert ego["wheel"][-1] * 0.33 == pytest.approx(distance_m, rel=0.02)
 
 
 def test_vehicles_stand_with_brake_lights_and_drive_off_without():
     _, actors = busy_run()
     vehicles = of_kind(actors, "vehicle")
     assert np.all(vehicles["lights"][0] & Light.BRAKE)
-    gaining = np.hypot(vehicles["vx"], vehicles["vy"])[1:] > np.hypot(vehicles["vx"], vehicles["vy"])[:-1] + 0.02
-    assert np.mean((vehicles["lights"][1:][gaining] & Light.BRAKE) > 0) < 0.05
+    is_accelerating = (
+        np.hypot(vehicles["vx"], vehicles["vy"])[1:] > np.hypot(vehicles["vx"], vehicles["vy"])[:-1] + 0.02
+    )
+    assert np.mean((vehicles["lights"][1:][is_accelerating] & Light.BRAKE) > 0) < 0.05
 
 
 def test_vehicles_hardly_ever_overlap():
@@ -226,7 +228,7 @@ def test_an_ego_without_room_is_an_error(monkeypatch):
             self.vehicles = self.vehicles[1:]
 
     monkeypatch.setattr("simbev_ros.world.simulation.Population", Crowded)
-    with pytest.raises(SimulationError, match=r"the ego finds no place at its start, lane \S+, \d+\.\d m"):
+    with pytest.raises(SimulationError, match=r"the ego does not fit at its start, lane \S+, \d+\.\d m"):
         Simulation(scene(vehicles=2, pedestrians=0), blocks())
 
 
@@ -238,19 +240,19 @@ def test_a_lost_vehicle_is_an_error():
             simulation.step()
 
 
-def test_ticks_of_broken_milliseconds_are_refused():
+def test_ticks_of_fractional_milliseconds_are_refused():
     spec = scene(vehicles=1, pedestrians=0, tick_ns=33_333_333)
     with pytest.raises(SimulationError, match="whole milliseconds"):
         Simulation(spec, blocks())
 
 
-def test_reckless_drivers_get_further_than_those_who_stop_at_lights():
+def test_reckless_drivers_get_farther_than_those_who_stop_at_lights():
     spec = scene(pedestrians=0, ticks=300)
     reckless = tuple(vehicle.model_copy(update={"reckless": True}) for vehicle in spec.vehicles)
-    ways_m = []
+    distances_m = []
     for vehicles in (spec.vehicles, reckless):
         states = run(spec.model_copy(update={"vehicles": vehicles}))
-        ways_m.append(np.linalg.norm(xyz(states[-1].actors) - xyz(states[0].actors), axis=-1).sum())
+        distances_m.append(np.linalg.norm(xyz(states[-1].actors) - xyz(states[0].actors), axis=-1).sum())
         flags = of_kind(states[-1].actors[None], "vehicle")["behavior"]
         assert np.all(flags == (Behavior.RECKLESS if vehicles is reckless else 0))
-    assert ways_m[1] > 1.1 * ways_m[0]
+    assert distances_m[1] > 1.1 * distances_m[0]

@@ -1,4 +1,4 @@
-"""Small scenes for the tests of the world: a hand-made specification on the small town."""
+"""Small scenes for the tests of the world package: a hand-made specification on a small town."""
 
 from functools import cache
 
@@ -45,7 +45,7 @@ def lane(name: str, successors: tuple[str, ...] = (), kind: LaneKind = LaneKind.
 
 
 def network(*lanes: Lane) -> RoadNetwork:
-    """Roads of nothing but these lanes."""
+    """A road network with only these lanes."""
     return RoadNetwork(
         "toy",
         {each.id: each for each in lanes},
@@ -61,13 +61,13 @@ def network(*lanes: Lane) -> RoadNetwork:
 
 
 def scene(vehicles: int = 32, pedestrians: int = 24, ticks: int = 160, **changes: object) -> SceneSpec:
-    """A sedan, then every kind of vehicle in turn, and people on random sidewalks."""
+    """A sedan, then every kind of vehicle in turn, and pedestrians on random sidewalks."""
     rng = np.random.default_rng(5)
     waypoints = blocks().waypoints(24.0)
-    places = rng.permutation(len(waypoints.lane))
+    waypoint_indices = rng.permutation(len(waypoints.lane))
     sidewalks = [lane for lane in blocks().lanes.values() if lane.kind is LaneKind.SIDEWALK]
     cars = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
-    people = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
+    pedestrian_names = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
     fields: dict[str, object] = {
         "number": 0,
         "split": "train",
@@ -83,15 +83,15 @@ def scene(vehicles: int = 32, pedestrians: int = 24, ticks: int = 160, **changes
             VehicleSpec(
                 blueprint=cars[index % len(cars)] if index else "vehicle.sedan",
                 color=0x336699,
-                start=WaypointSpec(lane=waypoints.lane[place], s_m=float(waypoints.s_m[place])),
+                start=WaypointSpec(lane=waypoints.lane[waypoint_index], s_m=float(waypoints.s_m[waypoint_index])),
                 speed_factor=float(rng.uniform(0.8, 1.4)),
                 min_gap_m=float(rng.uniform(1.5, 5.0)),
             )
-            for index, place in enumerate(places[:vehicles])
+            for index, waypoint_index in enumerate(waypoint_indices[:vehicles])
         ),
         "pedestrians": tuple(
             PedestrianSpec(
-                blueprint=people[index % len(people)],
+                blueprint=pedestrian_names[index % len(pedestrian_names)],
                 color=0x112233,
                 start=WaypointSpec(lane=lane.id, s_m=float(rng.uniform(1.0, lane.length_m - 1.0))),
                 max_speed_mps=float(rng.uniform(0.8, 2.2)),
@@ -118,6 +118,6 @@ def busy_run() -> tuple[SceneSpec, Table]:
 
 
 def of_kind(actors: Table, kind: str) -> Table:
-    """The (T, M) columns of one kind: vehicle, rider or pedestrian."""
+    """The (T, M) columns of one kind of actor: vehicle, rider or pedestrian."""
     kinds = np.array([blueprint.kind for blueprint in load_blueprints()])
     return actors[:, kinds[actors["blueprint"][0]] == kind]

@@ -11,7 +11,7 @@ from simbev_ros.assets.mesh.primitives import triangulate
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.scene.hazards.hazard import HazardSpec
 from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.ground import GroundSurface
 
 
 class LabelledArea(NamedTuple):
@@ -25,7 +25,7 @@ def hazard_areas(hazards: Sequence[HazardSpec], layout: Layout) -> tuple[Labelle
     """The areas of hazards, on the levels of the roads below them."""
     footprints = [_footprint(hazard) for hazard in hazards]
     middle_m = [(*each.points_m.mean(axis=0), hazard.z_m) for each, hazard in zip(footprints, hazards, strict=True)]
-    levels = Ground(layout).levels(np.array(middle_m).reshape(-1, 3)).tolist()
+    levels = GroundSurface(layout).levels(np.array(middle_m).reshape(-1, 3)).tolist()
     return tuple(map(LabelledArea, footprints, levels))
 
 

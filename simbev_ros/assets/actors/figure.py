@@ -10,7 +10,7 @@ from simbev_ros.assets.actors.body import Ring, load_body
 from simbev_ros.assets.actors.pose import LIMBS, Pose, Seat, seated_pose, standing_pose
 from simbev_ros.assets.actors.solids import Box, Ellipsoid, Rings, Solid, Tube, Vector
 from simbev_ros.config.base import Model
-from simbev_ros.scene.gait import Gait, gaits_between
+from simbev_ros.scene.gait import Gait, interpolate_gaits
 from simbev_ros.types import Float64Array
 
 
@@ -74,7 +74,7 @@ def figure_pose(figure: Figure, tall_m: float) -> Pose:
         return seated_pose(figure.seat, figure.height, figure.shoulders)
     x, half = load_body().shoe[0][1:3]
     half *= _shoe_girth(figure)
-    gaits = [_own_gait(figure, gait) for gait in gaits_between(_ROW_PARTS)]
+    gaits = [_own_gait(figure, gait) for gait in interpolate_gaits(_ROW_PARTS)]
     return standing_pose(gaits, figure.height, tall_m, figure.shoulders, (x - half, x + half))
 
 

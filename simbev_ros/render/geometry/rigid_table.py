@@ -13,7 +13,7 @@ from simbev_ros.errors import RenderError
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.render.geometry.level_of_detail import bounding_spheres
 from simbev_ros.render.gl.programs import TEXTURE_UNITS
-from simbev_ros.scene.interpolation import known_before
+from simbev_ros.scene.interpolation import earlier_rows
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table, UInt32Array
@@ -57,7 +57,7 @@ class RigidTable:
         rows = 1 + len(actor)
         if rows > _MAX_ROWS or (len(actors) and actors["id"].max() >= _MAX_ROWS):
             raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
-        before = None if previous is None else known_before(actors, previous.actors)
+        before = None if previous is None else earlier_rows(actors, previous.actors)
         center_m, radius_m = bounding_spheres(actors, origin_m)
         return cls(
             poses=_poses(skeletons, actors, before, origin_m),

@@ -16,7 +16,7 @@ from simbev_ros.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.render.lighting.lamp_shadows import DIRECTIONS, HALF_ANGLE_RAD, free_distances
 from simbev_ros.render.lighting.lamps import VehicleLamps, lamp_kinds, signal_lamps, street_lamps
 from simbev_ros.render.lighting.shop_fronts import shop_fronts
-from simbev_ros.scene.lights import USUAL_LM, LightSpec, street_lights
+from simbev_ros.scene.lights import DEFAULT_FLUX_LM, LightSpec, street_lights
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Table
 
@@ -61,7 +61,7 @@ class LampField:
     def set_lights(self, lights: LightSpec) -> None:
         """Set how strongly each street light shines when it is dark, and the light of shops."""
         table = street_lights(lights, self._lights_m)
-        self._strengths = np.where(table["on"], table["intensity_lm"] / USUAL_LM, 0.0)
+        self._strengths = np.where(table["on"], table["intensity_lm"] / DEFAULT_FLUX_LM, 0.0)
         shine = np.zeros((self._shine.height, self._shine.width), np.float32)
         shine.flat[: len(table)] = self._strengths
         self._shine.write(shine.tobytes())

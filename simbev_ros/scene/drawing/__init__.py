@@ -1,1 +1,1 @@
-"""Draws scenes: configuration and map in, a complete specification out."""
+"""Scene drawing: configuration and map in, complete scene specifications out."""

@@ -1,4 +1,4 @@
-"""Drawing the lights of a scene."""
+"""Draw the light parameters of a scene from the configuration and the scene's seed."""
 
 import colorsys
 from collections.abc import Iterator
@@ -11,18 +11,20 @@ from simbev_ros.random import stream
 from simbev_ros.scene.lights import BuildingLightSpec, LightSpec, StreetLightSpec
 from simbev_ros.types import Float64Array
 
-_WHITE_K = 3_600.0  # what cameras show as white at night
+_NIGHT_WHITE_K = 3_600.0  # color temperature that cameras balance to white at night
 _SATURATION = (0.2, 0.6)
 _SRGB_FROM_XYZ = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 
 
 def draw_lights(config: Lights, seed: int) -> LightSpec:
-    """The lights of the scene with a seed."""
-    return LightSpec(seed=seed, street=_street(config.street, seed), buildings=_buildings(config.buildings, seed))
+    """Draw the lights of the scene with this seed."""
+    return LightSpec(
+        seed=seed, street=_draw_street(config.street, seed), buildings=_draw_buildings(config.buildings, seed)
+    )
 
 
-def _street(config: StreetLights, seed: int) -> StreetLightSpec:
-    """All lamps have the same base, which therefore is their mean."""
+def _draw_street(config: StreetLights, seed: int) -> StreetLightSpec:
+    """Draw the street lights; all lamps share one base flux, which is therefore their mean."""
     mean_lm = sample(config.base_lm, stream(seed, "lights.street.base"))
     change_lm = config.change_lm
     return StreetLightSpec(
@@ -34,7 +36,7 @@ def _street(config: StreetLights, seed: int) -> StreetLightSpec:
     )
 
 
-def _buildings(config: BuildingLights, seed: int) -> BuildingLightSpec:
+def _draw_buildings(config: BuildingLights, seed: int) -> BuildingLightSpec:
     share_lit = sample(config.share_lit, stream(seed, "lights.buildings.share"))
     return BuildingLightSpec(
         enabled=config.enabled, share_lit=share_lit, colors=config.colors or tuple(_random_colors(config, seed))
@@ -47,21 +49,21 @@ def _random_colors(config: BuildingLights, seed: int) -> Iterator[int]:
         if rng.random() < config.colored_probability:
             srgb = np.array(colorsys.hsv_to_rgb(rng.random(), rng.uniform(*_SATURATION), 1.0))
         else:
-            srgb = white_of(sample(config.color_temperature_k, rng))
+            srgb = white_balanced_srgb(sample(config.color_temperature_k, rng))
         red, green, blue = np.rint(srgb * 255.0).astype(int).tolist()
         yield red << 16 | green << 8 | blue
 
 
-def white_of(temperature_k: float) -> Float64Array:
-    """(3,) sRGB 0..1, as bright as can be, of a black body that a camera balanced for night sees."""
-    linear = np.clip(_black_body(temperature_k) / _black_body(_WHITE_K), 0.0, None)
+def white_balanced_srgb(temperature_k: float) -> Float64Array:
+    """(3,) sRGB color, 0..1 at full brightness, of a black body seen by a camera balanced for night."""
+    linear = np.clip(_black_body(temperature_k) / _black_body(_NIGHT_WHITE_K), 0.0, None)
     linear /= linear.max()
     srgb: Float64Array = np.where(linear < 0.0031308, linear * 12.92, 1.055 * linear ** (1.0 / 2.4) - 0.055)
     return srgb
 
 
 def _black_body(temperature_k: float) -> Float64Array:
-    """(3,) linear sRGB of a black body (Krystek 1985), at luminance 1."""
+    """(3,) linear sRGB of a black body (Krystek 1985) at luminance 1."""
     t = temperature_k
     u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1.0 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
     v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1.0 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)

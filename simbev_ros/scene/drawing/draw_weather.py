@@ -1,4 +1,4 @@
-"""Drawing the weather: the paper's table, or what the user fixed or drew differently."""
+"""Draw the weather of a scene: by the paper's table, or by what the configuration fixes or draws differently."""
 
 from collections.abc import Callable
 
@@ -11,36 +11,36 @@ from simbev_ros.scene.weather import Weather
 
 
 def draw_weathers(config: WeatherConfig, seed: int, *, hilly: bool) -> tuple[Weather, Weather | None]:
-    """The weather at the scene's start and, if it changes, at its end; both follow the same rules, independently."""
+    """Draw the weather at a scene's start and, if it changes, at its end; both independently by the same rules."""
     final = None if config.final is None else draw_weather(config.final, seed, hilly=hilly, name="weather.final")
     return draw_weather(config, seed, hilly=hilly), final
 
 
 def draw_weather(config: WeatherParameters, seed: int, *, hilly: bool, name: str = "weather") -> Weather:
-    """Draw every parameter, each from its own stream, so that fixing one does not change the others' numbers.
+    """Draw every parameter from a random stream of its own, so that fixing one does not change the others.
 
     Args:
-        config: What the user wants of each parameter.
+        config: Requested value or distribution of each parameter.
         seed: The scene's seed.
-        hilly: The map has non-zero elevation: fog then fills all heights.
-        name: Of the streams.
+        hilly: Whether the map has non-zero elevation; fog then fills all heights.
+        name: Prefix of the random stream names.
     """
     drawn: dict[str, float] = {}
 
-    def value(parameter: str, paper: Callable[[np.random.Generator], float]) -> float:
-        wanted = getattr(config, parameter)
+    def draw(parameter: str, paper: Callable[[np.random.Generator], float]) -> float:
+        requested = getattr(config, parameter)
         rng = stream(seed, f"{name}.{parameter}")
-        drawn[parameter] = paper(rng) if wanted == "paper" else sample(wanted, rng)
+        drawn[parameter] = paper(rng) if requested == "paper" else sample(requested, rng)
         return drawn[parameter]
 
-    clouds = value("cloudiness", lambda rng: 100 * rng.beta(0.8, 1.0))
-    rain = value("precipitation", lambda rng: rng.beta(0.8, 0.2) * clouds if clouds > 40 else 0.0)
-    value("precipitation_deposits", lambda rng: rain + rng.beta(1.2, 1.6) * (100 - rain))
-    value("wetness", lambda rng: float(np.clip(rng.normal(rain, 10), 0, 100)))
-    value("wind_intensity", lambda rng: rng.uniform(0, 100))
-    value("sun_azimuth_deg", lambda rng: rng.uniform(0, 360))
-    altitude = value("sun_altitude_deg", lambda rng: 180 * rng.beta(3.6, 2.0) - 90)
-    fog = value("fog_density", lambda rng: 100 * rng.beta(1.6, 2.0) if clouds > 40 or altitude < 10 else 0.0)
-    value("fog_distance_m", lambda rng: rng.lognormal(3.2, 0.8) if fog > 10 else 0.0)
-    value("fog_falloff", lambda rng: (0.01 if hilly else 5 * rng.beta(1.2, 2.4)) if fog > 10 else 1.0)
+    clouds = draw("cloudiness", lambda rng: 100 * rng.beta(0.8, 1.0))
+    rain = draw("precipitation", lambda rng: rng.beta(0.8, 0.2) * clouds if clouds > 40 else 0.0)
+    draw("precipitation_deposits", lambda rng: rain + rng.beta(1.2, 1.6) * (100 - rain))
+    draw("wetness", lambda rng: float(np.clip(rng.normal(rain, 10), 0, 100)))
+    draw("wind_intensity", lambda rng: rng.uniform(0, 100))
+    draw("sun_azimuth_deg", lambda rng: rng.uniform(0, 360))
+    altitude = draw("sun_altitude_deg", lambda rng: 180 * rng.beta(3.6, 2.0) - 90)
+    fog = draw("fog_density", lambda rng: 100 * rng.beta(1.6, 2.0) if clouds > 40 or altitude < 10 else 0.0)
+    draw("fog_distance_m", lambda rng: rng.lognormal(3.2, 0.8) if fog > 10 else 0.0)
+    draw("fog_falloff", lambda rng: (0.01 if hilly else 5 * rng.beta(1.2, 2.4)) if fog > 10 else 1.0)
     return Weather(**drawn)

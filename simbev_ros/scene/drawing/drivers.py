@@ -1,4 +1,4 @@
-"""How one vehicle is driven: drawn values, each from a stream of its own."""
+"""Draw the driver of one vehicle: every value comes from a random stream of its own."""
 
 from typing import TypedDict
 
@@ -8,8 +8,8 @@ from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint
 
 
-class Driver(TypedDict):
-    """Fields of a ``VehicleSpec``."""
+class DriverFields(TypedDict):
+    """Fields of a ``VehicleSpec`` that describe the driver."""
 
     headway_s: float
     lane_change_eagerness: float
@@ -18,16 +18,16 @@ class Driver(TypedDict):
     door_probability: float
 
 
-def draw_driver(traffic: Traffic, blueprint: Blueprint, seed: int, name: str) -> Driver:
-    """Draw the driver of the vehicle ``name``: ``ego`` or ``vehicles.<number>``. The ego's doors stay shut."""
+def draw_driver(traffic: Traffic, blueprint: Blueprint, seed: int, name: str) -> DriverFields:
+    """Draw the driver of the vehicle ``name``: ``ego`` or ``vehicles.<number>``. The ego's doors stay closed."""
 
-    def happens(what: str, probability: float) -> bool:
-        return bool(stream(seed, f"{name}.{what}").random() < probability)
+    def draw_flag(name_suffix: str, probability: float) -> bool:
+        return bool(stream(seed, f"{name}.{name_suffix}").random() < probability)
 
-    return Driver(
+    return DriverFields(
         headway_s=sample(traffic.headway_s, stream(seed, f"{name}.headway")),
         lane_change_eagerness=sample(traffic.lane_change_eagerness, stream(seed, f"{name}.eagerness")),
-        distracted=happens("distraction", traffic.distracted_probability),
-        emergency_lights=blueprint.emergency and happens("emergency_lights", traffic.emergency_lights_probability),
+        distracted=draw_flag("distraction", traffic.distracted_probability),
+        emergency_lights=blueprint.emergency and draw_flag("emergency_lights", traffic.emergency_lights_probability),
         door_probability=0.0 if name == "ego" else traffic.door_probability,
     )

@@ -1,4 +1,4 @@
-"""Places on lanes for the spawn poses that the configuration lists for the ego."""
+"""Start waypoints for the spawn poses that the configuration lists for the ego."""
 
 import math
 
@@ -14,14 +14,14 @@ from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.spec import WaypointSpec
 
-_FARTHEST_M = 5.0
+_MAX_LANE_M = 5.0
 
 
 def draw_spawn(poses: tuple[SpawnPose, ...], seed: int, blueprint: Blueprint, network: RoadNetwork) -> WaypointSpec:
-    """Where the front bumper of an ego starts that stands at one of the listed poses, on a lane that it may drive on.
+    """Draw one of the listed poses; returns the start of the ego's front bumper on a lane that it may drive on.
 
     Raises:
-        InputError: one of the poses, drawn or not, is far from every such lane.
+        InputError: A listed pose, drawn or not, is too far from every such lane.
     """
     lanes = [
         lane
@@ -38,16 +38,16 @@ def draw_spawn(poses: tuple[SpawnPose, ...], seed: int, blueprint: Blueprint, ne
 def _start(
     number: int, pose: SpawnPose, blueprint: Blueprint, lanes: list[Lane], index: LineIndex, map_name: str
 ) -> WaypointSpec:
-    """The waypoint half the ego's length ahead of the pose, which is of its middle."""
-    place_m = [pose.x_m, pose.y_m] if pose.z_m is None else [pose.x_m, pose.y_m, pose.z_m]
+    """The waypoint half the ego's length ahead of the pose, which is that of its center."""
+    pose_m = [pose.x_m, pose.y_m] if pose.z_m is None else [pose.x_m, pose.y_m, pose.z_m]
     yaw_rad = None if pose.yaw_deg is None else np.array([math.radians(pose.yaw_deg)])
-    nearest = index.nearest(np.array([place_m]), yaw_rad)
-    found_m = index.lines.values(nearest.parameter)[0, : len(place_m)]
-    distance_m = float(np.linalg.norm(found_m - place_m))
-    if distance_m > _FARTHEST_M:
+    nearest = index.nearest(np.array([pose_m]), yaw_rad)
+    lane_position_m = index.lines.values(nearest.parameter)[0, : len(pose_m)]
+    distance_m = float(np.linalg.norm(lane_position_m - pose_m))
+    if distance_m > _MAX_LANE_M:
         raise InputError(
-            f"ego.spawn[{number}]: ({', '.join(f'{value:g}' for value in place_m)}) is {distance_m:.1f} m from the "
-            f"nearest lane that {blueprint.name} may start on in map {map_name}; at most {_FARTHEST_M:g} m is allowed"
+            f"ego.spawn[{number}]: ({', '.join(f'{value:g}' for value in pose_m)}) is {distance_m:.1f} m from the "
+            f"nearest lane that {blueprint.name} may start on in map {map_name}; at most {_MAX_LANE_M:g} m is allowed"
         )
     lane = lanes[int(nearest.row[0])]
     return WaypointSpec(lane=lane.id, s_m=min(float(nearest.s_m[0]) + blueprint.size_m[0] / 2.0, lane.length_m))

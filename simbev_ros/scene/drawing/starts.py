@@ -1,4 +1,4 @@
-"""Where the vehicles and pedestrians of a map can start: worked out once for a map, shared by all of its scenes."""
+"""Start positions of vehicles and pedestrians on a map, computed once per map and shared by all of its scenes."""
 
 from functools import cache, cached_property, lru_cache, partial
 
@@ -7,29 +7,34 @@ import numpy as np
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.hazards.sites import HazardSites
-from simbev_ros.scene.streets.lane_positions import Places, places_along
+from simbev_ros.scene.streets.lane_positions import LanePositions, positions_along
 from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.scene.streets.walks import WalkGraph
 from simbev_ros.types import BoolArray, Float64Array
 
-_TAIL_M = 1.0  # of a long vehicle may stick out of its lane
-_WALK_MPS = 2.0  # where one can walk at this speed for the whole scene is room enough
+_TAIL_M = 1.0  # length by which a long vehicle may protrude behind its lane
+_WALK_MPS = 2.0  # a sidewalk network on which one can walk at this speed for the whole scene is large enough
 
 
-class Starts:
-    """The places of one map."""
+class StartPositions:
+    """Start positions on one map.
+
+    Attributes:
+        vehicles: Positions on driving lanes.
+        pedestrians: Positions on sidewalks.
+    """
 
     def __init__(self, network: RoadNetwork, waypoint_spacing_m: float) -> None:
-        """Lay the places for vehicles along the streets, and those for pedestrians along the sidewalks."""
+        """Sample the vehicles' positions along the streets and the pedestrians' along the sidewalks."""
         self._streets = streets_of(network)
-        self.vehicles = places_along(self._streets.lanes, waypoint_spacing_m / 2.0, waypoint_spacing_m)
+        self.vehicles = positions_along(self._streets.lanes, waypoint_spacing_m / 2.0, waypoint_spacing_m)
         walks = WalkGraph(network)
-        component_m = walks.component_m()
-        self._component_m = np.array([component_m[lane.edge] for lane in walks.sidewalks])
-        self.pedestrians: Places = places_along(walks.sidewalks, 1.0, 1.0, end_margin_m=0.5)
+        component_length_m = walks.component_length_m()
+        self._component_length_m = np.array([component_length_m[lane.edge] for lane in walks.sidewalks])
+        self.pedestrians: LanePositions = positions_along(walks.sidewalks, 1.0, 1.0, end_margin_m=0.5)
         self._network = network
-        self.fit = lru_cache(maxsize=8)(self._fit)
+        self.usable = lru_cache(maxsize=8)(self._usable)
         self.hazard_sites = lru_cache(maxsize=8)(partial(HazardSites, network))
 
     @cached_property
@@ -38,51 +43,53 @@ class Starts:
         return any(bool(np.any(np.abs(lane.centerline_m[:, 2]) > 0.01)) for lane in self._network.lanes.values())
 
     @cached_property
-    def programmes(self) -> tuple[str, ...]:
-        """The traffic lights' programmes."""
+    def signal_programs(self) -> tuple[str, ...]:
+        """Ids of the map's traffic-light programs, sorted."""
         return tuple(sorted({signal.programme for signal in self._network.signals}))
 
-    def _fit(self, duration_s: float, closed: frozenset[str] = frozenset()) -> dict[str, BoolArray]:
-        """For each vehicle's blueprint (N,) from which places it gets as far as it could drive in that time.
+    def _usable(self, duration_s: float, closed: frozenset[str] = frozenset()) -> dict[str, BoolArray]:
+        """For each vehicle blueprint, (N,) positions from which it has enough road for this duration.
 
-        Nobody drives onto ``closed`` edges.
+        No vehicle drives onto ``closed`` edges.
         """
         vehicles = [each for each in load_blueprints() if each.kind == "vehicle"]
-        return {each.name: self._fit_for(each, duration_s, closed) for each in vehicles}
+        return {each.name: self._usable_for(each, duration_s, closed) for each in vehicles}
 
-    def anyhow(self, blueprint: Blueprint, duration_s: float, closed: frozenset[str] = frozenset()) -> BoolArray:
-        """(N,) from which places a vehicle gets as far as it could drive, be the turns ever so tight."""
+    def usable_on_tight_turns(
+        self, blueprint: Blueprint, duration_s: float, closed: frozenset[str] = frozenset()
+    ) -> BoolArray:
+        """(N,) positions from which a vehicle has enough road if it may take turns that are too tight for it."""
         graph = self._streets.for_blueprint(blueprint, closed, tight=True)
-        return graph.fit(self.vehicles.row, self.vehicles.s_m, self._way_m(blueprint, duration_s))
+        return graph.usable_starts(self.vehicles.row, self.vehicles.s_m, self._max_distance_m(blueprint, duration_s))
 
-    def _fit_for(self, blueprint: Blueprint, duration_s: float, closed: frozenset[str]) -> BoolArray:
-        """(N,) where a vehicle gets far; a long one stands on its lane but for the tail."""
+    def _usable_for(self, blueprint: Blueprint, duration_s: float, closed: frozenset[str]) -> BoolArray:
+        """(N,) positions with enough road ahead; a long vehicle must also fit on its lane, except for its tail."""
         if not is_long(blueprint):
-            return self.anyhow(blueprint, duration_s, closed)
-        places, way_m = self.vehicles, self._way_m(blueprint, duration_s)
-        far = self._streets.for_blueprint(blueprint, closed).gets_far(places.row, places.s_m, way_m)
-        return far & (places.s_m + _TAIL_M >= blueprint.size_m[0])
+            return self.usable_on_tight_turns(blueprint, duration_s, closed)
+        positions, distance_m = self.vehicles, self._max_distance_m(blueprint, duration_s)
+        can_drive = self._streets.for_blueprint(blueprint, closed).can_drive(positions.row, positions.s_m, distance_m)
+        return can_drive & (positions.s_m + _TAIL_M >= blueprint.size_m[0])
 
-    def _way_m(self, blueprint: Blueprint, duration_s: float) -> float:
-        return duration_s * min(self._fastest_mps, _top_mps()[blueprint.sumo_class])
+    def _max_distance_m(self, blueprint: Blueprint, duration_s: float) -> float:
+        return duration_s * min(self._max_limit_mps, _max_speed_by_class_mps()[blueprint.sumo_class])
 
     @cached_property
-    def _fastest_mps(self) -> float:
+    def _max_limit_mps(self) -> float:
         return max((lane.speed_mps for lane in self._streets.lanes), default=0.0)
 
-    def walkable(self, duration_s: float, center_m: Float64Array, radius_m: float) -> BoolArray:
-        """(P,) from which of the pedestrians' places near a (3,) point one can walk on for so long.
+    def walkable_near(self, duration_s: float, center_m: Float64Array, radius_m: float) -> BoolArray:
+        """(P,) pedestrian positions near a (3,) point with enough sidewalk to walk for this duration.
 
-        Where that is nowhere possible, those of the largest part count.
+        If no sidewalk network is that large, the positions on the largest one count.
         """
-        needed_m = min(duration_s * _WALK_MPS, self._component_m.max(initial=0.0))
-        enough: BoolArray = (self._component_m >= needed_m)[self.pedestrians.row]
-        return enough & self.pedestrians.within(center_m, radius_m)
+        min_component_m = min(duration_s * _WALK_MPS, self._component_length_m.max(initial=0.0))
+        is_large_enough: BoolArray = (self._component_length_m >= min_component_m)[self.pedestrians.row]
+        return is_large_enough & self.pedestrians.within_radius(center_m, radius_m)
 
 
 @cache
-def _top_mps() -> dict[str, float]:
-    """Highest speed of each of SUMO's vehicle classes."""
+def _max_speed_by_class_mps() -> dict[str, float]:
+    """Maximum speed of each of SUMO's vehicle classes."""
     vehicles = [each for each in load_blueprints() if each.kind == "vehicle"]
     return {
         each.sumo_class: max(other.max_speed_mps for other in vehicles if other.sumo_class == each.sumo_class)

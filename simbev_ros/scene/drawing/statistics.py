@@ -1,4 +1,4 @@
-"""What drawn scenes are like: the values of every parameter over many scenes, and what they are meant to be."""
+"""Statistics of drawn scenes: the values of every parameter over many scenes, and what the configuration asks for."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.types import Float64Array
 
 BINS = 20
-_KEPT = 1 << 17  # values of a parameter that its histogram is made of, at most twice as many
+_MAX_SAMPLES = 1 << 17  # number of values in a parameter's histogram; up to twice as many are held
 _NOT_DRAWN = {
     *("number", "split", "seed", "map", "rig", "annotation", "tick_ns", "warm_up_ticks", "end_after_standing_ticks"),
     *("ticks", "vehicles", "pedestrians", "start", "color", "colors"),
@@ -27,15 +27,15 @@ _SECTIONS = ("traffic", "ego", "time", "lights")
 
 
 class Tally:
-    """Values of one parameter, one batch after the other, in bounded memory."""
+    """Running statistics of one parameter, fed in batches, in bounded memory."""
 
     def __init__(self) -> None:
         self.count = 0
         self.mean = 0.0
         self.min, self.max = np.inf, -np.inf
         self._squares = 0.0
-        self._kept: list[Float64Array] = []
-        self._every = 1
+        self._samples: list[Float64Array] = []
+        self._stride = 1
 
     @property
     def sd(self) -> float:
@@ -46,21 +46,21 @@ class Tally:
         """Add (N,) values, N > 0."""
         total = self.count + len(values)
         step = float(values.mean()) - self.mean
-        # Sums of squares about the means of two batches, joined (Chan, Golub, LeVeque 1979).
+        # Combines the sums of squares about the means of two batches (Chan, Golub, LeVeque 1979).
         self._squares += float(((values - values.mean()) ** 2).sum()) + step**2 * self.count * len(values) / total
         self.mean += step * len(values) / total
         self.min, self.max = min(self.min, float(values.min())), max(self.max, float(values.max()))
-        self._kept.append(values[-self.count % self._every :: self._every])
+        self._samples.append(values[-self.count % self._stride :: self._stride])
         self.count = total
-        if sum(map(len, self._kept)) > 2 * _KEPT:
-            self._kept = [np.concatenate(self._kept)[::2]]
-            self._every *= 2
+        if sum(map(len, self._samples)) > 2 * _MAX_SAMPLES:
+            self._samples = [np.concatenate(self._samples)[::2]]
+            self._stride *= 2
 
     def shares(self) -> Float64Array:
-        """(BINS,) of the values that fall between ``min`` and ``max``, in bins of equal width."""
-        kept = np.concatenate(self._kept)
-        counts, _ = np.histogram(kept, BINS, (self.min, self.max))
-        shares: Float64Array = counts / len(kept)
+        """(BINS,) fraction of the values in each of BINS equal bins between ``min`` and ``max``."""
+        samples = np.concatenate(self._samples)
+        counts, _ = np.histogram(samples, BINS, (self.min, self.max))
+        shares: Float64Array = counts / len(samples)
         return shares
 
 
@@ -69,9 +69,9 @@ class SceneStatistics:
     """Statistics of the scenes added so far.
 
     Attributes:
-        maps: Scenes of each map.
-        numbers: Tallies of the parameters that are numbers, or 1 and 0 for yes and no.
-        kinds: How often each value of the parameters that are names was drawn.
+        maps: Number of scenes per map.
+        numbers: Tallies of the numeric parameters; booleans count as 1 and 0.
+        kinds: For parameters that are names, how often each value was drawn.
     """
 
     maps: Counter[str] = field(default_factory=Counter)
@@ -79,10 +79,10 @@ class SceneStatistics:
     kinds: dict[str, Counter[str]] = field(default_factory=dict)
 
     def add(self, spec: SceneSpec) -> None:
-        """Add a scene."""
+        """Add the drawn values of one scene."""
         self.maps[spec.map.name] += 1
         numbers: dict[str, list[float]] = {}
-        for name, value in drawn_values(spec):
+        for name, value in iter_drawn_values(spec):
             if isinstance(value, str):
                 self.kinds.setdefault(name, Counter())[value] += 1
             else:
@@ -91,36 +91,36 @@ class SceneStatistics:
             self.numbers.setdefault(name, Tally()).add(np.array(values, np.float64))
 
 
-def drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
-    """Name and value of everything drawn for a scene but places and colours; a name for all actors of a sort."""
+def iter_drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
+    """Name and value of everything drawn for a scene except positions and colors; actors of one kind share a name."""
     yield "duration_s", spec.ticks * spec.tick_ns / NS_PER_S
-    yield from _values("", spec)
+    yield from _iter_values("", spec)
     yield "vehicles", float(len(spec.drivers) - 1)
     yield "pedestrians", float(len(spec.pedestrians))
     yield "hazards", float(len(spec.hazards))
-    yield from _values("ego", spec.vehicles[0])
-    yield from _values("vehicles", spec.drivers[1:])
-    yield from _values("pedestrians", spec.pedestrians)
+    yield from _iter_values("ego", spec.vehicles[0])
+    yield from _iter_values("vehicles", spec.drivers[1:])
+    yield from _iter_values("pedestrians", spec.pedestrians)
 
 
-def _values(name: str, value: Any) -> Iterator[tuple[str, float | str]]:
+def _iter_values(name: str, value: Any) -> Iterator[tuple[str, float | str]]:
     if isinstance(value, Distribution) or value is None:
         return
     if isinstance(value, BaseModel):
         for key, inner in value:
             if key not in _NOT_DRAWN:
-                yield from _values(f"{name}.{key}" if name else key, inner)
+                yield from _iter_values(f"{name}.{key}" if name else key, inner)
     elif isinstance(value, tuple):
         for inner in value:
-            yield from _values(name, inner)
+            yield from _iter_values(name, inner)
     elif isinstance(value, (str, int, float)):
         yield name, value if isinstance(value, str) else float(value)
 
 
-def meant(name: str, scenario: Scenario) -> str:
-    """What a parameter is meant to be under a configuration; empty if the configuration has no say."""
+def configured_value(name: str, scenario: Scenario) -> str:
+    """Describe the value or distribution that the configuration sets for a parameter; empty if it sets none."""
     facts = _facts()
-    for path in _candidates(name, facts["fields"]):
+    for path in _candidate_fields(name, facts["fields"]):
         value: Any = scenario
         for key in path.split("."):
             value = getattr(value, key, None)
@@ -128,21 +128,21 @@ def meant(name: str, scenario: Scenario) -> str:
             continue
         if value == "paper":
             return str(facts["paper"].get(path.replace("weather.final.", "weather."), "the paper's rule"))
-        only = f", {facts['only'][path]}" if path in facts["only"] else ""
-        return _described(value, is_chance=path.endswith("_probability") > name.endswith("_probability")) + only
+        limits = f", {facts['only'][path]}" if path in facts["only"] else ""
+        return _describe(value, is_probability=path.endswith("_probability") > name.endswith("_probability")) + limits
     return ""
 
 
-def _described(value: Distribution | float | str, is_chance: bool) -> str:
-    if is_chance:
+def _describe(value: Distribution | float | str, is_probability: bool) -> str:
+    if is_probability:
         return f"yes with probability {value}"
     if isinstance(value, Distribution):
         return str(value)
     return f"fixed: {value:g}" if isinstance(value, float) else f"fixed: {value}"
 
 
-def _candidates(name: str, fields: dict[str, str]) -> Iterator[str]:
-    """Fields of the configuration that may govern a parameter, the most special one first."""
+def _candidate_fields(name: str, fields: dict[str, str]) -> Iterator[str]:
+    """Configuration fields that may control a parameter, most specific first."""
     if name in fields:
         yield fields[name]
     name = name.replace("final_weather.", "weather.final.")

@@ -1,1 +1,1 @@
-"""Hazard areas: accidents and work zones, where they find room, and what stands in and around them."""
+"""Hazard areas (accidents and work zones): where they fit on a map, and what stands in and around them."""

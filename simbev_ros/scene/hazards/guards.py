@@ -1,4 +1,4 @@
-"""What guards a hazard area: cones, barriers, those that close a road, and the warning sign ahead of it."""
+"""Guards of a hazard area: cones, barriers, the barriers that close a road, and the warning sign ahead of the area."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -19,83 +19,90 @@ from simbev_ros.types import Float64Array
 
 _CONE, _BARRIER, _WATER_BARRIER = "prop.traffic_cone", "prop.barrier", "prop.water_barrier"
 _SIGN = {HazardKind.ACCIDENT: "prop.sign_accident", HazardKind.WORK_ZONE: "prop.sign_works"}
-_GAP_M = 0.08  # between barriers
-_CONE_M = 0.25  # to its end at least is room for a cone
+_BARRIER_GAP_M = 0.08  # gap between barriers
+_CONE_CLEARANCE_M = 0.25  # minimum distance from the body's end to a cone
 _TRIES = 16
-_NEAREST_SIGN_M, _FARTHEST_SIGN_M, _SIGN_STEP_M = 10.0, 300.0, 5.0
-BARRIER_M = 1.0
-"""Of the body's length at each end: there a work zone's barriers stand."""
+_MIN_SIGN_M, _MAX_SIGN_M, _SIGN_STEP_M = 10.0, 300.0, 5.0
+BARRIER_ROW_M = 1.0
+"""Length at each end of a work zone's body that its rows of barriers take up."""
 
 
-def cones(config: Hazards, kind: HazardKind, area: HazardArea, seed: int, name: str) -> tuple[list[PropSpec], int]:
-    """The cones, on the border to the open lanes, and how many of them are missing.
+def place_cones(
+    config: Hazards, kind: HazardKind, area: HazardArea, seed: int, name: str
+) -> tuple[list[PropSpec], int]:
+    """The cones on the border to the open lanes, and the number of missing ones.
 
-    A work zone has them on its tapers only, because the rest has barriers.
+    A work zone has cones on its tapers only, because barriers guard the rest.
     """
     count = math.ceil(area.length_m / config.cone_spacing_m) + 1
     along_m = np.linspace(0.0, area.length_m, count)
-    begin_m, end_m = area.body_m
+    start_m, end_m = area.body_m
     if kind is HazardKind.WORK_ZONE:
-        along_m = along_m[(along_m < begin_m - _CONE_M) | (along_m > end_m + _CONE_M)]
-    there = stream(seed, f"{name}.cones").random(len(along_m)) >= config.cone_missing_probability
-    stand = list(_props(_CONE, *area.guards(along_m[there])))
-    return stand, int(np.count_nonzero(~there))
+        along_m = along_m[(along_m < start_m - _CONE_CLEARANCE_M) | (along_m > end_m + _CONE_CLEARANCE_M)]
+    is_present = stream(seed, f"{name}.cones").random(len(along_m)) >= config.cone_missing_probability
+    present = list(_props(_CONE, *area.guard_positions(along_m[is_present])))
+    return present, int(np.count_nonzero(~is_present))
 
 
-def barriers(area: HazardArea) -> Iterator[PropSpec]:
-    """Of a work zone: across both ends of its body, and along its open side."""
-    begin_m, end_m = area.body_m
-    across_m = _evenly(area.width_m)
+def place_barriers(area: HazardArea) -> Iterator[PropSpec]:
+    """The barriers of a work zone: across both ends of its body and along its open side."""
+    start_m, end_m = area.body_m
+    across_m = _barrier_row_m(area.width_m)
     ends = [
         prop
-        for along_m in (begin_m + BARRIER_M / 2.0, end_m - BARRIER_M / 2.0)
-        for prop in _props(_BARRIER, *area.places(np.full(len(across_m), along_m), across_m))
+        for along_m in (start_m + BARRIER_ROW_M / 2.0, end_m - BARRIER_ROW_M / 2.0)
+        for prop in _props(_BARRIER, *area.positions(np.full(len(across_m), along_m), across_m))
     ]
     yield from ends
-    step_m = _size_m(_WATER_BARRIER)[1] + _GAP_M
-    place_m, yaw_rad = area.guards(np.arange(begin_m + BARRIER_M + step_m / 2.0, end_m - BARRIER_M, step_m))
-    taken = ground_of(ends)
-    for prop in _props(_WATER_BARRIER, place_m, yaw_rad + area.side * math.pi / 2.0):
-        ground = ground_of([prop])
-        if not ground.intersects(taken):  # as they do in bends
-            taken = taken.union(ground)
+    step_m = _size_m(_WATER_BARRIER)[1] + _BARRIER_GAP_M
+    position_m, yaw_rad = area.guard_positions(
+        np.arange(start_m + BARRIER_ROW_M + step_m / 2.0, end_m - BARRIER_ROW_M, step_m)
+    )
+    occupied = props_footprint(ends)
+    for prop in _props(_WATER_BARRIER, position_m, yaw_rad + area.side * math.pi / 2.0):
+        footprint = props_footprint([prop])
+        if not footprint.intersects(occupied):  # in bends they would overlap
+            occupied = occupied.union(footprint)
             yield prop
 
 
-def road_ends(roadside: Roadside, edges: Iterable[str]) -> Iterator[PropSpec]:
-    """A row of barriers across the beginning of each street that is closed."""
+def place_road_closures(roadside: Roadside, edges: Iterable[str]) -> Iterator[PropSpec]:
+    """A row of barriers across the start of each closed street."""
     for edge in edges:
         width_m = roadside.width_m(edge)
-        yield from _props(_BARRIER, *roadside.across(edge, _evenly(width_m), _size_m(_BARRIER)))
+        yield from _props(_BARRIER, *roadside.row_across(edge, _barrier_row_m(width_m), _size_m(_BARRIER)))
 
 
-def warning_sign(
+def place_warning_sign(
     config: Hazards, kind: HazardKind, area: HazardArea, roadside: Roadside, seed: int, name: str
 ) -> tuple[PropSpec | None, float | None]:
-    """The sign and its distance, drawn anew while there is no place for it, and at last the nearest possible."""
+    """The warning sign and its distance; None where there is no room at any distance.
+
+    Redraws the distance while there is no room, and then falls back to the possible distance nearest to the first draw.
+    """
     rng = stream(seed, f"{name}.sign")
     drawn_m = [sample(config.sign_distance_m, rng) for _ in range(_TRIES)]
-    others_m = np.arange(_NEAREST_SIGN_M, _FARTHEST_SIGN_M, _SIGN_STEP_M)
-    for distance_m in (*drawn_m, *others_m[np.argsort(np.abs(others_m - drawn_m[0]), kind="stable")].tolist()):
-        found = roadside.ahead_of(area, distance_m, _size_m(_SIGN[kind]))
-        if found is not None:
-            return next(_props(_SIGN[kind], *found)), distance_m
+    fallback_m = np.arange(_MIN_SIGN_M, _MAX_SIGN_M, _SIGN_STEP_M)
+    for distance_m in (*drawn_m, *fallback_m[np.argsort(np.abs(fallback_m - drawn_m[0]), kind="stable")].tolist()):
+        pose = roadside.sign_ahead_of(area, distance_m, _size_m(_SIGN[kind]))
+        if pose is not None:
+            return next(_props(_SIGN[kind], *pose)), distance_m
     return None, None
 
 
-def ground_of(props: Iterable[PropSpec]) -> BaseGeometry:
-    """The ground that things cover."""
-    things = list(props)
-    sizes_m = np.array([_size_m(prop.blueprint) for prop in things]).reshape(-1, 2)
-    middle_m = np.array([(prop.x_m, prop.y_m) for prop in things]).reshape(-1, 2)
-    return shapely.union_all(footprints(sizes_m, middle_m, np.array([prop.yaw_rad for prop in things])))
+def props_footprint(props: Iterable[PropSpec]) -> BaseGeometry:
+    """The ground that props cover."""
+    prop_list = list(props)
+    sizes_m = np.array([_size_m(prop.blueprint) for prop in prop_list]).reshape(-1, 2)
+    center_m = np.array([(prop.x_m, prop.y_m) for prop in prop_list]).reshape(-1, 2)
+    return shapely.union_all(footprints(sizes_m, center_m, np.array([prop.yaw_rad for prop in prop_list])))
 
 
-def _evenly(width_m: float) -> Float64Array:
-    """(N,) middles of as many barriers beside each other as have room."""
+def _barrier_row_m(width_m: float) -> Float64Array:
+    """(N,) center positions across a width of as many adjacent barriers as fit."""
     count = max(1, int(width_m // _size_m(_BARRIER)[1]))
-    middles_m: Float64Array = width_m * (np.arange(count) + 0.5) / count
-    return middles_m
+    centers_m: Float64Array = width_m * (np.arange(count) + 0.5) / count
+    return centers_m
 
 
 def _size_m(blueprint: str) -> tuple[float, float]:
@@ -103,6 +110,6 @@ def _size_m(blueprint: str) -> tuple[float, float]:
     return length_m, width_m
 
 
-def _props(blueprint: str, place_m: Float64Array, yaw_rad: Float64Array) -> Iterator[PropSpec]:
-    for (x_m, y_m, z_m), yaw in zip(place_m.tolist(), yaw_rad.tolist(), strict=True):
+def _props(blueprint: str, position_m: Float64Array, yaw_rad: Float64Array) -> Iterator[PropSpec]:
+    for (x_m, y_m, z_m), yaw in zip(position_m.tolist(), yaw_rad.tolist(), strict=True):
         yield PropSpec(blueprint=blueprint, x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw)

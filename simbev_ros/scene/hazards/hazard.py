@@ -1,4 +1,4 @@
-"""Hazard areas of a scene: which lanes they close, what area they cover, and the things that stand around them."""
+"""Specification of a scene's hazard areas: the lanes they close, their outline, and the props around them."""
 
 from enum import StrEnum
 
@@ -8,14 +8,14 @@ from simbev_ros.config.base import Model
 
 
 class HazardKind(StrEnum):
-    """Why there is one."""
+    """Cause of a hazard area."""
 
     ACCIDENT = "accident"
     WORK_ZONE = "work_zone"
 
 
 class BlockedStretch(Model):
-    """A stretch of a lane where nobody can drive; distances from the lane's start along its centre line."""
+    """A stretch of a lane that cannot be driven on; distances are from the lane's start along its center line."""
 
     lane: str
     from_s_m: float = Field(ge=0)
@@ -23,13 +23,13 @@ class BlockedStretch(Model):
 
 
 class PropSpec(Model):
-    """A thing that stands on the ground, map frame."""
+    """An object that stands on the ground, map frame."""
 
     blueprint: str
     x_m: float
     y_m: float
-    z_m: float = Field(description="about; tells the levels of roads apart")
-    yaw_rad: float = Field(description="in which the traffic goes that comes up to it")
+    z_m: float = Field(description="approximate height; identifies the road level")
+    yaw_rad: float = Field(description="heading of the approaching traffic")
 
 
 class HazardSpec(Model):
@@ -37,14 +37,18 @@ class HazardSpec(Model):
 
     kind: HazardKind
     blocked: tuple[BlockedStretch, ...] = ()
-    closed_edges: tuple[str, ...] = Field((), description="streets that nobody drives onto; some: nobody can pass")
-    outline_m: tuple[tuple[float, float], ...] = Field(
-        min_length=3, description="of the area, map frame, counterclockwise, not closed"
+    closed_edges: tuple[str, ...] = Field(
+        (), description="edges closed to all traffic; not empty: the whole road is closed"
     )
-    z_m: float = Field(0.0, description="about; tells the levels of roads apart")
-    emergency_vehicle: bool | None = Field(None, description="whether one has arrived; none: it is no accident")
+    outline_m: tuple[tuple[float, float], ...] = Field(
+        min_length=3, description="outline of the area, map frame, counterclockwise, first corner not repeated"
+    )
+    z_m: float = Field(0.0, description="approximate height; identifies the road level")
+    emergency_vehicle: bool | None = Field(
+        None, description="whether an emergency vehicle has arrived; none: not an accident"
+    )
     sign_distance_m: float | None = Field(
-        None, ge=0, description="along the road from the warning sign to the area; none: there is no place for one"
+        None, ge=0, description="distance along the road from the warning sign to the area; none: no room for a sign"
     )
     cones_missing: int = Field(0, ge=0)
     props: tuple[PropSpec, ...] = ()

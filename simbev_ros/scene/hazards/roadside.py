@@ -1,4 +1,4 @@
-"""Where signs and barriers can stand along the streets of a map: clear of all lanes that lead elsewhere."""
+"""Positions for signs and barriers along the streets of a map, clear of all lanes that lead elsewhere."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Set
@@ -16,170 +16,183 @@ from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
-_OFF_ROAD_M = (0.5, 0.9, 1.4, 2.0)  # from the road's edge to the middle of a sign
-_ROW_M = (3.0, 4.0, 5.0, 6.0, 2.0)  # from a street's beginning to a row of barriers
+_SIGN_OFFSETS_M = (0.5, 0.9, 1.4, 2.0)  # distances from the road's edge to the center of a sign, in order of preference
+_ROW_DISTANCES_M = (3.0, 4.0, 5.0, 6.0, 2.0)  # from a street's start to a row of barriers, in order of preference
 _CLEAR_M = 0.05
-_LEVEL_M = 2.5
-_BESIDE_M = 6.0
-_MOST_WAYS = 24  # that lead to an area are looked at
+_LEVEL_TOLERANCE_M = 2.5
+_NEAR_STRUCTURE_M = 6.0
+_MAX_PATHS = 24  # number of lanes searched for a sign upstream of an area
 
 
 class Roadside:
-    """The sides and the beginnings of a map's streets."""
+    """The sides and the starts of a map's streets.
+
+    Attributes:
+        edges: Lanes of each edge except walkable ones, outermost first.
+    """
 
     def __init__(self, network: RoadNetwork) -> None:
         self._network = network
         self.edges: dict[str, list[Lane]] = defaultdict(list)
-        self._before: dict[str, list[Lane]] = defaultdict(list)
+        self._predecessors: dict[str, list[Lane]] = defaultdict(list)
         hand = 0
         for lane in network.lanes.values():
             if lane.kind not in WALKABLE_KINDS:
                 self.edges[lane.edge].append(lane)
                 for successor in lane.successors:
-                    self._before[successor].append(lane)
+                    self._predecessors[successor].append(lane)
         for lanes in self.edges.values():
             lanes.sort(key=lambda lane: lane.index)
             hand += side_of(lanes[1], lanes[0]) if len(lanes) > 1 else 0
         for lane in network.lanes_of(LaneKind.SIDEWALK):
             if lane.edge in self.edges:
                 hand += side_of(self.edges[lane.edge][-1], lane)
-        self._of_kind = cache(self._lanes_of)
+        self._lane_mask = cache(self._mask_of_kinds)
         self.hand = 1 if hand >= 0 else -1
         """1 if traffic keeps to the right, -1 if to the left."""
 
     def width_m(self, edge: str) -> float:
-        """Width of an edge's driving lanes."""
+        """Total width of an edge's driving lanes."""
         return sum(lane.width_m for lane in self._driving(edge))
 
     def entrances(self, edges: Set[str]) -> tuple[str, ...]:
-        """Those of some edges that one drives onto from others, in order."""
+        """The subset of edges that can be entered from other edges, sorted."""
         return tuple(sorted(edge for edge in edges if not self._edges_before(edge) <= edges))
 
     def _edges_before(self, edge: str) -> set[str]:
-        """The edges that lead to an edge, through junctions."""
-        found, waiting = set[str](), [*self._driving(edge)]
-        while waiting:
-            for before in self._before[waiting.pop().id]:
+        """The edges that lead to an edge through junctions."""
+        before_edges, pending = set[str](), [*self._driving(edge)]
+        while pending:
+            for before in self._predecessors[pending.pop().id]:
                 if before.junction:
-                    waiting.append(before)
+                    pending.append(before)
                 else:
-                    found.add(before.edge)
-        return found
+                    before_edges.add(before.edge)
+        return before_edges
 
-    def across(
+    def row_across(
         self, edge: str, across_m: Float64Array, size_m: tuple[float, float]
     ) -> tuple[Float64Array, Float64Array]:
-        """(N, 3) places and (N,) directions in a row across an edge's beginning, off its crosswalks.
+        """(N, 3) positions and (N,) headings in a row across the start of an edge, off its crosswalks.
 
         Args:
-            edge: Which.
-            across_m: (N,) from the outer border of its driving lanes.
-            size_m: Of what shall stand there.
+            edge: The edge.
+            across_m: (N,) distances from the outer border of its driving lanes.
+            size_m: Length and width of the objects to place.
         """
         lane = self._driving(edge)[0]
-        for s_m in _ROW_M:
+        for s_m in _ROW_DISTANCES_M:
             position_m, yaw_rad = self._network.pose_on_lane(lane.id, min(s_m, lane.length_m))
             inwards = self.hand * np.array([-np.sin(yaw_rad), np.cos(yaw_rad), 0.0])
-            places_m = position_m + (across_m - lane.width_m / 2.0)[:, None] * inwards
-            yaws_rad = np.full(len(places_m), yaw_rad)
-            boxes = footprints(np.array(size_m), places_m, yaws_rad)
-            if not self._hits(boxes, float(position_m[2]), self._of_kind(LaneKind.CROSSING)).any():
+            positions_m = position_m + (across_m - lane.width_m / 2.0)[:, None] * inwards
+            yaws_rad = np.full(len(positions_m), yaw_rad)
+            boxes = footprints(np.array(size_m), positions_m, yaws_rad)
+            if not self._hits(boxes, float(position_m[2]), self._lane_mask(LaneKind.CROSSING)).any():
                 break
-        return places_m, yaws_rad
+        return positions_m, yaws_rad
 
-    def ahead_of(
+    def sign_ahead_of(
         self, area: HazardArea, distance_m: float, size_m: tuple[float, float]
     ) -> tuple[Float64Array, Float64Array] | None:
-        """The (1, 3) place and (1,) direction of a sign beside the road at a distance ahead of an area.
+        """(1, 3) position and (1,) heading of a sign beside the road, at a distance ahead of an area; None: no room.
 
-        It is on the straightest way to the area that has room for it: on the sidewalk or verge, or the hard shoulder,
-        as on bridges. None: there is no such place.
+        The sign stands on the straightest path to the area that has room: on the sidewalk or verge or, as on bridges,
+        on the hard shoulder.
         """
-        for lane, s_m in self._ways(area, distance_m):
+        for lane, s_m in self._paths_to(area, distance_m):
             lanes = self.edges[lane.edge]
-            middle_m = sum(each.width_m for each in lanes[: lanes.index(lane)]) + lane.width_m / 2.0
+            to_border_m = sum(each.width_m for each in lanes[: lanes.index(lane)]) + lane.width_m / 2.0
             position_m, yaw_rad = self._network.pose_on_lane(lane.id, s_m)
             outwards = self.hand * np.array([np.sin(yaw_rad), -np.cos(yaw_rad), 0.0])
-            beside_m = np.array(_OFF_ROAD_M)
+            beside_m = np.array(_SIGN_OFFSETS_M)
             if lanes[0].kind is LaneKind.SHOULDER:
                 beside_m = np.append(beside_m, -np.array(size_m).max() / 2.0 - _CLEAR_M)
-            places_m = position_m + (middle_m + beside_m)[:, None] * outwards
-            boxes = footprints(np.array(size_m), places_m, np.full(len(places_m), yaw_rad))
-            off_road = (beside_m < 0.0) | ~self._hits(boxes, float(position_m[2]), self._of_kind(LaneKind.SHOULDER))
-            clear = ~self._hits(boxes, float(position_m[2]), self._of_kind(*ROAD_KINDS, LaneKind.CROSSING))
-            room = np.flatnonzero(off_road & clear & self._carried(boxes, position_m))
+            positions_m = position_m + (to_border_m + beside_m)[:, None] * outwards
+            boxes = footprints(np.array(size_m), positions_m, np.full(len(positions_m), yaw_rad))
+            off_road = (beside_m < 0.0) | ~self._hits(boxes, float(position_m[2]), self._lane_mask(LaneKind.SHOULDER))
+            clear = ~self._hits(boxes, float(position_m[2]), self._lane_mask(*ROAD_KINDS, LaneKind.CROSSING))
+            room = np.flatnonzero(off_road & clear & self._is_on_structure(boxes, position_m))
             if len(room):
-                return places_m[room[:1]], np.array([yaw_rad])
+                return positions_m[room[:1]], np.array([yaw_rad])
         return None
 
     def _driving(self, edge: str) -> list[Lane]:
         return [lane for lane in self.edges[edge] if lane.kind is LaneKind.DRIVING]
 
-    def _ways(self, area: HazardArea, distance_m: float) -> Iterator[tuple[Lane, float]]:
-        """Lanes outside junctions, and distances on them, from where it is so far to an area; the straightest first."""
+    def _paths_to(self, area: HazardArea, distance_m: float) -> Iterator[tuple[Lane, float]]:
+        """Yield lanes outside junctions, and positions on them, at a distance before an area; the straightest first."""
         first = self._driving(area.closed[0].edge)[0]
-        ways, looked_at = [(first, area.from_s_m - distance_m)], 0
-        while ways and looked_at < _MOST_WAYS:
-            lane, s_m = ways.pop()
-            looked_at += 1
+        open_paths, searched = [(first, area.from_s_m - distance_m)], 0
+        while open_paths and searched < _MAX_PATHS:
+            lane, s_m = open_paths.pop()
+            searched += 1
             if s_m >= 0.0:
                 if not lane.junction:
                     yield lane, s_m
                 continue
             heading = start_heading(lane)
-            before = sorted(self._before[lane.id], key=lambda each: (float(start_heading(each) @ heading), each.id))
-            ways += [(each, s_m + each.length_m) for each in before]
+            before = sorted(
+                self._predecessors[lane.id], key=lambda each: (float(start_heading(each) @ heading), each.id)
+            )
+            open_paths += [(each, s_m + each.length_m) for each in before]
 
     @cached_property
     def _lines(self) -> tuple[shapely.STRtree, AnyArray, Float64Array, Float64Array]:
-        """The lanes' centre lines, half their widths and their heights."""
+        """The lanes' center lines, half widths and mean heights."""
         lanes = list(self._network.lanes.values())
         lines = Polylines.of([lane.centerline_m for lane in lanes])
         shapes = np.asarray(shapely.linestrings(lines.points_m[:, :2], indices=lines.row), object)
-        half_m = np.array([lane.width_m / 2.0 for lane in lanes])
-        return shapely.STRtree(shapes), shapes, half_m, np.array([lane.centerline_m[:, 2].mean() for lane in lanes])
+        half_width_m = np.array([lane.width_m / 2.0 for lane in lanes])
+        return (
+            shapely.STRtree(shapes),
+            shapes,
+            half_width_m,
+            np.array([lane.centerline_m[:, 2].mean() for lane in lanes]),
+        )
 
-    def _lanes_of(self, *kinds: LaneKind) -> BoolArray:
-        """(L,) which of the lanes are of some kinds."""
+    def _mask_of_kinds(self, *kinds: LaneKind) -> BoolArray:
+        """(L,) whether each lane is of one of these kinds."""
         return np.array([lane.kind in kinds for lane in self._network.lanes.values()], bool)
 
     @cached_property
-    def _decks(self) -> tuple[shapely.STRtree, list[Strip]]:
-        """What is carried by structures."""
+    def _raised_strips(self) -> tuple[shapely.STRtree, list[Strip]]:
+        """The strips that structures carry."""
         raised = [strip for strip in self._network.layout.strips if strip.level > 0]
         return shapely.STRtree(strip_polygons(raised)), raised
 
-    def _carried(self, boxes: AnyArray, road_m: Float64Array) -> BoolArray:
-        """(N,) whether boxes beside a (3,) place of a road stand on its structure, or are on the ground as that is."""
-        tree, decks = self._decks
-        near = tree.query(shapely.Point(road_m[:2]), predicate="dwithin", distance=_BESIDE_M)
-        level = [row for row in near.tolist() if np.abs(decks[row].left_m[:, 2] - road_m[2]).min() < _LEVEL_M]
-        if not level:
+    def _is_on_structure(self, boxes: AnyArray, road_m: Float64Array) -> BoolArray:
+        """(N,) whether boxes beside a (3,) road position are on its structure, or on the ground if the road is."""
+        tree, raised = self._raised_strips
+        nearby = tree.query(shapely.Point(road_m[:2]), predicate="dwithin", distance=_NEAR_STRUCTURE_M)
+        on_level = [
+            row for row in nearby.tolist() if np.abs(raised[row].left_m[:, 2] - road_m[2]).min() < _LEVEL_TOLERANCE_M
+        ]
+        if not on_level:
             return np.ones(len(boxes), bool)
-        covered: BoolArray = shapely.covers(shapely.union_all(tree.geometries[level]).buffer(_CLEAR_M), boxes)
+        covered: BoolArray = shapely.covers(shapely.union_all(tree.geometries[on_level]).buffer(_CLEAR_M), boxes)
         return covered
 
     def _hits(self, boxes: AnyArray, z_m: float, lanes: BoolArray) -> BoolArray:
-        """(N,) whether boxes at a height are on some of the lanes."""
-        tree, shapes, half_m, height_m = self._lines
-        box, lane = tree.query(boxes, predicate="dwithin", distance=float(half_m.max(initial=0.0)))
-        near = lanes[lane] & (np.abs(height_m[lane] - z_m) < _LEVEL_M)
-        box, lane = box[near], lane[near]
-        on_lane = shapely.distance(boxes[box], shapes[lane]) < half_m[lane] + _CLEAR_M
+        """(N,) whether boxes at a height touch any of the lanes in a mask."""
+        tree, shapes, half_width_m, height_m = self._lines
+        box, lane = tree.query(boxes, predicate="dwithin", distance=float(half_width_m.max(initial=0.0)))
+        nearby = lanes[lane] & (np.abs(height_m[lane] - z_m) < _LEVEL_TOLERANCE_M)
+        box, lane = box[nearby], lane[nearby]
+        on_lane = shapely.distance(boxes[box], shapes[lane]) < half_width_m[lane] + _CLEAR_M
         hits = np.zeros(len(boxes), bool)
         hits[box[on_lane]] = True
         return hits
 
 
 def start_heading(lane: Lane) -> Float64Array:
-    """(2,) unit vector in which a lane begins."""
-    way_m = lane.centerline_m[1, :2] - lane.centerline_m[0, :2]
-    heading: Float64Array = way_m / max(float(np.linalg.norm(way_m)), 1e-9)
+    """(2,) unit vector of a lane's direction at its start."""
+    direction_m = lane.centerline_m[1, :2] - lane.centerline_m[0, :2]
+    heading: Float64Array = direction_m / max(float(np.linalg.norm(direction_m)), 1e-9)
     return heading
 
 
 def side_of(other: Lane, lane: Lane) -> int:
-    """1 if another lane of the edge is on the left of a lane, else -1."""
+    """1 if another lane of the edge is on the left of a lane, otherwise -1."""
     heading = start_heading(lane)
     gap_m = other.centerline_m[0, :2] - lane.centerline_m[0, :2]
     return 1 if heading[0] * gap_m[1] - heading[1] * gap_m[0] > 0.0 else -1

@@ -1,1 +1,1 @@
-"""Where vehicles can drive and pedestrians can walk: graphs over the lanes of a map."""
+"""Graphs over the lanes of a map: where vehicles can drive and where pedestrians can walk."""

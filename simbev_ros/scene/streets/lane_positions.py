@@ -1,4 +1,4 @@
-"""Places on lanes where actors can start, as arrays, whatever the size of the map."""
+"""Arrays of positions on lanes at which actors can start; their cost does not depend on the map's size."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
-    """N places on some lanes.
+class LanePositions:
+    """N positions on a set of lanes.
 
     Attributes:
         lanes: The lanes.
-        row: (N,) int64, which of the lanes each place is on.
+        row: (N,) int64, index into ``lanes`` of each position's lane.
         s_m: (N,) distance from the lane's start.
         position_m: (N, 3) map frame.
     """
@@ -30,27 +30,29 @@ class Places:
     def __len__(self) -> int:
         return len(self.row)
 
-    def within(self, center_m: Float64Array, radius_m: float) -> BoolArray:
-        """(N,) whether they are no further than a radius from a (3,) point."""
-        near: BoolArray = np.linalg.norm(self.position_m - center_m, axis=1) <= radius_m
-        return near
+    def within_radius(self, center_m: Float64Array, radius_m: float) -> BoolArray:
+        """(N,) whether each position is at most a radius away from a (3,) point."""
+        is_near: BoolArray = np.linalg.norm(self.position_m - center_m, axis=1) <= radius_m
+        return is_near
 
-    def beside(self, waypoint: WaypointSpec, distance_m: float) -> BoolArray:
-        """(N,) whether they are on the lane of a waypoint and nearer to it than a distance."""
+    def on_lane_near(self, waypoint: WaypointSpec, distance_m: float) -> BoolArray:
+        """(N,) whether each position is on a waypoint's lane and closer to it than a distance."""
         on_lane = np.array([lane.id == waypoint.lane for lane in self.lanes], bool)[self.row]
-        near: BoolArray = on_lane & (np.abs(self.s_m - waypoint.s_m) < distance_m)
-        return near
+        is_near: BoolArray = on_lane & (np.abs(self.s_m - waypoint.s_m) < distance_m)
+        return is_near
 
     def waypoint(self, index: int) -> WaypointSpec:
-        """One of them."""
+        """Waypoint of the position with this index."""
         return WaypointSpec(lane=self.lanes[self.row[index]].id, s_m=float(self.s_m[index]))
 
 
-def places_along(lanes: Sequence[Lane], first_m: float, spacing_m: float, end_margin_m: float = 0.0) -> Places:
-    """The first place of each lane ``first_m`` from its start, then one every ``spacing_m``, clear of its end."""
+def positions_along(
+    lanes: Sequence[Lane], first_m: float, spacing_m: float, end_margin_m: float = 0.0
+) -> LanePositions:
+    """Sample lanes: first position ``first_m`` from each lane's start, then every ``spacing_m``, clear of its end."""
     lines = Polylines.of([lane.centerline_m for lane in lanes])
     counts = np.ceil((lines.length_m - end_margin_m - first_m) / spacing_m).clip(0.0).astype(np.int64)
     row = np.repeat(np.arange(len(lanes)), counts)
     number = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
     s_m: Float64Array = first_m + spacing_m * number.astype(np.float64)
-    return Places(tuple(lanes), row, s_m, lines.values(lines.parameter(row, s_m)))
+    return LanePositions(tuple(lanes), row, s_m, lines.values(lines.parameter(row, s_m)))

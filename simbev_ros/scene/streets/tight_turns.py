@@ -1,4 +1,4 @@
-"""The lanes of a map that are too tight for long vehicles: found once, then read from the cache beside the map's."""
+"""The lanes of a map that are too tight for long vehicles, computed once and cached beside the map."""
 
 import hashlib
 import json
@@ -14,19 +14,19 @@ from simbev_ros.cache.folders import ensure_folder
 from simbev_ros.errors import NPZ_DAMAGE
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.scene.blueprints import Footprint, load_blueprints
-from simbev_ros.scene.streets.off_tracking import Obstacles, bent_ways, is_long, unfit
+from simbev_ros.scene.blueprints import VehicleFootprint, load_blueprints
+from simbev_ros.scene.streets.off_tracking import TurnObstacles, bent_paths, is_long, too_tight
 from simbev_ros.types import BoolArray, Int64Array
 
 _FILE = "tight.npy"
 
 
-def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprint, BoolArray]:
-    """For each long vehicle's footprint, (L,) which driving lanes it must not take.
+def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[VehicleFootprint, BoolArray]:
+    """For each long vehicle's footprint, (L,) driving lanes that it must not take.
 
     Args:
         network: The map.
-        following: (K, 2) rows of driving lanes and of those that follow them.
+        following: (K, 2) rows of driving lanes and their successors.
 
     Raises:
         InputError: The cache cannot be written.
@@ -34,9 +34,9 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprin
     bodies = sorted({each.footprint for each in load_blueprints() if each.kind == "vehicle" and is_long(each)})
     driving, sidewalks = network.lanes_of(LaneKind.DRIVING), network.lanes_of(LaneKind.SIDEWALK)
     build = partial(_build, bodies, driving, sidewalks, following)
-    cache_dir = network.net_path.parents[2]  # it holds a folder of maps, and that a folder of each map
+    cache_dir = network.net_path.parents[2]  # the net is in <cache>/<maps>/<map>
     while True:
-        key = _key(bodies, driving, sidewalks, following)
+        key = _cache_key(bodies, driving, sidewalks, following)
         folder = ensure_folder("turns", network.name, fingerprint(__name__), key, build, cache_dir)
         try:
             tight = np.load(folder / _FILE, allow_pickle=False)
@@ -46,20 +46,24 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[Footprin
 
 
 def _build(
-    bodies: Sequence[Footprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array, folder: Path
+    bodies: Sequence[VehicleFootprint],
+    driving: Sequence[Lane],
+    sidewalks: Sequence[Lane],
+    following: Int64Array,
+    folder: Path,
 ) -> None:
-    """Fill a folder of the cache."""
-    ways = bent_ways(driving, following)
-    body, way = np.nonzero(unfit(bodies, ways, Obstacles(driving, sidewalks)))
+    """Compute the tight lanes into a folder of the cache."""
+    paths = bent_paths(driving, following)
+    body, path = np.nonzero(too_tight(bodies, paths, TurnObstacles(driving, sidewalks)))
     tight = np.zeros((len(bodies), len(driving)), bool)
-    tight[body, ways.decisive[way]] = True
+    tight[body, paths.decisive[path]] = True
     np.save(folder / _FILE, tight, allow_pickle=False)
 
 
-def _key(
-    bodies: Sequence[Footprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array
+def _cache_key(
+    bodies: Sequence[VehicleFootprint], driving: Sequence[Lane], sidewalks: Sequence[Lane], following: Int64Array
 ) -> bytes:
-    """All that decides the content: the vehicles and the lanes."""
+    """Digest of everything that determines the content: the vehicles and the lanes."""
     lanes = (*driving, *sidewalks)
     named = json.dumps(
         [bodies, len(driving), [(lane.junction, lane.width_m, len(lane.centerline_m)) for lane in lanes]]

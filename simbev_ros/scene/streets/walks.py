@@ -1,4 +1,4 @@
-"""Where pedestrians can walk: which sidewalks, walking areas and crossings touch, and random walks over them."""
+"""Where pedestrians can walk: a graph of sidewalks, walking areas and crossings, and random walks on it."""
 
 from collections import defaultdict, deque
 
@@ -9,49 +9,49 @@ from scipy.sparse.csgraph import connected_components
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import WALKABLE_KINDS, LaneKind
 
-_MOST_REACHED = 300  # bounds the search for a walk's destination on large maps
-_WALKER = "pedestrian"
+_MAX_REACHED = 300  # limits the search for a destination on large maps
+_SUMO_CLASS = "pedestrian"
 
 
 class WalkGraph:
-    """Which of the lanes for pedestrians touch; all of them are walked in both directions."""
+    """Adjacency of the lanes for pedestrians; all of them can be walked in both directions."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        walkable = {lane.id: lane for lane in network.lanes_of(*WALKABLE_KINDS) if _WALKER in lane.classes}
+        walkable = {lane.id: lane for lane in network.lanes_of(*WALKABLE_KINDS) if _SUMO_CLASS in lane.classes}
         self.sidewalks = tuple(lane for lane in walkable.values() if lane.kind is LaneKind.SIDEWALK)
         self._length_m = {lane.edge: lane.length_m for lane in self.sidewalks}
-        neighbours: dict[str, dict[str, None]] = defaultdict(dict)
+        neighbors: dict[str, dict[str, None]] = defaultdict(dict)
         for lane in walkable.values():
             for successor in lane.successors:
                 if successor in walkable:
-                    neighbours[lane.edge][walkable[successor].edge] = None
-                    neighbours[walkable[successor].edge][lane.edge] = None
-        self._neighbours = {edge: tuple(touching) for edge, touching in neighbours.items()}
+                    neighbors[lane.edge][walkable[successor].edge] = None
+                    neighbors[walkable[successor].edge][lane.edge] = None
+        self._neighbors = {edge: tuple(adjacent) for edge, adjacent in neighbors.items()}
 
-    def component_m(self) -> dict[str, float]:
-        """Edge with a sidewalk → length of all sidewalks that can be walked to from it, itself included."""
-        edges = tuple(dict.fromkeys((*self._length_m, *self._neighbours)))
+    def component_length_m(self) -> dict[str, float]:
+        """For each edge with a sidewalk, the total length of all sidewalks connected to it, itself included."""
+        edges = tuple(dict.fromkeys((*self._length_m, *self._neighbors)))
         row = {edge: index for index, edge in enumerate(edges)}
         pairs = np.array(
-            [(row[edge], row[other]) for edge, touching in self._neighbours.items() for other in touching], np.int64
+            [(row[edge], row[other]) for edge, adjacent in self._neighbors.items() for other in adjacent], np.int64
         ).reshape(-1, 2)
-        touching = coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(edges), len(edges)))
-        _, component = connected_components(touching.tocsr(), directed=False)
+        adjacent = coo_array((np.ones(len(pairs), bool), pairs.T), shape=(len(edges), len(edges)))
+        _, component = connected_components(adjacent.tocsr(), directed=False)
         total_m = np.bincount(component, [self._length_m.get(edge, 0.0) for edge in edges])
         return {edge: float(total_m[component[row[edge]]]) for edge in self._length_m}
 
-    def walk(self, start_edge: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
-        """Edges of a walk to one random destination after the other, at least ``length_m`` long beyond the first edge.
+    def draw_walk(self, start_edge: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
+        """Draw a walk over random destinations: its edges, at least ``length_m`` long beyond the first edge.
 
-        The direction along the first edge is random, and nobody turns back in the middle of a sidewalk. Crossings and
-        walking areas are included, so that SUMO does not choose them anew while somebody waits. The walk ends early
-        only where nothing can be reached.
+        The direction along the first edge is random, and pedestrians do not turn back in the middle of a sidewalk. The
+        walk lists crossings and walking areas, so that SUMO does not re-choose them while a pedestrian waits. It is
+        shorter than ``length_m`` only where nothing more can be reached.
         """
         walk = [start_edge]
-        touching = self._neighbours.get(start_edge, ())
-        behind = touching[int(rng.integers(len(touching)))] if touching else ""
+        adjacent = self._neighbors.get(start_edge, ())
+        previous = adjacent[int(rng.integers(len(adjacent)))] if adjacent else ""
         while length_m > 0.0:
-            came_from = self._reachable(walk[-1], behind)
+            came_from = self._search(walk[-1], previous)
             destinations = [edge for edge in came_from if edge in self._length_m and edge != walk[-1]]
             if not destinations:
                 break
@@ -59,18 +59,18 @@ class WalkGraph:
             while came_from[leg[-1]] != walk[-1]:
                 leg.append(came_from[leg[-1]])
             walk += reversed(leg)
-            behind = walk[-2]
+            previous = walk[-2]
             length_m -= sum(self._length_m.get(edge, 0.0) for edge in leg)
         return tuple(walk)
 
-    def _reachable(self, start: str, behind: str) -> dict[str, str]:
-        """Nearest edges that can be walked to without stepping back to ``behind``, each with the edge before it."""
+    def _search(self, start: str, previous: str) -> dict[str, str]:
+        """Nearest edges reachable without stepping back to ``previous``, each with the edge before it."""
         came_from = {start: ""}
-        waiting = deque([start])
-        while waiting and len(came_from) < _MOST_REACHED:
-            here = waiting.popleft()
-            for edge in self._neighbours.get(here, ()):
-                if edge not in came_from and not (here == start and edge == behind):
-                    came_from[edge] = here
-                    waiting.append(edge)
+        pending = deque([start])
+        while pending and len(came_from) < _MAX_REACHED:
+            edge_at = pending.popleft()
+            for edge in self._neighbors.get(edge_at, ()):
+                if edge not in came_from and not (edge_at == start and edge == previous):
+                    came_from[edge] = edge_at
+                    pending.append(edge)
         return came_from

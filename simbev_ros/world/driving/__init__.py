@@ -1,1 +1,1 @@
-"""How drivers behave beyond SUMO: they predict conflicts and brake, move aside, and slow down in rain."""
+"""Driver behavior beyond SUMO: predicting conflicts and braking, moving aside, slowing in rain, and the ego driver."""

@@ -1,10 +1,13 @@
-"""Careful drivers look out: they brake for what their vehicle's body would hit, as drivers do who see it coming.
+"""Careful drivers brake for what the body of their vehicle would hit.
 
-SUMO keeps vehicles apart on lanes, but knows nothing of what bodies sweep. Here the courses of all bodies are foreseen
-for a few seconds, at SUMO's moment. Of two vehicles that would touch, the one that needs less braking for it yields, so
-that it stays out of the other's way; drivers who pass each other narrowly move aside. Nobody brakes where that does not
-help: for who drives into it from behind or from the side. A driver who yields is foreseen to drive off, the others as
-they drive, so that it waits until its way is free, and no two wait for each other.
+SUMO keeps vehicles apart on lanes, but ignores the area that their bodies sweep. This module predicts the trajectories
+of all bodies for a few seconds, at SUMO's moment, and limits the speeds of SUMO's vehicles:
+
+- Of two vehicles in conflict, the one that needs less braking yields, so that it stays out of the other's path.
+- Drivers who would pass each other too closely move aside.
+- Drivers do not brake where this cannot help: for a vehicle that hits them from behind or from the side.
+- A driver who yields is predicted as if it drove off, all others as they drive now. It therefore waits until its path
+  is clear, and no two drivers wait for each other.
 """
 
 from typing import Protocol
@@ -12,174 +15,189 @@ from typing import Protocol
 import numpy as np
 
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
-from simbev_ros.world.driving.conflicts import Encounters, Outlook
-from simbev_ros.world.driving.passing import Passing
-from simbev_ros.world.driving.trajectory_prediction import TIMES_S, Course, Foresight, Ways, walks
+from simbev_ros.world.driving.conflicts import Conflicts, PredictedTraffic
+from simbev_ros.world.driving.passing import PassingOffsets
+from simbev_ros.world.driving.trajectory_prediction import (
+    TIMES_S,
+    PredictedTrajectories,
+    RouteGeometry,
+    TrajectoryPredictor,
+    predict_pedestrians,
+)
 from simbev_ros.world.kinematics.motion import Bodies
 
 _REASON = "lookout"
 _STOP_GAP_M = 0.4
-_UNCOMFORTABLE_MPS2 = 2.0  # who needs less leaves it to SUMO's driver
-_HARDEST_MPS2 = 8.0
-_LOOK_S = 0.2
+_MIN_BRAKING_MPS2 = 2.0  # SUMO's own driver handles anything below
+_MAX_BRAKING_MPS2 = 8.0
+_LOOK_PERIOD_S = 0.2
 _STANDING_MPS = 0.02
-_FRONT_M = 0.5
+_FRONT_DEPTH_M = 0.5
 
 
-class Drivers(Ways, Protocol):
-    """What the look-out asks of the traffic; vehicles by their place in ``vehicles``."""
+class DriverControl(RouteGeometry, Protocol):
+    """Traffic interface that careful drivers need; vehicles are given by their index in ``vehicles``."""
 
     def speed_mps(self, vehicle: int) -> float:
         """A vehicle's speed."""
 
-    def limit(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Let a vehicle drive no faster for a reason; None: lift that."""
+    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
+        """Limit a vehicle's speed for a reason; None lifts the limit."""
 
 
-class Lookout:
-    """What all careful drivers of a scene see, and how they brake.
+class CarefulDrivers:
+    """The careful drivers of a scene: they look for conflicts and brake for them.
 
     Attributes:
-        braking_mps2: How hard vehicles brake that yield now.
+        braking_mps2: Deceleration of each vehicle that yields now.
     """
 
     def __init__(
-        self, bodies: Bodies, careful: BoolArray, front_m: Float64Array, traffic: Drivers, tick_s: float
+        self, bodies: Bodies, careful: BoolArray, front_m: Float64Array, traffic: DriverControl, tick_s: float
     ) -> None:
-        """At rest.
+        """Start at rest.
 
         Args:
-            bodies: V vehicles' and P people's.
-            careful: (V,) whose drivers look out.
-            front_m: (M, 3) fronts of the first vehicles, which are SUMO's; the others stand for ever.
+            bodies: Bodies of V vehicles and P pedestrians.
+            careful: (V,) whether each driver is careful.
+            front_m: (M, 3) fronts of the first M vehicles, which are SUMO's; the other vehicles never move.
             traffic: SUMO.
             tick_s: Length of a tick.
         """
         self.braking_mps2: dict[int, float] = {}
-        self._vehicles, self._sumos = bodies.boxes.vehicles, len(front_m)
+        self._vehicles, self._sumo_count = bodies.boxes.vehicles, len(front_m)
         self._half_m = bodies.boxes.size_m[:, :2] / 2.0
         self._half_m[self._vehicles :] = self._half_m[self._vehicles :].max(axis=1, keepdims=True)
         self._careful = np.zeros(len(self._half_m), bool)
-        self._careful[: self._sumos] = careful[: self._sumos]
+        self._careful[: self._sumo_count] = careful[: self._sumo_count]
         self._traffic = traffic
         self._tick_s = tick_s
-        self._foresight = Foresight(bodies, front_m, traffic, tick_s)
-        self._every = max(1, round(_LOOK_S / tick_s))
-        self._passing = Passing(self._sumos, self._every * tick_s)
+        self._predictor = TrajectoryPredictor(bodies, front_m, traffic, tick_s)
+        self._look_period_ticks = max(1, round(_LOOK_PERIOD_S / tick_s))
+        self._passing_offsets = PassingOffsets(self._sumo_count, self._look_period_ticks * tick_s)
         self._steps = 0
-        self._people_m: Float64Array | None = None
+        self._pedestrian_m: Float64Array | None = None
 
     @property
-    def aside_m(self) -> Float64Array:
-        """(M, 3) by how much vehicles drive beside SUMO's places, map frame."""
-        aside_m: Float64Array = np.zeros((self._sumos, 3))
-        aside_m[:, :2] = self._foresight.is_aside_m[:, None] * self._foresight.left
-        return aside_m
+    def offset_m(self) -> Float64Array:
+        """(M, 3) offset of each vehicle from SUMO's position, map frame."""
+        offset_m: Float64Array = np.zeros((self._sumo_count, 3))
+        offset_m[:, :2] = self._predictor.offset_m[:, None] * self._predictor.left
+        return offset_m
 
-    def advance(
+    def look_and_brake(
         self,
         front_m: Float64Array,
         point_m: Float64Array,
         rear_m: Float64Array,
         position_m: Float64Array,
         ahead: Float64Array,
-        still: BoolArray,
-        on_kerb: BoolArray,
+        has_stopped: BoolArray,
+        on_sidewalk: BoolArray,
     ) -> None:
-        """Look and brake; to be called once for each step of the traffic.
+        """Look for conflicts and brake for them. Call it once for each step of the traffic.
 
         Args:
-            front_m: (M, 3) fronts of the vehicles that are SUMO's.
-            point_m: (M, 3) their points.
+            front_m: (M, 3) fronts of SUMO's vehicles.
+            point_m: (M, 3) their leading points.
             rear_m: (M, 3) their rear axles.
-            position_m: (G, 3) of all bodies now.
-            ahead: (V, 2) unit vectors in which vehicles look.
-            still: (G,) who does, for good.
-            on_kerb: (P,) who walks on a sidewalk.
+            position_m: (G, 3) current positions of all bodies.
+            ahead: (V, 2) unit vectors of the vehicles' headings.
+            has_stopped: (G,) whether each body has crashed and never moves again.
+            on_sidewalk: (P,) whether each pedestrian is on a sidewalk.
         """
         self._steps += 1
-        self._foresight.advance(front_m, point_m, rear_m)
-        now = self._courses(position_m[:, :2], ahead, still, on_kerb)
-        self.braking_mps2 = {vehicle: mps2 for vehicle, mps2 in self.braking_mps2.items() if not still[vehicle]}
-        has_its_turn = (np.arange(len(still)) + self._steps) % self._every == 0
-        self._look(np.flatnonzero(self._careful & ~still & has_its_turn), now, position_m[:, 2])
+        self._predictor.observe(front_m, point_m, rear_m)
+        now = self._predict(position_m[:, :2], ahead, has_stopped, on_sidewalk)
+        self.braking_mps2 = {vehicle: mps2 for vehicle, mps2 in self.braking_mps2.items() if not has_stopped[vehicle]}
+        looks_now = (np.arange(len(has_stopped)) + self._steps) % self._look_period_ticks == 0
+        self._resolve_conflicts(np.flatnonzero(self._careful & ~has_stopped & looks_now), now, position_m[:, 2])
         for vehicle, braking_mps2 in self.braking_mps2.items():
             speed_mps = self._traffic.speed_mps(vehicle) - braking_mps2 * self._tick_s
-            self._traffic.limit(vehicle, _REASON, max(speed_mps, 0.0))
+            self._traffic.limit_speed(vehicle, _REASON, max(speed_mps, 0.0))
 
-    def _courses(self, position_m: Float64Array, ahead: Float64Array, still: BoolArray, on_kerb: BoolArray) -> Course:
-        """How all bodies at (G, 2) go on now."""
-        place_m, people_m = np.split(position_m, [self._vehicles])
-        before_m = people_m if self._people_m is None else self._people_m
-        self._people_m = people_m
-        velocity_mps = np.where(still[self._vehicles :, None], 0.0, (people_m - before_m) / self._tick_s)
-        strolls = walks(people_m, velocity_mps, on_kerb)
-        center_m, forward = (np.repeat(each[:, None], len(TIMES_S), axis=1) for each in (place_m, ahead))
-        drives = np.flatnonzero(~still[: self._sumos] & (self._foresight.speed_mps > _STANDING_MPS))
-        course = self._foresight.course(drives, starts=False)
-        center_m[drives], forward[drives] = course.center_m, course.forward
-        return Course(np.concatenate([center_m, strolls.center_m]), np.concatenate([forward, strolls.forward]))
+    def _predict(
+        self, position_m: Float64Array, ahead: Float64Array, has_stopped: BoolArray, on_sidewalk: BoolArray
+    ) -> PredictedTrajectories:
+        """Predicted trajectories of all bodies, now at (G, 2), if nobody changes its behavior."""
+        vehicle_m, pedestrian_m = np.split(position_m, [self._vehicles])
+        before_m = pedestrian_m if self._pedestrian_m is None else self._pedestrian_m
+        self._pedestrian_m = pedestrian_m
+        velocity_mps = np.where(has_stopped[self._vehicles :, None], 0.0, (pedestrian_m - before_m) / self._tick_s)
+        pedestrians = predict_pedestrians(pedestrian_m, velocity_mps, on_sidewalk)
+        center_m, forward = (np.repeat(each[:, None], len(TIMES_S), axis=1) for each in (vehicle_m, ahead))
+        driving = np.flatnonzero(~has_stopped[: self._sumo_count] & (self._predictor.speed_mps > _STANDING_MPS))
+        prediction = self._predictor.predict(driving, is_released=False)
+        center_m[driving], forward[driving] = prediction.center_m, prediction.forward
+        return PredictedTrajectories(
+            np.concatenate([center_m, pedestrians.center_m]), np.concatenate([forward, pedestrians.forward])
+        )
 
-    def _look(self, drivers: Int64Array, now: Course, height_m: Float64Array) -> None:
-        """Decide who of (D,) drivers brakes, and how hard, and who makes room."""
-        outlook = Outlook(self._half_m, height_m, self._let_go(now), now)
-        moving = drivers[~outlook.own.stays[drivers]]
-        met = outlook.encounters(moving)
-        needed_mps2, brakes = self._yielding(met, outlook)
-        self._passing.advance(moving, met.where(met.other < self._vehicles), outlook)
-        self._foresight.aside_m = self._passing.aside_m
-        self._brake(drivers, met.me[brakes], needed_mps2[brakes])
+    def _resolve_conflicts(self, drivers: Int64Array, now: PredictedTrajectories, height_m: Float64Array) -> None:
+        """Decide which of (D,) drivers brake, and how hard, and which move aside."""
+        predicted = PredictedTraffic(self._half_m, height_m, self._predict_released(now), now)
+        moving = drivers[~predicted.own.stays[drivers]]
+        conflicts = predicted.find_conflicts(moving)
+        needed_mps2, brakes = self._decide_braking(conflicts, predicted)
+        self._passing_offsets.update_offsets(moving, conflicts.select(conflicts.other < self._vehicles), predicted)
+        self._predictor.target_offset_m = self._passing_offsets.offset_m
+        self._brake(drivers, conflicts.driver[brakes], needed_mps2[brakes])
 
-    def _let_go(self, now: Course) -> Course:
-        """The courses of all bodies if those who yield drove off."""
-        held = np.array(sorted(self.braking_mps2), np.int64)
-        if not len(held):
+    def _predict_released(self, now: PredictedTrajectories) -> PredictedTrajectories:
+        """The trajectories of all bodies if those that yield drove off."""
+        yielding = np.array(sorted(self.braking_mps2), np.int64)
+        if not len(yielding):
             return now
         center_m, forward = now.center_m.copy(), now.forward.copy()
-        course = self._foresight.course(held, starts=True)
-        center_m[held], forward[held] = course.center_m, course.forward
-        return Course(center_m, forward)
+        prediction = self._predictor.predict(yielding, is_released=True)
+        center_m[yielding], forward[yielding] = prediction.center_m, prediction.forward
+        return PredictedTrajectories(center_m, forward)
 
-    def _yielding(self, met: Encounters, outlook: Outlook) -> tuple[Float64Array, BoolArray]:
-        """(N,) decelerations that drivers need in encounters, and (N,) in which of these they brake."""
-        needed_mps2, in_vain = self._needed_mps2(met, outlook)
-        could = self._careful[met.other]
-        others_mps2, others_in_vain = np.full(len(could), np.inf), np.ones(len(could), bool)
-        theirs = met.where(could).reversed()
-        others_mps2[could], others_in_vain[could] = self._needed_mps2(theirs, outlook)
-        others_mps2[others_in_vain] = np.inf
-        is_held = np.isin(met.me, list(self.braking_mps2))
-        less = (needed_mps2 < others_mps2) | ((needed_mps2 == others_mps2) & (met.me > met.other))
-        yields = ~in_vain & (is_held | less | (others_mps2 > _HARDEST_MPS2))
-        yields |= in_vain & others_in_vain & (is_held | could)
-        return needed_mps2, yields & (is_held | (needed_mps2 > _UNCOMFORTABLE_MPS2))
+    def _decide_braking(self, conflicts: Conflicts, predicted: PredictedTraffic) -> tuple[Float64Array, BoolArray]:
+        """(N,) decelerations that the drivers need in conflicts, and (N,) whether they brake in each."""
+        needed_mps2, is_useless = self._needed_mps2(conflicts, predicted)
+        is_careful = self._careful[conflicts.other]
+        others_mps2, others_useless = np.full(len(is_careful), np.inf), np.ones(len(is_careful), bool)
+        others_view = conflicts.select(is_careful).swapped()
+        others_mps2[is_careful], others_useless[is_careful] = self._needed_mps2(others_view, predicted)
+        others_mps2[others_useless] = np.inf
+        is_held = np.isin(conflicts.driver, list(self.braking_mps2))
+        needs_less = (needed_mps2 < others_mps2) | ((needed_mps2 == others_mps2) & (conflicts.driver > conflicts.other))
+        yields = ~is_useless & (is_held | needs_less | (others_mps2 > _MAX_BRAKING_MPS2))
+        yields |= is_useless & others_useless & (is_held | is_careful)
+        return needed_mps2, yields & (is_held | (needed_mps2 > _MIN_BRAKING_MPS2))
 
-    def _needed_mps2(self, met: Encounters, outlook: Outlook) -> tuple[Float64Array, BoolArray]:
-        """How hard drivers must brake for others whom they would touch.
+    def _needed_mps2(self, conflicts: Conflicts, predicted: PredictedTraffic) -> tuple[Float64Array, BoolArray]:
+        """Deceleration that drivers need to avoid the first contact of each conflict.
 
         Returns:
-            (N,) decelerations, and (N,) who is in the other's way already, so that braking does not help.
+            (N,) decelerations, and (N,) whether braking is useless because the driver already blocks the other's path.
         """
-        touches, entry = outlook.touches(met), outlook.entry(met)
-        gap_m, reach_m = touches.gap_m[:, 0], touches.reach_m[:, 0]
-        # People who get before a vehicle do so on their own feet; it waits for them all the same.
-        walks_ahead = (met.other >= self._vehicles) & (gap_m > self._half_m[met.me, 0] - _FRONT_M)
-        in_vain = (entry == 0) & ~walks_ahead
-        entry = np.where(entry == 0, met.first, entry)
-        first_s, step_s, half_s = TIMES_S[met.first], TIMES_S[1], TIMES_S[1] / 2.0
-        speed_mps = self._foresight.speed_mps[met.me]
-        gone_m = outlook.others.center_m[met.other, met.first] - outlook.others.center_m[met.other, 0]
-        along_mps = np.sum(gone_m * touches.ahead, axis=1) / np.maximum(first_s, half_s)
+        first_contacts, entry_time = predicted.first_contacts(conflicts), predicted.entry_time(conflicts)
+        gap_m, reach_m = first_contacts.gap_m[:, 0], first_contacts.reach_m[:, 0]
+        # A pedestrian who steps in front of a vehicle blocks its path; the vehicle waits nevertheless.
+        steps_in_front = (conflicts.other >= self._vehicles) & (
+            gap_m > self._half_m[conflicts.driver, 0] - _FRONT_DEPTH_M
+        )
+        is_useless = (entry_time == 0) & ~steps_in_front
+        entry_time = np.where(entry_time == 0, conflicts.first_time, entry_time)
+        first_s, step_s, half_s = TIMES_S[conflicts.first_time], TIMES_S[1], TIMES_S[1] / 2.0
+        speed_mps = self._predictor.speed_mps[conflicts.driver]
+        moved_m = (
+            predicted.as_seen.center_m[conflicts.other, conflicts.first_time]
+            - predicted.as_seen.center_m[conflicts.other, 0]
+        )
+        along_mps = np.sum(moved_m * first_contacts.ahead, axis=1) / np.maximum(first_s, half_s)
         closing_mps = speed_mps - np.clip(along_mps, 0.0, speed_mps)
-        way_m = closing_mps * np.maximum(TIMES_S[entry] - half_s, half_s) - _STOP_GAP_M
-        stopping_mps2 = closing_mps**2 / (2.0 * np.maximum(way_m, 0.1))
+        distance_m = closing_mps * np.maximum(TIMES_S[entry_time] - half_s, half_s) - _STOP_GAP_M
+        stopping_mps2 = closing_mps**2 / (2.0 * np.maximum(distance_m, 0.1))
         falling_back_mps2 = 2.0 * np.maximum(reach_m - gap_m, 0.0) / np.maximum(first_s, step_s) ** 2
-        return np.maximum(stopping_mps2, falling_back_mps2), in_vain
+        return np.maximum(stopping_mps2, falling_back_mps2), is_useless
 
     def _brake(self, drivers: Int64Array, yielding: Int64Array, needed_mps2: Float64Array) -> None:
-        """Let those of (D,) drivers brake who yield in (N,) encounters, as hard as needed, and the rest drive on."""
+        """Brake those of (D,) drivers who yield in (N,) conflicts, as hard as needed, and release the rest."""
         for vehicle in sorted(self.braking_mps2.keys() & set(drivers.tolist()) - set(yielding.tolist())):
-            self._traffic.limit(vehicle, _REASON, None)
+            self._traffic.limit_speed(vehicle, _REASON, None)
             del self.braking_mps2[vehicle]
         for vehicle in np.unique(yielding).tolist():
-            self.braking_mps2[vehicle] = min(float(needed_mps2[yielding == vehicle].max()), _HARDEST_MPS2)
+            self.braking_mps2[vehicle] = min(float(needed_mps2[yielding == vehicle].max()), _MAX_BRAKING_MPS2)

@@ -1,42 +1,42 @@
-"""Passing: drivers who would pass another vehicle too narrowly move aside, and drive back once it is quiet again."""
+"""Lateral offsets for narrow passing: drivers move aside for vehicles they would pass too closely, and later return."""
 
 import numpy as np
 
 from simbev_ros.types import Float64Array, Int64Array
-from simbev_ros.world.driving.conflicts import MARGINS_M, Encounters, Outlook
+from simbev_ros.world.driving.conflicts import MARGINS_M, Conflicts, PredictedTraffic
 from simbev_ros.world.driving.trajectory_prediction import TIMES_S
 
-_PARALLEL = 0.8  # cosine of the angle at which vehicles still pass each other, and do not cross
-_MOST_ASIDE_M, _MOST_LACKING_M = 0.6, 1.2
-_STEP_M = 0.1  # by which a driver corrects how far aside it drives at each look
+_MIN_ALIGNMENT = 0.8  # cosine of the angle up to which vehicles pass each other and do not cross
+_MAX_OFFSET_M, _MAX_LACKING_M = 0.6, 1.2
+_STEP_M = 0.1  # correction of the offset at each look
 _RETURN_MPS = 0.15
 
 
-class Passing:
-    """How far aside drivers make room.
+class PassingOffsets:
+    """Lateral offsets of drivers from SUMO's positions.
 
     Attributes:
-        aside_m: (V,) how far to the left of SUMO's places vehicles shall drive.
+        offset_m: (V,) desired offset of each vehicle to the left.
     """
 
-    def __init__(self, vehicles: int, look_s: float) -> None:
-        """All on their ways; drivers look at intervals of ``look_s``."""
-        self.aside_m: Float64Array = np.zeros(vehicles)
-        self._look_s = look_s
-        self._quiet_s = np.zeros(vehicles)  # since drivers had to make room
+    def __init__(self, vehicles: int, look_period_s: float) -> None:
+        """Start without offsets; drivers look every ``look_period_s``."""
+        self.offset_m: Float64Array = np.zeros(vehicles)
+        self._look_period_s = look_period_s
+        self._undisturbed_s = np.zeros(vehicles)  # time since each driver last had to make room
 
-    def advance(self, drivers: Int64Array, met: Encounters, outlook: Outlook) -> None:
-        """Let (D,) drivers who look now make room for the vehicles that they meet, and the rest of them drive back."""
-        touches = outlook.touches(met)
-        gap_m = touches.gap_m[:, 1]
-        lacks_m = touches.reach_m[:, 1] + MARGINS_M[0] - np.abs(gap_m)
-        passes = outlook.others.stays[met.other] | (touches.alignment > _PARALLEL)
-        passes &= (lacks_m > 0.0) & (lacks_m < _MOST_LACKING_M)
-        self._quiet_s[drivers] += self._look_s
-        self._quiet_s[met.me[passes]] = 0.0
-        quiet = drivers[self._quiet_s[drivers] > TIMES_S[-1]]
-        back_m = np.minimum(np.abs(self.aside_m[quiet]), _RETURN_MPS * self._look_s)
-        self.aside_m[quiet] -= np.sign(self.aside_m[quiet]) * back_m
-        step_m = np.minimum(lacks_m[passes], _STEP_M)
-        np.add.at(self.aside_m, met.me[passes], -np.sign(gap_m[passes]) * step_m)
-        np.clip(self.aside_m, -_MOST_ASIDE_M, _MOST_ASIDE_M, out=self.aside_m)
+    def update_offsets(self, drivers: Int64Array, conflicts: Conflicts, predicted: PredictedTraffic) -> None:
+        """Move those of (D,) drivers aside who meet other vehicles too closely, and let the undisturbed ones return."""
+        first_contacts = predicted.first_contacts(conflicts)
+        gap_m = first_contacts.gap_m[:, 1]
+        lacking_m = first_contacts.reach_m[:, 1] + MARGINS_M[0] - np.abs(gap_m)
+        is_passing = predicted.as_seen.stays[conflicts.other] | (first_contacts.alignment > _MIN_ALIGNMENT)
+        is_passing &= (lacking_m > 0.0) & (lacking_m < _MAX_LACKING_M)
+        self._undisturbed_s[drivers] += self._look_period_s
+        self._undisturbed_s[conflicts.driver[is_passing]] = 0.0
+        undisturbed = drivers[self._undisturbed_s[drivers] > TIMES_S[-1]]
+        return_m = np.minimum(np.abs(self.offset_m[undisturbed]), _RETURN_MPS * self._look_period_s)
+        self.offset_m[undisturbed] -= np.sign(self.offset_m[undisturbed]) * return_m
+        step_m = np.minimum(lacking_m[is_passing], _STEP_M)
+        np.add.at(self.offset_m, conflicts.driver[is_passing], -np.sign(gap_m[is_passing]) * step_m)
+        np.clip(self.offset_m, -_MAX_OFFSET_M, _MAX_OFFSET_M, out=self.offset_m)

@@ -1,1 +1,1 @@
-"""Rigid bodies in smooth motion: from points that move on lanes to poses on the ground that never jump."""
+"""Rigid bodies in smooth motion: points that move on lanes in, poses on the ground without jumps out."""

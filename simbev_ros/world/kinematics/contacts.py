@@ -1,4 +1,4 @@
-"""Which bodies touch: boxes that overlap in plan and in height, found around each vehicle with separating axes."""
+"""Contacts between bodies: boxes that overlap in plan and in height, found with separating axes around each vehicle."""
 
 from dataclasses import dataclass
 
@@ -9,40 +9,40 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)
-class Boxes:
-    """The boxes of G bodies that follow points; the origin is the middle of a box's bottom.
+class BodyBoxes:
+    """Boxes of G bodies that follow points; the origin is the center of a box's bottom face.
 
     Attributes:
         size_m: (G, 3) length, width, height.
-        vehicles: Number of vehicles; they come first, people after them.
+        vehicles: Number of vehicles; they come first, pedestrians after them.
     """
 
     size_m: Float64Array
     vehicles: int
 
-    def touching(self, position_m: Float64Array, yaw_rad: Float64Array) -> Int64Array:
+    def touching_pairs(self, position_m: Float64Array, yaw_rad: Float64Array) -> Int64Array:
         """(K, 2) pairs of bodies, ascending, whose boxes overlap at (G, 3) positions and (G,) headings.
 
-        At least one of a pair is a vehicle: people who brush past each other are none of our business.
+        At least one of each pair is a vehicle; contacts between pedestrians are ignored.
         """
         if not self.vehicles:
             return np.zeros((0, 2), np.int64)
         radius_m = np.hypot(self.size_m[:, 0], self.size_m[:, 1]) / 2.0
         tree = cKDTree(position_m[:, :2])
         centers_m = position_m[: self.vehicles, :2]
-        near = tree.query_ball_point(centers_m, radius_m[: self.vehicles] + radius_m.max(), return_sorted=False)
-        counts = np.array([len(each) for each in near])
-        others = np.concatenate(near).astype(np.int64)
-        pairs = np.column_stack([np.repeat(np.arange(self.vehicles), counts), others])
+        candidates = tree.query_ball_point(centers_m, radius_m[: self.vehicles] + radius_m.max(), return_sorted=False)
+        counts = np.array([len(each) for each in candidates])
+        other = np.concatenate(candidates).astype(np.int64)
+        pairs = np.column_stack([np.repeat(np.arange(self.vehicles), counts), other])
         pairs = pairs[pairs[:, 0] < pairs[:, 1]]
         gap_m = position_m[pairs[:, 1]] - position_m[pairs[:, 0]]
         reach_m = radius_m[pairs].sum(axis=1)
-        low, high = -self.size_m[pairs[:, 1], 2], self.size_m[pairs[:, 0], 2]
-        near_enough = (np.hypot(gap_m[:, 0], gap_m[:, 1]) < reach_m) & (low < gap_m[:, 2]) & (gap_m[:, 2] < high)
-        pairs = pairs[near_enough]
+        min_gap_m, max_gap_m = -self.size_m[pairs[:, 1], 2], self.size_m[pairs[:, 0], 2]
+        is_near = (np.hypot(gap_m[:, 0], gap_m[:, 1]) < reach_m) & (min_gap_m < gap_m[:, 2]) & (gap_m[:, 2] < max_gap_m)
+        pairs = pairs[is_near]
         pairs = pairs[self.overlap(pairs, position_m[pairs], yaw_rad[pairs])]
-        ordered: Int64Array = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-        return ordered
+        sorted_pairs: Int64Array = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+        return sorted_pairs
 
     def overlap(self, pairs: Int64Array, position_m: Float64Array, yaw_rad: Float64Array) -> BoolArray:
         """(K,) whether (K, 2) pairs overlap in plan at their (K, 2, 3) positions and (K, 2) headings."""
@@ -51,7 +51,7 @@ class Boxes:
         axes = np.stack([ahead, np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)], axis=2)  # pair, body, side, xy
         normals = axes.reshape(len(pairs), 4, 2)
         gap_m = np.abs(np.einsum("kax,kx->ka", normals, position_m[:, 1, :2] - position_m[:, 0, :2]))
-        shadow = np.abs(np.einsum("kax,kbsx->kabs", normals, axes))
-        reach_m = np.einsum("kabs,kbs->ka", shadow, half_m)
-        apart: BoolArray = np.any(gap_m >= reach_m, axis=1)
-        return ~apart
+        projection = np.abs(np.einsum("kax,kbsx->kabs", normals, axes))
+        reach_m = np.einsum("kabs,kbs->ka", projection, half_m)
+        is_apart: BoolArray = np.any(gap_m >= reach_m, axis=1)
+        return ~is_apart

@@ -1,8 +1,7 @@
-"""The ground that actors stand on: which level, how high the road is there, and where sidewalks rise above it.
+"""The ground that actors stand on: the level at a point, the road's height there, and the sidewalks that rise above it.
 
-Levels are told apart by heights that are near enough to the truth, such as SUMO's, which lie on the lanes' centre
-lines: a point is on a structure if a strip of it lies there in plan and near the point in height, otherwise on the
-ground.
+Approximate heights, such as SUMO's, which lie on the lanes' center lines, tell the levels apart: a point is on a
+structure if one of its strips covers the point in plan and is close to it in height, otherwise on the ground.
 """
 
 from functools import cached_property
@@ -16,14 +15,14 @@ from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-_NEAR_IN_HEIGHT_M = 1.25  # half the clearance that makes two roads two levels
-_OVERHANG_M = 0.5  # wheels may stand so far beside the lanes of a structure
+_LEVEL_TOLERANCE_M = 1.25  # half the clearance between two levels
+_OVERHANG_M = 0.5  # distance by which wheels may stand beside the lanes of a structure
 _CELL_M = 512.0
 _PATCH_M = 32.0
 
 
-class Ground:
-    """The surfaces of a map's roads; sidewalks are built where they are asked for."""
+class GroundSurface:
+    """The surfaces of a map's roads; sidewalks are built on demand and cached."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
@@ -31,7 +30,7 @@ class Ground:
         raised = [strip for strip in layout.strips if strip.level > 0]
         self._deck_level = np.array([strip.level for strip in raised], np.int64)
         self._decks = shapely.STRtree(shapely.buffer(strip_polygons(raised), _OVERHANG_M))
-        self._first_m, self._patches = _covered(self._decks)
+        self._first_m, self._patches = _covered_patches(self._decks)
         self._sidewalks: dict[tuple[int, int, int], shapely.MultiPolygon] = {}
 
     @cached_property
@@ -41,24 +40,24 @@ class Ground:
         return not any(side_m[:, 2].any() for strip in strips for side_m in (strip.left_m, strip.right_m))
 
     def levels(self, point_m: Float64Array) -> Int64Array:
-        """(N,) levels that (N, 3) points of the map frame are on."""
+        """(N,) levels of (N, 3) points, map frame."""
         level = np.zeros(len(point_m), np.int64)
         if not len(self._deck_level):
             return level
         near = np.flatnonzero(self._near_decks(point_m))
         row, deck = self._decks.query(shapely.points(point_m[near, :2]), predicate="intersects")
         point = near[row]
-        over = self._deck_level[deck]
-        nearest_m = np.full(len(point_m), _NEAR_IN_HEIGHT_M)
-        for number in np.unique(over).tolist():
-            here = np.unique(point[over == number])
-            gap_m = np.abs(self._elevation.height_m(point_m[here, :2], number) - point_m[here, 2])
-            nearer = gap_m < nearest_m[here]
-            level[here[nearer]], nearest_m[here[nearer]] = number, gap_m[nearer]
+        deck_level = self._deck_level[deck]
+        nearest_m = np.full(len(point_m), _LEVEL_TOLERANCE_M)
+        for number in np.unique(deck_level).tolist():
+            rows = np.unique(point[deck_level == number])
+            gap_m = np.abs(self._elevation.height_m(point_m[rows, :2], number) - point_m[rows, 2])
+            is_nearer = gap_m < nearest_m[rows]
+            level[rows[is_nearer]], nearest_m[rows[is_nearer]] = number, gap_m[is_nearer]
         return level
 
     def _near_decks(self, point_m: Float64Array) -> BoolArray:
-        """(N,) whether (N, 3) points lie in patches with structures; most do not, which is found out much faster."""
+        """(N,) whether (N, 3) points lie in patches with structures; a fast test that excludes most points."""
         patch = np.floor((point_m[:, :2] - self._first_m) / _PATCH_M).astype(np.int64) + 1
         column, row = np.clip(patch, 0, np.array(self._patches.shape) - 1).T
         near: BoolArray = self._patches[column, row]
@@ -69,22 +68,22 @@ class Ground:
         level = self.levels(point_m)
         height_m = np.empty(len(point_m))
         for number in np.unique(level).tolist():
-            here = level == number
-            height_m[here] = self._elevation.height_m(point_m[here, :2], number)
+            rows = level == number
+            height_m[rows] = self._elevation.height_m(point_m[rows, :2], number)
         return height_m
 
     def raised_m(self, point_m: Float64Array) -> Float64Array:
-        """(N,) how high above the carriageway's plane one stands at (N, 3) points: on sidewalks the curb's height."""
+        """(N,) height of the ground above the carriageway's plane at (N, 3) points: the curb height on sidewalks."""
         cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / _CELL_M).astype(np.int64)])
         on_sidewalk: BoolArray = np.zeros(len(point_m), bool)
         keys, cell = np.unique(cells, axis=0, return_inverse=True)
         for number, key in enumerate(keys.tolist()):
-            here = cell.ravel() == number
-            on_sidewalk[here] = shapely.contains_xy(self._sidewalk(*key), point_m[here, :2])
+            rows = cell.ravel() == number
+            on_sidewalk[rows] = shapely.contains_xy(self._sidewalk(*key), point_m[rows, :2])
         return np.where(on_sidewalk, CURB_HEIGHT_M, 0.0)
 
     def prepare(self, point_m: Float64Array, reach_m: float) -> None:
-        """Build now what ``raised_m`` would build later for points within ``reach_m``, or 512 m, of (N, 3) points."""
+        """Build the sidewalks within ``reach_m``, at most 512 m, of (N, 3) points now instead of on demand."""
         around = min(reach_m, _CELL_M) * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
         cells = np.floor((point_m[:, None, :2] + around) / _CELL_M).astype(np.int64).reshape(-1, 2)
         for column, row in np.unique(cells, axis=0).tolist():
@@ -92,7 +91,7 @@ class Ground:
                 self._sidewalk(level, column, row)
 
     def _sidewalk(self, level: int, column: int, row: int) -> shapely.MultiPolygon:
-        """The sidewalks of a cell, kept."""
+        """The sidewalks of a grid cell, cached."""
         key = level, column, row
         if key not in self._sidewalks:
             x_m, y_m = column * _CELL_M, row * _CELL_M
@@ -102,8 +101,8 @@ class Ground:
         return self._sidewalks[key]
 
 
-def _covered(decks: shapely.STRtree) -> tuple[Float64Array, BoolArray]:
-    """The (2,) corner of a grid of patches, and which of them some of the decks touch, with an empty rim."""
+def _covered_patches(decks: shapely.STRtree) -> tuple[Float64Array, BoolArray]:
+    """(2,) corner of a grid of patches, and a mask of those that decks touch, padded with an empty rim."""
     if not len(decks):
         return np.zeros(2), np.zeros((1, 1), bool)
     first_m, last_m = shapely.total_bounds(decks.geometries).reshape(2, 2)

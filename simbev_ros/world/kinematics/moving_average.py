@@ -1,4 +1,4 @@
-"""A moving average that has no lag of phase."""
+"""Moving average without phase lag."""
 
 from collections import deque
 
@@ -7,8 +7,8 @@ import numpy as np
 from simbev_ros.types import Float64Array
 
 
-class Window:
-    """The latest values of something, averaged around the middle one with weights that vanish at both ends."""
+class MovingAverage:
+    """Average of the latest values around the middle one, with weights that vanish at both ends."""
 
     def __init__(self, half_ticks: int) -> None:
         """For ``half_ticks`` values on each side of the middle one."""
@@ -18,7 +18,7 @@ class Window:
         self._values: deque[Float64Array] = deque(maxlen=len(weights))
 
     def add(self, values: Float64Array) -> None:
-        """Take the newest values; the first ones have been the same for ever."""
+        """Add the newest values; before the first call, values are taken as constant."""
         self._values.extend([values] * (1 if self._values else len(self._weights)))
 
     @property
@@ -27,7 +27,7 @@ class Window:
         return self._values[self.half_ticks]
 
     def average(self) -> Float64Array:
-        """The average around the middle; exactly the value itself where nothing changed."""
+        """The average around the middle; exactly the middle value where nothing changed."""
         middle = self.middle
         average: Float64Array = middle + np.tensordot(self._weights, np.stack(self._values) - middle, axes=1)
         return average

@@ -1,1 +1,1 @@
-"""How pedestrians walk: itineraries, jaywalking, visits to plazas, and keeping clear of vehicles and obstacles."""
+"""Pedestrian behavior beyond SUMO: itineraries, jaywalking, plaza visits, avoidance of vehicles and obstacles."""

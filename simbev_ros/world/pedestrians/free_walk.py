@@ -1,4 +1,4 @@
-"""Somebody off SUMO's net, who walks along lines, tick by tick."""
+"""Free walk: a pedestrian outside SUMO's network walks along lines, tick by tick."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from simbev_ros.types import Float64Array
 
 
 @dataclass(slots=True)
-class Stroller:
-    """Somebody off the net.
+class FreeWalker:
+    """A pedestrian outside SUMO's network. Its methods yield once per tick.
 
     Attributes:
         position_m: (3,) map frame, on the carriageway's plane.
-        speed_mps: At which it walks.
-        reach_m: From its middle to its foremost foot.
+        speed_mps: Walking speed.
+        reach_m: Distance from its center to its foremost foot.
         tick_s: Length of a tick.
     """
 
@@ -24,11 +24,11 @@ class Stroller:
     reach_m: float
     tick_s: float
 
-    def go(self, goal_m: Float64Array) -> Iterator[None]:
-        """Walk straight to a (3,) place."""
-        yield from self.follow(np.stack([self.position_m, goal_m]))
+    def walk_to(self, goal_m: Float64Array) -> Iterator[None]:
+        """Walk straight to a (3,) position."""
+        yield from self.walk_along(np.stack([self.position_m, goal_m]))
 
-    def follow(self, line_m: Float64Array) -> Iterator[None]:
+    def walk_along(self, line_m: Float64Array) -> Iterator[None]:
         """Walk along a (K, 3) line."""
         station_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
         walked_m = 0.0
@@ -37,7 +37,7 @@ class Stroller:
             self.position_m = np.array([np.interp(walked_m, station_m, column) for column in line_m.T])
             yield
 
-    def stand(self, duration_s: float) -> Iterator[None]:
-        """Stay for a while."""
+    def wait(self, duration_s: float) -> Iterator[None]:
+        """Stand still for this duration."""
         for _ in range(round(duration_s / self.tick_s)):
             yield

@@ -1,1 +1,1 @@
-"""Traffic by SUMO: what goes into it, what comes out of it as arrays, and the streets that it needs."""
+"""SUMO: the input that it needs, its state as arrays, and the part of its network that a scene uses."""

@@ -1,6 +1,6 @@
-"""libsumo without its note on standard output, which is for results.
+"""Import libsumo without its message on standard output, which is reserved for results.
 
-It warns of any pyarrow but the one that it was built with; that matters to outputs in Parquet alone.
+libsumo warns about any pyarrow version other than the one it was built with; this only matters for Parquet output.
 """
 
 from contextlib import redirect_stdout

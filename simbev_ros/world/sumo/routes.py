@@ -1,4 +1,4 @@
-"""New routes for vehicles that come to the end of theirs, so that the population stays."""
+"""Route extensions for vehicles that approach the end of their route, so that they stay in the simulation."""
 
 from collections.abc import Set
 from typing import NamedTuple
@@ -9,31 +9,31 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.streets.street_graph import Streets
 from simbev_ros.world.cast import blueprint_of
 
-_AHEAD_M = 2000.0
+_EXTENSION_M = 2000.0
 
 
-class Onward(NamedTuple):
-    """The edges that follow a route, and the lane at whose end the vehicle has to stay because nothing follows."""
+class RouteExtension(NamedTuple):
+    """Edges that follow a route, and the lane at whose end the vehicle must stop if it is a dead end."""
 
     edges: tuple[str, ...]
     last_lane: str | None
 
 
 class Routes:
-    """Random ways on, through the streets that are simulated."""
+    """Draws random route extensions on the simulated edges."""
 
     def __init__(self, spec: SceneSpec, network: RoadNetwork, edges: Set[str]) -> None:
-        """For the streets ``edges``, those inside junctions included."""
+        """For the simulated edges, including those inside junctions."""
         self._spec = spec
         self._streets = Streets(network, edges)
 
-    def onward(self, vehicle: int, edge: str, step: int) -> Onward:
-        """How vehicle number ``vehicle`` of the specification, whose route ends with ``edge``, drives on."""
+    def draw_extension(self, vehicle: int, edge: str, step: int) -> RouteExtension:
+        """Extend the route of a vehicle (its index in the specification) that ends with ``edge`` by random edges."""
         rng = stream(self._spec.seed, f"v{vehicle}.onward", step)
         blueprint = blueprint_of(self._spec.vehicles[vehicle].blueprint)
         graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges)
-        if graph.ends_at(edge):
+        if graph.is_dead_end(edge):
             graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges, tight=True)
-        edges = graph.onward(edge, _AHEAD_M, rng)
+        edges = graph.draw_continuation(edge, _EXTENSION_M, rng)
         last = edges[-1] if edges else edge
-        return Onward(edges, graph.lane_of(last) if graph.ends_at(last) else None)
+        return RouteExtension(edges, graph.first_lane(last) if graph.is_dead_end(last) else None)

@@ -1,6 +1,6 @@
-"""Traffic lights: SUMO's programmes with the scene's green times, and what every signal head shows at a tick.
+"""Traffic lights: SUMO's signal programs with the scene's green times, and the state of every signal head at a tick.
 
-The programmes run by the clock alone, so the table of heads is computed from them and needs no query of SUMO.
+The programs run by the clock alone, so the table of heads is computed from them without querying SUMO.
 """
 
 from collections.abc import Sequence
@@ -32,15 +32,15 @@ _STATE_OF = {
 
 
 @dataclass(frozen=True, slots=True)
-class Programme:
-    """The cycle of one traffic-light programme.
+class SignalProgram:
+    """The cycle of one traffic-light program.
 
     Attributes:
         id: SUMO's traffic-light id.
-        states: One string for each phase; character k is what link k sees, in SUMO's letters.
+        states: One string per phase; character k is the state of link k, in SUMO's letters.
         ticks: Length of each phase.
-        offset_ticks: The tick since SUMO's start at which the first phase begins.
-        green_s: Green time as drawn.
+        offset_ticks: Tick since SUMO's start at which the first phase begins.
+        green_s: Drawn green time.
     """
 
     id: str
@@ -50,84 +50,88 @@ class Programme:
     green_s: float
 
 
-def programmes(spec: SceneSpec, net: str) -> tuple[Programme, ...]:
-    """All programmes of a SUMO net (its XML), by id, with the scene's green times and a drawn offset."""
+def signal_programs(spec: SceneSpec, net: str) -> tuple[SignalProgram, ...]:
+    """All signal programs of a SUMO network (its XML), sorted by id, with the scene's green times and drawn offsets."""
     tick_s = spec.tick_ns / NS_PER_S
     result = []
     logics = {logic.attrib["id"]: logic for logic in _logics(net)}
     for index, (_, logic) in enumerate(sorted(logics.items())):
         phases = [(float(phase.attrib["duration"]), phase.attrib["state"]) for phase in logic.findall("phase")]
         green_s = spec.green_time_s[index % len(spec.green_time_s)]
-        states, ticks = zip(*_retimed(phases, green_s, tick_s), strict=True)
+        states, ticks = zip(*_retime(phases, green_s, tick_s), strict=True)
         name = logic.attrib["id"]
         offset_ticks = int(stream(spec.seed, f"signals.{name}.offset").integers(sum(ticks)))
-        result.append(Programme(name, states, ticks, offset_ticks, green_s))
+        result.append(SignalProgram(name, states, ticks, offset_ticks, green_s))
     return tuple(result)
 
 
 def _logics(net: str) -> list[ElementTree.Element]:
-    """The elements ``tlLogic`` of a SUMO net: only the part from the first to the last one is parsed."""
+    """The ``tlLogic`` elements of a SUMO network; parses only the text from the first to the last one."""
     start, end = net.find("<tlLogic "), net.rfind("</tlLogic>")
     return ElementTree.fromstring(f"<net>{net[start:end]}</tlLogic></net>").findall("tlLogic") if start >= 0 else []
 
 
-def programmes_xml(cycles: Sequence[Programme], tick_ns: int) -> str:
-    """An additional file of SUMO's that puts these programmes in place of the net's."""
+def signal_programs_xml(programs: Sequence[SignalProgram], tick_ns: int) -> str:
+    """XML of a SUMO additional file that replaces the network's signal programs by these."""
     root = ElementTree.Element("additional")
-    for cycle in cycles:
-        offset = _seconds(cycle.offset_ticks, tick_ns)
-        attributes = {"id": cycle.id, "type": "static", "programID": "scene", "offset": offset}
+    for program in programs:
+        offset = _seconds(program.offset_ticks, tick_ns)
+        attributes = {"id": program.id, "type": "static", "programID": "scene", "offset": offset}
         logic = ElementTree.SubElement(root, "tlLogic", attributes)
-        for state, ticks in zip(cycle.states, cycle.ticks, strict=True):
+        for state, ticks in zip(program.states, program.ticks, strict=True):
             ElementTree.SubElement(logic, "phase", {"duration": _seconds(ticks, tick_ns), "state": state})
     return ElementTree.tostring(root, encoding="unicode")
 
 
 class SignalHeads:
-    """The table of signal heads over time, computed for all programmes at once."""
+    """The table of signal heads at any tick, computed for all programs at once."""
 
-    def __init__(self, signals: Sequence[Signal], cycles: Sequence[Programme], tick_ns: int) -> None:
+    def __init__(self, signals: Sequence[Signal], programs: Sequence[SignalProgram], tick_ns: int) -> None:
         self._tick_s = tick_ns / NS_PER_S
-        self._table = _heads(signals, cycles)
-        self._offset = np.array([cycle.offset_ticks for cycle in cycles], np.int64)
-        self._length = np.array([sum(cycle.ticks) for cycle in cycles], np.int64)
-        most = max((len(cycle.ticks) for cycle in cycles), default=1)
-        self._ends = np.full((len(cycles), most), np.iinfo(np.int64).max)
-        self._begins = np.zeros((len(cycles), most), np.int64)
-        self._shown = np.zeros((most, len(signals)), np.uint8)
-        self._held = np.zeros((most, len(signals)), np.int64)
-        self._left = np.zeros((most, len(signals)))
-        number = {cycle.id: index for index, cycle in enumerate(cycles)}
-        self._cycle = np.array([number[signal.programme] for signal in signals], np.int64)
-        for index, cycle in enumerate(cycles):
-            phases = len(cycle.ticks)
-            self._ends[index, :phases] = np.cumsum(cycle.ticks)
-            self._begins[index, 1:phases] = self._ends[index, : phases - 1]
-            rows = np.flatnonzero(self._cycle == index)
+        self._table = _heads(signals, programs)
+        self._offset = np.array([program.offset_ticks for program in programs], np.int64)
+        self._length = np.array([sum(program.ticks) for program in programs], np.int64)
+        max_phases = max((len(program.ticks) for program in programs), default=1)
+        self._phase_ends = np.full((len(programs), max_phases), np.iinfo(np.int64).max)
+        self._phase_starts = np.zeros((len(programs), max_phases), np.int64)
+        self._state_at_phase = np.zeros((max_phases, len(signals)), np.uint8)
+        self._held_ticks_at_phase = np.zeros((max_phases, len(signals)), np.int64)
+        self._left_ticks_at_phase = np.zeros((max_phases, len(signals)))
+        number = {program.id: index for index, program in enumerate(programs)}
+        self._program_of_head = np.array([number[signal.programme] for signal in signals], np.int64)
+        for index, program in enumerate(programs):
+            phases = len(program.ticks)
+            self._phase_ends[index, :phases] = np.cumsum(program.ticks)
+            self._phase_starts[index, 1:phases] = self._phase_ends[index, : phases - 1]
+            rows = np.flatnonzero(self._program_of_head == index)
             links = [signals[row].link for row in rows.tolist()]
-            shown = np.array([[_STATE_OF[state[link]] for link in links] for state in cycle.states], np.uint8)
-            self._shown[:phases, rows] = shown
-            self._held[:phases, rows] = _held_ticks(shown, np.array(cycle.ticks))
-            self._left[:phases, rows] = _left_ticks(shown, np.array(cycle.ticks))
+            shown = np.array([[_STATE_OF[state[link]] for link in links] for state in program.states], np.uint8)
+            self._state_at_phase[:phases, rows] = shown
+            self._held_ticks_at_phase[:phases, rows] = _held_ticks(shown, np.array(program.ticks))
+            self._left_ticks_at_phase[:phases, rows] = _left_ticks(shown, np.array(program.ticks))
 
-    def at(self, tick: int) -> Table:
-        """(S,) ``SIGNAL_DTYPE`` at a tick since SUMO's start (negative: before it)."""
+    def table_at(self, tick: int) -> Table:
+        """(S,) ``SIGNAL_DTYPE`` at a tick since SUMO's start; negative ticks lie before it."""
         in_cycle = (tick - self._offset) % self._length
-        phase = np.sum(self._ends <= in_cycle[:, None], axis=1)
-        since = in_cycle - self._begins[np.arange(len(phase)), phase]
+        phase = np.sum(self._phase_ends <= in_cycle[:, None], axis=1)
+        since = in_cycle - self._phase_starts[np.arange(len(phase)), phase]
         heads = np.arange(len(self._table))
         table = self._table.copy()
-        table["state"] = self._shown[phase[self._cycle], heads]
-        table["time_in_state"] = (self._held[phase[self._cycle], heads] + since[self._cycle]) * self._tick_s
-        table["time_remaining"] = (self._left[phase[self._cycle], heads] - since[self._cycle]) * self._tick_s
+        table["state"] = self._state_at_phase[phase[self._program_of_head], heads]
+        table["time_in_state"] = (
+            self._held_ticks_at_phase[phase[self._program_of_head], heads] + since[self._program_of_head]
+        ) * self._tick_s
+        table["time_remaining"] = (
+            self._left_ticks_at_phase[phase[self._program_of_head], heads] - since[self._program_of_head]
+        ) * self._tick_s
         return table
 
 
-def _retimed(phases: Sequence[tuple[float, str]], green_s: float, tick_s: float) -> list[tuple[str, int]]:
-    """States and ticks of the phases with given green, yellow and all-red times.
+def _retime(phases: Sequence[tuple[float, str]], green_s: float, tick_s: float) -> list[tuple[str, int]]:
+    """States and ticks of the phases with the given green, yellow and all-red times.
 
-    Neighbouring green phases (SUMO ends a pedestrians' green earlier) share the green time in their old proportion.
-    Behind each yellow phase, what was yellow is red for the all-red time.
+    Consecutive green phases (SUMO ends the pedestrians' green earlier) share the green time in their old proportion.
+    After each yellow phase, the yellow links are red for the all-red time.
     """
     yellow, all_red = round(YELLOW_S / tick_s), round(ALL_RED_S / tick_s)
     result: list[tuple[str, int]] = []
@@ -146,26 +150,26 @@ def _retimed(phases: Sequence[tuple[float, str]], green_s: float, tick_s: float)
 
 
 def _kind(state: str) -> str:
-    """Whether a phase is yellow, green or (neither) red."""
+    """Whether a phase is yellow, green or, if neither, red."""
     lower = state.lower()
     return "yellow" if "y" in lower else "green" if "g" in lower else "red"
 
 
 def _held_ticks(shown: UInt8Array, ticks: Int64Array) -> Int64Array:
-    """(P, S) ticks for which each head has shown its state when phase p begins.
+    """(P, S) ticks for which each head has shown its state at the start of each phase.
 
     A head that never changes has shown it for one cycle.
     """
     twice = np.concatenate([shown, shown])
-    begin = np.cumsum(np.tile(ticks, 2)) - np.tile(ticks, 2)
+    start = np.cumsum(np.tile(ticks, 2)) - np.tile(ticks, 2)
     changed = np.vstack([np.ones((1, shown.shape[1]), bool), twice[1:] != twice[:-1]])
-    since = np.maximum.accumulate(np.where(changed, begin[:, None], 0))
-    held: Int64Array = (begin[:, None] - since)[len(ticks) :]
-    return held
+    since = np.maximum.accumulate(np.where(changed, start[:, None], 0))
+    held_ticks: Int64Array = (start[:, None] - since)[len(ticks) :]
+    return held_ticks
 
 
 def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
-    """(P, S) ticks until each head changes, from the beginning of phase p on; infinite where it never does."""
+    """(P, S) ticks from the start of each phase until each head changes; infinite if it never does."""
     twice = np.concatenate([shown, shown])
     end = np.cumsum(np.tile(ticks, 2))
     changes = np.vstack([twice[1:] != twice[:-1], np.zeros((1, shown.shape[1]), bool)])
@@ -174,9 +178,9 @@ def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
     return left
 
 
-def _heads(signals: Sequence[Signal], cycles: Sequence[Programme]) -> Table:
-    """The columns that stay the same."""
-    green_s = {cycle.id: cycle.green_s for cycle in cycles}
+def _heads(signals: Sequence[Signal], programs: Sequence[SignalProgram]) -> Table:
+    """Signal-head table with the constant columns filled in."""
+    green_s = {program.id: program.green_s for program in programs}
     table = np.zeros(len(signals), SIGNAL_DTYPE)
     if signals:
         positions_m: Float64Array = np.stack([signal.position_m for signal in signals])

@@ -1,4 +1,4 @@
-"""SUMO, in this process: one simulation, advanced tick by tick and read as arrays. Nothing else here knows libsumo."""
+"""SUMO in this process: one simulation, advanced tick by tick and read as arrays. Only this package uses libsumo."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -12,10 +12,10 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.sumo.closures import CLOSURE
-from simbev_ros.world.sumo.lanes_ahead import TrafficWays
+from simbev_ros.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.world.sumo.libsumo_import import libsumo
 from simbev_ros.world.sumo.names import index_of, pedestrian_name, vehicle_name
-from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.tracks import LaneTracks
 
 _NS_PER_MS = 1_000_000
 _OPTIONS = {
@@ -34,18 +34,22 @@ _OPTIONS = {
     "no-warnings": "true",
     "duration-log.disable": "true",
 }
-_LARGEST_SEED = 2**31 - 1
-_PLACE_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
-_ANYWHERE = 2  # of moveToXY: on a road or off it
-_VEHICLE_VARIABLES = (*_PLACE_VARIABLES, libsumo.VAR_SIGNALS)
-_NO_CHECKS, _BRAKES_HARD = 0, 27  # speed modes: any speed; all checks but that of the comfortable deceleration
-_ON_ROUTE = 1  # mode of placing vehicles
+_MAX_SEED = 2**31 - 1
+_POSITION_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
+_ON_OR_OFF_ROAD = 2  # mode of moveToXY: on a road or off it
+_VEHICLE_VARIABLES = (*_POSITION_VARIABLES, libsumo.VAR_SIGNALS)
+_NO_CHECKS, _BRAKES_HARD = 0, 27  # speed modes: any speed; all checks except for comfortable deceleration
+_ON_ROUTE = 1  # mode of moveToXY: on the vehicle's route
 _EMERGENCY_MPS2 = 8.0
 _QUEUE_GAP_M = 5.0
-_AT_LINE_M = 10.0
-_TOO_CLOSE_M, _ROOM_M, _MOST_ROOM_M = 0.05, 1.0, 4.0  # to an obstacle, beyond the gap; that it gives, and at most
+_MAX_STOP_LINE_M = 10.0
+_MIN_CLOSURE_GAP_M, _SHORTENING_M, _MAX_SHORTENING_M = (
+    0.05,
+    1.0,
+    4.0,
+)  # gap to a closure beyond minGap; shortening per call, and in all
 _STANDING_MPS = 0.05
-_FEW_EDGES = 6  # left of a route: time to draw a new one
+_MIN_EDGES_LEFT = 6  # with this number of edges left, a route is extended
 _FOREVER_S = 1e8
 _ANY_ARRIVAL_M = 1.0
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
@@ -53,10 +57,10 @@ _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 @dataclass(frozen=True, slots=True)
 class TrafficSample:
-    """What SUMO says at one tick, in the order of ``Traffic.vehicles`` and ``Traffic.pedestrians``; map frame.
+    """SUMO's state at one tick, in the order of ``SumoTraffic.vehicles`` and ``SumoTraffic.pedestrians``; map frame.
 
     Attributes:
-        front_m: (V, 3) middle of each vehicle's front bumper, on the road.
+        front_m: (V, 3) center of each vehicle's front bumper, on the road.
         signals: (V,) int64, SUMO's vehicle signals (bit 0 right blinker, bit 1 left blinker).
         pedestrian_m: (P, 3) each pedestrian, on the surface of its lane.
     """
@@ -66,12 +70,12 @@ class TrafficSample:
     pedestrian_m: Float64Array
 
 
-class Traffic:
-    """A running SUMO simulation. libsumo holds one per process; close this one before another is made.
+class SumoTraffic:
+    """A running SUMO simulation. libsumo holds one per process: close it before creating another one.
 
     Attributes:
-        vehicles: Indices in the specification of the vehicles that found a place, ascending.
-        pedestrians: The same of the pedestrians.
+        vehicles: Indices in the specification of the vehicles that SUMO could insert, ascending.
+        pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
     """
 
     _running = False
@@ -82,33 +86,33 @@ class Traffic:
         tick_ns: int,
         seed: int,
         speeds_mps: Mapping[str, float],
-        tracks: Tracks,
+        tracks: LaneTracks,
         closed_lanes: Iterable[str] = (),
     ) -> None:
-        """Load a net and its traffic, and place all vehicles and pedestrians at time 0.
+        """Load a network and its traffic, and insert all vehicles and pedestrians at time 0.
 
         Args:
-            files: Net file, route file (everything in it departs at 0), additional file (the signals' programmes).
+            files: Network file, route file (everything departs at 0), additional file (the signal programs).
             tick_ns: Length of a step; whole milliseconds.
-            seed: Of SUMO's own random numbers.
-            speeds_mps: Lane id → speed limit that takes the place of the net's.
+            seed: Seed of SUMO's own random numbers.
+            speeds_mps: Lane id → speed limit that replaces the network's.
             tracks: All lanes that a vehicle may get onto.
-            closed_lanes: Ids of lanes that nobody may use, whatever the net says.
+            closed_lanes: Ids of lanes that are closed to all traffic, whatever the network permits.
 
         Raises:
-            SimulationError: another simulation is running in this process, or SUMO does not accept its input.
+            SimulationError: Another simulation is running in this process, or SUMO rejects its input.
         """
-        if Traffic._running:
+        if SumoTraffic._running:
             raise SimulationError("a simulation is running in this process already; close it first")
         if tick_ns % _NS_PER_MS:
             raise SimulationError(f"SUMO needs ticks of whole milliseconds, not {tick_ns} ns")
         inputs = dict(zip(("net-file", "route-files", "additional-files"), map(str, files), strict=True))
-        own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _LARGEST_SEED)}
+        own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _MAX_SEED)}
         options = {**_OPTIONS, **inputs, **own}
         self._tracks = tracks
         self._tick_s = tick_ns / NS_PER_S
-        self._open = Traffic._running = True
-        self._moved = False  # whether somebody is to be put elsewhere at the next step
+        self._open = SumoTraffic._running = True
+        self._has_pending_move = False  # whether SUMO will move an actor at the next step
         try:
             libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
             for lane, speed_mps in speeds_mps.items():
@@ -130,7 +134,7 @@ class Traffic:
         self._off_net: dict[str, dict[int, Any]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
-        self._ways = TrafficWays(self._vehicle_names, tracks)
+        self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
             libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
@@ -138,7 +142,7 @@ class Traffic:
             libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
 
     def directions(self) -> Float64Array:
-        """(V + P, 3) unit vectors in which vehicles, then pedestrians, look now; map frame. All must be on the net."""
+        """(V + P, 3) unit vectors of the headings of vehicles, then pedestrians, map frame; all must be on the net."""
         angles_deg = [
             *[(libsumo.vehicle.getAngle(name), libsumo.vehicle.getSlope(name)) for name in self._vehicle_names],
             *[(libsumo.person.getAngle(name), 0.0) for name in self._pedestrian_names],
@@ -148,49 +152,49 @@ class Traffic:
         return np.stack([np.sin(angle) * np.cos(slope), np.cos(angle) * np.cos(slope), np.sin(slope)], axis=1)
 
     def sample(self) -> TrafficSample:
-        """The state now.
+        """The current state.
 
         Raises:
-            SimulationError: somebody has left the simulation.
+            SimulationError: An actor has left the simulation.
         """
         driven = {name: row for name, (row, _) in self._driven.items()}
         vehicles = {**libsumo.vehicle.getAllSubscriptionResults(), **self._crashed, **driven}
         pedestrians = {**libsumo.person.getAllSubscriptionResults(), **self._off_net}
         try:
             rows = [vehicles[name] for name in self._vehicle_names]
-            lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _PLACE_VARIABLES)
-            place = lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)
-            self._ways.advance(*place)
-            front_m = self._tracks.places_m(*place)
+            lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
+            lane_position = lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)
+            self._lanes_ahead.observe(*lane_position)
+            front_m = self._tracks.positions_m(*lane_position)
             for name, (_, driven_m) in self._driven.items():
                 front_m[self._vehicle_names.index(name)] = driven_m
             return TrafficSample(
                 front_m,
                 np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
-                _points([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
+                _point_array([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
             )
         except KeyError as error:
             raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
 
-    def ahead_m(self, vehicle: Int64Array, way_m: Float64Array, left_m: Float64Array) -> Float64Array:
-        """(N, K, 3) places of the fronts of (N,) of the latest sample's vehicles after (N, K) ways along their routes.
+    def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
+        """(N, K, 3) positions of the fronts of (N,) of the latest vehicles after (N, K) distances along their routes.
 
-        They come (N, K) farther to the left of their lanes' middles than now.
+        They lie (N, K) farther to the left of their lanes' center lines than now.
         """
-        places_m = self._ways.ahead_m(vehicle, way_m, left_m)
-        for name, (_, driven_m) in self._driven.items():  # wherever its driver wants
+        positions_m = self._lanes_ahead.ahead_m(vehicle, distance_m, left_m)
+        for name, (_, driven_m) in self._driven.items():  # no route: its driver decides
             row = self._vehicle_names.index(name)
             ahead = np.array([*self.direction(row), 0.0])
-            places_m[vehicle == row] = driven_m + way_m[vehicle == row][..., None] * ahead
-        return places_m
+            positions_m[vehicle == row] = driven_m + distance_m[vehicle == row][..., None] * ahead
+        return positions_m
 
-    def crash(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
-        """Keep somebody who has had a collision where it is, for good.
+    def hold_crashed(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Hold an actor that has collided where it is, for good.
 
         Args:
-            body: Which of the vehicles, then pedestrians.
-            front_m: (3,) where its front shall stand, map frame; only vehicles, who are ahead of what is published,
-                are put there.
+            body: Index among the vehicles, then pedestrians.
+            front_m: (3,) where its front shall stand, map frame; only vehicles, which are ahead of the published
+                tables, are moved there.
             yaw_rad: The vehicle's heading.
         """
         if body >= len(self.vehicles):
@@ -204,14 +208,14 @@ class Traffic:
         libsumo.vehicle.setSpeed(name, 0.0)
         x_m, y_m = front_m[:2].tolist()
         libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_ROUTE)
-        self._moved = True
+        self._has_pending_move = True
 
-    def drive(self, vehicle: int, front_m: Float64Array, yaw_rad: float) -> None:
-        """Put a vehicle somewhere at the next step, on a road or off it, unless it has had a collision.
+    def move_vehicle(self, vehicle: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Move a vehicle to a pose at the next step, on a road or off it, unless it has crashed.
 
         Args:
-            vehicle: Its place in ``vehicles``; from now on it moves only so.
-            front_m: (3,) middle of its front bumper, map frame.
+            vehicle: Its index in ``vehicles``; from now on only this method moves it.
+            front_m: (3,) center of its front bumper, map frame.
             yaw_rad: Its heading.
 
         Raises:
@@ -224,12 +228,12 @@ class Traffic:
         self._driven[name] = row, front_m
         try:
             x_m, y_m = front_m[:2].tolist()
-            libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ANYWHERE)
-            self._moved = True
+            libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_OR_OFF_ROAD)
+            self._has_pending_move = True
         except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
-    def step(self) -> None:
+    def step_sumo(self) -> None:
         """Advance by one tick.
 
         Raises:
@@ -237,66 +241,69 @@ class Traffic:
         """
         try:
             libsumo.simulationStep()
-            self._moved = False
+            self._has_pending_move = False
         except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
-    def limit(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Let a vehicle (its place in ``vehicles``) drive no faster at the next step; None: as far as this reason goes.
+    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
+        """Limit the speed of a vehicle (its index in ``vehicles``) at the next step, for a reason; None lifts it.
 
-        The least speed of all reasons holds. One of 0 goes on until it is lifted; others are to be given at every step.
+        The lowest limit of all reasons applies. A limit of 0 lasts until it is lifted; others must be set at every
+        step.
         """
         limits_mps, name = self._limits_mps[vehicle], self._vehicle_names[vehicle]
         limits_mps.pop(reason, None)
         if speed_mps is not None:
             limits_mps[reason] = speed_mps
         if name not in self._crashed and name not in self._driven:
-            least_mps = min(limits_mps.values(), default=np.inf)
+            min_limit_mps = min(limits_mps.values(), default=np.inf)
             speed_mps = libsumo.vehicle.getSpeed(name)
-            # SUMO takes a given speed for the wanted one, also where the driver would be slower.
-            hard_mps = max(least_mps, speed_mps - _EMERGENCY_MPS2 * self._tick_s)
-            libsumo.vehicle.setSpeed(name, hard_mps if least_mps <= speed_mps else -1.0)
+            # SUMO takes a given speed as the desired one even if its driver would be slower.
+            braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._tick_s)
+            libsumo.vehicle.setSpeed(name, braking_limit_mps if min_limit_mps <= speed_mps else -1.0)
 
-    def make_room(self) -> None:
-        """Let closed stretches begin a little later for those who stand close to them, half on the next lane.
+    def shorten_closures(self) -> None:
+        """Shorten closures a little where a vehicle waits close behind them, halfway onto the next lane.
 
-        Who stands nearer than the gap that it keeps is beside the obstacle for SUMO, which then blocks it for ever.
+        For SUMO, a vehicle closer than its minimum gap is beside the obstacle, which then blocks it forever.
         """
-        for name, whole_m in self._closures.items():
+        for name, full_length_m in self._closures.items():
             follower, gap_m = libsumo.vehicle.getFollower(name, _QUEUE_GAP_M)
             length_m = libsumo.vehicle.getLength(name)
-            stands = follower and gap_m < _TOO_CLOSE_M and libsumo.vehicle.getSpeed(follower) < _STANDING_MPS
-            if stands and length_m > whole_m - _MOST_ROOM_M:
-                libsumo.vehicle.setLength(name, length_m - _ROOM_M)
+            stands = follower and gap_m < _MIN_CLOSURE_GAP_M and libsumo.vehicle.getSpeed(follower) < _STANDING_MPS
+            if stands and length_m > full_length_m - _MAX_SHORTENING_M:
+                libsumo.vehicle.setLength(name, length_m - _SHORTENING_M)
 
     def speed_mps(self, vehicle: int) -> float:
         """A vehicle's speed."""
         return float(libsumo.vehicle.getSpeed(self._vehicle_names[vehicle]))
 
     def direction(self, vehicle: int) -> Float64Array:
-        """(2,) unit vector in which a vehicle looks."""
+        """(2,) unit vector of a vehicle's heading."""
         angle_rad = np.radians(libsumo.vehicle.getAngle(self._vehicle_names[vehicle]))
         return np.array([np.sin(angle_rad), np.cos(angle_rad)])
 
     def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
-        """Way of a vehicle to SUMO's position on an edge; infinite where its route does not lead there."""
+        """Driving distance of a vehicle to SUMO's position on an edge; infinite if its route does not lead there."""
         distance_m = libsumo.vehicle.getDrivingDistance(self._vehicle_names[vehicle], edge, position_m)
         return np.inf if distance_m == libsumo.INVALID_DOUBLE_VALUE else float(distance_m)
 
-    def take_out(self, pedestrian: int) -> None:
-        """Take a pedestrian (its place in ``pedestrians``) off the net; samples keep it where it is."""
+    def remove_pedestrian(self, pedestrian: int) -> None:
+        """Take a pedestrian (its index in ``pedestrians``) off the network; samples keep it at its last position."""
         name = self._pedestrian_names[pedestrian]
         self._off_net[name] = dict(libsumo.person.getSubscriptionResults(name))
         libsumo.person.remove(name)
 
-    def put_back(self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None) -> None:
-        """Let a pedestrian that was taken out walk along edges, from the next step on.
+    def reinsert_pedestrian(
+        self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None
+    ) -> None:
+        """Let a removed pedestrian walk along edges, from the next step on.
 
         Args:
-            pedestrian: Its place in ``pedestrians``.
+            pedestrian: Its index in ``pedestrians``.
             edges: All edges of the walk.
-            position_m: SUMO's position on the first edge where it begins.
-            arrival_m: The same on the last one where it ends; None: anywhere.
+            position_m: SUMO's position on the first edge where the walk starts.
+            arrival_m: SUMO's position on the last edge where it ends; None: anywhere.
 
         Raises:
             SimulationError: SUMO failed.
@@ -313,43 +320,43 @@ class Traffic:
             raise SimulationError(f"SUMO failed: {error}") from error
         self._pedestrian_names[pedestrian] = name
 
-    def pace(self, pedestrian: int, speed_mps: float) -> None:
-        """Let a pedestrian walk no faster than this."""
+    def limit_walking_speed(self, pedestrian: int, speed_mps: float) -> None:
+        """Limit the walking speed of a pedestrian."""
         libsumo.person.setSpeed(self._pedestrian_names[pedestrian], speed_mps)
 
     def wants_to_move(self, vehicle: int) -> bool:
         """Whether a stopped vehicle would drive."""
         return bool(libsumo.vehicle.getSpeedWithoutTraCI(self._vehicle_names[vehicle]) > _STANDING_MPS)
 
-    def stands_on(self, vehicle: int, for_s: float) -> bool:
-        """Whether a vehicle at rest will stay for so long: in a queue, or at a light that does not change till then."""
+    def will_stand(self, vehicle: int, for_s: float) -> bool:
+        """Whether a vehicle at rest will stay for this duration: in a queue, or at a red light that lasts as long."""
         name = self._vehicle_names[vehicle]
         leader = libsumo.vehicle.getLeader(name, _QUEUE_GAP_M)
         if leader and leader[1] < _QUEUE_GAP_M:
             return bool(libsumo.vehicle.getSpeed(leader[0]) < _STANDING_MPS)
         for light, _, distance_m, state in libsumo.vehicle.getNextTLS(name)[:1]:
             rest_s = libsumo.trafficlight.getNextSwitch(light) - libsumo.simulation.getTime()
-            return bool(state == "r" and distance_m < _AT_LINE_M and rest_s >= for_s)
+            return bool(state == "r" and distance_m < _MAX_STOP_LINE_M and rest_s >= for_s)
         return False
 
-    def adapt(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
-        """Give a driver another wanted speed (over the limit) and another headway."""
+    def adapt_driver(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
+        """Set a driver's desired speed, relative to the limit, and headway."""
         libsumo.vehicle.setSpeedFactor(self._vehicle_names[vehicle], speed_factor)
         libsumo.vehicle.setTau(self._vehicle_names[vehicle], headway_s)
 
-    def ending(self) -> list[tuple[int, str]]:
-        """Vehicles (their places in ``vehicles``) whose routes end soon, and their routes' last edges."""
-        ways = [(libsumo.vehicle.getRoute(name), libsumo.vehicle.getRouteIndex(name)) for name in self._vehicle_names]
+    def ending_routes(self) -> list[tuple[int, str]]:
+        """Vehicles (indices in ``vehicles``) whose routes end soon, each with the last edge of its route."""
+        routes = [(libsumo.vehicle.getRoute(name), libsumo.vehicle.getRouteIndex(name)) for name in self._vehicle_names]
         return [
             (vehicle, route[-1])
-            for vehicle, (route, index) in enumerate(ways)
-            if len(route) - index <= _FEW_EDGES
+            for vehicle, (route, index) in enumerate(routes)
+            if len(route) - index <= _MIN_EDGES_LEFT
             and self._vehicle_names[vehicle] not in self._crashed
             and not libsumo.vehicle.getStops(self._vehicle_names[vehicle], 1)
         ]
 
-    def prolong(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
-        """Append edges to a vehicle's route; with a ``last_lane`` it stays at the end of that for ever."""
+    def extend_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
+        """Append edges to a vehicle's route; with a ``last_lane`` it stops at that lane's end for good."""
         name = self._vehicle_names[vehicle]
         ahead = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
         if edges:
@@ -360,14 +367,14 @@ class Traffic:
             libsumo.vehicle.setStop(name, edge, length_m, int(lane), _FOREVER_S)
 
     def close(self) -> None:
-        """End the simulation; a second call does nothing."""
+        """End the simulation; further calls have no effect."""
         if self._open:
-            if self._moved:  # else libsumo would put somebody of the same name there in the next simulation
+            if self._has_pending_move:  # otherwise libsumo would move an actor of the same name in the next simulation
                 with suppress(*_FAILURES):
                     libsumo.simulationStep()
             libsumo.close()
-            self._open = Traffic._running = False
+            self._open = SumoTraffic._running = False
 
 
-def _points(points: Sequence[tuple[float, float, float]]) -> Float64Array:
+def _point_array(points: Sequence[tuple[float, float, float]]) -> Float64Array:
     return np.array(points, np.float64).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Which map a scene takes place on."""
+"""The map of a scene, as scene specifications record it."""
 
 from pydantic import Field
 
@@ -6,7 +6,7 @@ from simbev_ros.config.base import Model
 
 
 class MapSpec(Model):
-    """A map: a town of ours by name, or a file; made by ``source.map_spec``."""
+    """Identifies a map: a built-in town by name, or a map file; created by ``source.map_spec``."""
 
     name: str = Field(description="the town's, or the file's without its suffix; fit for file names")
     seed: int = Field(0, ge=0, description="of all that the map leaves open, such as its surroundings")

@@ -1,4 +1,4 @@
-"""Models of what a town recipe says about the land beside the streets."""
+"""Configuration models of a town recipe for the land beside the streets: buildings, plants, furniture, hills."""
 
 from typing import Literal
 
@@ -9,7 +9,7 @@ from simbev_ros.config.draw import Drawn
 
 
 class SurroundingsRecipe(Model):
-    """What stands on a piece of land; read by the static scene."""
+    """Buildings, plants and street furniture of an area; used when the static scene is built."""
 
     use: Literal["downtown", "residential", "suburb", "industrial", "campus", "farmland", "woods", "park"]
     building_style: Literal["mixed", "brick", "plaster", "glass", "timber", "concrete", "metal"] = "mixed"
@@ -25,7 +25,7 @@ class SurroundingsRecipe(Model):
 
 
 class ReliefRecipe(Model):
-    """Hills: smooth, random, from the map's seed."""
+    """Smooth random hills, drawn from the map's seed."""
 
     amplitude_m: float = Field(0.0, ge=0, le=200, description="highest above and lowest below the mean, about")
     wavelength_m: float = Field(600.0, ge=100, le=20_000, description="from hill to hill, about")

@@ -61,7 +61,7 @@ def test_roads_that_disagree_where_they_cross_in_a_junction_meet_without_humps()
             places_m[:, axis] = along_m
             height_m = elevation.height_m(places_m)
             bend_m = height_m[8:] - 2.0 * height_m[4:-4] + height_m[:-8]
-            assert np.abs(bend_m).max() < 0.03, "over a metre before and behind, with 0.2 m between both roads"
+            assert np.abs(bend_m).max() < 0.03, "over a meter before and behind, with 0.2 m between both roads"
             assert -0.01 < height_m.min() < height_m.max() < _LIFT_M + 0.01
             assert height_m[[0, -1]] == pytest.approx([own_m, own_m], abs=1e-9)
 

@@ -19,7 +19,7 @@ def test_nearest_lane_agrees_with_brute_force(blocks: RoadNetwork) -> None:
     places = blocks.nearest_lane(xy_m)
     found_m = np.linalg.norm(places.position_m[:, :2] - xy_m, axis=1)
     assert (found_m <= nearest_m + 1e-9).all()
-    assert found_m == pytest.approx(nearest_m, abs=2.5), "brute force samples every few metres"
+    assert found_m == pytest.approx(nearest_m, abs=2.5), "brute force samples every few meters"
 
 
 def test_nearest_place_repeats_the_pose_that_it_came_from(blocks: RoadNetwork) -> None:

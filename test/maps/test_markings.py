@@ -37,7 +37,7 @@ def test_inside_junctions_only_crosswalks_are_painted(blocks: RoadNetwork, marki
         if marking.kind is MarkingKind.CROSSWALK:
             assert shapely.difference(marking.polygon, crossings).area < 1e-6
         else:
-            # Turning lanes begin askew, so their corners reach a little way back beside the end of the centre line.
+            # Turning lanes begin askew, so their corners reach a little way back beside the end of the center line.
             assert shapely.intersection(marking.polygon, junctions).area < 0.03
 
 

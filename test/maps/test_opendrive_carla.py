@@ -44,7 +44,7 @@ def place_m(waypoint: Any) -> tuple[float, float, float]:
 
 
 def near_waypoints(waypoints_m: Float64Array, reach_m: Float64Array, x_m: Float64Array, y_m: Float64Array) -> BoolArray:
-    """(rows, columns) cells whose centre is nearer to a waypoint than its reach."""
+    """(rows, columns) cells whose center is nearer to a waypoint than its reach."""
     near = np.zeros((len(y_m), len(x_m)), bool)
     for (x, y), reach in zip(waypoints_m, reach_m, strict=True):
         columns = slice(*np.searchsorted(x_m, [x - reach, x + reach]))
@@ -65,7 +65,7 @@ def lane_of(waypoint: Any) -> str:
 
 
 def nearest(strips: list[Strip], place: tuple[float, float, float]) -> tuple[Strip, int, float, float]:
-    """Of one lane's strips the nearest, the segment of its centre line, the fraction within, and the distance."""
+    """Of one lane's strips the nearest, the segment of its center line, the fraction within, and the distance."""
     best: tuple[Strip, int, float, float] | None = None
     for strip in strips:
         start, step = strip.center_m[:-1, :2], np.diff(strip.center_m[:, :2], axis=0)
@@ -137,8 +137,8 @@ def test_lane_records_are_carlas(town: tuple[Any, MapParts]) -> None:
                 assert line.color.value == str(theirs.color).lower()
                 assert line.width_m == pytest.approx(theirs.width)
                 seen.add((line.paint, line.color))
-        for neighbour, theirs in ((strip.left, waypoint.get_left_lane()), (strip.right, waypoint.get_right_lane())):
-            assert neighbour == (lane_of(theirs) if theirs is not None and neighbour else "")
+        for neighbor, theirs in ((strip.left, waypoint.get_left_lane()), (strip.right, waypoint.get_right_lane())):
+            assert neighbor == (lane_of(theirs) if theirs is not None and neighbor else "")
     assert len(seen) >= 1
 
 

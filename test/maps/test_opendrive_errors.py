@@ -78,7 +78,7 @@ def test_a_road_with_unusable_geometry_is_left_out_with_a_note(tmp_path: Path, w
         ('length="80.0" junction', 'length="1e300" junction', "length is not that of its geometry"),
         ('length="80.0" junction', 'length="0" junction', "length is not that of its geometry"),
         ("<width", '<speed max="fast"/><width', "speed limit that cannot be read"),
-        ("<width", '<roadMark type="wavy" color="mauve"/><width', "kind or colour of road mark that is not known"),
+        ("<width", '<roadMark type="wavy" color="mauve"/><width', "kind or color of road mark that is not known"),
         (
             "<lanes>",
             '<objects><object type="crosswalk" id="1" s="x" t="0"/></objects><lanes>',

@@ -70,10 +70,10 @@ def test_suburbs_have_culs_de_sac_and_are_reached_from_all_sides() -> None:
     lattice.keep_largest_part()
     assert lattice.steps == steps, "no street is cut off"
     arms = lattice.arms()
-    assert sum(len(neighbours) == 1 for neighbours in arms.values()) >= 3
+    assert sum(len(neighbors) == 1 for neighbors in arms.values()) >= 3
     for side in range(2):
         for border in (0, FINE):
-            assert any(len(neighbours) == 3 for point, neighbours in arms.items() if point[side] == border)
+            assert any(len(neighbors) == 3 for point, neighbors in arms.items() if point[side] == border)
 
 
 def test_the_same_seed_gives_the_same_region_and_another_seed_another() -> None:

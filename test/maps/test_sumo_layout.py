@@ -56,7 +56,7 @@ def _strips(layout: Layout) -> dict[str, Strip]:
     return {strip.id: strip for strip in layout.strips}
 
 
-def test_strips_are_lanes_with_their_borders_kinds_and_neighbours(layout: Layout) -> None:
+def test_strips_are_lanes_with_their_borders_kinds_and_neighbors(layout: Layout) -> None:
     strips = _strips(layout)
     kinds = [strips[f"AJ_{lane}"].kind for lane in range(4)]
     assert kinds == [LaneKind.SIDEWALK, LaneKind.PARKING, LaneKind.DRIVING, LaneKind.DRIVING]

@@ -1,4 +1,5 @@
-"""OpenStreetMap: roads through netconvert, buildings, water and land use by a reader of our own."""
+"""OpenStreetMap importer: roads are built by netconvert; buildings, water and land use are read by the package
+itself."""
 
 from simbev_ros.maps.osm.importer import import_osm
 

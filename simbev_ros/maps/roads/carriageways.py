@@ -13,7 +13,7 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.strip_pieces import StripPieces
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-_SHARED_M = 0.3  # borders of neighbours start and end so near to each other
+_SHARED_M = 0.3  # borders of neighbors start and end so near to each other
 _SHORTEST_M = 0.3  # of a piece
 
 

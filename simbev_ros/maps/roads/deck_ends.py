@@ -25,7 +25,7 @@ class _Ends:
     """Where a lane leaves a structure, or passes to a lower one: N places.
 
     Attributes:
-        place_m: (N, 3) on the centre line.
+        place_m: (N, 3) on the center line.
         outward: (N, 2) unit vector down from the structure along the road.
         half_width_m: (N,) of the lane.
         level: (N,) the higher one.

@@ -34,7 +34,7 @@ class Elevation:
 
     In junctions strips lie across each other, and few maps put them all at one height. So the planes there are fitted
     to all samples around first, and beside them in part; else the road would jump from one strip to the next every
-    metre or two.
+    meter or two.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -51,7 +51,7 @@ class Elevation:
         return np.concatenate([np.empty(0), *parts])
 
     def distance_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
-        """(N,) distance in plan to the nearest sample of a level's centre lines, at most 3 m apart along them."""
+        """(N,) distance in plan to the nearest sample of a level's center lines, at most 3 m apart along them."""
         return self._levels[level].distance_m(xy_m)
 
     def level_at(self, xyz_m: Float64Array, near_m: float = 30.0) -> Int64Array:
@@ -90,7 +90,7 @@ class _Samples:
         weight = np.maximum(distance_m[:, -1:], 1e-3) - distance_m
         weight /= distance_m + _SOFTENING_M
         weight *= weight
-        weight[:, 0] += 1e-12  # where all neighbours are equally far
+        weight[:, 0] += 1e-12  # where all neighbors are equally far
         plane_m = self._plane[index, 0]
         for axis in range(2):
             plane_m += (np.asarray(xy_m)[:, None, axis] - self._xyz_m[index, axis]) * self._plane[index, 1 + axis]
@@ -140,7 +140,7 @@ def _workers(points: AnyArray) -> int:
 
 
 def _planes(strips: Sequence[Strip]) -> tuple[Float64Array, Float64Array, BoolArray]:
-    """(N, 3) places along the centre lines of strips, the (N, 2) slope of the road there, whether roads meet."""
+    """(N, 3) places along the center lines of strips, the (N, 2) slope of the road there, whether roads meet."""
     lines = Polylines.of([strip.center_m for strip in strips])
     left_m, right_m = (
         np.concatenate([np.empty((0, 3)), *sides_m])

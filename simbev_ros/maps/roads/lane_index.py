@@ -9,8 +9,8 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import Float64Array, Int64Array
 
 _REACH_M = 12.0  # lines so much further than the nearest one in plan are looked at too
-_HEIGHT_WEIGHT = 2.0  # metres in plan that a metre of height counts for
-_TURN_WEIGHT_M = 4.0  # metres in plan that a right angle between line and heading counts for
+_HEIGHT_WEIGHT = 2.0  # meters in plan that a meter of height counts for
+_TURN_WEIGHT_M = 4.0  # meters in plan that a right angle between line and heading counts for
 _AT_ONCE = 1 << 16
 
 
@@ -30,7 +30,7 @@ class NearestPlaces:
 
 
 class LineIndex:
-    """A search tree over at least one line, e.g. the centre lines of lanes."""
+    """A search tree over at least one line, e.g. the center lines of lanes."""
 
     def __init__(self, lines: Polylines) -> None:
         self.lines = lines

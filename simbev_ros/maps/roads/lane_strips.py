@@ -18,5 +18,5 @@ class LaneStrips:
 
     @cached_property
     def index(self) -> LineIndex:
-        """Of the centre lines of ``strips``."""
+        """Of the center lines of ``strips``."""
         return LineIndex(Polylines.of([strip.center_m for strip in self.strips]))

@@ -35,7 +35,7 @@ class Paint(StrEnum):
 
 
 class PaintColor(StrEnum):
-    """Colour of a line; OpenDRIVE's standard is white."""
+    """Color of a line; OpenDRIVE's standard is white."""
 
     WHITE = "white"
     YELLOW = "yellow"
@@ -76,8 +76,8 @@ class Strip:
         speed_mps: Speed limit.
         structure: The source says that it is carried by a bridge.
         level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air (``levels.with_levels``).
-        left: ``lane`` of the neighbour on the left, in driving direction, or "".
-        right: ``lane`` of the neighbour on the right, or "".
+        left: ``lane`` of the neighbor on the left, in driving direction, or "".
+        right: ``lane`` of the neighbor on the right, or "".
         following: ``lane`` ids of those that it leads to.
         outline_m: (M, 2) float64 outline where borders do not describe the area (walking areas), else None.
     """
@@ -105,7 +105,7 @@ class Strip:
 
     @property
     def center_m(self) -> Float64Array:
-        """(N, 3) centre line."""
+        """(N, 3) center line."""
         center_m: Float64Array = (self.left_m + self.right_m) / 2.0
         return center_m
 
@@ -158,7 +158,7 @@ class SignalPlace:
 
     Attributes:
         foot_m: (3,) foot of the pole, map frame, on the carriageway's plane.
-        head_m: (3,) centre of the head.
+        head_m: (3,) center of the head.
         yaw_rad: Direction in which the lamps shine, towards the traffic that they are for.
         lanes: Ids of the ``network.Lane``s that they are for.
         opendrive_id: Of the map's signal.

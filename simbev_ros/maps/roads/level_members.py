@@ -35,7 +35,7 @@ REACH_M = 150.0
 _PIECE_M = 6.0
 _BESIDE_M = 25.0
 _BEYOND_M = 5.0  # surfaces that belong to a road, such as the corners of junctions, reach so far beyond its lanes
-_HEIGHT_WEIGHT = 3.0  # metres in plan that a metre of height counts for, when the nearest road is looked for
+_HEIGHT_WEIGHT = 3.0  # meters in plan that a meter of height counts for, when the nearest road is looked for
 
 
 class RoadsByLevel(NamedTuple):

@@ -130,7 +130,7 @@ def _extended(links: coo_matrix, reach_m: Float64Array) -> tuple[BoolArray, Int6
     """(N,) pieces within reach of another along the road, and the (N,) one that carries each; others have themselves.
 
     Args:
-        links: (N, N) ways between neighbours.
+        links: (N, N) ways between neighbors.
         reach_m: (N,) how far pieces carry, negative: not at all.
     """
     count, longest_m = len(reach_m), float(reach_m.max())

@@ -58,7 +58,7 @@ def line_paths(layout: Layout, level: int) -> Iterator[LinePath]:
 
 
 def _between_lanes(strips: Sequence[Strip], lines_m: Sequence[Float64Array]) -> list[MarkingKind | None]:
-    """What lines part that run between two lanes at their middle; in junctions lanes do not name their neighbours."""
+    """What lines part that run between two lanes at their middle; in junctions lanes do not name their neighbors."""
     if not strips or not lines_m:
         return [None] * len(lines_m)
     lines = Polylines.of(lines_m)

@@ -42,7 +42,7 @@ class MarkingKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Marking:
-    """One painted area, map frame, metres."""
+    """One painted area, map frame, meters."""
 
     kind: MarkingKind
     polygon: shapely.Polygon
@@ -97,19 +97,19 @@ def painted_sides(layout: Layout, level: int) -> tuple[PaintedSide, ...]:
 
 def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[PaintedSide]:
     """The painted borders of a strip, and what their paint means."""
-    for along_m, line, neighbour, outward in (
+    for along_m, line, neighbor, outward in (
         (strip.left_m, strip.left_line, by_lane.get(strip.left), 1.0),
         (strip.right_m, strip.right_line, by_lane.get(strip.right), -1.0),
     ):
         if line.paint in (Paint.NONE, Paint.CURB):
             continue
         kind, inset_m = MarkingKind.LANE, 0.0
-        if neighbour is None or neighbour.kind not in _ASPHALT:
+        if neighbor is None or neighbor.kind not in _ASPHALT:
             kind = MarkingKind.EDGE
             inset_m = 0.0 if strip.junction else _INSET_M + line.width_m / 2.0
-        elif neighbour.kind is LaneKind.SHOULDER or strip.kind is LaneKind.SHOULDER:
+        elif neighbor.kind is LaneKind.SHOULDER or strip.kind is LaneKind.SHOULDER:
             kind = MarkingKind.EDGE
-        elif neighbour.left == strip.lane and strip.left == neighbour.lane:
+        elif neighbor.left == strip.lane and strip.left == neighbor.lane:
             kind = MarkingKind.CENTER
         yield Border(along_m, line.paint, line.width_m, outward, inset_m), kind, line.color
 

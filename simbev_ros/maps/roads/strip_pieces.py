@@ -23,7 +23,7 @@ class StripPieces:
     Attributes:
         strips: What was cut.
         row: (N,) strip of each piece.
-        start_m: (N,) where the piece begins along its strip's centre line.
+        start_m: (N,) where the piece begins along its strip's center line.
         end_m: (N,) where it ends.
     """
 
@@ -64,7 +64,7 @@ class StripPieces:
 
     @cached_property
     def lines(self) -> Polylines:
-        """Centre lines of the strips."""
+        """Center lines of the strips."""
         return Polylines.of([strip.center_m for strip in self.strips])
 
     @cached_property
@@ -101,7 +101,7 @@ class StripPieces:
         return self.lines.values(self._at(0.5), width_m) / 2.0
 
     def place_m(self, part: float) -> Float64Array:
-        """(N, 3) places on the centre lines, map frame: 0 at the start of each piece, 1 at its end."""
+        """(N, 3) places on the center lines, map frame: 0 at the start of each piece, 1 at its end."""
         return self.lines.values(self._at(part))
 
     def _at(self, part: float) -> Float64Array:
@@ -123,7 +123,7 @@ class StripPieces:
 
     @cached_property
     def height_range_m(self) -> tuple[Float64Array, Float64Array]:
-        """(N,) lowest and (N,) highest point of their centre lines."""
+        """(N,) lowest and (N,) highest point of their center lines."""
         heights_m = np.stack([self.place_m(part)[:, 2] for part in (0.0, 0.5, 1.0)])
         return heights_m.min(axis=0), heights_m.max(axis=0)
 

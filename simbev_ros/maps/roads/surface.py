@@ -1,8 +1,8 @@
-"""What covers the ground, level by level: exact shapely geometry in plan, map frame, metres.
+"""What covers the ground, level by level: exact shapely geometry in plan, map frame, meters.
 
 A carriageway is the union of its strips, those inside junctions included, with the gaps between them closed; where the
 map describes lanes only, junction corners are rounded too. Of surfaces that would overlap the first of carriageway,
-shoulder, sidewalk and median holds, so that neighbours share their border and nothing else.
+shoulder, sidewalk and median holds, so that neighbors share their border and nothing else.
 """
 
 from collections.abc import Sequence
@@ -150,8 +150,8 @@ def _gores(plan: _Plan, road: BaseGeometry) -> BaseGeometry:
     if not plan.corner_radius_m or shoulders.is_empty or not fast.any():
         return MultiPolygon()
     filled = shapely.get_parts(_without(road, shapely.union_all(plan.areas_of(*ROAD_KINDS))))
-    for neighbour in (shoulders, shapely.union_all(plan.areas[fast])):
-        filled = filled[shapely.dwithin(filled, neighbour, 2.0 * _GRID_M)]
+    for neighbor in (shoulders, shapely.union_all(plan.areas[fast])):
+        filled = filled[shapely.dwithin(filled, neighbor, 2.0 * _GRID_M)]
     return MultiPolygon(list(filled))
 
 

@@ -111,7 +111,7 @@ def _place_in_map_frame(path: Path, root: Element, file: NetFile, notes: list[st
     moved_m = float(np.abs(map_from_net(corners_m) - (corners_m - origin_m))[:, :2].max())
     if moved_m > _EXACT_M:
         notes.append(
-            f"its coordinates were turned and scaled so that x points east in metres: by up to {moved_m:.2f} m"
+            f"its coordinates were turned and scaled so that x points east in meters: by up to {moved_m:.2f} m"
         )
     file.move(map_from_net)
     location.attrib.update(netOffset="0.00,0.00", projParameter=datum.proj_string)
@@ -136,5 +136,5 @@ def _offset(path: Path, location: Element) -> tuple[float, float]:
     try:
         x_m, y_m = map(float, location.get("netOffset", "0,0").split(","))
     except ValueError:
-        raise InputError(f"{place_of(path, location)}: location: netOffset: must be x,y in metres") from None
+        raise InputError(f"{place_of(path, location)}: location: netOffset: must be x,y in meters") from None
     return x_m, y_m

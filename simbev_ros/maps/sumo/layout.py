@@ -21,7 +21,7 @@ from simbev_ros.types import Float64Array
 _CORNER_RADIUS_M = 3.0
 _SAME_BORDER_M = 0.5
 _STOP_LINE_M = 0.5  # its middle, back from the lane's end; SUMO's vehicles halt 1 m before the end
-_STOP_LINE_MARGIN_M = 0.25  # clear of the curb, and of the centre lines
+_STOP_LINE_MARGIN_M = 0.25  # clear of the curb, and of the center lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ def _lanes_by_edge(net: SumoNet) -> dict[str, list[Lane]]:
 
 
 def _borders(net: SumoNet, crossfall: Crossfall) -> _Borders:
-    """Both borders of every lane, half its width beside its centre line, and so much lower as the road falls there."""
+    """Both borders of every lane, half its width beside its center line, and so much lower as the road falls there."""
     lanes = list(net.lanes.values())
     lines = crossfall.stepped(Polylines.of([lane.centerline_m for lane in lanes]))
     half_m = np.array([lane.width_m for lane in lanes])[lines.row] / 2.0

@@ -185,7 +185,7 @@ class NetFile:
         except ValueError:
             array = np.full((1, 3), np.nan)
         if not np.all(np.abs(array) < _LARGEST_M):
-            self._refuse(element, f"{_name(element)}: {attribute}: must be points x,y or x,y,z in metres")
+            self._refuse(element, f"{_name(element)}: {attribute}: must be points x,y or x,y,z in meters")
         return array
 
     def _number(self, element: Element, attribute: str, default: float | None = None) -> float:

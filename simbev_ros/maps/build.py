@@ -1,5 +1,7 @@
-"""Loads a map: takes a MapSpec and returns its RoadNetwork, built on first use and afterwards read from a disk
-cache."""
+"""Loads a map: takes a MapSpec and returns its RoadNetwork.
+
+A map is built on first use and afterwards read from a disk cache.
+"""
 
 import gc
 import gzip
@@ -21,7 +23,7 @@ from simbev_ros.maps.osm.importer import import_osm
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.signals import place_signals, with_net_ids
 from simbev_ros.maps.signs import place_signs
 from simbev_ros.maps.source import file_of, suffix_of
@@ -61,8 +63,7 @@ def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
 
 
 def load_source(spec: MapSpec, cache_dir: Path | None = None) -> bytes:
-    """Load the gzipped source file of a map, even if the original is gone; arguments and errors as for
-    ``load_network``."""
+    """Load the gzipped source file of a map, even if the original is gone. Arguments and errors as ``load_network``."""
     return _read(spec, cache_dir, read_source)
 
 
@@ -81,8 +82,7 @@ def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> 
 
 
 def _folder(spec: MapSpec, cache_dir: Path) -> Path:
-    """Return a map's cache folder. The seed is part of the key only for towns, because it does not change imported
-    files."""
+    """Return a map's cache folder. The seed is part of the key only for towns: imported files do not use it."""
     source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
     key = f"{spec.name}\n{source}\n".encode()
     make_parts = _importer_of(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
@@ -123,7 +123,7 @@ def _build(spec: MapSpec, make_parts: Callable[[Path], MapParts], folder: Path) 
     for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
         shutil.copyfile(source, folder / name)
     net = read_sumo_net(folder / NET)
-    layout = with_levels(parts.layout or layout_of(net), parts.features.water)
+    layout = assign_levels(parts.layout or layout_of(net), parts.features.water)
     signals = place_signals(net, layout)
     network = RoadNetwork(
         name=spec.name,

@@ -1,4 +1,4 @@
-"""Builds the lane record published on /ego/hd_map: plain values of the lane under the ego, keyed as in the SimBEV
+"""Builds the lane record published on /ego/hd_map: the lane under the ego as plain values, keyed as in the SimBEV
 format."""
 
 from typing import Any
@@ -46,7 +46,7 @@ def lane_record(network: RoadNetwork, xyz_m: Float64Array, yaw_rad: float) -> di
     lanes = network.lane_strips
     found = lanes.index.nearest(xyz_m[None], np.array([yaw_rad]))
     strip, s_m = lanes.strips[int(found.row[0])], float(found.s_m[0])
-    sides = Polylines.of([strip.left_m, strip.right_m])
+    sides = Polylines.from_lines([strip.left_m, strip.right_m])
     parameter = found.parameter - lanes.index.lines.first[found.row] + sides.first[:2]
     left_m, right_m = sides.values(parameter)
     heading = lanes.index.lines.headings(found.parameter)[0]
@@ -108,7 +108,7 @@ def _neighbor(strip: Strip | None) -> dict[str, Any] | None:
 
 def _slope(strip: Strip, s_m: float) -> float:
     """Gradient of a strip (rise per meter) at a distance along it."""
-    line = Polylines.of([strip.center_m])
+    line = Polylines.from_lines([strip.center_m])
     ends_m = line.values(line.parameter(np.zeros(2, np.int64), s_m + np.array([-_SLOPE_M, _SLOPE_M])))
     return float((ends_m[1, 2] - ends_m[0, 2]) / max(np.linalg.norm((ends_m[1] - ends_m[0])[:2]), 1e-6))
 

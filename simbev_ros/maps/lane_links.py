@@ -75,11 +75,15 @@ def _beside(
 
 
 def strips_at(positions: Sequence[tuple[Lane, float]], driven: LaneStrips) -> list[str]:
-    """Ids of the strips at positions on traffic lanes, each given as lane and distance from its start; "" where there
-    is none."""
+    """Ids of the strips at positions on traffic lanes; "" where there is none.
+
+    Args:
+        positions: Lane, and distance from its start.
+        driven: The driving strips.
+    """
     if not positions or not driven.strips:
         return [""] * len(positions)
-    lines = Polylines.of([lane.centerline_m for lane, _ in positions])
+    lines = Polylines.from_lines([lane.centerline_m for lane, _ in positions])
     parameter = lines.parameter(np.arange(len(positions)), np.array([s_m for _, s_m in positions]))
     points_m, heading = lines.values(parameter), lines.headings(parameter)
     nearest = driven.index.nearest(points_m, np.arctan2(heading[:, 1], heading[:, 0]))
@@ -97,7 +101,7 @@ def halting_strips(stop_lines: Sequence[StopLine], driven: LaneStrips) -> Iterat
     Maps do not always give the direction of a stop line: if no strip crosses it in its direction, those that cross it
     in the opposite direction are returned.
     """
-    lanes = driven.index.lines if driven.strips else Polylines.of([])
+    lanes = driven.index.lines if driven.strips else Polylines.from_lines([])
     lines = _plan([line.ends_m for line in stop_lines])
     centers = _plan(lanes.split(lanes.points_m))
     line, strip = np.asarray(shapely.STRtree(centers).query(lines, predicate="intersects"), np.int64)

@@ -1,5 +1,4 @@
-"""The road network of a map: lanes with 3D center lines, junctions, traffic signals and layout, built once from a SUMO
-net."""
+"""The road network of a map: lanes with 3D center lines, junctions, signals and layout, built from a SUMO net."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -171,7 +170,7 @@ class RoadNetwork:
     def waypoints(self, spacing_m: float) -> Waypoints:
         """Waypoints on driving lanes outside junctions: the first at half the spacing, then one every ``spacing_m``."""
         lanes = [lane for lane in self.lanes_of(LaneKind.DRIVING) if not lane.junction]
-        lines = Polylines.of([lane.centerline_m for lane in lanes])
+        lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         count = np.maximum(np.ceil(lines.length_m / spacing_m - 0.5).astype(np.int64), 0)
         row = np.repeat(np.arange(len(lanes)), count)
         s_m = spacing_m * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 0.5)
@@ -188,8 +187,7 @@ class RoadNetwork:
         return self._waypoints(self.lanes_of(LaneKind.DRIVING), self._lane_index.lines, nearest.row, nearest.s_m)
 
     def roads_by_level(self, xyz_m: Float64Array) -> RoadsByLevel:
-        """Ids of the strips within 150 m of a (3,) position: those on its level, and those that pass above and
-        below."""
+        """Ids of the strips within 150 m of a (3,) position: on its level, passing above, and passing below."""
         members = self._level_graph.members(xyz_m)
         if members is not None:
             return members.roads
@@ -202,7 +200,7 @@ class RoadNetwork:
 
     @cached_property
     def _lane_index(self) -> LineIndex:
-        return LineIndex(Polylines.of([lane.centerline_m for lane in self.lanes_of(LaneKind.DRIVING)]))
+        return LineIndex(Polylines.from_lines([lane.centerline_m for lane in self.lanes_of(LaneKind.DRIVING)]))
 
     @staticmethod
     def _waypoints(lanes: Sequence[Lane], lines: Polylines, row: Int64Array, s_m: Float64Array) -> Waypoints:

@@ -38,8 +38,7 @@ def right_edge_line(edge: Sequence[Lane], opposite: Sequence[Lane]) -> Line:
 
 
 def left_line(edge: Sequence[Lane], opposite: Sequence[Lane]) -> Line:
-    """Paint on the left border of an edge; ``opposite`` holds the adjacent lanes of the other direction, or is
-    empty."""
+    """Paint on the left border of an edge; ``opposite`` holds the adjacent lanes of the other direction, if any."""
     if edge[-1].kind not in ROAD_KINDS or _is_minor_road(edge, opposite):
         return _NO_LINE
     if not opposite or opposite[-1].kind not in ROAD_KINDS:

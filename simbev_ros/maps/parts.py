@@ -1,5 +1,4 @@
-"""The common result of all map importers (town recipe, OpenDRIVE, OpenStreetMap, SUMO net), from which maps are
-built."""
+"""The parts of a map: the common result of all importers (town recipe, OpenDRIVE, OpenStreetMap, SUMO net)."""
 
 from dataclasses import dataclass
 from pathlib import Path

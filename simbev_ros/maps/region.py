@@ -1,5 +1,7 @@
-"""Square regions of a map: the unit in which its surroundings are built, stored and loaded, independently of each
-other."""
+"""Square regions of a map, the unit in which its surroundings are built, stored and loaded.
+
+Each region is built without knowledge of the others.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -45,8 +47,7 @@ class Reach:
 
 
 def regions_of(layout: Layout, reach: Reach | None = None) -> tuple[Region, ...]:
-    """Regions of a map with land near roads, from south-west to north-east; only those within ``reach`` if it is
-    given."""
+    """Regions of a map with land near roads, from south-west to north-east; with ``reach``, only those within it."""
     positions_m = np.concatenate([np.empty((0, 2)), *(strip.left_m[:, :2] for strip in layout.strips)])
     corners = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]]) * OUTSKIRTS_M
     squares = np.unique(np.floor((positions_m[:, None] + corners).reshape(-1, 2) / REGION_M).astype(int), axis=0)

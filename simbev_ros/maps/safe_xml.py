@@ -72,8 +72,7 @@ _TRUNCATED_CODES = (
 
 
 def check_readable(path: Path, max_bytes: int = _MAX_BYTES) -> None:
-    """Raise InputError unless the path is a regular, non-empty file of at most ``max_bytes``; reads only its
-    metadata."""
+    """Raise InputError unless a path is a regular, non-empty file of at most ``max_bytes``; reads metadata only."""
     try:
         status = path.stat()
     except OSError as error:
@@ -109,8 +108,7 @@ class _Reader:
         raise InputError(f"{location}: {problem}")
 
     def close(self) -> Element:
-        """Return the root and remove the handlers, which would keep the tree alive through a reference cycle with the
-        parser."""
+        """Return the root and remove the handlers, which would keep the tree alive through a reference cycle."""
         parser, root = self.parser, self.builder.close()
         parser.StartElementHandler = parser.EndElementHandler = parser.CharacterDataHandler = None
         parser.StartDoctypeDeclHandler = None

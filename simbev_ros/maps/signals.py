@@ -121,8 +121,13 @@ def _head_poses(
 
 
 def _curb(lane: Lane, end: int, side: float) -> tuple[Float64Array, Float64Array]:
-    """(3,) right (``side`` 1) or left (-1) border point of a lane and (3,) horizontal unit vector along it, at its
-    start (``end`` 0) or end (-1)."""
+    """(3,) border point of a lane and (3,) horizontal unit vector along it.
+
+    Args:
+        lane: The lane.
+        end: Its start (0) or its end (-1).
+        side: Its right (1) or left (-1) border.
+    """
     heading = _heading(lane, end)
     return lane.centerline_m[end] + side * lane.width_m / 2.0 * np.array([heading[1], -heading[0], 0.0]), heading
 

@@ -124,7 +124,7 @@ def _placed_off_road(requests: Sequence[_SignRequest], layout: Layout, curb_side
     """Each sign at the first free position beside its lane, on the right (``curb_side`` 1) or left (-1)."""
     if not requests:
         return
-    lines = Polylines.of([sign.lane.centerline_m for sign in requests])
+    lines = Polylines.from_lines([sign.lane.centerline_m for sign in requests])
     parameter = lines.parameter(np.arange(len(requests)), np.array([sign.s_m for sign in requests]))
     heading = lines.headings(parameter)
     outward = curb_side * np.column_stack([heading[:, 1], -heading[:, 0], np.zeros(len(requests))])
@@ -139,8 +139,7 @@ def _placed_off_road(requests: Sequence[_SignRequest], layout: Layout, curb_side
 
 
 def _is_free(feet_m: Float64Array, lanes_m: Float64Array, layout: Layout) -> BoolArray:
-    """(N, K) whether (N, K, 3) positions are off the road and, beside (N, 3) lane positions on structures, on a
-    sidewalk."""
+    """(N, K) whether (N, K, 3) positions are off the road, and on a sidewalk beside (N, 3) lanes on structures."""
     feet = np.asarray(feet_m.reshape(-1, 3), np.float64)
     on_road = _touches_strip(feet, layout.strips_of(*ROAD_KINDS, LaneKind.SHOULDER)).reshape(feet_m.shape[:2])
     elevated = [strip for strip in layout.strips if strip.level > 0]

@@ -79,9 +79,11 @@ def statistics_of(network: RoadNetwork) -> MapStatistics:
     )
 
 
-def busiest_place(network: RoadNetwork) -> Float64Array:
-    """(2,) position on a driving lane, map frame, with the highest density of lanes around it; downtown has the highest
-    weight, motorways the lowest."""
+def busiest_position(network: RoadNetwork) -> Float64Array:
+    """(2,) position on a driving lane, map frame, with the highest density of lanes around it.
+
+    Lanes in downtown have the highest weight, motorways the lowest.
+    """
     waypoints = network.waypoints(_SPACING_M)
     positions_m, lanes = waypoints.position_m[:, :2], [network.lanes[lane] for lane in waypoints.lane]
     if not lanes:  # all lanes are too short for a vehicle to start on

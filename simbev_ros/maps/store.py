@@ -1,5 +1,5 @@
-"""Writes and reads RoadNetworks on disk: the SUMO net, the OpenDRIVE file, and one file of flat arrays that loads
-fast."""
+"""Writes and reads RoadNetworks on disk: the SUMO net, the OpenDRIVE file, and all other data as flat arrays in a
+file."""
 
 import json
 from collections.abc import Iterator, Mapping

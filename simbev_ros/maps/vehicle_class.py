@@ -44,8 +44,7 @@ ALL_CLASSES = frozenset(
 
 @cache
 def open_to(allow: str, disallow: str) -> frozenset[str]:
-    """Classes that may use a lane with these two attributes of a SUMO net; ``allow`` takes precedence if it is
-    given."""
+    """Classes that may use a lane with these two attributes of a SUMO net; ``allow`` takes precedence."""
     if allow:
         return ALL_CLASSES if "all" in allow.split() else ALL_CLASSES.intersection(allow.split())
     return frozenset() if "all" in disallow.split() else ALL_CLASSES.difference(disallow.split())

@@ -17,7 +17,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.statistics import busiest_place
+from simbev_ros.maps.statistics import busiest_position
 from simbev_ros.maps.sumo.netconvert import sumo_home
 
 STREET = """<node id="1" lat="{0}" lon="{1}"/><node id="2" lat="{2}" lon="{3}"/>
@@ -153,7 +153,7 @@ def test_a_road_of_half_a_metre_can_be_looked_at(tmp_path: Path) -> None:
     path = tmp_path / "short.xodr"
     path.write_text(xodr().replace('length="100"', 'length="0.5"'))
     network = load_network(map_spec(str(path)))
-    assert busiest_place(network) == pytest.approx([0.0, -1.75], abs=0.01)
+    assert busiest_position(network) == pytest.approx([0.0, -1.75], abs=0.01)
 
 
 def test_traffic_of_left_hand_nets_has_the_curb_on_its_left(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def test_height_and_heading_choose_among_lanes_that_cross() -> None:
         straight("over", (-50, 0), (50, 0), lambda xy_m: np.full(len(xy_m), 6.0)),
         straight("back", (50, 1), (-50, 1), lambda xy_m: np.full(len(xy_m), 6.0)),
     ]
-    index = LineIndex(Polylines.of([road.center_m for road in roads]))
+    index = LineIndex(Polylines.from_lines([road.center_m for road in roads]))
     place_m = np.array([[0.4, 0.1, 0.2], [0.1, 0.4, 5.8], [0.1, 0.4, 5.8]])
     assert index.nearest(place_m[:, :2]).row.tolist() == [1, 0, 0], "in plan only"
     assert index.nearest(place_m).row.tolist() == [0, 1, 1]

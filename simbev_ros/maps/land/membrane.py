@@ -27,10 +27,10 @@ class Raster:
     values: Float64Array
 
     def linear(self, xy_m: Float64Array) -> Float64Array:
-        """(N,) values at (N, 2) positions, linear on the two triangles of each cell, split along its diagonal from
-        south-west to north-east.
+        """(N,) values at (N, 2) positions, linear on the two triangles of each cell.
 
-        Positions outside the raster are clamped to its border.
+        The triangles meet on the cell's diagonal from south-west to north-east. Positions outside the raster are
+        clamped to its border.
         """
         last = np.array(self.values.shape) - 1
         node = np.clip(self._node_coordinates(xy_m), 0.0, last)
@@ -42,8 +42,10 @@ class Raster:
         return height
 
     def smooth(self, xy_m: Float64Array) -> Float64Array:
-        """(N,) values at (N, 2) positions of the cubic B-spline whose coefficients are the raster's values: close to
-        them, and twice differentiable."""
+        """(N,) values at (N, 2) positions of the cubic B-spline that has the raster's values as its coefficients.
+
+        The spline is close to the values and twice differentiable.
+        """
         value: Float64Array = map_coordinates(
             self.values, self._node_coordinates(xy_m).T, order=3, mode="nearest", prefilter=False
         )
@@ -109,8 +111,7 @@ def relax(values: Float64Array, free: BoolArray, steps: int) -> Float64Array:
 
 
 def _spline(share: Float64Array) -> tuple[Float64Array, ...]:
-    """Weights of the four coefficients of a uniform cubic B-spline, at fractions of the interval between the second and
-    the third."""
+    """Weights of a uniform cubic B-spline's four coefficients, at fractions between the second and the third."""
     rest = 1.0 - share
     return (
         rest**3 / 6.0,

@@ -23,8 +23,7 @@ class Shores:
         self._shores = [_Shore(water) for water in waters]
 
     def carve(self, xy_m: Float64Array, land_m: Float64Array) -> Float64Array:
-        """Carve banks and beds: (N,) terrain heights at (N, 2) points, given the (N,) heights of the terrain without
-        water."""
+        """Carve banks and beds into the (N,) terrain heights at (N, 2) points, given as they would be without water."""
         x_m, y_m = xy_m.T
         for shore in self._shores:
             low, high = shore.bounds_m[:2] - _BANK_M[1], shore.bounds_m[2:] + _BANK_M[1]

@@ -1,5 +1,4 @@
-"""Terrain: computes land heights that follow the roads' surface on and beside them and blend into the relief away from
-them.
+"""Computes terrain heights: the roads' surface on and beside roads, blended into the relief away from them.
 
 Two steps. First, a coarse raster of the whole map: it has the height of the roads where there are roads, a membrane
 interpolates between them, and where there are hills the membrane fades into those. Second, ``Terrain.patch`` refines a
@@ -60,8 +59,7 @@ class Terrain:
     """Terrain of one map, without the objects on it and the structures above it."""
 
     def __init__(self, network: RoadNetwork, elevation: Elevation | None = None) -> None:
-        """Prepare the terrain; takes seconds on the largest maps. Pass the network's ``elevation`` to avoid recomputing
-        it."""
+        """Prepare the terrain; takes seconds on the largest maps. Pass ``elevation`` to avoid recomputing it."""
         self.elevation = Elevation(network.layout) if elevation is None else elevation
         self._features = network.features
         self._relief = Relief.of(self._features.relief, network.seed)
@@ -125,8 +123,7 @@ class Terrain:
         )
 
     def _on_streets(self, low_m: Float64Array, shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
-        """Which of ``shape`` nodes, the first at (2,) ``low_m``, lie on ground-level lanes or affect them, and which on
-        verges."""
+        """Which of ``shape`` nodes, the first at (2,) ``low_m``, affect ground-level lanes, and which lie on verges."""
         box = shapely.box(*low_m, *(low_m + NODE_M * np.array(shape)))
         off_lanes, off_decks = (
             _rasterize(tree.geometries[np.sort(tree.query(box))], low_m, shape) for tree in self._lanes
@@ -139,8 +136,7 @@ class Terrain:
 
 
 def _rasterize(polygons: AnyArray, low_m: Float64Array, shape: tuple[int, int]) -> UInt8Array:
-    """Draw polygons as 0 into a raster of 1, sized for ``shape`` nodes; the center of the first pixel is at (2,)
-    ``low_m``."""
+    """Draw polygons as 0 into pixels of 1 that cover ``shape`` nodes; the first pixel's center is at (2,) ``low_m``."""
     scale = round(NODE_M / _PIXEL_M)
     pixels = np.full((shape[0] * scale, shape[1] * scale), 1, np.uint8)
     for polygon in shapely.get_parts(polygons):

@@ -102,8 +102,7 @@ def _position_m(road: Road, element: Element, height: str) -> Float64Array:
 
 
 def _walking_axis(outline_m: Float64Array, across: Float64Array) -> Float64Array:
-    """(2,) direction in which pedestrians walk: along a long crosswalk, else along the side that is closest to
-    perpendicular to the road."""
+    """(2,) walking direction: along a long crosswalk, else along the side closest to perpendicular to the road."""
     edges_m = np.roll(outline_m, -1, axis=0)[:, :2] - outline_m[:, :2]
     axis: Float64Array = edges_m[np.argmax(np.linalg.norm(edges_m, axis=1))]
     axis = axis / np.linalg.norm(axis)

@@ -1,5 +1,4 @@
-"""Reads the signals of an OpenDRIVE file: traffic lights and signs, their positions and the lanes that they apply
-to."""
+"""Reads the signals of an OpenDRIVE file: traffic lights and signs with their positions and lanes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -139,7 +138,11 @@ def _is_inverted(uses: Sequence[_Reference]) -> bool:
         if len(directions) == 1:
             votes[0] += 1 if directions.pop() == (reference.orientation == "+") else -1
         elif not directions and reference.t_m != 0.0:
-            votes[1] += 1 if drives_forward_at(reference.road, reference.s_m, reference.t_m) == (reference.orientation == "+") else -1
+            votes[1] += (
+                1
+                if drives_forward_at(reference.road, reference.s_m, reference.t_m) == (reference.orientation == "+")
+                else -1
+            )
     return (votes[0] or votes[1]) < 0
 
 
@@ -156,7 +159,12 @@ def _lanes(reference: _Reference, inverted: bool) -> list[LaneKey]:
 
 
 def _signal(
-    document: Document, meaning: str, element: Element, own: _Reference, references: Sequence[_Reference], inverted: bool
+    document: Document,
+    meaning: str,
+    element: Element,
+    own: _Reference,
+    references: Sequence[_Reference],
+    inverted: bool,
 ) -> Signal:
     """Build one signal; if other roads refer to it, it applies to their lanes, and to its own only if it lists them."""
     uses = [*references, *([own] if not references or _valid_lanes(own) else [])]

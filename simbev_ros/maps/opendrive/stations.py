@@ -1,5 +1,4 @@
-"""Chooses the stations along a road at which borders are sampled, so that linear interpolation stays within a
-tolerance."""
+"""Chooses the stations at which borders of a road are sampled, such that linear interpolation is accurate enough."""
 
 from itertools import pairwise
 
@@ -51,7 +50,9 @@ def _breaks_m(road: Road) -> Float64Array:
         records = (*section.marks.values(), *(lane.speeds for lane in section.lanes))
         cuts += [section.start_m + s_m for changes in records for s_m, _ in changes]
     shape_m = [shape.s_m for shape in road.shape]
-    all_m = np.concatenate([road.plan.starts_m, *(cubic.starts_m for cubic in cubics), *section_starts_m, cuts, shape_m])
+    all_m = np.concatenate(
+        [road.plan.starts_m, *(cubic.starts_m for cubic in cubics), *section_starts_m, cuts, shape_m]
+    )
     breaks_m = np.unique(all_m)
     kept: Float64Array = breaks_m[np.concatenate([[True], np.diff(breaks_m) > 1e-3])]
     return kept
@@ -65,7 +66,10 @@ def _refine_m(road: Road, active: list[tuple[Section, bool]], nodes_m: Float64Ar
         probes_m = nodes_m[:-1, None] + lengths_m[:, None] * _PROBE_FRACTIONS
         order_m = np.concatenate([nodes_m, probes_m.ravel()])
         lines = np.concatenate([borders_m(road, section, left, order_m)[0] for section, left in active])
-        ends, probes = lines[:, : len(nodes_m)], lines[:, len(nodes_m) :].reshape(len(lines), -1, len(_PROBE_FRACTIONS), 3)
+        ends, probes = (
+            lines[:, : len(nodes_m)],
+            lines[:, len(nodes_m) :].reshape(len(lines), -1, len(_PROBE_FRACTIONS), 3),
+        )
         parts = np.ceil(np.sqrt(_deviation_m(ends, probes) / _TOLERANCE_M) - 1e-6)
         parts = np.clip(np.minimum(parts, lengths_m / _MIN_STEP_M), 1, _MAX_PARTS).astype(np.int64)
         if np.all(parts == 1):

@@ -1,5 +1,4 @@
-"""Builds stop lines from the signals of an OpenDRIVE file: those that are signals themselves, and those implied by
-rule."""
+"""Builds stop lines from the signals of an OpenDRIVE file: explicit ones, and those implied by rule."""
 
 from collections.abc import Iterable, Mapping, Sequence
 

@@ -1,5 +1,4 @@
-"""OpenStreetMap importer: roads are built by netconvert; buildings, water and land use are read by the package
-itself."""
+"""OpenStreetMap importer: netconvert builds the roads; buildings, water and land use are read here."""
 
 from simbev_ros.maps.osm.importer import import_osm
 

@@ -1,5 +1,5 @@
-"""Selects the buildings of an OpenStreetMap file: outlines that overlap neither roads nor each other, with height and
-use."""
+"""Selects the buildings of an OpenStreetMap file, with height and use; outlines overlap neither roads nor each
+other."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -31,14 +31,18 @@ def buildings_of(areas: Sequence[Area], road_bands: AnyArray) -> tuple[tuple[Foo
     roads, larger = _overlapping(outlines, road_bands), _overlapping(outlines, outlines)
     footprints: dict[int, shapely.Polygon] = {}
     for index, outline in enumerate(outlines):
-        obstacles = [road_bands[k] for k in roads[index]] + [footprints[k] for k in larger[index] if k < index and k in footprints]
+        obstacles = [road_bands[k] for k in roads[index]] + [
+            footprints[k] for k in larger[index] if k < index and k in footprints
+        ]
         parts = polygons(shapely.difference(outline, shapely.union_all(obstacles)))
         free = max(parts, key=lambda part: part.area, default=None)
         if free is not None and free.area >= max(_MIN_AREA_M2, _MIN_FREE_FRACTION * outline.area):
             footprints[index] = free
     left_out = len(candidates) - len(footprints)
     note = f"buildings that stand on roads or in other buildings were left out: {left_out}"
-    return tuple(_footprint(outline, candidates[k].tags) for k, outline in footprints.items()), (note,) if left_out else ()
+    return tuple(_footprint(outline, candidates[k].tags) for k, outline in footprints.items()), (
+        note,
+    ) if left_out else ()
 
 
 def _overlapping(outlines: AnyArray, others: AnyArray) -> dict[int, list[int]]:

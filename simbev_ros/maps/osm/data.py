@@ -83,7 +83,11 @@ def read_osm(path: Path) -> OsmData:
         line = [node for node, before in zip(known, [-1, *known], strict=False) if node != before]
         if len(line) > 1:
             ways[identifier] = Way(identifier, tuple(line), _tags(element))
-    notes = (f"places of ways that are not in the file, where the ways were cut short: {num_missing}",) if num_missing else ()
+    notes = (
+        (f"places of ways that are not in the file, where the ways were cut short: {num_missing}",)
+        if num_missing
+        else ()
+    )
     return OsmData(
         longitude_latitude_deg=np.array(degrees).reshape(-1, 2),
         node_tags=tags,
@@ -135,8 +139,7 @@ def _tags(element: Element) -> dict[str, str]:
 
 
 def _left_hand(root: Element, ways: Iterable[Way]) -> bool:
-    """Whether traffic keeps to the left, see ``OsmData.left_hand``; single roads may differ, as in diverging
-    diamonds."""
+    """Whether traffic keeps to the left, see ``OsmData.left_hand``; single roads may be exceptions."""
     boundaries = [tags for relation in root.findall("relation") if "boundary" in (tags := _tags(relation))]
     sides = {tags["driving_side"] for tags in boundaries if "driving_side" in tags}
     if sides:

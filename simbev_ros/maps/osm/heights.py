@@ -1,5 +1,4 @@
-"""Computes road heights for an OpenStreetMap file from the order of layers at crossings, because the data has no
-heights.
+"""Computes road heights for an OpenStreetMap file, which defines only the order of layers at crossings.
 
 All land is level. Where two roads of different layers cross, the upper one is raised, or, if it is itself on or below
 the ground, the lower one is lowered; along every connected road the height returns smoothly to 0.
@@ -68,7 +67,9 @@ def _apply_clearance(
     fast = float(roads[crossing[0 if rises else 1]].way.tags.get("maxspeed", 0)) > _FAST_KMH
     ramp_m = _FAST_RAMP_M if fast else _RAMP_M
     along_m = dijkstra(graph, directed=False, indices=moved_node, limit=_FLAT_M + ramp_m)
-    if np.isfinite(along_m[other_node]):  # the roads are connected nearby: end the ramp before it reaches the other road
+    if np.isfinite(
+        along_m[other_node]
+    ):  # the roads are connected nearby: end the ramp before it reaches the other road
         ramp_m = max(_MIN_RAMP_M, min(ramp_m, along_m[other_node] - 2.0 * _FLAT_M))
     share = np.clip((along_m - _FLAT_M) / ramp_m, 0.0, 1.0)
     z_m += (lacking_m if rises else -lacking_m) * 0.5 * (1.0 + np.cos(np.pi * share))
@@ -90,8 +91,7 @@ def _flatten_junctions(graph: csr_matrix, z_m: Float64Array) -> None:
 def _subdivide(
     roads: Sequence[OsmRoad], xy_m: Float64Array, crossings: Sequence[tuple[int, int, shapely.Point]]
 ) -> tuple[list[OsmRoad], Float64Array, list[tuple[int, int]]]:
-    """Insert nodes at crossings and, near them, at short distances; returns also each crossing's upper and lower
-    node."""
+    """Insert nodes at crossings and, near them, at short distances; also return each crossing's node pair."""
     near = shapely.buffer(shapely.MultiPoint([point for _, _, point in crossings]), _FLAT_M + _FAST_RAMP_M)
     marks: dict[int, list[tuple[float, int, int]]] = defaultdict(list)
     for k, (upper, lower, point) in enumerate(crossings):

@@ -87,7 +87,7 @@ def import_osm(path: Path, work: Path) -> MapParts:
     if data.left_hand:
         options.append("--lefthand=true")
     try:
-        netconvert.run(options, net, opendrive)
+        netconvert.run_netconvert(options, net, opendrive)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
     notes = (*data.notes, *road_notes, *height_notes, *land_notes)

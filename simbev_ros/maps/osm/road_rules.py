@@ -12,7 +12,14 @@ from pydantic import Field, TypeAdapter
 from simbev_ros.config.base import Model
 from simbev_ros.maps.osm.data import Tags
 
-_COPIED_KEYS = ("turn:lanes", "turn:lanes:forward", "turn:lanes:backward", "lanes:forward", "lanes:backward", "junction")
+_COPIED_KEYS = (
+    "turn:lanes",
+    "turn:lanes:forward",
+    "turn:lanes:backward",
+    "lanes:forward",
+    "lanes:backward",
+    "junction",
+)
 _CYCLE_LANES = ("cycleway", "cycleway:left", "cycleway:right", "cycleway:both")
 _MIRRORED_SIDES = {"left": "right", "right": "left"}
 _MIRRORED_KEYS = {
@@ -137,8 +144,7 @@ def _speed_kmh(tags: Tags, rule: RoadRule) -> float:
 
 
 def _sidewalk(tags: Tags, rule: RoadRule, one_way: bool) -> str:
-    """``both``, ``left``, ``right`` or ``no``; a sidewalk mapped separately beside the road counts as the road's
-    own."""
+    """``both``, ``left``, ``right`` or ``no``; a sidewalk mapped as "separate" counts as the road's own."""
     value = tags.get("sidewalk", tags.get("sidewalk:both"))
     if value in ("left", "right"):
         return value

@@ -58,8 +58,7 @@ def line_of(road: OsmRoad, xy_m: Float64Array) -> shapely.LineString:
 
 
 def crossings_of(roads: Sequence[OsmRoad], xy_m: Float64Array) -> list[tuple[int, int, shapely.Point]]:
-    """Crossings between roads of different layers that do not meet: index of the upper road, of the lower road, and
-    position."""
+    """Crossings between roads of different layers that do not meet: index of upper and lower road, and position."""
     lines = np.array([line_of(road, xy_m) for road in roads], dtype=object)
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     found = []

@@ -46,10 +46,15 @@ def _meet_at(plan: Plan, upper: Link, lower: Link, position_m: Float64Array) -> 
     return any(np.linalg.norm(plan.nodes_m[node][:2] - position_m) < _NODE_TOLERANCE_M for node in shared)
 
 
-def _crossing(plan: Plan, lines: list[shapely.LineString], upper: int, lower: int, position_m: Float64Array) -> Crossing:
+def _crossing(
+    plan: Plan, lines: list[shapely.LineString], upper: int, lower: int, position_m: Float64Array
+) -> Crossing:
     point = shapely.Point(position_m)
     crossing_stations_m = [lines[index].project(point) for index in (upper, lower)]
-    directions = [_direction(lines[index], station_m) for index, station_m in zip((upper, lower), crossing_stations_m, strict=True)]
+    directions = [
+        _direction(lines[index], station_m)
+        for index, station_m in zip((upper, lower), crossing_stations_m, strict=True)
+    ]
     cosine = abs(float(directions[0] @ directions[1]))
     sine = max(float(np.sqrt(max(0.0, 1.0 - cosine**2))), _MIN_SINE)
     widths_m = [half_width_m(plan.links[index].road.kind) for index in (upper, lower)]

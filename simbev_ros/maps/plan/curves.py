@@ -1,5 +1,7 @@
-"""Curves in plan view for the town patterns: rounded corners, offset lines, smooth connections. (N, 2) float64, map
-frame, meters."""
+"""Curves in plan view for the town patterns: rounded corners, offset lines, smooth connections.
+
+All lines are (N, 2) float64, map frame, meters.
+"""
 
 import numpy as np
 

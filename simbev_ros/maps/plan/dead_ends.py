@@ -60,7 +60,10 @@ def _circle(link: Link, node: int, far_node: int, center_m: np.ndarray) -> list[
         corner_radius_m=link.road.kind.corner_radius_m,
     )
     halves = []
-    for name, start, end, start_rad in (("out", node, far_node, entry_rad), ("back", far_node, node, entry_rad + np.pi)):
+    for name, start, end, start_rad in (
+        ("out", node, far_node, entry_rad),
+        ("back", far_node, node, entry_rad + np.pi),
+    ):
         line_m = arc(center_m, _RADIUS_M, start_rad, np.pi)
         road = DraftRoad(f"{link.id}.{'start' if link.start == node else 'end'}.{name}", kind, line_m, link.road.layer)
         halves.append(Link(road.name, road, start, end, line_m))

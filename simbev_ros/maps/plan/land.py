@@ -73,7 +73,9 @@ def waters_of(recipes: Sequence[WaterRecipe], land: Land) -> Iterator[Water]:
     """Areas of water, each with one horizontal surface."""
     for recipe in recipes:
         if recipe.line_m:
-            area = shapely.LineString(spline_through(np.array(recipe.line_m))).buffer(recipe.width_m / 2.0, cap_style="flat")
+            area = shapely.LineString(spline_through(np.array(recipe.line_m))).buffer(
+                recipe.width_m / 2.0, cap_style="flat"
+            )
         else:
             area = shapely.Polygon(spline_through(np.array(recipe.outline_m), closed=True))
         yield water_area(area, land, recipe.below_land_m)

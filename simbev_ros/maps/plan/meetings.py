@@ -1,5 +1,4 @@
-"""Finds where the roads of a draft meet: where lines of one layer cross, where one ends on another, where layers
-join."""
+"""Finds where the roads of a draft meet: crossings of one layer, ends on other roads, and joins between layers."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -37,8 +36,10 @@ class Mark:
 
 @dataclass
 class Marks:
-    """All marks of a draft, and pairs of marks at the same position. The first marks are the ends of roads, two per
-    road in order."""
+    """All marks of a draft, and pairs of marks at the same position.
+
+    The first marks are the ends of roads, two per road in order.
+    """
 
     marks: list[Mark] = field(default_factory=list)
     same_position: list[tuple[int, int]] = field(default_factory=list)

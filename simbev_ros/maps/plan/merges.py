@@ -1,5 +1,4 @@
-"""Prescribes the lane connections where one-way roads widen, merge and split, because netconvert may cross them
-over."""
+"""Prescribes lane connections where one-way roads widen, merge and split, because netconvert may cross them over."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -22,16 +21,20 @@ class LanePair(NamedTuple):
 
 
 def lane_pairs(node: int, links: Sequence[Link]) -> Iterator[LanePair]:
-    """Yield pairs of consecutive lanes at a node of one-way roads with as many lanes before it as after, or with new
-    lanes.
+    """Yield pairs of consecutive lanes at a node of one-way roads.
 
-    New lanes begin on the right, without a predecessor: vehicles change over to them as to any other lane. A
-    predecessor within the node would shift vehicles sideways by a lane's width within a meter. Other nodes yield
-    nothing.
+    Only nodes with as many lanes before as after, or with new lanes, are handled; other nodes yield nothing. New lanes
+    begin on the right, without a predecessor: vehicles change over to them as to any other lane. A predecessor within
+    the node would shift vehicles sideways by a lane's width within a meter.
     """
     incoming = _from_right_to_left(node, [link for link in links if link.end == node])
     outgoing = _from_right_to_left(node, [link for link in links if link.start == node])
-    if not incoming or not outgoing or not all(link.road.kind.one_way for link in links) or len(incoming) * len(outgoing) > 2:
+    if (
+        not incoming
+        or not outgoing
+        or not all(link.road.kind.one_way for link in links)
+        or len(incoming) * len(outgoing) > 2
+    ):
         return
     before, after = (
         [(link.id, lane) for link in side for lane in range(link.road.kind.lanes)] for side in (incoming, outgoing)

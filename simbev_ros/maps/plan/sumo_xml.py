@@ -35,7 +35,9 @@ def nodes_xml(plan: Plan, is_signalized: Sequence[bool], proj_string: str) -> st
         origBoundary="0,0,0,0",
         projParameter=proj_string,
     )
-    for index, (position_m, links, signalized) in enumerate(zip(plan.nodes_m, plan.links_at(), is_signalized, strict=True)):
+    for index, (position_m, links, signalized) in enumerate(
+        zip(plan.nodes_m, plan.links_at(), is_signalized, strict=True)
+    ):
         x, y, z = position_m
         ElementTree.SubElement(
             root,

@@ -46,7 +46,7 @@ def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
     edges.write_text(edges_xml(plan), encoding="utf-8")
     connections.write_text(connections_xml(plan, recipe.crossing_width_m), encoding="utf-8")
     net, opendrive = work / "map.net.xml", work / "map.xodr"
-    netconvert.convert(nodes, edges, connections, net, opendrive)
+    netconvert.build_from_plain_xml(nodes, edges, connections, net, opendrive)
     return MapParts(net, opendrive, recipe.datum.datum, _features(recipe, draft, water), notes=plan.notes)
 
 
@@ -70,6 +70,8 @@ def _signalized_nodes(plan: Plan, recipe: TownRecipe, requested_m: Sequence[Floa
             and all(link.road.kind.speed_kmh <= _MAX_SIGNAL_KMH for link in links)
             and not any(link.road.kind.one_way for link in links)
         )
-        by_request = any(np.linalg.norm(plan.nodes_m[node][:2] - position_m) < _SIGNAL_RADIUS_M for position_m in requested_m)
+        by_request = any(
+            np.linalg.norm(plan.nodes_m[node][:2] - position_m) < _SIGNAL_RADIUS_M for position_m in requested_m
+        )
         is_signalized.append(by_rule or by_request)
     return is_signalized

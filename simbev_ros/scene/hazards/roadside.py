@@ -134,7 +134,7 @@ class Roadside:
     def _lines(self) -> tuple[shapely.STRtree, AnyArray, Float64Array, Float64Array]:
         """The lanes' centre lines, half their widths and their heights."""
         lanes = list(self._network.lanes.values())
-        lines = Polylines.of([lane.centerline_m for lane in lanes])
+        lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         shapes = np.asarray(shapely.linestrings(lines.points_m[:, :2], indices=lines.row), object)
         half_m = np.array([lane.width_m / 2.0 for lane in lanes])
         return shapely.STRtree(shapes), shapes, half_m, np.array([lane.centerline_m[:, 2].mean() for lane in lanes])

@@ -25,7 +25,7 @@ class Tracks:
     def __init__(self, lanes: Sequence[Lane]) -> None:
         """Give all lanes of an edge that vehicles may change between."""
         self._row = {lane.id: row for row, lane in enumerate(lanes)}
-        lines = Polylines.of([lane.centerline_m for lane in lanes])
+        lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         self._sumo_length_m = lines.length_m * np.array([lane.sumo_s_per_m for lane in lanes])
         middle = _middle_lanes(lanes)
         self._last = np.maximum(np.ceil(lines.length_m[middle] / _SPACING_M), 1.0).astype(np.int64)
@@ -34,7 +34,7 @@ class Tracks:
         share = (np.arange(len(row)) - first[row]) / self._last[row]
         self._station_m = _stretched(lines, row, share, _abreast(lines, row, middle[row], share))
         self._lines = Polylines(lines.values(lines.parameter(row, self._station_m)), first)
-        self._left = self._lines.beside(np.ones(len(row)))[:, :2] - self._lines.points_m[:, :2]
+        self._left = self._lines.offset_to_left(np.ones(len(row)))[:, :2] - self._lines.points_m[:, :2]
 
     def sumo_position_m(self, lane: str, s_m: float) -> float:
         """SUMO's position of a place at a distance along a lane's centre line."""

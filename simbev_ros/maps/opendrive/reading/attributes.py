@@ -19,8 +19,7 @@ class Malformed(ValueError):
 
 
 class Notes:
-    """Collects repairs and omissions: each kind is reported once, with its first location and the number of
-    occurrences."""
+    """Collects repairs and omissions, each kind once, with its first location and the number of occurrences."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

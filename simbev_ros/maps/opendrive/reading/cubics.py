@@ -13,8 +13,9 @@ from simbev_ros.types import Float64Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cubics:
-    """Piecewise cubic a + b·ds + c·ds² + d·ds³, with ds the distance from each piece's start; constant before the first
-    start.
+    """Piecewise cubic function a + b·ds + c·ds² + d·ds³, with ds the distance from each piece's start.
+
+    Constant before the first start.
 
     Attributes:
         starts_m: (K,) starts of the pieces, ascending.

@@ -16,8 +16,9 @@ _MAX_SPEED_MPS = 150.0
 
 
 def read_sections(road: Element, length_m: float, notes: Notes) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
-    """Read the sections of the left and the right side of a <road>; sections that begin at or beyond its end are left
-    out.
+    """Read the sections of the left and the right side of a <road>.
+
+    Sections that begin at or beyond its end are left out.
 
     Raises:
         Malformed: There is no section, or one is not usable.
@@ -99,8 +100,7 @@ def read_speed(element: Element, notes: Notes) -> float | None:
 
 
 def _read_marks(lane: Element, notes: Notes) -> tuple[tuple[float, Line], ...]:
-    """Read the paint on a lane's outer border, by distance from the section's start; nothing is painted before the
-    first mark."""
+    """Read the paint on a lane's outer border, by distance from the section's start; none before the first mark."""
     marks = {number(mark, "sOffset", 0.0): _read_mark(mark, notes) for mark in lane.findall("roadMark")}
     return tuple(sorted(marks.items(), key=lambda mark: mark[0]))
 

@@ -1,4 +1,4 @@
-"""Evaluates the reference line of a road in plan view: joined lines, arcs, spirals, cubic and parametric cubic
+"""Evaluates the reference line of a road in plan view: joined lines, arcs, spirals and (parametric) cubic
 polynomials."""
 
 from collections.abc import Callable

@@ -15,7 +15,9 @@ from simbev_ros.types import BoolArray, Float64Array
 
 _MIN_WIDTH_M = {LaneKind.DRIVING: 2.0, LaneKind.BICYCLE: 0.8, LaneKind.SIDEWALK: 0.8}
 _MIN_LENGTH_M = 0.2
-_MIN_WIDTH_FRACTION = 0.75  # of the lane's maximum width, so that lanes that are narrow throughout are used nevertheless
+_MIN_WIDTH_FRACTION = (
+    0.75  # of the lane's maximum width, so that lanes that are narrow throughout are used nevertheless
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,8 +75,7 @@ def carries_traffic(shape: LaneShape) -> bool:
 
 
 def chains_of(road: Road, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks) -> Iterator[tuple[Cell, ...]]:
-    """Yield the cells of both directions of a road in driving order; consecutive cells with the same lanes form one
-    chain."""
+    """Yield the chains of a road in driving order: consecutive cells of one direction with the same lanes."""
     for forward in (True, False):
         sections = road.right if forward != road.left_hand else road.left
         chain: list[Cell] = []

@@ -1,5 +1,4 @@
-"""Plans the pedestrian crossings of the SUMO net at the file's crosswalks, and adds crosswalks at SUMO's own
-crossings."""
+"""Plans pedestrian crossings of the SUMO net at the file's crosswalks, and adds crosswalks at SUMO's crossings."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
@@ -46,7 +45,10 @@ def planned_crossings(
             line_m = _orient(line_m, node_positions_m[node], left_hand)
             found.setdefault((node, frozenset(edges)), PlannedCrossing(node, tuple(sorted(edges)), line_m, width_m))
     marked = {node for node, _ in found}
-    return (*found.values(), *(crossing for crossing in _by_rule(traffic, signalized_nodes) if crossing.node not in marked))
+    return (
+        *found.values(),
+        *(crossing for crossing in _by_rule(traffic, signalized_nodes) if crossing.node not in marked),
+    )
 
 
 def _by_rule(traffic: Traffic, signalized_nodes: Collection[str]) -> Iterator[PlannedCrossing]:
@@ -116,7 +118,10 @@ def _crossed_ends(
         at_m = shapely.line_locate_point(line, center)
         z_m = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m), include_z=True)[0, 2]
         nearer = 0 if at_m < line.length / 2.0 else 1
-        if min(at_m, line.length - at_m) <= _MAX_DISTANCE_M and abs(z_m - crosswalk.outline_m[:, 2].mean()) < _SAME_LEVEL_M:
+        if (
+            min(at_m, line.length - at_m) <= _MAX_DISTANCE_M
+            and abs(z_m - crosswalk.outline_m[:, 2].mean()) < _SAME_LEVEL_M
+        ):
             found.append(ends[row][nearer])
     return found
 

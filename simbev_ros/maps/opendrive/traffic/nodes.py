@@ -43,6 +43,8 @@ class Nodes:
 
     def join(self, node_a: str, node_b: str) -> None:
         """Join two nodes to one."""
-        first, second = sorted((self.resolve(node_a), self.resolve(node_b)), key=lambda resolve: (resolve[0] != "J", resolve))
+        first, second = sorted(
+            (self.resolve(node_a), self.resolve(node_b)), key=lambda resolve: (resolve[0] != "J", resolve)
+        )
         if first != second:
             self._parent[second] = first

@@ -87,7 +87,7 @@ def build_net(traffic: Traffic, right_of_way: RightOfWay, left_hand: bool, work:
     arguments = [f"--node-files={files['nodes']}", f"--edge-files={files['edges']}"]
     arguments += [f"--connection-files={files['connections']}", *_OPTIONS]
     arguments += ["--lefthand=true"] if left_hand else []
-    netconvert.run(arguments, net, work / "sumo.xodr")
+    netconvert.run_netconvert(arguments, net, work / "sumo.xodr")
     return net
 
 

@@ -69,8 +69,13 @@ _LaneOfEdge = tuple[str, int]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrafficConnection:
-    """A connection between two lanes, each an edge id and a lane index; ``line_m``: (N, 3) path through a junction, if
-    any."""
+    """A connection between two lanes of the SUMO net.
+
+    Attributes:
+        start: Edge id and lane index of the first lane.
+        goal: Edge id and lane index of the following lane.
+        line_m: (N, 3) path through a junction, if any.
+    """
 
     start: _LaneOfEdge
     goal: _LaneOfEdge
@@ -191,7 +196,9 @@ def _reachable_lanes(
             if not lane.road.junction:
                 goal = entries.get((entered, 0 if at == "start" else len(lane.s_m) - 1))
                 if goal is not None:
-                    found.setdefault(goal, _concatenate([_driven_line_m(part) for part in through]) if through else None)
+                    found.setdefault(
+                        goal, _concatenate([_driven_line_m(part) for part in through]) if through else None
+                    )
             elif lane not in through and len(through) < _MAX_JUNCTION_ROADS:
                 pending.append((entered, OTHER_END[at], (*through, lane)))
     return found
@@ -242,7 +249,8 @@ def _split_loops(traffic: Traffic) -> Traffic:
     loops = {edge.id: edge for edge in traffic.edges if edge.start == edge.end}
     edges = tuple(part for edge in traffic.edges for part in (_split_edge(edge) if edge.id in loops else (edge,)))
     connections = [
-        replace(c, start=(_second_half_id(c.start[0]), c.start[1])) if c.start[0] in loops else c for c in traffic.connections
+        replace(c, start=(_second_half_id(c.start[0]), c.start[1])) if c.start[0] in loops else c
+        for c in traffic.connections
     ]
     connections += [
         TrafficConnection((edge.id, index), (_second_half_id(edge.id), index), None)

@@ -66,8 +66,7 @@ def limits_of(plan: Plan, vertices: Vertices, bends: csr_array, water: Sequence[
 
 
 def bends_of(vertices: Vertices) -> tuple[csr_array, Float64Array]:
-    """(B, M) matrix from heights to changes of grade at inner vertices, and (B,) length of road that each
-    represents."""
+    """(B, M) matrix from heights to changes of grade at inner vertices, and (B,) road lengths that these represent."""
     inner = vertices.inner
     before_m = vertices.station_m[inner] - vertices.station_m[inner - 1]
     after_m = vertices.station_m[inner + 1] - vertices.station_m[inner]
@@ -96,7 +95,9 @@ def _grade_limits(vertices: Vertices) -> Limits:
     row = np.tile(np.arange(len(start)), 2)
     column = np.concatenate([start, start + 1])
     rows = coo_array((np.concatenate([-value, value]), (row, column)), shape=(len(start), len(vertices)))
-    return Limits("grades", csr_array(rows), np.full(len(start), -_LIMIT_FRACTION), np.full(len(start), _LIMIT_FRACTION))
+    return Limits(
+        "grades", csr_array(rows), np.full(len(start), -_LIMIT_FRACTION), np.full(len(start), _LIMIT_FRACTION)
+    )
 
 
 def _bend_limits(vertices: Vertices, bends: csr_array) -> Limits:
@@ -120,8 +121,7 @@ def _clearance_limits(plan: Plan, vertices: Vertices) -> Limits:
 
 
 def _gore_limits(plan: Plan, vertices: Vertices) -> Limits:
-    """Ramps within a tolerance of the height of the carriageway beside them; the tolerance grows with their
-    distance."""
+    """Ramps within a tolerance of the height of the carriageway beside them, which grows with their distance."""
     gores = list(gores_of(plan))
     rows = [_height_at(vertices, g.ramp, g.ramp_m) - _height_at(vertices, g.other, g.other_m) for g in gores]
     matrix = csr_array(vstack(rows)) if rows else csr_array((0, len(vertices)))

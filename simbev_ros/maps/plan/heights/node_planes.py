@@ -1,5 +1,4 @@
-"""Constrains all heights near a node to one plane, so that junctions are even and their roads meet at the same
-height."""
+"""Constrains the heights near each node to a plane, so that junctions are even and their roads meet at one height."""
 
 from dataclasses import dataclass
 

@@ -32,8 +32,11 @@ Land = Callable[[Float64Array], Float64Array]
 
 
 def add_heights(plan: Plan, land: Land, water: Sequence[Water]) -> Plan:
-    """Add heights to a plan: (N, 3) lines with vertices at most 5 m apart, and (K, 3) nodes; violated limits are
-    noted."""
+    """Add heights to a plan; limits that are violated are noted.
+
+    Returns:
+        The plan with (N, 3) lines, whose vertices are at most 5 m apart, and (K, 3) nodes.
+    """
     plan = replace(plan, links=tuple(replace(link, line_m=densified(link.line_m)) for link in plan.links))
     vertices = vertices_of(plan.links)
     planes = planes_of(plan)

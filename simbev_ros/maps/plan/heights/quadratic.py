@@ -60,7 +60,9 @@ def solve_qp(
         # Eliminating dy and dlambda leaves (P + C^T D^-1 C) dx, with D = Y / Lambda + I / rho.
         scaling = slack / dual + 1.0 / _PENALTY
         reduced_matrix = csc_array(quadratic + constraints.T @ diags_array(1.0 / scaling) @ constraints)
-        factor = splu(reduced_matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factor = splu(
+            reduced_matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
 
         def newton_direction(complementarity_residual: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
             """Newton direction (dx, dy, dlambda) for the residual r of ``y_i lambda_i``, by the normal equations."""

@@ -86,6 +86,8 @@ def max_grade_of(kind: RoadClass) -> float:
 
 
 def max_bend_of(kind: RoadClass) -> float:
-    """Maximum change of grade per distance: crests and sags have a radius of at least 550 m in streets, 2 km on
-    motorways."""
+    """Maximum change of grade per distance.
+
+    Crests and sags have a radius of at least 550 m in streets, 2 km on motorways.
+    """
     return 0.0018 if kind.speed_kmh <= 60.0 else 0.001 if kind.speed_kmh <= 90.0 else 0.0005

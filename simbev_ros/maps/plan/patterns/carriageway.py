@@ -1,5 +1,4 @@
-"""Builds one carriageway of a motorway as draft roads: a line with added lanes, lane drops, gores and layers along
-it."""
+"""Builds one carriageway of a motorway as draft roads, with added lanes, lane drops, gores and layers along it."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -67,7 +66,9 @@ class Carriageway:
     def roads(self) -> list[DraftRoad]:
         """Split it into roads of constant cross-section and layer."""
         added = self._merge_intervals(self.added)
-        cuts = sorted({self._wrap_station(end) for i in (*added, *self.gores, *self.lanes, *self.layers) for end in i[:2]})
+        cuts = sorted(
+            {self._wrap_station(end) for i in (*added, *self.gores, *self.lanes, *self.layers) for end in i[:2]}
+        )
         cuts = [cut for cut in cuts if self.closed or 1.0 < cut < self.length_m - 1.0]
         if self.closed:
             cuts = cuts or [0.0, self.length_m / 2.0]
@@ -87,7 +88,10 @@ class Carriageway:
     def _kind_at(self, station_m: float, added: list[Interval]) -> RoadClass:
         has_added_lane = any(self._contains(i, station_m) for i in added)
         without_shoulder = has_added_lane or any(self._contains(i, station_m) for i in self.gores)
-        changes = {"lanes": self.lanes_at(station_m) + has_added_lane, "shoulder_m": 0.0 if without_shoulder else self.kind.shoulder_m}
+        changes = {
+            "lanes": self.lanes_at(station_m) + has_added_lane,
+            "shoulder_m": 0.0 if without_shoulder else self.kind.shoulder_m,
+        }
         return self.kind.model_copy(update=changes)
 
     def _merge_intervals(self, intervals: list[Interval]) -> list[Interval]:

@@ -22,8 +22,8 @@ class DistrictsRecipe(Model):
 def draw_districts(
     recipe: DistrictsRecipe, cells: int, center: tuple[float, float], rng: np.random.Generator
 ) -> dict[Cell, str]:
-    """Draw the use of each cell: downtown in the middle, then residential, suburbs; industry on one side; woods far
-    out.
+    """Draw the use of each cell: downtown in the middle, then residential, suburbs; industry to one side; woods
+    outside.
 
     Args:
         recipe: Number of cells per use.
@@ -32,7 +32,9 @@ def draw_districts(
         rng: Random generator for the irregularities.
     """
     centers = {(i, j): np.array([i + 0.5, j + 0.5]) - center for i in range(cells) for j in range(cells)}
-    distance = {cell: float(np.linalg.norm(center_offset)) + rng.uniform(0.0, 0.7) for cell, center_offset in centers.items()}
+    distance = {
+        cell: float(np.linalg.norm(center_offset)) + rng.uniform(0.0, 0.7) for cell, center_offset in centers.items()
+    }
     chebyshev = {cell: float(np.max(np.abs(center_offset))) for cell, center_offset in centers.items()}
     unassigned = sorted(centers, key=lambda cell: (chebyshev[cell], distance[cell]))
     districts = dict.fromkeys(unassigned[: recipe.downtown], "downtown")

@@ -1,5 +1,4 @@
-"""Finds gores: stretches of a ramp beside the carriageway that it leaves or joins, where both must have equal
-heights."""
+"""Finds gores: stretches of a ramp beside its carriageway, where both must have equal heights."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -39,7 +38,12 @@ def gores_of(plan: Plan) -> Iterator[Gore]:
     for links in touching:
         for ramp in (link for link in links if _is_ramp(link)):
             carriageways = [link for link in links if link.road.kind.line_at == "left" and not _is_ramp(link)]
-            near = {link.id: link for carriageway in carriageways for node in (carriageway.start, carriageway.end) for link in touching[node]}
+            near = {
+                link.id: link
+                for carriageway in carriageways
+                for node in (carriageway.start, carriageway.end)
+                for link in touching[node]
+            }
             for other in near.values():
                 gore = _gore(ramp, other)
                 if not _is_ramp(other) and len(gore[0]):

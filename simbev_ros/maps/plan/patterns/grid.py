@@ -59,7 +59,9 @@ def draw_grid(pattern: Grid, draft: Draft, rng: np.random.Generator) -> None:
     """
     positions = _draw_positions(pattern, rng)
     corners = [(0, 0), (pattern.columns, 0), (pattern.columns, pattern.rows), (0, pattern.rows)]
-    ring_m = round_corners(np.array([positions[_Node(*corner)] for corner in corners]), pattern.ring_corner_radius_m, True)
+    ring_m = round_corners(
+        np.array([positions[_Node(*corner)] for corner in corners]), pattern.ring_corner_radius_m, True
+    )
     draft.roads.append(DraftRoad(f"{pattern.name}.ring", pattern.ring, ring_m))
     omitted = _draw_omitted_streets(pattern, rng)
     for column in range(1, pattern.columns):

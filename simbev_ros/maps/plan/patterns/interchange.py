@@ -1,5 +1,4 @@
-"""Adds interchanges to a draft: ramps between a motorway's carriageways and a road that crosses it at another
-height."""
+"""Adds interchanges to a draft: ramps between a motorway's carriageways and a crossing road at another height."""
 
 import numpy as np
 import shapely
@@ -42,7 +41,9 @@ def add_entry_ramp(
     carriageway.gores.append(Interval(station_m - _gore_m(carriageway, station_m, line_m[::-1]), station_m))
 
 
-def add_half_diamond(draft: Draft, carriageway: Carriageway, crossing_m: float, name: str, terminal_m: Float64Array) -> None:
+def add_half_diamond(
+    draft: Draft, carriageway: Carriageway, crossing_m: float, name: str, terminal_m: Float64Array
+) -> None:
     """Append an exit before and an entry after a crossing, both at a terminal to the right of the carriageway."""
     _, along = carriageway.pose(crossing_m)
     right = np.array([along[1], -along[0]])
@@ -68,7 +69,9 @@ def _ramp_line(
 ) -> tuple[Float64Array, Float64Array]:
     """The ramp's line, tangent to the right edge of the carriageway's lanes, and the vertex at which both meet."""
     node_m, along = carriageway.pose(station_m)
-    start_or_end_m = node_m + carriageway.lanes_at(station_m) * carriageway.kind.lane_width_m * np.array([along[1], -along[0]])
+    start_or_end_m = node_m + carriageway.lanes_at(station_m) * carriageway.kind.lane_width_m * np.array(
+        [along[1], -along[0]]
+    )
     if leaves:
         return bezier_between(start_or_end_m, along, other_m, heading, (0.45, 0.35)), node_m
     return bezier_between(other_m, heading, start_or_end_m, along, (0.35, 0.45)), node_m

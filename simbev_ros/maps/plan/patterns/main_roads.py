@@ -76,7 +76,9 @@ def _uses(border: Border, districts: dict[Cell, str]) -> set[str]:
     return {districts[cell] for cell in cells if cell in districts}
 
 
-def _remove_country_roads(kinds: dict[Border, str], gaps: float, motorway_corners: set[Point], rng: np.random.Generator) -> None:
+def _remove_country_roads(
+    kinds: dict[Border, str], gaps: float, motorway_corners: set[Point], rng: np.random.Generator
+) -> None:
     """Remove country roads at random such that the network stays connected and has no dead end."""
     rural = [border for border, kind in kinds.items() if kind == "country"]
     degrees = _degrees(kinds)

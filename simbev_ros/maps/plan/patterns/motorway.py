@@ -109,7 +109,9 @@ class DualCarriageway:
             Carriageway(f"{name}.backward", kind.carriageway, backward_m[::-1]),
         )
         for change in lane_changes:
-            for carriageway, interval in zip(self.carriageways, self._intervals(change.start_m, change.end_m), strict=True):
+            for carriageway, interval in zip(
+                self.carriageways, self._intervals(change.start_m, change.end_m), strict=True
+            ):
                 carriageway.lanes.append(interval._replace(value=change.lanes))
         self._raise_at_own_crossing()
 
@@ -118,7 +120,9 @@ class DualCarriageway:
         """Distance from the axis to the outer edge of the lanes."""
         return self._kind.median_m / 2.0 + self._kind.lanes * self._kind.lane_width_m
 
-    def add_crossing_road(self, draft: Draft, name: str, kind: RoadClass, line_m: Float64Array, *, over: bool, ramps: bool) -> None:
+    def add_crossing_road(
+        self, draft: Draft, name: str, kind: RoadClass, line_m: Float64Array, *, over: bool, ramps: bool
+    ) -> None:
         """Append a road that crosses the axis once, divided where its layer changes or ramps meet it.
 
         Raises:
@@ -150,11 +154,15 @@ class DualCarriageway:
 
     def _add_ramps(self, draft: Draft, name: str, axis_at_m: float, terminals_m: list[Float64Array]) -> None:
         """Add two half diamonds, each at the terminal on the right of its carriageway."""
-        for carriageway, (crossing_m, _, _) in zip(self.carriageways, self._intervals(axis_at_m, axis_at_m), strict=True):
+        for carriageway, (crossing_m, _, _) in zip(
+            self.carriageways, self._intervals(axis_at_m, axis_at_m), strict=True
+        ):
             point, along = carriageway.pose(crossing_m)
             right = np.array([along[1], -along[0]])
             terminal_m = max(terminals_m, key=lambda terminal: float((terminal - point) @ right))
-            add_half_diamond(draft, carriageway, crossing_m, f"{name}.{carriageway.name.rsplit('.', 1)[-1]}", terminal_m)
+            add_half_diamond(
+                draft, carriageway, crossing_m, f"{name}.{carriageway.name.rsplit('.', 1)[-1]}", terminal_m
+            )
 
     def _offset_m(self) -> Float64Array:
         """(N,) distance of the lanes' left edges from the axis; 0 at the ends of an open motorway."""

@@ -105,8 +105,7 @@ def draw_region(pattern: Region, draft: Draft, rng: np.random.Generator) -> None
 
 
 def _motorway_course(pattern: Region, rng: np.random.Generator) -> tuple[Point, ...]:
-    """Draw the corners of the motorway's line, in cells: a rectangle around the city, or a line past it through the
-    region."""
+    """Draw the corners of the motorway's line, in cells: a rectangle around the city, or a line past it."""
     low, high = pattern.cells // 2 - 3, pattern.cells // 2 + 3
     if pattern.motorway_course == "ring":
         return ((low, low), (high, low), (high, high), (low, high))
@@ -123,7 +122,9 @@ def _motorway(pattern: Region, ground: Ground, course: tuple[Point, ...]) -> Dua
     axis_m = ground.sweep(resample(straight_m, 10.0))
     whole_m = length_m(axis_m)
     narrow_stretches = ((0.0, _NARROWED_M), (whole_m - _NARROWED_M, whole_m))
-    changes = tuple(LaneChange(start_m=start, end_m=end, lanes=_trunk_lanes(pattern)) for start, end in narrow_stretches)
+    changes = tuple(
+        LaneChange(start_m=start, end_m=end, lanes=_trunk_lanes(pattern)) for start, end in narrow_stretches
+    )
     return DualCarriageway("motorway", pattern.motorway, axis_m, () if closed else changes)
 
 
@@ -160,7 +161,9 @@ def _add_villages(
     return points
 
 
-def _remove_blocked_streets(lattice: Lattice, ground: Ground, motorway: DualCarriageway, water: list[shapely.Polygon]) -> None:
+def _remove_blocked_streets(
+    lattice: Lattice, ground: Ground, motorway: DualCarriageway, water: list[shapely.Polygon]
+) -> None:
     """Remove streets that are too close to a motorway or to water; main roads may cross both."""
     keep_clear = shapely.union_all(
         [
@@ -201,7 +204,9 @@ def _append_roads(
         road: RoadClass = getattr(pattern.roads, kind)
         name = f"{kind}{number}"
         if axis.crosses(shapely.LineString(line_m)):
-            motorway.add_crossing_road(draft, name, road, line_m, over=bool(rng.random() < 0.6), ramps=crossings % 2 == 0)
+            motorway.add_crossing_road(
+                draft, name, road, line_m, over=bool(rng.random() < 0.6), ramps=crossings % 2 == 0
+            )
             crossings += 1
         else:
             draft.roads.append(DraftRoad(name, road, line_m))

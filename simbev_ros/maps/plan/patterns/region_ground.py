@@ -33,7 +33,9 @@ class Ground:
     def before_warp(self, lattice_points: Float64Array) -> Float64Array:
         """(N, 2) positions of (N, 2) lattice points before the warp."""
         cells_from_origin = np.asarray(lattice_points, np.float64) / FINE
-        return np.column_stack([_interpolate(self.column_m, cells_from_origin[:, 0]), _interpolate(self.row_m, cells_from_origin[:, 1])])
+        return np.column_stack(
+            [_interpolate(self.column_m, cells_from_origin[:, 0]), _interpolate(self.row_m, cells_from_origin[:, 1])]
+        )
 
     def line(self, lattice_points: Float64Array, radius_m: float) -> Float64Array:
         """(N, 2) line on the map along lattice points, with rounded corners."""
@@ -52,8 +54,7 @@ def _interpolate(lines_m: Float64Array, cells_from_origin: Float64Array) -> Floa
 
 
 def draw_ground(size_m: float, cells: int, bend_m: float, rng: np.random.Generator) -> Ground:
-    """Draw a square region's ground: cells are larger far from the center; streets near the center stay nearly
-    straight."""
+    """Draw a square region's ground: cells grow, and streets bend more, with the distance from the center."""
     edge_distance = np.abs(np.arange(cells) + 0.5 - cells / 2.0) / (cells / 2.0)
     lines = []
     for _ in range(2):

@@ -105,7 +105,7 @@ class Lattice:
         return chains
 
     def _is_passed_through(self, point: Point, arms: list[Point]) -> bool:
-        """Whether a street continues at a point; streets end at junctions, and change their kind only on straight
+        """Whether a street continues at a point: streets end at junctions, and change kind only on straight
         stretches."""
         if len(arms) != 2:
             return False
@@ -131,7 +131,12 @@ def fill_industrial(lattice: Lattice, cell: Point, rng: np.random.Generator) -> 
 
 
 def _fill_grid(
-    lattice: Lattice, cell: Point, spacing: tuple[int, int], kind: str, omitted_fraction: float, rng: np.random.Generator
+    lattice: Lattice,
+    cell: Point,
+    spacing: tuple[int, int],
+    kind: str,
+    omitted_fraction: float,
+    rng: np.random.Generator,
 ) -> None:
     corner = (cell[0] * FINE, cell[1] * FINE)
     runs = []

@@ -1,5 +1,4 @@
-"""The viaduct pattern of a town recipe: a city motorway on pillars above streets drawn before it, with ramps to
-some."""
+"""The viaduct pattern of a town recipe: a city motorway on pillars above earlier streets, with ramps to some."""
 
 from dataclasses import replace
 from typing import Literal

@@ -30,8 +30,7 @@ class Warp:
 
 
 def draw_warp(rng: np.random.Generator, amplitude_m: float, wavelength_m: float) -> Warp:
-    """Draw a warp with about the given amplitude and wavelength; the amplitude is reduced where the warp would fold
-    over."""
+    """Draw a warp of about the given amplitude and wavelength, with less amplitude where it would fold over."""
     length_m = wavelength_m * 2.0 ** rng.uniform(-0.5, 0.5, _NUM_WAVES)
     angle_rad, phase_rad, direction_rad = rng.uniform(0.0, 2.0 * np.pi, (3, _NUM_WAVES))
     wave_number = 2.0 * np.pi / length_m * np.stack([np.cos(angle_rad), np.sin(angle_rad)])

@@ -1,5 +1,5 @@
-"""Builds the lane record published on /ego/hd_map: the lane under the ego as plain values, keyed as in the SimBEV
-format."""
+"""Builds the lane record published on /ego/hd_map: the lane under the ego as plain values with the SimBEV format's
+keys."""
 
 from typing import Any
 

@@ -1,5 +1,4 @@
-"""Writes and reads RoadNetworks on disk: the SUMO net, the OpenDRIVE file, and all other data as flat arrays in a
-file."""
+"""Writes and reads RoadNetworks on disk: the SUMO net, the OpenDRIVE file, and a file of flat arrays for the rest."""
 
 import json
 from collections.abc import Iterator, Mapping

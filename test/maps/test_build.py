@@ -44,7 +44,7 @@ def test_netconvert_failure_carries_its_message(tmp_path: Path) -> None:
     edges.write_text('<edges><edge id="AB" from="A" to="B"/></edges>')
     connections.write_text("<connections/>")
     with pytest.raises(SimulationError, match=r"netconvert.*'B'.*not known"):
-        netconvert.convert(nodes, edges, connections, tmp_path / "net.xml", tmp_path / "map.xodr")
+        netconvert.build_from_plain_xml(nodes, edges, connections, tmp_path / "net.xml", tmp_path / "map.xodr")
 
 
 def test_two_processes_at_once_build_the_same_bytes_as_one_elsewhere(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_two_processes_at_once_build_the_same_bytes_as_one_elsewhere(tmp_path: P
 def test_second_load_comes_from_the_cache(
     blocks: RoadNetwork, map_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(netconvert, "convert", lambda *_: pytest.fail("built again"))
+    monkeypatch.setattr(netconvert, "build_from_plain_xml", lambda *_: pytest.fail("built again"))
     again = load_network(MapSpec(name="Blocks", seed=0), map_cache)
     assert again.net_path == blocks.net_path
     assert list(again.lanes) == list(blocks.lanes)

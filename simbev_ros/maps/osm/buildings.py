@@ -1,5 +1,4 @@
-"""Selects the buildings of an OpenStreetMap file, with height and use; outlines overlap neither roads nor each
-other."""
+"""Selects the buildings of an OpenStreetMap file: none overlaps a road or another building; with height and use."""
 
 from collections import defaultdict
 from collections.abc import Sequence

@@ -5,7 +5,7 @@ All lines are (N, 2) float64, map frame, meters.
 
 import numpy as np
 
-from simbev_ros.maps.plan.lines import VERTEX_SPACING_M, at_stations, densified, length_m
+from simbev_ros.maps.plan.lines import VERTEX_SPACING_M, densify, length_m, points_at
 from simbev_ros.types import Float64Array
 
 _STRAIGHT_SPACING_M = 20.0
@@ -13,7 +13,7 @@ _STRAIGHT_SPACING_M = 20.0
 
 def point_at(line_m: Float64Array, at_m: float) -> Float64Array:
     """(2,) point at a distance from a line's start."""
-    return np.asarray(at_stations(line_m, np.array([at_m]))[0])
+    return np.asarray(points_at(line_m, np.array([at_m]))[0])
 
 
 def heading_at(line_m: Float64Array, at_m: float) -> Float64Array:
@@ -26,7 +26,7 @@ def heading_at(line_m: Float64Array, at_m: float) -> Float64Array:
 def resample(line_m: Float64Array, spacing_m: float = VERTEX_SPACING_M) -> Float64Array:
     """Resample a line with evenly spaced vertices, keeping its ends."""
     total_m = length_m(line_m)
-    return at_stations(line_m, np.linspace(0.0, total_m, max(2, round(total_m / spacing_m) + 1)))
+    return points_at(line_m, np.linspace(0.0, total_m, max(2, round(total_m / spacing_m) + 1)))
 
 
 def offset_to_right(line_m: Float64Array, offset_m: float | Float64Array, closed: bool = False) -> Float64Array:
@@ -52,7 +52,7 @@ def round_corners(points_m: Float64Array, radius_m: float, closed: bool = False)
         corners = np.concatenate([corners[-1:], corners, corners[:1]])
     arcs = [_arc(corners[index : index + 3], radius_m) for index in range(len(corners) - 2)]
     ends = (arcs[-1][-1:], np.empty((0, 2))) if closed else (corners[:1], corners[-1:])
-    return densified(np.concatenate([ends[0], *arcs, ends[1]]), _STRAIGHT_SPACING_M)
+    return densify(np.concatenate([ends[0], *arcs, ends[1]]), _STRAIGHT_SPACING_M)
 
 
 def _arc(corners_m: Float64Array, radius_m: float) -> Float64Array:

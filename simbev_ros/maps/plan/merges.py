@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.maps.plan.lines import at_stations, length_m
+from simbev_ros.maps.plan.lines import length_m, points_at
 from simbev_ros.maps.plan.plan import Link, heading_from
 
 _LOOKAHEAD_M = 8.0
@@ -56,6 +56,6 @@ def _from_right_to_left(node: int, links: list[Link]) -> list[Link]:
         whole_m = length_m(link.line_m)
         beside_m = min(_LOOKAHEAD_M, whole_m)
         at_m = whole_m - beside_m if link.end == node else beside_m
-        return float(at_stations(link.line_m[:, :2], np.array([at_m]))[0] @ right)
+        return float(points_at(link.line_m[:, :2], np.array([at_m]))[0] @ right)
 
     return sorted(links, key=offset_m, reverse=True)

@@ -15,7 +15,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.plan.dead_ends import add_turning_circles
 from simbev_ros.maps.plan.draft import Draft, DraftRoad
 from simbev_ros.maps.plan.lines import length_m, part, shift_ends
-from simbev_ros.maps.plan.meetings import Marks, is_closed, extend_to_meet, marks_of, nodes_of
+from simbev_ros.maps.plan.meetings import Marks, extend_to_meet, is_closed, marks_of, nodes_of
 from simbev_ros.maps.plan.plan import Link, Plan
 from simbev_ros.maps.plan.sharp_angles import widen_sharp_angles
 

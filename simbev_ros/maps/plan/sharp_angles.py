@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbev_ros.maps.plan.curves import heading_at, bezier_between
-from simbev_ros.maps.plan.lines import points_at, length_m, part
+from simbev_ros.maps.plan.curves import bezier_between, heading_at
+from simbev_ros.maps.plan.lines import length_m, part, points_at
 from simbev_ros.maps.plan.plan import Link, Plan, heading_from
 from simbev_ros.types import Float64Array
 

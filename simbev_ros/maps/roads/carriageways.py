@@ -48,8 +48,7 @@ def cut_into_blocks(strips: Sequence[Strip], length_m: float) -> tuple[StripPiec
 def _sections(
     strips: Sequence[Strip], lines: Polylines, length_m: float
 ) -> tuple[Int64Array, Int64Array, dict[int, Float64Array]]:
-    """The (S,) leader of each strip's carriageway, (S,) index of its first block, and the stations to cut, by
-    leader."""
+    """(S,) leader of each strip's carriageway, (S,) index of its first block, and the stations to cut by leader."""
     group = _carriageways(strips)
     order = np.lexsort([np.arange(len(strips)), -lines.length_m, group])
     leader = order[np.searchsorted(group[order], np.arange(group.max() + 1))]

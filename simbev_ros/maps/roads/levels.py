@@ -90,9 +90,7 @@ def _levels(pieces: StripPieces, water: Sequence[Water]) -> Int64Array:
     if not (len(upper) or len(over_water) or declared.any()):
         return level
     reach_m = np.zeros(len(pieces))
-    np.maximum.indices(
-        reach_m, np.concatenate([upper, over_water]), _abutment_m(np.concatenate([rise_m, above_water_m]))
-    )
+    np.maximum.at(reach_m, np.concatenate([upper, over_water]), _abutment_m(np.concatenate([rise_m, above_water_m])))
     links = _links(pieces, np.concatenate([upper, over_water, np.flatnonzero(declared)]), float(reach_m.max()))
     sources = declared.copy()
     sources[over_water] = True

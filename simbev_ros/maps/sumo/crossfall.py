@@ -18,9 +18,9 @@ from simbev_ros.maps.sumo.net import SumoNet
 from simbev_ros.types import Float64Array
 
 CROSSFALL = 0.02
-"""Crossfall of paved roads; 1.5 to 2 % are usual (AASHTO, A Policy on Geometric Design of Highways and Streets, chapter 4)."""
+"""Slope of paved roads; 1.5 to 2 % are usual (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 4)."""
 
-_MAX_RELATIVE_GRADIENT = 0.005  # gradient of the carriageway's outer edge relative to its top: AASHTO's maximum at 80 km/h (ibid., chapter 3)
+_MAX_RELATIVE_GRADIENT = 0.005  # of the outer edge relative to the top: AASHTO's at 80 km/h (ibid., chapter 3)
 _MIN_FADE_M = 15.0
 _NUM_FADE_STEPS = 6  # linear steps in which it fades
 _MIN_SPACING_M = 1.0  # spacing of added points

@@ -1,5 +1,4 @@
-"""Evaluates the reference line of a road in plan view: joined lines, arcs, spirals and (parametric) cubic
-polynomials."""
+"""Evaluates the reference line of a road in plan view: joined lines, arcs, spirals and cubic polynomials."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -16,7 +16,7 @@ from simbev_ros.maps.plan.heights.height_limits import Limits, bends_of, gradien
 from simbev_ros.maps.plan.heights.node_planes import NODE_UNKNOWNS, heights_from_unknowns, planes_of
 from simbev_ros.maps.plan.heights.quadratic import solve_qp
 from simbev_ros.maps.plan.heights.vertices import Vertices, vertices_of
-from simbev_ros.maps.plan.lines import densified, length_m
+from simbev_ros.maps.plan.lines import densify, length_m
 from simbev_ros.maps.plan.plan import Plan
 from simbev_ros.types import Float64Array
 
@@ -37,7 +37,7 @@ def add_heights(plan: Plan, land: Land, water: Sequence[Water]) -> Plan:
     Returns:
         The plan with (N, 3) lines, whose vertices are at most 5 m apart, and (K, 3) nodes.
     """
-    plan = replace(plan, links=tuple(replace(link, line_m=densified(link.line_m)) for link in plan.links))
+    plan = replace(plan, links=tuple(replace(link, line_m=densify(link.line_m)) for link in plan.links))
     vertices = vertices_of(plan.links)
     planes = planes_of(plan)
     basis = heights_from_unknowns(plan, vertices, planes.reach_m)

@@ -22,8 +22,7 @@ class DistrictsRecipe(Model):
 def draw_districts(
     recipe: DistrictsRecipe, cells: int, center: tuple[float, float], rng: np.random.Generator
 ) -> dict[Cell, str]:
-    """Draw the use of each cell: downtown in the middle, then residential, suburbs; industry to one side; woods
-    outside.
+    """Draw the use of each cell: downtown in the middle, then residential, suburbs, woods; industry to one side.
 
     Args:
         recipe: Number of cells per use.

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
-from simbev_ros.config.draw_grid import Drawn, sample
+from simbev_ros.config.draw import Drawn, sample
 from simbev_ros.errors import InputError
 from simbev_ros.maps.plan.curves import round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.maps.land_features import Zone
-from simbev_ros.maps.plan.curves import heading_at, bezier_between, resample, round_corners
+from simbev_ros.maps.plan.curves import bezier_between, heading_at, resample, round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.land import settled_area
 from simbev_ros.maps.plan.lines import length_m

@@ -105,8 +105,7 @@ class Lattice:
         return chains
 
     def _is_passed_through(self, point: Point, arms: list[Point]) -> bool:
-        """Whether a street continues at a point: streets end at junctions, and change kind only on straight
-        stretches."""
+        """Whether a street continues at a point: streets end at junctions, and change kind only where straight."""
         if len(arms) != 2:
             return False
         kinds = {self.steps[min(point, arm), max(point, arm)] for arm in arms}

@@ -1,5 +1,4 @@
-"""Builds the lane record published on /ego/hd_map: the lane under the ego as plain values with the SimBEV format's
-keys."""
+"""Builds the lane record published on /ego/hd_map: the lane under the ego, with the SimBEV format's keys."""
 
 from typing import Any
 

@@ -54,7 +54,7 @@ def parse(path: Path, root_tag: str, max_bytes: int = _MAX_BYTES) -> Element:
         hint = "; the file ends too early" if error.code in _TRUNCATED_CODES else ""
         reader.refuse(f"not valid XML: {reason}{hint}", error.lineno, error.offset + 1)
     except (LookupError, ValueError) as error:
-        reader.refuse(f"its encoding is not known: {error}", 1)
+        reader.refuse(f"its encoding is unknown: {error}", 1)
     return reader.close()
 
 
@@ -84,7 +84,7 @@ def check_readable(path: Path, max_bytes: int = _MAX_BYTES) -> None:
     if status.st_size > max_bytes:
         raise InputError(
             f"{path}: has {status.st_size / 2**20:.0f} MiB; at most {max_bytes / 2**20:.0f} MiB are read. "
-            "Cut out the part that is wanted"
+            "Extract the part that you need"
         )
 
 

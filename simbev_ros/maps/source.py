@@ -46,7 +46,7 @@ def file_of(spec: MapSpec) -> Path:
     if _sha256(path) != spec.sha256:
         raise InputError(
             f"{path}: has changed since the scene was drawn (SHA-256 then {spec.sha256[:12]}…); "
-            "put the file of that time there, or draw the scene again"
+            "restore the original file, or draw the scene again"
         )
     return path
 

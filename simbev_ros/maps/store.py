@@ -60,7 +60,7 @@ def read_network(folder: Path, seed: int) -> RoadNetwork:
         with _arrays(folder) as arrays:
             header, columns = _header(arrays), {name: arrays[name] for name in arrays.files}
         if any((folder / name).stat().st_size != count for name, count in header["bytes"].items()):
-            raise ValueError("a file has another length than when it was written")
+            raise ValueError("the length of a file differs from when it was written")
         return _network(folder, header, columns, seed)
 
 

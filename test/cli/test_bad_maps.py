@@ -27,7 +27,7 @@ ROAD = """<road id="{id}" length="100" junction="-1"><link/><planView>
 <geometry s="0" x="{x}" y="0" hdg="0" length="100"><line/></geometry></planView><lanes><laneSection s="0">
 <center><lane id="0" type="none"/></center><right>{lanes}</right></laneSection></lanes></road>"""
 LANE = '<lane id="-1" type="{kind}"><width sOffset="0" a="{width}" b="0" c="0" d="0"/></lane>'
-NOT_DRIVABLE = ":1: it has no lane that can be driven on"
+NOT_DRIVABLE = ":1: it has no drivable lane"
 OPTIONS_OF_RUN = "rig: {sensors: [{type: imu, name: imu}]}\ntraffic: {vehicles: 2, pedestrians: 0}\n"
 
 
@@ -211,7 +211,7 @@ def test_a_configuration_runs_from_any_folder_and_the_notes_of_its_map_are_told_
     monkeypatch.chdir(elsewhere)
     said = simbev("run", os.path.relpath(config))
     assert said.err == "error: reached the graph\n"
-    assert said.out.count("map street: it has no buildings: they are invented\n") == 1
+    assert said.out.count("map street: it has no buildings: they are generated\n") == 1
 
 
 @pytest.mark.usefixtures("no_graph")

@@ -10,7 +10,7 @@ from simbev_ros.maps.land_features import Water
 from simbev_ros.types import Float64Array
 
 _MAX_DEPTH_M = 3.0
-_BANK_SLOPE = 0.5  # above and below the surface, so that the water ends in a smooth line
+_BANK_SLOPE = 0.5  # above and below the surface, so that the shoreline is smooth
 _FREEBOARD_M = 0.25  # minimum height of the land above the water beside it, so that nothing is flooded
 _BANK_M = (4.0, 24.0)  # between these distances the bank blends into the original terrain
 _SHORE_SPACING_M = 0.25

@@ -53,7 +53,7 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     traffic = traffic_of(document, shapes, links, notes)
     if not traffic.is_drivable:
         reasons = "".join(f"; {sentence}" for sentence in notes.sentences()[:3])
-        raise InputError(f"{place_of(path, root)}: it has no lane that can be driven on{reasons}")
+        raise InputError(f"{place_of(path, root)}: it has no drivable lane{reasons}")
     approaches = Approaches(document, shapes, links)
     signals = read_signals(document, notes)
     crosswalks = crosswalks_of(document, notes)

@@ -44,7 +44,7 @@ class LaneShape:
 
     @property
     def runs_forward(self) -> bool:
-        """Whether its strips run in the direction of s: the driving direction; always true where nobody drives."""
+        """Whether its strips run in the direction of s: the driving direction; true for lanes without vehicles."""
         return self.lane.kind in _FOOTWAYS or self.road.drives_forward(self.lane)
 
     def speed_mps(self, s_m: float) -> float:

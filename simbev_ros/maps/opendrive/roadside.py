@@ -142,5 +142,5 @@ def foot_of(signal: Signal, carriageway: Carriageway, notes: Notes) -> Float64Ar
         beside_m = carriageway.beside(signal.road, signal.s_m, on_left)
         if beside_m is not None:
             return beside_m
-    notes.add("a signal stands on the road, and no place was found beside it", signal.road.element)
+    notes.add("a signal stands on the road, and no free position was found beside it", signal.road.element)
     return signal.position_m

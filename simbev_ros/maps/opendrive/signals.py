@@ -76,9 +76,7 @@ def read_signals(document: Document, notes: Notes) -> tuple[Signal, ...]:
                 notes.add("a reference to a signal that cannot be read is left out", element, str(problem))
     inverted = _is_inverted([*(own for _, _, own in elements), *chain.from_iterable(uses.values())])
     if inverted:
-        notes.add(
-            "orientations of signals contradict the lanes that they are valid for; they are read the other way round"
-        )
+        notes.add("orientations of signals contradict the lanes that they are valid for; they are inverted")
     signals = []
     for meaning, element, own in elements:
         try:

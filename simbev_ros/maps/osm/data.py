@@ -84,7 +84,7 @@ def read_osm(path: Path) -> OsmData:
         if len(line) > 1:
             ways[identifier] = Way(identifier, tuple(line), _tags(element))
     notes = (
-        (f"places of ways that are not in the file, where the ways were cut short: {num_missing}",)
+        (f"nodes of ways that are missing from the file, so that the ways were shortened: {num_missing}",)
         if num_missing
         else ()
     )
@@ -115,7 +115,7 @@ def _by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:
             raise InputError(f"{place_of(path, element)}: {tag}: id: must be a whole number, not {identifier!r:.60}")
         if identifier in found:
             other = place_of(path, found[identifier])
-            raise InputError(f"{place_of(path, element)}: {tag} {identifier}: is there twice; the other is {other}")
+            raise InputError(f"{place_of(path, element)}: {tag} {identifier}: appears twice; the other is {other}")
         found[identifier] = element
     return found
 

@@ -51,7 +51,7 @@ def add_heights(
             _apply_clearance(roads, crossings[k][:2], pairs[k], graph, z_m)
     _flatten_junctions(graph, z_m)
     tight = [k for k in order if z_m[pairs[k][0]] - z_m[pairs[k][1]] < _CLEARANCE_M - 0.7]
-    notes = (f"crossings at two levels that are lower than they should be: {len(tight)}",) if tight else ()
+    notes = (f"crossings at two levels with too little clearance: {len(tight)}",) if tight else ()
     return tuple(roads), np.column_stack([xy_m, z_m]), notes
 
 

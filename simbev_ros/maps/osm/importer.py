@@ -65,13 +65,13 @@ def import_osm(path: Path, work: Path) -> MapParts:
     if not extent_m <= _MAX_EXTENT_M:
         raise InputError(
             f"{path}: its roads span {extent_m / 1000:.0f} km; at most {_MAX_EXTENT_M / 1000:.0f} km are read. "
-            "Cut out the part that is wanted"
+            "Extract the part that you need"
         )
     length_m = sum(float(np.hypot(*np.diff(xy_m[line], axis=0).T).sum()) for line in lines)
     if length_m > _MAX_LENGTH_M:
         raise InputError(
             f"{path}: its roads are {length_m / 1000:.0f} km long; at most {_MAX_LENGTH_M / 1000:.0f} km are read. "
-            "Cut out the part that is wanted"
+            "Extract the part that you need"
         )
     roads, road_notes = roads_of(data, xy_m)
     if all(road.way.walk for road in roads):

@@ -39,7 +39,7 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
     features = MapFeatures(
         rules.outside if zones else rules.anywhere, zones=zones, water=water, buildings=buildings or None
     )
-    return features, notes if buildings else ("it has no buildings: they are invented",)
+    return features, notes if buildings else ("it has no buildings: they are generated",)
 
 
 def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:

@@ -27,7 +27,7 @@ class WaterRecipe(Model):
     @model_validator(mode="after")
     def _line_or_outline(self) -> Self:
         if (len(self.line_m) >= 2) == (len(self.outline_m) >= 3):
-            raise ValueError("water needs either line_m, of two places or more, or outline_m, of three or more")
+            raise ValueError("water needs either line_m with two or more points, or outline_m with three or more")
         return self
 
 

@@ -183,7 +183,7 @@ def _mark_joins(
                 continue
             touched = [v for v in tree.query_ball_point(join_m, _SHARED_TOLERANCE_M) if owner[v] != a]
             if not touched:
-                raise InputError(f"road {road.name}: joins_m {join_m.tolist()} is no vertex of another road")
+                raise InputError(f"road {road.name}: joins_m {join_m.tolist()} is not a vertex of another road")
             for vertex in touched:
                 marks.join(2 * a + end, _vertex_mark(lines, marks, int(owner[vertex]), vertices_m[vertex]))
 

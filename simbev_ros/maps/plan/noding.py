@@ -46,7 +46,7 @@ def _check(roads: Sequence[DraftRoad]) -> None:
         if len(road.line_m) < 2 or length_m(road.line_m) < _MIN_LINK_M / 2.0:
             raise InputError(f"road {road.name}: shorter than {_MIN_LINK_M / 2.0:g} m")
         if not shapely.LineString(road.line_m).is_simple:
-            raise InputError(f"road {road.name}: its line crosses itself; divide it, on two layers")
+            raise InputError(f"road {road.name}: its line crosses itself; split it into roads on two layers")
 
 
 def _cut_at_marks(roads: Sequence[DraftRoad], marks: Marks) -> Plan:

@@ -58,10 +58,10 @@ def import_sumo(path: Path, work: Path) -> MapParts:
     options = [*_OPTIONS]
     if not any(_is_for_pedestrians(lane) for lane in file.lanes()):
         options += _GUESS_SIDEWALKS
-        notes.append("there are no sidewalks: streets of up to 50 km/h were given some")
+        notes.append("there are no sidewalks: sidewalks were added to streets of up to 50 km/h")
     if not any(edge.get("function") == "crossing" for edge in root.iter("edge")):
         options += _GUESS_CROSSINGS
-        notes.append("there are no crossings: junctions with sidewalks were given some")
+        notes.append("there are no crossings: crossings were added to junctions with sidewalks")
     source, net, opendrive = work / "source.net.xml", work / "map.net.xml", work / "map.xodr"
     ElementTree(root).write(source, encoding="utf-8")
     try:
@@ -84,7 +84,7 @@ def _transform_to_map_frame(path: Path, root: Element, file: NetFile, notes: lis
     if extent_m > _MAX_EXTENT_M:
         raise InputError(
             f"{path}: its edges span {extent_m / 1000:.0f} km; at most {_MAX_EXTENT_M / 1000:.0f} km are read. "
-            "Cut out the part that is wanted"
+            "Extract the part that you need"
         )
     middle_m = np.round((low_m + high_m) / 2.0)
     origin_m = np.where(np.abs(middle_m) > (_MAX_OFFSET_M, _MAX_OFFSET_M, _MAX_HEIGHT_OFFSET_M), middle_m, 0.0)
@@ -92,14 +92,14 @@ def _transform_to_map_frame(path: Path, root: Element, file: NetFile, notes: lis
         notes.append(f"it lies far from its origin: map (0, 0, 0) is {', '.join(f'{v:.0f}' for v in origin_m)} there")
     projection = _projection(path, location)
     if projection is None or location is None:
-        notes.append("it has no projection: GNSS takes its origin for 0° N 0° E")
+        notes.append("it has no projection: GNSS uses 0° N 0° E for its origin")
         file.transform(lambda xyz_m: xyz_m - origin_m)
         return _UNKNOWN
     to_geodetic = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
     offset_m = np.array([*_offset(path, location), 0.0])
     longitude, latitude = to_geodetic.transform(*(origin_m - offset_m)[:2])
     if not (abs(latitude) <= 89.0 and abs(longitude) <= 180.0):
-        raise InputError(f"{place_of(path, location)}: location: its projection does not hold at the net's coordinates")
+        raise InputError(f"{place_of(path, location)}: location: its projection is not valid at the net's coordinates")
     datum = MapDatum(round(latitude, 9), round(longitude, 9), float(origin_m[2]))
     to_map = Transformer.from_crs(projection, datum.proj_string, always_xy=True)
 

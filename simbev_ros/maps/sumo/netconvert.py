@@ -88,7 +88,7 @@ def run_netconvert(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
             preexec_fn=_limit_process,
         )
     except subprocess.TimeoutExpired:
-        raise SimulationError(f"netconvert was not done after {_TIMEOUT_S:.0f} s") from None
+        raise SimulationError(f"netconvert did not finish within {_TIMEOUT_S:.0f} s") from None
     except OSError as error:
         raise SimulationError(f"netconvert could not run: {error}") from error
     if result.returncode != 0 or not (net.is_file() and opendrive.is_file()):
@@ -102,7 +102,7 @@ def _reason(stderr: str) -> str:
     """One-line reason of a failure: netconvert's first error, and the number of further ones."""
     errors = [line.removeprefix("Error: ") for line in stderr.splitlines() if line.startswith("Error: ")]
     if not errors:
-        return " ".join(stderr.split())[-_MAX_REASON_CHARS:] or "it said nothing"
+        return " ".join(stderr.split())[-_MAX_REASON_CHARS:] or "no message"
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
     return f"{errors[0]:.{_MAX_REASON_CHARS}}{more}"
 

@@ -54,7 +54,7 @@ class NetFile:
                 self._refuse(lane, f"lane {lane.get('id')}: shape: needs at least two points")
         self._repair_lanes(list(lines))
         if dangling := self._remove_dangling_connections():
-            self.notes.append(f"connections with lanes that are not there were left out: {_summarize(dangling)}")
+            self.notes.append(f"connections with missing lanes were left out: {_summarize(dangling)}")
         self._leave_out(
             [edge for edge in self._streets() if not any(map(_on_land, edge.iter("lane")))], "not for roads"
         )
@@ -105,7 +105,7 @@ class NetFile:
             if not name:
                 self._refuse(element, f"{tag}: id: is missing")
             if name in found:
-                self._refuse(element, f"{tag} {name}: is there twice; the other is {place_of(self._path, found[name])}")
+                self._refuse(element, f"{tag} {name}: appears twice; the other is {place_of(self._path, found[name])}")
             found[name] = element
         return found
 

@@ -25,7 +25,7 @@ def datum_of(root: Element, notes: Notes) -> MapDatum:
     reference = None if header is None else header.find("geoReference")
     text = "" if reference is None else " ".join("".join(reference.itertext()).split())
     if header is None or reference is None or not text:
-        notes.add("it has no geoReference: GNSS takes its origin for 0° N 0° E")
+        notes.add("it has no geoReference: GNSS uses 0° N 0° E for its origin")
         return _UNKNOWN
     try:
         x_m, y_m, z_m, heading_rad = offset_of(header)
@@ -34,10 +34,10 @@ def datum_of(root: Element, notes: Notes) -> MapDatum:
             raise ProjError("it is not a projection to meters")
         longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x_m, y_m)
     except (ProjError, Malformed) as problem:
-        notes.add("its geoReference cannot be used: GNSS takes its origin for 0° N 0° E", reference, str(problem)[:160])
+        notes.add("its geoReference cannot be used: GNSS uses 0° N 0° E for its origin", reference, str(problem)[:160])
         return _UNKNOWN
     if not (abs(latitude) <= _MAX_LATITUDE_DEG and abs(longitude) <= 180.0):
-        notes.add("its geoReference does not hold at its origin: GNSS takes it for 0° N 0° E", reference)
+        notes.add("its geoReference is not valid at its origin: GNSS uses 0° N 0° E", reference)
         return _UNKNOWN
     return _datum(crs, latitude, longitude, (x_m, y_m, z_m, heading_rad))
 

@@ -130,5 +130,5 @@ def _custom_paint(mark: Element) -> Paint:
 def _look_up(table: Mapping[str, _T], name: str, default: _T, mark: Element, notes: Notes) -> _T:
     """Look up a name in a table; adds a note and returns the default if it is unknown."""
     if name not in table:
-        notes.add("a kind or color of road mark that is not known", mark, repr(name[:30]))
+        notes.add("an unknown kind or color of road mark", mark, repr(name[:30]))
     return table.get(name, default)

@@ -36,7 +36,7 @@ def read_document(path: Path, root: Element, notes: Notes) -> Document:
     _check_version(path, root)
     count = sum(1 for _ in root.iterfind("road"))
     if count > _MAX_ROADS:
-        raise InputError(f"{path}: has {count} roads; at most {_MAX_ROADS} are read. Cut out the part that is wanted")
+        raise InputError(f"{path}: has {count} roads; at most {_MAX_ROADS} are read. Extract the part that you need")
     roads: dict[str, Road] = {}
     for element in root.findall("road"):
         try:
@@ -150,11 +150,11 @@ def _iter_connections(root: Element, roads: dict[str, Road], notes: Notes) -> It
         entered = element.get("connectingRoad") or element.get("linkedRoad", "")
         contact = element.get("contactPoint", "")
         if incoming not in roads or entered not in roads or contact not in ("start", "end"):
-            notes.add("a junction's connection of roads that are not there is left out", element)
+            notes.add("a junction's connection of missing roads is left out", element)
             continue
         try:
             lanes = tuple((int(link.get("from", "")), int(link.get("to", ""))) for link in element.findall("laneLink"))
         except ValueError:
-            notes.add("a junction's connection with lane numbers that are none is left out", element)
+            notes.add("a junction's connection with invalid lane numbers is left out", element)
             continue
         yield Connection(incoming, RoadEnd(entered, cast(Contact, contact)), lanes or None)

@@ -115,7 +115,7 @@ class Traffic:
 def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes) -> Traffic:
     """The edges and connections of the largest connected part of the road network."""
     if any(shape.lane.reversed for shape in shapes.values()):
-        notes.add("traffic keeps off lanes whose direction is reversed")
+        notes.add("lanes with reversed direction carry no traffic")
     nodes = Nodes(document)
     chains = [
         (road, chain)
@@ -232,7 +232,7 @@ def _keep_mainland(edges: Sequence[TrafficEdge], connections: Sequence[TrafficCo
     names = {edge.id for edge, keep in zip(edges, kept, strict=True) if keep}
     lost_m = sum(length_m for length_m, keep in zip(lengths_m, kept, strict=True) if not keep)
     if lost_m > 0.0:
-        notes.add(f"{lost_m / 1e3:.2f} km of lanes cannot be reached from the others; traffic keeps off them")
+        notes.add(f"{lost_m / 1e3:.2f} km of lanes cannot be reached from the others and carry no traffic")
     return Traffic(
         tuple(edge for edge in edges if edge.id in names), tuple(c for c in connections if c.start[0] in names)
     )

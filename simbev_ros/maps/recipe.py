@@ -37,9 +37,11 @@ class TownRecipe(Model):
     patterns: tuple[Pattern, ...] = Field(min_length=1, description="roads, drawn in this order")
     water: tuple[WaterRecipe, ...] = ()
     surroundings: SurroundingsRecipe
-    zones: tuple[ZoneRecipe, ...] = Field((), description="where they overlap, the last one holds")
+    zones: tuple[ZoneRecipe, ...] = Field((), description="where they overlap, the last one takes precedence")
     crossing_width_m: float = Field(3.5, ge=2, le=8)
-    signals_from_lanes: int = Field(5, ge=1, description="a junction with so many incoming lanes has traffic lights")
+    signals_from_lanes: int = Field(
+        5, ge=1, description="junctions with at least this number of incoming lanes have traffic lights"
+    )
 
     @model_validator(mode="before")
     @classmethod

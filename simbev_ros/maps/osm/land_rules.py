@@ -14,15 +14,15 @@ from simbev_ros.maps.surroundings import SurroundingsRecipe
 class WaterRule(Model):
     """Defaults for a kind of water."""
 
-    width_m: float = Field(0.0, ge=0, description="of lines that name none")
-    depth_m: float = Field(gt=0, description="of the surface below the land")
+    width_m: float = Field(0.0, ge=0, description="default width of lines")
+    depth_m: float = Field(gt=0, description="depth of the surface below the land")
 
 
 class BuildingRule(Model):
     """Defaults for a kind of building."""
 
     use: str
-    height_m: float = Field(gt=0, description="where no tag says so")
+    height_m: float = Field(gt=0, description="default if no tag gives one")
 
 
 class LandRules(Model):

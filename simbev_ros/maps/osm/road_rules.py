@@ -33,7 +33,7 @@ _KMH_PER_MPH = 1.609344
 class RoadRule(Model):
     """Defaults for a class of roads."""
 
-    priority: int = Field(ge=1, le=20, description="at junctions the higher one has right of way")
+    priority: int = Field(ge=1, le=20, description="at junctions, the higher priority has right of way")
     lanes: int = Field(1, ge=1)
     one_way: bool = False
     speed_kmh: float = Field(10.0, gt=0)

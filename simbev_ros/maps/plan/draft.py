@@ -31,8 +31,8 @@ class RoadClass(Model):
     line_at: Literal["middle", "left"] = Field(
         "middle", description="left: a one-way road's line is the left edge of its driving lanes"
     )
-    priority: int = Field(1, ge=1, le=12, description="at junctions the higher one has right of way")
-    corner_radius_m: float = Field(6.0, ge=1, le=20, description="of the curb at junctions")
+    priority: int = Field(1, ge=1, le=12, description="at junctions, the higher priority has right of way")
+    corner_radius_m: float = Field(6.0, ge=1, le=20, description="radius of the curb at junctions")
 
 
 @dataclass(frozen=True, slots=True)

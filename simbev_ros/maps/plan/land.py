@@ -19,10 +19,12 @@ _OUTLINE_SPACING_M = 20.0
 class WaterRecipe(Model):
     """A river or canal along a line, or a lake; exactly one of ``line_m`` and ``outline_m`` is given."""
 
-    line_m: tuple[PointXY, ...] = Field((), description="of a river: places that it winds through")
-    width_m: float = Field(20.0, ge=3, le=500, description="of a river")
-    outline_m: tuple[PointXY, ...] = Field((), description="of a lake: corners, rounded off")
-    below_land_m: float = Field(2.0, ge=0.5, le=30, description="of its surface, where the land is lowest")
+    line_m: tuple[PointXY, ...] = Field((), description="river: points that it passes through")
+    width_m: float = Field(20.0, ge=3, le=500, description="river width")
+    outline_m: tuple[PointXY, ...] = Field((), description="lake: corners, which are rounded")
+    below_land_m: float = Field(
+        2.0, ge=0.5, le=30, description="depth of its surface below the lowest land at its shore"
+    )
 
     @model_validator(mode="after")
     def _line_or_outline(self) -> Self:
@@ -34,7 +36,7 @@ class WaterRecipe(Model):
 class ZoneRecipe(Model):
     """An area with its own surroundings: a circle, a rectangle or a polygon."""
 
-    circle_m: tuple[float, float, float] | None = Field(None, description="x, y, smallest radius")
+    circle_m: tuple[float, float, float] | None = Field(None, description="x, y, minimum radius")
     rectangle_m: tuple[float, float, float, float] | None = Field(None, description="west, south, east, north")
     polygon_m: tuple[PointXY, ...] | None = Field(None, min_length=3)
     surroundings: SurroundingsRecipe

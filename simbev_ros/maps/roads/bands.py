@@ -134,7 +134,7 @@ def _solid(lines: Polylines, chosen: Int64Array, sides_m: _Sides) -> tuple[Int64
 
 
 def _dashes(lines: Polylines, chosen: Int64Array, sides_m: _Sides) -> tuple[Int64Array, AnyArray]:
-    """As many dashes as fit on each chosen line, placed symmetrically: (K,) lines and (K,) polygons."""
+    """Dashes on each chosen line, as many as fit, placed symmetrically: (K,) lines and (K,) polygons."""
     line, start_m = _spread_pieces(lines, chosen, _DASH_M, _DASH_GAP_M)
     parameters = [lines.parameter(line, start_m + part * _DASH_M) for part in (0.0, 0.5, 1.0)]
     left_m, right_m = ([lines.values(parameter, side_m) for parameter in parameters] for side_m in sides_m)

@@ -30,7 +30,7 @@ class CrossingRoad(Model):
 
     road: NamedRoadClass
     points_m: tuple[tuple[float, float], ...] = Field(min_length=2)
-    radius_m: float = Field(80.0, gt=0, description="of its curves")
+    radius_m: float = Field(80.0, gt=0, description="radius of its curves")
     over: bool = Field(True, description="passes over the motorway; else the motorway passes over it")
     ramps: bool = True
 
@@ -50,7 +50,9 @@ class MotorwayClass(Model):
     lane_width_m: float = Field(3.5, ge=3, le=5)
     speed_kmh: float = Field(110.0, gt=0, le=140)
     median_m: float = Field(8.0, ge=2, le=60, description="between the lanes of both directions")
-    shoulder_m: float = Field(3.5, ge=0, le=5, description="as wide as a lane: so the road is, with lanes added")
+    shoulder_m: float = Field(
+        3.5, ge=0, le=5, description="as wide as a lane, so that added lanes do not widen the road"
+    )
     left_shoulder_m: float = Field(1.0, ge=0, le=3)
 
     @property
@@ -75,7 +77,7 @@ class Motorway(MotorwayClass):
     pattern: Literal["motorway"]
     name: str = "motorway"
     points_m: tuple[tuple[float, float], ...] = Field(min_length=2, description="corners of its line")
-    radius_m: float = Field(400.0, ge=60, description="of its curves")
+    radius_m: float = Field(400.0, ge=60, description="radius of its curves")
     closed: bool = False
     lane_changes: tuple[LaneChange, ...] = ()
     crossing_roads: tuple[CrossingRoad, ...] = ()

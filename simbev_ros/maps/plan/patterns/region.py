@@ -65,14 +65,14 @@ class Region(Model):
 
     pattern: Literal["region"]
     size_m: float = Field(10_000.0, ge=4000, le=20_000)
-    cells: int = Field(10, ge=6, le=16, description="between main roads, along a side")
+    cells: int = Field(10, ge=6, le=16, description="number of cells between main roads, along a side")
     districts: DistrictsRecipe = DistrictsRecipe()
     villages: int = Field(6, ge=0)
     motorway: MotorwayClass
-    motorway_radius_m: float = Field(550.0, ge=100, description="of its curves")
+    motorway_radius_m: float = Field(550.0, ge=100, description="radius of its curves")
     motorway_course: Literal["ring", "through"] = "ring"
-    bend_m: float = Field(110.0, ge=0, le=400, description="how far main roads swerve from straight lines")
-    rural_gaps: float = Field(0.35, ge=0, le=0.6, description="share of country roads that are left out")
+    bend_m: float = Field(110.0, ge=0, le=400, description="maximum deviation of main roads from straight lines")
+    rural_gaps: float = Field(0.35, ge=0, le=0.6, description="fraction of country roads that are left out")
     river_width_m: float = Field(45.0, ge=0, le=200, description="0: no river")
     lakes: int = Field(3, ge=0)
     roads: RegionRoads

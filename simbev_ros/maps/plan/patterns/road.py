@@ -19,7 +19,7 @@ PointXY = tuple[float, float]
 class Pass(Model):
     """A stretch of a road on another layer, over or under the road that it crosses there."""
 
-    near_m: PointXY = Field(description="its middle, on the road or near it")
+    near_m: PointXY = Field(description="its midpoint, on the road or near it")
     length_m: float = Field(80.0, ge=20)
     layer: int = Field(1, ge=-2, le=3)
 
@@ -32,12 +32,12 @@ class Road(Model):
     road: NamedRoadClass
     points_m: tuple[PointXY, ...] = Field(min_length=2, description="x, y; one-way roads run along them")
     curve: Literal["arcs", "spline"] = Field("arcs", description="straight with rounded corners, or winding")
-    radius_m: float = Field(25.0, gt=0, description="of arcs")
+    radius_m: float = Field(25.0, gt=0, description="radius of the arcs")
     closed: bool = False
     layer: int = Field(0, ge=-2, le=3)
     elevated_m: float = Field(0.0, ge=0, le=20)
     passes: tuple[Pass, ...] = ()
-    signals_m: tuple[PointXY, ...] = Field((), description="junctions with traffic lights whatever the rule says")
+    signals_m: tuple[PointXY, ...] = Field((), description="junctions that have traffic lights regardless of the rule")
 
 
 def draw_road(pattern: Road, draft: Draft, rng: np.random.Generator) -> None:

@@ -22,7 +22,7 @@ class Roundabout(Model):
     pattern: Literal["roundabout"]
     name: str
     center_m: PointXY
-    radius_m: float = Field(22.0, ge=10, le=100, description="to the middle of its lanes")
+    radius_m: float = Field(22.0, ge=10, le=100, description="radius to the middle of its lanes")
     road: NamedRoadClass = Field(default_factory=lambda: road_classes()["circle"])
 
 

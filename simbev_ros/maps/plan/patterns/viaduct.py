@@ -24,10 +24,10 @@ _LAYER = 1
 class Diamond(Model):
     """Ramps between both carriageways and a street that passes below."""
 
-    near_m: PointXY = Field(description="where the street passes below")
+    near_m: PointXY = Field(description="position at which the street passes below")
     street: str = Field(description="name of its road")
     beside_m: float = Field(20.0, ge=8, le=100, description="from the lanes' outer edge to where street and ramps meet")
-    run_m: float = Field(230.0, ge=150, le=600, description="of each ramp along the motorway")
+    run_m: float = Field(230.0, ge=150, le=600, description="length of each ramp along the motorway")
 
 
 class Viaduct(MotorwayClass):
@@ -36,7 +36,7 @@ class Viaduct(MotorwayClass):
     pattern: Literal["viaduct"]
     name: str = "viaduct"
     points_m: tuple[PointXY, ...] = Field(min_length=2, description="corners of its line")
-    radius_m: float = Field(120.0, ge=60, description="of its curves")
+    radius_m: float = Field(120.0, ge=60, description="radius of its curves")
     closed: bool = True
     elevated_m: float = Field(7.5, gt=0, le=20)
     elevated_within_m: tuple[float, float, float, float] | None = Field(

@@ -18,7 +18,7 @@ from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.statistics import busiest_place
+from simbev_ros.maps.statistics import busiest_position
 from simbev_ros.production.surroundings import build_missing_regions, load_roads
 from simbev_ros.viz import gallery
 from simbev_ros.viz.gallery import Picture, Section
@@ -104,12 +104,12 @@ def _street_view(spec: MapSpec, quality: Quality, busy: float) -> StreetView:
     network = load_network(spec)
     reach = _reach(network)
     static = load_static_scene(spec, network, reach=reach)
-    place_m, yaw_rad = street_place(network, static.tiles, busiest_place(network), _VIEW_WITHIN_M)
+    place_m, yaw_rad = street_place(network, static.tiles, busiest_position(network), _VIEW_WITHIN_M)
     return StreetView(network, static, place_m, yaw_rad, quality, busy)
 
 
 def _reach(network: RoadNetwork) -> Reach:
-    x_m, y_m = busiest_place(network).tolist()
+    x_m, y_m = busiest_position(network).tolist()
     return Reach((x_m, y_m), _REACH_M)
 
 

@@ -27,7 +27,7 @@ from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.statistics import busiest_place, statistics_of
+from simbev_ros.maps.statistics import busiest_position, statistics_of
 from simbev_ros.production.surroundings import build_missing_regions
 from simbev_ros.types import Float64Array
 
@@ -98,7 +98,7 @@ def _explore(
 ) -> MapReport:
     """Build roads and surroundings of a map, and write pictures if they are wanted."""
     report, network = _roads(spec, cache_dir, console)
-    center_m = busiest_place(network) if at_m is None else np.array(at_m)
+    center_m = busiest_position(network) if at_m is None else np.array(at_m)
     regions = regions_of(network.layout)
     reach = Reach((float(center_m[0]), float(center_m[1])), _REACH_M)
     near = regions_of(network.layout, reach)

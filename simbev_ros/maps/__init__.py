@@ -1,1 +1,1 @@
-"""Road networks: the model, and what builds it."""
+"""Road networks: the data model, the importers of each map format, and the generator of the built-in towns."""

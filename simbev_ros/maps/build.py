@@ -1,4 +1,7 @@
-"""Maps on demand: a MapSpec in, a RoadNetwork out, built once and then taken from a cache on disk."""
+"""Loads a map: takes a MapSpec and returns its RoadNetwork.
+
+A map is built on first use and afterwards read from a disk cache.
+"""
 
 import gc
 import gzip
@@ -21,8 +24,8 @@ from simbev_ros.maps.osm.importer import import_osm
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
-from simbev_ros.maps.roads.levels import with_levels
-from simbev_ros.maps.signals import place_signals, with_ids_of_net
+from simbev_ros.maps.roads.levels import assign_levels
+from simbev_ros.maps.signals import place_signals, with_net_ids
 from simbev_ros.maps.signs import place_signs
 from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
@@ -42,31 +45,31 @@ _T = TypeVar("_T")
 
 
 def load_network(spec: MapSpec, cache_dir: Path | None = None) -> RoadNetwork:
-    """The road network of a map.
+    """Load the road network of a map, building it first if the cache does not hold it yet.
 
     Args:
-        spec: Which map.
-        cache_dir: Where maps that were built once are kept; ``default_cache_dir()`` when omitted.
+        spec: The map to load.
+        cache_dir: Cache folder for built maps; ``default_cache_dir()`` when omitted.
 
     Raises:
-        InputError: No map has this name, its file is wrong, or the cache cannot be written.
+        InputError: No map has this name, its file is invalid, or the cache cannot be written.
         SimulationError: SUMO could not build the map.
     """
     return _read(spec, cache_dir, partial(read_network, seed=spec.seed))
 
 
 def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
-    """Where a map lies on Earth; for those who need no more of it. Arguments and errors as ``load_network``."""
+    """Load only the geodetic datum of a map, without its network. Arguments and errors as for ``load_network``."""
     return _read(spec, cache_dir, read_datum)
 
 
 def load_source(spec: MapSpec, cache_dir: Path | None = None) -> bytes:
-    """The file that a map was made from, gzip, also when it is gone; arguments and errors as ``load_network``."""
+    """Load the gzipped source file of a map, even if the original is gone. Arguments and errors as ``load_network``."""
     return _read(spec, cache_dir, read_source)
 
 
 def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> _T:
-    """Read something from a map's folder; a damaged one is built again."""
+    """Read from a map's cache folder; rebuild the folder if it is damaged."""
     attempt = 0
     while True:
         folder = _folder(spec, cache_dir or default_cache_dir())
@@ -80,13 +83,13 @@ def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> 
 
 
 def _folder(spec: MapSpec, cache_dir: Path) -> Path:
-    """A map's folder in the cache. The seed changes a town's streets, and nothing in a file."""
+    """Return a map's cache folder. The seed is part of the key only for towns: imported files do not use it."""
     source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
     key = f"{spec.name}\n{source}\n".encode()
-    parts_of = _imported(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
+    make_parts = _importer_of(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
     try:
-        build = partial(_build, spec, parts_of)
-        with _no_collection():
+        build = partial(_build, spec, make_parts)
+        with _without_garbage_collection():
             return ensure_folder("maps", spec.name, fingerprint(__name__), key, build, cache_dir)
     except Exception as error:
         error.add_note(f"while building the roads of map {spec.path or spec.name}")
@@ -94,8 +97,8 @@ def _folder(spec: MapSpec, cache_dir: Path) -> Path:
 
 
 @contextmanager
-def _no_collection() -> Iterator[None]:
-    """Without searches for garbage in cycles: a build makes millions of objects that stay, and next to no cycles."""
+def _without_garbage_collection() -> Iterator[None]:
+    """Disable cyclic garbage collection: a build creates millions of long-lived objects and almost no cycles."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -105,30 +108,30 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _imported(spec: MapSpec) -> Callable[[Path], MapParts]:
-    """What turns a map's file into its parts, given a folder for them; the file is looked at only then."""
+def _importer_of(spec: MapSpec) -> Callable[[Path], MapParts]:
+    """Return a function that imports a map's file into a given work folder; the file is not read before that call."""
     return lambda work: _IMPORTERS[suffix_of(spec.path)](file_of(spec), work)
 
 
-def _build(spec: MapSpec, parts_of: Callable[[Path], MapParts], folder: Path) -> None:
-    """Fill a map's folder."""
+def _build(spec: MapSpec, make_parts: Callable[[Path], MapParts], folder: Path) -> None:
+    """Build a map and fill its cache folder."""
     work = folder / "work"
     work.mkdir()
     if spec.path:
         (folder / SOURCE).write_bytes(gzip.compress(file_of(spec).read_bytes(), mtime=0))
-    parts = parts_of(work)
+    parts = make_parts(work)
     for note in parts.notes:
         logging.getLogger(__name__).info("map %s: %s", spec.name, note)
     for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
         shutil.copyfile(source, folder / name)
     net = read_sumo_net(folder / NET)
-    layout = with_levels(parts.layout or layout_of(net), parts.features.water)
+    layout = assign_levels(parts.layout or layout_of(net), parts.features.water)
     signals = place_signals(net, layout)
     network = RoadNetwork(
         name=spec.name,
         lanes=net.lanes,
         junctions=net.junctions,
-        signals=signals if parts.layout else with_ids_of_net(signals),
+        signals=signals if parts.layout else with_net_ids(signals),
         datum=parts.datum,
         net_path=folder / NET,
         opendrive_path=folder / OPENDRIVE,

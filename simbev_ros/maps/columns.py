@@ -1,4 +1,4 @@
-"""Many dataclass instances as a few flat arrays, and back: what maps are stored as."""
+"""Converts between lists of dataclass instances and flat arrays, the storage format of maps."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -18,10 +18,10 @@ _NONE = -1  # number of rows of an array that is None
 
 
 def to_columns(kind: type[_T], items: Sequence[_T]) -> _Columns:
-    """Columns by field name, of instances of a dataclass.
+    """Convert instances of a dataclass to columns, keyed by field name.
 
-    Fields may be numbers, truth values, strings without line breaks, enums, tuples and sets of strings without tabs,
-    float64 arrays (of any length, or None; their other axes the same for all), polygons, pydantic models, and
+    Fields may be text_index, booleans, strings without line breaks, enums, tuples and sets of strings without tabs,
+    float64 arrays (of any length, or None; their other axes the same for all instances), polygons, pydantic models, and
     dataclasses of these.
     """
     columns: _Columns = {"count": np.array(len(items))}
@@ -32,7 +32,7 @@ def to_columns(kind: type[_T], items: Sequence[_T]) -> _Columns:
 
 
 def from_columns(kind: type[_T], columns: Mapping[str, AnyArray]) -> list[_T]:
-    """The instances again; arrays are views of the columns.
+    """Rebuild the instances from columns written by ``to_columns``; arrays are views of the columns.
 
     Raises:
         KeyError, ValueError: The columns are not those of this dataclass.
@@ -44,27 +44,27 @@ def from_columns(kind: type[_T], columns: Mapping[str, AnyArray]) -> list[_T]:
 
 
 def part_of(columns: Mapping[str, AnyArray], name: str) -> _Columns:
-    """The columns whose names start with ``name.``, without that."""
+    """The columns whose names start with ``name.``, keyed without that prefix."""
     return {key.removeprefix(f"{name}."): column for key, column in columns.items() if key.startswith(f"{name}.")}
 
 
 @dataclass(frozen=True, slots=True)
 class _Codec:
-    """How values of one type become columns, and back."""
+    """Converts values of one type to columns and back."""
 
     write: Callable[[Sequence[Any]], _Columns]
     read: Callable[[Mapping[str, AnyArray]], Sequence[Any]]
 
 
 def _codecs(kind: Any) -> dict[str, _Codec]:
-    """Field name → codec."""
+    """Codecs by field name."""
     hints = get_type_hints(kind)
     return {field.name: _codec(hints[field.name]) for field in fields(kind)}
 
 
 @cache
 def _codec(annotation: Any) -> _Codec:
-    """The codec of a type."""
+    """Codec for a type."""
     if annotation in _CODECS:
         return _CODECS[annotation]
     if issubclass(annotation, StrEnum):
@@ -78,28 +78,28 @@ def _codec(annotation: Any) -> _Codec:
 
 
 def _numbers(dtype: type) -> _Codec:
-    """Values of one dtype."""
+    """Codec for scalars of one dtype."""
     return _Codec(lambda values: {"value": np.array(values, dtype)}, lambda columns: columns["value"].tolist())
 
 
 def _text(encode: Callable[[Any], str], decode: Callable[[str], Any]) -> _Codec:
-    """Values as strings, each different one stored once, and shared when read."""
+    """Codec for values encoded as strings; each distinct string is stored once, and its decoded value is shared."""
 
     def write(values: Sequence[Any]) -> _Columns:
-        numbers: dict[str, int] = {}
-        row = [numbers.setdefault(encode(value), len(numbers)) for value in values]
-        return {"row": np.array(row, np.int32), "text": np.frombuffer("\n".join(numbers).encode(), np.uint8)}
+        text_index: dict[str, int] = {}
+        row = [text_index.setdefault(encode(value), len(text_index)) for value in values]
+        return {"row": np.array(row, np.int32), "text": np.frombuffer("\n".join(text_index).encode(), np.uint8)}
 
     def read(columns: Mapping[str, AnyArray]) -> Sequence[Any]:
         rows = columns["row"].tolist()
-        different = [decode(text) for text in columns["text"].tobytes().decode().split("\n")] if rows else []
-        return [different[row] for row in rows]
+        distinct = [decode(text) for text in columns["text"].tobytes().decode().split("\n")] if rows else []
+        return [distinct[row] for row in rows]
 
     return _Codec(write, read)
 
 
 def _write_arrays(values: Sequence[Float64Array | None]) -> _Columns:
-    """Arrays end to end, and how long each is."""
+    """Arrays concatenated along the first axis, and the length of each."""
     arrays = [value for value in values if value is not None]
     tail = arrays[0].shape[1:] if arrays else ()
     return {

@@ -1,4 +1,4 @@
-"""The record of the lane under the ego, for /ego/hd_map: plain values under the keys of the SimBEV format."""
+"""Builds the lane record published on /ego/hd_map: the lane under the ego, with the SimBEV format's keys."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ _LANE_TYPES = {
     LaneKind.MEDIAN: "Median",
     LaneKind.SIDEWALK: "Sidewalk",
 }
-"""CARLA's names."""
+"""CARLA's lane type names."""
 _SLOPE_M = 0.5
 _CROSSABLE = {
     Paint.NONE: (True, True),
@@ -28,27 +28,27 @@ _CROSSABLE = {
     Paint.BROKEN_SOLID: (True, False),
     Paint.SOLID_BROKEN: (False, True),
 }
-"""Whether a line may be crossed from the lane's inside, and into it; any other may not."""
+"""Whether a marking may be crossed (leaving the lane, entering the lane); markings not listed may not be crossed."""
 
 
 def lane_record(network: RoadNetwork, xyz_m: Float64Array, yaw_rad: float) -> dict[str, Any]:
-    """The driving lane that a vehicle is on, or the nearest one.
+    """Record of the driving lane that a vehicle is on, or of the nearest driving lane.
 
-    Names are CARLA's. Lengths are metres, the pose of the lane's middle is in the map frame, ``rotation`` is roll,
-    pitch, yaw in degrees; ``s`` runs along the lane from its start.
+    Names are CARLA's. Lengths are in meters, the pose of the lane center is in the map frame, ``rotation`` is roll,
+    pitch, yaw in degrees; ``s`` is the distance along the lane from its start.
 
     Args:
-        network: The roads; at least one driving lane.
-        xyz_m: (3,) the vehicle's position, map frame.
-        yaw_rad: The direction in which it looks: where lanes overlap, one along it is taken.
+        network: The road network, with at least one driving lane.
+        xyz_m: (3,) position of the vehicle, map frame.
+        yaw_rad: Heading of the vehicle: where lanes overlap, one along this heading is chosen.
     """
     lanes = network.lane_strips
-    place = lanes.index.nearest(xyz_m[None], np.array([yaw_rad]))
-    strip, s_m = lanes.strips[int(place.row[0])], float(place.s_m[0])
-    sides = Polylines.of([strip.left_m, strip.right_m])
-    at = place.parameter - lanes.index.lines.first[place.row] + sides.first[:2]
-    left_m, right_m = sides.values(at)
-    heading = lanes.index.lines.headings(place.parameter)[0]
+    found = lanes.index.nearest(xyz_m[None], np.array([yaw_rad]))
+    strip, s_m = lanes.strips[int(found.row[0])], float(found.s_m[0])
+    sides = Polylines.from_lines([strip.left_m, strip.right_m])
+    parameter = found.parameter - lanes.index.lines.first[found.row] + sides.first[:2]
+    left_m, right_m = sides.values(parameter)
+    heading = lanes.index.lines.headings(found.parameter)[0]
     left, right = (lanes.by_lane.get(name) for name in (strip.left, strip.right))
     return {
         "id": strip.lane,
@@ -65,24 +65,24 @@ def lane_record(network: RoadNetwork, xyz_m: Float64Array, yaw_rad: float) -> di
         "transform": _transform(left_m, right_m, heading, _slope(strip, s_m)),
         "left_lane_marking": _marking(strip.left_line, outward="Left", inward="Right"),
         "right_lane_marking": _marking(strip.right_line, outward="Right", inward="Left"),
-        "left_lane": _neighbour(left),
-        "right_lane": _neighbour(right),
+        "left_lane": _neighbor(left),
+        "right_lane": _neighbor(right),
     }
 
 
-def _may_enter(line: Line, neighbour: Strip | None) -> bool:
+def _may_enter(line: Line, neighbor: Strip | None) -> bool:
     """Whether a car may change to the lane beyond a line."""
     outward, _ = _CROSSABLE.get(line.paint, (False, False))
-    return outward and neighbour is not None and neighbour.kind is LaneKind.DRIVING
+    return outward and neighbor is not None and neighbor.kind is LaneKind.DRIVING
 
 
 def _sides(left: bool, right: bool) -> str:
-    """CARLA's name for the sides to which lanes may be changed."""
+    """CARLA's name for the sides to which a lane change is allowed."""
     return {(True, True): "Both", (True, False): "Left", (False, True): "Right"}.get((left, right), "NONE")
 
 
 def _marking(line: Line, outward: str, inward: str) -> dict[str, Any]:
-    """A line as CARLA calls it, and to which sides it may be crossed; the two sides as seen from the lane."""
+    """Lane marking in CARLA's terms; ``outward`` and ``inward`` are the crossing directions as seen from the lane."""
     crossable = dict(zip((outward, inward), _CROSSABLE.get(line.paint, (False, False)), strict=True))
     return {
         "type": "NONE" if line.paint is Paint.NONE else line.paint.value.title().replace(" ", ""),
@@ -92,8 +92,8 @@ def _marking(line: Line, outward: str, inward: str) -> dict[str, Any]:
     }
 
 
-def _neighbour(strip: Strip | None) -> dict[str, Any] | None:
-    """What identifies the lane beside; None: there is none."""
+def _neighbor(strip: Strip | None) -> dict[str, Any] | None:
+    """Identifiers of the adjacent lane, or None if there is none."""
     if strip is None:
         return None
     return {
@@ -106,14 +106,14 @@ def _neighbour(strip: Strip | None) -> dict[str, Any] | None:
 
 
 def _slope(strip: Strip, s_m: float) -> float:
-    """Rise of a strip per metre along it."""
-    line = Polylines.of([strip.center_m])
+    """Gradient of a strip (rise per meter) at a distance along it."""
+    line = Polylines.from_lines([strip.center_m])
     ends_m = line.values(line.parameter(np.zeros(2, np.int64), s_m + np.array([-_SLOPE_M, _SLOPE_M])))
     return float((ends_m[1, 2] - ends_m[0, 2]) / max(np.linalg.norm((ends_m[1] - ends_m[0])[:2]), 1e-6))
 
 
 def _transform(left_m: Float64Array, right_m: Float64Array, heading: Float64Array, slope: float) -> dict[str, Any]:
-    """Pose of the lane's middle: x ahead, y to the left, z up from the road."""
+    """Pose of the lane center: x forward, y to the left, z normal to the road surface."""
     across_m = left_m - right_m
     roll_rad = np.arctan2(across_m[2], np.linalg.norm(across_m[:2]))
     rotation_rad = roll_rad, -np.arctan(slope), np.arctan2(heading[1], heading[0])

@@ -1,4 +1,4 @@
-"""What a map says about the land beside its roads: relief, water, zones, buildings."""
+"""Data classes for the land around a map's roads: relief, water, zones and buildings, as the map prescribes them."""
 
 from dataclasses import dataclass, field
 
@@ -9,7 +9,7 @@ from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 
 @dataclass(frozen=True, slots=True)
 class Water:
-    """A river, lake or canal: plan area and height of its surface, map frame, metres."""
+    """A river, lake or canal: area in plan view and height of its surface, map frame, meters."""
 
     area: shapely.Polygon
     surface_m: float
@@ -20,10 +20,10 @@ class Footprint:
     """A building that the map prescribes.
 
     Attributes:
-        outline: In plan, map frame; with courtyards as holes.
-        height_m: Above the ground.
-        use: house, apartments, retail, office, public, church, industrial, barn, shed, or "" where it is not known.
-        roof: Its shape as OpenStreetMap calls it (flat, gabled, hipped, ...), or "" where it is not known.
+        outline: Footprint polygon in plan view, map frame; courtyards are holes.
+        height_m: Height above the ground.
+        use: house, apartments, retail, office, public, church, industrial, barn, shed, or "" if unknown.
+        roof: Roof shape in OpenStreetMap's terms (flat, gabled, hipped, ...), or "" if unknown.
     """
 
     outline: shapely.Polygon
@@ -34,7 +34,7 @@ class Footprint:
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """Land with a character of its own; where zones overlap, the last one holds."""
+    """An area with its own surroundings; where zones overlap, the last one takes precedence."""
 
     area: shapely.Polygon
     surroundings: SurroundingsRecipe
@@ -42,14 +42,14 @@ class Zone:
 
 @dataclass(frozen=True, slots=True)
 class MapFeatures:
-    """All of it.
+    """Everything that a map says about the land around its roads.
 
     Attributes:
-        surroundings: Character of the land outside all zones.
+        surroundings: Surroundings outside all zones.
         zones: In ascending precedence.
-        relief: Shape of the land far from roads; the road heights hold near them.
-        water: Roads that cross it are bridges.
-        buildings: None: they are invented; else these and no others.
+        relief: Hills far from the roads; near roads the land follows the road heights.
+        water: Bodies of water; a road that crosses one is a bridge.
+        buildings: The only buildings of the map; None if buildings are generated instead.
     """
 
     surroundings: SurroundingsRecipe

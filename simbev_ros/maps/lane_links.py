@@ -1,4 +1,4 @@
-"""How strips hang together: which follow which and lie side by side, and which of them are meant by lines and lanes."""
+"""Finds which lane strips follow or adjoin each other, and which strips a stop line or a lane position refers to."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -15,16 +15,16 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import AnyArray, Float64Array
 
-_BESIDE_M = 0.1
-_SHORTEST_M = 0.3  # of a common border
-_ON_LANE_M = 2.0
+_ADJACENT_TOLERANCE_M = 0.1
+_MIN_COMMON_M = 0.3  # length of a common border
+_MAX_LANE_DISTANCE_M = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class StripLinks:
-    """Ids of the strips that one strip leads to, is reached from, and touches on either side.
+    """Ids of a strip's successors, predecessors, and adjacent strips on either side.
 
-    Those of a lane are in that lane's order.
+    Adjacent strips of one lane are in that lane's order.
     """
 
     successors: tuple[str, ...]
@@ -34,7 +34,7 @@ class StripLinks:
 
 
 def strip_links(strips: Sequence[Strip]) -> tuple[StripLinks, ...]:
-    """The links of each strip to others of them."""
+    """Links of each strip to the other strips, in the order of ``strips``."""
     lanes: dict[str, list[int]] = defaultdict(list)
     for row in sorted(range(len(strips)), key=lambda row: strips[row].s_start_m):
         lanes[strips[row].lane].append(row)
@@ -57,44 +57,57 @@ def strip_links(strips: Sequence[Strip]) -> tuple[StripLinks, ...]:
 def _beside(
     strips: Sequence[Strip], lanes: dict[str, list[int]], borders_m: Sequence[Float64Array], names: Sequence[str]
 ) -> list[list[int]]:
-    """For each strip those of the named lane that its border runs along."""
+    """For each strip, the rows of the named lane's strips that its border runs along."""
     beside = [list(lanes.get(name, ())) for name in names]
-    several = [(row, other) for row, others in enumerate(beside) if len(others) > 1 for other in others]
-    if not several:
+    ambiguous = [(row, other) for row, others in enumerate(beside) if len(others) > 1 for other in others]
+    if not ambiguous:
         return beside
-    row, other = np.array(several, np.int64).T
+    row, other = np.array(ambiguous, np.int64).T
     borders = np.array([shapely.LineString(borders_m[each][:, :2]) for each in row.tolist()], object)
-    areas = shapely.buffer(strip_polygons([strips[each] for each in other.tolist()]), _BESIDE_M, quad_segs=1)
+    areas = shapely.buffer(
+        strip_polygons([strips[each] for each in other.tolist()]), _ADJACENT_TOLERANCE_M, quad_segs=1
+    )
     common_m = shapely.length(shapely.intersection(borders, areas))
-    apart = {pair for pair, length_m in zip(several, common_m.tolist(), strict=True) if length_m < _SHORTEST_M}
-    return [[other for other in others if (row, other) not in apart] for row, others in enumerate(beside)]
+    not_adjacent = {
+        pair for pair, length_m in zip(ambiguous, common_m.tolist(), strict=True) if length_m < _MIN_COMMON_M
+    }
+    return [[other for other in others if (row, other) not in not_adjacent] for row, others in enumerate(beside)]
 
 
-def strips_at(places: Sequence[tuple[Lane, float]], driven: LaneStrips) -> list[str]:
-    """Id of the strip at each place on lanes of the traffic, given by distance from their start; "" where none is."""
-    if not places or not driven.strips:
-        return [""] * len(places)
-    lines = Polylines.of([lane.centerline_m for lane, _ in places])
-    place = lines.parameter(np.arange(len(places)), np.array([s_m for _, s_m in places]))
-    points_m, heading = lines.values(place), lines.headings(place)
+def strips_at(positions: Sequence[tuple[Lane, float]], driven: LaneStrips) -> list[str]:
+    """Ids of the strips at positions on traffic lanes; "" where there is none.
+
+    Args:
+        positions: Lane, and distance from its start.
+        driven: The driving strips.
+    """
+    if not positions or not driven.strips:
+        return [""] * len(positions)
+    lines = Polylines.from_lines([lane.centerline_m for lane, _ in positions])
+    parameter = lines.parameter(np.arange(len(positions)), np.array([s_m for _, s_m in positions]))
+    points_m, heading = lines.values(parameter), lines.headings(parameter)
     nearest = driven.index.nearest(points_m, np.arctan2(heading[:, 1], heading[:, 0]))
     gap_m = np.linalg.norm(driven.index.lines.values(nearest.parameter) - points_m, axis=1)
     rows = nearest.row.tolist()
-    return [driven.strips[row].id if gap < _ON_LANE_M else "" for row, gap in zip(rows, gap_m.tolist(), strict=True)]
+    return [
+        driven.strips[row].id if gap < _MAX_LANE_DISTANCE_M else ""
+        for row, gap in zip(rows, gap_m.tolist(), strict=True)
+    ]
 
 
 def halting_strips(stop_lines: Sequence[StopLine], driven: LaneStrips) -> Iterator[tuple[str, ...]]:
-    """For each stop line ids of the strips whose traffic halts at it: those that cross it in its direction.
+    """For each stop line, yield the ids of the strips whose traffic halts at it: those that cross it in its direction.
 
-    Maps do not always know which way a line looks: where none cross it so, those that cross it the other way are meant.
+    Maps do not always give the direction of a stop line: if no strip crosses it in its direction, those that cross it
+    in the opposite direction are returned.
     """
-    lanes = driven.index.lines if driven.strips else Polylines.of([])
+    lanes = driven.index.lines if driven.strips else Polylines.from_lines([])
     lines = _plan([line.ends_m for line in stop_lines])
     centers = _plan(lanes.split(lanes.points_m))
     line, strip = np.asarray(shapely.STRtree(centers).query(lines, predicate="intersects"), np.int64)
     level = np.array([each.level for each in driven.strips], np.int64)
-    same = level[strip] == np.array([each.level for each in stop_lines], np.int64)[line]
-    line, strip = line[same], strip[same]
+    on_same_level = level[strip] == np.array([each.level for each in stop_lines], np.int64)[line]
+    line, strip = line[on_same_level], strip[on_same_level]
     s_m = shapely.line_locate_point(centers[strip], shapely.centroid(shapely.intersection(centers[strip], lines[line])))
     across_m = np.array([each.ends_m[1] - each.ends_m[0] for each in stop_lines]).reshape(-1, 3)[line]
     along = lanes.headings(lanes.parameter(strip, s_m)) * np.column_stack([across_m[:, 1], -across_m[:, 0]])
@@ -105,5 +118,5 @@ def halting_strips(stop_lines: Sequence[StopLine], driven: LaneStrips) -> Iterat
 
 
 def _plan(lines_m: Sequence[AnyArray]) -> AnyArray:
-    """(N,) (M, 3) lines in plan, shapely."""
+    """(N,) shapely lines in plan view from N lines of (M, 3) points."""
     return np.array([shapely.LineString(line_m[:, :2]) for line_m in lines_m], object)

@@ -1,4 +1,4 @@
-"""The road network: lanes as 3D centre lines, junctions, crossings, signals. Built once per map from a SUMO net."""
+"""The road network of a map: lanes with 3D center lines, junctions, signals and layout, built from a SUMO net."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,22 +23,22 @@ from simbev_ros.types import Float64Array, Int64Array
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """One lane.
+    """A traffic lane of the SUMO net.
 
     Attributes:
         id: SUMO's lane id.
         edge: SUMO's edge id; lanes of one edge run side by side in one direction.
-        index: Place in its edge, 0 rightmost.
-        kind: What it is for.
+        index: Position within its edge, 0 is the rightmost lane.
+        kind: Its use.
         centerline_m: (N, 3) float64, map frame, in driving direction.
         width_m: Constant width.
         speed_mps: Speed limit.
-        junction: Id of the junction it is inside of (internal lanes, crossings, walking areas), else "".
+        junction: Id of the junction that contains it (internal lanes, crossings, walking areas), else "".
         successors: Ids of the lanes that follow it (across a junction: the internal lane).
-        outline_m: (M, 2) float64 outline of walking areas, whose centre line does not describe them; else None.
-        sumo_s_per_m: SUMO's position on the lane per metre along the centre line. Not 1 in curves, because SUMO gives
-            all lanes of an edge one length.
-        classes: SUMO's vehicle classes that may use it.
+        outline_m: (M, 2) float64 outline of walking areas, whose center line does not describe them; else None.
+        sumo_s_per_m: SUMO's lane position per meter along the center line. Not 1 in curves, because SUMO assigns the
+            same length to all lanes of an edge.
+        classes: SUMO vehicle classes that may use it.
     """
 
     id: str
@@ -56,19 +56,19 @@ class Lane:
 
     @property
     def length_m(self) -> float:
-        """Length of the centre line in the ground plane."""
+        """Length of the center line in plan view."""
         return float(np.linalg.norm(np.diff(self.centerline_m[:, :2], axis=0), axis=1).sum())
 
 
 @dataclass(frozen=True, slots=True)
 class Junction:
-    """A junction: where lanes meet.
+    """A junction of the SUMO net, where lanes meet.
 
     Attributes:
         id: SUMO's junction id.
         center_m: (3,) map frame.
         outline_m: (N, 2) float64 outline as SUMO draws it (approximate; the road surface comes from the lanes).
-        signalised: Has traffic lights.
+        signalised: Whether it has traffic lights.
     """
 
     id: str
@@ -79,16 +79,17 @@ class Junction:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One traffic-light head.
+    """A traffic-light head.
 
     Attributes:
-        position_m: (3,) map frame, centre of the head.
+        position_m: (3,) center of the head, map frame.
         yaw_rad: Direction in which its lamps shine (towards the traffic that it stops).
-        pole_m: (3,) map frame, foot of the pole that carries it.
-        programme: SUMO's traffic-light id.
-        link: Index into the programme's state string.
+        pole_m: (3,) foot of the pole that carries it, map frame.
+        programme: Id of SUMO's traffic-light program.
+        link: Index into the program's state string.
         lane: Id of the lane that it stops.
-        opendrive_id: Of the signal in the map's OpenDRIVE; "" for a head that hangs here by rule, and not in that file.
+        opendrive_id: Id of the signal in the map's OpenDRIVE file; "" for a head placed by rule, which that file does
+            not contain.
     """
 
     position_m: Float64Array
@@ -102,7 +103,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Waypoints:
-    """Places on driving lanes.
+    """N positions on driving lanes.
 
     Attributes:
         position_m: (N, 3) map frame.
@@ -119,20 +120,20 @@ class Waypoints:
 
 @dataclass(frozen=True)
 class RoadNetwork:
-    """A map's roads.
+    """The road network of a map.
 
     Attributes:
         name: The map's name.
-        lanes: By id.
-        junctions: By id.
-        signals: In the row order of /world/signals.
-        datum: Where the map lies on Earth.
+        lanes: Lanes by id.
+        junctions: Junctions by id.
+        signals: Traffic-light heads in the row order of /world/signals.
+        datum: Position of the map frame on Earth.
         net_path: The SUMO net that it was built from.
-        opendrive_path: The same roads as OpenDRIVE.
-        layout: Where lanes lie on the ground, with borders, levels and paint.
-        features: What the map says about the land beside the roads.
-        seed: Of all that the map leaves open.
-        notes: What had to be repaired or left out, one sentence each, for the user.
+        opendrive_path: OpenDRIVE file of the same roads.
+        layout: Ground geometry of the lanes, with borders, levels and paint.
+        features: The land around the roads.
+        seed: Random seed for everything that the map does not prescribe.
+        notes: Repairs and omissions, one sentence each, for the user.
     """
 
     name: str
@@ -149,44 +150,44 @@ class RoadNetwork:
 
     @cached_property
     def elevation(self) -> Elevation:
-        """Heights of the roads at any place."""
+        """Heights of the road surface at any position."""
         return Elevation(self.layout)
 
     @cached_property
     def lane_strips(self) -> LaneStrips:
-        """Where cars drive, on the ground."""
+        """Ground geometry of the driving lanes, searchable by position."""
         return LaneStrips(self.layout)
 
     @property
     def opendrive(self) -> str:
-        """The same roads as OpenDRIVE text, from the file."""
+        """OpenDRIVE text of the same roads, read from the file."""
         return self.opendrive_path.read_text(encoding="utf-8")
 
     def lanes_of(self, *kinds: LaneKind) -> tuple[Lane, ...]:
-        """The lanes of these kinds, those inside junctions included, in the network's order."""
+        """The lanes of these kinds, including those inside junctions, in the network's order."""
         return tuple(lane for lane in self.lanes.values() if lane.kind in kinds)
 
     def waypoints(self, spacing_m: float) -> Waypoints:
-        """Waypoints on driving lanes outside junctions: the first at half a spacing, then one every ``spacing_m``."""
+        """Waypoints on driving lanes outside junctions: the first at half the spacing, then one every ``spacing_m``."""
         lanes = [lane for lane in self.lanes_of(LaneKind.DRIVING) if not lane.junction]
-        lines = Polylines.of([lane.centerline_m for lane in lanes])
+        lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         count = np.maximum(np.ceil(lines.length_m / spacing_m - 0.5).astype(np.int64), 0)
         row = np.repeat(np.arange(len(lanes)), count)
         s_m = spacing_m * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 0.5)
         return self._waypoints(lanes, lines, row, s_m)
 
     def nearest_lane(self, points_m: Float64Array, yaw_rad: Float64Array | None = None) -> Waypoints:
-        """The nearest place on a driving lane, inside junctions too, for each of N points.
+        """The nearest position on a driving lane, including lanes inside junctions, for each of N points.
 
         Args:
-            points_m: (N, 2) or (N, 3) float64, map frame; with a height, lanes on its level are preferred.
-            yaw_rad: (N,) directions of travel: lanes along them are preferred.
+            points_m: (N, 2) or (N, 3) float64, map frame; if a height is given, lanes on its level are preferred.
+            yaw_rad: (N,) directions of travel; lanes in this direction are preferred.
         """
-        places = self._lane_index.nearest(points_m, yaw_rad)
-        return self._waypoints(self.lanes_of(LaneKind.DRIVING), self._lane_index.lines, places.row, places.s_m)
+        nearest = self._lane_index.nearest(points_m, yaw_rad)
+        return self._waypoints(self.lanes_of(LaneKind.DRIVING), self._lane_index.lines, nearest.row, nearest.s_m)
 
     def roads_by_level(self, xyz_m: Float64Array) -> RoadsByLevel:
-        """Strips within 150 m of a (3,) place: those on its level, and those that pass above and below."""
+        """Ids of the strips within 150 m of a (3,) position: on its level, passing above, and passing below."""
         members = self._level_graph.members(xyz_m)
         if members is not None:
             return members.roads
@@ -199,15 +200,15 @@ class RoadNetwork:
 
     @cached_property
     def _lane_index(self) -> LineIndex:
-        return LineIndex(Polylines.of([lane.centerline_m for lane in self.lanes_of(LaneKind.DRIVING)]))
+        return LineIndex(Polylines.from_lines([lane.centerline_m for lane in self.lanes_of(LaneKind.DRIVING)]))
 
     @staticmethod
     def _waypoints(lanes: Sequence[Lane], lines: Polylines, row: Int64Array, s_m: Float64Array) -> Waypoints:
-        """Places on lanes with these centre lines."""
-        place = lines.parameter(row, s_m)
-        heading = lines.headings(place)
+        """Waypoints at distances ``s_m`` along the center lines ``row`` of the lanes."""
+        parameter = lines.parameter(row, s_m)
+        heading = lines.headings(parameter)
         yaw_rad = np.arctan2(heading[:, 1], heading[:, 0])
-        return Waypoints(lines.values(place), yaw_rad, tuple(lanes[each].id for each in row.tolist()), s_m)
+        return Waypoints(lines.values(parameter), yaw_rad, tuple(lanes[each].id for each in row.tolist()), s_m)
 
     def pose_on_lane(self, lane_id: str, s_m: float) -> tuple[Float64Array, float]:
         """(3,) position in the map frame and yaw in radians at distance ``s_m`` along a lane (clipped to its ends)."""

@@ -1,7 +1,8 @@
-"""Which paint belongs on which border of a lane, where the map does not say.
+"""Rules that choose the paint of a lane border where the map does not specify any.
 
-After MUTCD 2009, sections 3B.01 to 3B.07: yellow parts directions and bounds one-way carriageways on the left, white
-parts lanes of one direction and bounds them on the right. Where traffic keeps to the left, all of it is mirrored.
+After MUTCD 2009, sections 3B.01 to 3B.07: yellow lines separate opposite directions and bound one-way carriageways on
+the left; white lines separate lanes of one direction and bound them on the right. For left-hand traffic everything is
+mirrored.
 """
 
 from collections.abc import Sequence
@@ -14,12 +15,12 @@ _NO_LINE = Line()
 _CURB = Line(Paint.CURB)
 _WHITE_EDGE = Line(Paint.SOLID)
 _YELLOW_EDGE = Line(Paint.SOLID, PaintColor.YELLOW)
-_NARROW_M = 5.5  # both directions together; MUTCD wants no centre line on narrower roads
-_RESIDENTIAL_MPS = 30.5 / 3.6
+_MIN_PAINTED_WIDTH_M = 5.5  # both directions together; MUTCD requires no center line on narrower roads
+_MAX_RESIDENTIAL_MPS = 30.5 / 3.6
 
 
 def line_between(right: Lane, left: Lane) -> Line:
-    """Paint between two lanes of one direction."""
+    """Paint between two adjacent lanes of one direction."""
     if right.kind not in ROAD_KINDS and left.kind not in ROAD_KINDS:
         return _NO_LINE
     if LaneKind.SIDEWALK in (right.kind, left.kind):
@@ -32,13 +33,13 @@ def line_between(right: Lane, left: Lane) -> Line:
 
 
 def right_edge_line(edge: Sequence[Lane], opposite: Sequence[Lane]) -> Line:
-    """Paint where nothing lies to the right of an edge's lanes (from right to left)."""
-    return _WHITE_EDGE if edge[0].kind in ROAD_KINDS and not _is_lane_of_the_neighbourhood(edge, opposite) else _NO_LINE
+    """Paint on the right border of an edge (lanes from right to left) that has nothing to its right."""
+    return _WHITE_EDGE if edge[0].kind in ROAD_KINDS and not _is_minor_road(edge, opposite) else _NO_LINE
 
 
 def left_line(edge: Sequence[Lane], opposite: Sequence[Lane]) -> Line:
-    """Paint to the left of all of an edge's lanes; ``opposite``: those of the direction beside it, empty if none is."""
-    if edge[-1].kind not in ROAD_KINDS or _is_lane_of_the_neighbourhood(edge, opposite):
+    """Paint on the left border of an edge; ``opposite`` holds the adjacent lanes of the other direction, if any."""
+    if edge[-1].kind not in ROAD_KINDS or _is_minor_road(edge, opposite):
         return _NO_LINE
     if not opposite or opposite[-1].kind not in ROAD_KINDS:
         return _YELLOW_EDGE
@@ -49,8 +50,11 @@ def left_line(edge: Sequence[Lane], opposite: Sequence[Lane]) -> Line:
     return Line(Paint.SOLID_SOLID, PaintColor.YELLOW)
 
 
-def _is_lane_of_the_neighbourhood(edge: Sequence[Lane], opposite: Sequence[Lane]) -> bool:
-    """Whether a road is too narrow or too quiet for lines that bound or part its traffic."""
-    if edge[-1].speed_mps <= _RESIDENTIAL_MPS:
+def _is_minor_road(edge: Sequence[Lane], opposite: Sequence[Lane]) -> bool:
+    """Whether a road is too narrow or too slow for edge lines and center lines."""
+    if edge[-1].speed_mps <= _MAX_RESIDENTIAL_MPS:
         return True
-    return bool(opposite) and sum(lane.width_m for lane in (*edge, *opposite) if lane.kind in ROAD_KINDS) < _NARROW_M
+    return (
+        bool(opposite)
+        and sum(lane.width_m for lane in (*edge, *opposite) if lane.kind in ROAD_KINDS) < _MIN_PAINTED_WIDTH_M
+    )

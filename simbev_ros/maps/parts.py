@@ -1,4 +1,4 @@
-"""What every kind of map (town recipe, OpenDRIVE, OpenStreetMap, SUMO net) is turned into, before the RoadNetwork."""
+"""The parts of a map: the common result of all importers (town recipe, OpenDRIVE, OpenStreetMap, SUMO net)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,15 +10,15 @@ from simbev_ros.maps.roads.layout import Layout
 
 @dataclass(frozen=True, slots=True)
 class MapParts:
-    """The parts of a map.
+    """The parts of a map, as an importer returns them.
 
     Attributes:
         net: SUMO net file, its coordinates in the map frame.
         opendrive: OpenDRIVE file of the same roads.
-        datum: Where the map frame's origin lies on Earth.
-        features: What the map says about the land beside the roads.
-        layout: Where lanes lie on the ground; None: follow SUMO's lanes and paint by rule.
-        notes: What had to be repaired or left out, one sentence each, for the user.
+        datum: Position of the map frame's origin on Earth.
+        features: The land around the roads.
+        layout: Ground geometry of the lanes; None: follow SUMO's lanes and paint by rule.
+        notes: Repairs and omissions, one sentence each, for the user.
     """
 
     net: Path

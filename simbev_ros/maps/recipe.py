@@ -1,4 +1,4 @@
-"""Recipes of the towns that we build ourselves: read from towns/<name>.yaml. In: a name. Out: a validated model."""
+"""Recipes of the built-in towns: takes a town's name and returns a validated model of towns/<name>.yaml."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -16,7 +16,7 @@ from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 
 
 class DatumRecipe(Model):
-    """Where the map's origin, the town's centre, lies on Earth."""
+    """Position on Earth of the map's origin, the center of the town."""
 
     latitude_deg: float = Field(ge=-89, le=89)
     longitude_deg: float = Field(ge=-180, le=180)
@@ -24,12 +24,12 @@ class DatumRecipe(Model):
 
     @property
     def datum(self) -> MapDatum:
-        """The same as geometry uses it."""
+        """The same values as a ``MapDatum``."""
         return MapDatum(self.latitude_deg, self.longitude_deg, self.altitude_m)
 
 
 class TownRecipe(Model):
-    """All of a town. A zone's surroundings name only what differs from the town's."""
+    """Recipe of a whole town. A zone's surroundings list only the values that differ from the town's."""
 
     name: str
     datum: DatumRecipe
@@ -37,9 +37,11 @@ class TownRecipe(Model):
     patterns: tuple[Pattern, ...] = Field(min_length=1, description="roads, drawn in this order")
     water: tuple[WaterRecipe, ...] = ()
     surroundings: SurroundingsRecipe
-    zones: tuple[ZoneRecipe, ...] = Field((), description="where they overlap, the last one holds")
+    zones: tuple[ZoneRecipe, ...] = Field((), description="where they overlap, the last one takes precedence")
     crossing_width_m: float = Field(3.5, ge=2, le=8)
-    signals_from_lanes: int = Field(5, ge=1, description="a junction with so many incoming lanes has traffic lights")
+    signals_from_lanes: int = Field(
+        5, ge=1, description="junctions with at least this number of incoming lanes have traffic lights"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -56,17 +58,17 @@ class TownRecipe(Model):
 
 
 def known_maps() -> tuple[str, ...]:
-    """Names of all maps, sorted."""
+    """Names of all built-in maps, sorted."""
     towns = files("simbev_ros.maps").joinpath("towns")
     return tuple(sorted(entry.name.removesuffix(".yaml") for entry in towns.iterdir() if entry.name.endswith(".yaml")))
 
 
 @lru_cache(maxsize=16)
 def recipe_of(name: str) -> TownRecipe:
-    """The recipe of a map.
+    """The validated recipe of a built-in map.
 
     Raises:
-        InputError: No map has this name, or its recipe is wrong.
+        InputError: No map has this name, or its recipe is invalid.
     """
     if name not in known_maps():
         raise InputError(f"map: no map is called {name!r}; known maps: {', '.join(known_maps())}")

@@ -1,7 +1,7 @@
-"""Reading XML that a user brought: bounded in size and depth, without entities, every element with its line.
+"""Parses XML files supplied by users: limited in size and depth, without entities, each element with its line number.
 
-The standard library's expat, told to refuse what only attacks need, does all of it; a package such as defusedxml would
-add nothing but the refusal of entities, and knows neither lines nor limits.
+Built on the standard library's expat, configured to refuse what only attacks need. A package such as defusedxml would
+add nothing but the refusal of entities, and has neither line numbers nor limits.
 """
 
 import stat
@@ -19,22 +19,22 @@ _CHUNK_BYTES = 1 << 20
 
 
 class LinedElement(Element):
-    """An element that knows the line of the file, from 1, that it starts in."""
+    """An element with the 1-based number of the line in which it starts."""
 
     __slots__ = ("line",)
     line: int
 
 
 def parse(path: Path, root_tag: str, max_bytes: int = _MAX_BYTES) -> Element:
-    """The root of an XML file.
+    """Parse an XML file and return its root.
 
     Args:
         path: A regular file.
-        root_tag: What its root element must be.
-        max_bytes: Larger files are refused unread.
+        root_tag: Required tag of the root element.
+        max_bytes: Larger files are refused without being read.
 
     Returns:
-        The root; it and all below it are ``LinedElement``s, see ``place_of``.
+        The root; it and all its descendants are ``LinedElement``s, see ``place_of``.
 
     Raises:
         InputError: The file cannot be read, is too large, is not well-formed, has a document type declaration, is too
@@ -51,19 +51,19 @@ def parse(path: Path, root_tag: str, max_bytes: int = _MAX_BYTES) -> Element:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
-        hint = "; the file ends too early" if error.code in _ENDS_EARLY else ""
+        hint = "; the file ends too early" if error.code in _TRUNCATED_CODES else ""
         reader.refuse(f"not valid XML: {reason}{hint}", error.lineno, error.offset + 1)
     except (LookupError, ValueError) as error:
-        reader.refuse(f"its encoding is not known: {error}", 1)
+        reader.refuse(f"its encoding is unknown: {error}", 1)
     return reader.close()
 
 
 def place_of(path: Path, element: Element) -> str:
-    """``file:line`` of an element, for messages."""
+    """``file:line`` of an element, for error messages."""
     return f"{path}:{element.line}" if isinstance(element, LinedElement) else str(path)
 
 
-_ENDS_EARLY = (
+_TRUNCATED_CODES = (
     expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS],
     expat.errors.codes[expat.errors.XML_ERROR_UNCLOSED_TOKEN],
     expat.errors.codes[expat.errors.XML_ERROR_UNCLOSED_CDATA_SECTION],
@@ -72,7 +72,7 @@ _ENDS_EARLY = (
 
 
 def check_readable(path: Path, max_bytes: int = _MAX_BYTES) -> None:
-    """Raise InputError for what is no regular file, empty or too large; looks at its directory entry alone."""
+    """Raise InputError unless a path is a regular, non-empty file of at most ``max_bytes``; reads metadata only."""
     try:
         status = path.stat()
     except OSError as error:
@@ -84,12 +84,12 @@ def check_readable(path: Path, max_bytes: int = _MAX_BYTES) -> None:
     if status.st_size > max_bytes:
         raise InputError(
             f"{path}: has {status.st_size / 2**20:.0f} MiB; at most {max_bytes / 2**20:.0f} MiB are read. "
-            "Cut out the part that is wanted"
+            "Extract the part that you need"
         )
 
 
 class _Reader:
-    """An expat parser that fills a tree."""
+    """An expat parser that fills an element tree."""
 
     def __init__(self, path: Path, root_tag: str) -> None:
         self.builder = TreeBuilder(element_factory=LinedElement)
@@ -103,12 +103,12 @@ class _Reader:
         parser.StartDoctypeDeclHandler = self._doctype
 
     def refuse(self, problem: str, line: int, column: int | None = None) -> NoReturn:
-        """Say what is wrong, and where."""
-        place = f"{self._path}:{line}" if column is None else f"{self._path}:{line}:{column}"
-        raise InputError(f"{place}: {problem}")
+        """Raise InputError with the problem and its position in the file."""
+        location = f"{self._path}:{line}" if column is None else f"{self._path}:{line}:{column}"
+        raise InputError(f"{location}: {problem}")
 
     def close(self) -> Element:
-        """The root; the tree is let go, which the parser and its handlers would hold for each other."""
+        """Return the root and remove the handlers, which would keep the tree alive through a reference cycle."""
         parser, root = self.parser, self.builder.close()
         parser.StartElementHandler = parser.EndElementHandler = parser.CharacterDataHandler = None
         parser.StartDoctypeDeclHandler = None

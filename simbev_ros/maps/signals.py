@@ -1,8 +1,8 @@
-"""Places traffic-light heads and their poles: the net says what is controlled, the map or we say where it hangs.
+"""Places traffic-light heads and poles: the net defines what is controlled, the map or a rule defines where heads hang.
 
-An approach of one lane has a post at the near side, right of the stop line. A wider approach has a mast, whose arm
-carries one head above each lane: at the far side, right of the street that leads straight on, or at the near side where
-none does. Where traffic keeps to the left, they stand on the left.
+A one-lane approach has a post at the near side, right of the stop line. A wider approach has a mast whose arm carries
+one head above each lane. The mast stands at the far side, right of the street that continues straight on, or at the
+near side if there is none. For left-hand traffic, posts and masts stand on the left.
 """
 
 from collections import defaultdict
@@ -24,59 +24,59 @@ _HEAD_BEFORE_POLE_M = 0.25
 _POST_HEAD_HEIGHT_M = 3.0
 _ARM_HEAD_HEIGHT_M = 5.6
 _FAR_SIDE_SETBACK_M = 0.5
-_MOST_BENT_RAD = np.radians(30.0)
-_STRAIGHTNESS = "sRLrltT"  # SUMO's codes of direction, straightest first
+_MAX_BEND_RAD = np.radians(30.0)
+_STRAIGHTNESS = "sRLrltT"  # SUMO's direction codes, straightest first
 
 
 def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
-    """One head at each place that the map names, and one for each controlled driving lane that it names none for.
+    """Place one head at each mount that the map names, and one for each controlled driving lane without such a mount.
 
     A head shows the link of its straightest movement.
 
     Args:
-        net: What is controlled.
-        layout: Where signals hang, if the map says so, and how high the ground is.
+        net: The SUMO net with its controlled links.
+        layout: Ground heights, and the map's own signal mounts if it has any.
 
     Returns:
-        Heads in ascending order of programme and link.
+        Heads in ascending order of program and link.
     """
     main = _main_links(net.links)
-    signals = [signal for place in layout.signal_places for signal in _at_place(place, main)]
+    signals = [signal for place in layout.signal_places for signal in _head_at(place, main)]
     named = {lane for place in layout.signal_places for lane in place.lanes}
     approaches = _by_edge(net.lanes[lane_id] for lane_id in main if lane_id not in named)
     streets = _by_edge(lane for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING)
     by_rule = [
         Signal(position_m, yaw_rad, pole_m, main[lane.id].programme, main[lane.id].link, lane.id)
         for approach in approaches.values()
-        for lane, position_m, yaw_rad, pole_m in _placed(approach, net, streets)
+        for lane, position_m, yaw_rad, pole_m in _head_poses(approach, net, streets)
     ]
-    signals += _grounded(by_rule, Elevation(layout)) if by_rule else []
+    signals += _snap_to_ground(by_rule, Elevation(layout)) if by_rule else []
     return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
 
 
-def with_ids_of_net(signals: Iterable[Signal]) -> tuple[Signal, ...]:
-    """Heads with the ids that their links have in the OpenDRIVE that netconvert makes of the net."""
+def with_net_ids(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+    """Heads with the ids that netconvert gives their links in the OpenDRIVE file it makes of the net."""
     return tuple(replace(signal, opendrive_id=f"{signal.programme}_{signal.link}") for signal in signals)
 
 
 def _by_edge(lanes: Iterable[Lane]) -> dict[str, list[Lane]]:
-    """Lanes by edge, each edge's from the curb inward."""
+    """Lanes by edge, each edge's lanes ordered from the curb inward."""
     edges: dict[str, list[Lane]] = defaultdict(list)
     for lane in sorted(lanes, key=lambda lane: lane.index):
         edges[lane.edge].append(lane)
     return edges
 
 
-def _at_place(place: SignalPlace, main: Mapping[str, ControlledLink]) -> Iterator[Signal]:
-    """The head at a place, unless nothing that it is for is controlled."""
+def _head_at(place: SignalPlace, main: Mapping[str, ControlledLink]) -> Iterator[Signal]:
+    """The head at a mount, unless none of its lanes is controlled."""
     links = [main[lane] for lane in place.lanes if lane in main]
     if links:
-        link = min(links, key=_by_straightness)
+        link = min(links, key=_straightness_key)
         name = place.opendrive_id
         yield Signal(place.head_m, place.yaw_rad, place.foot_m, link.programme, link.link, link.lane, name)
 
 
-def _grounded(signals: Sequence[Signal], elevation: Elevation) -> Iterator[Signal]:
+def _snap_to_ground(signals: Sequence[Signal], elevation: Elevation) -> Iterator[Signal]:
     """Signals lifted so that their poles stand on the ground."""
     feet_m = np.array([signal.pole_m for signal in signals])
     levels = elevation.level_at(feet_m)
@@ -88,19 +88,19 @@ def _grounded(signals: Sequence[Signal], elevation: Elevation) -> Iterator[Signa
             yield replace(signals[row], position_m=signals[row].position_m + lift, pole_m=signals[row].pole_m + lift)
 
 
-def _by_straightness(link: ControlledLink) -> tuple[int, int]:
+def _straightness_key(link: ControlledLink) -> tuple[int, int]:
     return _STRAIGHTNESS.index(link.direction), link.link
 
 
 def _main_links(links: Sequence[ControlledLink]) -> dict[str, ControlledLink]:
-    """Lane id → the link of its straightest movement."""
+    """Lane id → the link of the lane's straightest movement."""
     main: dict[str, ControlledLink] = {}
-    for link in sorted(links, key=_by_straightness):
+    for link in sorted(links, key=_straightness_key):
         main.setdefault(link.lane, link)
     return main
 
 
-def _placed(
+def _head_poses(
     approach: Sequence[Lane], net: SumoNet, streets: Mapping[str, Sequence[Lane]]
 ) -> Iterator[tuple[Lane, Float64Array, float, Float64Array]]:
     """Each lane of an approach (from the curb inward) with its head's position, the yaw of its lamps and its pole."""
@@ -121,13 +121,19 @@ def _placed(
 
 
 def _curb(lane: Lane, end: int, side: float) -> tuple[Float64Array, Float64Array]:
-    """(3,) right (1) or left (-1) border of a lane, (3,) level unit vector along it, at its start (0) or end (-1)."""
+    """(3,) border point of a lane and (3,) horizontal unit vector along it.
+
+    Args:
+        lane: The lane.
+        end: Its start (0) or its end (-1).
+        side: Its right (1) or left (-1) border.
+    """
     heading = _heading(lane, end)
     return lane.centerline_m[end] + side * lane.width_m / 2.0 * np.array([heading[1], -heading[0], 0.0]), heading
 
 
 def _heading(lane: Lane, end: int) -> Float64Array:
-    """(3,) level unit vector in driving direction, at its start (0) or end (-1)."""
+    """(3,) horizontal unit vector in driving direction, at a lane's start (``end`` 0) or end (-1)."""
     step_m = np.diff(lane.centerline_m, axis=0)[end] * [1.0, 1.0, 0.0]
     heading: Float64Array = step_m / np.linalg.norm(step_m)
     return heading
@@ -136,12 +142,12 @@ def _heading(lane: Lane, end: int) -> Float64Array:
 def _straight_exit(
     approach: Sequence[Lane], lanes: Mapping[str, Lane], streets: Mapping[str, Sequence[Lane]]
 ) -> Lane | None:
-    """The rightmost driving lane of the street that leads on most nearly straight, or None if all turn off."""
+    """The rightmost driving lane of the street that continues most nearly straight, or None if all streets turn off."""
     heading_in = _heading(approach[0], -1)
     exits = {lane.edge: lane for start in approach for lane in _beyond_junction(start, lanes)}
     bends_rad = {edge: float(np.arccos(np.clip(_heading(lane, 0) @ heading_in, -1, 1))) for edge, lane in exits.items()}
     straightest = min(bends_rad, key=lambda edge: bends_rad[edge], default=None)
-    if straightest is None or bends_rad[straightest] > _MOST_BENT_RAD:
+    if straightest is None or bends_rad[straightest] > _MAX_BEND_RAD:
         return None
     return streets[straightest][0]
 

@@ -1,4 +1,4 @@
-"""From what a user calls a map, a town's name or a file, to a MapSpec; and from there back to the unchanged file."""
+"""Resolves the name of a town or the path of a map file to a MapSpec, and a MapSpec to its unchanged file."""
 
 import hashlib
 import re
@@ -10,11 +10,11 @@ from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.safe_xml import check_readable
 from simbev_ros.maps.spec import MapSpec
 
-_MAX_NAME = 48
+_MAX_NAME_CHARS = 48
 
 
 def map_spec(name_or_path: str, seed: int = 0) -> MapSpec:
-    """The map that is meant by a town's name, or by the path of a file.
+    """The MapSpec for the name of a town or the path of a map file.
 
     Raises:
         InputError: There is no such town or file, or the file cannot be read or is too large.
@@ -32,21 +32,21 @@ def map_spec(name_or_path: str, seed: int = 0) -> MapSpec:
 
 
 def suffix_of(name_or_path: str) -> str:
-    """Which of ``MAP_SUFFIXES`` a file has; empty if it has none of them."""
+    """The one of ``MAP_SUFFIXES`` that a name ends with; empty if there is none."""
     return next((suffix for suffix in MAP_SUFFIXES if name_or_path.lower().endswith(suffix)), "")
 
 
 def file_of(spec: MapSpec) -> Path:
-    """The file of a map that is a file.
+    """The file of an imported map, verified against its recorded hash.
 
     Raises:
-        InputError: It is gone, or another one than when the map was chosen.
+        InputError: The file is missing, or has changed since the map was chosen.
     """
     path = Path(spec.path)
     if _sha256(path) != spec.sha256:
         raise InputError(
             f"{path}: has changed since the scene was drawn (SHA-256 then {spec.sha256[:12]}…); "
-            "put the file of that time there, or draw the scene again"
+            "restore the original file, or draw the scene again"
         )
     return path
 
@@ -61,5 +61,5 @@ def _sha256(path: Path) -> str:
 
 
 def _file_name(path: Path, suffix: str) -> str:
-    """The file's name without suffix, of characters that are safe in the names of files and topics."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.name[: -len(suffix)])[:_MAX_NAME].strip("_-") or "map"
+    """The file's name without suffix, reduced to characters that are safe in file and topic names."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.name[: -len(suffix)])[:_MAX_NAME_CHARS].strip("_-") or "map"

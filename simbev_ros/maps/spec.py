@@ -1,4 +1,4 @@
-"""Which map a scene takes place on."""
+"""The map of a scene, as scene specifications record it."""
 
 from pydantic import Field
 
@@ -6,9 +6,11 @@ from simbev_ros.config.base import Model
 
 
 class MapSpec(Model):
-    """A map: a town of ours by name, or a file; made by ``source.map_spec``."""
+    """Identifies a map: a built-in town by name, or a map file; created by ``source.map_spec``."""
 
-    name: str = Field(description="the town's, or the file's without its suffix; fit for file names")
-    seed: int = Field(0, ge=0, description="of all that the map leaves open, such as its surroundings")
-    path: str = Field("", description="absolute path of the file; empty: a town of ours")
-    sha256: str = Field("", description="of the file's content when the map was chosen")
+    name: str = Field(description="name of the town, or of the file without its suffix; safe for file names")
+    seed: int = Field(
+        0, ge=0, description="random seed for everything that the map does not prescribe, such as its surroundings"
+    )
+    path: str = Field("", description="absolute path of the file; empty for a built-in town")
+    sha256: str = Field("", description="SHA-256 of the file's content when the map was chosen")

@@ -1,4 +1,4 @@
-"""Figures of a map: how large it is and what is in it."""
+"""Summary figures of a map (extent, lane lengths, counts of features), and its busiest position."""
 
 from dataclasses import dataclass
 
@@ -12,32 +12,32 @@ from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.surface import FAST_MPS
 from simbev_ros.types import Float64Array
 
-_ONE_PLACE_M = 25.0
-_SMALLEST_M2 = 1.0
-_SPACING_M, _AROUND_M = 15.0, 180.0
+_CLUSTER_M = 25.0
+_MIN_OVERLAP_M2 = 1.0
+_SPACING_M, _DENSITY_RADIUS_M = 15.0, 180.0
 _FAST_WEIGHT = 0.2
 _USE_WEIGHT = {"downtown": 2.0, "industrial": 0.5, "farmland": 0.5, "woods": 0.5}
 
 
 @dataclass(frozen=True, slots=True)
 class MapStatistics:
-    """Figures of a map.
+    """Summary figures of a map.
 
     Attributes:
         width_m: Extent of the roads from west to east.
-        depth_m: From south to north.
+        depth_m: Extent of the roads from south to north.
         lane_km: Length of the lanes outside junctions, by kind.
-        junctions: Where lanes meet, dead ends left out.
-        signals: Heads of traffic lights.
-        signs: Traffic signs.
-        crosswalks: Marked crossings.
+        junctions: Number of junctions, not counting dead ends.
+        signals: Number of traffic-light heads.
+        signs: Number of traffic signs.
+        crosswalks: Number of marked crosswalks.
         lowest_m: Lowest point of any lane, map frame.
-        highest_m: Highest point.
-        levels: 1 where no road passes over another or over water.
-        two_level_crossings: Places where roads pass over roads; carriageways of one road count once.
-        zones: Pieces of land with a character of their own.
-        prescribed_buildings: Buildings that the map's file has, else None: they are invented.
-        water_areas: Rivers, lakes, ponds.
+        highest_m: Highest point of any lane, map frame.
+        levels: Number of levels; 1 if no road passes over another or over water.
+        two_level_crossings: Number of sites where roads pass over roads; carriageways of one road count once.
+        zones: Number of areas with their own surroundings.
+        prescribed_buildings: Number of buildings in the map's file; None if buildings are generated.
+        water_areas: Number of rivers, lakes and ponds.
     """
 
     width_m: float
@@ -57,7 +57,7 @@ class MapStatistics:
 
 
 def statistics_of(network: RoadNetwork) -> MapStatistics:
-    """The figures of a map."""
+    """The summary figures of a map."""
     layout, features = network.layout, network.features
     points_m = np.concatenate([strip.center_m for strip in layout.strips if strip.outline_m is None])
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
@@ -79,22 +79,25 @@ def statistics_of(network: RoadNetwork) -> MapStatistics:
     )
 
 
-def busiest_place(network: RoadNetwork) -> Float64Array:
-    """(2,) place on a driving lane, map frame, with the most lanes around it; downtown counts most, motorways least."""
+def busiest_position(network: RoadNetwork) -> Float64Array:
+    """(2,) position on a driving lane, map frame, with the highest density of lanes around it.
+
+    Lanes in downtown have the highest weight, motorways the lowest.
+    """
     waypoints = network.waypoints(_SPACING_M)
-    places_m, lanes = waypoints.position_m[:, :2], [network.lanes[lane] for lane in waypoints.lane]
-    if not lanes:  # all are too short for a vehicle to start on
+    positions_m, lanes = waypoints.position_m[:, :2], [network.lanes[lane] for lane in waypoints.lane]
+    if not lanes:  # all lanes are too short for a vehicle to start on
         lanes = [lane for lane in network.lanes.values() if lane.kind is LaneKind.DRIVING]
-        places_m = np.array([lane.centerline_m[0, :2] for lane in lanes])
-    weight = np.full(len(places_m), _USE_WEIGHT.get(network.features.surroundings.use, 1.0))
+        positions_m = np.array([lane.centerline_m[0, :2] for lane in lanes])
+    weight = np.full(len(positions_m), _USE_WEIGHT.get(network.features.surroundings.use, 1.0))
     for zone in network.features.zones:
-        weight[shapely.contains_xy(zone.area, places_m)] = _USE_WEIGHT.get(zone.surroundings.use, 1.0)
+        weight[shapely.contains_xy(zone.area, positions_m)] = _USE_WEIGHT.get(zone.surroundings.use, 1.0)
     weight[[lane.speed_mps > FAST_MPS for lane in lanes]] = _FAST_WEIGHT
-    around = np.zeros(len(places_m))
+    around = np.zeros(len(positions_m))
     for each in np.unique(weight).tolist():
-        tree = cKDTree(places_m[weight == each])
-        around += each * tree.query_ball_point(places_m, _AROUND_M, return_length=True)
-    busiest: Float64Array = places_m[int(np.argmax(around))]
+        tree = cKDTree(positions_m[weight == each])
+        around += each * tree.query_ball_point(positions_m, _DENSITY_RADIUS_M, return_length=True)
+    busiest: Float64Array = positions_m[int(np.argmax(around))]
     return busiest
 
 
@@ -107,7 +110,7 @@ def _lane_km(layout: Layout) -> dict[str, float]:
 
 
 def _two_level_crossings(layout: Layout) -> int:
-    """Clusters of places where the areas of driving lanes of different levels overlap."""
+    """Number of clusters of overlaps between driving lanes of different levels."""
     overlaps = []
     for level in layout.levels[1:]:
         upper = np.array([_area(strip) for strip in layout.strips_of(LaneKind.DRIVING, level=level)], dtype=object)
@@ -115,8 +118,8 @@ def _two_level_crossings(layout: Layout) -> int:
         tree = shapely.STRtree([_area(strip) for strip in lower])
         above, below = tree.query(upper, predicate="intersects")
         parts = shapely.intersection(upper[above], tree.geometries[below])
-        overlaps += [part for part in parts if part.area > _SMALLEST_M2]
-    merged = shapely.union_all(shapely.buffer(overlaps, _ONE_PLACE_M / 2.0)) if overlaps else shapely.MultiPolygon()
+        overlaps += [part for part in parts if part.area > _MIN_OVERLAP_M2]
+    merged = shapely.union_all(shapely.buffer(overlaps, _CLUSTER_M / 2.0)) if overlaps else shapely.MultiPolygon()
     return len(shapely.get_parts(merged))
 
 

@@ -1,4 +1,4 @@
-"""RoadNetworks on disk: the net, its OpenDRIVE twin, and all else as flat arrays in one file that loads fast."""
+"""Writes and reads RoadNetworks on disk: the SUMO net, the OpenDRIVE file, and a file of flat arrays for the rest."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -26,7 +26,7 @@ _HEADER = "header"
 
 
 def write_network(network: RoadNetwork, folder: Path) -> None:
-    """Write into a folder that holds the files ``NET`` and ``OPENDRIVE`` already."""
+    """Write a network into a folder that already contains the files ``NET`` and ``OPENDRIVE``."""
     header = {
         "name": network.name,
         "datum": asdict(network.datum),
@@ -47,45 +47,45 @@ def write_network(network: RoadNetwork, folder: Path) -> None:
 
 
 def read_network(folder: Path, seed: int) -> RoadNetwork:
-    """Read it again.
+    """Read a network from the folder that ``write_network`` wrote.
 
     Args:
-        folder: Where it was written.
-        seed: Of what the map leaves open.
+        folder: Folder that it was written to.
+        seed: Random seed for everything that the map does not prescribe.
 
     Raises:
         ValueError: The folder is damaged.
     """
-    with _complaints(folder):
+    with _damage_as_value_error(folder):
         with _arrays(folder) as arrays:
             header, columns = _header(arrays), {name: arrays[name] for name in arrays.files}
         if any((folder / name).stat().st_size != count for name, count in header["bytes"].items()):
-            raise ValueError("a file has another length than when it was written")
+            raise ValueError("the length of a file differs from when it was written")
         return _network(folder, header, columns, seed)
 
 
 def read_datum(folder: Path) -> MapDatum:
-    """Only where the map lies on Earth; raises as ``read_network``."""
-    with _complaints(folder), _arrays(folder) as arrays:
+    """Read only the geodetic datum of a stored map; raises as ``read_network``."""
+    with _damage_as_value_error(folder), _arrays(folder) as arrays:
         return MapDatum(**_header(arrays)["datum"])
 
 
 def read_source(folder: Path) -> bytes:
-    """Only the file that the map was made from, gzip; raises as ``read_network``."""
-    with _complaints(folder):
+    """Read only the gzipped file that a stored map was made from; raises as ``read_network``."""
+    with _damage_as_value_error(folder):
         return (folder / SOURCE).read_bytes()
 
 
 @contextmanager
 def _arrays(folder: Path) -> Iterator[Any]:
-    """The file of arrays, opened."""
+    """Open the file of arrays."""
     with (folder / _STORE).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         yield arrays
 
 
 @contextmanager
-def _complaints(folder: Path) -> Iterator[None]:
-    """Whatever reading a damaged folder ends in, as one error."""
+def _damage_as_value_error(folder: Path) -> Iterator[None]:
+    """Convert every error that a damaged folder can cause to one ValueError."""
     try:
         yield
     except NPZ_DAMAGE as error:
@@ -98,7 +98,7 @@ def _header(arrays: Mapping[str, AnyArray]) -> dict[str, Any]:
 
 
 def _tables(network: RoadNetwork) -> dict[str, tuple[type, Any]]:
-    """Name → type and instances, of all that is stored as columns."""
+    """Table name → type and instances, for everything that is stored as columns."""
     layout, features = network.layout, network.features
     return {
         "lanes": (Lane, tuple(network.lanes.values())),

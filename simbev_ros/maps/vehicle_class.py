@@ -1,4 +1,4 @@
-"""Who may use a lane, in SUMO's vehicle classes."""
+"""SUMO vehicle classes: parses which of them may use a lane."""
 
 from functools import cache
 
@@ -39,12 +39,12 @@ ALL_CLASSES = frozenset(
         "custom2",
     ]
 )
-"""All of SUMO's."""
+"""All of SUMO's vehicle classes."""
 
 
 @cache
 def open_to(allow: str, disallow: str) -> frozenset[str]:
-    """Classes that a lane with these two attributes of a SUMO net is open to; the first one holds if it is given."""
+    """Classes that may use a lane with these two attributes of a SUMO net; ``allow`` takes precedence."""
     if allow:
         return ALL_CLASSES if "all" in allow.split() else ALL_CLASSES.intersection(allow.split())
     return frozenset() if "all" in disallow.split() else ALL_CLASSES.difference(disallow.split())

@@ -7,7 +7,7 @@ import shapely
 from simbev_ros.assets.mesh.clipping import Rings, parted, without_holes
 from simbev_ros.assets.mesh.facet_cuts import cut_to_facets
 from simbev_ros.assets.mesh.facets import Facets
-from simbev_ros.maps.land.membrane import Raster, places_m
+from simbev_ros.maps.land.membrane import Raster, node_positions_m
 from simbev_ros.maps.region import Region
 from simbev_ros.types import AnyArray, Float64Array
 
@@ -76,7 +76,7 @@ def test_polygons_with_holes_are_cut_through_them() -> None:
 def bumpy_facets(region: Region) -> Facets:
     """Facets of all sizes."""
     low_m = np.array(region.area.bounds[:2]) - 64.0
-    xy_m = places_m(low_m, 2.0, (321, 321))
+    xy_m = node_positions_m(low_m, 2.0, (321, 321))
     away_m = np.linalg.norm(xy_m - low_m - [250.0, 330.0], axis=2)
     height_m = 20.0 * np.exp(-((away_m / 60.0) ** 2))
     return Facets.of(Raster(low_m, 2.0, height_m), np.full(height_m.shape, 0.05))

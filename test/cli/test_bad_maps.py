@@ -16,7 +16,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.statistics import busiest_place
+from simbev_ros.maps.statistics import busiest_position
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.production import drawing, play
 
@@ -27,7 +27,7 @@ ROAD = """<road id="{id}" length="100" junction="-1"><link/><planView>
 <geometry s="0" x="{x}" y="0" hdg="0" length="100"><line/></geometry></planView><lanes><laneSection s="0">
 <center><lane id="0" type="none"/></center><right>{lanes}</right></laneSection></lanes></road>"""
 LANE = '<lane id="-1" type="{kind}"><width sOffset="0" a="{width}" b="0" c="0" d="0"/></lane>'
-NOT_DRIVABLE = ":1: it has no lane that can be driven on"
+NOT_DRIVABLE = ":1: it has no drivable lane"
 OPTIONS_OF_RUN = "rig: {sensors: [{type: imu, name: imu}]}\ntraffic: {vehicles: 2, pedestrians: 0}\n"
 
 
@@ -153,7 +153,7 @@ def test_a_road_of_half_a_metre_can_be_looked_at(tmp_path: Path) -> None:
     path = tmp_path / "short.xodr"
     path.write_text(xodr().replace('length="100"', 'length="0.5"'))
     network = load_network(map_spec(str(path)))
-    assert busiest_place(network) == pytest.approx([0.0, -1.75], abs=0.01)
+    assert busiest_position(network) == pytest.approx([0.0, -1.75], abs=0.01)
 
 
 def test_traffic_of_left_hand_nets_has_the_curb_on_its_left(tmp_path: Path) -> None:
@@ -211,7 +211,7 @@ def test_a_configuration_runs_from_any_folder_and_the_notes_of_its_map_are_told_
     monkeypatch.chdir(elsewhere)
     said = simbev("run", os.path.relpath(config))
     assert said.err == "error: reached the graph\n"
-    assert said.out.count("map street: it has no buildings: they are invented\n") == 1
+    assert said.out.count("map street: it has no buildings: they are generated\n") == 1
 
 
 @pytest.mark.usefixtures("no_graph")

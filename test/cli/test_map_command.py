@@ -44,7 +44,7 @@ def test_json_has_the_figures_of_the_map(simbev: Callable[..., Any], streets: Pa
     assert facts["width_m"] == pytest.approx(143.4, abs=6.0)
     assert facts["lane_km"]["driving"] == pytest.approx(2 * (0.1434 + 0.1112), abs=0.05)
     assert facts["surroundings"]["triangles"] > 100
-    assert facts["notes"] == ["it has no buildings: they are invented"]
+    assert facts["notes"] == ["it has no buildings: they are generated"]
 
 
 @pytest.mark.gl
@@ -52,7 +52,7 @@ def test_pictures_are_taken_from_above_and_from_the_street(
     simbev: Callable[..., Any], streets: Path, tmp_path: Path
 ) -> None:
     text = simbev("map", streets, "--out", tmp_path / "pictures/two.png").out
-    assert "two_streets" in text and "it has no buildings: they are invented" in text
+    assert "two_streets" in text and "it has no buildings: they are generated" in text
     sizes = {path.name: cv2.imread(str(path)).shape for path in (tmp_path / "pictures").iterdir()}
     assert sizes == {"two-above.png": (900, 1812, 3), "two-street.png": (900, 1600, 3)}
     assert all(cv2.imread(str(path)).std() > 10.0 for path in (tmp_path / "pictures").iterdir())

@@ -1,4 +1,4 @@
-"""Towns that the tests of maps share."""
+"""Built-in towns shared by the tests of maps."""
 
 from pathlib import Path
 

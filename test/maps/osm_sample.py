@@ -1,6 +1,6 @@
-"""Writes data/riverside.osm: a small invented town with a river, two bridges, a motorway, and what stands around.
+"""Writes data/riverside.osm: a small fictional town with a river, two bridges, a motorway, buildings and land use.
 
-``python test/maps/osm_sample.py`` writes it anew.
+Run ``python test/maps/osm_sample.py`` to write it again.
 """
 
 import math
@@ -13,7 +13,7 @@ from simbev_ros.geometry.geodesy import MapDatum
 
 SAMPLE = Path(__file__).parent / "data" / "riverside.osm"
 DATUM = MapDatum(52.25, 7.5, 0.0)
-"""Where (0, 0) of the coordinates below lies; not the middle of the data."""
+"""Position of (0, 0) of the coordinates below on Earth; not the center of the data."""
 
 Point = tuple[float, float]
 
@@ -137,7 +137,7 @@ class Writer:
 
 
 def sample() -> str:
-    """The file's text."""
+    """The text of the file."""
     writer, rng = Writer(), random.Random(4)
     for name, points, tags in _STREETS:
         street = {"highway": "residential", "maxspeed": "50", "sidewalk": "both"} if "railway" not in tags else {}
@@ -182,23 +182,23 @@ _SIZES = {
 
 
 def _row(writer: Writer, rng: random.Random, start: Point, end: Point, kind: str) -> None:
-    """Buildings along the left side of a street."""
+    """Add buildings along the left side of a street."""
     narrowest, widest, depth, setback, low, high, gap = _SIZES[kind]
     length = math.dist(start, end)
     along = ((end[0] - start[0]) / length, (end[1] - start[1]) / length)
-    at, beside = 8.0, setback + depth / 2
-    while (width := rng.randint(narrowest, widest)) < length - 4.0 - at:
-        s = at + width / 2
-        center = (start[0] + s * along[0] - beside * along[1], start[1] + s * along[1] + beside * along[0])
+    position, offset = 8.0, setback + depth / 2
+    while (width := rng.randint(narrowest, widest)) < length - 4.0 - position:
+        s = position + width / 2
+        center = (start[0] + s * along[0] - offset * along[1], start[1] + s * along[1] + offset * along[0])
         tags = {"building": kind, "building:levels": str(rng.randint(low, high))}
         if kind in ("house", "terrace"):
             tags["roof:shape"] = "gabled"
         _house(writer, center, along, width, depth, tags)
-        at += width + gap
+        position += width + gap
 
 
 def _house(writer: Writer, center: Point, along: Point, width: float, depth: float, tags: dict[str, str]) -> None:
-    """A rectangle whose front of length ``width`` runs along a direction."""
+    """Add a rectangular building whose front of length ``width`` runs along a direction."""
     scale = math.hypot(*along)
     x, y = along[0] / scale, along[1] / scale
     corners = [(u * width / 2, v * depth / 2) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
@@ -206,12 +206,12 @@ def _house(writer: Writer, center: Point, along: Point, width: float, depth: flo
 
 
 def _with_ramps(points: Sequence[Point], tags: dict[str, str]) -> list[Point]:
-    """A motorway's points and the places on it where links begin and end."""
+    """A motorway's points, including those at which links begin and end."""
     if tags.get("highway") != "motorway":
         return list(points)
     westbound = points[0][0] > 0
-    there = [point for point in _ON_MOTORWAY if (point[1] > 400) == westbound]
-    return sorted({*points, *there}, reverse=westbound)
+    ramp_points = [point for point in _ON_MOTORWAY if (point[1] > 400) == westbound]
+    return sorted({*points, *ramp_points}, reverse=westbound)
 
 
 def _node_text(number: int, point: Point) -> str:

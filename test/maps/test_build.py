@@ -32,22 +32,22 @@ def test_unknown_map_is_refused_with_the_known_names(tmp_path: Path) -> None:
     assert "Blocks" in known_maps()
 
 
-def test_cache_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
+def test_unwritable_cache_raises_input_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cache of maps"):
         load_network(MapSpec(name="Blocks"), tmp_path / "file")
 
 
-def test_netconvert_failure_carries_its_message(tmp_path: Path) -> None:
+def test_netconvert_failure_includes_its_message(tmp_path: Path) -> None:
     nodes, edges, connections = (tmp_path / f"a.{part}.xml" for part in ("nod", "edg", "con"))
     nodes.write_text('<nodes><node id="A" x="0" y="0"/></nodes>')
     edges.write_text('<edges><edge id="AB" from="A" to="B"/></edges>')
     connections.write_text("<connections/>")
     with pytest.raises(SimulationError, match=r"netconvert.*'B'.*not known"):
-        netconvert.convert(nodes, edges, connections, tmp_path / "net.xml", tmp_path / "map.xodr")
+        netconvert.build_from_plain_xml(nodes, edges, connections, tmp_path / "net.xml", tmp_path / "map.xodr")
 
 
-def test_two_processes_at_once_build_the_same_bytes_as_one_elsewhere(tmp_path: Path) -> None:
+def test_concurrent_processes_build_the_same_bytes_as_a_single_one(tmp_path: Path) -> None:
     shared, alone = tmp_path / "shared", tmp_path / "alone"
     processes = [
         subprocess.Popen([sys.executable, "-c", _BUILD_AND_PRINT_FOLDER, str(cache)], stdout=subprocess.PIPE, text=True)
@@ -61,16 +61,16 @@ def test_two_processes_at_once_build_the_same_bytes_as_one_elsewhere(tmp_path: P
     assert [path.name for path in (shared / "maps").iterdir()] == [folders[0].name], "no half-built folder stays behind"
 
 
-def test_second_load_comes_from_the_cache(
+def test_second_load_is_served_from_the_cache(
     blocks: RoadNetwork, map_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(netconvert, "convert", lambda *_: pytest.fail("built again"))
+    monkeypatch.setattr(netconvert, "build_from_plain_xml", lambda *_: pytest.fail("built again"))
     again = load_network(MapSpec(name="Blocks", seed=0), map_cache)
     assert again.net_path == blocks.net_path
     assert list(again.lanes) == list(blocks.lanes)
 
 
-def test_damaged_cache_entry_is_built_again(blocks: RoadNetwork, tmp_path: Path) -> None:
+def test_damaged_cache_entry_is_rebuilt(blocks: RoadNetwork, tmp_path: Path) -> None:
     first = load_network(MapSpec(name="Blocks"), tmp_path)
     stored = first.net_path.with_name("network.npz")
     content = stored.read_bytes()
@@ -80,11 +80,11 @@ def test_damaged_cache_entry_is_built_again(blocks: RoadNetwork, tmp_path: Path)
     assert len(list((tmp_path / "maps").iterdir())) == 1, "nothing of the damaged one stays behind"
 
 
-def test_datum_can_be_had_without_the_rest(blocks: RoadNetwork, map_cache: Path) -> None:
+def test_datum_can_be_loaded_without_the_network(blocks: RoadNetwork, map_cache: Path) -> None:
     assert load_datum(MapSpec(name="Blocks", seed=0), map_cache) == blocks.datum
 
 
-def test_another_seed_gives_other_streets(blocks: RoadNetwork, map_cache: Path) -> None:
+def test_different_seeds_give_different_streets(blocks: RoadNetwork, map_cache: Path) -> None:
     other = load_network(MapSpec(name="Blocks", seed=1), map_cache)
     here, there = (
         shapely.points([junction.center_m[:2] for junction in network.junctions.values()])
@@ -93,7 +93,7 @@ def test_another_seed_gives_other_streets(blocks: RoadNetwork, map_cache: Path) 
     assert shapely.distance(shapely.multipoints(there), here).max() > 5.0
 
 
-def test_opendrive_has_the_same_roads_at_the_same_place_on_earth(blocks: RoadNetwork) -> None:
+def test_opendrive_has_the_same_roads_at_the_same_position_on_earth(blocks: RoadNetwork) -> None:
     root = ElementTree.fromstring(blocks.opendrive)
     reference = root.findtext("header/geoReference")
     assert reference is not None
@@ -107,7 +107,7 @@ def test_opendrive_has_the_same_roads_at_the_same_place_on_earth(blocks: RoadNet
     assert shapely.distance(points, road_surface(blocks.layout)).max() < 0.1
 
 
-def test_built_files_hold_no_time_and_no_path(blocks: RoadNetwork) -> None:
+def test_built_files_contain_no_time_stamps_or_paths(blocks: RoadNetwork) -> None:
     for text in (blocks.net_path.read_text(), blocks.opendrive):
         assert not re.search(r"generated on|20\d\d-\d\d-\d\d|\.nod\.xml|<header [^>]*date=", text)
 

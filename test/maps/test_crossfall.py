@@ -1,4 +1,4 @@
-"""Crossfall by rule on nets made by hand; heights worked out from 2 % and the distance from the crown."""
+"""Crossfall by rule on hand-written nets; expected heights are computed from 2 % and the distance from the crown."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import read_sumo_net
 
@@ -63,11 +63,13 @@ def _height_m(layout: Layout, x: float, *y: float) -> np.ndarray:
     return Elevation(layout).height_m(np.array([(x, each) for each in y]))
 
 
-def test_a_street_falls_from_its_crown_to_both_curbs_and_sidewalks_lie_level_there(tmp_path: Path) -> None:
+def test_a_street_falls_from_its_crown_to_both_curbs_and_sidewalks_are_level_there(tmp_path: Path) -> None:
     layout = _layout(tmp_path, _STREET.format(third=_THIRD))
-    at = 1.0, 1.75, 3.0, -1.75, -3.0, -4.25
-    assert _height_m(layout, 100.0, *at) == pytest.approx(-_FALL * np.abs(at), abs=0.005)
-    assert _height_m(layout, 102.0, *at) == pytest.approx(-_FALL * np.abs(at), abs=0.005), "between samples too"
+    offsets_m = 1.0, 1.75, 3.0, -1.75, -3.0, -4.25
+    assert _height_m(layout, 100.0, *offsets_m) == pytest.approx(-_FALL * np.abs(offsets_m), abs=0.005)
+    assert _height_m(layout, 102.0, *offsets_m) == pytest.approx(-_FALL * np.abs(offsets_m), abs=0.005), (
+        "between samples too"
+    )
     assert _height_m(layout, 100.0, 0.0) == pytest.approx(0.0, abs=1e-9)
     walk = _strips(layout)["AJ_0"]
     middle = np.abs(walk.left_m[:, 0] - 100.0) < 80.0
@@ -75,14 +77,14 @@ def test_a_street_falls_from_its_crown_to_both_curbs_and_sidewalks_lie_level_the
     assert walk.right_m[:, 2] == pytest.approx(walk.left_m[:, 2])
 
 
-def test_junctions_and_dead_ends_are_level_and_the_way_there_is_smooth(tmp_path: Path) -> None:
+def test_junctions_and_dead_ends_are_level_and_crossfall_fades_smoothly_towards_them(tmp_path: Path) -> None:
     layout = _layout(tmp_path, _STREET.format(third=_THIRD))
     strips = _strips(layout)
     assert not any(strips[":J_0_0"].right_m[:, 2])
     assert not strips[":J_0_0"].continues
     for strip in layout.strips:
         assert not any(side_m[end, 2] for side_m in (strip.left_m, strip.right_m) for end in (0, -1))
-    edge_m = strips["CJ_0"].right_m[::-1]  # from the junction on; without a wider carriageway it fades over 15 m
+    edge_m = strips["CJ_0"].right_m[::-1]  # starting at the junction; on a narrow carriageway it fades over 15 m
     part = np.clip((edge_m[:, 0] - 220.0) / 15.0, 0.0, 1.0) * (edge_m[:, 0] < 300.0)
     near = edge_m[:, 0] < 300.0
     assert near.sum() > 5
@@ -100,7 +102,7 @@ def test_lanes_of_an_edge_and_of_both_directions_meet_without_a_step(tmp_path: P
     assert not strips["JA_0"].left_m[:, 2].any()
 
 
-def test_where_a_road_merely_goes_on_its_crossfall_does_too(tmp_path: Path) -> None:
+def test_crossfall_continues_through_nodes_where_the_road_continues(tmp_path: Path) -> None:
     layout = _layout(tmp_path, _STREET.format(third=""))
     strips = _strips(layout)
     assert strips[":J_0_0"].continues
@@ -114,8 +116,8 @@ def test_where_a_road_merely_goes_on_its_crossfall_does_too(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("side", "sign"), [("", -1.0), ('lefthand="true"', 1.0)])
 def test_a_one_way_road_falls_to_its_outer_side_and_its_median_is_level(tmp_path: Path, side: str, sign: float) -> None:
-    places = {"a": sign * 9.25, "b": sign * 6.0, "c": sign * 2.0, "d": -sign * 1.0}
-    layout = _layout(tmp_path, _MOTORWAY.format(side=side, **places))
+    centers = {"a": sign * 9.25, "b": sign * 6.0, "c": sign * 2.0, "d": -sign * 1.0}
+    layout = _layout(tmp_path, _MOTORWAY.format(side=side, **centers))
     at_m = np.array([1.0, 4.0, 7.0, 10.0])
     assert _height_m(layout, 300.0, *(sign * at_m)) == pytest.approx(-_FALL * at_m, abs=0.004)
     assert _height_m(layout, 300.0, -sign * 1.0) == pytest.approx(0.0, abs=0.002)
@@ -133,12 +135,12 @@ def test_levels_cut_strips_without_changing_their_heights(tmp_path: Path) -> Non
         '<edge id="JC" from="J" to="C">', '<edge id="JC" from="J" to="C"><param key="structure" value="bridge"/>'
     )
     layout = _layout(tmp_path, net)
-    cut = with_levels(layout)
+    cut = assign_levels(layout)
     assert len(cut.levels) == 2
     deck = next(strip for strip in cut.strips if strip.level == 1 and strip.lane == "JC_0")
     middle = np.abs(deck.right_m[:, 0] - 320.0) < 70.0
     assert deck.right_m[middle, 2] == pytest.approx(-_FALL * 3.5)
-    at = -1.75, -3.0
-    assert Elevation(cut).height_m(np.array([(320.0, y) for y in at]), 1) == pytest.approx(
-        _FALL * np.array(at), abs=0.005
+    offsets_m = -1.75, -3.0
+    assert Elevation(cut).height_m(np.array([(320.0, y) for y in offsets_m]), 1) == pytest.approx(
+        _FALL * np.array(offsets_m), abs=0.005
     )

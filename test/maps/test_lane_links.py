@@ -12,7 +12,7 @@ from simbev_ros.maps.roads.layout import StopLine, Strip
 
 
 def stretches(lane: str, y: float, *cuts_m: float, **fields: object) -> list[Strip]:
-    """A lane along x, cut into stretches; from high to low x if the cuts go down."""
+    """A lane along x, cut into stretches; it runs in -x if the cuts descend."""
     return [
         replace(
             straight(f"{lane}/{number}", (start, y), (end, y), level_ground),
@@ -24,7 +24,7 @@ def stretches(lane: str, y: float, *cuts_m: float, **fields: object) -> list[Str
     ]
 
 
-def test_stretches_follow_each_other_and_touch_those_that_are_beside_them() -> None:
+def test_stretches_link_to_their_successors_and_to_adjacent_stretches() -> None:
     right = stretches("r", 0.0, 0, 40, 100, left="l", following=("on", "gone"))
     left = stretches("l", 3.5, 0, 70, 100, right="r", left="o")
     oncoming = stretches("o", 7.0, 100, 60, 0, left="l")
@@ -40,11 +40,11 @@ def test_stretches_follow_each_other_and_touch_those_that_are_beside_them() -> N
     assert (links["o/0"].left, links["o/1"].left) == (("l/0", "l/1"), ("l/0",))
 
 
-def test_those_who_halt_at_a_line_drive_towards_it_on_its_level() -> None:
-    there, back = straight("there", (0, 0), (50, 0), level_ground), straight("back", (50, 3), (0, 3), level_ground)
+def test_halting_strips_lead_towards_the_stop_line_on_its_level() -> None:
+    eastbound, back = straight("there", (0, 0), (50, 0), level_ground), straight("back", (50, 3), (0, 3), level_ground)
     walk = replace(straight("walk", (0, -3), (50, -3), level_ground), kind=LaneKind.SIDEWALK)
     above = replace(straight("above", (0, 0), (50, 0), level_ground), level=1)
-    driven = LaneStrips(layout_of_strips(there, back, walk, above))
+    driven = LaneStrips(layout_of_strips(eastbound, back, walk, above))
     bar_m = np.array([[49.0, -4.0, 0], [49.0, 4.0, 0]])
     stop_lines = [
         StopLine(bar_m),
@@ -55,11 +55,11 @@ def test_those_who_halt_at_a_line_drive_towards_it_on_its_level() -> None:
     assert list(halting_strips(stop_lines, driven)) == [("there",), ("back",), ("above",), ()]
     assert list(halting_strips(stop_lines[:1], LaneStrips(layout_of_strips(walk)))) == [()]
     assert list(halting_strips([], driven)) == []
-    (only,) = halting_strips([StopLine(bar_m[::-1])], LaneStrips(layout_of_strips(there, walk)))
-    assert only == ("there",)  # whichever way the line looks
+    (only,) = halting_strips([StopLine(bar_m[::-1])], LaneStrips(layout_of_strips(eastbound, walk)))
+    assert only == ("there",)  # whatever the direction of the line
 
 
-def test_places_of_the_traffic_are_on_the_strip_below_in_its_direction() -> None:
+def test_traffic_positions_map_to_the_strip_below_in_their_direction() -> None:
     first, second = stretches("r", 0.0, 0, 40, 100)
     driven = LaneStrips(layout_of_strips(first, second, straight("o", (100, 0.5), (0, 0.5), level_ground)))
     line_m = np.array([[0.0, 0.2, 0], [100.0, 0.2, 0]])

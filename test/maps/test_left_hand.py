@@ -1,4 +1,4 @@
-"""Where traffic keeps to the left, all is as where it keeps to the right, seen in a mirror."""
+"""Left-hand traffic: everything is the mirror image of right-hand traffic."""
 
 import subprocess
 from pathlib import Path
@@ -28,10 +28,10 @@ def grid(folder: Path, junctions: str, *options: str) -> RoadNetwork:
     return load_network(map_spec(str(path)), folder)
 
 
-def places_m(network: RoadNetwork) -> dict[str, Float64Array]:
-    """Kind of thing → (N, 2) where they are."""
+def positions_m(network: RoadNetwork) -> dict[str, Float64Array]:
+    """Kind of object → (N, 2) positions."""
     layout = network.layout
-    places = {
+    positions = {
         "strips": [np.concatenate([strip.left_m, strip.right_m]).mean(axis=0)[:2] for strip in layout.strips],
         "stop lines": [line.ends_m[:, :2].mean(axis=0) for line in layout.stop_lines],
         "crosswalks": [crosswalk.outline_m[:, :2].mean(axis=0) for crosswalk in layout.crosswalks],
@@ -39,12 +39,12 @@ def places_m(network: RoadNetwork) -> dict[str, Float64Array]:
         "heads": [signal.position_m[:2] for signal in network.signals],
         "poles": [signal.pole_m[:2] for signal in network.signals],
     }
-    return {kind: np.array(found) for kind, found in places.items() if found}
+    return {kind: np.array(found) for kind, found in positions.items() if found}
 
 
 @pytest.mark.parametrize(("junctions", "kinds"), [("traffic_light", {"heads", "poles"}), ("priority", {"signs"})])
-def test_left_hand_nets_are_right_hand_ones_in_a_mirror(tmp_path: Path, junctions: str, kinds: set[str]) -> None:
-    right, left = (places_m(grid(tmp_path, junctions, *options)) for options in ((), ("--lefthand",)))
+def test_left_hand_nets_are_mirrored_right_hand_nets(tmp_path: Path, junctions: str, kinds: set[str]) -> None:
+    right, left = (positions_m(grid(tmp_path, junctions, *options)) for options in ((), ("--lefthand",)))
     assert right.keys() == left.keys() == {"strips", "stop lines", "crosswalks"} | kinds
     middle_m = (right["strips"].min(axis=0) + right["strips"].max(axis=0)) / 2.0
     for kind, found_m in right.items():
@@ -64,19 +64,19 @@ def test_left_hand_nets_are_right_hand_ones_in_a_mirror(tmp_path: Path, junction
         ("", BOUNDARY.format("left").replace("boundary", "name"), False),
     ],
 )
-def test_openstreetmap_says_on_which_side_one_drives(tmp_path: Path, tag: str, relation: str, left_hand: bool) -> None:
+def test_driving_side_is_read_from_openstreetmap(tmp_path: Path, tag: str, relation: str, left_hand: bool) -> None:
     path = tmp_path / "street.osm"
     path.write_text(STREET.format(tag=tag, relation=relation))
     assert read_osm(path).left_hand is left_hand
 
 
 @pytest.mark.parametrize("tag", ["", LEFT])
-def test_sidewalks_of_openstreetmap_stay_on_their_side_of_the_way(tmp_path: Path, tag: str) -> None:
+def test_sidewalks_of_openstreetmap_stay_on_their_side_of_the_street(tmp_path: Path, tag: str) -> None:
     path = tmp_path / "street.osm"
     path.write_text(STREET.format(tag=tag, relation=""))
     strips = load_network(map_spec(str(path)), tmp_path).layout.strips
     (sidewalk,) = (strip for strip in strips if strip.kind == "sidewalk" and not strip.junction)
-    assert sidewalk.center_m[:, 1].min() > 2.0, "in the north of a way that runs east"
+    assert sidewalk.center_m[:, 1].min() > 2.0, "north of an eastbound street"
     driving = [strip for strip in strips if strip.kind == "driving" and not strip.junction]
     assert len(driving) == 2
     for strip in driving:

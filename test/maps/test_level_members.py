@@ -4,12 +4,12 @@ from road_strips import layout_of_strips, level_ground, straight
 
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.level_members import LevelGraph
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.types import Float64Array
 
 
 def _arched(xy_m: Float64Array) -> Float64Array:
-    """A road that rises to 7 m over the origin from 100 m before, and falls again."""
+    """Heights of a road that rises to 7 m at the origin over 100 m, and falls again."""
     return np.asarray(np.maximum(7.0 - 0.07 * np.abs(xy_m[:, 0]), 0.0))
 
 
@@ -17,9 +17,9 @@ def _arched(xy_m: Float64Array) -> Float64Array:
 def crossing() -> Layout:
     under = straight("under", (0, -140), (0, 140), level_ground)
     over = straight("over", (-140, 0), (140, 0), _arched)
-    joint = straight("joint", (-141, 0.0), (-141, 140.0), level_ground)  # the way from one road to the other
+    joint = straight("joint", (-141, 0.0), (-141, 140.0), level_ground)  # the path from one road to the other
     joint_2 = straight("joint_2", (-142, 140.0), (2, 140.0), level_ground)
-    return with_levels(layout_of_strips(under, over, joint, joint_2))
+    return assign_levels(layout_of_strips(under, over, joint, joint_2))
 
 
 _UNDER, _DECK, _RAMP = [0.0, 0.0, 0.0], [0.0, 0.0, 7.0], [-70.0, 0.0, 2.1]
@@ -39,12 +39,12 @@ def test_road_beneath_does_not_belong_to_an_ego_on_the_deck(crossing: Layout) ->
     assert members.holds(np.array([_UNDER, _BESIDE, _RAMP, _DECK])).tolist() == [False, False, True, True]
 
 
-def test_bridge_ahead_on_the_egos_own_road_belongs_and_what_passes_beneath_it_does_not(crossing: Layout) -> None:
+def test_bridge_ahead_on_the_egos_road_belongs_and_the_road_below_it_does_not(crossing: Layout) -> None:
     members = LevelGraph(crossing).members(np.array(_RAMP))
     assert members is not None
     assert members.holds(np.array([_DECK, _RAMP, _UNDER, _BESIDE])).tolist() == [True, True, False, True]
 
 
-def test_without_structures_near_there_is_nothing_to_tell_apart(crossing: Layout) -> None:
+def test_without_nearby_structures_there_are_no_level_members(crossing: Layout) -> None:
     assert LevelGraph(layout_of_strips(straight("a", (0, 0), (9, 0), level_ground))).members(np.zeros(3)) is None
     assert LevelGraph(crossing).members(np.array([500.0, 0.0, 0.0])) is None

@@ -8,7 +8,7 @@ from road_strips import layout_of_strips, level_ground, side_by_side, straight
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, Paint, PaintColor, StopLine, Strip
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.roads.markings import Marking, MarkingKind, lane_markings
 from simbev_ros.maps.roads.surface import crosswalk_polygons, road_surface, strip_polygons
 
@@ -22,7 +22,9 @@ def _area_m2(markings: tuple[Marking, ...], *kinds: MarkingKind) -> float:
     return sum(marking.polygon.area for marking in markings if marking.kind in kinds)
 
 
-def test_paint_is_on_the_road_and_never_on_other_paint(blocks: RoadNetwork, markings: tuple[Marking, ...]) -> None:
+def test_paint_lies_on_the_road_and_never_overlaps_other_paint(
+    blocks: RoadNetwork, markings: tuple[Marking, ...]
+) -> None:
     paint = np.array([marking.polygon for marking in markings])
     assert shapely.is_valid(paint).all()
     assert shapely.area(shapely.difference(paint, road_surface(blocks.layout))).max() < 1e-3
@@ -37,11 +39,11 @@ def test_inside_junctions_only_crosswalks_are_painted(blocks: RoadNetwork, marki
         if marking.kind is MarkingKind.CROSSWALK:
             assert shapely.difference(marking.polygon, crossings).area < 1e-6
         else:
-            # Turning lanes begin askew, so their corners reach a little way back beside the end of the centre line.
+            # Turning lanes begin askew, so their corners extend slightly beyond the end of the center line.
             assert shapely.intersection(marking.polygon, junctions).area < 0.03
 
 
-def test_window_shows_what_the_whole_shows_there(blocks: RoadNetwork, markings: tuple[Marking, ...]) -> None:
+def test_window_equals_that_part_of_the_whole(blocks: RoadNetwork, markings: tuple[Marking, ...]) -> None:
     window = shapely.box(-140.3, -77.7, 31.1, 60.9)
     part = lane_markings(blocks.layout, 0, window)
     for kind in MarkingKind:
@@ -50,7 +52,7 @@ def test_window_shows_what_the_whole_shows_there(blocks: RoadNetwork, markings: 
         assert shapely.symmetric_difference(seen, shapely.intersection(whole, window)).area < 1e-3, kind
 
 
-def test_center_lines_part_opposite_directions_and_dashes_the_same(
+def test_center_lines_separate_opposite_directions_and_dashes_the_same_direction(
     blocks: RoadNetwork, markings: tuple[Marking, ...]
 ) -> None:
     driving = [strip for strip in blocks.layout.strips_of(LaneKind.DRIVING) if not strip.junction]
@@ -64,7 +66,7 @@ def test_center_lines_part_opposite_directions_and_dashes_the_same(
 
 
 def _painted(paint: Paint, **line: object) -> Layout:
-    """Two lanes to the east, with paint between them that both of them name, and a third that is far away."""
+    """Two eastbound lanes with paint between them, on which both agree, and a third lane far away."""
     left, right = side_by_side(2, name="a", start_m=(0, 0), end_m=(40, 0), height=level_ground)
     line_between = Line(paint, **line)  # type: ignore[arg-type]
     left = replace(left, right_line=line_between, right=right.lane)
@@ -102,7 +104,7 @@ def test_single_lines_lie_on_the_border_in_their_color() -> None:
     assert lane_markings(_painted(Paint.CURB)) == lane_markings(_painted(Paint.NONE)) == ()
 
 
-def test_lines_that_two_overlapping_roads_draw_a_little_apart_are_painted_once() -> None:
+def test_nearly_coinciding_lines_of_overlapping_roads_are_painted_once() -> None:
     road = replace(straight("a", (0, 0), (40, 0), level_ground), left_line=Line(Paint.BROKEN))
     in_junction = straight("b", (-3, 0.1), (43, 0.1), level_ground)
     in_junction = replace(in_junction, left_line=Line(Paint.BROKEN), junction="j")
@@ -128,10 +130,10 @@ def test_paint_belongs_to_the_level_of_its_road() -> None:
     over = replace(
         straight("over", (-60, 0), (60, 0), lambda xy_m: np.full(len(xy_m), 6.0)), left_line=Line(Paint.SOLID)
     )
-    layout = with_levels(layout_of_strips(under, over))
+    layout = assign_levels(layout_of_strips(under, over))
     ground, deck = (shapely.union_all([m.polygon for m in lane_markings(layout, level)]) for level in (0, 1))
     assert ground.area + deck.area == pytest.approx(2 * 120 * 0.12, rel=1e-3)
-    assert deck.bounds[1] > 1.0, "only the deck's line, just inside of its left border"
+    assert deck.bounds[1] > 1.0, "only the deck's line, just inside its left border"
     assert _decks(layout) == pytest.approx(deck.area / 0.12 * 3.5, rel=1e-3)
 
 
@@ -149,7 +151,7 @@ def _decks(layout: Layout) -> float:
         (0.0, 0.05, 3.0, False),
     ],
 )
-def test_edge_lines_go_on_over_nodes_where_the_road_does(
+def test_edge_lines_continue_across_nodes_where_the_road_continues(
     corner_radius_m: float, turn: float, gap_m: float, joined: bool
 ) -> None:
     end_m = (30.0 + gap_m + 20.0 * np.cos(turn), 20.0 * np.sin(turn))

@@ -1,4 +1,4 @@
-"""Motorways as drafts: offsets, ramps, lanes that begin and end, and what passes over what, by plane geometry."""
+"""Motorways as drafts, checked by plane geometry: offsets, ramps, added lanes, and layers at crossings."""
 
 from itertools import pairwise
 
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from simbev_ros.errors import InputError
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
-from simbev_ros.maps.plan.heights.profile import with_heights
+from simbev_ros.maps.plan.heights.profile import add_heights
 from simbev_ros.maps.plan.merges import LanePair, lane_pairs
-from simbev_ros.maps.plan.noding import divide
-from simbev_ros.maps.plan.patterns.motorway import CrossingRoad, Motorway, draw
+from simbev_ros.maps.plan.noding import divide_draft
+from simbev_ros.maps.plan.patterns.motorway import CrossingRoad, Motorway, draw_motorway
 from simbev_ros.maps.plan.plan import Link
 
 Line = NDArray[np.float64]
@@ -39,7 +39,7 @@ def eight() -> Draft:
         crossing_roads=ROADS,
     )
     draft = Draft()
-    draw(motorway, draft, np.random.default_rng(0))
+    draw_motorway(motorway, draft, np.random.default_rng(0))
     return draft
 
 
@@ -47,12 +47,12 @@ def ramps(draft: Draft) -> list[DraftRoad]:
     return [road for road in draft.roads if road.name.endswith(("entry", "exit"))]
 
 
-def ways(draft: Draft) -> list[DraftRoad]:
+def carriageways(draft: Draft) -> list[DraftRoad]:
     return [road for road in draft.roads if road.kind.one_way and not road.name.endswith(("entry", "exit"))]
 
 
 def paving(road: DraftRoad, right_m: float) -> shapely.Polygon:
-    """From the left edge of the lanes to so far right of it."""
+    """Polygon from the left edge of the lanes to ``right_m`` to its right."""
     return shapely.LineString(road.line_m).buffer(-right_m, single_sided=True, join_style="mitre")
 
 
@@ -61,15 +61,15 @@ def unit(step: Line) -> Line:
 
 
 def test_carriageways_run_side_by_side_with_the_median_between_them(eight: Draft) -> None:
-    backward = shapely.MultiLineString([road.line_m for road in ways(eight) if ".backward." in road.name])
-    vertices_m = np.concatenate([road.line_m for road in ways(eight) if ".forward." in road.name])
-    places = shapely.points(vertices_m[np.linalg.norm(vertices_m, axis=1) > CROSSING_M])
-    assert shapely.distance(places, backward) == pytest.approx(MEDIAN_M, abs=0.3)
+    backward = shapely.MultiLineString([road.line_m for road in carriageways(eight) if ".backward." in road.name])
+    vertices_m = np.concatenate([road.line_m for road in carriageways(eight) if ".forward." in road.name])
+    points = shapely.points(vertices_m[np.linalg.norm(vertices_m, axis=1) > CROSSING_M])
+    assert shapely.distance(points, backward) == pytest.approx(MEDIAN_M, abs=0.3)
 
 
-def test_a_closed_motorway_leads_on_for_ever(eight: Draft) -> None:
+def test_a_closed_motorway_forms_a_loop(eight: Draft) -> None:
     for name in ("forward", "backward"):
-        lines = [road.line_m for road in ways(eight) if f".{name}." in road.name]
+        lines = [road.line_m for road in carriageways(eight) if f".{name}." in road.name]
         assert all(np.allclose(line[-1], onward[0]) for line, onward in pairwise([*lines, lines[0]]))
 
 
@@ -79,8 +79,12 @@ def test_ramps_begin_and_end_beside_the_lanes_and_along_them(eight: Draft) -> No
         leaves = ramp.joins_m[0] is not None
         node_m = ramp.joins_m[0 if leaves else 1]
         assert node_m is not None
-        way = next(w for w in ways(eight) if np.allclose(w.line_m[0 if leaves else -1], node_m, atol=1e-6))
-        along = unit(way.line_m[1] - way.line_m[0] if leaves else way.line_m[-1] - way.line_m[-2])
+        carriageway = next(
+            w for w in carriageways(eight) if np.allclose(w.line_m[0 if leaves else -1], node_m, atol=1e-6)
+        )
+        along = unit(
+            carriageway.line_m[1] - carriageway.line_m[0] if leaves else carriageway.line_m[-1] - carriageway.line_m[-2]
+        )
         end_m, before = (0, ramp.line_m[1] - ramp.line_m[0]) if leaves else (-1, ramp.line_m[-1] - ramp.line_m[-2])
         beside_m = ramp.line_m[end_m] - node_m
         assert beside_m @ along == pytest.approx(0.0, abs=0.3)
@@ -88,7 +92,7 @@ def test_ramps_begin_and_end_beside_the_lanes_and_along_them(eight: Draft) -> No
         assert np.degrees(np.arccos(unit(before) @ along)) < 2.0
 
 
-def test_ramps_bend_no_more_than_their_speed_allows(eight: Draft) -> None:
+def test_ramp_curvature_suits_their_speed(eight: Draft) -> None:
     for ramp in ramps(eight):
         steps = np.diff(ramp.line_m, axis=0)
         turn_rad = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
@@ -99,24 +103,24 @@ def test_ramps_bend_no_more_than_their_speed_allows(eight: Draft) -> None:
 def test_ramps_cover_neither_the_lanes_nor_the_shoulders_of_the_motorway(eight: Draft) -> None:
     for ramp in ramps(eight):
         lane = paving(ramp, WIDTH_M)
-        for way in ways(eight):
-            width_m = way.kind.lanes * WIDTH_M + way.kind.shoulder_m
-            assert lane.intersection(paving(way, width_m)).area < 1.0, (ramp.name, way.name)
+        for carriageway in carriageways(eight):
+            width_m = carriageway.kind.lanes * WIDTH_M + carriageway.kind.shoulder_m
+            assert lane.intersection(paving(carriageway, width_m)).area < 1.0, (ramp.name, carriageway.name)
 
 
 def test_lanes_are_added_before_exits_and_after_entries_in_place_of_the_shoulder(eight: Draft) -> None:
-    for way in ways(eight):
-        beside_ramp = way.kind.lanes == LANES and way.kind.shoulder_m == 0.0
-        assert beside_ramp or way.kind.lanes * WIDTH_M + way.kind.shoulder_m == (LANES + 1) * WIDTH_M
+    for carriageway in carriageways(eight):
+        beside_ramp = carriageway.kind.lanes == LANES and carriageway.kind.shoulder_m == 0.0
+        assert beside_ramp or carriageway.kind.lanes * WIDTH_M + carriageway.kind.shoulder_m == (LANES + 1) * WIDTH_M
     for ramp in ramps(eight):
         leaves = ramp.joins_m[0] is not None
         node_m = ramp.joins_m[0 if leaves else 1]
-        added = next(w for w in ways(eight) if np.allclose(w.line_m[-1 if leaves else 0], node_m, atol=1e-6))
+        added = next(w for w in carriageways(eight) if np.allclose(w.line_m[-1 if leaves else 0], node_m, atol=1e-6))
         assert added.kind.lanes == LANES + 1
         assert shapely.LineString(added.line_m).length >= 159.0
 
 
-def test_what_crosses_the_motorway_is_on_another_layer(eight: Draft) -> None:
+def test_roads_that_cross_the_motorway_are_on_another_layer(eight: Draft) -> None:
     lines = [shapely.LineString(road.line_m) for road in eight.roads]
     layers = [road.layer for road in eight.roads]
     first, second = shapely.STRtree(lines).query(lines, predicate="crosses")
@@ -136,7 +140,7 @@ def test_a_road_that_misses_the_motorway_is_refused() -> None:
     far = CrossingRoad(road=STREET, points_m=((0, 500), (900, 500)))
     motorway = Motorway(pattern="motorway", points_m=((0, 0), (1000, 0)), crossing_roads=(far,))
     with pytest.raises(InputError, match=r"road motorway\.road0: does not cross its motorway"):
-        draw(motorway, Draft(), np.random.default_rng(0))
+        draw_motorway(motorway, Draft(), np.random.default_rng(0))
 
 
 def one_way(name: str, lanes: int, start: int, end: int, *points_m: tuple[float, float]) -> Link:
@@ -153,7 +157,7 @@ def test_lanes_of_a_ramp_become_the_right_ones_where_it_joins() -> None:
     assert list(lane_pairs(1, [main, ramp, onward])) == [LanePair(*pair) for pair in expected]
 
 
-def test_a_new_lane_begins_on_the_right_and_the_others_go_straight_on() -> None:
+def test_a_new_lane_begins_on_the_right_and_the_others_continue_straight() -> None:
     links = [one_way("a", 2, 0, 1, (0, 0), (100, 0)), one_way("b", 3, 1, 2, (100, 0), (200, 0))]
     expected = [("a", 0, "b", 1), ("a", 1, "b", 2)]
     assert list(lane_pairs(1, links)) == [LanePair(*pair) for pair in expected]
@@ -163,17 +167,17 @@ def test_ramps_are_level_with_the_carriageway_beside_them_on_hilly_land(eight: D
     def land(xy_m: Line) -> Line:
         return np.asarray(12.0 * np.sin(xy_m[:, 0] / 150.0) * np.cos(xy_m[:, 1] / 170.0))
 
-    plan = with_heights(divide(Draft([road for road in eight.roads if road.kind.one_way or road.layer])), land, ())
+    plan = add_heights(divide_draft(Draft([road for road in eight.roads if road.kind.one_way or road.layer])), land, ())
     ramp_names = {road.name for road in ramps(eight)}
     main = [link for link in plan.links if link.road.kind.one_way and link.road.name not in ramp_names]
     steps_m = []
     for ramp in (link for link in plan.links if link.road.name in ramp_names):
-        for way in main:
-            line = shapely.LineString(way.line_m)
+        for carriageway in main:
+            line = shapely.LineString(carriageway.line_m)
             for x, y, z in ramp.line_m:
-                place = shapely.Point(x, y)
-                at_m = line.project(place)
-                if line.distance(place) < way.road.kind.lanes * WIDTH_M + 1.0 and 0.0 < at_m < line.length:
+                point = shapely.Point(x, y)
+                at_m = line.project(point)
+                if line.distance(point) < carriageway.road.kind.lanes * WIDTH_M + 1.0 and 0.0 < at_m < line.length:
                     steps_m.append(abs(line.interpolate(at_m).z - z))
     assert len(steps_m) > 20
     assert max(steps_m) < 0.12

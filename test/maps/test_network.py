@@ -24,7 +24,7 @@ def test_waypoints_lie_on_their_lanes_24_m_apart(blocks: RoadNetwork) -> None:
         assert counts[lane.id] == (0 if lane.junction else round(lane.length_m / 24.0 + 1e-9))
 
 
-def test_from_every_driving_lane_every_other_can_be_reached(blocks: RoadNetwork) -> None:
+def test_every_driving_lane_can_be_reached_from_every_other(blocks: RoadNetwork) -> None:
     lanes = blocks.lanes_of(LaneKind.DRIVING)
     row = {lane.id: index for index, lane in enumerate(lanes)}
     links = np.array([(row[lane.id], row[successor]) for lane in lanes for successor in lane.successors])
@@ -55,38 +55,38 @@ def test_streets_have_one_or_two_lanes_each_way_and_sidewalks_on_both_sides(bloc
 
 @pytest.fixture(scope="module")
 def three_roads() -> RoadNetwork:
-    """A viaduct 12 m high along x, a bridge 6 m high along y and a street at height 0 askew, all through one place."""
+    """A viaduct 12 m high along x, a bridge 6 m high along y and an oblique street at 0 m, all through one point."""
     return stack()
 
 
-PLACES_M = {"viaduct": (256.0, 254.0, 12.0), "bridge": (254.0, 256.0, 6.0), "street": (257.0, 255.0, 0.0)}
+POSITIONS_M = {"viaduct": (256.0, 254.0, 12.0), "bridge": (254.0, 256.0, 6.0), "street": (257.0, 255.0, 0.0)}
 
 
 def test_waypoints_are_at_the_height_of_their_road(three_roads: RoadNetwork) -> None:
     waypoints = three_roads.waypoints(10.0)
     near = np.linalg.norm(waypoints.position_m[:, :2] - 256.0, axis=1) < 40.0
     road = np.array([lane.split(".")[0] for lane in waypoints.lane])
-    found_m = {name: set(waypoints.position_m[near & (road == name), 2].round(6).tolist()) for name in PLACES_M}
+    found_m = {name: set(waypoints.position_m[near & (road == name), 2].round(6).tolist()) for name in POSITIONS_M}
     assert found_m == {"viaduct": {12.0}, "bridge": {6.0}, "street": {0.0}}
 
 
-@pytest.mark.parametrize("road", PLACES_M)
-def test_height_chooses_among_roads_above_each_other(three_roads: RoadNetwork, road: str) -> None:
-    place_m = np.array(PLACES_M[road])
+@pytest.mark.parametrize("road", POSITIONS_M)
+def test_height_selects_among_stacked_roads(three_roads: RoadNetwork, road: str) -> None:
+    position_m = np.array(POSITIONS_M[road])
     off_m = np.array([0.3, 0.2, 0.4])
-    assert three_roads.nearest_lane(place_m[None] + off_m).lane[0].startswith(road)
-    record = lane_record(three_roads, place_m + off_m, 0.1)
+    assert three_roads.nearest_lane(position_m[None] + off_m).lane[0].startswith(road)
+    record = lane_record(three_roads, position_m + off_m, 0.1)
     assert record["road_id"] == road
-    assert record["transform"]["location"][2] == pytest.approx(place_m[2], abs=0.01)
+    assert record["transform"]["location"][2] == pytest.approx(position_m[2], abs=0.01)
 
 
-@pytest.mark.parametrize("road", PLACES_M)
-def test_roads_of_the_level_are_told_from_those_above_and_below(three_roads: RoadNetwork, road: str) -> None:
-    found = three_roads.roads_by_level(np.array(PLACES_M[road]))
+@pytest.mark.parametrize("road", POSITIONS_M)
+def test_roads_of_the_level_are_distinguished_from_those_above_and_below(three_roads: RoadNetwork, road: str) -> None:
+    found = three_roads.roads_by_level(np.array(POSITIONS_M[road]))
     strips = {strip.id: strip for strip in three_roads.layout.strips}
     through = {name for name, s in strips.items() if np.linalg.norm(s.center_m[:, :2] - 256.0, axis=1).min() < 8.0}
     roads = [{name.split(".")[0] for name in through & set(names)} for names in found]
-    order = list(PLACES_M)
+    order = list(POSITIONS_M)
     row = order.index(road)
     assert roads == [{road}, set(order[:row]), set(order[row + 1 :])]
     assert len(set().union(*found)) == sum(map(len, found)), "each is named once"

@@ -1,4 +1,4 @@
-"""CARLA's own reading of its towns as the truth: road area, heights, lane records, crosswalks."""
+"""Compares OpenDRIVE imports with CARLA's own reading of its towns: road area, heights, lane records, crosswalks."""
 
 from pathlib import Path
 from types import ModuleType
@@ -11,7 +11,7 @@ import shapely
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.layout import Paint, Strip
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.roads.surface import drivable_area
 from simbev_ros.types import BoolArray, Float64Array
 
@@ -37,14 +37,14 @@ def town(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return carla.Map(request.param, path.read_text(encoding="utf-8")), parts
 
 
-def place_m(waypoint: Any) -> tuple[float, float, float]:
-    """In our frame: CARLA's y points the other way."""
+def position_m(waypoint: Any) -> tuple[float, float, float]:
+    """Position in our frame, in which y is opposite to CARLA's."""
     location = waypoint.transform.location
     return location.x, -location.y, location.z
 
 
 def near_waypoints(waypoints_m: Float64Array, reach_m: Float64Array, x_m: Float64Array, y_m: Float64Array) -> BoolArray:
-    """(rows, columns) cells whose centre is nearer to a waypoint than its reach."""
+    """(rows, columns) whether a cell's center is closer to a waypoint than its reach."""
     near = np.zeros((len(y_m), len(x_m)), bool)
     for (x, y), reach in zip(waypoints_m, reach_m, strict=True):
         columns = slice(*np.searchsorted(x_m, [x - reach, x + reach]))
@@ -64,13 +64,13 @@ def lane_of(waypoint: Any) -> str:
     return f"{waypoint.road_id}/{waypoint.section_id}/{waypoint.lane_id}"
 
 
-def nearest(strips: list[Strip], place: tuple[float, float, float]) -> tuple[Strip, int, float, float]:
-    """Of one lane's strips the nearest, the segment of its centre line, the fraction within, and the distance."""
+def nearest(strips: list[Strip], position: tuple[float, float, float]) -> tuple[Strip, int, float, float]:
+    """The nearest of one lane's strips, the segment of its center line, the fraction along it, and the distance."""
     best: tuple[Strip, int, float, float] | None = None
     for strip in strips:
         start, step = strip.center_m[:-1, :2], np.diff(strip.center_m[:, :2], axis=0)
-        fraction = np.clip(np.sum((place[:2] - start) * step, axis=1) / np.sum(step**2, axis=1), 0.0, 1.0)
-        gap_m = np.linalg.norm(start + fraction[:, None] * step - place[:2], axis=1)
+        fraction = np.clip(np.sum((position[:2] - start) * step, axis=1) / np.sum(step**2, axis=1), 0.0, 1.0)
+        gap_m = np.linalg.norm(start + fraction[:, None] * step - position[:2], axis=1)
         row = int(np.argmin(gap_m))
         if best is None or gap_m[row] < best[3]:
             best = strip, row, float(fraction[row]), float(gap_m[row])
@@ -78,14 +78,14 @@ def nearest(strips: list[Strip], place: tuple[float, float, float]) -> tuple[Str
     return best
 
 
-def test_road_area_is_carlas(town: tuple[Any, MapParts]) -> None:
+def test_road_area_matches_carla(town: tuple[Any, MapParts]) -> None:
     carla_map, parts = town
     waypoints = carla_map.generate_waypoints(_CELL_M)
-    places_m = np.array([place_m(w)[:2] for w in waypoints])
-    low, high = places_m.min(axis=0) - 5.0, places_m.max(axis=0) + 5.0
+    positions_m = np.array([position_m(w)[:2] for w in waypoints])
+    low, high = positions_m.min(axis=0) - 5.0, positions_m.max(axis=0) + 5.0
     x_m, y_m = (np.arange(low[axis], high[axis], _CELL_M) for axis in (0, 1))
-    theirs = near_waypoints(places_m, np.array([w.lane_width for w in waypoints]) / 2.0, x_m, y_m)
-    area = drivable_area(with_levels(parts.layout))
+    theirs = near_waypoints(positions_m, np.array([w.lane_width for w in waypoints]) / 2.0, x_m, y_m)
+    area = drivable_area(assign_levels(parts.layout))
     shapely.prepare(area)
     ours = shapely.contains_xy(area, *np.meshgrid(x_m, y_m))
     iou = np.sum(ours & theirs) / np.sum(ours | theirs)
@@ -100,12 +100,12 @@ def test_every_waypoint_lies_on_the_middle_of_its_lane_at_its_height(town: tuple
     offsets_m, heights_m, widths_m, turns_rad = [], [], [], []
     for row in rng.choice(len(waypoints), 3000):
         waypoint = waypoints[row]
-        strip, k, fraction, gap_m = nearest(lanes[lane_of(waypoint)], place_m(waypoint))
+        strip, k, fraction, gap_m = nearest(lanes[lane_of(waypoint)], position_m(waypoint))
         step = strip.center_m[k + 1] - strip.center_m[k]
         across = np.linalg.norm((strip.left_m - strip.right_m)[k : k + 2, :2], axis=1)
         yaw_rad = -np.radians(waypoint.transform.rotation.yaw)
         offsets_m.append(gap_m)
-        heights_m.append(strip.center_m[k, 2] + fraction * step[2] - place_m(waypoint)[2])
+        heights_m.append(strip.center_m[k, 2] + fraction * step[2] - position_m(waypoint)[2])
         widths_m.append(across[0] + fraction * (across[1] - across[0]) - waypoint.lane_width)
         turns_rad.append(np.angle(np.exp(1j * (np.arctan2(step[1], step[0]) - yaw_rad))))
     assert np.max(offsets_m) < 0.02
@@ -114,7 +114,7 @@ def test_every_waypoint_lies_on_the_middle_of_its_lane_at_its_height(town: tuple
     assert np.max(np.abs(turns_rad)) < 0.1
 
 
-def test_lane_records_are_carlas(town: tuple[Any, MapParts]) -> None:
+def test_lane_records_match_carla(town: tuple[Any, MapParts]) -> None:
     carla_map, parts = town
     lanes = by_lane(parts)
     rng = np.random.default_rng(2)
@@ -122,7 +122,7 @@ def test_lane_records_are_carlas(town: tuple[Any, MapParts]) -> None:
     seen = set()
     for row in rng.choice(len(waypoints), 1500):
         waypoint = waypoints[row]
-        strip, k, fraction, _ = nearest(lanes[lane_of(waypoint)], place_m(waypoint))
+        strip, k, fraction, _ = nearest(lanes[lane_of(waypoint)], position_m(waypoint))
         along_m = np.linalg.norm(np.diff(strip.center_m[:, :2], axis=0), axis=1)
         at_m = along_m[:k].sum() + fraction * along_m[k]
         if min(at_m, along_m.sum() - at_m) < 0.5:
@@ -137,12 +137,12 @@ def test_lane_records_are_carlas(town: tuple[Any, MapParts]) -> None:
                 assert line.color.value == str(theirs.color).lower()
                 assert line.width_m == pytest.approx(theirs.width)
                 seen.add((line.paint, line.color))
-        for neighbour, theirs in ((strip.left, waypoint.get_left_lane()), (strip.right, waypoint.get_right_lane())):
-            assert neighbour == (lane_of(theirs) if theirs is not None and neighbour else "")
+        for neighbor, theirs in ((strip.left, waypoint.get_left_lane()), (strip.right, waypoint.get_right_lane())):
+            assert neighbor == (lane_of(theirs) if theirs is not None and neighbor else "")
     assert len(seen) >= 1
 
 
-def test_lanes_lead_to_carlas_next_lanes(town: tuple[Any, MapParts]) -> None:
+def test_lane_successors_match_carla(town: tuple[Any, MapParts]) -> None:
     carla_map, parts = town
     lanes = by_lane(parts)
     rng = np.random.default_rng(3)
@@ -154,7 +154,7 @@ def test_lanes_lead_to_carlas_next_lanes(town: tuple[Any, MapParts]) -> None:
             assert set(lanes[lane_of(last)][0].following) == theirs
 
 
-def test_crosswalks_are_carlas(town: tuple[Any, MapParts]) -> None:
+def test_crosswalks_match_carla(town: tuple[Any, MapParts]) -> None:
     carla_map, parts = town
     corners = [(c.x, -c.y, c.z) for c in carla_map.get_crosswalks()]
     if not corners:
@@ -168,10 +168,10 @@ def test_crosswalks_are_carlas(town: tuple[Any, MapParts]) -> None:
     assert gaps_m.max() < 0.1
 
 
-def test_traffic_lights_stand_where_carla_has_them(town: tuple[Any, MapParts]) -> None:
+def test_traffic_light_positions_match_carla(town: tuple[Any, MapParts]) -> None:
     carla_map, parts = town
-    theirs_m = np.array([place_m(landmark)[:2] for landmark in carla_map.get_all_landmarks_of_type("1000001")])
-    ours_m = np.array([place.foot_m[:2] for place in parts.layout.signal_places])
+    theirs_m = np.array([position_m(landmark)[:2] for landmark in carla_map.get_all_landmarks_of_type("1000001")])
+    ours_m = np.array([position.foot_m[:2] for position in parts.layout.signal_places])
     gaps_m = np.linalg.norm(theirs_m[:, None] - ours_m[None], axis=2)
     assert np.percentile(gaps_m.min(axis=1), 95) < 0.3  # CARLA moves each by 0.25 m, and some off the road
     assert np.percentile(gaps_m.min(axis=0), 95) < 0.3

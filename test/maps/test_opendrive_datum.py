@@ -1,4 +1,4 @@
-"""Places on Earth against PROJ, for geoReferences of several forms."""
+"""Geodetic positions compared with PROJ, for several forms of geoReference."""
 
 from pathlib import Path
 
@@ -10,10 +10,10 @@ from pyproj import Geod, Transformer
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 
-_METRES = Geod(ellps="WGS84")
+_GEOD = Geod(ellps="WGS84")
 
 
-def built(tmp_path: Path, reference: str, offset: str = "", x: float = 0.0, y: float = 0.0) -> MapParts:
+def import_sample(tmp_path: Path, reference: str, offset: str = "", x: float = 0.0, y: float = 0.0) -> MapParts:
     reference = f"<geoReference>{reference}</geoReference>" if reference else ""
     header = f'<header revMajor="1" revMinor="8">{reference}{offset}</header>'
     path, work = tmp_path / "sample.xodr", tmp_path / "work"
@@ -23,9 +23,9 @@ def built(tmp_path: Path, reference: str, offset: str = "", x: float = 0.0, y: f
     return import_opendrive(path, work)
 
 
-def gap_m(parts: MapParts, place_m: tuple[float, float, float], longitude: float, latitude: float) -> float:
-    found = parts.datum.geodetic_from_map(np.array(place_m))
-    return float(_METRES.inv(found[1], found[0], longitude, latitude)[2])
+def gap_m(parts: MapParts, position_m: tuple[float, float, float], longitude: float, latitude: float) -> float:
+    found = parts.datum.geodetic_from_map(np.array(position_m))
+    return float(_GEOD.inv(found[1], found[0], longitude, latitude)[2])
 
 
 @pytest.mark.parametrize(
@@ -36,23 +36,23 @@ def gap_m(parts: MapParts, place_m: tuple[float, float, float], longitude: float
         "EPSG:3857",
     ],
 )
-@pytest.mark.parametrize("place_m", [(0.0, 0.0, 0.0), (4000.0, -3000.0, 12.0)])
-def test_any_projection_is_followed_to_the_centimetre(
-    tmp_path: Path, crs: str, place_m: tuple[float, float, float]
+@pytest.mark.parametrize("position_m", [(0.0, 0.0, 0.0), (4000.0, -3000.0, 12.0)])
+def test_projections_are_accurate_to_a_centimeter(
+    tmp_path: Path, crs: str, position_m: tuple[float, float, float]
 ) -> None:
-    parts = built(tmp_path, f"<![CDATA[{crs}]]>", '<offset x="500250.5" y="1000.25" z="30" hdg="0"/>')
+    parts = import_sample(tmp_path, f"<![CDATA[{crs}]]>", '<offset x="500250.5" y="1000.25" z="30" hdg="0"/>')
     plain = crs.replace("+geoidgrids=egm96_15.gtx", "")
     truth = Transformer.from_crs(plain, "EPSG:4326", always_xy=True).transform(
-        place_m[0] + 500250.5, place_m[1] + 1000.25
+        position_m[0] + 500250.5, position_m[1] + 1000.25
     )
-    assert gap_m(parts, place_m, *truth) < 0.01
-    found = parts.datum.geodetic_from_map(np.array(place_m))
-    assert found[2] == pytest.approx(30.0 + place_m[2])
-    np.testing.assert_allclose(parts.datum.map_from_geodetic(*found), place_m, atol=1e-3)
+    assert gap_m(parts, position_m, *truth) < 0.01
+    found = parts.datum.geodetic_from_map(np.array(position_m))
+    assert found[2] == pytest.approx(30.0 + position_m[2])
+    np.testing.assert_allclose(parts.datum.map_from_geodetic(*found), position_m, atol=1e-3)
 
 
-def test_a_turned_offset_turns_the_map(tmp_path: Path) -> None:
-    parts = built(tmp_path, "EPSG:25832", '<offset x="600000" y="5300000" z="0" hdg="1.5707963267948966"/>')
+def test_a_rotated_offset_rotates_the_map(tmp_path: Path) -> None:
+    parts = import_sample(tmp_path, "EPSG:25832", '<offset x="600000" y="5300000" z="0" hdg="1.5707963267948966"/>')
     truth = Transformer.from_crs("EPSG:25832", "EPSG:4326", always_xy=True).transform(
         600000.0 - 20.0, 5300000.0 + 100.0
     )
@@ -60,7 +60,7 @@ def test_a_turned_offset_turns_the_map(tmp_path: Path) -> None:
 
 
 def test_the_plain_form_stays_plain(tmp_path: Path) -> None:
-    parts = built(tmp_path, "+proj=tmerc +lat_0=42.5 +lon_0=-83.25 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m")
+    parts = import_sample(tmp_path, "+proj=tmerc +lat_0=42.5 +lon_0=-83.25 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m")
     assert parts.datum.projection == ""
     assert (parts.datum.latitude_deg, parts.datum.longitude_deg) == (42.5, -83.25)
     assert parts.notes == ()
@@ -68,13 +68,13 @@ def test_the_plain_form_stays_plain(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("reference", ["", "somewhere", "+proj=longlat +datum=WGS84", "+proj=tmerc +lat_0=x"])
 def test_without_a_usable_geo_reference_the_default_is_stated(tmp_path: Path, reference: str) -> None:
-    parts = built(tmp_path, reference)
+    parts = import_sample(tmp_path, reference)
     assert (parts.datum.latitude_deg, parts.datum.longitude_deg) == (0.0, 0.0)
     assert any("0° N 0° E" in note for note in parts.notes)
 
 
-def test_coordinates_far_from_zero_become_small_and_stay_where_they_are_on_earth(tmp_path: Path) -> None:
-    parts = built(tmp_path, "EPSG:32632", x=691_000.25, y=5_335_000.5)
+def test_large_coordinates_are_recentered_and_keep_their_position_on_earth(tmp_path: Path) -> None:
+    parts = import_sample(tmp_path, "EPSG:32632", x=691_000.25, y=5_335_000.5)
     (strip,) = parts.layout.strips
     assert np.abs(strip.left_m).max() < 101.0
     truth = Transformer.from_crs("EPSG:32632", "EPSG:4326", always_xy=True).transform(691_000.25, 5_335_000.5)

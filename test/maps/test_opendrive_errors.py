@@ -1,4 +1,4 @@
-"""Bad files: a clear error or a stated repair."""
+"""Invalid OpenDRIVE files: each gives a clear error or a repair with a note."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ from simbev_ros.maps.parts import MapParts
 GOOD = sample.road(sample.geometry(sample.LINE, 80.0, y=50.0), 80.0, number="7")
 
 
-def built(tmp_path: Path, text: str) -> MapParts:
+def import_text(tmp_path: Path, text: str) -> MapParts:
     path, work = tmp_path / "sample.xodr", tmp_path / "work"
     path.write_text(text, encoding="utf-8")
     work.mkdir(exist_ok=True)
@@ -30,20 +30,20 @@ def built(tmp_path: Path, text: str) -> MapParts:
             r"sample\.xodr:2: .*DOCTYPE",
         ),
         ("<net/>", r"sample\.xodr:1: the root element must be <OpenDRIVE>"),
-        (sample.xodr(), r"sample\.xodr:2: it has no lane that can be driven on"),
+        (sample.xodr(), r"sample\.xodr:2: it has no drivable lane"),
         (
             sample.xodr(sample.straight_road(sections=sample.section(sample.lane(-1, "sidewalk")))),
-            "no lane that can be driven",
+            "no drivable lane",
         ),
-        (sample.xodr(sample.road("", 10.0)), "no lane that can be driven on.*road 1: <road>: it has no geometry"),
+        (sample.xodr(sample.road("", 10.0)), "no drivable lane.*road 1: <road>: it has no geometry"),
         (sample.xodr(GOOD, header='<header revMajor="2"/>'), "revMajor='2'"),
         (sample.xodr(GOOD.replace("80.0", "2e8")), "not between 1 mm and 200 km"),
         (sample.xodr(GOOD.replace("3.5", "3e5")), "out of bounds or far too wide"),
     ],
 )
-def test_files_without_any_use_are_refused_with_the_place(tmp_path: Path, text: str, message: str) -> None:
+def test_unusable_files_are_refused_with_their_location(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        built(tmp_path, text)
+        import_text(tmp_path, text)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_files_without_any_use_are_refused_with_the_place(tmp_path: Path, text: 
     ],
 )
 def test_a_road_with_unusable_geometry_is_left_out_with_a_note(tmp_path: Path, wrong: str, note: str) -> None:
-    parts = built(tmp_path, sample.xodr(GOOD, sample.road(wrong, 10.0, number="8")))
+    parts = import_text(tmp_path, sample.xodr(GOOD, sample.road(wrong, 10.0, number="8")))
     assert {strip.road for strip in parts.layout.strips} == {"7"}
     (found,) = [text for text in parts.notes if "left out (road 8" in text]
     assert re.search(note, found)
@@ -78,7 +78,7 @@ def test_a_road_with_unusable_geometry_is_left_out_with_a_note(tmp_path: Path, w
         ('length="80.0" junction', 'length="1e300" junction', "length is not that of its geometry"),
         ('length="80.0" junction', 'length="0" junction', "length is not that of its geometry"),
         ("<width", '<speed max="fast"/><width', "speed limit that cannot be read"),
-        ("<width", '<roadMark type="wavy" color="mauve"/><width', "kind or colour of road mark that is not known"),
+        ("<width", '<roadMark type="wavy" color="mauve"/><width', "unknown kind or color of road mark"),
         (
             "<lanes>",
             '<objects><object type="crosswalk" id="1" s="x" t="0"/></objects><lanes>',
@@ -91,29 +91,29 @@ def test_a_road_with_unusable_geometry_is_left_out_with_a_note(tmp_path: Path, w
             "</OpenDRIVE>",
             '<junction id="3"><connection id="0" incomingRoad="7" connectingRoad="99" contactPoint="start"/></junction>'
             "</OpenDRIVE>",
-            "connection of roads that are not there",
+            "connection of missing roads",
         ),
         ("<planView>", "<planView>" + sample.geometry(sample.LINE, 0.0), "geometry> without length"),
     ],
 )
-def test_what_can_be_repaired_is_repaired_with_a_note(tmp_path: Path, old: str, new: str, note: str) -> None:
-    parts = built(tmp_path, sample.xodr(GOOD).replace(old, new, 1))
+def test_repairable_files_are_repaired_with_a_note(tmp_path: Path, old: str, new: str, note: str) -> None:
+    parts = import_text(tmp_path, sample.xodr(GOOD).replace(old, new, 1))
     (strip,) = parts.layout.strips
     np.testing.assert_allclose(strip.left_m[-1], [80.0, 50.0, 0.0])
     assert any(note in text for text in parts.notes)
 
 
-def test_mangled_numbers_never_end_in_anything_but_a_map_or_an_input_error(tmp_path: Path) -> None:
+def test_mangled_numbers_result_in_a_map_or_an_input_error(tmp_path: Path) -> None:
     more = "<elevationProfile>" + sample.cubic("elevation", 1.0, 0.1) + "</elevationProfile>"
     signals = '<signals><signal id="1" type="206" s="95" t="-5" orientation="+"/></signals>'
     text = sample.xodr(
         sample.straight_road(sections=sample.section(sample.lane(1), sample.lane(-1)), more=more + signals)
     )
-    places = [match.span(1) for match in re.finditer(r'"(-?[\d.]+)"', text)]
-    for number, (start, end) in enumerate(places):
+    spans = [match.span(1) for match in re.finditer(r'"(-?[\d.]+)"', text)]
+    for number, (start, end) in enumerate(spans):
         wrong = ("", "nan", "-1e9", "1e-9", "x", "1e308")[number % 6]
         try:
-            parts = built(tmp_path, text[:start] + wrong + text[end:])
+            parts = import_text(tmp_path, text[:start] + wrong + text[end:])
         except InputError as error:
             assert "sample.xodr" in str(error)
         else:

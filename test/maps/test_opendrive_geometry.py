@@ -1,4 +1,4 @@
-"""Reference lines against closed formulas and numeric integrals; borders in space against geometry by hand."""
+"""Reference lines compared with closed formulas and integrals; borders in space compared with hand computations."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -45,8 +45,8 @@ def test_spiral_from_zero_curvature_is_the_fresnel_integral() -> None:
     s_m = np.linspace(0.0, length_m, 50)
     scale = np.sqrt(np.pi * length_m / end)
     sine, cosine = fresnel(s_m / scale)
-    places, headings = clothoid(0.0, end / length_m, length_m)(s_m)
-    np.testing.assert_allclose(places, scale * (cosine + 1j * sine), atol=1e-9)
+    points, headings = clothoid(0.0, end / length_m, length_m)(s_m)
+    np.testing.assert_allclose(points, scale * (cosine + 1j * sine), atol=1e-9)
     np.testing.assert_allclose(headings, end * s_m**2 / (2.0 * length_m))
 
 
@@ -54,31 +54,31 @@ def test_spiral_from_zero_curvature_is_the_fresnel_integral() -> None:
 def test_spiral_between_curvatures_integrates_its_direction(start: float, end: float) -> None:
     length_m = 60.0
     rate = (end - start) / length_m
-    place = complex(clothoid(start, rate, length_m)(np.array([length_m]))[0][0])
+    point = complex(clothoid(start, rate, length_m)(np.array([length_m]))[0][0])
 
     def part(function: np.ufunc) -> float:
         limits = np.linspace(0.0, length_m, 13)
         pieces = pairwise(limits)
         return sum(quad(lambda s: function(start * s + rate * s * s / 2.0), a, b, epsabs=1e-12)[0] for a, b in pieces)
 
-    assert place == pytest.approx(complex(part(np.cos), part(np.sin)), abs=1e-8)
+    assert point == pytest.approx(complex(part(np.cos), part(np.sin)), abs=1e-8)
 
 
 def test_arc_of_many_turns_stays_on_its_circle() -> None:
-    places, _ = clothoid(0.1, 0.0, 400.0)(np.linspace(0.0, 400.0, 200))
-    np.testing.assert_allclose(np.abs(places - 10j), 10.0, atol=1e-9)
+    points, _ = clothoid(0.1, 0.0, 400.0)(np.linspace(0.0, 400.0, 200))
+    np.testing.assert_allclose(np.abs(points - 10j), 10.0, atol=1e-9)
 
 
-def test_poly3_is_walked_by_arc_length() -> None:
+def test_poly3_is_parametrized_by_arc_length() -> None:
     length_m = 40.0
     curve = parametric_cubic(
         np.array([0.0, 1.0, 0.0, 0.0]), np.array([0.0, 0.2, -0.01, 5e-4]), length_m, None, sample.element()
     )
-    place, heading_rad = (value[0] for value in curve(np.array([25.0])))
-    u = place.real
+    point, heading_rad = (value[0] for value in curve(np.array([25.0])))
+    u = point.real
     arc_m = quad(lambda p: np.hypot(1.0, 0.2 - 0.02 * p + 15e-4 * p * p), 0.0, u)[0]
     assert arc_m == pytest.approx(25.0, abs=1e-6)
-    assert place.imag == pytest.approx(0.2 * u - 0.01 * u**2 + 5e-4 * u**3, abs=1e-9)
+    assert point.imag == pytest.approx(0.2 * u - 0.01 * u**2 + 5e-4 * u**3, abs=1e-9)
     assert np.tan(heading_rad) == pytest.approx(0.2 - 0.02 * u + 15e-4 * u * u)
 
 
@@ -111,7 +111,7 @@ def test_param_poly3_without_p_range_is_normalized(tmp_path: Path) -> None:
     np.testing.assert_allclose(document.roads["1"].plan(np.array([4.0]))[0], [[4.0, 0.0]], atol=1e-9)
 
 
-def test_borders_of_an_arc_lie_on_concentric_circles_within_a_centimetre_between_points_too(tmp_path: Path) -> None:
+def test_borders_of_an_arc_lie_on_concentric_circles_within_a_centimeter(tmp_path: Path) -> None:
     plan = sample.geometry('<arc curvature="-0.04"/>', 60.0)
     strip = strips(tmp_path, sample.road(plan, 60.0, sample.section(sample.lane(-1))))["1/0/-1/0"]
     for line_m, radius_m in ((strip.left_m, 25.0), (strip.right_m, 21.5)):
@@ -130,7 +130,7 @@ def test_a_corner_between_lines_keeps_the_width_of_lanes(tmp_path: Path) -> None
     assert (strip.right_m[corner, :2] - [20.0, 0.0]) @ outward == pytest.approx(3.5)
 
 
-def test_superelevation_turns_the_road_about_its_reference_line(tmp_path: Path) -> None:
+def test_superelevation_rotates_the_road_about_its_reference_line(tmp_path: Path) -> None:
     roll_rad = 0.1
     more = "<elevationProfile>" + sample.cubic("elevation", 7.0, 0.02) + "</elevationProfile>"
     more += "<lateralProfile>" + sample.cubic("superelevation", roll_rad) + "</lateralProfile>"
@@ -190,7 +190,7 @@ def test_border_records_do_not_depend_on_inner_lanes(tmp_path: Path) -> None:
     np.testing.assert_allclose(outer.right_m[:, 1], -5.0 - 0.01 * outer.right_m[:, 0])
 
 
-def test_stretches_without_width_are_no_road(tmp_path: Path) -> None:
+def test_stretches_without_width_are_left_out(tmp_path: Path) -> None:
     opening = sample.width(0.0) + sample.width(0.0, 0.1, at=40.0)
     lanes = sample.lane(-1) + sample.lane(-2, inner=opening) + sample.lane(-3, inner=sample.width(0.0))
     made = strips(tmp_path, sample.straight_road(sections=sample.section(lanes)))

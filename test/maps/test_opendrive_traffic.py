@@ -1,4 +1,4 @@
-"""The traffic net: lanes and rules as the file has them, and vehicles and people that get through."""
+"""The SUMO net of OpenDRIVE files has the file's lanes and rules; vehicles and pedestrians reach their goals."""
 
 import os
 import subprocess
@@ -19,7 +19,7 @@ from simbev_ros.maps.sumo.netconvert import sumo_home
 _MAPS = Path(__file__).parents[2].parent / "shared" / "maps" / "carla"
 
 
-def built(tmp_path: Path, *content: str) -> tuple[MapParts, SumoNet]:
+def import_sample(tmp_path: Path, *content: str) -> tuple[MapParts, SumoNet]:
     path, work = tmp_path / "sample.xodr", tmp_path / "work"
     path.write_text(sample.xodr(*content), encoding="utf-8")
     work.mkdir()
@@ -36,7 +36,7 @@ def town(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return parts, read_sumo_net(parts.net)
 
 
-def test_vehicles_drive_on_driving_strips_and_people_on_sidewalks(town: tuple[MapParts, SumoNet]) -> None:
+def test_vehicles_use_driving_strips_and_pedestrians_use_sidewalks(town: tuple[MapParts, SumoNet]) -> None:
     parts, net = town
     for kind, tolerance_m in ((LaneKind.DRIVING, 0.05), (LaneKind.SIDEWALK, 0.05)):
         outlines = [
@@ -60,7 +60,7 @@ def test_lanes_in_the_net_have_the_heights_of_strips(town: tuple[MapParts, SumoN
                 assert np.abs(centers_m[near, 2] - end_m[2]).min() < 0.1, lane.id
 
 
-def test_sidewalks_are_for_pedestrians_alone_and_shoulders_for_nobody(town: tuple[MapParts, SumoNet]) -> None:
+def test_sidewalks_are_for_pedestrians_only_and_shoulders_are_closed(town: tuple[MapParts, SumoNet]) -> None:
     _, net = town
     assert {lane.kind for lane in net.lanes.values()} <= {
         LaneKind.DRIVING,
@@ -83,7 +83,7 @@ def test_every_traffic_light_of_the_file_stops_a_lane_that_the_net_controls(town
 
 
 @pytest.mark.slow
-def test_vehicles_and_people_get_through(town: tuple[MapParts, SumoNet], tmp_path: Path) -> None:
+def test_vehicles_and_pedestrians_reach_their_destinations(town: tuple[MapParts, SumoNet], tmp_path: Path) -> None:
     parts, _ = town
     home = sumo_home()
     environment = {**os.environ, "SUMO_HOME": str(home)}
@@ -103,17 +103,17 @@ def test_vehicles_and_people_get_through(town: tuple[MapParts, SumoNet], tmp_pat
     assert found["persons"]["running"] == "0"
 
 
-def test_roads_that_cannot_be_reached_are_left_to_nobody(tmp_path: Path) -> None:
+def test_unreachable_roads_carry_no_traffic(tmp_path: Path) -> None:
     island = sample.road(sample.geometry(sample.LINE, 30.0, y=500.0), 30.0, number="2")
-    parts, net = built(tmp_path, sample.straight_road(), island)
+    parts, net = import_sample(tmp_path, sample.straight_road(), island)
     assert {strip.road for strip in parts.layout.strips} == {"1", "2"}
     assert max(lane.centerline_m[:, 1].max() for lane in net.lanes.values()) < 10.0
     assert any("0.03 km of lanes" in note for note in parts.notes)
 
 
-def test_a_lane_that_opens_is_driven_on_only_where_it_is_wide(tmp_path: Path) -> None:
+def test_an_opening_lane_is_used_only_where_it_is_wide_enough(tmp_path: Path) -> None:
     opening = sample.width(0.0) + sample.width(0.0, 0.1, at=40.0) + sample.width(3.5, at=75.0)
-    _, net = built(
+    _, net = import_sample(
         tmp_path, sample.straight_road(sections=sample.section(sample.lane(-1), sample.lane(-2, inner=opening)))
     )
     starts_m = sorted(lane.centerline_m[0, 0] for lane in net.lanes.values() if not lane.junction)
@@ -124,7 +124,7 @@ def test_a_lane_that_opens_is_driven_on_only_where_it_is_wide(tmp_path: Path) ->
     assert len(first.successors) == 1
 
 
-def test_a_ring_that_ends_in_itself_can_be_driven(tmp_path: Path) -> None:
+def test_a_closed_ring_can_be_driven(tmp_path: Path) -> None:
     radius_m = 30.0
     links = "".join(
         f'<{name} elementType="road" elementId="1" contactPoint="{end}"/>'
@@ -137,7 +137,7 @@ def test_a_ring_that_ends_in_itself_can_be_driven(tmp_path: Path) -> None:
         lanes,
         links=links,
     )
-    _, net = built(tmp_path, ring)
+    _, net = import_sample(tmp_path, ring)
     for lane in net.lanes.values():
         seen = []
         while lane.id not in seen:
@@ -174,7 +174,7 @@ def test_stop_signs_make_their_road_wait(tmp_path: Path) -> None:
         '<laneLink from="-1" to="-1"/></connection>'
         for k, a in ((5, 1), (6, 2), (7, 3), (8, 4), (10, 1))
     )
-    parts, net = built(tmp_path, *roads, f'<junction id="9" name="">{connections}</junction>')
+    parts, net = import_sample(tmp_path, *roads, f'<junction id="9" name="">{connections}</junction>')
     waiting = {lane for sign in parts.layout.signs for lane in sign.lanes}
     assert len(waiting) == 2
     for lane, codes in net.right_of_way.items():

@@ -1,4 +1,4 @@
-"""OpenDRIVE as others write it: all that a version 1.7 may hold in one road, and SUMO's own export of its nets."""
+"""OpenDRIVE from other writers: one road with all features of version 1.7, and SUMO's own export of its nets."""
 
 import subprocess
 from pathlib import Path
@@ -56,7 +56,7 @@ def lane_17(number: int, kind: str = "driving", width_m: float = 3.5, links: str
 
 
 def vendor_road() -> str:
-    """300 m eastward in three lane sections, rising by 1 %, with a lane that opens, and a laneOffset."""
+    """300 m eastward in three lane sections, rising by 1 %, with an opening lane and a laneOffset."""
     same = [lane_17(1, links=linked(1, 1)), lane_17(-1, links=linked(-1, -1), more=SPEED)]
     walk, shoulder = (lambda n, to: lane_17(n, "sidewalk", 2.0, linked(n, to))), lane_17(-2, "shoulder", 1.0)
     opening = lane(-2, "driving", width(0, 0, 3 * 3.5 / 900, -2 * 3.5 / 27000) + width(3.5, at=30.0) + MARK, ATTRIBUTES)
@@ -84,7 +84,7 @@ VARIANTS = {
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_a_road_with_all_that_version_1_7_knows_is_read_and_driven(tmp_path: Path, variant: str) -> None:
+def test_a_road_with_all_features_of_version_1_7_is_read_and_driven(tmp_path: Path, variant: str) -> None:
     (tmp_path / "vendor.xodr").write_text(VARIANTS[variant])
     (tmp_path / "config.yaml").write_text(CONFIG)
     scenario = load_scenario(tmp_path / "config.yaml")
@@ -108,7 +108,7 @@ def test_a_road_with_all_that_version_1_7_knows_is_read_and_driven(tmp_path: Pat
     assert np.mean(np.hypot(last["x"] - first["x"], last["y"] - first["y"]) > 3.0) > 0.7
 
 
-def test_what_sumo_exports_of_a_net_is_the_same_road_again(tmp_path: Path) -> None:
+def test_sumos_export_of_a_net_gives_the_same_roads(tmp_path: Path) -> None:
     net = tmp_path / "turns.net.xml"
     options = "--grid --grid.number 3 --default-junction-type traffic_light -L 2 "
     options += "--turn-lanes 1 --sidewalks.guess --bikelanes.guess --default.sidewalk-width 2"

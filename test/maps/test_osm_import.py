@@ -1,4 +1,4 @@
-"""The OpenStreetMap importer: on a town whose coordinates are known (osm_sample.py), and on files that are wrong."""
+"""The OpenStreetMap importer, on a town with known coordinates (osm_sample.py), and on invalid files."""
 
 from pathlib import Path
 from xml.etree.ElementTree import parse
@@ -27,23 +27,23 @@ def net(parts: MapParts) -> SumoNet:
     return read_sumo_net(parts.net)
 
 
-def in_map(parts: MapParts, *places: Point) -> Float64Array:
-    """(N, 2) places of the sample in the map frame, by way of their longitude and latitude."""
-    geodetic = [DATUM.geodetic_from_map(np.array([*place, 0.0])) for place in places]
-    return np.array([parts.datum.map_from_geodetic(*place)[:2] for place in geodetic])
+def in_map(parts: MapParts, *points: Point) -> Float64Array:
+    """(N, 2) positions of the sample's points in the map frame, via their longitude and latitude."""
+    geodetic = [DATUM.geodetic_from_map(np.array([*point, 0.0])) for point in points]
+    return np.array([parts.datum.map_from_geodetic(*point)[:2] for point in geodetic])
 
 
-def lanes_at(parts: MapParts, net: SumoNet, place: Point, kind: LaneKind, within_m: float = 6.0) -> list[Lane]:
-    point = shapely.Point(in_map(parts, place)[0])
+def lanes_at(parts: MapParts, net: SumoNet, point: Point, kind: LaneKind, within_m: float = 6.0) -> list[Lane]:
+    point = shapely.Point(in_map(parts, point)[0])
     lanes = [lane for lane in net.lanes.values() if lane.kind is kind and not lane.junction]
     return [lane for lane in lanes if shapely.LineString(lane.centerline_m[:, :2]).distance(point) < within_m]
 
 
-def test_the_sample_is_what_its_script_writes() -> None:
+def test_the_sample_file_equals_the_output_of_its_script() -> None:
     assert SAMPLE.read_text(encoding="utf-8") == sample()
 
 
-def test_wherever_it_is_built_the_same_file_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_file_gives_the_same_bytes_in_any_folder(tmp_path: Path) -> None:
     built = set()
     for number in range(6):
         work = tmp_path / ("x" * 7 * number) / "work"
@@ -53,7 +53,7 @@ def test_wherever_it_is_built_the_same_file_gives_the_same_bytes(tmp_path: Path)
     assert len(built) == 1
 
 
-def test_footprints_lie_where_their_coordinates_say(parts: MapParts) -> None:
+def test_footprints_have_the_positions_of_their_coordinates(parts: MapParts) -> None:
     corners_m = in_map(parts, (-105, 46), (-50, 46), (-50, 88), (-105, 88), (-92, 57), (-64, 77))
     school = next(building for building in parts.features.buildings or () if building.outline.interiors)
     outline_m = np.concatenate([np.array(ring.coords) for ring in (school.outline.exterior, *school.outline.interiors)])
@@ -63,7 +63,7 @@ def test_footprints_lie_where_their_coordinates_say(parts: MapParts) -> None:
     assert (school.use, school.height_m) == ("public", 10.5)
 
 
-def test_roads_lie_where_their_coordinates_say(parts: MapParts, net: SumoNet) -> None:
+def test_roads_have_the_positions_of_their_coordinates(parts: MapParts, net: SumoNet) -> None:
     field_road = shapely.LineString(in_map(parts, (18, -250), (140, -256)))
     lanes = lanes_at(parts, net, (60, -252.07), LaneKind.DRIVING)
     assert len(lanes) == 2
@@ -96,13 +96,13 @@ def test_a_bridge_over_the_motorway_is_high_enough_and_its_ramps_are_not_steep(p
 
 
 def test_a_road_over_bridges_is_one_road(parts: MapParts, net: SumoNet) -> None:
-    for place, street in (((0.0, 401.0), (155.0, 355.0)), ((0.0, -120.0), (-220.0, -75.0))):
-        _, start_m, end_m = in_map(parts, place, (0, street[0]), (0, street[1]))
-        for lane in lanes_at(parts, net, place, LaneKind.DRIVING, 4.0):
+    for point, street in (((0.0, 401.0), (155.0, 355.0)), ((0.0, -120.0), (-220.0, -75.0))):
+        _, start_m, end_m = in_map(parts, point, (0, street[0]), (0, street[1]))
+        for lane in lanes_at(parts, net, point, LaneKind.DRIVING, 4.0):
             assert lane.length_m > 0.8 * abs(end_m[1] - start_m[1])
 
 
-def test_sidewalks_are_on_the_sides_that_the_tags_name(parts: MapParts, net: SumoNet) -> None:
+def test_sidewalks_are_on_the_tagged_sides(parts: MapParts, net: SumoNet) -> None:
     assert len(lanes_at(parts, net, (-75, 0), LaneKind.SIDEWALK, 12.0)) == 2
     assert len(lanes_at(parts, net, (230, -56), LaneKind.SIDEWALK, 12.0)) == 1
     assert lanes_at(parts, net, (140, -256), LaneKind.SIDEWALK, 12.0) == []
@@ -110,12 +110,12 @@ def test_sidewalks_are_on_the_sides_that_the_tags_name(parts: MapParts, net: Sum
 
 
 def test_one_way_streets_run_one_way(parts: MapParts, net: SumoNet) -> None:
-    for place, east in (((-220.0, 120.0), 1.0), ((-220.0, 220.0), -1.0), ((-100.0, 409.2), -1.0)):
-        lanes = lanes_at(parts, net, place, LaneKind.DRIVING)
+    for point, east in (((-220.0, 120.0), 1.0), ((-220.0, 220.0), -1.0), ((-100.0, 409.2), -1.0)):
+        lanes = lanes_at(parts, net, point, LaneKind.DRIVING)
         assert {np.sign(lane.centerline_m[-1, 0] - lane.centerline_m[0, 0]) for lane in lanes} == {east}
 
 
-def test_lanes_signals_and_bicycle_lanes_are_those_of_the_tags(parts: MapParts, net: SumoNet) -> None:
+def test_lanes_signals_and_bicycle_lanes_match_the_tags(parts: MapParts, net: SumoNet) -> None:
     assert len(lanes_at(parts, net, (-75, 0), LaneKind.DRIVING, 8.0)) == 4
     assert len({link.programme for link in net.links}) == 3
     assert len(lanes_at(parts, net, (0, -40), LaneKind.BICYCLE)) == 2
@@ -123,7 +123,7 @@ def test_lanes_signals_and_bicycle_lanes_are_those_of_the_tags(parts: MapParts, 
     assert limits == {30}
 
 
-def test_rails_are_left_out_and_paths_are_walked(parts: MapParts, net: SumoNet) -> None:
+def test_rails_are_left_out_and_paths_are_for_pedestrians(parts: MapParts, net: SumoNet) -> None:
     assert [lane for lane in net.lanes.values() if lane.centerline_m[:, 1].max() < in_map(parts, (0, -335))[0, 1]] == []
     (path,) = lanes_at(parts, net, (250, 90), LaneKind.SIDEWALK)
     assert path.width_m == 2.0
@@ -131,7 +131,7 @@ def test_rails_are_left_out_and_paths_are_walked(parts: MapParts, net: SumoNet) 
 
 def test_land_water_and_buildings_are_read(parts: MapParts) -> None:
     features = parts.features
-    island, pond = (shapely.Point(place) for place in in_map(parts, (212, 44), (190, 45)))
+    island, pond = (shapely.Point(point) for point in in_map(parts, (212, 44), (190, 45)))
     wet = shapely.union_all([water.area for water in features.water])
     assert wet.contains(pond) and not wet.contains(island)
     assert wet.contains(shapely.Point(in_map(parts, (300, -215))[0])), "the canal, which is a line with a width"
@@ -140,7 +140,7 @@ def test_land_water_and_buildings_are_read(parts: MapParts) -> None:
         for zone in features.zones
         if zone.area.contains(shapely.Point(in_map(parts, (170, 100))[0]))
     ]
-    assert uses[-1] == "park", "the smallest zone holds"
+    assert uses[-1] == "park", "the smallest zone takes precedence"
     assert {building.use for building in features.buildings or ()} >= {
         "house",
         "retail",
@@ -159,7 +159,7 @@ def town(*streets: list[Point], tags: dict[str, str] | None = None) -> Writer:
     return writer
 
 
-def imported(tmp_path: Path, text: str) -> MapParts:
+def import_text(tmp_path: Path, text: str) -> MapParts:
     path, work = tmp_path / "town.osm", tmp_path / "work"
     path.write_text(text)
     work.mkdir()
@@ -178,39 +178,39 @@ GOOD = town([(0, 0), (100, 0)], [(100, 0), (100, 80), (0, 80), (0, 0)]).text()
         (town([(0, 0), (90_000, 0)]).text(), "its roads span 90 km; at most 30 km are read"),
         (GOOD.replace('lat="52', 'lat="152', 1), "osm:3: node 1: lat: must be degrees between -90 and 90, not '152"),
         (GOOD.replace('lon="7', 'lon="nan', 1), "town.osm:3: node 1: lon: must be degrees"),
-        (GOOD.replace('<node id="2"', '<node id="1"'), "osm:4: node 1: is there twice; the other is .*osm:3"),
+        (GOOD.replace('<node id="2"', '<node id="1"'), "osm:4: node 1: appears twice; the other is .*osm:3"),
         (GOOD.replace('<way id="5000"', '<way id="x"'), "way: id: must be a whole number, not 'x'"),
         (GOOD[:400], "not valid XML"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_a_map_is_refused_with_its_place(tmp_path: Path, text: str, message: str) -> None:
+def test_unusable_files_are_refused_with_their_location(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        imported(tmp_path, text)
+        import_text(tmp_path, text)
 
 
-def test_what_is_cut_off_or_not_connected_is_left_out_and_said(tmp_path: Path) -> None:
+def test_cut_off_or_disconnected_roads_are_left_out_with_a_note(tmp_path: Path) -> None:
     island = town([(0, 0), (200, 0), (200, 80)], [(0, 0), (0, 90)], [(500, 500), (560, 500)]).text()
-    parts = imported(tmp_path, island.replace('<nd ref="1"/>', '<nd ref="1"/><nd ref="77"/>', 1))
+    parts = import_text(tmp_path, island.replace('<nd ref="1"/>', '<nd ref="1"/><nd ref="77"/>', 1))
     assert parts.notes[:2] == (
-        "places of ways that are not in the file, where the ways were cut short: 1",
+        "nodes of ways that are missing from the file, so that the ways were shortened: 1",
         "roads that are not connected with the rest were left out: 1",
     )
     assert max(lane.centerline_m[:, :2].max() for lane in read_sumo_net(parts.net).lanes.values()) < 300
 
 
-def test_a_way_without_length_is_no_road(tmp_path: Path) -> None:
+def test_a_way_without_length_is_not_a_road(tmp_path: Path) -> None:
     text = GOOD.replace("</osm>", ' <way id="7"><nd ref="1"/><nd ref="1"/><tag k="highway" v="primary"/></way></osm>')
-    assert len(read_sumo_net(imported(tmp_path, text).net).junctions) >= 2
+    assert len(read_sumo_net(import_text(tmp_path, text).net).junctions) >= 2
 
 
-def heights_at(parts: MapParts, *places: Point) -> list[list[float]]:
-    """Heights, from low to high, of the road lanes that pass each place."""
+def heights_at(parts: MapParts, *points: Point) -> list[list[float]]:
+    """Heights, in ascending order, of the driving lanes that pass each point."""
     lanes = [lane for lane in read_sumo_net(parts.net).lanes.values() if lane.kind is LaneKind.DRIVING]
-    points = [shapely.Point(place) for place in in_map(parts, *places)]
+    positions = [shapely.Point(position) for position in in_map(parts, *points)]
     lines = [shapely.LineString(lane.centerline_m) for lane in lanes]
     return [
         sorted({round(line.interpolate(line.project(point)).z, 1) for line in lines if line.distance(point) < 3.0})
-        for point in points
+        for point in positions
     ]
 
 
@@ -220,7 +220,7 @@ def test_roads_on_three_layers_pass_above_each_other(tmp_path: Path) -> None:
     writer.way([(0, -300), (0, 300)], {**road, "bridge": "yes", "layer": "1"})
     writer.way([(-300, -300), (300, 300)], {**road, "bridge": "viaduct", "layer": "2"})
     writer.way([(-300, 0), (-300, -300), (0, -300)], road)
-    parts = imported(tmp_path, writer.text())
+    parts = import_text(tmp_path, writer.text())
     ((low, middle, high),) = heights_at(parts, (0, 0))
     assert low == 0.0 and middle >= 5.9 and high - middle >= 5.9
 
@@ -232,19 +232,19 @@ def test_an_underpass_dips_and_a_long_tunnel_is_left_out(tmp_path: Path) -> None
     writer.way([(0, -30), (0, 30)], {**road, "tunnel": "yes"})
     writer.way([(0, 30), (0, 300), (300, 0)], road)
     writer.way([(-200, -300), (-200, 300)], {**road, "tunnel": "yes", "layer": "-2"})
-    parts = imported(tmp_path, writer.text())
+    parts = import_text(tmp_path, writer.text())
     low, high = heights_at(parts, (0, 0))[0]
     assert (low, high) == (pytest.approx(-6.2, abs=0.2), 0.0)
     assert "tunnels longer than 120 m were left out: 1" in parts.notes
     assert heights_at(parts, (-200, 0), (-200, 150)) == [[0.0], []]
 
 
-def test_streams_pass_below_roads_that_have_no_bridge_and_steps_are_no_road(tmp_path: Path) -> None:
+def test_streams_pass_below_roads_without_bridges_and_steps_are_left_out(tmp_path: Path) -> None:
     writer = town([(0, 0), (300, 0)], [(300, 0), (300, 200)])
     writer.way([(100, -80), (100, 80)], {"waterway": "stream"})
     writer.way([(0, 0), (0, 60), (300, 60)], {"highway": "steps"})
-    parts = imported(tmp_path, writer.text())
+    parts = import_text(tmp_path, writer.text())
     wet = shapely.union_all([water.area for water in parts.features.water])
-    bank, road = (shapely.Point(place) for place in in_map(parts, (100, 40), (100, 0)))
+    bank, road = (shapely.Point(point) for point in in_map(parts, (100, 40), (100, 0)))
     assert wet.contains(bank) and wet.distance(road) > 5.0
     assert heights_at(parts, (150, 60)) == [[]]

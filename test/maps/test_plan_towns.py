@@ -1,4 +1,4 @@
-"""Every town of ours, checked in the net that netconvert wrote, without the code that planned it."""
+"""Every built-in town, checked in the net that netconvert wrote, independently of the code that planned it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +38,7 @@ FASTEST_CYCLING_MPS = 70.0 / 3.6
 
 @dataclass(frozen=True)
 class Net:
-    """What is in a .net.xml: lanes by id as (speed, type, edge, (N, 3) line), and who follows whom."""
+    """Content of a .net.xml: lanes by id as (speed, type, edge, (N, 3) line), and their successors."""
 
     parts: MapParts
     speed_mps: dict[str, float]
@@ -97,7 +97,7 @@ def test_every_road_can_be_reached_from_every_other(net: Net) -> None:
     assert connected_components(graph, connection="strong")[0] == 1
 
 
-def test_every_lane_leads_on_but_those_that_end_beside_a_motorway(net: Net) -> None:
+def test_every_lane_has_a_successor_except_those_that_end_beside_a_motorway(net: Net) -> None:
     leading = {a for a, _, _ in net.links}
     ending = [lane for lane in net.driving(internal=False) if lane not in leading]
     assert [lane for lane in ending if net.speed_mps[lane] < MOTORWAY_MPS] == []
@@ -112,7 +112,7 @@ def test_lanes_meet_at_one_height_in_junctions(net: Net) -> None:
             assert abs(net.line_m[lane][end, 2] - net.junctions[junction][2]) < 0.3, (lane, junction)
 
 
-def test_nobody_is_led_aside_where_a_road_goes_on(net: Net) -> None:
+def test_lanes_do_not_shift_sideways_where_a_road_continues(net: Net) -> None:
     for a, b, via in net.links:
         if net.kind[a] != "driving" or not via:
             continue
@@ -134,7 +134,7 @@ def test_lanes_of_a_road_end_side_by_side(net: Net) -> None:
             assert np.ptp([line_m[end, :2] @ along for line_m in lines_m]) < 0.3, edge
 
 
-def test_nobody_rides_a_bicycle_or_walks_on_fast_roads(net: Net) -> None:
+def test_fast_roads_are_closed_to_bicycles_and_pedestrians(net: Net) -> None:
     lanes = ElementTree.parse(net.parts.net).getroot().iterfind("edge/lane[@type='driving']")
     closed = {lane.attrib["id"]: set(lane.get("disallow", "").split()) for lane in lanes}
     fast = {lane for lane in closed if net.speed_mps[lane] > FASTEST_CYCLING_MPS + 0.01}
@@ -143,11 +143,11 @@ def test_nobody_rides_a_bicycle_or_walks_on_fast_roads(net: Net) -> None:
 
 
 def unit(step_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Direction in plan."""
+    """Unit vector in plan view."""
     return np.asarray(step_m[:2] / np.linalg.norm(step_m[:2]))
 
 
-def test_grades_and_vertical_curves_are_those_of_roads(net: Net) -> None:
+def test_grades_and_vertical_curves_are_realistic(net: Net) -> None:
     for lane in net.driving(internal=False):
         steps = np.diff(net.line_m[lane], axis=0)
         length_m = np.linalg.norm(steps[:, :2], axis=1)
@@ -159,7 +159,7 @@ def test_grades_and_vertical_curves_are_those_of_roads(net: Net) -> None:
         assert kinks.max(initial=0.0) < 1.5 * KINK_PER_5M, lane
 
 
-def test_roads_cross_at_one_height_or_with_room_for_lorries(net: Net) -> None:
+def test_roads_cross_at_one_height_or_with_clearance_for_trucks(net: Net) -> None:
     lanes = [*net.driving(internal=False), *net.driving(internal=True)]
     lines = [shapely.LineString(net.line_m[lane]) for lane in lanes]
     first, second = shapely.STRtree(lines).query(lines, predicate="crosses")
@@ -171,7 +171,7 @@ def test_roads_cross_at_one_height_or_with_room_for_lorries(net: Net) -> None:
                 assert apart_m < 0.3 or apart_m > FREE_HEIGHT_M + DECK_M - 0.1, (lanes[a], lanes[b], apart_m)
 
 
-def test_roads_keep_above_water(net: Net) -> None:
+def test_roads_stay_above_water(net: Net) -> None:
     for lane in net.driving(internal=False):
         for body in net.parts.features.water:
             above_m = heights_within(net.line_m[lane], body) - body.surface_m

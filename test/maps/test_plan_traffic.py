@@ -1,4 +1,4 @@
-"""Random traffic drives and walks through every town of ours: nobody gets stuck."""
+"""Random vehicles and pedestrians travel through every built-in town without getting stuck."""
 
 from pathlib import Path
 
@@ -23,13 +23,13 @@ VEHICLES = {
     "Town13": 150,
     "Town15": 100,
 }
-WALKERS = 100  # in small towns no more than two for each vehicle
+NUM_PEDESTRIANS = 100  # in small towns at most two per vehicle
 STEP_S, SPAWN_S, RUN_S = 0.1, 30.0, 60.0
 MOVING_MPS = 0.5
 
 
 @pytest.mark.parametrize("town", VEHICLES)
-def test_traffic_flows_without_teleports_and_lasting_jams_and_hardly_anyone_is_hit(town: str, tmp_path: Path) -> None:
+def test_traffic_flows_without_teleports_or_lasting_jams_and_with_few_collisions(town: str, tmp_path: Path) -> None:
     net = build_town(recipe_of(town), 0, tmp_path).net
     options = f"--step-length {STEP_S} --no-step-log --no-warnings --collision.action warn --collision.check-junctions"
     libsumo.start(["sumo", "-n", str(net), *options.split(), "--time-to-teleport", "85", "--seed", "1"])
@@ -50,15 +50,15 @@ def test_traffic_flows_without_teleports_and_lasting_jams_and_hardly_anyone_is_h
     finally:
         libsumo.close()
     assert teleports == 0
-    # SUMO's own: walkers step out at green without a look at those who turn, left-turners may misjudge a gap.
+    # Due to SUMO itself: pedestrians at green ignore turning vehicles, left-turning vehicles may misjudge a gap.
     assert (len(crashes) <= 1, len(walkers_hit) <= 2) == (True, True), (crashes, walkers_hit)
-    assert len(end_m) > 0.9 * VEHICLES[town], "there is room for all on the roads"
+    assert len(end_m) > 0.9 * VEHICLES[town], "the roads have room for all vehicles"
     moved_m = np.array([end_m[vehicle] - start_m[vehicle] for vehicle in end_m])
-    assert np.mean(moved_m > 10.0) > 0.9, "nobody but those at a red light stands for a minute"
+    assert np.mean(moved_m > 10.0) > 0.9, "only vehicles at a red light stand for a minute"
 
 
 def _allowed(edge: str) -> set[str]:
-    """Who may use some lane of an edge."""
+    """SUMO vehicle classes that may use at least one lane of an edge."""
     lanes = [f"{edge}_{index}" for index in range(libsumo.edge.getLaneNumber(edge))]
     allowed: set[str] = set()
     for lane in lanes:
@@ -68,7 +68,7 @@ def _allowed(edge: str) -> set[str]:
 
 
 def _populate(rng: Generator, vehicles: int) -> None:
-    """Vehicles and walkers from random to random edges, within the first seconds."""
+    """Insert vehicles and pedestrians with random origins and destinations within the first seconds."""
     edges = [edge for edge in libsumo.edge.getIDList() if not edge.startswith(":")]
     driving = [edge for edge in edges if "passenger" in _allowed(edge)]
     walking = [edge for edge in edges if "pedestrian" in _allowed(edge)]
@@ -82,7 +82,7 @@ def _populate(rng: Generator, vehicles: int) -> None:
         libsumo.vehicle.add(
             f"v{number}", f"r{number}", depart=depart, departLane="best", departPos="random_free", departSpeed="0"
         )
-    for number in range(min(WALKERS, 2 * vehicles)):
+    for number in range(min(NUM_PEDESTRIANS, 2 * vehicles)):
         start, end = (str(edge) for edge in rng.choice(walking, 2))
         stages = libsumo.simulation.findIntermodalRoute(start, end)
         if stages and all(stage.edges for stage in stages):

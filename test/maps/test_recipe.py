@@ -15,7 +15,7 @@ MINIMAL: dict[str, Any] = {
 }
 
 
-def test_every_recipe_that_ships_is_valid() -> None:
+def test_every_built_in_recipe_is_valid() -> None:
     for name in known_maps():
         assert recipe_of(name).name == name
 
@@ -51,7 +51,7 @@ def test_wrong_field_is_refused_by_name(change: dict[str, Any], message: str) ->
         TownRecipe(**{**MINIMAL, **change})
 
 
-def test_zone_differs_from_the_town_only_in_what_it_names() -> None:
+def test_zone_differs_from_the_town_only_in_its_own_fields() -> None:
     zone = {"circle_m": [0, 0, 50], "surroundings": {"use": "park", "building_density": 0.0}}
     surroundings = TownRecipe(**{**MINIMAL, "zones": [zone]}).zones[0].surroundings
     assert (surroundings.use, surroundings.building_density, surroundings.plant_density) == ("park", 0.0, 0.9)

@@ -21,7 +21,7 @@ def test_a_map_has_the_regions_around_its_roads_and_no_others() -> None:
     assert regions_of(layout) == (Region(0, 0), Region(1, 0))
 
 
-def test_a_scene_has_the_regions_in_its_reach() -> None:
+def test_a_scene_has_the_regions_within_its_reach() -> None:
     x = np.arange(0.0, 5000.0, 50.0)
     layout = layout_of_line([[value, 256.0, 0.0] for value in x])
     reached = regions_of(layout, Reach((2600.0, 256.0), 600.0))

@@ -1,4 +1,4 @@
-"""A region's plan: nothing folds, every use gets its land, streets hang together and keep off motorways and water."""
+"""A region's plan: the warp does not fold, all uses occur, streets are connected and clear of motorways and water."""
 
 from itertools import pairwise
 
@@ -9,7 +9,7 @@ import shapely
 from simbev_ros.maps.plan.draft import Draft
 from simbev_ros.maps.plan.patterns.districts import DistrictsRecipe, draw_districts
 from simbev_ros.maps.plan.patterns.main_roads import add_main_roads
-from simbev_ros.maps.plan.patterns.region import Region, draw
+from simbev_ros.maps.plan.patterns.region import Region, draw_region
 from simbev_ros.maps.plan.patterns.street_lattice import FILL, FINE, Lattice
 from simbev_ros.maps.plan.patterns.warp import draw_warp
 from simbev_ros.maps.recipe import recipe_of
@@ -18,9 +18,9 @@ TOWNS = ("Town12", "Town13")
 CELLS = 8
 
 
-def drawn(town: str, seed: int) -> Draft:
+def draw_town(town: str, seed: int) -> Draft:
     draft = Draft()
-    draw(pattern_of(town), draft, np.random.default_rng(seed))
+    draw_region(pattern_of(town), draft, np.random.default_rng(seed))
     return draft
 
 
@@ -32,18 +32,18 @@ def pattern_of(town: str) -> Region:
 
 @pytest.fixture(scope="module", params=TOWNS)
 def region(request: pytest.FixtureRequest) -> Draft:
-    return drawn(request.param, 1)
+    return draw_town(request.param, 1)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_warp_never_folds_the_plane(seed: int) -> None:
     warp = draw_warp(np.random.default_rng(seed), amplitude_m=400.0, wavelength_m=800.0)
-    places = np.random.default_rng(9).uniform(-5000.0, 5000.0, (2000, 2))
-    east, north = ((warp(places + step) - warp(places)) / 0.01 for step in ([0.01, 0.0], [0.0, 0.01]))
+    positions = np.random.default_rng(9).uniform(-5000.0, 5000.0, (2000, 2))
+    east, north = ((warp(positions + step) - warp(positions)) / 0.01 for step in ([0.01, 0.0], [0.0, 0.01]))
     assert np.min(east[:, 0] * north[:, 1] - east[:, 1] * north[:, 0]) > 0.2
 
 
-def test_every_use_gets_as_many_cells_as_asked() -> None:
+def test_every_use_gets_the_requested_number_of_cells() -> None:
     recipe = DistrictsRecipe(downtown=2, residential=5, suburb=7, industrial=3, park=2, woods=9)
     uses = list(draw_districts(recipe, CELLS, (4.2, 3.9), np.random.default_rng(3)).values())
     assert {use: uses.count(use) for use in recipe.model_dump()} == recipe.model_dump()
@@ -70,14 +70,14 @@ def test_suburbs_have_culs_de_sac_and_are_reached_from_all_sides() -> None:
     lattice.keep_largest_part()
     assert lattice.steps == steps, "no street is cut off"
     arms = lattice.arms()
-    assert sum(len(neighbours) == 1 for neighbours in arms.values()) >= 3
+    assert sum(len(neighbors) == 1 for neighbors in arms.values()) >= 3
     for side in range(2):
         for border in (0, FINE):
-            assert any(len(neighbours) == 3 for point, neighbours in arms.items() if point[side] == border)
+            assert any(len(neighbors) == 3 for point, neighbors in arms.items() if point[side] == border)
 
 
 def test_the_same_seed_gives_the_same_region_and_another_seed_another() -> None:
-    first, same, other = (drawn("Town12", seed) for seed in (5, 5, 6))
+    first, same, other = (draw_town("Town12", seed) for seed in (5, 5, 6))
     assert [road.name for road in first.roads] == [road.name for road in same.roads]
     assert all(np.array_equal(a.line_m, b.line_m) for a, b in zip(first.roads, same.roads, strict=True))
     assert not np.array_equal(first.roads[0].line_m, other.roads[0].line_m)

@@ -1,4 +1,4 @@
-"""Painted lines and road edges as lines, against the painted areas and the paved surface."""
+"""Painted lines and road edges as lines, compared with the painted areas and the paved surface."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from simbev_ros.types import Float64Array
 _LINES = (MarkingKind.LANE, MarkingKind.EDGE, MarkingKind.CENTER)
 
 
-def test_all_paint_of_a_town_is_on_the_lines_and_solid_lines_are_all_paint(blocks: RoadNetwork) -> None:
+def test_all_paint_lies_on_the_line_paths_and_solid_lines_are_fully_painted(blocks: RoadNetwork) -> None:
     for level in blocks.layout.levels:
         paths = list(line_paths(blocks.layout, level))
         paint = shapely.union_all([m.polygon for m in lane_markings(blocks.layout, level) if m.kind in _LINES])
@@ -34,7 +34,7 @@ def test_all_paint_of_a_town_is_on_the_lines_and_solid_lines_are_all_paint(block
             assert shapely.intersection(shapely.union_all(lines), shapely.Polygon(outline_m)).length < 1e-6
 
 
-def test_lines_between_lanes_of_a_junction_part_them_though_the_lanes_do_not_know_each_other() -> None:
+def test_lines_between_lanes_of_a_junction_separate_them_without_links_between_the_lanes() -> None:
     painted = Line(Paint.SOLID)
     there = replace(straight("there", (0, 0), (30, 0), level_ground), junction="j", left_line=painted)
     beside = replace(straight("beside", (0, -3.5), (30, -3.5), level_ground), junction="j", right_line=painted)
@@ -47,7 +47,7 @@ def test_lines_between_lanes_of_a_junction_part_them_though_the_lanes_do_not_kno
     assert path.kind is MarkingKind.LANE
 
 
-def test_edges_of_a_town_are_the_borders_of_what_is_paved(blocks: RoadNetwork) -> None:
+def test_edges_are_the_borders_of_the_paved_area(blocks: RoadNetwork) -> None:
     edges = list(road_edges(blocks.layout))
     for level in blocks.layout.levels:
         surfaces = surfaces_of(blocks.layout, level)
@@ -59,7 +59,7 @@ def test_edges_of_a_town_are_the_borders_of_what_is_paved(blocks: RoadNetwork) -
         assert heights_m[:, 2] == pytest.approx(blocks.elevation.height_m(heights_m[:, :2], level), abs=1e-9)
 
 
-def test_what_is_paved_is_to_the_left_and_where_a_structure_begins_is_no_edge() -> None:
+def test_paved_area_is_to_the_left_and_the_start_of_a_structure_is_not_an_edge() -> None:
     def rising(xy_m: Float64Array) -> Float64Array:
         return np.asarray(0.02 * xy_m[:, 0])
 

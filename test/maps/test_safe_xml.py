@@ -31,7 +31,7 @@ def test_every_element_knows_its_line(tmp_path: Path) -> None:
         (b"\0" * 100, "1:1: not valid XML"),
         (b"\x89PNG\r\n\x1a\n", "1:1: not valid XML"),
         (b'<net name="\xff"/>', "1:12: not valid XML"),
-        (b'<?xml version="1.0" encoding="shift-jis"?><net/>', "its encoding is not known"),
+        (b'<?xml version="1.0" encoding="shift-jis"?><net/>', "its encoding is unknown"),
         (b"<osm/>", "1: the root element must be <net>, not <osm>"),
         (b"<net>" + b"<edge>" * 100_000, "1: elements are nested more than 64 deep"),
         (LAUGHS.encode(), "2: document type declarations (<!DOCTYPE>) are not accepted"),
@@ -39,7 +39,7 @@ def test_every_element_knows_its_line(tmp_path: Path) -> None:
         (OUTSIDE.encode(), "1: document type declarations (<!DOCTYPE>) are not accepted"),
     ],
 )
-def test_what_is_no_good_xml_is_refused_with_its_place(tmp_path: Path, content: bytes, message: str) -> None:
+def test_invalid_xml_is_refused_with_its_location(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "bad.xml"
     path.write_bytes(content)
     with pytest.raises(InputError) as raised:
@@ -60,6 +60,6 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
     ("path", "message"),
     [("/dev/zero", "is not a file"), ("/", "is not a file"), ("/nowhere", "cannot be read: No such file")],
 )
-def test_what_is_no_file_is_refused(path: str, message: str) -> None:
+def test_paths_that_are_not_files_are_refused(path: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         parse(Path(path), "net")

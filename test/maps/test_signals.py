@@ -16,7 +16,7 @@ from simbev_ros.maps.signals import place_signals
 from simbev_ros.maps.sumo.net import read_sumo_net
 
 
-def test_each_driving_lane_into_a_signalised_junction_has_one_head(blocks: RoadNetwork) -> None:
+def test_each_driving_lane_into_a_signalized_junction_has_one_head(blocks: RoadNetwork) -> None:
     expected = {
         lane.id
         for lane in blocks.lanes_of(LaneKind.DRIVING)
@@ -45,7 +45,7 @@ def test_poles_stand_on_the_sidewalk(blocks: RoadNetwork) -> None:
     assert shapely.contains(sidewalk_surface(blocks.layout), feet).all()
 
 
-def test_heads_face_the_drivers_who_wait_at_their_line(blocks: RoadNetwork) -> None:
+def test_heads_face_the_drivers_waiting_at_their_line(blocks: RoadNetwork) -> None:
     for signal in blocks.signals:
         lane = blocks.lanes[signal.lane]
         waiting_m, yaw_rad = blocks.pose_on_lane(lane.id, lane.length_m - 12.0)
@@ -72,17 +72,17 @@ def test_arms_over_wide_approaches_clear_trucks_and_posts_stand_low(blocks: Road
     assert set(lanes_of_approach.values()) == {1, 2}
 
 
-def test_places_that_the_map_names_are_used_and_the_rest_follows_the_rule(blocks: RoadNetwork) -> None:
+def test_mounts_of_the_map_are_used_and_the_other_heads_are_placed_by_rule(blocks: RoadNetwork) -> None:
     net = read_sumo_net(blocks.net_path)
     wide = [signal for signal in blocks.signals if np.linalg.norm(signal.position_m[:2] - signal.pole_m[:2]) > 1.5]
     straight = next(
         link for link in net.links if link.lane == wide[0].lane and link.direction == "s" and link.link == wide[0].link
     )
     other = next(link for link in net.links if link.lane != straight.lane and link.direction in "lr")
-    place = SignalPlace(np.array([1.0, 2, 3]), np.array([1.0, 2, 9]), 0.25, (other.lane, straight.lane), "mine")
+    mount = SignalPlace(np.array([1.0, 2, 3]), np.array([1.0, 2, 9]), 0.25, (other.lane, straight.lane), "mine")
     idle = SignalPlace(np.zeros(3), np.ones(3), 0.0, ("no such lane",))
-    signals = place_signals(net, replace(blocks.layout, signal_places=(place, idle)))
-    here = [signal for signal in signals if signal.position_m is place.head_m]
+    signals = place_signals(net, replace(blocks.layout, signal_places=(mount, idle)))
+    here = [signal for signal in signals if signal.position_m is mount.head_m]
     assert [(signal.programme, signal.link, signal.lane) for signal in here] == [
         (straight.programme, straight.link, straight.lane)
     ], "one head for both lanes, which shows the straightest movement"
@@ -91,13 +91,13 @@ def test_places_that_the_map_names_are_used_and_the_rest_follows_the_rule(blocks
     assert {signal.lane for signal in signals if all(signal is not each for each in here)} == rest
 
 
-def test_the_signal_of_the_opendrive_that_a_head_is_stands_at_the_end_of_its_lane(blocks: RoadNetwork) -> None:
+def test_the_opendrive_signal_of_a_head_stands_at_the_end_of_its_lane(blocks: RoadNetwork) -> None:
     notes, root = Notes(blocks.opendrive_path), ElementTree.fromstring(blocks.opendrive)
-    place_m = {each.id: each.position_m for each in read_signals(read_document(Path("map"), root, notes), notes)}
+    position_m = {each.id: each.position_m for each in read_signals(read_document(Path("map"), root, notes), notes)}
     assert len(blocks.signals) == len({signal.opendrive_id for signal in blocks.signals}) > 20
     for signal in blocks.signals:
         np.testing.assert_allclose(
-            place_m[signal.opendrive_id], blocks.lanes[signal.lane].centerline_m[-1], atol=0.1, err_msg=str(signal)
+            position_m[signal.opendrive_id], blocks.lanes[signal.lane].centerline_m[-1], atol=0.1, err_msg=str(signal)
         )
 
 

@@ -13,7 +13,7 @@ from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 
 def _same(a: object, b: object) -> bool:
-    """Whether two values are equal to the last bit, arrays and all that is nested included."""
+    """Whether two values are bitwise equal, including arrays and nested values."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     if is_dataclass(a) and not isinstance(a, type):
@@ -27,10 +27,10 @@ def _same(a: object, b: object) -> bool:
 
 @pytest.fixture
 def rich(blocks: RoadNetwork, tmp_path: Path) -> RoadNetwork:
-    """A map with one of everything that can be stored."""
+    """A map with at least one of everything that can be stored."""
     strips = list(blocks.layout.strips)
     strips[0] = replace(strips[0], left_line=Line(Paint.BOTTS_DOTS, PaintColor.RED, 0.3), level=2, structure=True)
-    place = SignalPlace(np.array([1.0, 2, 3]), np.array([1.0, 2, 8]), 0.5, ("a_1", "b_0"))
+    mount = SignalPlace(np.array([1.0, 2, 3]), np.array([1.0, 2, 8]), 0.5, ("a_1", "b_0"))
     corner_m = np.array([[0.0, 0, 1], [4, 0, 1], [4, 2, 1.5]])
     layout = replace(
         blocks.layout,
@@ -38,7 +38,7 @@ def rich(blocks: RoadNetwork, tmp_path: Path) -> RoadNetwork:
         crosswalks=(*blocks.layout.crosswalks, Crosswalk(corner_m, np.array([0.6, 0.8]), 1)),
         stop_lines=(*blocks.layout.stop_lines, StopLine(corner_m[:2], 1, yields=True)),
         signs=(Sign(SignKind.SPEED_LIMIT, corner_m[0], -1.0, (), 13.9),),
-        signal_places=(place,),
+        signal_places=(mount,),
         corner_radius_m=1.5,
     )
     hole = shapely.Point(0, 0).buffer(9).difference(shapely.Point(0, 0).buffer(3))
@@ -56,14 +56,14 @@ def rich(blocks: RoadNetwork, tmp_path: Path) -> RoadNetwork:
     )
 
 
-def test_everything_comes_back_to_the_last_bit(rich: RoadNetwork, tmp_path: Path) -> None:
+def test_a_stored_network_is_restored_bit_for_bit(rich: RoadNetwork, tmp_path: Path) -> None:
     write_network(rich, tmp_path)
     assert _same(read_network(tmp_path, seed=rich.seed), rich)
     assert read_datum(tmp_path) == rich.datum
     assert read_network(tmp_path, seed=5).seed == 5
 
 
-def test_map_with_nothing_but_lanes_comes_back(rich: RoadNetwork, tmp_path: Path) -> None:
+def test_a_map_with_only_lanes_is_restored(rich: RoadNetwork, tmp_path: Path) -> None:
     bare = replace(
         rich,
         signals=(),
@@ -77,7 +77,7 @@ def test_map_with_nothing_but_lanes_comes_back(rich: RoadNetwork, tmp_path: Path
 
 
 @pytest.mark.parametrize("name", [NET, OPENDRIVE, "network.npz"])
-def test_damage_is_noticed(rich: RoadNetwork, tmp_path: Path, name: str) -> None:
+def test_damage_is_detected(rich: RoadNetwork, tmp_path: Path, name: str) -> None:
     write_network(rich, tmp_path)
     content = (tmp_path / name).read_bytes()
     (tmp_path / name).write_bytes(content[: len(content) // 2])
@@ -88,7 +88,7 @@ def test_damage_is_noticed(rich: RoadNetwork, tmp_path: Path, name: str) -> None
         read_network(tmp_path, seed=0)
 
 
-def test_a_flipped_byte_is_noticed(rich: RoadNetwork, tmp_path: Path) -> None:
+def test_a_flipped_byte_is_detected(rich: RoadNetwork, tmp_path: Path) -> None:
     write_network(rich, tmp_path)
     content = bytearray((tmp_path / "network.npz").read_bytes())
     content[len(content) // 2] ^= 0xFF

@@ -1,4 +1,4 @@
-"""The importer of SUMO nets: on nets of netgenerate with known figures, and on nets that are wrong."""
+"""The importer of SUMO nets, on nets of netgenerate with known properties, and on invalid nets."""
 
 import re
 import subprocess
@@ -21,8 +21,8 @@ UTM = "+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
 Import = Callable[[str], MapParts]
 
 
-def generated(path: Path, *options: str) -> str:
-    """The text of a net of netgenerate; a grid of 5 × 5 junctions 100 m apart by default."""
+def generate_net(path: Path, *options: str) -> str:
+    """Text of a net made by netgenerate; a grid of 5 × 5 junctions 100 m apart by default."""
     command = [sumo_home() / "bin" / "netgenerate", *options, "--output-file", path]
     subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
     return path.read_text()
@@ -30,11 +30,11 @@ def generated(path: Path, *options: str) -> str:
 
 @pytest.fixture(scope="module")
 def grid(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return generated(tmp_path_factory.mktemp("nets") / "grid.net.xml", "--grid")
+    return generate_net(tmp_path_factory.mktemp("nets") / "grid.net.xml", "--grid")
 
 
 @pytest.fixture
-def imported(tmp_path: Path) -> Import:
+def import_net(tmp_path: Path) -> Import:
     def run(text: str) -> MapParts:
         (tmp_path / "work").mkdir()
         (tmp_path / "a.net.xml").write_text(text)
@@ -47,20 +47,20 @@ def kinds(net: SumoNet) -> Counter[LaneKind]:
     return Counter(lane.kind for lane in net.lanes.values() if not lane.junction)
 
 
-def test_a_net_without_sidewalks_is_given_some_and_keeps_its_coordinates(grid: str, imported: Import) -> None:
-    parts = imported(grid)
+def test_a_net_without_sidewalks_is_given_some_and_keeps_its_coordinates(grid: str, import_net: Import) -> None:
+    parts = import_net(grid)
     net = read_sumo_net(parts.net)
     assert kinds(net) == {LaneKind.DRIVING: 80, LaneKind.SIDEWALK: 80}
     assert {LaneKind.CROSSING, LaneKind.WALKING_AREA} <= {lane.kind for lane in net.lanes.values()}
     assert net.junctions["C2"].center_m[:2].tolist() == [200.0, 200.0]
-    assert "there are no sidewalks: streets of up to 50 km/h were given some" in parts.notes
+    assert "there are no sidewalks: sidewalks were added to streets of up to 50 km/h" in parts.notes
 
 
-def test_a_net_with_sidewalks_and_crossings_keeps_its_own(tmp_path: Path, imported: Import) -> None:
-    text = generated(
+def test_a_net_with_sidewalks_and_crossings_keeps_its_own(tmp_path: Path, import_net: Import) -> None:
+    text = generate_net(
         tmp_path / "b.net.xml", "--grid", "-L2", "-S13", "-jtraffic_light", "--sidewalks.guess", "--crossings.guess"
     )
-    parts = imported(text)
+    parts = import_net(text)
     net = read_sumo_net(parts.net)
     assert kinds(net) == {LaneKind.DRIVING: 160, LaneKind.SIDEWALK: 80}
     assert len([lane for lane in net.lanes.values() if lane.kind is LaneKind.CROSSING]) == text.count('"crossing"')
@@ -69,17 +69,17 @@ def test_a_net_with_sidewalks_and_crossings_keeps_its_own(tmp_path: Path, import
 
 
 @pytest.mark.parametrize("options", [("--spider",), ("--rand", "--seed", "4"), ("--grid", "--no-internal-links")])
-def test_other_nets_of_netgenerate_are_read(tmp_path: Path, imported: Import, options: tuple[str, ...]) -> None:
-    text = generated(tmp_path / "b.net.xml", *options)
-    net = read_sumo_net(imported(text).net)
+def test_other_nets_of_netgenerate_are_read(tmp_path: Path, import_net: Import, options: tuple[str, ...]) -> None:
+    text = generate_net(tmp_path / "b.net.xml", *options)
+    net = read_sumo_net(import_net(text).net)
     streets = set(re.findall(r'<edge id="([^:"]*)"', text))
     assert {lane.edge for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING and not lane.junction} == streets
     assert any(lane.kind is LaneKind.DRIVING and lane.junction for lane in net.lanes.values())
 
 
-def test_a_projected_net_lies_on_earth_where_its_projection_says(grid: str, imported: Import) -> None:
+def test_a_projected_net_has_the_position_of_its_projection(grid: str, import_net: Import) -> None:
     text = grid.replace('projParameter="!"', f'projParameter="{UTM}"')
-    parts = imported(text.replace('netOffset="0.00,0.00"', 'netOffset="-691000.00,-5335000.00"'))
+    parts = import_net(text.replace('netOffset="0.00,0.00"', 'netOffset="-691000.00,-5335000.00"'))
     net = read_sumo_net(parts.net)
     to_geodetic = Transformer.from_crs(UTM, "EPSG:4326", always_xy=True)
     for name, east_m, north_m in (("A0", 0.0, 0.0), ("E0", 400.0, 0.0), ("C4", 200.0, 400.0)):
@@ -89,27 +89,27 @@ def test_a_projected_net_lies_on_earth_where_its_projection_says(grid: str, impo
     assert any("were turned and scaled so that x points east" in note for note in parts.notes)
 
 
-def test_a_net_far_from_its_origin_is_moved_to_it(grid: str, imported: Import) -> None:
+def test_a_net_far_from_its_origin_is_recentered(grid: str, import_net: Import) -> None:
     def moved(match: re.Match[str]) -> str:
         points = (point.split(",") for point in match[2].split())
         return f'{match[1]}"{" ".join(f"{float(x) + 90000},{y}" for x, y in points)}"'
 
     text = re.sub(r'( shape=)"([^"]*)"', moved, grid)
     text = re.sub(r' x="([^"]*)"', lambda match: f' x="{float(match[1]) + 90000}"', text)
-    parts = imported(text)
+    parts = import_net(text)
     assert "it lies far from its origin: map (0, 0, 0) is 90200, 0, 0 there" in parts.notes
     assert read_sumo_net(parts.net).junctions["C2"].center_m[:2].tolist() == [0.0, 200.0]
 
 
 ODD_SPEED = "lanes with a speed limit below 0.5 or above 150 m/s"
 LANE = r'(<lane id="A0B0_0"[^>]*?)'
-LOST = "connections with lanes that are not there were left out: 1 (A0X7_0)"
+LOST = "connections with missing lanes were left out: 1 (A0X7_0)"
 
 
 @pytest.mark.parametrize(
     ("pattern", "replacement", "message"),
     [
-        (r'<edge id="A0B0"', '<edge id="A0A1"', r"xml:\d+: edge A0A1: is there twice; the other is .*xml:\d+"),
+        (r'<edge id="A0B0"', '<edge id="A0A1"', r"xml:\d+: edge A0A1: appears twice; the other is .*xml:\d+"),
         (r'from="A0" to="B0"', 'from="A0" to="X"', r"net\.xml:\d+: edge A0B0: to: there is no junction 'X'"),
         (LANE + r' shape="[^"]*"', r"\1", r"net\.xml:\d+: lane A0B0_0: shape: needs at least two points"),
         (LANE + r' shape="[^"]*"', r'\1 shape="1,2 nan,3"', r"net\.xml:\d+: lane A0B0_0: shape: must be points x,y"),
@@ -123,13 +123,13 @@ LOST = "connections with lanes that are not there were left out: 1 (A0X7_0)"
         (r"(?s)<location.*</net>", "</net>", "has no lanes that cars may drive on"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_with_its_place(
-    grid: str, imported: Import, pattern: str, replacement: str, message: str
+def test_invalid_nets_are_refused_with_their_location(
+    grid: str, import_net: Import, pattern: str, replacement: str, message: str
 ) -> None:
     text = re.sub(pattern, replacement, grid)
     assert text != grid
     with pytest.raises(InputError, match=message):
-        imported(text)
+        import_net(text)
 
 
 @pytest.mark.parametrize(
@@ -143,20 +143,20 @@ def test_what_is_wrong_is_said_with_its_place(
         (r'(<connection from=)"A0B0"', r'\1"A0X7"', LOST),
     ],
 )  # fmt: skip
-def test_what_can_be_mended_is_mended_and_said(
-    grid: str, imported: Import, pattern: str, replacement: str, note: str
+def test_repairable_nets_are_repaired_with_a_note(
+    grid: str, import_net: Import, pattern: str, replacement: str, note: str
 ) -> None:
     text = re.sub(pattern, replacement, grid, flags=re.DOTALL)
     assert text != grid
-    parts = imported(text)
+    parts = import_net(text)
     assert note in parts.notes
     assert kinds(read_sumo_net(parts.net))[LaneKind.DRIVING] >= 76
 
 
-def test_islands_are_left_out_and_said(grid: str, imported: Import) -> None:
+def test_islands_are_left_out_with_a_note(grid: str, import_net: Import) -> None:
     bridges = ("B{0}C{0}", "C{0}B{0}")
     cut = "|".join(bridge.format(row) for row in range(5) for bridge in bridges)
-    parts = imported(re.sub(rf'<edge id="({cut})".*?</edge>', "", grid, flags=re.DOTALL))
+    parts = import_net(re.sub(rf'<edge id="({cut})".*?</edge>', "", grid, flags=re.DOTALL))
     net = read_sumo_net(parts.net)
     assert {name[0] for name in net.junctions} == {"C", "D", "E"}
     assert "edges not connected with the rest were left out: 26 (A0A1, A0B0, A1A0, A1A2, …)" in parts.notes

@@ -56,7 +56,7 @@ def _strips(layout: Layout) -> dict[str, Strip]:
     return {strip.id: strip for strip in layout.strips}
 
 
-def test_strips_are_lanes_with_their_borders_kinds_and_neighbours(layout: Layout) -> None:
+def test_strips_are_lanes_with_their_borders_kinds_and_neighbors(layout: Layout) -> None:
     strips = _strips(layout)
     kinds = [strips[f"AJ_{lane}"].kind for lane in range(4)]
     assert kinds == [LaneKind.SIDEWALK, LaneKind.PARKING, LaneKind.DRIVING, LaneKind.DRIVING]
@@ -65,13 +65,13 @@ def test_strips_are_lanes_with_their_borders_kinds_and_neighbours(layout: Layout
     assert left.left_m[:, 1] == pytest.approx(0.0)
     assert left.right_m[:, 1] == pytest.approx(-3.5)
     assert (left.left, left.right, left.following) == ("JA_0", "AJ_2", (":J_0_0", "JA_0"))
-    assert strips["JA_0"].left == "AJ_3", "the other direction is beside it although its ends are not at the same place"
+    assert strips["JA_0"].left == "AJ_3", "the other direction is adjacent although its ends have other positions"
     assert (strips["JC_1"].left, strips["JC_2"].left, strips["AJ_0"].right) == ("JC_2", "", "")
     assert [strip.id for strip in layout.strips if strip.structure] == ["AJ_0", "AJ_1", "AJ_2", "AJ_3"]
     assert strips[":J_0_0"].junction == "J"
 
 
-def test_paint_follows_from_what_lies_on_both_sides(layout: Layout) -> None:
+def test_paint_follows_from_the_lanes_on_both_sides(layout: Layout) -> None:
     strips = _strips(layout)
     lines = {name: (strip.left_line.paint, strip.right_line.paint) for name, strip in strips.items()}
     assert lines["AJ_1"] == (Paint.SOLID, Paint.CURB), "parking begins at a solid line"
@@ -79,7 +79,7 @@ def test_paint_follows_from_what_lies_on_both_sides(layout: Layout) -> None:
     assert lines["AJ_3"] == (Paint.SOLID_SOLID, Paint.BROKEN)
     assert lines["JA_0"] == (Paint.SOLID_SOLID, Paint.SOLID), "no curb on its right"
     assert lines["JC_1"] == (Paint.SOLID, Paint.SOLID)
-    assert lines["DJ_0"] == (Paint.NONE, Paint.NONE), "too quiet for paint"
+    assert lines["DJ_0"] == (Paint.NONE, Paint.NONE), "too minor for paint"
     assert lines[":J_0_0"] == (Paint.NONE, Paint.NONE)
     assert strips["AJ_3"].left_line.color is strips["JC_1"].left_line.color is PaintColor.YELLOW
     assert strips["JC_1"].right_line.color is strips["AJ_3"].right_line.color is PaintColor.WHITE
@@ -93,7 +93,7 @@ def test_minor_approach_has_a_line_and_a_sign(
 ) -> None:
     net = _net(tmp_path, state)
     layout = layout_of(net)
-    assert minor_approaches(net) == ({"DJ": sign} if sign else {}), "turning round on AJ does not make it minor"
+    assert minor_approaches(net) == ({"DJ": sign} if sign else {}), "turning around on AJ does not make it minor"
     assert [line.yields for line in layout.stop_lines] == ([] if yields is None else [yields])
     if sign is None:
         return
@@ -101,11 +101,11 @@ def test_minor_approach_has_a_line_and_a_sign(
     found = [each for each in place_signs(net, layout) if each.kind is sign]
     assert len(found) == 1
     assert found[0].foot_m == pytest.approx([105 + 1.5 + 0.7, -11.0, 0.0])
-    assert found[0].yaw_rad == pytest.approx(-np.pi / 2), "towards those who come"
+    assert found[0].yaw_rad == pytest.approx(-np.pi / 2), "towards approaching traffic"
     assert found[0].lanes == ("DJ_0",)
 
 
-def test_speed_limits_stand_where_they_begin_and_off_the_road(tmp_path: Path) -> None:
+def test_speed_limit_signs_stand_off_the_road_where_the_limit_begins(tmp_path: Path) -> None:
     net = _net(tmp_path)
     signs = {each.lanes[0]: each for each in place_signs(net, layout_of(net)) if each.kind is SignKind.SPEED_LIMIT}
     assert {lane: sign.speed_mps for lane, sign in signs.items()} == {"AJ_2": 14.0, "JC_1": 30.0, "DJ_0": 8.0}

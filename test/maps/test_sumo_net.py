@@ -47,14 +47,16 @@ def test_kinds_links_and_elevation_are_read(tmp_path: Path) -> None:
     assert net.lanes["AB_3"].successors == (":B_0_0",)
     assert net.lanes[":B_0_0"].successors == ("BC_0",)
     assert net.lanes[":B_0_0"].junction == net.lanes[":B_w0_0"].junction == "B"
-    assert net.lanes["AB_3"].centerline_m.tolist() == [[0, 0, 0], [30, 0, 1], [50, 0, 2]], "the repeated point is gone"
+    assert net.lanes["AB_3"].centerline_m.tolist() == [[0, 0, 0], [30, 0, 1], [50, 0, 2]], (
+        "the repeated point is removed"
+    )
     assert net.lanes["AB_2"].width_m == 3.2
     assert list(net.junctions) == ["B"]
     assert net.junctions["B"].signalised
     assert [(link.lane, link.programme, link.link, link.direction) for link in net.links] == [("AB_3", "T", 4, "s")]
 
 
-def test_file_that_is_no_net_is_refused_by_name(tmp_path: Path) -> None:
+def test_file_that_is_not_a_net_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "broken.net.xml"
     path.write_text("<net")
     with pytest.raises(SimulationError, match=r"broken\.net\.xml"):

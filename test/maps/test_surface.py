@@ -8,7 +8,7 @@ from road_strips import layout_of_strips, level_ground, side_by_side, straight
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.roads.surface import (
     Surfaces,
     crosswalk_polygons,
@@ -28,7 +28,7 @@ def surfaces(blocks: RoadNetwork) -> Surfaces:
 
 
 def _points_beside(blocks: RoadNetwork, kind: LaneKind, left_m: float) -> Float64Array:
-    """(N, 2) points beside the middles of all street lanes of a kind; ``left_m`` is counted from the left border."""
+    """(N, 2) points beside the middles of all street lanes of a kind; ``left_m`` is measured from the left border."""
     lanes = [lane for lane in blocks.lanes_of(kind) if not lane.junction]
     poses = [blocks.pose_on_lane(lane.id, lane.length_m * part) for lane in lanes for part in (0.05, 0.5, 0.95)]
     offsets_m = np.repeat([lane.width_m / 2.0 + left_m for lane in lanes], 3)
@@ -79,7 +79,7 @@ def test_crosswalks_lie_on_the_road_from_curb_to_curb(blocks: RoadNetwork, surfa
     assert surfaces.crosswalk.area == pytest.approx(shapely.area(crosswalks).sum(), rel=1e-3)
 
 
-def test_window_shows_what_the_whole_shows_there(blocks: RoadNetwork, surfaces: Surfaces) -> None:
+def test_window_equals_that_part_of_the_whole(blocks: RoadNetwork, surfaces: Surfaces) -> None:
     window = shapely.box(-140.3, -77.7, 31.1, 60.9)
     part = surfaces_of(blocks.layout, 0, window)
     for name in Surfaces.__slots__:
@@ -103,17 +103,17 @@ def test_narrow_medians_and_shoulders_are_not_filled_by_the_road() -> None:
             assert part.area == pytest.approx(50 * 3.5, abs=0.1)
 
 
-def test_paving_has_no_gap_where_a_lane_begins_in_place_of_the_shoulder() -> None:
+def test_paving_has_no_gap_where_a_lane_replaces_the_shoulder() -> None:
     lane = straight("lane", (-50, 0), (50, 0), level_ground)
     shoulder = _as(LaneKind.SHOULDER, straight("shoulder", (-50, -3.5), (0, -3.5), level_ground))
     new_lane = straight("new", (1, -3.5), (50, -3.5), level_ground)
     surfaces = surfaces_of(replace(layout_of_strips(lane, shoulder, new_lane), corner_radius_m=3.0))
     paved = shapely.union(surfaces.road, surfaces.shoulder)
-    assert shapely.difference(shapely.box(-50, -5.25, 50, 1.75), paved).area < 0.2, "but for a notch at the edge"
+    assert shapely.difference(shapely.box(-50, -5.25, 50, 1.75), paved).area < 0.2, "except for a notch at the edge"
     assert paved.area == pytest.approx(surfaces.road.area + surfaces.shoulder.area) == pytest.approx(700.0, abs=0.2)
 
 
-def test_shoulders_go_on_over_nodes() -> None:
+def test_shoulders_continue_across_nodes() -> None:
     lane = straight("lane", (-50, 0), (50, 0), level_ground)
     node = replace(straight("node", (-1.5, 0), (1.5, 0), level_ground), junction="node")
     shoulders = [
@@ -121,12 +121,12 @@ def test_shoulders_go_on_over_nodes() -> None:
         for name, from_m, to_m in (("a", -50, -1.5), ("b", 1.5, 50))
     ]
     surfaces = surfaces_of(replace(layout_of_strips(lane, node, *shoulders), corner_radius_m=3.0))
-    assert surfaces.shoulder.area == pytest.approx(100 * 3.5, abs=1.5), "but for a notch at the edge"
+    assert surfaces.shoulder.area == pytest.approx(100 * 3.5, abs=1.5), "except for a notch at the edge"
     assert surfaces.road.area == pytest.approx(100 * 3.5, abs=0.01)
 
 
 @pytest.mark.parametrize(("speed_mps", "is_road"), [(30.0, False), (14.0, True)])
-def test_between_a_motorway_and_its_ramp_nobody_drives(speed_mps: float, is_road: bool) -> None:
+def test_the_gore_between_a_motorway_and_its_ramp_is_not_road(speed_mps: float, is_road: bool) -> None:
     main = replace(straight("main", (-60, 0), (60, 0), level_ground), speed_mps=speed_mps)
     ramp = straight("ramp", (-60, -4.0), (60, -16.0), level_ground)
     shoulder = _as(LaneKind.SHOULDER, straight("shoulder", (-20, -3.5), (60, -3.5), level_ground))
@@ -140,7 +140,7 @@ def test_between_a_motorway_and_its_ramp_nobody_drives(speed_mps: float, is_road
 def test_levels_have_surfaces_of_their_own_that_meet_at_the_deck_ends() -> None:
     under = straight("under", (0, -100), (0, 100), level_ground)
     over = side_by_side(2, name="over", start_m=(-100, 0), end_m=(100, 0), height=lambda xy_m: np.full(len(xy_m), 6.0))
-    layout = with_levels(layout_of_strips(under, *over))
+    layout = assign_levels(layout_of_strips(under, *over))
     ground, deck = road_surface(layout, 0), road_surface(layout, 1)
     assert ground.contains(shapely.Point(0, 0))
     assert deck.contains(shapely.Point(0, 0))
@@ -162,7 +162,9 @@ def test_window_may_end_where_strips_end() -> None:
         )
     ]
     layout = replace(layout_of_strips(*strips), corner_radius_m=3.0)
-    window = shapely.box(100.0 + 4.0 * layout.corner_radius_m, -30.0, 150.0, 60.0)  # it is seen so far beyond its sides
+    window = shapely.box(
+        100.0 + 4.0 * layout.corner_radius_m, -30.0, 150.0, 60.0
+    )  # surfaces are computed this far beyond its sides
     whole, part = surfaces_of(layout), surfaces_of(layout, 0, window)
     for name in ("road", "shoulder", "sidewalk", "median"):
         assert shapely.symmetric_difference(getattr(part, name), getattr(whole, name) & window).area < 1e-6

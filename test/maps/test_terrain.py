@@ -8,27 +8,27 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.types import Float64Array
 
-BEND_M = 0.01  # of the road between nodes 2 m apart
+BEND_M = 0.01  # deviation of the road between nodes 2 m apart
 
 
 def along(network: RoadNetwork, level: int) -> Float64Array:
-    """Places on lanes of a level, on their borders too."""
+    """Positions on lanes of a level, including their borders."""
     strips = [strip for strip in network.layout.strips if strip.level == level]
     return np.concatenate([line[:, :2] for strip in strips for line in (strip.left_m, strip.center_m, strip.right_m)])
 
 
 def test_land_lies_in_the_plane_of_the_roads_on_the_ground() -> None:
     network = hilly_road()
-    places_m = along(network, 0)
-    roads_m = Elevation(network.layout).height_m(places_m)
-    np.testing.assert_allclose(Terrain(network).height_m(places_m), roads_m, atol=BEND_M)
+    positions_m = along(network, 0)
+    roads_m = Elevation(network.layout).height_m(positions_m)
+    np.testing.assert_allclose(Terrain(network).height_m(positions_m), roads_m, atol=BEND_M)
 
 
 def test_far_from_roads_land_is_the_relief() -> None:
     network = hilly_road()
-    places_m = np.array([[-400.0, 700.0], [0.0, -600.0], [900.0, 30.0]])
-    expected_m = Relief.of(network.features.relief, network.seed).height_m(places_m)
-    np.testing.assert_allclose(Terrain(network).height_m(places_m), expected_m, atol=0.01)
+    positions_m = np.array([[-400.0, 700.0], [0.0, -600.0], [900.0, 30.0]])
+    expected_m = Relief.of(network.features.relief, network.seed).height_m(positions_m)
+    np.testing.assert_allclose(Terrain(network).height_m(positions_m), expected_m, atol=0.01)
 
 
 def test_land_passes_below_a_bridge_and_stays_below_its_deck() -> None:
@@ -76,7 +76,7 @@ def test_patches_that_overlap_agree_to_the_bit() -> None:
     assert np.ptp(west[64:]) > 1.0
 
 
-def test_a_level_map_is_level() -> None:
+def test_a_flat_map_has_flat_terrain() -> None:
     terrain = Terrain(level_street())
     assert terrain.is_level
     assert (terrain.height_m(np.array([[5.0, 7.0], [-900.0, 3000.0]])) == 0.0).all()

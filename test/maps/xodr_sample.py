@@ -1,4 +1,4 @@
-"""Writes small OpenDRIVE files for the tests: one road, or what is made of several."""
+"""Writes small OpenDRIVE files for the tests, from one road or several."""
 
 from collections.abc import Iterable
 

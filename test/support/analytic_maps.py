@@ -22,7 +22,7 @@ from simbev_ros.maps.land_features import MapFeatures, Water
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
@@ -67,7 +67,7 @@ def stack() -> RoadNetwork:
     bridge = _road("bridge", along((256, -100), (256, 612), 6.0, 150.0), STREET)
     street = _road("street", along((40, 40), (472, 472), 0.0, 0.0), STREET)
     network = _network([*(replace(strip, structure=True) for strip in viaduct), *bridge, *street])
-    return replace(network, layout=with_levels(network.layout))
+    return replace(network, layout=assign_levels(network.layout))
 
 
 def river() -> RoadNetwork:

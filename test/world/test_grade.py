@@ -17,7 +17,7 @@ from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Strip
-from simbev_ros.maps.roads.levels import with_levels
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import read_sumo_net
 from simbev_ros.maps.sumo.netconvert import sumo_home
@@ -51,7 +51,7 @@ def road(tmp_path_factory: pytest.TempPathFactory) -> RoadNetwork:
     command = [sumo_home() / "bin" / "netconvert", "-n", nodes, "-e", edges, "-o", net]
     subprocess.run([*command, "--offset.disable-normalization"], check=True, capture_output=True)
     content = read_sumo_net(net)
-    layout = with_levels(layout_of(content))
+    layout = assign_levels(layout_of(content))
     layout = replace(layout, strips=tuple(map(level_across, layout.strips)))
     return replace(blocks(), lanes=content.lanes, junctions={}, signals=(), layout=layout, net_path=net)
 

@@ -84,8 +84,8 @@ class PatchLines:
             guides_m: (N, 3) each: where to ask whether a point on the line counts; None: there itself.
             real: (N - 1,) each, whether a segment belongs to its line; None: all do.
         """
-        self._lines = Polylines.of(lines_m)
-        self._guides_m = self._lines.points_m if guides_m is None else Polylines.of(guides_m).points_m
+        self._lines = Polylines.from_lines(lines_m)
+        self._guides_m = self._lines.points_m if guides_m is None else Polylines.from_lines(guides_m).points_m
         begins = np.ones(len(self._lines.points_m), bool)
         begins[self._lines.first[1:] - 1] = False
         if real is not None:

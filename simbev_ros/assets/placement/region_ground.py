@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
-from simbev_ros.maps.land.membrane import Raster, places_m
+from simbev_ros.maps.land.membrane import Raster, node_positions_m
 from simbev_ros.maps.land.terrain import NODE_M, Terrain
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.network import RoadNetwork
@@ -151,7 +151,7 @@ def _streets(network: RoadNetwork, level: int, around: shapely.Polygon) -> Stree
 
 def _deck_facets(terrain: Terrain, like: Raster, level: int) -> Facets:
     """The plane of a level's carriageway at the places of another raster's nodes."""
-    xy_m = places_m(like.origin_m, NODE_M, like.values.shape)
+    xy_m = node_positions_m(like.origin_m, NODE_M, like.values.shape)
     height_m = terrain.elevation.height_m(xy_m.reshape(-1, 2), level).reshape(like.values.shape)
     return Facets.of(Raster(like.origin_m, NODE_M, height_m), np.full(like.values.shape, _STREET_TOLERANCE_M))
 

@@ -1,1 +1,1 @@
-"""The land beside the roads: relief, water, zones, heights."""
+"""The terrain around the roads: relief, water, and heights at any position."""

@@ -1,4 +1,4 @@
-"""The shape of the land far from roads: smooth random hills, the same for the same map and seed."""
+"""Relief far from roads: smooth random hills that depend only on the map and its seed."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,18 @@ from simbev_ros.maps.surroundings import ReliefRecipe
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 
-_WAVES = 24
+_NUM_WAVES = 24
 
 
 @dataclass(frozen=True, slots=True)
 class Relief:
-    """Heights of the undisturbed land; 0 on average, twice differentiable.
+    """Heights of the land without roads; zero mean, twice differentiable.
 
-    A sum of plane waves in random directions, of wavelengths around the recipe's, each as high as it is long; three
-    standard deviations of the sum are the recipe's amplitude.
+    A sum of plane waves in random directions, with wavelengths around the recipe's and amplitudes proportional to them;
+    three standard deviations of the sum are the recipe's amplitude.
 
     Attributes:
-        wave_number: (2, W) radians per metre along x and y.
+        wave_number: (2, W) radians per meter along x and y.
         phase_rad: (W,).
         amplitude_m: (W,).
     """
@@ -30,12 +30,12 @@ class Relief:
 
     @classmethod
     def of(cls, recipe: ReliefRecipe, seed: int) -> "Relief":
-        """The hills of a map's seed."""
+        """Draw the hills of a recipe from a map's seed."""
         if recipe.amplitude_m == 0.0:
             return cls(np.zeros((2, 0)), np.zeros(0), np.zeros(0))
         rng = stream(seed, "map.relief")
-        wavelength_m = recipe.wavelength_m * 2.0 ** rng.uniform(-1.0, 1.0, _WAVES)
-        angle_rad, phase_rad = rng.uniform(0.0, 2.0 * np.pi, (2, _WAVES))
+        wavelength_m = recipe.wavelength_m * 2.0 ** rng.uniform(-1.0, 1.0, _NUM_WAVES)
+        angle_rad, phase_rad = rng.uniform(0.0, 2.0 * np.pi, (2, _NUM_WAVES))
         wave_number = 2.0 * np.pi / wavelength_m * np.stack([np.cos(angle_rad), np.sin(angle_rad)])
         share = wavelength_m / np.sqrt(np.sum(wavelength_m**2) / 2.0)
         return cls(wave_number, phase_rad, recipe.amplitude_m / 3.0 * share)

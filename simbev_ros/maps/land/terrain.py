@@ -1,11 +1,12 @@
-"""The shape of the land: the roads' own plane on and beside them, smoothly into the relief away from them.
+"""Computes terrain heights: the roads' surface on and beside roads, blended into the relief away from them.
 
-Two steps. The whole map, coarsely: where roads are it has their height, elsewhere a membrane that hangs between them
-and, where there are hills, fades into those. ``Terrain.patch`` refines a rectangle of it: nodes on and beside streets
-lie exactly on the carriageway's plane, and a fixed number of relaxation steps smooths what lies around them. A node
-depends only on what lies within ``_REACH_M`` of it, so patches that overlap agree to the bit.
+Two steps. First, a coarse raster of the whole map: it has the height of the roads where there are roads, a membrane
+interpolates between them, and where there are hills the membrane fades into those. Second, ``Terrain.patch`` refines a
+rectangle of it: nodes on and beside streets lie exactly in the plane of the carriageway, and a fixed number of
+relaxation steps smooths the land around them. A node depends only on what lies within ``_REACH_M`` of it, so
+overlapping patches agree to the bit.
 
-Structures are ignored: beneath a bridge the land passes from one bank to the other.
+Structures are ignored: beneath a bridge the land continues from one bank to the other.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ import cv2
 import numpy as np
 import shapely
 
-from simbev_ros.maps.land.membrane import Raster, membrane, places_m, relaxed
+from simbev_ros.maps.land.membrane import Raster, membrane, node_positions_m, relax
 from simbev_ros.maps.land.relief import Relief
 from simbev_ros.maps.land.shore import Shores
 from simbev_ros.maps.network import RoadNetwork
@@ -26,27 +27,28 @@ from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, UInt8Array
 
 NODE_M = 2.0
-"""Distance of a patch's nodes."""
+"""Spacing of a patch's nodes."""
 
 _COARSE_M, _MARGIN_M = 8.0, 512.0
-_FADE_M = (20.0, 220.0)  # between these distances from roads the land turns into the relief
-_VERGE_M = 5.5  # so far beside lanes lies the street, and the land in its plane; the gaps in a street are closed by 3 m
-_EDGE_M = 3.6  # what is so far beside lanes matters to their facets: the diagonal of nodes, and most of a pixel
+_FADE_M = (20.0, 220.0)  # between these distances from roads the land blends into the relief
+_VERGE_M = 5.5  # distance from lanes up to which land lies in the street's plane; closes gaps in a street by 3 m
+_LANE_EDGE_M = 3.6  # distance from lanes up to which nodes affect their facets: a node diagonal and most of a pixel
 _PIXEL_M = 1.0
-_SLOPE_M = 24.0  # so far beside streets the land is relaxed
-_STEPS = 32
-_REACH_M = 112.0  # of the steps, the slopes and the band that is relaxed
-_STEEPEST = 0.6  # of embankments and cuttings
+_RELAXED_M = 24.0  # distance from streets up to which the land is relaxed
+_RELAXATION_STEPS = 32
+_REACH_M = 112.0  # covers the relaxation steps, the slopes and the relaxed band
+_MAX_SLOPE = 0.6  # gradient of embankments and cuttings
 _CELL_M = 128.0
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """A rectangle of land.
+    """A rectangle of terrain.
 
     Attributes:
-        heights: At nodes ``NODE_M`` apart.
-        street: (I, J) which nodes lie on lanes, or near enough to matter there: exactly in the carriageway's plane.
+        heights: Heights at nodes ``NODE_M`` apart.
+        street: (I, J) whether a node lies on lanes or close enough to affect their facets; its height is exactly in the
+            plane of the carriageway.
     """
 
     heights: Raster
@@ -54,24 +56,24 @@ class Patch:
 
 
 class Terrain:
-    """The land of one map, without what stands on it or spans it."""
+    """Terrain of one map, without the objects on it and the structures above it."""
 
     def __init__(self, network: RoadNetwork, elevation: Elevation | None = None) -> None:
-        """Takes seconds on the largest maps. ``elevation``: that of the network, to save its computation."""
+        """Prepare the terrain; takes seconds on the largest maps. Pass ``elevation`` to avoid recomputing it."""
         self.elevation = Elevation(network.layout) if elevation is None else elevation
         self._features = network.features
         self._relief = Relief.of(self._features.relief, network.seed)
         strips = network.layout.strips_of(*LaneKind, level=0)
-        places_m = _places(strips)
-        self.is_level = not (places_m[:, 2].any() or self._features.relief.amplitude_m or self._features.water)
+        positions_m = _strip_positions(strips)
+        self.is_level = not (positions_m[:, 2].any() or self._features.relief.amplitude_m or self._features.water)
         if not self.is_level:
             self._shores = Shores(self._features.water)
             decks = [strip for strip in network.layout.strips if strip.level > 0]
             self._lanes = tuple(shapely.STRtree(strip_polygons(parts)) for parts in (strips, decks))
-            self._above_relief = _above_relief(self._relief, places_m)
+            self._above_relief = _above_relief(self._relief, positions_m)
 
     def height_m(self, xy_m: Float64Array) -> Float64Array:
-        """(N,) height of the land at (N, 2) points of the map frame, as patches have it."""
+        """(N,) terrain heights at (N, 2) points of the map frame, equal to those of patches."""
         xy_m = np.asarray(xy_m, np.float64)
         height_m = np.zeros(len(xy_m))
         cells, of_point = np.unique(np.floor(xy_m / _CELL_M), axis=0, return_inverse=True)
@@ -81,13 +83,13 @@ class Terrain:
         return height_m
 
     def far_m(self, xy_m: Float64Array) -> Float64Array:
-        """(N,) the same without detail, quickly: for land that is only seen from afar."""
+        """(N,) approximate terrain heights at (N, 2) points, fast: for land that is seen only from a distance."""
         if self.is_level:
             return np.zeros(len(xy_m))
         return self._relief.height_m(xy_m) + self._above_relief.smooth(xy_m)
 
     def patch(self, low_m: Float64Array, high_m: Float64Array) -> Patch:
-        """Heights from (2,) ``low_m`` to ``high_m``, both multiples of ``NODE_M``."""
+        """Compute the heights from (2,) ``low_m`` to ``high_m``, both multiples of ``NODE_M``."""
         low_m = np.asarray(low_m, np.float64)
         margin = round(_REACH_M / NODE_M)
         count = np.round((high_m - low_m) / NODE_M).astype(int) + 1
@@ -99,62 +101,64 @@ class Terrain:
         return Patch(Raster(low_m, NODE_M, height_m[inner]), street[inner])
 
     def _nodes(self, low_m: Float64Array, shape: tuple[int, int]) -> tuple[Float64Array, BoolArray]:
-        """``shape`` heights at nodes, the first at (2,) ``low_m``, and which of them are those of lanes."""
+        """Heights of ``shape`` nodes, the first at (2,) ``low_m``, and whether they belong to lanes."""
         lanes, verges = self._on_streets(low_m, shape)
-        street, xy_m = lanes | verges, places_m(low_m, NODE_M, shape)
+        street, xy_m = lanes | verges, node_positions_m(low_m, NODE_M, shape)
         height_m = self._far_nodes_m(low_m, shape)
         height_m[street] = self.elevation.height_m(xy_m[street])
-        height_m = relaxed(height_m, _grown(street, _SLOPE_M) & ~street, _STEPS)
+        height_m = relax(height_m, _dilate(street, _RELAXED_M) & ~street, _RELAXATION_STEPS)
         carved_m = self._shores.carve(xy_m.reshape(-1, 2), height_m.reshape(-1)).reshape(shape)
-        return _sloped(np.where(street, height_m, carved_m), lanes, round(_SLOPE_M / NODE_M)), lanes
+        return _limit_slope(np.where(street, height_m, carved_m), lanes, round(_RELAXED_M / NODE_M)), lanes
 
     def _far_nodes_m(self, low_m: Float64Array, shape: tuple[int, int]) -> Float64Array:
-        """``shape`` heights as ``far_m`` has them, but for the hills' slight loss in the spline."""
+        """Heights of ``shape`` nodes as in ``far_m``, but without the slight attenuation of the hills by the spline."""
         above = self._above_relief
         first = np.floor((low_m - above.origin_m) / _COARSE_M).astype(int) - 1
         count = [int(np.ceil(side * NODE_M / _COARSE_M)) + 4 for side in shape]
         i, j = (start + np.arange(length) for start, length in zip(first, count, strict=True))
         near = np.ix_(*(np.clip(k, 0, size - 1) for k, size in zip((i, j), above.values.shape, strict=True)))
         hills_m = self._relief.grid_m(above.origin_m[0] + i * _COARSE_M, above.origin_m[1] + j * _COARSE_M)
-        return Raster(above.origin_m + first * _COARSE_M, _COARSE_M, above.values[near] + hills_m).refined(
+        return Raster(above.origin_m + first * _COARSE_M, _COARSE_M, above.values[near] + hills_m).refine(
             low_m, NODE_M, shape
         )
 
     def _on_streets(self, low_m: Float64Array, shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
-        """Which nodes, the first at (2,) ``low_m``, lie on lanes on the ground or matter to them; which on verges."""
+        """Which of ``shape`` nodes, the first at (2,) ``low_m``, affect ground-level lanes, and which lie on verges."""
         box = shapely.box(*low_m, *(low_m + NODE_M * np.array(shape)))
-        off_lanes, off_decks = (_drawn(tree.geometries[np.sort(tree.query(box))], low_m, shape) for tree in self._lanes)
+        off_lanes, off_decks = (
+            _rasterize(tree.geometries[np.sort(tree.query(box))], low_m, shape) for tree in self._lanes
+        )
         scale = round(NODE_M / _PIXEL_M)
         distance = cv2.distanceTransform(off_lanes, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::scale, ::scale]
         to_lanes_m = _PIXEL_M * np.asarray(distance, np.float64)
         beside = (to_lanes_m <= _VERGE_M) & (off_decks[::scale, ::scale] > 0)
-        return to_lanes_m <= _EDGE_M, beside
+        return to_lanes_m <= _LANE_EDGE_M, beside
 
 
-def _drawn(polygons: AnyArray, low_m: Float64Array, shape: tuple[int, int]) -> UInt8Array:
-    """Pixels of ``shape`` nodes, 0 on polygons, else 1; the first one's middle lies at (2,) ``low_m``."""
+def _rasterize(polygons: AnyArray, low_m: Float64Array, shape: tuple[int, int]) -> UInt8Array:
+    """Draw polygons as 0 into pixels of 1 that cover ``shape`` nodes; the first pixel's center is at (2,) ``low_m``."""
     scale = round(NODE_M / _PIXEL_M)
     pixels = np.full((shape[0] * scale, shape[1] * scale), 1, np.uint8)
     for polygon in shapely.get_parts(polygons):
-        place = (shapely.get_coordinates(polygon.exterior) - low_m) / _PIXEL_M
-        cv2.fillPoly(pixels, [np.round(place[:, ::-1] * 256.0).astype(np.int32)], 0, shift=8)
+        vertices = (shapely.get_coordinates(polygon.exterior) - low_m) / _PIXEL_M
+        cv2.fillPoly(pixels, [np.round(vertices[:, ::-1] * 256.0).astype(np.int32)], 0, shift=8)
     return pixels
 
 
-def _places(strips: Sequence[Strip]) -> Float64Array:
-    """(N, 3) places along the middles of strips, closer than cells of the coarse raster."""
+def _strip_positions(strips: Sequence[Strip]) -> Float64Array:
+    """(N, 3) positions along the center lines of strips, spaced closer than cells of the coarse raster."""
     lines = [shapely.LineString(strip.center_m) for strip in strips if strip.outline_m is None]
     return shapely.get_coordinates(shapely.segmentize(np.array(lines, object), _COARSE_M / 2.0), include_z=True)
 
 
-def _above_relief(relief: Relief, places_m: Float64Array) -> Raster:
-    """How much higher than the relief the land lies: as the roads do at (N, 3) places, and smooth between them."""
-    if len(places_m) == 0:
+def _above_relief(relief: Relief, positions_m: Float64Array) -> Raster:
+    """Height of the land above the relief: that of the roads at (N, 3) positions, and smooth between them."""
+    if len(positions_m) == 0:
         return Raster(np.zeros(2), _COARSE_M, np.zeros((1, 1)))
-    low_m = np.floor((places_m[:, :2].min(axis=0) - _MARGIN_M) / _COARSE_M) * _COARSE_M
-    shape = tuple(((places_m[:, :2].max(axis=0) + _MARGIN_M - low_m) // _COARSE_M).astype(int) + 1)
-    cell = np.ravel_multi_index(tuple(np.round((places_m[:, :2] - low_m) / _COARSE_M).astype(int).T), shape)
-    above_m = places_m[:, 2] - relief.height_m(places_m[:, :2])
+    low_m = np.floor((positions_m[:, :2].min(axis=0) - _MARGIN_M) / _COARSE_M) * _COARSE_M
+    shape = tuple(((positions_m[:, :2].max(axis=0) + _MARGIN_M - low_m) // _COARSE_M).astype(int) + 1)
+    cell = np.ravel_multi_index(tuple(np.round((positions_m[:, :2] - low_m) / _COARSE_M).astype(int).T), shape)
+    above_m = positions_m[:, 2] - relief.height_m(positions_m[:, :2])
     count = np.bincount(cell, minlength=shape[0] * shape[1])
     mean_m = np.bincount(cell, above_m, len(count)) / np.maximum(count, 1)
     known = (count > 0).reshape(shape)
@@ -166,26 +170,26 @@ def _above_relief(relief: Relief, places_m: Float64Array) -> Raster:
     return Raster(low_m, _COARSE_M, values_m)
 
 
-def _grown(mask: BoolArray, by_m: float) -> BoolArray:
-    """The nodes of a mask and all within a distance."""
+def _dilate(mask: BoolArray, by_m: float) -> BoolArray:
+    """Extend a node mask by all nodes within a distance."""
     away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(away <= by_m / NODE_M, bool)
 
 
-def _sloped(height_m: Float64Array, lanes: BoolArray, steps: int) -> Float64Array:
-    """Heights between the cones that rise and fall from lanes as steeply as an embankment can.
+def _limit_slope(height_m: Float64Array, lanes: BoolArray, steps: int) -> Float64Array:
+    """Limit heights to the range between the cones that rise and fall from lanes at the maximum slope of an embankment.
 
-    Where lanes of different heights are too close for that, the cutting of the lower one reaches to the upper one.
+    Where lanes of different heights are too close for that, the cutting of the lower one reaches up to the upper one.
     """
-    high_m = _lowered(np.where(lanes, height_m, np.inf), steps)
-    low_m = -_lowered(np.where(lanes, -height_m, np.inf), steps)
+    high_m = _lower_bounds(np.where(lanes, height_m, np.inf), steps)
+    low_m = -_lower_bounds(np.where(lanes, -height_m, np.inf), steps)
     return np.where(lanes, height_m, np.clip(height_m, np.minimum(low_m, high_m), high_m))
 
 
-def _lowered(bound_m: Float64Array, steps: int) -> Float64Array:
-    """Bounds no higher than their neighbours' plus the steepest rise from there, so many steps far."""
+def _lower_bounds(bound_m: Float64Array, steps: int) -> Float64Array:
+    """Lower each bound to at most its neighbors' bounds plus the maximum rise from them, repeated ``steps`` times."""
     rises = [
-        (cv2.getStructuringElement(shape, (3, 3)), _STEEPEST * NODE_M * length)
+        (cv2.getStructuringElement(shape, (3, 3)), _MAX_SLOPE * NODE_M * length)
         for shape, length in ((cv2.MORPH_CROSS, 1.0), (cv2.MORPH_RECT, np.sqrt(2.0)))
     ]
     for _ in range(steps):

@@ -1,4 +1,4 @@
-"""Where the borders of lanes lie in space: reference line, elevation, banking, lane offset and widths put together."""
+"""Computes the borders of lanes in 3D from a road's reference line, elevation, banking, lane offset and lane widths."""
 
 import numpy as np
 
@@ -9,16 +9,17 @@ _BEFORE_M = 1e-6
 
 
 def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Borders of the lanes of one side of a section.
+    """Borders of the lanes on one side of a section.
 
     Args:
         road: The road.
         section: One of its sections.
-        left: Which side.
-        s_m: (N,) distances within the section. At its end all records hold that hold just before it.
+        left: Whether the section is on the left side of the road.
+        s_m: (N,) distances along the road, within the section. At the section's end, the records that apply just before
+            it are used.
 
     Returns:
-        (1 + L, N, 3) the centre line and the outer border of each of L lanes, map frame; ``lane_edges_m``.
+        (1 + L, N, 3) the center line and the outer border of each of L lanes, map frame; and ``lane_edges_m``.
     """
     before_m = np.minimum(s_m, section.end_m - _BEFORE_M)
     side = 1.0 if left else -1.0
@@ -29,14 +30,14 @@ def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> tu
 
 
 def point_m(road: Road, s_m: float, t_m: float) -> Float64Array:
-    """(3,) map frame of a place at ``t_m`` to the left of the reference line, on the road's banked surface."""
+    """(3,) map frame position of the point ``t_m`` to the left of the reference line, on the road's banked surface."""
     s = np.array([s_m])
     point: Float64Array = _in_space(road, s, s, np.array([[t_m]]), np.array([False]))[0, 0]
     return point
 
 
 def lane_edges_m(section: Section, s_m: Float64Array) -> Float64Array:
-    """(1 + L, N) distances of a side's borders from the centre line, outward; never decreasing."""
+    """(1 + L, N) distances of the borders on one side from the center line, outward; never decreasing."""
     ds_m = np.minimum(s_m, section.end_m - _BEFORE_M) - section.start_m
     edges_m = [np.zeros(len(s_m))]
     for lane in section.lanes:
@@ -48,13 +49,13 @@ def lane_edges_m(section: Section, s_m: Float64Array) -> Float64Array:
 def _in_space(
     road: Road, s_m: Float64Array, before_m: Float64Array, steps_m: Float64Array, on_level: BoolArray
 ) -> Float64Array:
-    """(B, N, 3) points to the left of the reference line at the running sums of (B, N) signed steps.
+    """(B, N, 3) points to the left of the reference line at the cumulative sums of (B, N) signed steps.
 
-    Steps lie in the banked plane (OpenDRIVE 1.8, 10.5.2), those that are ``on_level`` lie level.
+    Steps lie in the banked plane (OpenDRIVE 1.8, 10.5.2); those marked ``on_level`` are horizontal.
     """
     xy_m, normal, _ = road.plan(s_m)
     across_m = np.cumsum(steps_m, axis=0)
-    lift_m = _lift_m(road, before_m, across_m)
+    lift_m = _height_above_plane_m(road, before_m, across_m)
     if road.superelevation:
         roll_rad = np.where(on_level[:, None], 0.0, road.superelevation(before_m))
         cos, sin = np.cos(roll_rad), np.sin(roll_rad)
@@ -64,7 +65,7 @@ def _in_space(
     return np.concatenate([xy_m + across_m[..., None] * normal, z_m[..., None]], axis=2)
 
 
-def _lift_m(road: Road, s_m: Float64Array, t_m: Float64Array) -> Float64Array:
+def _height_above_plane_m(road: Road, s_m: Float64Array, t_m: Float64Array) -> Float64Array:
     """(B, N) heights above the banked plane, from crossfall and lateral shape, at (N,) s and (B, N) t."""
     lift_m = np.zeros(t_m.shape)
     for sign, fall in zip((1.0, -1.0), road.crossfall, strict=True):

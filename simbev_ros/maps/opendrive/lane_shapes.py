@@ -1,4 +1,4 @@
-"""The exact shape of every lane, section by section."""
+"""Samples the exact 3D shape of every lane of an OpenDRIVE document, section by section."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ from simbev_ros.maps.opendrive.stations import stations_m
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
-_BOUNDS_M = (100e3, 100e3, 10e3)
-_WIDEST_M = 200.0
+_MAX_COORDINATES_M = (100e3, 100e3, 10e3)
+_MAX_WIDTH_M = 200.0
 _FOOTWAYS = (LaneKind.SIDEWALK, LaneKind.MEDIAN)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaneShape:
-    """A lane within one section, from the section's start to its end, also where it has no width.
+    """Sampled shape of a lane within one section, from the section's start to its end, including parts of zero width.
 
     Attributes:
-        key: Which lane.
+        key: Identifies the lane.
         road: Its road.
         section: Its section.
         lane: Its record.
         s_m: (N,) stations, the same for all lanes of a section, at least two.
-        inner_m: (N, 3) border towards the centre line, map frame, as s runs.
+        inner_m: (N, 3) border towards the center line, map frame, in direction of s.
         outer_m: (N, 3) the other border.
         width_m: (N,) width, measured in the road's surface.
     """
@@ -44,7 +44,7 @@ class LaneShape:
 
     @property
     def runs_forward(self) -> bool:
-        """Whether its strips run as s does: driving direction, or as the road runs where nobody drives."""
+        """Whether its strips run in the direction of s: the driving direction; true for lanes without vehicles."""
         return self.lane.kind in _FOOTWAYS or self.road.drives_forward(self.lane)
 
     def speed_mps(self, s_m: float) -> float:
@@ -54,37 +54,37 @@ class LaneShape:
 
 
 def lane_shapes(document: Document, notes: Notes) -> Iterator[LaneShape]:
-    """Shapes of the lanes that are in use: by road, left side first, by section, from the centre line outward.
+    """Yield the shapes of all used lanes: by road, left side first, by section, from the center line outward.
 
-    Roads that lie out of all bounds are left out, with a note.
+    Roads beyond the coordinate bounds are left out, with a note.
     """
     for road in document.roads.values():
-        shapes = list(_of_road(road))
-        if all(_is_sane(shape) for shape in shapes):
+        shapes = list(_road_shapes(road))
+        if all(_is_plausible(shape) for shape in shapes):
             yield from shapes
         else:
             notes.add("a road that is out of bounds or far too wide is left out", road.element, f"road {road.id}")
 
 
-def _is_sane(shape: LaneShape) -> bool:
-    """Whether a lane is where roads can be."""
+def _is_plausible(shape: LaneShape) -> bool:
+    """Whether a lane has plausible coordinates and widths."""
     points_m = np.concatenate([shape.inner_m, shape.outer_m])
-    return bool(np.all(np.abs(points_m) < _BOUNDS_M) and np.all(shape.width_m < _WIDEST_M))
+    return bool(np.all(np.abs(points_m) < _MAX_COORDINATES_M) and np.all(shape.width_m < _MAX_WIDTH_M))
 
 
-def _of_road(road: Road) -> Iterator[LaneShape]:
+def _road_shapes(road: Road) -> Iterator[LaneShape]:
     road_s_m = stations_m(road)
     for left, sections in ((True, road.left), (False, road.right)):
         for section in sections:
             s_m = road_s_m[(road_s_m >= section.start_m) & (road_s_m <= section.end_m)]
             if section.lanes and len(s_m) > 1:
-                yield from _of_section(road, section, left, s_m)
+                yield from _section_shapes(road, section, left, s_m)
 
 
-def _of_section(road: Road, section: Section, left: bool, s_m: Float64Array) -> Iterator[LaneShape]:
+def _section_shapes(road: Road, section: Section, left: bool, s_m: Float64Array) -> Iterator[LaneShape]:
     lines_m, edges_m = borders_m(road, section, left, s_m)
-    for place, lane in enumerate(section.lanes):
+    for position, lane in enumerate(section.lanes):
         if lane.kind is not None:
             key = LaneKey(road.id, section.index, lane.id)
-            width_m = edges_m[place + 1] - edges_m[place]
-            yield LaneShape(key, road, section, lane, s_m, lines_m[place], lines_m[place + 1], width_m)
+            width_m = edges_m[position + 1] - edges_m[position]
+            yield LaneShape(key, road, section, lane, s_m, lines_m[position], lines_m[position + 1], width_m)

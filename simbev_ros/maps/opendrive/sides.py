@@ -1,4 +1,4 @@
-"""Which lanes lie where across a road, and which way traffic runs on them."""
+"""Finds lanes by position across a road, and the driving direction there."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 
 
 def sections_at(road: Road, s_m: float) -> list[Section]:
-    """The sections of both sides at a distance along a road, beyond its ends those at the ends."""
+    """The sections of both sides at a distance along a road; beyond its ends, those at the ends."""
     inside_m = float(np.clip(s_m, 0.0, road.length_m * (1.0 - 1e-9)))
     return [section for section in road.sections if section.start_m <= inside_m < section.end_m]
 
@@ -26,7 +26,7 @@ def driving_lanes_at(road: Road, s_m: float) -> list[tuple[LaneKey, LaneRecord]]
 
 
 def reach_m(road: Road, s_m: float, left: bool, kinds: Sequence[LaneKind]) -> float:
-    """How far lanes of some kinds reach to one side of the reference line, as a t coordinate."""
+    """The t coordinate up to which lanes of some kinds extend on one side of the reference line."""
     s = np.array([np.clip(s_m, 0.0, road.length_m)])
     offset_m, side = float(road.offset(s)[0]), 1.0 if left else -1.0
     edges_m = [
@@ -39,15 +39,15 @@ def reach_m(road: Road, s_m: float, left: bool, kinds: Sequence[LaneKind]) -> fl
 
 
 def drives_forward_at(road: Road, s_m: float, t_m: float) -> bool:
-    """Whether traffic at a place runs as s does: as on the driving lane there, or on the nearest one."""
+    """Whether traffic at a position runs in the direction of s, as on the driving lane there, or on the nearest one."""
     s = np.array([np.clip(s_m, 0.0, road.length_m)])
     offset_m = float(road.offset(s)[0])
     gaps_m: list[tuple[float, bool]] = []
     for section in sections_at(road, s_m):
         edges_m = lane_edges_m(section, s)[:, 0]
-        for place, lane in enumerate(section.lanes):
-            if lane.kind is LaneKind.DRIVING and edges_m[place + 1] > edges_m[place]:
+        for number, lane in enumerate(section.lanes):
+            if lane.kind is LaneKind.DRIVING and edges_m[number + 1] > edges_m[number]:
                 outward_m = (t_m - offset_m) * (1.0 if lane.id > 0 else -1.0)
-                gap_m = max(edges_m[place] - outward_m, outward_m - edges_m[place + 1], 0.0)
+                gap_m = max(edges_m[number] - outward_m, outward_m - edges_m[number + 1], 0.0)
                 gaps_m.append((float(gap_m), road.drives_forward(lane)))
     return min(gaps_m, key=lambda gap: gap[0])[1] if gaps_m else (t_m < 0.0) != road.left_hand

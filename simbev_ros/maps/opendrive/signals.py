@@ -1,4 +1,4 @@
-"""Signals of an OpenDRIVE file: traffic lights and signs, where they stand and which lanes they are for."""
+"""Reads the signals of an OpenDRIVE file: traffic lights and signs with their positions and lanes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from simbev_ros.maps.opendrive.reading.tables import NAMED_SPEED_LIMIT, SIGNAL_M
 from simbev_ros.maps.opendrive.sides import drives_forward_at, driving_lanes_at
 from simbev_ros.types import Float64Array
 
-_FASTEST_MPS = 60.0
+_MAX_SPEED_MPS = 60.0
 _PAINTED = ("stencil", "roadmark")
 
 
-class _Use(NamedTuple):
-    """A place where a signal is in force."""
+class _Reference(NamedTuple):
+    """A position at which a signal applies: that of the signal itself, or of a reference to it."""
 
     road: Road
     s_m: float
@@ -34,19 +34,19 @@ class Signal:
     """A traffic light, sign or stop line.
 
     Attributes:
-        id: The file's.
-        meaning: As in ``SIGNAL_MEANINGS``.
-        road: The road that it stands at.
-        s_m: Where along it.
-        position_m: (3,) on the road's surface where it stands, map frame.
+        id: Its id in the file.
+        meaning: One of the values of ``SIGNAL_MEANINGS``.
+        road: The road that it stands beside.
+        s_m: Its distance along the road.
+        position_m: (3,) its position on the road's surface, map frame.
         bottom_m: Height of its lower edge above the surface.
-        height_m: Its own height, 0 if the file does not say.
-        axis_rad: Direction across its face, forth or back: editors do not agree which.
+        height_m: Its own height, 0 if the file has none.
+        axis_rad: Direction normal to its face, up to sign: editors disagree about the sign.
         traffic_rad: Direction of the traffic that it stands beside.
-        forward: Whether it is for traffic that runs as s does.
-        lanes: The lanes that it is for.
-        speed_mps: Of speed limits, else 0.
-        painted: Paint on the road, not a thing on a post.
+        forward: Whether it applies to traffic in the direction of s.
+        lanes: The lanes that it applies to.
+        speed_mps: Value of speed limits, else 0.
+        painted: Whether it is paint on the road instead of an object on a post.
     """
 
     id: str
@@ -65,22 +65,20 @@ class Signal:
 
 
 def read_signals(document: Document, notes: Notes) -> tuple[Signal, ...]:
-    """All signals whose meaning is known, in the file's order."""
-    found = list(_elements(document, notes))
-    uses: dict[str, list[_Use]] = {}
+    """Read all signals of known meaning, in the file's order; unreadable ones are left out with a note."""
+    elements = list(_elements(document, notes))
+    uses: dict[str, list[_Reference]] = {}
     for road in document.roads.values():
         for element in road.element.findall("signals/signalReference"):
             try:
-                uses.setdefault(element.get("id", ""), []).append(_use(road, element))
+                uses.setdefault(element.get("id", ""), []).append(_read_reference(road, element))
             except Malformed as problem:
                 notes.add("a reference to a signal that cannot be read is left out", element, str(problem))
-    inverted = _inverted([*(own for _, _, own in found), *chain.from_iterable(uses.values())])
+    inverted = _is_inverted([*(own for _, _, own in elements), *chain.from_iterable(uses.values())])
     if inverted:
-        notes.add(
-            "orientations of signals contradict the lanes that they are valid for; they are read the other way round"
-        )
+        notes.add("orientations of signals contradict the lanes that they are valid for; they are inverted")
     signals = []
-    for meaning, element, own in found:
+    for meaning, element, own in elements:
         try:
             signals.append(_signal(document, meaning, element, own, uses.get(element.get("id", ""), ()), inverted))
         except Malformed as problem:
@@ -88,8 +86,8 @@ def read_signals(document: Document, notes: Notes) -> tuple[Signal, ...]:
     return tuple(signals)
 
 
-def _elements(document: Document, notes: Notes) -> Iterator[tuple[str, Element, _Use]]:
-    """Elements that are signals, with their meaning and the place of their own."""
+def _elements(document: Document, notes: Notes) -> Iterator[tuple[str, Element, _Reference]]:
+    """Yield the elements that are signals, each with its meaning and its own position."""
     for road in document.roads.values():
         candidates = [(e, _meaning(e)) for e in road.element.findall("signals/signal")]
         objects = road.element.findall("objects/object")
@@ -98,73 +96,82 @@ def _elements(document: Document, notes: Notes) -> Iterator[tuple[str, Element, 
             if not meaning:
                 continue
             try:
-                yield meaning, element, _use(road, element)
+                yield meaning, element, _read_reference(road, element)
             except Malformed as problem:
                 notes.add("a signal that cannot be read is left out", element, str(problem))
 
 
 def _meaning(element: Element) -> str:
-    """What a <signal> means; "" if that is not known."""
+    """Meaning of a <signal>; "" if it is unknown."""
     known = SIGNAL_MEANINGS.get(element.get("type", "").upper(), "")
     return known or ("speed_limit" if NAMED_SPEED_LIMIT.match(element.get("name", "")) else "")
 
 
-def _use(road: Road, element: Element) -> _Use:
-    """Where a <signal> or <signalReference> is in force."""
+def _read_reference(road: Road, element: Element) -> _Reference:
+    """Read the position at which a <signal> or <signalReference> applies."""
     validity = tuple((int(number(v, "fromLane")), int(number(v, "toLane"))) for v in element.findall("validity"))
     s_m, t_m = number(element, "s"), number(element, "t", 0.0)
-    return _Use(road, s_m, t_m, element.get("orientation", "none"), validity)
+    return _Reference(road, s_m, t_m, element.get("orientation", "none"), validity)
 
 
-def _valid_lanes(use: _Use) -> list[tuple[LaneKey, bool]]:
-    """Driving lanes that a use is explicitly valid for, each with whether it runs as s does."""
+def _valid_lanes(reference: _Reference) -> list[tuple[LaneKey, bool]]:
+    """Driving lanes that are explicitly listed as valid, each with whether it runs in the direction of s."""
     return [
-        (key, use.road.drives_forward(lane))
-        for key, lane in driving_lanes_at(use.road, use.s_m)
-        if any(min(pair) <= lane.id <= max(pair) for pair in use.validity)
+        (key, reference.road.drives_forward(lane))
+        for key, lane in driving_lanes_at(reference.road, reference.s_m)
+        if any(min(pair) <= lane.id <= max(pair) for pair in reference.validity)
     ]
 
 
-def _inverted(uses: Sequence[_Use]) -> bool:
-    """Whether "+" stands for traffic against s, as some editors write it: the majority of explicit validities tells.
+def _is_inverted(uses: Sequence[_Reference]) -> bool:
+    """Whether "+" means traffic against s, as some editors write it, by majority of the explicit validities.
 
-    Where there are none, the side of the road tells: signs stand on the side of the traffic that they are for.
+    If there are none, the side of the road decides: signs stand on the side of the traffic that they apply to.
     """
     votes = [0, 0]
-    for use in uses:
-        if use.orientation not in ("+", "-"):
+    for reference in uses:
+        if reference.orientation not in ("+", "-"):
             continue
-        directions = {forward for _, forward in _valid_lanes(use)}
+        directions = {forward for _, forward in _valid_lanes(reference)}
         if len(directions) == 1:
-            votes[0] += 1 if directions.pop() == (use.orientation == "+") else -1
-        elif not directions and use.t_m != 0.0:
-            votes[1] += 1 if drives_forward_at(use.road, use.s_m, use.t_m) == (use.orientation == "+") else -1
+            votes[0] += 1 if directions.pop() == (reference.orientation == "+") else -1
+        elif not directions and reference.t_m != 0.0:
+            votes[1] += (
+                1
+                if drives_forward_at(reference.road, reference.s_m, reference.t_m) == (reference.orientation == "+")
+                else -1
+            )
     return (votes[0] or votes[1]) < 0
 
 
-def _lanes(use: _Use, inverted: bool) -> list[LaneKey]:
-    """The driving lanes that a use is for: those that it names, else those of its direction."""
-    valid = _valid_lanes(use)
+def _lanes(reference: _Reference, inverted: bool) -> list[LaneKey]:
+    """The driving lanes that a reference applies to: those that it lists, else those of its direction."""
+    valid = _valid_lanes(reference)
     if valid:
         return [key for key, _ in valid]
-    lanes = driving_lanes_at(use.road, use.s_m)
-    if use.orientation not in ("+", "-"):
+    lanes = driving_lanes_at(reference.road, reference.s_m)
+    if reference.orientation not in ("+", "-"):
         return [key for key, _ in lanes]
-    forward = (use.orientation == "+") != inverted
-    return [key for key, lane in lanes if use.road.drives_forward(lane) == forward]
+    forward = (reference.orientation == "+") != inverted
+    return [key for key, lane in lanes if reference.road.drives_forward(lane) == forward]
 
 
 def _signal(
-    document: Document, meaning: str, element: Element, own: _Use, references: Sequence[_Use], inverted: bool
+    document: Document,
+    meaning: str,
+    element: Element,
+    own: _Reference,
+    references: Sequence[_Reference],
+    inverted: bool,
 ) -> Signal:
-    """One signal; where others refer to it, it is for their lanes, and for its own only if it names them."""
+    """Build one signal; if other roads refer to it, it applies to their lanes, and to its own only if it lists them."""
     uses = [*references, *([own] if not references or _valid_lanes(own) else [])]
     directions = {forward for _, forward in _valid_lanes(own)}
     if own.orientation in ("+", "-"):
         forward = (own.orientation == "+") != inverted
     else:
         forward = directions.pop() if len(directions) == 1 else drives_forward_at(own.road, own.s_m, own.t_m)
-    position_m, heading_rad, bottom_m = _placed(document, element, own)
+    position_m, heading_rad, bottom_m = _mounting(document, element, own)
     turn_rad = number(element, "hOffset", 0.0) if element.tag == "signal" else number(element, "hdg", 0.0)
     name = element.get("name", "").lower()
     return Signal(
@@ -178,21 +185,21 @@ def _signal(
         axis_rad=heading_rad + turn_rad,
         traffic_rad=heading_rad + (0.0 if forward else np.pi),
         forward=forward,
-        lanes=tuple(dict.fromkeys(key for use in uses for key in _lanes(use, inverted))),
+        lanes=tuple(dict.fromkeys(key for reference in uses for key in _lanes(reference, inverted))),
         speed_mps=_speed_mps(element) if meaning == "speed_limit" else 0.0,
         painted=name.startswith(_PAINTED),
     )
 
 
-def _placed(document: Document, element: Element, own: _Use) -> tuple[Float64Array, float, float]:
-    """(3,) place on the road's surface, heading of the road there, and height above it, where a signal stands."""
-    road, s_m, t_m, place = own.road, own.s_m, own.t_m, element
+def _mounting(document: Document, element: Element, own: _Reference) -> tuple[Float64Array, float, float]:
+    """(3,) position of a signal on the road's surface, heading of the road there, and its height above the surface."""
+    road, s_m, t_m, position_element = own.road, own.s_m, own.t_m, element
     physical = element.find("positionRoad")
     if physical is not None and physical.get("roadId") in document.roads:
-        place, road = physical, document.roads[physical.get("roadId", "")]
-        s_m, t_m = number(place, "s"), number(place, "t")
+        position_element, road = physical, document.roads[physical.get("roadId", "")]
+        s_m, t_m = number(position_element, "s"), number(position_element, "t")
     position_m = point_m(road, s_m, t_m)
-    bottom_m = number(place, "zOffset", 0.0)
+    bottom_m = number(position_element, "zOffset", 0.0)
     inertial = element.find("positionInertial")
     if inertial is not None:
         bottom_m = number(inertial, "z") - float(position_m[2])
@@ -202,7 +209,7 @@ def _placed(document: Document, element: Element, own: _Use) -> tuple[Float64Arr
 
 
 def _speed_mps(element: Element) -> float:
-    """What a speed limit says: its value and unit, else its German subtype, else its name.
+    """Value of a speed limit: its value and unit, else its German subtype, else its name.
 
     Raises:
         Malformed: None of them is a speed.
@@ -219,6 +226,6 @@ def _speed_mps(element: Element) -> float:
         speed_mps = (int(subtype) - 50) * 10.0 * kmh
     else:
         speed_mps = float(subtype) * kmh if subtype.isdigit() else 0.0
-    if not 1.0 < speed_mps <= _FASTEST_MPS:
+    if not 1.0 < speed_mps <= _MAX_SPEED_MPS:
         raise Malformed(element, "its speed is neither in value, nor in subtype, nor in its name")
     return speed_mps

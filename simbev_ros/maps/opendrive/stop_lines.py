@@ -1,4 +1,4 @@
-"""Stop lines: those of the file, and by rule those that signals imply."""
+"""Builds stop lines from the signals of an OpenDRIVE file: explicit ones, and those implied by rule."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -14,14 +14,14 @@ from simbev_ros.maps.opendrive.traffic.approaches import Approaches
 from simbev_ros.maps.roads.layout import StopLine
 from simbev_ros.types import Float64Array
 
-_BEFORE_END_M = 0.5
+_DISTANCE_TO_END_M = 0.5
 _MARGIN_M = 0.25
-_NEAR_M = 12.0
-_SHORTEST_M = 1.0
+_DUPLICATE_DISTANCE_M = 12.0
+_MIN_LENGTH_M = 1.0
 
 
 def signalled_stop_lines(signals: Iterable[Signal]) -> tuple[StopLine, ...]:
-    """Stop lines that are signals, each across the lanes that it is for."""
+    """Stop lines that are signals, each across the lanes that it applies to."""
     found = []
     for signal in signals:
         road, s = signal.road, np.array([signal.s_m])
@@ -29,9 +29,9 @@ def signalled_stop_lines(signals: Iterable[Signal]) -> tuple[StopLine, ...]:
         edges_m = [
             float(road.offset(s)[0] + edge[0] * (1.0 if lane.id > 0 else -1.0))
             for section in sections_at(road, signal.s_m)
-            for place, lane in enumerate(section.lanes)
+            for number, lane in enumerate(section.lanes)
             if lane.id in own
-            for edge in lane_edges_m(section, s)[place : place + 2]
+            for edge in lane_edges_m(section, s)[number : number + 2]
         ]
         if signal.meaning == "stop_line" and edges_m:
             ends_m = np.stack([point_m(road, signal.s_m, t_m) for t_m in (min(edges_m), max(edges_m))])
@@ -46,11 +46,11 @@ def implied_stop_lines(
     shapes: Mapping[LaneKey, LaneShape],
     known: Sequence[StopLine],
 ) -> tuple[StopLine, ...]:
-    """Stop lines at the end of lanes with traffic lights, stop or yield signs, where none is known nearby."""
+    """Stop lines at the end of lanes with traffic lights, stop or yield signs, unless a known one is nearby."""
     yields: dict[LaneKey, bool] = {}
     for signal in signals:
         if signal.meaning in ("traffic_light", "stop", "yield"):
-            for key in approaches.of(signal.lanes):
+            for key in approaches.waiting_lanes(signal.lanes):
                 if key in shapes:
                     yields[key] = yields.get(key, True) and signal.meaning == "yield"
     known_m = np.array([line.ends_m.mean(axis=0) for line in known]).reshape(-1, 3)
@@ -62,15 +62,15 @@ def implied_stop_lines(
         order = np.argsort(corners_m[:, :2] @ left[:2])
         ends_m = corners_m[order[[0, -1]]]
         length_m = np.linalg.norm(ends_m[1] - ends_m[0])
-        is_known = np.any(np.linalg.norm(known_m - ends_m.mean(axis=0), axis=1) < _NEAR_M)
-        if not is_known and length_m > _SHORTEST_M:
+        is_known = np.any(np.linalg.norm(known_m - ends_m.mean(axis=0), axis=1) < _DUPLICATE_DISTANCE_M)
+        if not is_known and length_m > _MIN_LENGTH_M:
             margin_m = _MARGIN_M * (ends_m[1] - ends_m[0]) / length_m
             found.append(StopLine(ends_m + np.stack([margin_m, -margin_m]), yields=all(yields[key] for key in group)))
     return tuple(found)
 
 
 def _side_by_side(keys: Sequence[LaneKey]) -> list[list[LaneKey]]:
-    """Lanes of one side of a section in groups without gaps."""
+    """Group adjacent lanes of one side of a section."""
     groups: list[list[LaneKey]] = []
     for key in keys:
         last = groups[-1][-1] if groups else None
@@ -82,8 +82,8 @@ def _side_by_side(keys: Sequence[LaneKey]) -> list[list[LaneKey]]:
 
 
 def _cross_section_m(shape: LaneShape) -> Float64Array:
-    """(2, 3) right and left border of a lane, shortly before traffic leaves it."""
-    at_m = shape.s_m[-1] - _BEFORE_END_M if shape.runs_forward else shape.s_m[0] + _BEFORE_END_M
+    """(2, 3) right and left border point of a lane, shortly before its end in driving direction."""
+    at_m = shape.s_m[-1] - _DISTANCE_TO_END_M if shape.runs_forward else shape.s_m[0] + _DISTANCE_TO_END_M
     at_m = np.clip(at_m, shape.s_m[0], shape.s_m[-1])
     inner_m, outer_m = (
         np.array([np.interp(at_m, shape.s_m, line_m[:, axis]) for axis in range(3)])

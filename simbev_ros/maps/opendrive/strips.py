@@ -1,4 +1,4 @@
-"""The strips of the layout: one for each stretch of a lane on which paint, speed limit and structure stay the same."""
+"""Builds the strips of the layout: one per stretch of a lane with constant paint, speed limit and structure."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
@@ -14,13 +14,13 @@ from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRe
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, Strip
 
-_NARROWEST_M = 0.02
-_SHORTEST_M = 0.02
+_MIN_WIDTH_M = 0.02
+_MIN_LENGTH_M = 0.02
 _MIRRORED = {Paint.SOLID_BROKEN: Paint.BROKEN_SOLID, Paint.BROKEN_SOLID: Paint.SOLID_BROKEN}
 
 
 class _Traits(NamedTuple):
-    """What stays the same along a strip; paint as seen from inside the lane."""
+    """Properties that are constant along a strip; paint as seen from inside the lane."""
 
     inner: Line
     outer: Line
@@ -31,34 +31,34 @@ class _Traits(NamedTuple):
 def strips_of(
     document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes
 ) -> tuple[Strip, ...]:
-    """All strips, in the order of the shapes."""
-    bare = {key: tuple(_lane(shape, notes)) for key, shape in shapes.items()}
-    kept = {key for key, strips in bare.items() if strips}
+    """All strips of a document, in the order of the shapes."""
+    unlinked = {key: tuple(_lane_strips(shape, notes)) for key, shape in shapes.items()}
+    used = {key for key, strips in unlinked.items() if strips}
     lanes = {LaneKey(road.id, section.index, lane.id): lane for road, section, lane in document.lanes()}
     joined = []
-    for key in (key for key in bare if key in kept):
+    for key in (key for key in unlinked if key in used):
         forward = shapes[key].runs_forward
-        higher, lower = (_beside(key, step, lanes, kept) for step in (1, -1))
+        higher, lower = (_beside(key, step, lanes, used) for step in (1, -1))
         left, right = (higher, lower) if forward else (lower, higher)
-        following = tuple(map(str, links.following(key, "end" if forward else "start", kept)))
-        joined += [replace(strip, left=left, right=right, following=following) for strip in bare[key]]
+        following = tuple(map(str, links.following(key, "end" if forward else "start", used)))
+        joined += [replace(strip, left=left, right=right, following=following) for strip in unlinked[key]]
     return tuple(joined)
 
 
-def _beside(key: LaneKey, step: int, lanes: Mapping[LaneKey, LaneRecord], kept: Collection[LaneKey]) -> str:
-    """The lane that touches another one on the side where lane ids are higher (step 1) or lower (-1), or ""."""
+def _beside(key: LaneKey, step: int, lanes: Mapping[LaneKey, LaneRecord], used: Collection[LaneKey]) -> str:
+    """Id of the lane adjacent to another one on the side of higher (``step`` 1) or lower (-1) lane ids, or ""."""
     number = key.lane
     while True:
         number += step if number != -step else 2 * step
         beside = key._replace(lane=number)
-        if beside in kept:
+        if beside in used:
             return str(beside)
         if beside not in lanes or lanes[beside].kind is None:
             return ""
 
 
-def _lane(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
-    """Strips of one lane of one section, without neighbours."""
+def _lane_strips(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
+    """Strips of one lane of one section, without links to adjacent lanes."""
     stretches = tuple(_stretches(shape))
     if not stretches:
         detail = f"lane {shape.lane.id} of road {shape.road.id}"
@@ -93,27 +93,27 @@ def _lane(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
 
 
 def _stretches(shape: LaneShape) -> Iterator[tuple[int, int, _Traits]]:
-    """First and last sample of each stretch on which the lane has a width and its traits are the same."""
+    """First and last sample of each stretch on which the lane has a width and its traits are constant."""
     s_m, width_m = shape.s_m, shape.width_m
     cut = np.zeros(len(s_m), bool)
     cut[np.searchsorted((s_m[1:] + s_m[:-1]) / 2.0, _changes_m(shape))] = True
-    wide = np.maximum(width_m[:-1], width_m[1:]) > _NARROWEST_M
+    wide = np.maximum(width_m[:-1], width_m[1:]) > _MIN_WIDTH_M
     cut[1:-1] |= wide[1:] != wide[:-1]
     cut[[0, -1]] = True
     pieces = [
         (first, last, _traits(shape, float(s_m[first] + s_m[last]) / 2.0) if wide[first] else None)
         for first, last in pairwise(np.flatnonzero(cut).tolist())
     ]
-    for traits, same in groupby(pieces, key=lambda piece: piece[2]):
-        run = list(same)
-        if traits is not None and s_m[run[-1][1]] - s_m[run[0][0]] >= _SHORTEST_M:
+    for traits, group in groupby(pieces, key=lambda piece: piece[2]):
+        run = list(group)
+        if traits is not None and s_m[run[-1][1]] - s_m[run[0][0]] >= _MIN_LENGTH_M:
             yield run[0][0], run[-1][1], traits
 
 
 def _changes_m(shape: LaneShape) -> list[float]:
-    """Where traits may change."""
+    """Distances along the road at which traits may change."""
     marks, lane, road = shape.section.marks, shape.lane, shape.road
-    local = (marks.get(_inside(lane), ()), marks.get(lane.id, ()), lane.speeds)
+    local = (marks.get(_inner_lane_id(lane), ()), marks.get(lane.id, ()), lane.speeds)
     in_section = [shape.section.start_m + ds_m for changes in local for ds_m, _ in changes]
     return [*in_section, *(s_m for s_m, _ in road.speeds), *(s_m for bridge in road.bridges for s_m in bridge)]
 
@@ -121,18 +121,18 @@ def _changes_m(shape: LaneShape) -> list[float]:
 def _traits(shape: LaneShape, s_m: float) -> _Traits:
     """Traits at a distance along the road.
 
-    The file describes paint from the lane that it belongs to outward, and on the centre line from left to right.
+    The file describes paint from the lane that it belongs to outward, and on the center line from left to right.
     """
     lane, road = shape.lane, shape.road
     ds_m = s_m - shape.section.start_m
     inner, outer = (
-        value_at(shape.section.marks.get(number, ()), ds_m) or Line() for number in (_inside(lane), lane.id)
+        value_at(shape.section.marks.get(number, ()), ds_m) or Line() for number in (_inner_lane_id(lane), lane.id)
     )
     if lane.id != 1:
         inner = replace(inner, paint=_MIRRORED.get(inner.paint, inner.paint))
     return _Traits(inner, outer, shape.speed_mps(s_m), any(start_m <= s_m < end_m for start_m, end_m in road.bridges))
 
 
-def _inside(lane: LaneRecord) -> int:
+def _inner_lane_id(lane: LaneRecord) -> int:
     """Id of the lane whose outer border is this one's inner border."""
     return lane.id - (1 if lane.id > 0 else -1)

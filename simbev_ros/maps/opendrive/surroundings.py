@@ -1,4 +1,4 @@
-"""What an OpenDRIVE file lets one guess about the land beside its roads."""
+"""Guesses the land around the roads of an OpenDRIVE file from their speed limits and sidewalks."""
 
 from collections.abc import Sequence
 
@@ -12,9 +12,9 @@ from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _FAST_MPS = 80.5 / 3.6
-_COUNTRY_REACH_M = 150.0
-_TOWN_REACH_M = 70.0
-_DETAIL_M = 5.0
+_COUNTRY_RADIUS_M = 150.0
+_TOWN_RADIUS_M = 70.0
+_SIMPLIFICATION_M = 5.0
 _TOWN = SurroundingsRecipe(use="residential")
 _COUNTRY = SurroundingsRecipe(
     use="farmland",
@@ -29,17 +29,17 @@ _COUNTRY = SurroundingsRecipe(
 
 
 def features_of(strips: Sequence[Strip]) -> MapFeatures:
-    """Houses everywhere, but farmland beside fast roads without sidewalks."""
-    walked = {strip.road for strip in strips if strip.kind is LaneKind.SIDEWALK}
+    """Land features: residential everywhere, but farmland beside fast roads without sidewalks."""
+    with_sidewalk = {strip.road for strip in strips if strip.kind is LaneKind.SIDEWALK}
     driven = [strip for strip in strips if strip.kind is LaneKind.DRIVING and not strip.junction]
-    fast = [strip for strip in driven if strip.speed_mps > _FAST_MPS and strip.road not in walked]
-    slow = [strip for strip in driven if strip.speed_mps <= _FAST_MPS or strip.road in walked]
-    country = _around(fast, _COUNTRY_REACH_M).difference(_around(slow, _TOWN_REACH_M))
-    parts = [part for part in shapely.get_parts(country.simplify(_DETAIL_M)) if part.area > _TOWN_REACH_M**2]
+    fast = [strip for strip in driven if strip.speed_mps > _FAST_MPS and strip.road not in with_sidewalk]
+    slow = [strip for strip in driven if strip.speed_mps <= _FAST_MPS or strip.road in with_sidewalk]
+    country = _buffered(fast, _COUNTRY_RADIUS_M).difference(_buffered(slow, _TOWN_RADIUS_M))
+    parts = [part for part in shapely.get_parts(country.simplify(_SIMPLIFICATION_M)) if part.area > _TOWN_RADIUS_M**2]
     return MapFeatures(_TOWN, tuple(Zone(part, _COUNTRY) for part in parts))
 
 
-def _around(strips: Sequence[Strip], reach_m: float) -> BaseGeometry:
-    """All that is within reach of strips."""
-    lines = shapely.simplify([shapely.LineString(strip.center_m[:, :2]) for strip in strips], _DETAIL_M)
-    return shapely.union_all(shapely.buffer(np.asarray(lines, dtype=object), reach_m, quad_segs=4))
+def _buffered(strips: Sequence[Strip], radius_m: float) -> BaseGeometry:
+    """The area within a radius of the strips."""
+    lines = shapely.simplify([shapely.LineString(strip.center_m[:, :2]) for strip in strips], _SIMPLIFICATION_M)
+    return shapely.union_all(shapely.buffer(np.asarray(lines, dtype=object), radius_m, quad_segs=4))

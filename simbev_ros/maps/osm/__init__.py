@@ -1,4 +1,4 @@
-"""OpenStreetMap: roads through netconvert, buildings, water and land use by a reader of our own."""
+"""OpenStreetMap importer: netconvert builds the roads; buildings, water and land use are read here."""
 
 from simbev_ros.maps.osm.importer import import_osm
 

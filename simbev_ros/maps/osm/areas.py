@@ -1,4 +1,4 @@
-"""Closed ways and multipolygons as clean polygons in the map frame."""
+"""Converts closed ways and multipolygons of an OpenStreetMap file to valid polygons in the map frame."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -13,40 +13,40 @@ _GRID_M = 0.001
 
 
 class Area(NamedTuple):
-    """A polygon and the tags of the way or relation that it is."""
+    """A polygon with the tags of its way or relation."""
 
     polygon: shapely.Polygon
     tags: Tags
 
 
 def areas_of(data: OsmData, xy_m: Float64Array) -> list[Area]:
-    """All areas that have tags, those of several parts as several, in the order of the file.
+    """All tagged areas, in the order of the file; an area of several parts yields several polygons.
 
     Args:
         data: The file.
-        xy_m: (N, 2) its nodes in the map frame.
+        xy_m: (N, 2) positions of its nodes, map frame.
     """
     areas = []
     for way in data.ways:
         if way.closed and way.tags:
             areas += [Area(part, way.tags) for part in polygons(shapely.Polygon(xy_m[list(way.nodes)]))]
     for relation in data.multipolygons:
-        areas += [Area(part, relation.tags) for part in polygons(_assembled(relation, xy_m))]
+        areas += [Area(part, relation.tags) for part in polygons(_assemble(relation, xy_m))]
     return areas
 
 
 def polygons(area: BaseGeometry) -> Iterator[shapely.Polygon]:
-    """The valid two-dimensional parts of any geometry, on a millimetre grid."""
+    """The valid two-dimensional parts of any geometry, on a millimeter grid."""
     for part in shapely.get_parts(shapely.set_precision(shapely.make_valid(area), _GRID_M)):
         if shapely.get_dimensions(part) == 2 and part.area > 0.0:
             yield from part.geoms if isinstance(part, shapely.MultiPolygon) else (part,)
 
 
-def _assembled(relation: Multipolygon, xy_m: Float64Array) -> BaseGeometry:
-    """Outer outlines without the inner ones."""
-    return shapely.difference(_filled(relation.outer, xy_m), _filled(relation.inner, xy_m))
+def _assemble(relation: Multipolygon, xy_m: Float64Array) -> BaseGeometry:
+    """The area inside the outer outlines and outside the inner ones."""
+    return shapely.difference(_fill(relation.outer, xy_m), _fill(relation.inner, xy_m))
 
 
-def _filled(ways: Iterable[Way], xy_m: Float64Array) -> BaseGeometry:
+def _fill(ways: Iterable[Way], xy_m: Float64Array) -> BaseGeometry:
     lines = shapely.union_all([shapely.LineString(xy_m[list(way.nodes)]) for way in ways])
     return shapely.make_valid(shapely.union_all(list(shapely.polygonize([lines]).geoms)))

@@ -20,7 +20,7 @@ _FOOT_M = 0.3048
 
 
 class Way(NamedTuple):
-    """A line or, where it ends at its first node, an outline: indices of nodes, at least two."""
+    """A way: node indices, at least two; an outline if it ends at its first node."""
 
     id: str
     nodes: tuple[int, ...]
@@ -33,7 +33,7 @@ class Way(NamedTuple):
 
 
 class Multipolygon(NamedTuple):
-    """An area of several ways: parts of its outer and inner outlines in any order."""
+    """An area made of several ways: parts of its outer and inner outlines in any order."""
 
     outer: tuple[Way, ...]
     inner: tuple[Way, ...]
@@ -42,16 +42,17 @@ class Multipolygon(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class OsmData:
-    """What is read of a file.
+    """The content of an OpenStreetMap file.
 
     Attributes:
-        longitude_latitude_deg: (N, 2) of the nodes.
-        node_tags: Tags of those nodes that have some.
+        longitude_latitude_deg: (N, 2) coordinates of the nodes.
+        node_tags: Tags by node index, for nodes that have any.
         ways: In the order of the file.
-        multipolygons: In the order of the file, without those of which a part is missing.
-        notes: What was repaired.
-        left_hand: Traffic keeps to the left, as ``driving_side`` of the boundaries in the file says, or of most of its
-            roads. Nothing else in a file tells; without it traffic keeps to the right, in whatever country.
+        multipolygons: In the order of the file, without incomplete ones.
+        notes: Repairs.
+        left_hand: Traffic keeps to the left, according to ``driving_side`` of the boundaries in the file, or of most of
+            its roads. A file has no other information about it; without this tag, right-hand traffic is assumed in
+            every country.
     """
 
     longitude_latitude_deg: Float64Array
@@ -63,26 +64,30 @@ class OsmData:
 
 
 def read_osm(path: Path) -> OsmData:
-    """Read a file.
+    """Read an OpenStreetMap XML file.
 
     Raises:
-        InputError: It is not OpenStreetMap XML, or an id or coordinate in it is none.
+        InputError: It is not OpenStreetMap XML, or an id or coordinate in it is invalid.
     """
     root = parse(path, "osm")
     nodes = _by_id(path, root, "node")
     index = {identifier: number for number, identifier in enumerate(nodes)}
     degrees = [(_degrees(path, node, "lon", 180.0), _degrees(path, node, "lat", 90.0)) for node in nodes.values()]
     tags = {number: _tags(node) for number, node in enumerate(nodes.values()) if len(node)}
-    ways, lost = {}, 0
+    ways, num_missing = {}, 0
     for identifier, element in _by_id(path, root, "way").items():
         references = [reference.get("ref", "") for reference in element.findall("nd")]
         known = [index[reference] for reference in references if reference in index]
-        lost += len(references) - len(known)
-        # A node that follows itself is no line.
+        num_missing += len(references) - len(known)
+        # Consecutive duplicates of a node do not make a line.
         line = [node for node, before in zip(known, [-1, *known], strict=False) if node != before]
         if len(line) > 1:
             ways[identifier] = Way(identifier, tuple(line), _tags(element))
-    notes = (f"places of ways that are not in the file, where the ways were cut short: {lost}",) if lost else ()
+    notes = (
+        (f"nodes of ways that are missing from the file, so that the ways were shortened: {num_missing}",)
+        if num_missing
+        else ()
+    )
     return OsmData(
         longitude_latitude_deg=np.array(degrees).reshape(-1, 2),
         node_tags=tags,
@@ -93,8 +98,8 @@ def read_osm(path: Path) -> OsmData:
     )
 
 
-def metres(text: str) -> float:
-    """A length such as ``12``, ``12.5 m`` or ``40'``; 0 where it is none."""
+def parse_length_m(text: str) -> float:
+    """Parse a length such as ``12``, ``12.5 m`` or ``40'``, in meters; 0 if it is none."""
     match = re.fullmatch(r"(\d{1,4}(?:\.\d{1,3})?) ?(m|')?", text.strip())
     return 0.0 if match is None else float(match[1]) * (_FOOT_M if match[2] == "'" else 1.0)
 
@@ -110,7 +115,7 @@ def _by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:
             raise InputError(f"{place_of(path, element)}: {tag}: id: must be a whole number, not {identifier!r:.60}")
         if identifier in found:
             other = place_of(path, found[identifier])
-            raise InputError(f"{place_of(path, element)}: {tag} {identifier}: is there twice; the other is {other}")
+            raise InputError(f"{place_of(path, element)}: {tag} {identifier}: appears twice; the other is {other}")
         found[identifier] = element
     return found
 
@@ -134,7 +139,7 @@ def _tags(element: Element) -> dict[str, str]:
 
 
 def _left_hand(root: Element, ways: Iterable[Way]) -> bool:
-    """As ``OsmData.left_hand``; single roads may be exceptions, as in diverging diamonds."""
+    """Whether traffic keeps to the left, see ``OsmData.left_hand``; single roads may be exceptions."""
     boundaries = [tags for relation in root.findall("relation") if "boundary" in (tags := _tags(relation))]
     sides = {tags["driving_side"] for tags in boundaries if "driving_side" in tags}
     if sides:

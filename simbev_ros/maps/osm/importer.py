@@ -1,4 +1,4 @@
-"""From an OpenStreetMap file (.osm) to the parts of a map."""
+"""Imports an OpenStreetMap file: takes a .osm file and returns the parts of a map."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,16 +8,16 @@ from pyproj import Transformer
 
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.maps.osm.data import read_osm
-from simbev_ros.maps.osm.heights import with_heights
+from simbev_ros.maps.osm.heights import add_heights
 from simbev_ros.maps.osm.land import features_of
-from simbev_ros.maps.osm.netfile import middle_of, write_roads, write_types
+from simbev_ros.maps.osm.netfile import center_datum, write_roads, write_types
 from simbev_ros.maps.osm.road_rules import road_tags
-from simbev_ros.maps.osm.roads import joined, roads_of
+from simbev_ros.maps.osm.roads import join_roads, roads_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.sumo import netconvert
 
-_LARGEST_M = 30_000.0
-_LONGEST_M = 4e6
+_MAX_EXTENT_M = 30_000.0
+_MAX_LENGTH_M = 4e6
 _OPTIONS = (
     "--offset.disable-normalization=true",
     "--osm.sidewalks=true",
@@ -44,41 +44,41 @@ _OPTIONS = (
 
 
 def import_osm(path: Path, work: Path) -> MapParts:
-    """Read a file.
+    """Import an OpenStreetMap file.
 
     Args:
         path: The .osm file.
-        work: An empty folder for the files of the result.
+        work: An empty folder for the resulting files.
 
     Raises:
-        InputError: The file is not OpenStreetMap XML, something in it is wrong, or it has no roads for cars.
+        InputError: The file is not OpenStreetMap XML, its content is invalid, or it has no roads for cars.
     """
     data = read_osm(path)
     lines = [np.array(way.nodes) for way in data.ways if road_tags(way.tags) is not None]
-    in_roads = sorted({node for line in lines for node in line.tolist()})
-    if not in_roads:
+    road_nodes = sorted({node for line in lines for node in line.tolist()})
+    if not road_nodes:
         raise InputError(f"{path}: has no roads")
-    datum = middle_of(data.longitude_latitude_deg[in_roads])
+    datum = center_datum(data.longitude_latitude_deg[road_nodes])
     to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
     xy_m = np.column_stack(to_map.transform(*data.longitude_latitude_deg.T))
-    extent_m = float(np.ptp(xy_m[in_roads], axis=0).max())
-    if not extent_m <= _LARGEST_M:
+    extent_m = float(np.ptp(xy_m[road_nodes], axis=0).max())
+    if not extent_m <= _MAX_EXTENT_M:
         raise InputError(
-            f"{path}: its roads span {extent_m / 1000:.0f} km; at most {_LARGEST_M / 1000:.0f} km are read. "
-            "Cut out the part that is wanted"
+            f"{path}: its roads span {extent_m / 1000:.0f} km; at most {_MAX_EXTENT_M / 1000:.0f} km are read. "
+            "Extract the part that you need"
         )
     length_m = sum(float(np.hypot(*np.diff(xy_m[line], axis=0).T).sum()) for line in lines)
-    if length_m > _LONGEST_M:
+    if length_m > _MAX_LENGTH_M:
         raise InputError(
-            f"{path}: its roads are {length_m / 1000:.0f} km long; at most {_LONGEST_M / 1000:.0f} km are read. "
-            "Cut out the part that is wanted"
+            f"{path}: its roads are {length_m / 1000:.0f} km long; at most {_MAX_LENGTH_M / 1000:.0f} km are read. "
+            "Extract the part that you need"
         )
     roads, road_notes = roads_of(data, xy_m)
     if all(road.way.walk for road in roads):
         raise InputError(f"{path}: has no roads that cars may drive on")
     features, land_notes = features_of(data, xy_m, roads)
-    divided, xyz_m, height_notes = with_heights(roads, xy_m)
-    raised = joined([replace(road, way=road.way.at_grade()) for road in divided])
+    divided, xyz_m, height_notes = add_heights(roads, xy_m)
+    raised = join_roads([replace(road, way=road.way.at_grade()) for road in divided])
     source, types = work / "roads.osm", work / "types.typ.xml"
     write_roads(source, raised, xyz_m, data.node_tags, datum)
     write_types(types)
@@ -87,7 +87,7 @@ def import_osm(path: Path, work: Path) -> MapParts:
     if data.left_hand:
         options.append("--lefthand=true")
     try:
-        netconvert.run(options, net, opendrive)
+        netconvert.run_netconvert(options, net, opendrive)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
     notes = (*data.notes, *road_notes, *height_notes, *land_notes)

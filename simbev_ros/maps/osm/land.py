@@ -1,4 +1,4 @@
-"""What an OpenStreetMap file says about the land beside its roads: zones, water, buildings."""
+"""Extracts the land features of an OpenStreetMap file: zones, water and buildings."""
 
 from collections.abc import Sequence
 
@@ -15,21 +15,21 @@ from simbev_ros.maps.osm.roads import OsmRoad, line_of
 from simbev_ros.maps.osm.water import water_of
 from simbev_ros.types import AnyArray, Float64Array
 
-_AROUND_M = 1500.0
+_MARGIN_M = 1500.0
 _LANE_M, _SIDEWALK_M, _PATH_M, _VERGE_M = 3.3, 2.4, 2.2, 2.0
 _ZONE_KEYS = ("leisure", "amenity", "natural", "landuse")
 
 
 def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> tuple[MapFeatures, tuple[str, ...]]:
-    """The land, and what was left out.
+    """The land features of a file, and notes about what was left out.
 
     Args:
         data: The file.
-        xy_m: (N, 2) its nodes in the map frame.
+        xy_m: (N, 2) positions of its nodes, map frame.
         roads: The roads that are built.
     """
     extent = shapely.box(*shapely.total_bounds([line_of(road, xy_m) for road in roads]))
-    extent = extent.buffer(_AROUND_M, join_style="mitre")
+    extent = extent.buffer(_MARGIN_M, join_style="mitre")
     areas = [area for area in areas_of(data, xy_m) if area.polygon.intersects(extent)]
     zones = _zones(areas, extent)
     embanked = [road for road in roads if not road.way.bridge]
@@ -39,11 +39,11 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
     features = MapFeatures(
         rules.outside if zones else rules.anywhere, zones=zones, water=water, buildings=buildings or None
     )
-    return features, notes if buildings else ("it has no buildings: they are invented",)
+    return features, notes if buildings else ("it has no buildings: they are generated",)
 
 
 def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:
-    """Large ones first, so that small ones hold."""
+    """Zones in descending order of area, so that small ones take precedence."""
     rules, found = land_rules().zones, []
     for area in areas:
         kinds = (f"{key}={area.tags.get(key)}" for key in _ZONE_KEYS)
@@ -53,9 +53,9 @@ def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:
     return tuple(sorted(found, key=lambda zone: -zone.area.area))
 
 
-def _bands(roads: Sequence[OsmRoad], xy_m: Float64Array, beside_m: float) -> AnyArray:
-    """(R,) about the ground that roads take, and so much beside them."""
-    half_m = np.array([_width_m(road) / 2.0 + beside_m for road in roads])
+def _bands(roads: Sequence[OsmRoad], xy_m: Float64Array, margin_m: float) -> AnyArray:
+    """(R,) polygons of the ground that roads occupy, widened by a margin on each side; approximate."""
+    half_m = np.array([_width_m(road) / 2.0 + margin_m for road in roads])
     return np.asarray(shapely.buffer([line_of(road, xy_m) for road in roads], half_m, cap_style="flat"))
 
 

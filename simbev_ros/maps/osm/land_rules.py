@@ -1,4 +1,4 @@
-"""The table of what land use, water and building tags mean."""
+"""The rule table land_rules.yaml: interprets land use, water and building tags of OpenStreetMap."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -12,21 +12,21 @@ from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 
 class WaterRule(Model):
-    """A kind of water."""
+    """Defaults for a kind of water."""
 
-    width_m: float = Field(0.0, ge=0, description="of lines that name none")
-    depth_m: float = Field(gt=0, description="of the surface below the land")
+    width_m: float = Field(0.0, ge=0, description="default width of lines")
+    depth_m: float = Field(gt=0, description="depth of the surface below the land")
 
 
 class BuildingRule(Model):
-    """A kind of building."""
+    """Defaults for a kind of building."""
 
     use: str
-    height_m: float = Field(gt=0, description="where no tag says so")
+    height_m: float = Field(gt=0, description="default if no tag gives one")
 
 
 class LandRules(Model):
-    """All of it; see the file."""
+    """The content of land_rules.yaml, which documents each entry."""
 
     zones: Mapping[str, SurroundingsRecipe]
     outside: SurroundingsRecipe
@@ -39,6 +39,6 @@ class LandRules(Model):
 
 @lru_cache(maxsize=1)
 def land_rules() -> LandRules:
-    """The table."""
+    """Load the rule table."""
     text = files("simbev_ros.maps.osm").joinpath("land_rules.yaml").read_text(encoding="utf-8")
     return LandRules.model_validate(yaml.safe_load(text))

@@ -1,4 +1,4 @@
-"""Roads as OpenStreetMap XML again, clean, with heights, and the types that netconvert reads it with."""
+"""Writes cleaned OpenStreetMap roads with heights as OSM XML for netconvert, and the type file that goes with it."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,8 +19,8 @@ _NOT_ON_ROADS = (
 )
 _NODE_KINDS = ("traffic_signals", "crossing")
 _BICYCLE_LANE_M = 1.6
-_APART_M = 0.03
-"""netconvert takes nodes in one place for one; so far apart are those of roads that cross at two levels."""
+_NODE_SEPARATION_M = 0.03
+"""Offset between nodes of roads that cross at two levels, because netconvert merges nodes at the same position."""
 
 
 def write_roads(
@@ -30,49 +30,49 @@ def write_roads(
     node_tags: Mapping[int, Tags],
     datum: MapDatum,
 ) -> None:
-    """Write the roads; way k + 1 is road k.
+    """Write the roads as OSM XML; way k + 1 is road k.
 
     Args:
-        path: Where to.
+        path: The file to write.
         roads: The roads.
         xyz_m: (N, 3) nodes, map frame.
-        node_tags: Tags of nodes.
-        datum: Of the map frame.
+        node_tags: Tags by node index.
+        datum: Datum of the map frame.
     """
     root = Element("osm", version="0.6")
     used = sorted({node for road in roads for node in road.nodes})
-    taken = Counter[tuple[float, float]]()
+    occupied = Counter[tuple[float, float]]()
     for node in used:
         x_m, y_m, _ = np.round(xyz_m[node], 2)
-        apart_m = _APART_M * taken[x_m, y_m]
-        taken[x_m, y_m] += 1
-        latitude, longitude, altitude_m = datum.geodetic_from_map(xyz_m[node] + np.array([apart_m, 0.0, 0.0]))
-        place = {"id": str(node + 1), "lat": f"{latitude:.10f}", "lon": f"{longitude:.10f}"}
-        element = SubElement(root, "node", place)
-        _tag(element, {"ele": f"{altitude_m - datum.altitude_m:.3f}"})
+        offset_m = _NODE_SEPARATION_M * occupied[x_m, y_m]
+        occupied[x_m, y_m] += 1
+        latitude, longitude, altitude_m = datum.geodetic_from_map(xyz_m[node] + np.array([offset_m, 0.0, 0.0]))
+        attributes = {"id": str(node + 1), "lat": f"{latitude:.10f}", "lon": f"{longitude:.10f}"}
+        element = SubElement(root, "node", attributes)
+        _add_tags(element, {"ele": f"{altitude_m - datum.altitude_m:.3f}"})
         tags = node_tags.get(node, {})
         if tags.get("highway") in _NODE_KINDS:
-            _tag(element, {key: tags[key] for key in ("highway", "crossing") if key in tags})
+            _add_tags(element, {key: tags[key] for key in ("highway", "crossing") if key in tags})
     for index, road in enumerate(roads):
         way = SubElement(root, "way", id=str(index + 1))
         for node in road.nodes:
             SubElement(way, "nd", ref=str(node + 1))
-        _tag(way, road.way.tags)
+        _add_tags(way, road.way.tags)
     ElementTree(root).write(path, encoding="utf-8")
 
 
 def write_types(path: Path) -> None:
-    """Write what netconvert assumes of each class of roads."""
+    """Write netconvert's type file: its defaults for each class of roads."""
     root = Element("types")
     for kind, rule in road_rules().items():
-        SubElement(root, "type", {"id": f"highway.{kind}", **_type(rule)})
+        SubElement(root, "type", {"id": f"highway.{kind}", **_type_attributes(rule)})
     bicycle_lane = {"bikeLaneWidth": f"{_BICYCLE_LANE_M}", "allow": "bicycle"}
     for side in ("lane", "opposite_lane"):
         SubElement(root, "type", {"id": f"cycleway.{side}", **bicycle_lane})
     ElementTree(root).write(path, encoding="utf-8")
 
 
-def _type(rule: RoadRule) -> dict[str, str]:
+def _type_attributes(rule: RoadRule) -> dict[str, str]:
     common = {"numLanes": "1", "speed": f"{rule.speed_kmh / 3.6:.2f}", "priority": str(rule.priority)}
     if rule.walk:
         return {**common, "oneway": "true", "width": "2", "allow": "pedestrian"}
@@ -80,13 +80,13 @@ def _type(rule: RoadRule) -> dict[str, str]:
     return {**common, "oneway": "true" if rule.one_way else "false", "disallow": forbidden}
 
 
-def _tag(element: Element, tags: Tags) -> None:
+def _add_tags(element: Element, tags: Tags) -> None:
     for key, value in tags.items():
         SubElement(element, "tag", k=key, v=value)
 
 
-def middle_of(longitude_latitude_deg: Float64Array) -> MapDatum:
-    """A datum in the middle of (N, 2) longitudes and latitudes, of few digits."""
+def center_datum(longitude_latitude_deg: Float64Array) -> MapDatum:
+    """A datum at the center of (N, 2) longitudes and latitudes, rounded to few digits."""
     first_deg = longitude_latitude_deg[0, 0]
     degrees = longitude_latitude_deg.copy()
     # From -180 to 180 degrees east of the first, so that a town may lie on both sides of the antimeridian.

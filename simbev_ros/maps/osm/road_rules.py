@@ -1,4 +1,4 @@
-"""Which ways are roads, and their tags with all that is left to custom spelled out."""
+"""Decides which OpenStreetMap ways are roads, and normalizes their tags by making all implied values explicit."""
 
 import re
 from collections.abc import Mapping
@@ -12,21 +12,28 @@ from pydantic import Field, TypeAdapter
 from simbev_ros.config.base import Model
 from simbev_ros.maps.osm.data import Tags
 
-_KEPT = ("turn:lanes", "turn:lanes:forward", "turn:lanes:backward", "lanes:forward", "lanes:backward", "junction")
+_COPIED_KEYS = (
+    "turn:lanes",
+    "turn:lanes:forward",
+    "turn:lanes:backward",
+    "lanes:forward",
+    "lanes:backward",
+    "junction",
+)
 _CYCLE_LANES = ("cycleway", "cycleway:left", "cycleway:right", "cycleway:both")
 _MIRRORED_SIDES = {"left": "right", "right": "left"}
 _MIRRORED_KEYS = {
     f"{key}:{side}": f"{key}:{other}" for key in ("sidewalk", "cycleway") for side, other in _MIRRORED_SIDES.items()
 }
 _MINOR_SERVICE = ("driveway", "parking_aisle", "drive-through", "emergency_access")
-_MOST_LANES = 10
+_MAX_LANES = 10
 _KMH_PER_MPH = 1.609344
 
 
 class RoadRule(Model):
-    """What is assumed of a class of roads."""
+    """Defaults for a class of roads."""
 
-    priority: int = Field(ge=1, le=20, description="at junctions the higher one has right of way")
+    priority: int = Field(ge=1, le=20, description="at junctions, the higher priority has right of way")
     lanes: int = Field(1, ge=1)
     one_way: bool = False
     speed_kmh: float = Field(10.0, gt=0)
@@ -36,13 +43,13 @@ class RoadRule(Model):
 
 
 class RoadTags(NamedTuple):
-    """What a way is as a road.
+    """Normalized description of a way as a road.
 
     Attributes:
-        tags: For netconvert: every one that it reads, in forms that it knows.
-        reverse: The road runs against its way.
-        walk: For people alone.
-        layer: Of roads that cross without meeting the higher one passes above.
+        tags: Every tag that netconvert reads, in forms that it understands.
+        reverse: The road runs against the direction of its way.
+        walk: For pedestrians only.
+        layer: Where roads cross without meeting, the one of the higher layer passes above.
         bridge: On a bridge.
         tunnel: Below ground.
     """
@@ -55,33 +62,33 @@ class RoadTags(NamedTuple):
     tunnel: bool = False
 
     def at_grade(self) -> Self:
-        """The same on the ground, where heights say all about bridges."""
+        """The same road on the ground, for use when heights already describe bridges."""
         return self._replace(layer=0, bridge=False, tunnel=False)
 
 
 @lru_cache(maxsize=1)
 def road_rules() -> Mapping[str, RoadRule]:
-    """By value of OpenStreetMap's key ``highway``."""
+    """Road rules by value of OpenStreetMap's key ``highway``."""
     text = files("simbev_ros.maps.osm").joinpath("road_rules.yaml").read_text(encoding="utf-8")
     return TypeAdapter(dict[str, RoadRule]).validate_python(yaml.safe_load(text))
 
 
 def road_tags(tags: Tags, left_hand: bool = False) -> RoadTags | None:
-    """The road that a way is, or None.
+    """Normalized road tags of a way, or None if it is not a road.
 
-    netconvert builds left-hand roads as right-hand ones seen in a mirror: for these left and right change places.
+    netconvert builds left-hand roads as mirrored right-hand ones, so left and right are exchanged for them.
     """
-    tags = _mirrored(tags) if left_hand else tags
+    tags = _mirror(tags) if left_hand else tags
     kind = tags.get("highway", "")
     rule = road_rules().get(kind)
-    if rule is None or tags.get("area") == "yes" or _closed_to_all(tags, rule):
+    if rule is None or tags.get("area") == "yes" or _is_excluded(tags, rule):
         return None
-    layer, bridge, tunnel = _layer(tags), _yes(tags.get("bridge")), _yes(tags.get("tunnel"))
+    layer, bridge, tunnel = _layer(tags), _is_true(tags.get("bridge")), _is_true(tags.get("tunnel"))
     if rule.walk:
         return RoadTags({"highway": kind}, walk=True, layer=layer, bridge=bridge, tunnel=tunnel)
     one_way = tags.get("oneway", "yes" if rule.one_way or tags.get("junction") == "roundabout" else "no")
     runs_one_way = one_way in ("yes", "true", "1", "-1", "reverse")
-    road = {key: tags[key] for key in _KEPT if key in tags}
+    road = {key: tags[key] for key in _COPIED_KEYS if key in tags}
     road |= {key: "lane" for key in _CYCLE_LANES if tags.get(key) in ("lane", "track", "exclusive")}
     road |= {
         "highway": kind,
@@ -93,17 +100,17 @@ def road_tags(tags: Tags, left_hand: bool = False) -> RoadTags | None:
     return RoadTags(road, one_way in ("-1", "reverse"), False, layer, bridge, tunnel)
 
 
-def _mirrored(tags: Tags) -> Tags:
-    """Sidewalks and cycle lanes on the left of the way on its right, and the other way round."""
+def _mirror(tags: Tags) -> Tags:
+    """Exchange sidewalks and cycle lanes of the left and the right side."""
     mirrored = {_MIRRORED_KEYS.get(key, key): value for key, value in tags.items()}
     if (side := tags.get("sidewalk")) in _MIRRORED_SIDES:
         mirrored["sidewalk"] = _MIRRORED_SIDES[side]
     return mirrored
 
 
-def _closed_to_all(tags: Tags, rule: RoadRule) -> bool:
+def _is_excluded(tags: Tags, rule: RoadRule) -> bool:
     if rule.walk:
-        separate = tags.get("footway") in ("sidewalk", "crossing")  # roads bring their own
+        separate = tags.get("footway") in ("sidewalk", "crossing")  # roads have their own
         return separate or tags.get("foot", tags.get("access")) in ("no", "private")
     if tags.get("service") in _MINOR_SERVICE:
         return True
@@ -111,20 +118,20 @@ def _closed_to_all(tags: Tags, rule: RoadRule) -> bool:
 
 
 def _layer(tags: Tags) -> int:
-    """The tag, or what a bridge or tunnel without it means."""
+    """The layer tag, or the default of a bridge or tunnel without it."""
     text = tags.get("layer", "")
     if re.fullmatch(r"-?[1-5]", text):
         return int(text)
-    return 1 if _yes(tags.get("bridge")) else -1 if _yes(tags.get("tunnel")) else 0
+    return 1 if _is_true(tags.get("bridge")) else -1 if _is_true(tags.get("tunnel")) else 0
 
 
-def _yes(value: str | None) -> bool:
+def _is_true(value: str | None) -> bool:
     return value not in (None, "no", "building_passage")
 
 
 def _lanes(tags: Tags, rule: RoadRule, one_way: bool) -> int:
     text = tags.get("lanes", "")
-    if text.isdecimal() and 1 <= int(text) <= _MOST_LANES:
+    if text.isdecimal() and 1 <= int(text) <= _MAX_LANES:
         return int(text)
     return max(1, rule.lanes // 2) if one_way and not rule.one_way else rule.lanes
 
@@ -137,7 +144,7 @@ def _speed_kmh(tags: Tags, rule: RoadRule) -> float:
 
 
 def _sidewalk(tags: Tags, rule: RoadRule, one_way: bool) -> str:
-    """``both``, ``left``, ``right`` or ``no``; one beside the road ("separate") counts as the road's own."""
+    """``both``, ``left``, ``right`` or ``no``; a sidewalk mapped as "separate" counts as the road's own."""
     value = tags.get("sidewalk", tags.get("sidewalk:both"))
     if value in ("left", "right"):
         return value
@@ -145,10 +152,10 @@ def _sidewalk(tags: Tags, rule: RoadRule, one_way: bool) -> str:
         return "no" if value in ("no", "none") else "both"
     sides = {side: tags[f"sidewalk:{side}"] for side in ("left", "right") if f"sidewalk:{side}" in tags}
     if sides:
-        there = [side for side, state in sides.items() if state not in ("no", "none")]
-        return "both" if len(there) == 2 else there[0] if there else "no"
+        present = [side for side, state in sides.items() if state not in ("no", "none")]
+        return "both" if len(present) == 2 else present[0] if present else "no"
     if rule.sidewalk == "none":
         return "no"
-    # A large one-way road is mostly half of a divided one: its left side is the middle.
+    # A large one-way road is usually half of a divided road: its left side is the median.
     divided = one_way and (rule.priority >= 11 or tags.get("junction") == "roundabout")
     return "right" if divided else "both"

@@ -1,4 +1,4 @@
-"""Rivers, lakes and ponds: areas, and lines with a width where no area covers them."""
+"""Builds the rivers, lakes and ponds of an OpenStreetMap file, from areas and from lines that no area covers."""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,11 +8,11 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.osm.areas import Area, polygons
-from simbev_ros.maps.osm.data import OsmData, Tags, metres
+from simbev_ros.maps.osm.data import OsmData, Tags, parse_length_m
 from simbev_ros.maps.osm.land_rules import land_rules
 from simbev_ros.types import AnyArray, Float64Array
 
-_SMALLEST_M2 = 6.0
+_MIN_AREA_M2 = 6.0
 
 
 def water_of(
@@ -22,10 +22,10 @@ def water_of(
 
     Args:
         data: The file.
-        xy_m: (N, 2) its nodes in the map frame.
+        xy_m: (N, 2) positions of its nodes, map frame.
         areas: Its areas.
-        extent: Water beyond it is left out.
-        road_bands: (R,) polygons that roads without bridges take: there water flows through culverts.
+        extent: Water outside it is left out.
+        road_bands: (R,) polygons that roads other than bridges occupy; water passes below them in culverts.
     """
     rules = land_rules().water
     culverts = shapely.STRtree(road_bands)
@@ -38,7 +38,7 @@ def water_of(
     for way in data.ways:
         kind = way.tags.get("waterway", "")
         if kind in rules and rules[kind].width_m > 0.0 and way.tags.get("tunnel", "no") == "no":
-            width_m = metres(way.tags.get("width", "")) or rules[kind].width_m
+            width_m = parse_length_m(way.tags.get("width", "")) or rules[kind].width_m
             band = shapely.buffer(shapely.LineString(xy_m[list(way.nodes)]), width_m / 2.0, cap_style="flat")
             found += _parts(shapely.difference(band, covered), extent, culverts, rules[kind].depth_m)
             covered = shapely.union(covered, band)
@@ -56,4 +56,4 @@ def _parts(area: BaseGeometry, extent: BaseGeometry, culverts: shapely.STRtree, 
     """The open water of an area."""
     roads = culverts.geometries[np.sort(culverts.query(area, predicate="intersects"))]
     open_water = shapely.difference(shapely.intersection(area, extent), shapely.union_all(roads))
-    return (Water(part, -depth_m) for part in polygons(open_water) if part.area > _SMALLEST_M2)
+    return (Water(part, -depth_m) for part in polygons(open_water) if part.area > _MIN_AREA_M2)

@@ -1,1 +1,1 @@
-"""Plans of our own towns: from a recipe to roads, from roads to SUMO's plain XML."""
+"""Generates the built-in towns: from a recipe to planned roads, and from these to SUMO's plain XML."""

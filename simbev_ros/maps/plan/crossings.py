@@ -1,4 +1,4 @@
-"""Where links of different layers pass over each other."""
+"""Finds the crossings at two levels in a plan, where links of different layers pass over each other."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -9,17 +9,18 @@ import shapely
 from simbev_ros.maps.plan.plan import Link, Plan, half_width_m
 from simbev_ros.types import Float64Array
 
-_SMALLEST_SINE = 0.3
-_AT_NODE_M = 2.0
+_MIN_SINE = 0.3
+_NODE_TOLERANCE_M = 2.0
 
 
 class Crossing(NamedTuple):
-    """One crossing at two heights.
+    """A crossing at two heights.
 
     Attributes:
-        upper: Index of the link above; lower: of the link below.
-        upper_m: (3,) stations on the upper link at the start, in the middle and at the end of what lies above the
-            other road; lower_m: on the lower link likewise.
+        upper: Index of the upper link.
+        lower: Index of the lower link.
+        upper_m: (3,) stations on the upper link at the start, the middle and the end of the part above the other road.
+        lower_m: (3,) stations on the lower link likewise.
     """
 
     upper: int
@@ -29,32 +30,37 @@ class Crossing(NamedTuple):
 
 
 def crossings_of(plan: Plan) -> Iterator[Crossing]:
-    """All crossings at two heights of a plan whose lines are (N, 2 or 3)."""
+    """Yield all crossings at two heights of a plan whose lines are (N, 2 or 3)."""
     lines = [shapely.LineString(link.line_m[:, :2]) for link in plan.links]
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     for a, b in zip(first.tolist(), second.tolist(), strict=True):
         if plan.links[a].road.layer > plan.links[b].road.layer:
-            for place in shapely.get_coordinates(shapely.intersection(lines[a], lines[b])):
-                if not _meet_at(plan, plan.links[a], plan.links[b], place):
-                    yield _crossing(plan, lines, a, b, place)
+            for position in shapely.get_coordinates(shapely.intersection(lines[a], lines[b])):
+                if not _meet_at(plan, plan.links[a], plan.links[b], position):
+                    yield _crossing(plan, lines, a, b, position)
 
 
-def _meet_at(plan: Plan, upper: Link, lower: Link, place_m: Float64Array) -> bool:
-    """Two links share a node there."""
+def _meet_at(plan: Plan, upper: Link, lower: Link, position_m: Float64Array) -> bool:
+    """Whether two links share a node at a position."""
     shared = {upper.start, upper.end} & {lower.start, lower.end}
-    return any(np.linalg.norm(plan.nodes_m[node][:2] - place_m) < _AT_NODE_M for node in shared)
+    return any(np.linalg.norm(plan.nodes_m[node][:2] - position_m) < _NODE_TOLERANCE_M for node in shared)
 
 
-def _crossing(plan: Plan, lines: list[shapely.LineString], upper: int, lower: int, place_m: Float64Array) -> Crossing:
-    point = shapely.Point(place_m)
-    at_m = [lines[index].project(point) for index in (upper, lower)]
-    directions = [_direction(lines[index], station_m) for index, station_m in zip((upper, lower), at_m, strict=True)]
+def _crossing(
+    plan: Plan, lines: list[shapely.LineString], upper: int, lower: int, position_m: Float64Array
+) -> Crossing:
+    point = shapely.Point(position_m)
+    crossing_stations_m = [lines[index].project(point) for index in (upper, lower)]
+    directions = [
+        _direction(lines[index], station_m)
+        for index, station_m in zip((upper, lower), crossing_stations_m, strict=True)
+    ]
     cosine = abs(float(directions[0] @ directions[1]))
-    sine = max(float(np.sqrt(max(0.0, 1.0 - cosine**2))), _SMALLEST_SINE)
+    sine = max(float(np.sqrt(max(0.0, 1.0 - cosine**2))), _MIN_SINE)
     widths_m = [half_width_m(plan.links[index].road.kind) for index in (upper, lower)]
     spans_m = [(widths_m[1 - side] + widths_m[side] * cosine) / sine for side in (0, 1)]
     stations = [
-        np.clip(at_m[side] + np.array([-1.0, 0.0, 1.0]) * spans_m[side], 0.0, lines[index].length)
+        np.clip(crossing_stations_m[side] + np.array([-1.0, 0.0, 1.0]) * spans_m[side], 0.0, lines[index].length)
         for side, index in enumerate((upper, lower))
     ]
     return Crossing(upper, lower, stations[0], stations[1])

@@ -1,33 +1,36 @@
-"""Curves in plan: rounding corners, offsetting, joining smoothly. (N, 2) float64, map frame, metres."""
+"""Curves in plan view for the town patterns: rounded corners, offset lines, smooth connections.
+
+All lines are (N, 2) float64, map frame, meters.
+"""
 
 import numpy as np
 
-from simbev_ros.maps.plan.lines import VERTEX_SPACING_M, at_stations, densified, length_m
+from simbev_ros.maps.plan.lines import VERTEX_SPACING_M, densify, length_m, points_at
 from simbev_ros.types import Float64Array
 
 _STRAIGHT_SPACING_M = 20.0
 
 
-def place_m(line_m: Float64Array, at_m: float) -> Float64Array:
-    """(2,) place at a distance from a line's start."""
-    return np.asarray(at_stations(line_m, np.array([at_m]))[0])
+def point_at(line_m: Float64Array, at_m: float) -> Float64Array:
+    """(2,) point at a distance from a line's start."""
+    return np.asarray(points_at(line_m, np.array([at_m]))[0])
 
 
-def heading(line_m: Float64Array, at_m: float) -> Float64Array:
+def heading_at(line_m: Float64Array, at_m: float) -> Float64Array:
     """(2,) unit vector along a line at a distance from its start."""
     total_m = length_m(line_m)
-    ahead = place_m(line_m, min(at_m + 1.0, total_m)) - place_m(line_m, max(at_m - 1.0, 0.0))
+    ahead = point_at(line_m, min(at_m + 1.0, total_m)) - point_at(line_m, max(at_m - 1.0, 0.0))
     return np.asarray(ahead / np.linalg.norm(ahead))
 
 
-def resampled(line_m: Float64Array, spacing_m: float = VERTEX_SPACING_M) -> Float64Array:
-    """The same line with evenly spaced vertices, ends kept."""
+def resample(line_m: Float64Array, spacing_m: float = VERTEX_SPACING_M) -> Float64Array:
+    """Resample a line with evenly spaced vertices, keeping its ends."""
     total_m = length_m(line_m)
-    return at_stations(line_m, np.linspace(0.0, total_m, max(2, round(total_m / spacing_m) + 1)))
+    return points_at(line_m, np.linspace(0.0, total_m, max(2, round(total_m / spacing_m) + 1)))
 
 
-def right_of(line_m: Float64Array, offset_m: float | Float64Array, closed: bool = False) -> Float64Array:
-    """The line moved to its right (negative: left) by one or (N,) distances, along the normals of its vertices."""
+def offset_to_right(line_m: Float64Array, offset_m: float | Float64Array, closed: bool = False) -> Float64Array:
+    """Offset a line to its right (negative: left) by one or (N,) distances, along its vertex normals."""
     ahead = np.gradient(line_m, axis=0)
     if closed:
         ahead[[0, -1]] = line_m[1] - line_m[-2]
@@ -36,11 +39,11 @@ def right_of(line_m: Float64Array, offset_m: float | Float64Array, closed: bool 
     return moved
 
 
-def rounded(points_m: Float64Array, radius_m: float, closed: bool = False) -> Float64Array:
-    """A line through straight stretches and arcs that replace the corners of a polygon or polyline.
+def round_corners(points_m: Float64Array, radius_m: float, closed: bool = False) -> Float64Array:
+    """Replace the corners of a polygon or polyline by arcs, connected by straight segments.
 
-    An arc is smaller than ``radius_m`` where the sides of its corner are too short for it. A closed line starts, and
-    ends with the same vertex, at the beginning of its longest side.
+    An arc is smaller than ``radius_m`` if the sides of its corner are too short for it. A closed line starts at the
+    beginning of its longest side, and ends with the same vertex.
     """
     corners = np.asarray(points_m, dtype=np.float64)
     if closed:
@@ -49,7 +52,7 @@ def rounded(points_m: Float64Array, radius_m: float, closed: bool = False) -> Fl
         corners = np.concatenate([corners[-1:], corners, corners[:1]])
     arcs = [_arc(corners[index : index + 3], radius_m) for index in range(len(corners) - 2)]
     ends = (arcs[-1][-1:], np.empty((0, 2))) if closed else (corners[:1], corners[-1:])
-    return densified(np.concatenate([ends[0], *arcs, ends[1]]), _STRAIGHT_SPACING_M)
+    return densify(np.concatenate([ends[0], *arcs, ends[1]]), _STRAIGHT_SPACING_M)
 
 
 def _arc(corners_m: Float64Array, radius_m: float) -> Float64Array:
@@ -71,21 +74,21 @@ def _arc(corners_m: Float64Array, radius_m: float) -> Float64Array:
     return np.asarray(center - radius_m * (np.cos(angle) * middle - np.sin(angle) * across))
 
 
-def joining(
+def bezier_between(
     start_m: Float64Array,
     start_heading: Float64Array,
     end_m: Float64Array,
     end_heading: Float64Array,
     handles: tuple[float, float] = (0.4, 0.4),
 ) -> Float64Array:
-    """A smooth line between two places with given directions: a cubic Bezier curve.
+    """A cubic Bezier curve between two points with given directions.
 
     Args:
-        start_m: (2,) place.
+        start_m: (2,) start point.
         start_heading: (2,) unit vector.
-        end_m: (2,) place.
+        end_m: (2,) end point.
         end_heading: (2,) unit vector.
-        handles: How far the curve keeps its first and its last direction, as shares of the distance.
+        handles: Lengths of the curve's first and last control handle, as fractions of the distance.
     """
     span_m = float(np.linalg.norm(end_m - start_m))
     control = np.stack(
@@ -93,4 +96,4 @@ def joining(
     )
     t = np.linspace(0.0, 1.0, 200)[:, None]
     weights = np.concatenate([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
-    return resampled(weights @ control)
+    return resample(weights @ control)

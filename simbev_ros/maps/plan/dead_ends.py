@@ -1,4 +1,4 @@
-"""Turning circles where a road would end, so that every lane leads on."""
+"""Adds turning circles at the dead ends of a plan, so that every lane has a successor."""
 
 from dataclasses import replace
 
@@ -14,8 +14,8 @@ _LANE_M = 4.5
 _SPEED_KMH = 20.0
 
 
-def with_turning_circles(plan: Plan) -> Plan:
-    """The plan with a one-way circle around each node at which a road ends; footpaths may end anywhere.
+def add_turning_circles(plan: Plan) -> Plan:
+    """Add a one-way circle around each node at which a road ends; footpaths may end anywhere.
 
     Raises:
         InputError: A one-way road leads nowhere, or a dead end is too short for a circle.
@@ -30,7 +30,7 @@ def with_turning_circles(plan: Plan) -> Plan:
         if length_m(link.line_m) < 2.0 * _RADIUS_M:
             raise InputError(f"road {link.road.name}: its dead end is shorter than {2.0 * _RADIUS_M:g} m")
         center_m = plan.nodes_m[node]
-        shortened = _shortened(link, node)
+        shortened = _shorten(link, node)
         entry_m = shortened.line_m[0 if link.start == node else -1]
         nodes_m[node] = entry_m
         nodes_m.append(2.0 * center_m - entry_m)
@@ -40,14 +40,14 @@ def with_turning_circles(plan: Plan) -> Plan:
     return Plan(np.array(nodes_m), tuple(links.values()), plan.notes)
 
 
-def _shortened(link: Link, node: int) -> Link:
-    """The link without its last metres at a node."""
+def _shorten(link: Link, node: int) -> Link:
+    """Cut off the part of a link within the circle at a node."""
     whole_m = length_m(link.line_m)
     kept = (_RADIUS_M, whole_m) if link.start == node else (0.0, whole_m - _RADIUS_M)
     return replace(link, line_m=part(link.line_m, *kept))
 
 
-def _circle(link: Link, node: int, far: int, center_m: np.ndarray) -> list[Link]:
+def _circle(link: Link, node: int, far_node: int, center_m: np.ndarray) -> list[Link]:
     """Both halves of the circle, counter-clockwise from the node and back to it."""
     outward = heading_from(link, node)
     entry_rad = float(np.arctan2(outward[1], outward[0]))
@@ -60,7 +60,10 @@ def _circle(link: Link, node: int, far: int, center_m: np.ndarray) -> list[Link]
         corner_radius_m=link.road.kind.corner_radius_m,
     )
     halves = []
-    for name, start, end, start_rad in (("out", node, far, entry_rad), ("back", far, node, entry_rad + np.pi)):
+    for name, start, end, start_rad in (
+        ("out", node, far_node, entry_rad),
+        ("back", far_node, node, entry_rad + np.pi),
+    ):
         line_m = arc(center_m, _RADIUS_M, start_rad, np.pi)
         road = DraftRoad(f"{link.id}.{'start' if link.start == node else 'end'}.{name}", kind, line_m, link.road.layer)
         halves.append(Link(road.name, road, start, end, line_m))

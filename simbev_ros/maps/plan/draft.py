@@ -1,7 +1,7 @@
-"""A draft of roads: lines in plan with a cross-section, before they are divided where they meet.
+"""A draft of a town's roads: lines in plan view with cross-sections, before they are divided at their intersections.
 
 Patterns (grid, roads, roundabout, interchange, region, ...) append to a draft; ``noding`` divides it at its junctions,
-``profile`` gives it heights, ``sumo_xml`` writes it down.
+``profile`` computes heights, ``sumo_xml`` writes the result.
 """
 
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from simbev_ros.types import Float64Array
 
 
 class RoadClass(Model):
-    """A cross-section, the same for both directions of a two-way road."""
+    """A cross-section; for two-way roads, each value applies to each direction."""
 
     lanes: int = Field(1, ge=0, le=6, description="driving lanes per direction; 0: a footpath")
     one_way: bool = False
@@ -31,26 +31,28 @@ class RoadClass(Model):
     line_at: Literal["middle", "left"] = Field(
         "middle", description="left: a one-way road's line is the left edge of its driving lanes"
     )
-    priority: int = Field(1, ge=1, le=12, description="at junctions the higher one has right of way")
-    corner_radius_m: float = Field(6.0, ge=1, le=20, description="of the curb at junctions")
+    priority: int = Field(1, ge=1, le=12, description="at junctions, the higher priority has right of way")
+    corner_radius_m: float = Field(6.0, ge=1, le=20, description="radius of the curb at junctions")
 
 
 @dataclass(frozen=True, slots=True)
 class DraftRoad:
-    """One road.
+    """A road of a draft.
 
-    Roads of one layer meet where they cross in plan, and where one ends on another. Roads of different layers pass over
-    and under each other, the higher layer above, and meet only where one ends at a vertex of the other (within 0.5 m).
+    Roads of one layer meet where they cross in plan view, and where one ends on another. Roads of different layers pass
+    over and under each other, the higher layer above, and meet only where one ends at a vertex of the other (within 0.5
+    m).
 
     Attributes:
         name: Unique in its draft.
-        kind: Cross-section. The line is the middle of it, the median included, unless its ``line_at`` says otherwise;
+        kind: Cross-section. The line is its middle, including the median, unless its ``line_at`` says otherwise;
             one-way roads run along the line.
-        line_m: (N, 2) float64 plan, map frame; curves as vertices about 5 m apart.
+        line_m: (N, 2) float64 plan view, map frame; curves have vertices about 5 m apart.
         layer: 0 on the ground; others above (positive) or below it.
-        elevated_m: Kept at least so high above the land on a structure, as city motorways on pillars are; 0: no.
-        joins_m: Where its start and its end meet other roads if not at the line's own ends: (2,) vertices of other
-            roads' lines, of any layer. So a ramp's end lies beside the lanes that it joins, which meet it in one place.
+        elevated_m: Minimum height above the land, on a structure, as for city motorways on pillars; 0: on the land.
+        joins_m: Points at which its start and its end meet other roads, if not at the line's own ends: (2,) vertices of
+            other roads' lines, of any layer. This allows a ramp to end beside the lanes that it joins, while they all
+            meet at one point.
     """
 
     name: str
@@ -67,9 +69,9 @@ class Draft:
 
     Attributes:
         roads: In any order.
-        signals_m: Where traffic lights are wanted whatever the rule says: junctions within 10 m of (2,) places.
-        zones: Land with a character of its own; where they overlap, the last one holds.
-        water: Areas of rivers and lakes; their surface follows from the land.
+        signals_m: (2,) points; junctions within 10 m of them get traffic lights regardless of the rule.
+        zones: Areas with their own surroundings; where they overlap, the last one takes precedence.
+        water: Areas of rivers and lakes; their surface height follows from the land.
     """
 
     roads: list[DraftRoad] = field(default_factory=list)

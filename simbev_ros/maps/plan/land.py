@@ -1,4 +1,4 @@
-"""Water and zones of a recipe as areas of the map."""
+"""Builds the water areas and zones of a town from its recipe, as areas in the map frame."""
 
 from collections.abc import Iterator, Sequence
 from typing import Self
@@ -10,33 +10,35 @@ from pydantic import Field, model_validator
 from simbev_ros.config.base import Model
 from simbev_ros.maps.land_features import Water, Zone
 from simbev_ros.maps.plan.heights.profile import Land
-from simbev_ros.maps.plan.patterns.road import Place, spline
+from simbev_ros.maps.plan.patterns.road import PointXY, spline_through
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _OUTLINE_SPACING_M = 20.0
 
 
 class WaterRecipe(Model):
-    """A river or canal along a line, or a lake."""
+    """A river or canal along a line, or a lake; exactly one of ``line_m`` and ``outline_m`` is given."""
 
-    line_m: tuple[Place, ...] = Field((), description="of a river: places that it winds through")
-    width_m: float = Field(20.0, ge=3, le=500, description="of a river")
-    outline_m: tuple[Place, ...] = Field((), description="of a lake: corners, rounded off")
-    below_land_m: float = Field(2.0, ge=0.5, le=30, description="of its surface, where the land is lowest")
+    line_m: tuple[PointXY, ...] = Field((), description="river: points that it passes through")
+    width_m: float = Field(20.0, ge=3, le=500, description="river width")
+    outline_m: tuple[PointXY, ...] = Field((), description="lake: corners, which are rounded")
+    below_land_m: float = Field(
+        2.0, ge=0.5, le=30, description="depth of its surface below the lowest land at its shore"
+    )
 
     @model_validator(mode="after")
     def _line_or_outline(self) -> Self:
         if (len(self.line_m) >= 2) == (len(self.outline_m) >= 3):
-            raise ValueError("water needs either line_m, of two places or more, or outline_m, of three or more")
+            raise ValueError("water needs either line_m with two or more points, or outline_m with three or more")
         return self
 
 
 class ZoneRecipe(Model):
-    """Land with a character of its own: a circle, a rectangle or a polygon."""
+    """An area with its own surroundings: a circle, a rectangle or a polygon."""
 
-    circle_m: tuple[float, float, float] | None = Field(None, description="x, y, smallest radius")
+    circle_m: tuple[float, float, float] | None = Field(None, description="x, y, minimum radius")
     rectangle_m: tuple[float, float, float, float] | None = Field(None, description="west, south, east, north")
-    polygon_m: tuple[Place, ...] | None = Field(None, min_length=3)
+    polygon_m: tuple[PointXY, ...] | None = Field(None, min_length=3)
     surroundings: SurroundingsRecipe
 
     @model_validator(mode="after")
@@ -47,39 +49,41 @@ class ZoneRecipe(Model):
 
     @property
     def area(self) -> shapely.Polygon:
-        """In the map frame."""
+        """The area as a polygon in the map frame."""
         if self.circle_m is not None:
-            return settled_around(*self.circle_m)
+            return settled_area(*self.circle_m)
         if self.rectangle_m is not None:
             return shapely.box(*self.rectangle_m)
         return shapely.Polygon(self.polygon_m)
 
 
-def settled_around(x_m: float, y_m: float, radius_m: float) -> shapely.Polygon:
-    """A circle with bulges: nothing that people have settled is round."""
+def settled_area(x_m: float, y_m: float, radius_m: float) -> shapely.Polygon:
+    """A circle with irregular bulges, because settlements are never exactly round."""
     angle_rad = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
-    swell = 1.13 + 0.06 * np.sin(2.0 * angle_rad + x_m)
-    swell += 0.04 * np.sin(3.0 * angle_rad + y_m) + 0.03 * np.sin(5.0 * angle_rad)
+    radius_factor = 1.13 + 0.06 * np.sin(2.0 * angle_rad + x_m)
+    radius_factor += 0.04 * np.sin(3.0 * angle_rad + y_m) + 0.03 * np.sin(5.0 * angle_rad)
     around = np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
-    return shapely.Polygon([x_m, y_m] + radius_m * swell[:, None] * around)
+    return shapely.Polygon([x_m, y_m] + radius_m * radius_factor[:, None] * around)
 
 
 def zones_of(recipes: Sequence[ZoneRecipe]) -> Iterator[Zone]:
-    """Zones in ascending precedence."""
+    """Zones of the recipes, in ascending precedence."""
     return (Zone(recipe.area, recipe.surroundings) for recipe in recipes)
 
 
 def waters_of(recipes: Sequence[WaterRecipe], land: Land) -> Iterator[Water]:
-    """Areas of water, each with one level surface."""
+    """Areas of water, each with one horizontal surface."""
     for recipe in recipes:
         if recipe.line_m:
-            area = shapely.LineString(spline(np.array(recipe.line_m))).buffer(recipe.width_m / 2.0, cap_style="flat")
+            area = shapely.LineString(spline_through(np.array(recipe.line_m))).buffer(
+                recipe.width_m / 2.0, cap_style="flat"
+            )
         else:
-            area = shapely.Polygon(spline(np.array(recipe.outline_m), closed=True))
-        yield water_in(area, land, recipe.below_land_m)
+            area = shapely.Polygon(spline_through(np.array(recipe.outline_m), closed=True))
+        yield water_area(area, land, recipe.below_land_m)
 
 
-def water_in(area: shapely.Polygon, land: Land, below_land_m: float = 2.0) -> Water:
-    """Water with a level surface, so far below the lowest land at its shore."""
+def water_area(area: shapely.Polygon, land: Land, below_land_m: float = 2.0) -> Water:
+    """Water with a horizontal surface, ``below_land_m`` below the lowest land at its shore."""
     shore_m = shapely.get_coordinates(shapely.segmentize(area.exterior, _OUTLINE_SPACING_M))
     return Water(area, round(float(np.min(land(shore_m))) - below_land_m, 2))

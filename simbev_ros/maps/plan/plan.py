@@ -1,4 +1,4 @@
-"""A plan of roads: nodes, where roads meet, and links between them."""
+"""A plan of roads: nodes where roads meet, and links between them."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,11 @@ class Link:
 
     Attributes:
         id: Unique in its plan.
-        road: What it is a part of.
-        start: Index of the node at its start; end: at its end.
-        line_m: (N, 2) in plan; (N, 3) once it has heights. Its ends lie near the nodes, not always on them.
-        structure: Carried by a bridge that nothing below asks for.
+        road: The road that it is a part of.
+        start: Index of the node at its start.
+        end: Index of the node at its end.
+        line_m: (N, 2) plan view; (N, 3) once it has heights. Its ends lie near the nodes, not always on them.
+        structure: Carried by a bridge although nothing passes below.
     """
 
     id: str
@@ -30,14 +31,20 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Nodes at (K, 2) places, (K, 3) once they have heights, and links; ``notes`` tells users what was changed."""
+    """A road plan.
+
+    Attributes:
+        nodes_m: (K, 2) positions of nodes; (K, 3) once they have heights.
+        links: Links between nodes.
+        notes: Changes to the roads, for the user.
+    """
 
     nodes_m: Float64Array
     links: tuple[Link, ...]
     notes: tuple[str, ...] = ()
 
     def links_at(self) -> list[list[Link]]:
-        """Links that touch each node; one that starts and ends there twice."""
+        """Links that touch each node; a link that starts and ends there is listed twice."""
         touching: list[list[Link]] = [[] for _ in self.nodes_m]
         for link in self.links:
             touching[link.start].append(link)
@@ -46,7 +53,7 @@ class Plan:
 
 
 def half_width_m(kind: RoadClass) -> float:
-    """From the road's line to its outermost edge."""
+    """Distance from the road's line to its outermost edge."""
     side_m = kind.sidewalk_m + kind.parking_m + kind.bicycle_m + kind.shoulder_m + kind.lanes * kind.lane_width_m
     if not kind.one_way:
         return side_m + kind.median_m / 2.0
@@ -54,10 +61,10 @@ def half_width_m(kind: RoadClass) -> float:
 
 
 def heading_from(link: Link, node: int, reach_m: float = 15.0) -> Float64Array:
-    """(2,) unit vector in which a link leaves a node, measured over its first metres."""
+    """(2,) unit vector in which a link leaves a node, measured over its first meters."""
     line_m = link.line_m[:, :2] if link.start == node else link.line_m[::-1, :2]
     away_m = np.linalg.norm(line_m - line_m[0], axis=1)
-    far = int(np.argmax(away_m >= reach_m)) if np.any(away_m >= reach_m) else len(line_m) - 1
-    step_m = line_m[far] - line_m[0]
+    reached = int(np.argmax(away_m >= reach_m)) if np.any(away_m >= reach_m) else len(line_m) - 1
+    step_m = line_m[reached] - line_m[0]
     unit: Float64Array = step_m / np.linalg.norm(step_m)
     return unit

@@ -1,4 +1,4 @@
-"""Cross-sections by name: a recipe gives a road class as one of the table's, as one with changes, or in full."""
+"""Road cross-sections by name: a recipe gives a class of the table, a class with changes, or all fields."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -12,26 +12,26 @@ from simbev_ros.maps.plan.draft import RoadClass
 
 @lru_cache(maxsize=1)
 def road_classes() -> dict[str, RoadClass]:
-    """The table that ships."""
+    """Load the table of road classes."""
     text = files("simbev_ros.maps.plan").joinpath("road_classes.yaml").read_text(encoding="utf-8")
     return {name: RoadClass(**entry) for name, entry in yaml.safe_load(text).items()}
 
 
-def _by_name(value: Any) -> Any:
-    """The fields of a class that is given as ``street`` or as ``{like: street, lanes: 2}``."""
+def _resolve_name(value: Any) -> Any:
+    """Resolve a class that is given as ``street`` or as ``{like: street, lanes: 2}``."""
     if isinstance(value, str):
-        return _known(value)
+        return _look_up(value)
     if isinstance(value, dict) and "like" in value:
         changes = {name: entry for name, entry in value.items() if name != "like"}
-        return {**_known(value["like"]).model_dump(), **changes}
+        return {**_look_up(value["like"]).model_dump(), **changes}
     return value
 
 
-def _known(name: Any) -> RoadClass:
+def _look_up(name: Any) -> RoadClass:
     if name not in road_classes():
         raise ValueError(f"no road class is called {name!r}; known: {', '.join(road_classes())}")
     return road_classes()[name]
 
 
-NamedRoadClass = Annotated[RoadClass, BeforeValidator(_by_name)]
+NamedRoadClass = Annotated[RoadClass, BeforeValidator(_resolve_name)]
 """``street``, ``{like: street, lanes: 2}``, or all fields of a RoadClass."""

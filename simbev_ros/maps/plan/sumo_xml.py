@@ -1,19 +1,19 @@
-"""A plan with heights as SUMO's plain XML: nodes and edges, before netconvert."""
+"""Writes a plan with heights as SUMO's plain XML (nodes, edges, connections), the input of netconvert."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree
 
 from simbev_ros.maps.plan.draft import RoadClass
-from simbev_ros.maps.plan.lines import beside, simplified
+from simbev_ros.maps.plan.lines import offset_to_left, simplify
 from simbev_ros.maps.plan.merges import lane_pairs
 from simbev_ros.maps.plan.plan import Link, Plan
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
-_SMALLEST_RADIUS_M = 0.5
-_FASTEST_CROSSING_KMH = 60.0
-_FASTEST_CYCLING_KMH = 70.0
+_MIN_RADIUS_M = 0.5
+_MAX_CROSSING_KMH = 60.0
+_MAX_CYCLING_KMH = 70.0
 _ALLOWED = {LaneKind.SIDEWALK: {"allow": "pedestrian"}, LaneKind.BICYCLE: {"allow": "bicycle"}}
 _CLOSED = {"disallow": "all"}
 _ON_STREETS, _ON_FAST_ROADS = ({"disallow": classes} for classes in ("pedestrian", "pedestrian bicycle"))
@@ -24,8 +24,8 @@ class _LaneType(NamedTuple):
     width_m: float
 
 
-def nodes_xml(plan: Plan, signalised: Sequence[bool], proj_string: str) -> str:
-    """SUMO's node file."""
+def nodes_xml(plan: Plan, is_signalized: Sequence[bool], proj_string: str) -> str:
+    """SUMO's node file as text; ``is_signalized``: (K,) whether each node has traffic lights."""
     root = ElementTree.Element("nodes")
     ElementTree.SubElement(
         root,
@@ -35,8 +35,10 @@ def nodes_xml(plan: Plan, signalised: Sequence[bool], proj_string: str) -> str:
         origBoundary="0,0,0,0",
         projParameter=proj_string,
     )
-    for index, (place_m, links, lit) in enumerate(zip(plan.nodes_m, plan.links_at(), signalised, strict=True)):
-        x, y, z = place_m
+    for index, (position_m, links, signalized) in enumerate(
+        zip(plan.nodes_m, plan.links_at(), is_signalized, strict=True)
+    ):
+        x, y, z = position_m
         ElementTree.SubElement(
             root,
             "node",
@@ -44,21 +46,21 @@ def nodes_xml(plan: Plan, signalised: Sequence[bool], proj_string: str) -> str:
             x=f"{x:.3f}",
             y=f"{y:.3f}",
             z=f"{z:.3f}",
-            type="traffic_light" if lit else "priority",
+            type="traffic_light" if signalized else "priority",
             radius=f"{_radius_m(links):g}",
         )
     return ElementTree.tostring(root, encoding="unicode")
 
 
 def _radius_m(links: Sequence[Link]) -> float:
-    """SUMO rounds the outer edge of the sidewalk; the curb lies one sidewalk's width further out."""
+    """Node radius: SUMO rounds the outer edge of the sidewalk, while the curb lies one sidewalk's width further out."""
     if len(links) < 3:
-        return _SMALLEST_RADIUS_M
-    return max(min(link.road.kind.corner_radius_m - link.road.kind.sidewalk_m for link in links), _SMALLEST_RADIUS_M)
+        return _MIN_RADIUS_M
+    return max(min(link.road.kind.corner_radius_m - link.road.kind.sidewalk_m for link in links), _MIN_RADIUS_M)
 
 
 def edges_xml(plan: Plan) -> str:
-    """SUMO's edge file: one edge for each direction of each link."""
+    """SUMO's edge file as text: one edge for each direction of each link."""
     root = ElementTree.Element("edges")
     for link in plan.links:
         for identifier, start, end, line_m in _directions(link):
@@ -73,7 +75,7 @@ def edges_xml(plan: Plan) -> str:
                     "priority": str(link.road.kind.priority),
                     "speed": f"{link.road.kind.speed_kmh / 3.6:.3f}",
                     "spreadType": "right",
-                    "shape": " ".join(f"{x:.3f},{y:.3f},{z:.3f}" for x, y, z in simplified(line_m)),
+                    "shape": " ".join(f"{x:.3f},{y:.3f},{z:.3f}" for x, y, z in simplify(line_m)),
                 },
             )
             for index, lane in enumerate(_lanes(link.road.kind)):
@@ -93,14 +95,14 @@ def edges_xml(plan: Plan) -> str:
 
 
 def _permissions(lane: LaneKind, speed_kmh: float) -> dict[str, str]:
-    """Who may use a lane: nobody walks on driving lanes, and nobody rides a bicycle on those of fast roads."""
+    """SUMO's permissions of a lane: no pedestrians on driving lanes, and no bicycles on those of fast roads."""
     if lane is LaneKind.DRIVING:
-        return _ON_STREETS if speed_kmh <= _FASTEST_CYCLING_KMH else _ON_FAST_ROADS
+        return _ON_STREETS if speed_kmh <= _MAX_CYCLING_KMH else _ON_FAST_ROADS
     return _ALLOWED.get(lane, _CLOSED)
 
 
 def connections_xml(plan: Plan, width_m: float) -> str:
-    """SUMO's connection file: a crossing over each road with sidewalks at a junction, and lanes that begin."""
+    """SUMO's connection file as text: a crossing of each road with sidewalks at a junction, and lanes that begin."""
     root = ElementTree.Element("connections")
     for node, links in enumerate(plan.links_at()):
         for link in _crossed(links):
@@ -109,15 +111,15 @@ def connections_xml(plan: Plan, width_m: float) -> str:
         first = {link.id: _first_driving(link.road.kind) for link in links}
         for pair in lane_pairs(node, links):
             lanes = {
-                "fromLane": str(first[pair.coming] + pair.coming_lane),
-                "toLane": str(first[pair.going] + pair.going_lane),
+                "fromLane": str(first[pair.incoming] + pair.incoming_lane),
+                "toLane": str(first[pair.outgoing] + pair.outgoing_lane),
             }
-            ElementTree.SubElement(root, "connection", {"from": pair.coming, "to": pair.going, **lanes})
+            ElementTree.SubElement(root, "connection", {"from": pair.incoming, "to": pair.outgoing, **lanes})
     return ElementTree.tostring(root, encoding="unicode")
 
 
 def _crossed(links: Sequence[Link]) -> Sequence[Link]:
-    """Roads at a junction that people cross; one where a footpath ends beside a road."""
+    """Roads with a pedestrian crossing at a junction; only one where a footpath ends beside a road."""
     if len(links) < 3:
         return ()
     crossed = [link for link in links if _has_crossings(link.road.kind)]
@@ -125,7 +127,7 @@ def _crossed(links: Sequence[Link]) -> Sequence[Link]:
 
 
 def _has_crossings(kind: RoadClass) -> bool:
-    return kind.sidewalk_m > 0.0 and not kind.one_way and kind.speed_kmh <= _FASTEST_CROSSING_KMH
+    return kind.sidewalk_m > 0.0 and not kind.one_way and kind.speed_kmh <= _MAX_CROSSING_KMH
 
 
 def _first_driving(kind: RoadClass) -> int:
@@ -134,16 +136,16 @@ def _first_driving(kind: RoadClass) -> int:
 
 
 def _directions(link: Link) -> Iterator[tuple[str, int, int, Float64Array]]:
-    """Id, nodes and left border of each direction."""
+    """Id, start node, end node and left border of each direction of a link."""
     if link.road.kind.one_way:
-        yield link.id, link.start, link.end, beside(link.line_m, _left_of_line_m(link.road.kind))
+        yield link.id, link.start, link.end, offset_to_left(link.line_m, _left_of_line_m(link.road.kind))
     else:
         yield link.id, link.start, link.end, link.line_m
         yield f"-{link.id}", link.end, link.start, link.line_m[::-1]
 
 
 def _left_of_line_m(kind: RoadClass) -> float:
-    """How far a one-way road reaches to the left of its line."""
+    """Distance by which a one-way road extends to the left of its line."""
     return kind.left_shoulder_m + (0.0 if kind.line_at == "left" else kind.lanes * kind.lane_width_m / 2.0)
 
 

@@ -1,4 +1,4 @@
-"""From a town's recipe to the parts of a map."""
+"""Builds a town: takes its recipe and a seed, and returns the parts of a map."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,10 +9,10 @@ from simbev_ros.maps.land.relief import Relief
 from simbev_ros.maps.land_features import MapFeatures, Water
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.draft import Draft
-from simbev_ros.maps.plan.heights.profile import Land, with_heights
-from simbev_ros.maps.plan.heights.structures import with_structures
-from simbev_ros.maps.plan.land import water_in, waters_of, zones_of
-from simbev_ros.maps.plan.noding import divide
+from simbev_ros.maps.plan.heights.profile import Land, add_heights
+from simbev_ros.maps.plan.heights.structures import split_structures
+from simbev_ros.maps.plan.land import water_area, waters_of, zones_of
+from simbev_ros.maps.plan.noding import divide_draft
 from simbev_ros.maps.plan.patterns.pattern import draw_patterns
 from simbev_ros.maps.plan.plan import Plan
 from simbev_ros.maps.plan.sumo_xml import connections_xml, edges_xml, nodes_xml
@@ -20,17 +20,17 @@ from simbev_ros.maps.recipe import TownRecipe
 from simbev_ros.maps.sumo import netconvert
 from simbev_ros.types import Float64Array
 
-_SIGNAL_REACH_M = 10.0
-_FASTEST_SIGNAL_KMH = 75.0
+_SIGNAL_RADIUS_M = 10.0
+_MAX_SIGNAL_KMH = 75.0
 
 
 def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
-    """Draw a town, and let SUMO's netconvert build it.
+    """Draw a town's plan and build it with SUMO's netconvert.
 
     Args:
-        recipe: What the town is like.
-        seed: Of all that the recipe leaves open; the same seed gives the same bytes.
-        work: An existing folder for the files.
+        recipe: The town's recipe.
+        seed: Random seed for everything that the recipe leaves open; the same seed gives the same bytes.
+        work: An existing folder for the resulting files.
 
     Raises:
         InputError: The recipe's roads cannot be built.
@@ -39,14 +39,14 @@ def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
     land = Relief.of(recipe.relief, seed).height_m
     draft = draw_patterns(recipe.patterns, recipe.name, seed)
     water = _waters(recipe, draft, land)
-    plan = with_structures(with_heights(divide(draft), land, water), land)
-    lit = _signalised(plan, recipe, draft.signals_m)
+    plan = split_structures(add_heights(divide_draft(draft), land, water), land)
+    is_signalized = _signalized_nodes(plan, recipe, draft.signals_m)
     nodes, edges, connections = (work / f"map.{part}.xml" for part in ("nod", "edg", "con"))
-    nodes.write_text(nodes_xml(plan, lit, recipe.datum.datum.proj_string), encoding="utf-8")
+    nodes.write_text(nodes_xml(plan, is_signalized, recipe.datum.datum.proj_string), encoding="utf-8")
     edges.write_text(edges_xml(plan), encoding="utf-8")
     connections.write_text(connections_xml(plan, recipe.crossing_width_m), encoding="utf-8")
     net, opendrive = work / "map.net.xml", work / "map.xodr"
-    netconvert.convert(nodes, edges, connections, net, opendrive)
+    netconvert.build_from_plain_xml(nodes, edges, connections, net, opendrive)
     return MapParts(net, opendrive, recipe.datum.datum, _features(recipe, draft, water), notes=plan.notes)
 
 
@@ -56,20 +56,22 @@ def _features(recipe: TownRecipe, draft: Draft, water: tuple[Water, ...]) -> Map
 
 
 def _waters(recipe: TownRecipe, draft: Draft, land: Land) -> tuple[Water, ...]:
-    return (*waters_of(recipe.water, land), *(water_in(area, land) for area in draft.water))
+    return (*waters_of(recipe.water, land), *(water_area(area, land) for area in draft.water))
 
 
-def _signalised(plan: Plan, recipe: TownRecipe, wanted_m: Sequence[Float64Array]) -> list[bool]:
-    """(K,) which nodes have traffic lights."""
-    lit = []
+def _signalized_nodes(plan: Plan, recipe: TownRecipe, requested_m: Sequence[Float64Array]) -> list[bool]:
+    """(K,) whether each node has traffic lights."""
+    is_signalized = []
     for node, links in enumerate(plan.links_at()):
         incoming = sum(link.road.kind.lanes for link in links if not link.road.kind.one_way or link.end == node)
         by_rule = (
             len(links) >= 3
             and incoming >= recipe.signals_from_lanes
-            and all(link.road.kind.speed_kmh <= _FASTEST_SIGNAL_KMH for link in links)
+            and all(link.road.kind.speed_kmh <= _MAX_SIGNAL_KMH for link in links)
             and not any(link.road.kind.one_way for link in links)
         )
-        by_wish = any(np.linalg.norm(plan.nodes_m[node][:2] - place_m) < _SIGNAL_REACH_M for place_m in wanted_m)
-        lit.append(by_rule or by_wish)
-    return lit
+        by_request = any(
+            np.linalg.norm(plan.nodes_m[node][:2] - position_m) < _SIGNAL_RADIUS_M for position_m in requested_m
+        )
+        is_signalized.append(by_rule or by_request)
+    return is_signalized

@@ -1,1 +1,1 @@
-"""The roads as they lie on the ground: strips, levels, heights, surfaces, paint, signs."""
+"""Ground geometry of the roads: lane strips, levels, heights, surfaces and paint."""

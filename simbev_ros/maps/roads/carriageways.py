@@ -1,4 +1,4 @@
-"""Carriageways cut straight across: strips side by side are cut into pieces at the same cross-sections."""
+"""Cuts carriageways into blocks: adjacent strips are cut into pieces at common cross-sections."""
 
 from collections.abc import Sequence
 
@@ -13,30 +13,30 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.strip_pieces import StripPieces
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-_SHARED_M = 0.3  # borders of neighbours start and end so near to each other
-_SHORTEST_M = 0.3  # of a piece
+_ENDPOINT_TOLERANCE_M = 0.3  # maximum distance between the endpoints of shared borders
+_MIN_PIECE_M = 0.3  # minimum length of a piece
 
 
-def blocks_of(strips: Sequence[Strip], length_m: float) -> tuple[StripPieces, Int64Array]:
-    """Cut strips into pieces of at most about ``length_m``, those of one carriageway abreast of each other.
+def cut_into_blocks(strips: Sequence[Strip], length_m: float) -> tuple[StripPieces, Int64Array]:
+    """Cut strips into pieces of at most about ``length_m``, aligned across each carriageway.
 
-    Strips are of one carriageway if they have a border in common from end to end. Cuts are square to the longest of
-    them. Strips with an outline stay whole.
+    Strips belong to one carriageway if they share a border over their full length. Cuts are perpendicular to the
+    longest of them. Strips with an outline are not cut.
 
     Returns:
-        The pieces, and the (N,) block that each belongs to: pieces abreast of each other are one.
+        The pieces, and (N,) the block that each belongs to: pieces abreast of each other form one block.
     """
-    lines = Polylines.of([strip.center_m for strip in strips])
+    lines = Polylines.from_lines([strip.center_m for strip in strips])
     if not len(lines):
-        return StripPieces.of(strips, length_m), np.empty(0, np.int64)
+        return StripPieces.cut(strips, length_m), np.empty(0, np.int64)
     leader, first_block, sections = _sections(strips, lines, length_m)
     shapes = np.asarray(shapely.linestrings(lines.points_m[:, :2], indices=lines.row), object)
     beside_m = shapely.line_locate_point(shapes[leader[lines.row]], shapely.points(lines.points_m[:, :2]))
     rows, starts, ends, blocks = [], [], [], []
-    for row, (at_m, along_m) in enumerate(zip(lines.split(lines.station_m), lines.split(beside_m), strict=True)):
-        cuts_m = _cuts(at_m, along_m, sections[leader[row]])
+    for row, (station_m, along_m) in enumerate(zip(lines.split(lines.station_m), lines.split(beside_m), strict=True)):
+        cuts_m = _cuts(station_m, along_m, sections[leader[row]])
         bounds_m = np.concatenate([[0.0], cuts_m, [lines.length_m[row]]])
-        middle_m = np.interp((bounds_m[1:] + bounds_m[:-1]) / 2.0, at_m, along_m)
+        middle_m = np.interp((bounds_m[1:] + bounds_m[:-1]) / 2.0, station_m, along_m)
         rows.append(np.full(len(middle_m), row))
         starts.append(bounds_m[:-1])
         ends.append(bounds_m[1:])
@@ -48,7 +48,7 @@ def blocks_of(strips: Sequence[Strip], length_m: float) -> tuple[StripPieces, In
 def _sections(
     strips: Sequence[Strip], lines: Polylines, length_m: float
 ) -> tuple[Int64Array, Int64Array, dict[int, Float64Array]]:
-    """Of each strip the leader of its carriageway and the number of its first block; where leaders are to be cut."""
+    """(S,) leader of each strip's carriageway, (S,) index of its first block, and the stations to cut by leader."""
     group = _carriageways(strips)
     order = np.lexsort([np.arange(len(strips)), -lines.length_m, group])
     leader = order[np.searchsorted(group[order], np.arange(group.max() + 1))]
@@ -62,28 +62,34 @@ def _sections(
     return leader[group], first_block[group], cuts_m
 
 
-def _cuts(at_m: Float64Array, along_m: Float64Array, sections_m: Float64Array) -> Float64Array:
-    """Where a strip crosses its leader's cross-sections, ascending along it.
+def _cuts(station_m: Float64Array, along_m: Float64Array, sections_m: Float64Array) -> Float64Array:
+    """Stations at which a strip crosses its leader's cross-sections, ascending along the strip.
 
     Args:
-        at_m: (P,) stations of the strip's points along itself.
-        along_m: (P,) stations of the leader that they lie beside.
-        sections_m: Stations of the cross-sections.
+        station_m: (P,) stations of the strip's points along the strip.
+        along_m: (P,) stations of the leader's points beside them.
+        sections_m: Stations of the cross-sections along the leader.
     """
-    turned = along_m[-1] < along_m[0]
-    forward_m = np.maximum.accumulate(-along_m if turned else along_m)
-    wanted_m = -sections_m[::-1] if turned else sections_m
-    cuts_m = np.interp(wanted_m[(wanted_m > forward_m[0]) & (wanted_m < forward_m[-1])], forward_m, at_m)
-    cuts_m = cuts_m[(cuts_m > _SHORTEST_M) & (cuts_m < at_m[-1] - _SHORTEST_M)]
-    apart: BoolArray = np.diff(cuts_m, prepend=-np.inf) > _SHORTEST_M
-    return np.asarray(cuts_m[apart], np.float64)
+    is_opposite = along_m[-1] < along_m[0]
+    forward_m = np.maximum.accumulate(-along_m if is_opposite else along_m)
+    section_stations_m = -sections_m[::-1] if is_opposite else sections_m
+    cuts_m = np.interp(
+        section_stations_m[(section_stations_m > forward_m[0]) & (section_stations_m < forward_m[-1])],
+        forward_m,
+        station_m,
+    )
+    cuts_m = cuts_m[(cuts_m > _MIN_PIECE_M) & (cuts_m < station_m[-1] - _MIN_PIECE_M)]
+    far_enough: BoolArray = np.diff(cuts_m, prepend=-np.inf) > _MIN_PIECE_M
+    return np.asarray(cuts_m[far_enough], np.float64)
 
 
 def _carriageways(strips: Sequence[Strip]) -> Int64Array:
-    """(S,) number of the carriageway that each strip is of."""
+    """(S,) index of the carriageway that each strip belongs to."""
     sides_m = [np.stack([getattr(strip, side)[[0, -1]] for strip in strips]) for side in ("left_m", "right_m")]
-    ends_m = np.concatenate([*sides_m, *(side_m[:, ::-1] for side_m in sides_m)])  # either way
-    pairs = cKDTree(ends_m.reshape(-1, 6)).query_pairs(_SHARED_M, output_type="ndarray").reshape(-1, 2) % len(strips)
+    ends_m = np.concatenate([*sides_m, *(side_m[:, ::-1] for side_m in sides_m)])  # in both directions
+    pairs = cKDTree(ends_m.reshape(-1, 6)).query_pairs(_ENDPOINT_TOLERANCE_M, output_type="ndarray").reshape(
+        -1, 2
+    ) % len(strips)
     shape = len(strips), len(strips)
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=shape)
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)

@@ -1,10 +1,10 @@
-"""What lanes are for."""
+"""The kinds of lanes, by use."""
 
 from enum import StrEnum
 
 
 class LaneKind(StrEnum):
-    """What a lane is for."""
+    """Use of a lane."""
 
     DRIVING = "driving"
     BICYCLE = "bicycle"
@@ -17,7 +17,7 @@ class LaneKind(StrEnum):
 
 
 WALKABLE_KINDS = (LaneKind.SIDEWALK, LaneKind.CROSSING, LaneKind.WALKING_AREA)
-"""Where pedestrians walk."""
+"""Kinds of lanes that pedestrians walk on."""
 
 ROAD_KINDS = (LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.PARKING)
-"""What counts as road in labels."""
+"""Kinds of lanes that are labeled as road."""

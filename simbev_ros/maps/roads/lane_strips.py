@@ -1,4 +1,4 @@
-"""The strips that cars drive on, with an index, for questions about the lane at a place."""
+"""The driving strips of a layout with a spatial index, for queries of the lane at a position."""
 
 from functools import cached_property
 
@@ -14,9 +14,9 @@ class LaneStrips:
     def __init__(self, layout: Layout) -> None:
         self.strips = layout.strips_of(LaneKind.DRIVING)
         self.by_lane: dict[str, Strip] = {strip.lane: strip for strip in layout.strips}
-        """One strip of each lane; they differ in place and level only."""
+        """One strip of each lane; strips of a lane differ only in position and level."""
 
     @cached_property
     def index(self) -> LineIndex:
-        """Of the centre lines of ``strips``."""
-        return LineIndex(Polylines.of([strip.center_m for strip in self.strips]))
+        """Index of the center lines of ``strips``."""
+        return LineIndex(Polylines.from_lines([strip.center_m for strip in self.strips]))

@@ -1,8 +1,9 @@
-"""The layout of the roads: where lanes lie on the ground, with their borders, heights and paint.
+"""The layout of the roads: ground geometry of lanes, with their borders, heights and paint.
 
-Two views of the same roads: ``network.Lane`` is what traffic drives on (SUMO's lanes), ``Strip`` is what lies on the
-ground (from OpenDRIVE where the map is OpenDRIVE, otherwise from SUMO's lanes). Surfaces, markings, heights, levels and
-the HD map come from strips. Heights are those of the carriageway's plane, under raised sidewalks too.
+There are two views of the same roads: ``network.Lane`` is a lane of the traffic simulation (SUMO), ``Strip`` is its
+geometry on the ground (from OpenDRIVE for OpenDRIVE maps, otherwise from SUMO's lanes). Surfaces, markings, heights,
+levels and the HD map are derived from strips. Heights are those of the carriageway's plane, also under raised
+sidewalks.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ _Item = TypeVar("_Item")
 
 
 class Paint(StrEnum):
-    """A line along a lane's border, seen from the lane's inside outward (OpenDRIVE 1.4, e_roadMarkType)."""
+    """Paint along a lane's border, seen from the lane's inside outward (OpenDRIVE 1.4, e_roadMarkType)."""
 
     NONE = "none"
     SOLID = "solid"
@@ -35,7 +36,7 @@ class Paint(StrEnum):
 
 
 class PaintColor(StrEnum):
-    """Colour of a line; OpenDRIVE's standard is white."""
+    """Color of a line; OpenDRIVE's standard is white."""
 
     WHITE = "white"
     YELLOW = "yellow"
@@ -47,7 +48,7 @@ class PaintColor(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Paint along one border of a strip; ``width_m`` of one of its lines."""
+    """Paint along one border of a strip; ``width_m`` is the width of one of its lines."""
 
     paint: Paint = Paint.NONE
     color: PaintColor = PaintColor.WHITE
@@ -56,29 +57,30 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """A lane, or a stretch of one, as it lies on the ground; its level is the same all along.
+    """Ground geometry of a lane, or of a stretch of one, with a constant level.
 
     Attributes:
-        id: Unique.
+        id: Unique id.
         lane: Id of the lane that it is a stretch of: ``road/section/lane`` for OpenDRIVE, else SUMO's lane id.
-        kind: What it is for.
-        left_m: (N, 3) float64 left border, map frame, in driving direction (walked either way: as the road runs).
+        kind: Its use.
+        left_m: (N, 3) float64 left border, map frame, in driving direction (if only walked on: in the road's
+            direction).
         right_m: (N, 3) right border; point k lies across from point k of ``left_m``.
-        s_start_m: Distance from the lane's start to the strip's.
+        s_start_m: Distance from the lane's start to the strip's start.
         left_line: Paint on the left border.
         right_line: Paint on the right border.
         road: Id of the road (OpenDRIVE) or edge (SUMO).
-        section: Index of the lane section, 0 where the source has none.
-        index: OpenDRIVE's lane id within its section (right of the reference line negative); SUMO: -(lane index from
-            the left) - 1.
-        junction: Id of the junction that it is inside of, else "".
-        continues: A road merely goes on in that junction, and meets no other.
+        section: Index of the lane section, 0 if the source has none.
+        index: OpenDRIVE's lane id within its section (negative on the right of the reference line); SUMO: -(lane index
+            from the left) - 1.
+        junction: Id of the junction that contains it, else "".
+        continues: A road only continues in that junction, without meeting another.
         speed_mps: Speed limit.
-        structure: The source says that it is carried by a bridge.
-        level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air (``levels.with_levels``).
-        left: ``lane`` of the neighbour on the left, in driving direction, or "".
-        right: ``lane`` of the neighbour on the right, or "".
-        following: ``lane`` ids of those that it leads to.
+        structure: The source declares that a bridge carries it.
+        level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air (``levels.assign_levels``).
+        left: ``lane`` of the adjacent strip on the left, in driving direction, or "".
+        right: ``lane`` of the adjacent strip on the right, or "".
+        following: ``lane`` ids of its successors.
         outline_m: (M, 2) float64 outline where borders do not describe the area (walking areas), else None.
     """
 
@@ -105,19 +107,19 @@ class Strip:
 
     @property
     def center_m(self) -> Float64Array:
-        """(N, 3) centre line."""
+        """(N, 3) center line."""
         center_m: Float64Array = (self.left_m + self.right_m) / 2.0
         return center_m
 
 
 @dataclass(frozen=True, slots=True)
 class Crosswalk:
-    """A marked crossing.
+    """A marked crosswalk.
 
     Attributes:
         outline_m: (N, 3) corners, map frame.
-        axis: (2,) unit vector in which people walk.
-        level: As of strips.
+        axis: (2,) unit vector of the walking direction.
+        level: Level, as for strips.
     """
 
     outline_m: Float64Array
@@ -126,7 +128,7 @@ class Crosswalk:
 
 
 class SignKind(StrEnum):
-    """What a sign says."""
+    """Meaning of a traffic sign."""
 
     STOP = "stop"
     YIELD = "yield"
@@ -135,14 +137,14 @@ class SignKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Sign:
-    """A traffic sign on its post.
+    """A traffic sign on a post.
 
     Attributes:
-        kind: What it says.
+        kind: Its meaning.
         foot_m: (3,) foot of its post, map frame, on the carriageway's plane.
-        yaw_rad: Direction in which its face looks, towards the traffic that it is for.
-        lanes: Ids of the ``network.Lane``s that it is for.
-        speed_mps: Of speed limits, else 0.
+        yaw_rad: Direction that its face points in, towards the traffic that it is for.
+        lanes: Ids of the ``network.Lane``s that it applies to.
+        speed_mps: Value of speed limits, else 0.
     """
 
     kind: SignKind
@@ -154,14 +156,14 @@ class Sign:
 
 @dataclass(frozen=True, slots=True)
 class SignalPlace:
-    """Where the map says that traffic lights hang; the lamps themselves belong to SUMO's programmes.
+    """Mount of a traffic light as the map defines it; the signal state is part of SUMO's programs.
 
     Attributes:
         foot_m: (3,) foot of the pole, map frame, on the carriageway's plane.
-        head_m: (3,) centre of the head.
+        head_m: (3,) center of the head.
         yaw_rad: Direction in which the lamps shine, towards the traffic that they are for.
-        lanes: Ids of the ``network.Lane``s that they are for.
-        opendrive_id: Of the map's signal.
+        lanes: Ids of the ``network.Lane``s that they apply to.
+        opendrive_id: Id of the map's signal.
     """
 
     foot_m: Float64Array
@@ -173,12 +175,12 @@ class SignalPlace:
 
 @dataclass(frozen=True, slots=True)
 class StopLine:
-    """A painted bar where traffic halts.
+    """A painted bar at which traffic halts.
 
     Attributes:
         ends_m: (2, 3) its ends from right to left, map frame.
-        level: As of strips.
-        yields: A row of triangles, where traffic only gives way.
+        level: Level, as for strips.
+        yields: A row of triangles, at which traffic only gives way.
     """
 
     ends_m: Float64Array
@@ -188,15 +190,15 @@ class StopLine:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """All of it.
+    """Ground geometry of all roads of a map.
 
     Attributes:
-        strips: What lies on the ground.
-        crosswalks: Marked crossings.
-        stop_lines: Where traffic halts or gives way.
+        strips: Lanes on the ground.
+        crosswalks: Marked crosswalks.
+        stop_lines: Stop lines and yield lines.
         signs: Traffic signs.
-        signal_places: Where the map says that traffic lights hang; empty: they are placed by rule.
-        corner_radius_m: Junction corners, which lanes alone do not describe, are rounded so; 0: lanes are all there is.
+        signal_places: Mounts of traffic lights defined by the map; if empty, they are placed by rule.
+        corner_radius_m: Radius of junction corners, if lanes do not describe them; 0: lanes describe the whole area.
     """
 
     strips: tuple[Strip, ...]
@@ -212,21 +214,22 @@ class Layout:
 
     @cached_property
     def levels(self) -> range:
-        """All levels: 0 to the highest."""
+        """All levels, 0 to the highest."""
         return range(1 + max((strip.level for strip in self.strips), default=0))
 
     def near(self, area: shapely.Polygon, margin_m: float) -> "Layout":
-        """The strips, crosswalks and stop lines whose bounds come within a margin of an area's; all signs and signals.
+        """The layout restricted to strips, crosswalks and stop lines whose bounds are near an area's bounds.
 
-        What is computed from it is right inside the area, as long as nothing reaches further than the margin.
+        Keeps all signs and signals. Results computed from it are correct inside the area if they depend on nothing
+        beyond the margin.
         """
-        reach_m = np.array(area.bounds) + margin_m * np.array([-1.0, -1.0, 1.0, 1.0])
+        bounds_m = np.array(area.bounds) + margin_m * np.array([-1.0, -1.0, 1.0, 1.0])
         strips_m, crosswalks_m, stop_lines_m = self._bounds_m
         return replace(
             self,
-            strips=_touching(self.strips, strips_m, reach_m),
-            crosswalks=_touching(self.crosswalks, crosswalks_m, reach_m),
-            stop_lines=_touching(self.stop_lines, stop_lines_m, reach_m),
+            strips=_touching_items(self.strips, strips_m, bounds_m),
+            crosswalks=_touching_items(self.crosswalks, crosswalks_m, bounds_m),
+            stop_lines=_touching_items(self.stop_lines, stop_lines_m, bounds_m),
         )
 
     @cached_property
@@ -249,8 +252,8 @@ def _bounds(shapes_m: Sequence[Float64Array]) -> Float64Array:
     return np.column_stack([np.minimum.reduceat(points_m, first), np.maximum.reduceat(points_m, first)])
 
 
-def _touching(items: Sequence[_Item], bounds_m: Float64Array, reach_m: Float64Array) -> tuple[_Item, ...]:
-    """Those of N items whose (N, 4) bounds touch (4,) bounds."""
-    (x0, y0, x1, y1), (west_m, south_m, east_m, north_m) = bounds_m.T, reach_m.tolist()
-    touching = (x0 <= east_m) & (y0 <= north_m) & (x1 >= west_m) & (y1 >= south_m)
-    return tuple(items[row] for row in np.flatnonzero(touching).tolist())
+def _touching_items(items: Sequence[_Item], bounds_m: Float64Array, area_m: Float64Array) -> tuple[_Item, ...]:
+    """The items of N whose (N, 4) bounds touch (4,) bounds."""
+    (x0, y0, x1, y1), (west_m, south_m, east_m, north_m) = bounds_m.T, area_m.tolist()
+    is_touching = (x0 <= east_m) & (y0 <= north_m) & (x1 >= west_m) & (y1 >= south_m)
+    return tuple(items[row] for row in np.flatnonzero(is_touching).tolist())

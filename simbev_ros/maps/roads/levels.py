@@ -1,8 +1,8 @@
-"""Levels: which stretches of road are carried by structures, and how many layers lie beneath them.
+"""Assigns levels: which stretches of road are carried by structures, and how many layers lie below them.
 
-A stretch is on a structure if the map declares it, or where it passes over another road or over water. It reaches on
-along the road as far as the slope of an abutment needs, and ends at the same cross-section on all lanes side by side.
-Roads at the same height that overlap (merging ramps, the inside of junctions) are on one level.
+A stretch is on a structure if the map declares it, or where it passes over another road or over water. The structure
+extends along the road by the length that the slope of an abutment requires, and ends at one cross-section for all
+parallel lanes. Roads at the same height that overlap (merging ramps, the inside of junctions) are on the same level.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,40 +15,40 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from simbev_ros.maps.land_features import Water
-from simbev_ros.maps.roads.deck_ends import straight_cuts
+from simbev_ros.maps.roads.deck_ends import straighten_ends
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.strip_pieces import StripPieces
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 CLEARANCE_M = 2.5
-"""Roads that overlap with more height between them pass above each other."""
+"""Overlapping roads with a greater height difference than this pass above each other."""
 
 _PIECE_M = 4.0
 _COARSE_M = 24.0
-_SHORTEST_ABUTMENT_M = 6.0
+_MIN_ABUTMENT_M = 6.0
 _ABUTMENT_SLOPE = 1.5  # length per height
-_MOST_LEVELS = 8
-_BESIDE_M = 3.0
+_MAX_LEVELS = 8
+_MAX_DISTANCE_M = 3.0
 
 
-def with_levels(layout: Layout, water: Sequence[Water] = ()) -> Layout:
-    """The same layout, its strips cut where their level changes, with the levels of all that is in it.
+def assign_levels(layout: Layout, water: Sequence[Water] = ()) -> Layout:
+    """Assign levels to everything in a layout, and cut strips where their level changes.
 
     Args:
-        layout: Levels in it are ignored.
-        water: What roads cross on bridges.
+        layout: The layout; existing levels are ignored.
+        water: Water that roads cross on bridges.
     """
-    flat = [_on_level(strip, 0) for strip in layout.strips]
-    concerned = _concerned(flat, water)
-    pieces = StripPieces.of([flat[row] for row in concerned], _PIECE_M)
+    level_0_strips = [_on_level(strip, 0) for strip in layout.strips]
+    rows = _rows_near_structures(level_0_strips, water)
+    pieces = StripPieces.cut([level_0_strips[row] for row in rows], _PIECE_M)
     level = _levels(pieces, water)
-    pieces, level = straight_cuts(pieces, level)
-    cut: list[tuple[Strip, ...]] = [(strip,) for strip in flat]
-    for row, stretches in zip(concerned, _cut(pieces, level), strict=True):
-        cut[row] = stretches
+    pieces, level = straighten_ends(pieces, level)
+    cut_strips: list[tuple[Strip, ...]] = [(strip,) for strip in level_0_strips]
+    for row, stretches in zip(rows, _cut_by_level(pieces, level), strict=True):
+        cut_strips[row] = stretches
     return replace(
         layout,
-        strips=tuple(chain.from_iterable(cut)),
+        strips=tuple(chain.from_iterable(cut_strips)),
         crosswalks=tuple(
             replace(crosswalk, level=_level_at(pieces, level, np.mean(crosswalk.outline_m, axis=0)))
             for crosswalk in layout.crosswalks
@@ -59,57 +59,57 @@ def with_levels(layout: Layout, water: Sequence[Water] = ()) -> Layout:
     )
 
 
-def _concerned(strips: Sequence[Strip], water: Sequence[Water]) -> list[int]:
-    """Rows of the strips that structures may carry, pass over or end on; the rest need no closer look."""
-    pieces = StripPieces.of(strips, _COARSE_M)
+def _rows_near_structures(strips: Sequence[Strip], water: Sequence[Water]) -> list[int]:
+    """Rows of the strips that may be on, above or at the end of structures; all others can be skipped."""
+    pieces = StripPieces.cut(strips, _COARSE_M)
     low_m, high_m = pieces.height_range_m
     upper, lower = pieces.boxes_overlap()
-    apart = high_m[upper] - low_m[lower] > CLEARANCE_M
-    upper, lower = upper[apart], lower[apart]
-    wet, above_water_m = _over_water(pieces, water)
+    separated = high_m[upper] - low_m[lower] > CLEARANCE_M
+    upper, lower = upper[separated], lower[separated]
+    over_water, above_water_m = _over_water(pieces, water)
     rise_m = np.concatenate([[0.0], high_m[upper] - low_m[lower], above_water_m])
-    carried = np.concatenate([upper, lower, wet, np.flatnonzero(_declared(pieces))])
+    on_structure = np.concatenate([upper, lower, over_water, np.flatnonzero(_is_declared(pieces))])
     reach_m = float(_abutment_m(rise_m).max()) + _COARSE_M
-    rows: list[int] = np.unique(pieces.row[pieces.within(reach_m, carried)]).tolist()
+    rows: list[int] = np.unique(pieces.row[pieces.within(reach_m, on_structure)]).tolist()
     return rows
 
 
-def _declared(pieces: StripPieces) -> BoolArray:
-    """(N,) whether the map says that a piece is on a structure."""
+def _is_declared(pieces: StripPieces) -> BoolArray:
+    """(N,) whether the map declares that a piece is on a structure."""
     return np.array([strip.structure for strip in pieces.strips], bool)[pieces.row]
 
 
 def _levels(pieces: StripPieces, water: Sequence[Water]) -> Int64Array:
     """(N,) level of each piece."""
-    declared = _declared(pieces)
-    upper, lower = pieces.stacked(CLEARANCE_M)
+    declared = _is_declared(pieces)
+    upper, lower = pieces.overpass_pairs(CLEARANCE_M)
     heights_m = pieces.center_m[:, 2]
     rise_m = heights_m[upper] - heights_m[lower]
-    wet, above_water_m = _over_water(pieces, water)
+    over_water, above_water_m = _over_water(pieces, water)
     level = np.zeros(len(pieces), np.int64)
-    if not (len(upper) or len(wet) or declared.any()):
+    if not (len(upper) or len(over_water) or declared.any()):
         return level
     reach_m = np.zeros(len(pieces))
-    np.maximum.at(reach_m, np.concatenate([upper, wet]), _abutment_m(np.concatenate([rise_m, above_water_m])))
-    links = _links(pieces, np.concatenate([upper, wet, np.flatnonzero(declared)]), float(reach_m.max()))
+    np.maximum.at(reach_m, np.concatenate([upper, over_water]), _abutment_m(np.concatenate([rise_m, above_water_m])))
+    links = _links(pieces, np.concatenate([upper, over_water, np.flatnonzero(declared)]), float(reach_m.max()))
     sources = declared.copy()
-    sources[wet] = True
-    for number in range(1, _MOST_LEVELS + 1):
+    sources[over_water] = True
+    for number in range(1, _MAX_LEVELS + 1):
         sources[upper[level[lower] >= number - 1]] = True
         if not sources.any():
             break
-        carried, source = _extended(links, np.where(sources, reach_m, -1.0))
-        # A ramp that comes down below its own structure is not carried by it there.
-        below = lower[carried[upper]]
-        carried[below[heights_m[source[below]] - heights_m[below] > CLEARANCE_M]] = False
-        level[carried] = number
+        on_structure, source = _extend_structures(links, np.where(sources, reach_m, -1.0))
+        # A ramp that descends below its own structure is not carried by it there.
+        below = lower[on_structure[upper]]
+        on_structure[below[heights_m[source[below]] - heights_m[below] > CLEARANCE_M]] = False
+        level[on_structure] = number
         sources[:] = False
     return level
 
 
 def _abutment_m(rise_m: Float64Array) -> Float64Array:
-    """How far a structure reaches on beyond what it passes over, at a height above it."""
-    return np.maximum(_SHORTEST_ABUTMENT_M, _ABUTMENT_SLOPE * rise_m) + _PIECE_M / 2.0
+    """Distance by which a structure extends beyond the object below it, given its height above that object."""
+    return np.maximum(_MIN_ABUTMENT_M, _ABUTMENT_SLOPE * rise_m) + _PIECE_M / 2.0
 
 
 def _over_water(pieces: StripPieces, water: Sequence[Water]) -> tuple[Int64Array, Float64Array]:
@@ -121,21 +121,21 @@ def _over_water(pieces: StripPieces, water: Sequence[Water]) -> tuple[Int64Array
 
 
 def _links(pieces: StripPieces, sources: Int64Array, reach_m: float) -> coo_matrix:
-    """(N, N) ways along the road between pieces that touch, around those from which structures reach on."""
-    first, second = pieces.contacts(pieces.within(reach_m, sources))
-    return coo_matrix((pieces.ways_m(first, second), (first, second)), shape=(len(pieces), len(pieces)))
+    """(N, N) path lengths between touching pieces, around the pieces from which structures extend."""
+    first, second = pieces.contact_pairs(pieces.within(reach_m, sources))
+    return coo_matrix((pieces.path_lengths_m(first, second), (first, second)), shape=(len(pieces), len(pieces)))
 
 
-def _extended(links: coo_matrix, reach_m: Float64Array) -> tuple[BoolArray, Int64Array]:
-    """(N,) pieces within reach of another along the road, and the (N,) one that carries each; others have themselves.
+def _extend_structures(links: coo_matrix, reach_m: Float64Array) -> tuple[BoolArray, Int64Array]:
+    """(N,) whether a piece is within reach of a source along the road, and (N,) that source, or the piece itself.
 
     Args:
-        links: (N, N) ways between neighbours.
-        reach_m: (N,) how far pieces carry, negative: not at all.
+        links: (N, N) path lengths between neighbors.
+        reach_m: (N,) distance by which structures extend from each piece; negative: the piece is no source.
     """
     count, longest_m = len(reach_m), float(reach_m.max())
     sources = np.flatnonzero(reach_m >= 0.0)
-    # One more node from which each source is as far as its reach is short of the longest.
+    # Add a root node; its distance to each source is the longest reach minus that source's reach.
     weight_m = np.concatenate([links.data, longest_m - reach_m[sources]]) + 1e-6
     rows = np.concatenate([links.row, np.full(len(sources), count)])
     columns = np.concatenate([links.col, sources])
@@ -148,8 +148,8 @@ def _extended(links: coo_matrix, reach_m: Float64Array) -> tuple[BoolArray, Int6
     return reached, source.astype(np.int64)
 
 
-def _cut(pieces: StripPieces, level: Int64Array) -> Iterator[tuple[Strip, ...]]:
-    """What becomes of each strip: it gets its level, or is cut where its level changes."""
+def _cut_by_level(pieces: StripPieces, level: Int64Array) -> Iterator[tuple[Strip, ...]]:
+    """For each strip its stretches of constant level."""
     changes = (np.diff(pieces.row, prepend=-1) != 0) | (np.diff(level, prepend=-1) != 0)
     starts = np.flatnonzero(changes)
     ends = np.append(starts[1:], len(pieces)) - 1
@@ -163,19 +163,19 @@ def _cut(pieces: StripPieces, level: Int64Array) -> Iterator[tuple[Strip, ...]]:
 
 
 def _on_level(strip: Strip, level: int) -> Strip:
-    """A strip on a level."""
+    """The strip with this level."""
     return strip if strip.level == level else replace(strip, level=level)
 
 
 def _stretch(pieces: StripPieces, start: int, end: int, level: Int64Array, number: int) -> Strip:
-    """A part of a strip, from one of its pieces to another."""
+    """The part of a strip from one of its pieces to another."""
     row = int(pieces.row[start])
     strip, start_m, end_m = pieces.strips[row], pieces.start_m[start], pieces.end_m[end]
     first, second = pieces.lines.parameter(np.array([row, row]), np.array([start_m, end_m])) - pieces.lines.first[row]
-    at = np.concatenate([[first], np.arange(np.floor(first) + 1.0, np.ceil(second)), [second]])
+    indices = np.concatenate([[first], np.arange(np.floor(first) + 1.0, np.ceil(second)), [second]])
     points = np.arange(len(strip.left_m))
     left_m, right_m = (
-        np.stack([np.interp(at, points, side[:, axis]) for axis in range(3)], axis=1)
+        np.stack([np.interp(indices, points, side[:, axis]) for axis in range(3)], axis=1)
         for side in (strip.left_m, strip.right_m)
     )
     return replace(
@@ -188,11 +188,11 @@ def _stretch(pieces: StripPieces, start: int, end: int, level: Int64Array, numbe
     )
 
 
-def _level_at(pieces: StripPieces, level: Int64Array, place_m: Float64Array) -> int:
-    """Level of the piece nearest to a (3,) place, in plan and in height; 0 away from roads."""
-    point = shapely.Point(place_m[:2])
-    near = pieces.tree.query(point, predicate="dwithin", distance=_BESIDE_M)
+def _level_at(pieces: StripPieces, level: Int64Array, position_m: Float64Array) -> int:
+    """Level of the piece nearest to a (3,) position, in plan view and height; 0 away from roads."""
+    point = shapely.Point(position_m[:2])
+    near = pieces.tree.query(point, predicate="dwithin", distance=_MAX_DISTANCE_M)
     if len(near) == 0:
         return 0
-    gap_m = shapely.distance(pieces.polygons[near], point) + np.abs(pieces.center_m[near, 2] - place_m[2])
+    gap_m = shapely.distance(pieces.polygons[near], point) + np.abs(pieces.center_m[near, 2] - position_m[2])
     return int(level[near[np.argmin(gap_m)]])

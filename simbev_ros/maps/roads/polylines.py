@@ -1,4 +1,4 @@
-"""Many polylines at once, end to end in one array, so that work on all lanes of a map needs no loop over them."""
+"""Many polylines concatenated in one array, so that operations on all lanes of a map need no Python loop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from simbev_ros.types import AnyArray, Float64Array, Int64Array
 
 @dataclass(frozen=True)
 class Polylines:
-    """Lines of at least two points each; distances along them are measured in the ground plane.
+    """L polylines of at least two points each; distances along them are measured in plan view.
 
     Attributes:
         points_m: (P, D) float64, D at least 2, map frame.
@@ -23,8 +23,8 @@ class Polylines:
     first: Int64Array
 
     @staticmethod
-    def of(lines_m: Sequence[Float64Array], dimensions: int = 3) -> "Polylines":
-        """From (N, D) lines; ``dimensions`` is D for the case that there are none."""
+    def from_lines(lines_m: Sequence[Float64Array], dimensions: int = 3) -> "Polylines":
+        """Concatenate (N, D) lines; ``dimensions`` is D for the case that there are none."""
         counts = np.array([len(line_m) for line_m in lines_m], np.int64)
         points_m = np.concatenate([np.empty((0, dimensions)), *lines_m])
         return Polylines(points_m, np.concatenate([[0], np.cumsum(counts)]))
@@ -34,7 +34,7 @@ class Polylines:
 
     @cached_property
     def row(self) -> Int64Array:
-        """(P,) line that each point is on."""
+        """(P,) index of the line of each point."""
         return np.repeat(np.arange(len(self)), np.diff(self.first))
 
     @cached_property
@@ -42,8 +42,8 @@ class Polylines:
         """(P,) distance of each point from its line's start."""
         steps_m = np.linalg.norm(np.diff(self.points_m[:, :2], axis=0, prepend=self.points_m[:1, :2]), axis=1)
         steps_m[self.first[:-1]] = 0.0
-        travelled_m = np.cumsum(steps_m)
-        station_m: Float64Array = travelled_m - travelled_m[self.first[:-1]][self.row]
+        cumulative_m = np.cumsum(steps_m)
+        station_m: Float64Array = cumulative_m - cumulative_m[self.first[:-1]][self.row]
         return station_m
 
     @cached_property
@@ -51,8 +51,8 @@ class Polylines:
         """(L,) lengths."""
         return self.station_m[self.first[1:] - 1]
 
-    def places(self, spacing_m: float | Float64Array) -> tuple[Int64Array, Float64Array]:
-        """Both ends of every line and places between, evenly, at most ``spacing_m`` apart: one number or (L,).
+    def sample_stations(self, spacing_m: float | Float64Array) -> tuple[Int64Array, Float64Array]:
+        """Stations of both ends of every line and evenly between them, at most ``spacing_m`` apart: one number or (L,).
 
         Returns:
             (N,) lines and (N,) distances from their starts, line after line.
@@ -63,49 +63,49 @@ class Polylines:
         return row, self.length_m[row] * number / (counts[row] - 1)
 
     def parameter(self, row: Int64Array, s_m: Float64Array) -> Float64Array:
-        """(N,) places as real-valued point indices: 2.25 lies a quarter of the way from point 2 of all to point 3."""
+        """(N,) positions as real-valued point indices: 2.25 lies a quarter of the segment from point 2 to point 3."""
         end_m = self.length_m[row]
-        # Lines are laid end to end with gaps, so that one sorted search finds the segments of all places.
+        # Lines are laid end to end with gaps, so that one sorted search finds the segments of all positions.
         offset_m = np.concatenate([[0.0], np.cumsum(self.length_m + 1.0)])
-        at_m = np.clip(s_m, 0.0, end_m) + offset_m[row]
-        after = np.searchsorted(self.station_m + offset_m[self.row], at_m, side="right")
+        global_station_m = np.clip(s_m, 0.0, end_m) + offset_m[row]
+        after = np.searchsorted(self.station_m + offset_m[self.row], global_station_m, side="right")
         after = np.clip(after, self.first[row] + 1, self.first[row + 1] - 1)
         start_m, stop_m = self.station_m[after - 1], self.station_m[after]
-        part = (np.clip(s_m, 0.0, end_m) - start_m) / np.maximum(stop_m - start_m, 1e-9)
-        parameter: Float64Array = after - 1 + np.clip(part, 0.0, 1.0)
+        fraction = (np.clip(s_m, 0.0, end_m) - start_m) / np.maximum(stop_m - start_m, 1e-9)
+        parameter: Float64Array = after - 1 + np.clip(fraction, 0.0, 1.0)
         return parameter
 
     def values(self, parameter: Float64Array, per_point: Float64Array | None = None) -> Float64Array:
-        """(N, D) positions at places given by ``parameter``, or other (P, ...) values that belong to the points."""
+        """(N, D) positions given by ``parameter``, or other (P, ...) per-point values interpolated there."""
         values = self.points_m if per_point is None else per_point
         before = np.minimum(np.floor(parameter).astype(np.int64), len(values) - 2)
-        part = (parameter - before).reshape(-1, *[1] * (values.ndim - 1))
-        between: Float64Array = values[before] * (1.0 - part) + values[before + 1] * part
+        fraction = (parameter - before).reshape(-1, *[1] * (values.ndim - 1))
+        between: Float64Array = values[before] * (1.0 - fraction) + values[before + 1] * fraction
         return between
 
     def headings(self, parameter: Float64Array) -> Float64Array:
-        """(N, 2) unit vectors of the segments at places given by ``parameter``."""
+        """(N, 2) unit vectors of the segments at positions given by ``parameter``."""
         row = self.row[np.minimum(np.floor(parameter + 1e-9).astype(np.int64), len(self.row) - 1)]
         before = np.clip(np.floor(parameter).astype(np.int64), self.first[row], self.first[row + 1] - 2)
         step_m = self.points_m[before + 1, :2] - self.points_m[before, :2]
         heading: Float64Array = step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
         return heading
 
-    def beside(self, left_m: Float64Array) -> Float64Array:
-        """(P, D) the points moved to the left by (P,) distances, corners mitred, so that each line stays parallel."""
+    def offset_to_left(self, left_m: Float64Array) -> Float64Array:
+        """(P, D) the points offset to the left by (P,) distances, with mitered corners, so that lines stay parallel."""
         step_m = np.diff(self.points_m[:, :2], axis=0)
         heading = step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
         normal = np.column_stack([-heading[:, 1], heading[:, 0]])
         before, after = np.concatenate([normal[:1], normal]), np.concatenate([normal, normal[-1:]])
         starts, ends = self.first[:-1], self.first[1:] - 1
         before[starts], after[ends] = after[starts], before[ends]
-        mitre = before + after
-        mitre /= np.maximum(np.sum(mitre * before, axis=1, keepdims=True), 0.2)
-        moved_m = self.points_m.copy()
-        moved_m[:, :2] += left_m[:, None] * mitre
-        return moved_m
+        miter = before + after
+        miter /= np.maximum(np.sum(miter * before, axis=1, keepdims=True), 0.2)
+        offset_points_m = self.points_m.copy()
+        offset_points_m[:, :2] += left_m[:, None] * miter
+        return offset_points_m
 
     def split(self, per_point: AnyArray) -> list[AnyArray]:
-        """Views of (P, ...) values that belong to the points, one for each line."""
+        """Views of (P, ...) per-point values, one for each line."""
         bounds = self.first.tolist()
         return [per_point[start:end] for start, end in pairwise(bounds)]

@@ -1,1 +1,1 @@
-"""SUMO nets: built, repaired, read."""
+"""SUMO nets: building with netconvert, repair of user files, and reading."""

@@ -1,4 +1,4 @@
-"""Which roads hang together."""
+"""Finds the largest connected part of a road network."""
 
 from collections.abc import Sequence
 
@@ -10,11 +10,11 @@ from simbev_ros.types import BoolArray, Float64Array
 
 
 def on_mainland(starts: Sequence[str], ends: Sequence[str], lengths_m: Float64Array) -> BoolArray:
-    """(N,) whether each of N roads belongs to the connected part with the greatest length; directions do not count.
+    """(N,) whether each of N roads belongs to the connected component of greatest length; directions are ignored.
 
     Args:
-        starts: The node where each begins.
-        ends: The node where each ends.
+        starts: Node at which each road begins.
+        ends: Node at which each road ends.
         lengths_m: (N,) lengths.
     """
     nodes, index = np.unique([*starts, *ends], return_inverse=True)

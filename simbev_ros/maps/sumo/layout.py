@@ -1,4 +1,4 @@
-"""The layout of roads that come as a SUMO net: strips along its lanes, with paint by rule."""
+"""Builds the layout of roads from a SUMO net: strips along its lanes, with paint by rule."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,24 +19,24 @@ from simbev_ros.maps.sumo.right_of_way import minor_approaches
 from simbev_ros.types import Float64Array
 
 _CORNER_RADIUS_M = 3.0
-_SAME_BORDER_M = 0.5
-_STOP_LINE_M = 0.5  # its middle, back from the lane's end; SUMO's vehicles halt 1 m before the end
-_STOP_LINE_MARGIN_M = 0.25  # clear of the curb, and of the centre lines
+_BORDER_TOLERANCE_M = 0.5
+_STOP_LINE_M = 0.5  # distance of its middle from the lane's end; SUMO's vehicles halt 1 m before the end
+_STOP_LINE_MARGIN_M = 0.25  # clearance from the curb and from the center lines
 
 
 @dataclass(frozen=True, slots=True)
 class _Edge:
-    """Lanes side by side, from the curb inward, and those of the other direction beside them, likewise."""
+    """Parallel lanes, from the curb inward, and the adjacent lanes of the other direction, likewise."""
 
     lanes: list[Lane]
     opposite: list[Lane]
-    carried: bool
+    on_structure: bool
     continues: bool
 
 
 @dataclass(frozen=True, slots=True)
 class _Borders:
-    """(N, 3) borders of lanes by id."""
+    """(N, 3) borders of lanes by lane id."""
 
     left_m: Mapping[str, Float64Array]
     right_m: Mapping[str, Float64Array]
@@ -44,14 +44,17 @@ class _Borders:
 
     @property
     def inner_m(self) -> Mapping[str, Float64Array]:
-        """Those on the side of oncoming traffic."""
+        """Borders on the side of oncoming traffic."""
         return self.right_m if self.left_hand else self.left_m
 
 
 def layout_of(net: SumoNet) -> Layout:
-    """Strips of all lanes in the net's order, crosswalks of all crossings, paint by rule; no signs yet."""
+    """Layout of a SUMO net: strips of all lanes in the net's order, crosswalks of all crossings, paint by rule.
+
+    Signs are not placed yet.
+    """
     lanes = _lanes_by_edge(net)
-    crossfall = Crossfall.of(net, lanes)
+    crossfall = Crossfall.of_net(net, lanes)
     borders = _borders(net, crossfall)
     edges = _edges(net, lanes, borders, crossfall.continued)
     strips = {strip.id: strip for edge in edges.values() for strip in _strips(edge, borders)}
@@ -66,7 +69,7 @@ def layout_of(net: SumoNet) -> Layout:
 
 
 def _lanes_by_edge(net: SumoNet) -> dict[str, list[Lane]]:
-    """The lanes of all edges, each from the curb inward, crossings left out."""
+    """The lanes of each edge from the curb inward, without crossings."""
     lanes: dict[str, list[Lane]] = defaultdict(list)
     for lane in net.lanes.values():
         if lane.kind is not LaneKind.CROSSING:
@@ -75,15 +78,15 @@ def _lanes_by_edge(net: SumoNet) -> dict[str, list[Lane]]:
 
 
 def _borders(net: SumoNet, crossfall: Crossfall) -> _Borders:
-    """Both borders of every lane, half its width beside its centre line, and so much lower as the road falls there."""
+    """Both borders of every lane, offset by half its width from its center line and lowered by the crossfall."""
     lanes = list(net.lanes.values())
-    lines = crossfall.stepped(Polylines.of([lane.centerline_m for lane in lanes]))
+    lines = crossfall.add_fade_points(Polylines.from_lines([lane.centerline_m for lane in lanes]))
     half_m = np.array([lane.width_m for lane in lanes])[lines.row] / 2.0
-    share = crossfall.share(lines)
+    fraction = crossfall.fraction(lines)
     sides: list[list[Float64Array]] = []
     for side, below_m in ((1.0, crossfall.inner_m), (-1.0, crossfall.outer_m)):
-        border_m = lines.beside((-side if net.left_hand else side) * half_m)
-        border_m[:, 2] -= below_m[lines.row] * share
+        border_m = lines.offset_to_left((-side if net.left_hand else side) * half_m)
+        border_m[:, 2] -= below_m[lines.row] * fraction
         sides.append(lines.split(border_m))
     inner, outer = (dict(zip(net.lanes, side, strict=True)) for side in sides)
     left, right = (outer, inner) if net.left_hand else (inner, outer)
@@ -95,12 +98,12 @@ def _edges(
 ) -> dict[str, _Edge]:
     """All edges by id."""
     opposite = _opposites(net, lanes, borders)
-    carried = _carried(net)
+    on_structure = _edges_on_structures(net)
     return {
         edge: _Edge(
             lanes=edge_lanes,
             opposite=lanes[opposite[edge]] if edge in opposite else [],
-            carried=edge in carried,
+            on_structure=edge in on_structure,
             continues=edge_lanes[0].junction in continued,
         )
         for edge, edge_lanes in lanes.items()
@@ -119,18 +122,18 @@ def _opposites(net: SumoNet, lanes: Mapping[str, Sequence[Lane]], borders: _Bord
     border = {
         edge: shapely.LineString(borders.inner_m[lanes[edge][-1].id]) for edge in {e for pair in pairs for e in pair}
     }
-    middles = shapely.line_interpolate_point([border[edge] for edge, _ in pairs], 0.5, normalized=True)
+    midpoints = shapely.line_interpolate_point([border[edge] for edge, _ in pairs], 0.5, normalized=True)
     others = np.array([border[other] for _, other in pairs])
     rise_m = np.abs(
-        shapely.get_z(middles)
-        - shapely.get_z(shapely.line_interpolate_point(others, shapely.line_locate_point(others, middles)))
+        shapely.get_z(midpoints)
+        - shapely.get_z(shapely.line_interpolate_point(others, shapely.line_locate_point(others, midpoints)))
     )
-    same = (shapely.distance(others, middles) < _SAME_BORDER_M) & (rise_m < _SAME_BORDER_M)
-    return {edge: other for (edge, other), is_same in zip(pairs, same, strict=True) if is_same}
+    coincides = (shapely.distance(others, midpoints) < _BORDER_TOLERANCE_M) & (rise_m < _BORDER_TOLERANCE_M)
+    return {edge: other for (edge, other), is_same in zip(pairs, coincides, strict=True) if is_same}
 
 
-def _carried(net: SumoNet) -> frozenset[str]:
-    """Edges on declared structures; one inside a junction is on one if all edges that meet there are."""
+def _edges_on_structures(net: SumoNet) -> frozenset[str]:
+    """Edges on declared structures; an edge inside a junction is included if all edges that meet there are."""
     meeting: dict[str, set[str]] = defaultdict(set)
     for edge, ends in net.edge_ends.items():
         for junction in ends:
@@ -140,7 +143,7 @@ def _carried(net: SumoNet) -> frozenset[str]:
 
 
 def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
-    """The strips of one edge; those inside junctions bear no paint."""
+    """The strips of one edge; those inside junctions have no paint."""
     lanes = edge.lanes
     painted = not lanes[0].junction
     between = [line_between(outer, inner) if painted else Line() for outer, inner in pairwise(lanes)]
@@ -151,42 +154,42 @@ def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
     (right_lines, rights), (left_lines, lefts) = (outer_lines, outers), (inner_lines, inners)
     if borders.left_hand:
         (right_lines, rights), (left_lines, lefts) = (left_lines, lefts), (right_lines, rights)
-    for place, lane in enumerate(lanes):
+    for number, lane in enumerate(lanes):
         yield Strip(
             id=lane.id,
             lane=lane.id,
             kind=lane.kind,
             left_m=borders.left_m[lane.id],
             right_m=borders.right_m[lane.id],
-            left_line=left_lines[place],
-            right_line=right_lines[place],
+            left_line=left_lines[number],
+            right_line=right_lines[number],
             road=lane.edge,
-            index=-place - 1 if borders.left_hand else place - len(lanes),
+            index=-number - 1 if borders.left_hand else number - len(lanes),
             junction=lane.junction,
             continues=edge.continues,
             speed_mps=lane.speed_mps,
-            structure=edge.carried,
-            left=lefts[place],
-            right=rights[place],
+            structure=edge.on_structure,
+            left=lefts[number],
+            right=rights[number],
             following=lane.successors,
             outline_m=lane.outline_m,
         )
 
 
 def _crosswalk(lane: Lane, borders: _Borders) -> Crosswalk:
-    """The area of a crossing."""
+    """The crosswalk on a crossing."""
     across_m = lane.centerline_m[-1, :2] - lane.centerline_m[0, :2]
     outline_m = np.concatenate([borders.left_m[lane.id], borders.right_m[lane.id][::-1]])
     return Crosswalk(outline_m, across_m / np.linalg.norm(across_m))
 
 
 def _stop_lines(net: SumoNet, edges: Mapping[str, _Edge], borders: _Borders) -> Iterator[StopLine]:
-    """A line across the driving lanes of each approach that has traffic lights, has to stop or has to give way."""
-    lit = {link.lane for link in net.links}
+    """A line across the driving lanes of each approach that has traffic lights, must stop or must give way."""
+    controlled_lanes = {link.lane for link in net.links}
     minor = minor_approaches(net)
     for name, edge in edges.items():
         driving = [lane for lane in edge.lanes if lane.kind is LaneKind.DRIVING]
-        halts = bool(driving) and not driving[0].junction and lit.issuperset(lane.id for lane in driving)
+        halts = bool(driving) and not driving[0].junction and controlled_lanes.issuperset(lane.id for lane in driving)
         if not halts and name not in minor:
             continue
         for is_driving, group in groupby(edge.lanes, key=lambda lane: lane.kind is LaneKind.DRIVING):
@@ -198,8 +201,8 @@ def _stop_lines(net: SumoNet, edges: Mapping[str, _Edge], borders: _Borders) -> 
 
 
 def _across(right_m: Float64Array, left_m: Float64Array) -> Float64Array:
-    """(2, 3) ends, from right to left, of a line across lanes with these (N, 3) outer borders, before their end."""
-    lines = Polylines.of([right_m, left_m])
+    """(2, 3) ends, right to left, of a line across lanes with (N, 3) outer borders, shortly before their end."""
+    lines = Polylines.from_lines([right_m, left_m])
     ends_m = lines.values(lines.parameter(np.arange(2), lines.length_m - _STOP_LINE_M))
     inward = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
     return ends_m + _STOP_LINE_MARGIN_M * np.array([inward, -inward])

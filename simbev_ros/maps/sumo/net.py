@@ -1,4 +1,4 @@
-"""Reads a SUMO net (.net.xml) into lanes, junctions and movements, element by element, so that big nets fit."""
+"""Reads a SUMO net (.net.xml) into lanes, junctions and movements, element by element to save memory."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -16,11 +16,11 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.vehicle_class import open_to
 from simbev_ros.types import Float64Array
 
-_DEFAULT_WIDTH_M = 3.2  # SUMO's width of a lane that names none
+_DEFAULT_WIDTH_M = 3.2  # SUMO's default lane width
 _MIN_STEP_M = 0.01
-_ROUND = ("t", "T")
+_TURN_AROUND = ("t", "T")
 _MOTOR_CLASSES = frozenset({"passenger", "delivery", "bus", "truck", "taxi", "private", "emergency", "motorcycle"})
-_KINDS = frozenset(LaneKind) - {LaneKind.CROSSING, LaneKind.WALKING_AREA}  # that the attribute `type` may name
+_KINDS = frozenset(LaneKind) - {LaneKind.CROSSING, LaneKind.WALKING_AREA}  # kinds that the attribute `type` may name
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +28,11 @@ class ControlledLink:
     """A movement from one lane that a traffic light controls.
 
     Attributes:
-        lane: Id of the lane that it comes from.
-        programme: SUMO's traffic-light id.
-        link: Index into the programme's state string.
-        direction: SUMO's code: s straight, l left, r right, L and R partly, t turn-around, T likewise where traffic
-            keeps to the left.
+        lane: Id of the lane that it starts from.
+        programme: Id of SUMO's traffic-light program.
+        link: Index into the program's state string.
+        direction: SUMO's code: s straight, l left, r right, L and R partially, t turn-around, T likewise in left-hand
+            traffic.
     """
 
     lane: str
@@ -43,16 +43,16 @@ class ControlledLink:
 
 @dataclass(frozen=True, slots=True)
 class SumoNet:
-    """What is in the file.
+    """The content of a SUMO net.
 
     Attributes:
-        lanes: By id.
-        junctions: By id, without dead ends.
+        lanes: Lanes by id.
+        junctions: Junctions by id, without dead ends.
         links: The controlled links of driving lanes, in file order.
-        edge_ends: Edge id → ids of the junctions that it leads from and to; edges outside junctions only.
+        edge_ends: Edge id → ids of the junctions that it leads from and to; only edges outside junctions.
         structures: Ids of the edges that the file declares to be bridges.
         right_of_way: Lane id → SUMO's codes of its movements outside traffic lights: M has right of way, m yields, s
-            stops first, w stops as all others do, = yields to the right.
+            stops first, w stops at an all-way stop, = yields to the right.
         left_hand: Traffic keeps to the left: the lanes of an edge are numbered from left to right.
     """
 
@@ -66,7 +66,7 @@ class SumoNet:
 
 
 def read_sumo_net(path: Path) -> SumoNet:
-    """Read a net.
+    """Read a SUMO net.
 
     Raises:
         SimulationError: The file is missing or is not a SUMO net.
@@ -89,7 +89,7 @@ class _Content:
 
 
 def _read(path: Path) -> _Content:
-    """Go through the file once, keeping no element."""
+    """Parse the file once, without keeping its elements."""
     events = ElementTree.iterparse(path, events=("start", "end"))
     _, root = next(events)
     content = _Content(left_hand=root.get("lefthand") in ("true", "1"))
@@ -109,7 +109,7 @@ def _read(path: Path) -> _Content:
 
 
 def _net(content: _Content) -> SumoNet:
-    """What the attributes mean."""
+    """Build the net from the attributes."""
     lanes = _lanes(content)
     edge_ends = {
         edge["id"]: (edge["from"], edge["to"])
@@ -117,8 +117,8 @@ def _net(content: _Content) -> SumoNet:
         if edge.get("function", "normal") == "normal"
     }
     links = tuple(_links(content.connections, lanes))
-    signalised = {edge_ends[lanes[link.lane].edge][1] for link in links}
-    junctions = _junctions(content, signalised)
+    signalized_junctions = {edge_ends[lanes[link.lane].edge][1] for link in links}
+    junctions = _junctions(content, signalized_junctions)
     right_of_way = _right_of_way(content.connections)
     structures = frozenset(content.structures)
     return SumoNet(lanes, junctions, links, edge_ends, structures, right_of_way, content.left_hand)
@@ -133,10 +133,14 @@ def _links(connections: Sequence[Mapping[str, str]], lanes: Mapping[str, Lane]) 
 
 
 def _right_of_way(connections: Sequence[Mapping[str, str]]) -> dict[str, frozenset[str]]:
-    """As ``SumoNet.right_of_way``; turning round is no movement that gives or takes it."""
+    """Codes by lane, see ``SumoNet.right_of_way``; turning around is ignored."""
     codes: dict[str, set[str]] = defaultdict(set)
     for connection in connections:
-        if "tl" not in connection and connection.get("dir") not in _ROUND and not connection["from"].startswith(":"):
+        if (
+            "tl" not in connection
+            and connection.get("dir") not in _TURN_AROUND
+            and not connection["from"].startswith(":")
+        ):
             codes[_lane_id(connection, "from")].add(connection.get("state", ""))
     return {lane: frozenset(states) for lane, states in codes.items()}
 
@@ -147,7 +151,7 @@ def _lane_id(connection: Mapping[str, str], end: str) -> str:
 
 
 def _successors(connections: Sequence[Mapping[str, str]]) -> dict[str, tuple[str, ...]]:
-    """Lane id → ids of the lanes that follow, through a junction by way of the internal lane."""
+    """Lane id → ids of the lanes that follow it; across a junction, the internal lane."""
     following: dict[str, dict[str, None]] = defaultdict(dict)
     for connection in connections:
         following[_lane_id(connection, "from")][connection.get("via") or _lane_id(connection, "to")] = None
@@ -155,10 +159,10 @@ def _successors(connections: Sequence[Mapping[str, str]]) -> dict[str, tuple[str
 
 
 def _lanes(content: _Content) -> dict[str, Lane]:
-    """All lanes by id; their lines are cleaned together."""
+    """All lanes by id; their lines are cleaned in one batch."""
     pairs = [(edge, lane) for edge, edge_lanes in content.edges for lane in edge_lanes]
     shapes = _points([lane["shape"] for _, lane in pairs])
-    lines = _cleaned(shapes)
+    lines = _remove_duplicate_points(shapes)
     following = _successors(content.connections)
     parts = zip(pairs, shapes.split(shapes.points_m), lines.split(lines.points_m), lines.length_m.tolist(), strict=True)
     return {
@@ -196,7 +200,7 @@ def _lane(
 
 @cache
 def _kind(function: str, lane_type: str, allow: str, disallow: str) -> LaneKind:
-    """What a lane is for: as its type says, else from its edge's function and the vehicles that may use it."""
+    """Use of a lane: by its type, else by its edge's function and the vehicles that may use it."""
     if function == "crossing":
         return LaneKind.CROSSING
     if function == "walkingarea":
@@ -212,7 +216,7 @@ def _kind(function: str, lane_type: str, allow: str, disallow: str) -> LaneKind:
     return LaneKind.BICYCLE if "bicycle" in allowed else LaneKind.SHOULDER
 
 
-def _junctions(content: _Content, signalised: Set[str]) -> dict[str, Junction]:
+def _junctions(content: _Content, signalized_junctions: Set[str]) -> dict[str, Junction]:
     """All junctions by id, without dead ends."""
     found = [junction for junction in content.junctions if junction.get("type") not in ("internal", "dead_end")]
     outlines = _points([junction.get("shape", "") for junction in found])
@@ -221,33 +225,35 @@ def _junctions(content: _Content, signalised: Set[str]) -> dict[str, Junction]:
             junction["id"],
             np.array([float(junction.get(axis, 0.0)) for axis in "xyz"]),
             outline_m,
-            junction["id"] in signalised,
+            junction["id"] in signalized_junctions,
         )
         for junction, outline_m in zip(found, outlines.split(outlines.points_m[:, :2]), strict=True)
     }
 
 
 def _points(shapes: Sequence[str]) -> Polylines:
-    """Points of SUMO's "x,y x,y,z", of many lines; a point without z lies at 0."""
+    """Points of many lines in SUMO's notation "x,y x,y,z"; a missing z is 0."""
     lines = [shape.split() for shape in shapes]
     points = [point if point.count(",") == 2 else point + ",0" for line in lines for point in line]
     values = np.array(",".join(points).split(",") if points else [], np.float64)
     return Polylines(values.reshape(-1, 3), np.cumsum([0, *map(len, lines)]))
 
 
-def _cleaned(lines: Polylines) -> Polylines:
-    """The lines without points that repeat their predecessor; both ends stay, at least a centimetre apart."""
+def _remove_duplicate_points(lines: Polylines) -> Polylines:
+    """Remove points that repeat their predecessor; both ends are kept, at least a centimeter apart."""
     first, last = lines.first[:-1], lines.first[1:] - 1
     if np.any(first >= last):
         raise ValueError("a lane has fewer than two points")
     step_m = np.linalg.norm(np.diff(lines.points_m[:, :2], axis=0, prepend=np.inf), axis=1)
     keep = step_m >= _MIN_STEP_M
     keep[first] = True
-    before = np.maximum.reduceat(np.where(keep, np.arange(len(keep)), 0), first)  # of an end that repeats it
+    before = np.maximum.reduceat(
+        np.where(keep, np.arange(len(keep)), 0), first
+    )  # the last kept point before each line's end
     keep[before[(before < last) & (before > first)]] = False
     keep[last] = True
     cleaned = Polylines(lines.points_m[keep], np.append(0, np.cumsum(np.add.reduceat(keep.astype(np.int64), first))))
     start, end = cleaned.first[:-1], cleaned.first[1:] - 1
-    standing = (end - start == 1) & np.all(cleaned.points_m[start, :2] == cleaned.points_m[end, :2], axis=1)
-    cleaned.points_m[end[standing], 0] += _MIN_STEP_M  # a lane without length has no direction; any will do
+    is_degenerate = (end - start == 1) & np.all(cleaned.points_m[start, :2] == cleaned.points_m[end, :2], axis=1)
+    cleaned.points_m[end[is_degenerate], 0] += _MIN_STEP_M  # a lane without length has no direction: choose one
     return cleaned

@@ -1,4 +1,4 @@
-"""SUMO's netconvert: plain XML in, net and OpenDRIVE out, the same bytes every time."""
+"""Runs SUMO's netconvert: plain XML in, net and OpenDRIVE out, byte-identical for identical input."""
 
 import ctypes
 import os
@@ -26,16 +26,16 @@ _OPTIONS = (
 )
 _TIMEOUT_S = 120.0
 _MAX_MEMORY_BYTES = 6 << 30
-_LONGEST_REASON = 400
+_MAX_REASON_CHARS = 400
 _LIBC = ctypes.CDLL(None)
-_FIXED_ADDRESSES = 0x0040000  # ADDR_NO_RANDOMIZE of Linux's personality(2)
+_ADDR_NO_RANDOMIZE = 0x0040000  # flag of Linux's personality(2)
 
 
 @lru_cache(maxsize=1)
 def sumo_home() -> Path:
     """Folder of the installed SUMO.
 
-    The package is found without importing it: its import points PROJ's data folder elsewhere for the whole process.
+    The package is located without importing it, because its import redirects PROJ's data folder for the whole process.
 
     Raises:
         SimulationError: SUMO is not installed.
@@ -46,27 +46,28 @@ def sumo_home() -> Path:
     return Path(next(iter(spec.submodule_search_locations)))
 
 
-def convert(nodes: Path, edges: Path, connections: Path, net: Path, opendrive: Path) -> None:
-    """Build a net and its OpenDRIVE twin from plain XML, without time stamps or paths inside.
+def build_from_plain_xml(nodes: Path, edges: Path, connections: Path, net: Path, opendrive: Path) -> None:
+    """Build a net and the equivalent OpenDRIVE file from plain XML, without time stamps or paths inside.
 
     Raises:
-        SimulationError: netconvert failed; with its message.
+        SimulationError: netconvert failed; contains its message.
     """
     files = (f"--node-files={nodes}", f"--edge-files={edges}", f"--connection-files={connections}")
-    run([*files, *_OPTIONS], net, opendrive)
+    run_netconvert([*files, *_OPTIONS], net, opendrive)
 
 
-def run(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
-    """Let netconvert write a net and its OpenDRIVE twin, without time stamps or paths inside.
+def run_netconvert(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
+    """Run netconvert to write a net and the equivalent OpenDRIVE file, without time stamps or paths inside.
 
-    What it makes of roundabouts depends on the addresses of its objects, and so on the lengths of paths: it runs at
-    fixed addresses (where the system allows that), in the folder of the net, and files there go by their names.
+    netconvert's result for roundabouts depends on the addresses of its objects, and thus on the lengths of paths.
+    Therefore it runs at fixed addresses (if the system allows that), in the folder of the net, with relative file
+    names.
 
     Returns:
         Its warnings.
 
     Raises:
-        SimulationError: It failed, or took too much time or memory; with its message.
+        SimulationError: It failed, or took too much time or memory; contains its message.
     """
     home = sumo_home()
     outputs = f"--output-file={net}", f"--opendrive-output={opendrive}"
@@ -84,35 +85,35 @@ def run(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
             errors="replace",
             timeout=_TIMEOUT_S,
             check=False,
-            preexec_fn=_limit,
+            preexec_fn=_limit_process,
         )
     except subprocess.TimeoutExpired:
-        raise SimulationError(f"netconvert was not done after {_TIMEOUT_S:.0f} s") from None
+        raise SimulationError(f"netconvert did not finish within {_TIMEOUT_S:.0f} s") from None
     except OSError as error:
         raise SimulationError(f"netconvert could not run: {error}") from error
     if result.returncode != 0 or not (net.is_file() and opendrive.is_file()):
         raise SimulationError(f"netconvert failed with exit code {result.returncode}: {_reason(result.stderr)}")
     for path in (net, opendrive):
-        path.write_text(_without_time(path.read_text(encoding="utf-8")), encoding="utf-8")
+        path.write_text(_remove_time_stamps(path.read_text(encoding="utf-8")), encoding="utf-8")
     return result.stderr
 
 
 def _reason(stderr: str) -> str:
-    """What went wrong, in a line: its first error, and how many more there are."""
+    """One-line reason of a failure: netconvert's first error, and the number of further ones."""
     errors = [line.removeprefix("Error: ") for line in stderr.splitlines() if line.startswith("Error: ")]
     if not errors:
-        return " ".join(stderr.split())[-_LONGEST_REASON:] or "it said nothing"
+        return " ".join(stderr.split())[-_MAX_REASON_CHARS:] or "no message"
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-    return f"{errors[0]:.{_LONGEST_REASON}}{more}"
+    return f"{errors[0]:.{_MAX_REASON_CHARS}}{more}"
 
 
-def _limit() -> None:
-    """In the child, before it becomes netconvert."""
-    _LIBC.personality(_FIXED_ADDRESSES)
+def _limit_process() -> None:
+    """Fix addresses and limit memory; runs in the child process before netconvert."""
+    _LIBC.personality(_ADDR_NO_RANDOMIZE)
     resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY_BYTES, _MAX_MEMORY_BYTES))
 
 
-def _without_time(xml: str) -> str:
-    """The same XML without the comment and attribute that say when, and from which files, it was made."""
+def _remove_time_stamps(xml: str) -> str:
+    """Remove the comment and the attribute with the time of creation and the file names."""
     xml = re.sub(r"<!-- generated on .*?-->\n*", "", xml, count=1, flags=re.DOTALL)
     return re.sub(r'(<header [^>]*) date="[^"]*"', r"\1", xml, count=1)

@@ -1,6 +1,6 @@
-"""Checks a SUMO net that a user brought and mends it where that is possible, before netconvert reads it.
+"""Checks a user's SUMO net and repairs it where possible, before netconvert reads it.
 
-Every error names file, line and what is wrong; every repair is a sentence for the user.
+Every error names file, line and problem; every repair is reported as a sentence for the user.
 """
 
 import math
@@ -16,20 +16,20 @@ from simbev_ros.maps.safe_xml import place_of
 from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
 
-_NARROWEST_M = 0.2
-_WIDEST_M = 30.0
-_SHORTEST_M = 0.05
-_SLOWEST_MPS, _FASTEST_MPS = 0.5, 150.0
-_SUMO_WIDTH_M = 3.2
-_SUMO_SPEED_MPS = 13.89
-_LARGEST_M = 1e8
+_MIN_WIDTH_M = 0.2
+_MAX_WIDTH_M = 30.0
+_MIN_LENGTH_M = 0.05
+_MIN_SPEED_MPS, _MAX_SPEED_MPS = 0.5, 150.0
+_DEFAULT_WIDTH_M = 3.2
+_DEFAULT_SPEED_MPS = 13.89
+_MAX_COORDINATE_M = 1e8
 
 
 class NetFile:
-    """A net as XML, to be checked and changed in place.
+    """The XML of a net, checked and changed in place.
 
     Attributes:
-        notes: What was repaired.
+        notes: Repairs, one sentence each.
     """
 
     def __init__(self, path: Path, root: Element) -> None:
@@ -39,11 +39,11 @@ class NetFile:
         self._junctions = self._unique("junction")
 
     def repair(self) -> None:
-        """Check everything that is read later; leave out what cannot be built or reached.
+        """Check everything that is read later; remove what cannot be built or reached.
 
         Raises:
-            InputError: An id appears twice, a number is none, an edge starts or ends nowhere, a lane has no shape, or
-                there is no lane for cars.
+            InputError: An id appears twice, a number is invalid, an edge has no start or end junction, a lane has no
+                shape, or there is no lane for cars.
         """
         self._root.attrib.setdefault("version", "1.20")
         lines = {lane: self._points(lane, "shape") for edge in self._streets() for lane in edge.iter("lane")}
@@ -52,18 +52,18 @@ class NetFile:
         for lane, points in lines.items():
             if len(points) < 2:
                 self._refuse(lane, f"lane {lane.get('id')}: shape: needs at least two points")
-        self._mend_lanes(list(lines))
-        if lost := self._lost_connections():
-            self.notes.append(f"connections with lanes that are not there were left out: {_first(lost)}")
+        self._repair_lanes(list(lines))
+        if dangling := self._remove_dangling_connections():
+            self.notes.append(f"connections with missing lanes were left out: {_summarize(dangling)}")
         self._leave_out(
             [edge for edge in self._streets() if not any(map(_on_land, edge.iter("lane")))], "not for roads"
         )
         if not any(for_cars(lane) for lane in self.lanes()):
             raise InputError(f"{self._path}: has no lanes that cars may drive on")
         length_m = {edge: _length_m(lines[next(edge.iter("lane"))]) for edge in self._streets()}
-        self._leave_out([edge for edge, length in length_m.items() if length < _SHORTEST_M], "without length")
+        self._leave_out([edge for edge, length in length_m.items() if length < _MIN_LENGTH_M], "without length")
         self._leave_out_islands(length_m)
-        self._lost_connections()
+        self._remove_dangling_connections()
 
     def extent_m(self) -> tuple[Float64Array, Float64Array]:
         """(3,) lowest and highest coordinates of the junctions and of the lanes outside them."""
@@ -71,12 +71,12 @@ class NetFile:
         points = np.concatenate([*lanes_m, *(self._position(junction) for junction in self._junctions.values())])
         return points.min(axis=0), points.max(axis=0)
 
-    def move(self, map_from_net: Callable[[Float64Array], Float64Array]) -> None:
-        """Put every coordinate through a function of (N, 3) points."""
-        places = list(self._places())
-        ends = np.cumsum([len(points) for _, _, points in places])[:-1]
-        moved = np.split(map_from_net(np.concatenate([points for _, _, points in places])), ends)
-        for (element, attribute, _), points in zip(places, moved, strict=True):
+    def transform(self, map_from_net: Callable[[Float64Array], Float64Array]) -> None:
+        """Apply a function of (N, 3) points to every coordinate."""
+        geometries = list(self._geometries())
+        ends = np.cumsum([len(points) for _, _, points in geometries])[:-1]
+        transformed = np.split(map_from_net(np.concatenate([points for _, _, points in geometries])), ends)
+        for (element, attribute, _), points in zip(geometries, transformed, strict=True):
             if attribute:
                 element.set(attribute, " ".join(",".join(f"{value:.4f}" for value in point) for point in points))
             else:
@@ -86,7 +86,7 @@ class NetFile:
         """Lanes outside junctions."""
         return (lane for edge in self._streets() for lane in edge.iter("lane"))
 
-    def _places(self) -> Iterator[tuple[Element, str, Float64Array]]:
+    def _geometries(self) -> Iterator[tuple[Element, str, Float64Array]]:
         """Elements, the attribute of a shape ("" for a position), and its (N, 3) points."""
         for junction in self._junctions.values():
             yield junction, "", self._position(junction)
@@ -105,7 +105,7 @@ class NetFile:
             if not name:
                 self._refuse(element, f"{tag}: id: is missing")
             if name in found:
-                self._refuse(element, f"{tag} {name}: is there twice; the other is {place_of(self._path, found[name])}")
+                self._refuse(element, f"{tag} {name}: appears twice; the other is {place_of(self._path, found[name])}")
             found[name] = element
         return found
 
@@ -116,28 +116,32 @@ class NetFile:
         if edge.find("lane") is None:
             self._refuse(edge, f"edge {edge.get('id')}: has no lanes")
 
-    def _mend_lanes(self, lanes: list[Element]) -> None:
-        """Widths, speeds and lengths that cannot be meant give way to SUMO's defaults."""
-        narrow = [lane for lane in lanes if self._number(lane, "width", _SUMO_WIDTH_M) < _NARROWEST_M]
-        speeds_mps = {lane: self._number(lane, "speed", _SUMO_SPEED_MPS) for lane in lanes}
-        odd = [lane for lane, speed_mps in speeds_mps.items() if not _SLOWEST_MPS <= speed_mps <= _FASTEST_MPS]
+    def _repair_lanes(self, lanes: list[Element]) -> None:
+        """Replace implausible widths, speeds and lengths by SUMO's defaults."""
+        narrow = [lane for lane in lanes if self._number(lane, "width", _DEFAULT_WIDTH_M) < _MIN_WIDTH_M]
+        speeds_mps = {lane: self._number(lane, "speed", _DEFAULT_SPEED_MPS) for lane in lanes}
+        implausible = [
+            lane for lane, speed_mps in speeds_mps.items() if not _MIN_SPEED_MPS <= speed_mps <= _MAX_SPEED_MPS
+        ]
         for lane in lanes:
-            if self._number(lane, "width", _SUMO_WIDTH_M) > _WIDEST_M:
-                self._refuse(lane, f"lane {lane.get('id')}: width: is above {_WIDEST_M:g} m")
-            if self._number(lane, "length", _SHORTEST_M) < _SHORTEST_M:
+            if self._number(lane, "width", _DEFAULT_WIDTH_M) > _MAX_WIDTH_M:
+                self._refuse(lane, f"lane {lane.get('id')}: width: is above {_MAX_WIDTH_M:g} m")
+            if self._number(lane, "length", _MIN_LENGTH_M) < _MIN_LENGTH_M:
                 del lane.attrib["length"]
         for lane in narrow:
             del lane.attrib["width"]
-        for lane in odd:
-            lane.set("speed", f"{_SUMO_SPEED_MPS}")
+        for lane in implausible:
+            lane.set("speed", f"{_DEFAULT_SPEED_MPS}")
         if narrow:
-            self.notes.append(f"lanes without width were made {_SUMO_WIDTH_M} m wide: {_listed(narrow)}")
-        if odd:
-            limits = f"below {_SLOWEST_MPS:g} or above {_FASTEST_MPS:g} m/s"
-            self.notes.append(f"lanes with a speed limit {limits} were given {_SUMO_SPEED_MPS} m/s: {_listed(odd)}")
+            self.notes.append(f"lanes without width were made {_DEFAULT_WIDTH_M} m wide: {_summarize_ids(narrow)}")
+        if implausible:
+            limits = f"below {_MIN_SPEED_MPS:g} or above {_MAX_SPEED_MPS:g} m/s"
+            self.notes.append(
+                f"lanes with a speed limit {limits} were given {_DEFAULT_SPEED_MPS} m/s: {_summarize_ids(implausible)}"
+            )
 
     def _leave_out_islands(self, length_m: Mapping[Element, float]) -> None:
-        """Keep the largest part of the net that hangs together."""
+        """Keep only the largest connected part of the net."""
         edges = list(self._streets())
         starts, ends = ([edge.attrib[end] for edge in edges] for end in ("from", "to"))
         kept = on_mainland(starts, ends, np.array([length_m[edge] for edge in edges]))
@@ -145,47 +149,47 @@ class NetFile:
             [edge for edge, keep in zip(edges, kept, strict=True) if not keep], "not connected with the rest"
         )
         used = {edge.get(end) for edge in self._streets() for end in ("from", "to")}
-        lonely = {name: junction for name, junction in self._junctions.items() if name not in used}
-        self._remove(set(lonely.values()))
-        for name in lonely:
+        isolated = {name: junction for name, junction in self._junctions.items() if name not in used}
+        self._remove(set(isolated.values()))
+        for name in isolated:
             del self._junctions[name]
 
-    def _leave_out(self, edges: list[Element], which: str) -> None:
+    def _leave_out(self, edges: list[Element], reason: str) -> None:
         self._remove(set(edges))
         for edge in edges:
             del self._edges[edge.attrib["id"]]
         if edges:
-            self.notes.append(f"edges {which} were left out: {_listed(edges)}")
+            self.notes.append(f"edges {reason} were left out: {_summarize_ids(edges)}")
 
-    def _lost_connections(self) -> set[str]:
-        """Remove connections from or to lanes that are not there; give these lanes."""
+    def _remove_dangling_connections(self) -> set[str]:
+        """Remove connections from or to missing lanes; return these lanes."""
         count = {name: len(edge.findall("lane")) for name, edge in self._edges.items()}
-        lost, gone = set(), set()
+        dangling, missing_lanes = set(), set()
         for connection in self._root.findall("connection"):
             for end in ("from", "to"):
                 edge, lane = connection.get(end, ""), self._number(connection, f"{end}Lane", 0.0)
                 if lane >= count.get(edge, 0):
-                    lost.add(connection)
-                    gone.add(f"{edge}_{lane:g}")
-        self._remove(lost)
-        return gone
+                    dangling.add(connection)
+                    missing_lanes.add(f"{edge}_{lane:g}")
+        self._remove(dangling)
+        return missing_lanes
 
     def _remove(self, elements: Set[Element]) -> None:
         self._root[:] = [child for child in self._root if child not in elements]
 
     def _position(self, junction: Element) -> Float64Array:
-        """(1, 3) of a junction."""
+        """(1, 3) position of a junction."""
         return np.array([[self._number(junction, axis, 0.0) for axis in "xyz"]])
 
     def _points(self, element: Element, attribute: str) -> Float64Array:
-        """(N, 3) points of "x,y x,y" or "x,y,z x,y,z"; an empty array where there are none."""
+        """(N, 3) points of "x,y x,y" or "x,y,z x,y,z"; an empty array if there are none."""
         try:
             points = [[float(value) for value in point.split(",")] for point in element.get(attribute, "").split()]
             array = np.array([(*point, 0.0) if len(point) == 2 else point for point in points]).reshape(-1, 3)
         except ValueError:
             array = np.full((1, 3), np.nan)
-        if not np.all(np.abs(array) < _LARGEST_M):
-            self._refuse(element, f"{_name(element)}: {attribute}: must be points x,y or x,y,z in metres")
+        if not np.all(np.abs(array) < _MAX_COORDINATE_M):
+            self._refuse(element, f"{_name(element)}: {attribute}: must be points x,y or x,y,z in meters")
         return array
 
     def _number(self, element: Element, attribute: str, default: float | None = None) -> float:
@@ -196,7 +200,7 @@ class NetFile:
             value = float(text or "")
         except ValueError:
             value = math.nan
-        if not abs(value) < _LARGEST_M:
+        if not abs(value) < _MAX_COORDINATE_M:
             self._refuse(element, f"{_name(element)}: {attribute}: must be a number, not {text!r}")
         return value
 
@@ -210,7 +214,7 @@ def for_cars(lane: Element) -> bool:
 
 
 def _on_land(lane: Element) -> bool:
-    """Whether it belongs to a road or path, not to rails or a waterway."""
+    """Whether a lane belongs to a road or path, not to rails or a waterway."""
     return any(_allows(lane, kind) for kind in ("passenger", "delivery", "bus", "bicycle", "pedestrian"))
 
 
@@ -227,11 +231,11 @@ def _name(element: Element) -> str:
     return f"{element.tag} {element.get('id', '')}".strip()
 
 
-def _listed(elements: list[Element]) -> str:
-    return _first(element.get("id", "") for element in elements)
+def _summarize_ids(elements: list[Element]) -> str:
+    return _summarize(element.get("id", "") for element in elements)
 
 
-def _first(names: Iterable[str]) -> str:
-    """How many, and the first few in order."""
+def _summarize(names: Iterable[str]) -> str:
+    """The number of names, and the first few in sorted order."""
     ordered = sorted(names)
     return f"{len(ordered)} ({', '.join(ordered[:4])}{', …' if len(ordered) > 4 else ''})"

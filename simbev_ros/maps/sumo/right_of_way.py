@@ -1,4 +1,4 @@
-"""Which approaches to junctions without traffic lights have to give way, or to stop first."""
+"""Determines which approaches to junctions without traffic lights must give way or stop."""
 
 from collections import defaultdict
 
@@ -10,9 +10,10 @@ _MAJOR, _YIELDS, _STOPS = frozenset("M"), frozenset("m"), frozenset("sw")
 
 
 def minor_approaches(net: SumoNet) -> dict[str, SignKind]:
-    """Edge → its sign, STOP or YIELD, for each edge of which no movement has right of way; in the net's order.
+    """Edge → its sign, STOP or YIELD, for each edge without any movement that has right of way; in the net's order.
 
-    An edge that only turns left against oncoming traffic yields too, but has other movements with right of way.
+    An edge that yields only when turning left against oncoming traffic has other movements with right of way, and is
+    not included.
     """
     codes: dict[str, set[str]] = defaultdict(set)
     for lane_id, lane_codes in net.right_of_way.items():

@@ -30,7 +30,7 @@ def draw_spawn(poses: tuple[SpawnPose, ...], seed: int, blueprint: Blueprint, ne
     ]
     if not lanes:
         raise InputError(f"ego.blueprint: {blueprint.name} has no lane to drive on in map {network.name}")
-    index = LineIndex(Polylines.of([lane.centerline_m for lane in lanes]))
+    index = LineIndex(Polylines.from_lines([lane.centerline_m for lane in lanes]))
     starts = [_start(number, pose, blueprint, lanes, index, network.name) for number, pose in enumerate(poses)]
     return starts[int(stream(seed, "ego.spawn").integers(len(starts)))]
 

@@ -44,7 +44,7 @@ class HazardArea:
         self.width_m = sum(lane.width_m for lane in closed) - margin_m
         self._inset_m = max(_GUARD_HALF_WIDTH_M - margin_m - _OVERHANG_M, 0.0)
         self.usable_width_m = self.width_m - self._inset_m - _GUARD_HALF_WIDTH_M
-        self._line = Polylines.of([self.closed[0].centerline_m])
+        self._line = Polylines.from_lines([self.closed[0].centerline_m])
 
     def positions(self, along_m: Float64Array, across_m: Float64Array) -> tuple[Float64Array, Float64Array]:
         """(N, 3) positions and (N,) lane headings at distances from the tip and from the outer border."""

@@ -140,7 +140,7 @@ class Roadside:
     def _lines(self) -> tuple[shapely.STRtree, AnyArray, Float64Array, Float64Array]:
         """The lanes' center lines, half widths and mean heights."""
         lanes = list(self._network.lanes.values())
-        lines = Polylines.of([lane.centerline_m for lane in lanes])
+        lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         shapes = np.asarray(shapely.linestrings(lines.points_m[:, :2], indices=lines.row), object)
         half_width_m = np.array([lane.width_m / 2.0 for lane in lanes])
         return (

@@ -50,7 +50,7 @@ def positions_along(
     lanes: Sequence[Lane], first_m: float, spacing_m: float, end_margin_m: float = 0.0
 ) -> LanePositions:
     """Sample lanes: first position ``first_m`` from each lane's start, then every ``spacing_m``, clear of its end."""
-    lines = Polylines.of([lane.centerline_m for lane in lanes])
+    lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
     counts = np.ceil((lines.length_m - end_margin_m - first_m) / spacing_m).clip(0.0).astype(np.int64)
     row = np.repeat(np.arange(len(lanes)), counts)
     number = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)

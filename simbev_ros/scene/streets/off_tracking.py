@@ -69,8 +69,8 @@ def bent_paths(lanes: Sequence[Lane], following: Int64Array) -> TurningPaths:
         open_ends = [[*chain, each] for chain in through for each in after.get(chain[-1], ()) if each not in chain]
     lines_m = [_chain_line(lanes, chain) for chain in chains]
     bent = [index for index, line_m in enumerate(lines_m) if _turn_rad(line_m) > _STRAIGHT_RAD]
-    lines = Polylines.of([lines_m[index] for index in bent])
-    path, s_m = lines.places(_STEP_M)
+    lines = Polylines.from_lines([lines_m[index] for index in bent])
+    path, s_m = lines.sample_stations(_STEP_M)
     parameter = lines.parameter(path, s_m)
     return TurningPaths(
         lines.values(parameter),
@@ -107,8 +107,8 @@ class TurnObstacles:
     def __init__(self, driving: Sequence[Lane], sidewalks: Sequence[Lane]) -> None:
         lanes = [*driving, *sidewalks]
         rows = np.array([row for row, lane in enumerate(lanes) if not lane.junction], np.int64)
-        lines = Polylines.of([lanes[row].centerline_m for row in rows])
-        line, s_m = lines.places(_STEP_M)
+        lines = Polylines.from_lines([lanes[row].centerline_m for row in rows])
+        line, s_m = lines.sample_stations(_STEP_M)
         self._lane = rows[line]  # the sidewalks' rows come after those of the driving lanes
         points_m = lines.values(lines.parameter(line, s_m))
         self._height_m = points_m[:, 2]

@@ -61,7 +61,7 @@ class Streets:
         self.edges = tuple(numbers)
         self.edge_number = numbers
         self.edge_length_m = np.zeros(len(numbers))
-        self.edge_length_m[self.edge] = Polylines.of([lane.centerline_m for lane in self.lanes]).length_m
+        self.edge_length_m[self.edge] = Polylines.from_lines([lane.centerline_m for lane in self.lanes]).length_m
         self._network = network
         self.for_class = cache(self._for_class)
         self._for_body = cache(self._for_long)

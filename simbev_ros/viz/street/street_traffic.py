@@ -61,7 +61,7 @@ def _placed(
     share: float,
 ) -> Table:
     """A share of the places along lanes of a kind outside junctions, each taken by one of some blueprints."""
-    lines = Polylines.of([lane.centerline_m for lane in network.lanes_of(kind) if not lane.junction])
+    lines = Polylines.from_lines([lane.centerline_m for lane in network.lanes_of(kind) if not lane.junction])
     count = np.floor(lines.length_m / spacing_m).astype(np.int64)
     row = np.repeat(np.arange(len(lines)), count)
     s_m: Float64Array = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + np.float64(0.5)

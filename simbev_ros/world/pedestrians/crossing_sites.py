@@ -79,7 +79,7 @@ class CrossingSites:
         self._network = network
         self._lanes = tuple(network.lanes.values())
         self._sidewalks = {lane.edge: lane for lane in network.lanes_of(LaneKind.SIDEWALK)}
-        lines = Polylines.of([lane.centerline_m for lane in self._lanes])
+        lines = Polylines.from_lines([lane.centerline_m for lane in self._lanes])
         self._shapes = np.asarray(shapely.linestrings(lines.points_m[:, :2], indices=lines.row), object)
         self._tree = shapely.STRtree(self._shapes)
         self._hazard_areas = shapely.union_all([shapely.Polygon(hazard.outline_m) for hazard in hazards])
@@ -143,7 +143,7 @@ class CrossingSites:
         points = shapely.point_on_surface(shapely.intersection(self._shapes[rows], path))
         station_m = shapely.line_locate_point(self._shapes[rows], points)
         distance_m = (shapely.get_coordinates(points) - start_m[:2]) @ across
-        lines = Polylines.of([self._lanes[row].centerline_m for row in rows])
+        lines = Polylines.from_lines([self._lanes[row].centerline_m for row in rows])
         parameter = lines.parameter(np.arange(len(rows)), station_m)
         height_m, heading = lines.values(parameter)[:, 2], lines.headings(parameter)
         sine = np.abs(heading[:, 0] * across[1] - heading[:, 1] * across[0])

@@ -25,7 +25,7 @@ class LaneTracks:
     def __init__(self, lanes: Sequence[Lane]) -> None:
         """Sample lanes; must include all lanes of an edge that vehicles may change between."""
         self._row = {lane.id: row for row, lane in enumerate(lanes)}
-        lines = Polylines.of([lane.centerline_m for lane in lanes])
+        lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         self._sumo_length_m = lines.length_m * np.array([lane.sumo_s_per_m for lane in lanes])
         middle = _middle_lanes(lanes)
         self._last = np.maximum(np.ceil(lines.length_m[middle] / _SPACING_M), 1.0).astype(np.int64)
@@ -34,7 +34,7 @@ class LaneTracks:
         fraction = (np.arange(len(row)) - first[row]) / self._last[row]
         self._station_m = _limit_stretch(lines, row, fraction, _abreast_stations(lines, row, middle[row], fraction))
         self._lines = Polylines(lines.values(lines.parameter(row, self._station_m)), first)
-        self._left = self._lines.beside(np.ones(len(row)))[:, :2] - self._lines.points_m[:, :2]
+        self._left = self._lines.offset_to_left(np.ones(len(row)))[:, :2] - self._lines.points_m[:, :2]
 
     def sumo_position_m(self, lane: str, s_m: float) -> float:
         """SUMO's lane position of a point at a distance along a lane's center line."""

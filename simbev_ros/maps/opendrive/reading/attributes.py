@@ -1,4 +1,4 @@
-"""Attributes of XML elements as numbers and identifiers, and what is wrong with them."""
+"""Reads attributes of XML elements as numbers and identifiers, and collects notes about invalid ones."""
 
 import math
 from pathlib import Path
@@ -7,11 +7,11 @@ from xml.etree.ElementTree import Element
 
 from simbev_ros.maps.safe_xml import place_of
 
-_LARGEST = 1e9
+_MAX_ABS = 1e9
 
 
 class Malformed(ValueError):
-    """An element that cannot be used; the message names the attribute and what is allowed."""
+    """Raised for an element that cannot be used; the message names the attribute and what is allowed."""
 
     def __init__(self, element: Element, problem: str) -> None:
         super().__init__(f"<{element.tag}>: {problem}")
@@ -19,30 +19,30 @@ class Malformed(ValueError):
 
 
 class Notes:
-    """What was repaired or left out: each kind once, with the first place and how many there are."""
+    """Collects repairs and omissions, each kind once, with its first location and the number of occurrences."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._first: dict[str, str] = {}
         self._count: dict[str, int] = {}
 
-    def add(self, what: str, element: Element | None = None, detail: str = "") -> None:
-        """Remember one repair; ``what`` is the kind, ``detail`` differs from case to case."""
-        if what not in self._count:
-            place = self._path.name if element is None else place_of(Path(self._path.name), element)
-            self._first[what] = f"{place}: {what}" + (f" ({detail})" if detail else "")
-        self._count[what] = self._count.get(what, 0) + 1
+    def add(self, kind: str, element: Element | None = None, detail: str = "") -> None:
+        """Record one repair of a ``kind``; ``detail`` may differ between occurrences."""
+        if kind not in self._count:
+            location = self._path.name if element is None else place_of(Path(self._path.name), element)
+            self._first[kind] = f"{location}: {kind}" + (f" ({detail})" if detail else "")
+        self._count[kind] = self._count.get(kind, 0) + 1
 
     def sentences(self) -> tuple[str, ...]:
-        """One sentence for each kind."""
+        """One sentence per kind of repair."""
         return tuple(
-            text if self._count[what] == 1 else f"{text}, and {self._count[what] - 1} more of the kind"
-            for what, text in self._first.items()
+            text if self._count[kind] == 1 else f"{text}, and {self._count[kind] - 1} more of the kind"
+            for kind, text in self._first.items()
         )
 
 
 def number(element: Element, name: str, default: float | None = None) -> float:
-    """A finite number.
+    """The attribute as a finite number.
 
     Raises:
         Malformed: It is missing without a default, or is not a finite number of at most 1e9.
@@ -54,35 +54,35 @@ def number(element: Element, name: str, default: float | None = None) -> float:
         value = float(text)
     except ValueError:
         _refuse(element, f"{name}={text[:40]!r} is not a number")
-    if not math.isfinite(value) or abs(value) > _LARGEST:
+    if not math.isfinite(value) or abs(value) > _MAX_ABS:
         _refuse(element, f"{name}={text[:40]!r} is not a finite number of at most 1e9")
     return value
 
 
 def positive(element: Element, name: str) -> float:
-    """A number above zero.
+    """The attribute as a number above zero.
 
     Raises:
-        Malformed: It is not.
+        Malformed: It is missing or not a number above zero.
     """
     value = number(element, name)
     return value if value > 0.0 else _refuse(element, f"{name}={value:g} must be above 0")
 
 
 def identifier(element: Element, name: str = "id") -> str:
-    """A string that is there and not empty.
+    """The attribute as a non-empty string.
 
     Raises:
-        Malformed: It is not.
+        Malformed: It is missing or empty.
     """
     return element.get(name) or _refuse(element, f"attribute {name!r} is missing")
 
 
 def integer(element: Element, name: str = "id") -> int:
-    """A whole number.
+    """The attribute as a whole number.
 
     Raises:
-        Malformed: It is not.
+        Malformed: It is missing or not a whole number.
     """
     text = identifier(element, name)
     try:

@@ -1,4 +1,4 @@
-"""Functions of the distance along a road that are piecewise cubic: elevation, widths, offsets, superelevation."""
+"""Piecewise cubic functions of the distance along a road: elevation, widths, offsets, superelevation."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,10 +13,12 @@ from simbev_ros.types import Float64Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cubics:
-    """a + b·ds + c·ds² + d·ds³ from each start on, ds being the distance from that start; level before the first.
+    """Piecewise cubic function a + b·ds + c·ds² + d·ds³, with ds the distance from each piece's start.
+
+    Constant before the first start.
 
     Attributes:
-        starts_m: (K,) ascending.
+        starts_m: (K,) starts of the pieces, ascending.
         coefficients: (K, 4) a, b, c, d.
     """
 
@@ -25,7 +27,7 @@ class Cubics:
 
     @classmethod
     def read(cls, elements: Iterable[Element], start: str = "s") -> Self:
-        """From records with attributes a, b, c, d; of several with the same start the last one holds.
+        """Read from records with attributes a, b, c, d; if several have the same start, the last one applies.
 
         Raises:
             Malformed: An attribute is not a number, or the start is missing.
@@ -38,7 +40,7 @@ class Cubics:
         return len(self.starts_m) > 0
 
     def __call__(self, s_m: Float64Array) -> Float64Array:
-        """(N,) values at (N,) distances; 0 where there are no records."""
+        """(N,) values at (N,) distances; 0 if there are no records."""
         if not self:
             return np.zeros(len(s_m))
         index = np.maximum(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0) if len(self.starts_m) > 1 else 0

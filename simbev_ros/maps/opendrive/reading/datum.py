@@ -1,4 +1,4 @@
-"""Where an OpenDRIVE file lies on Earth: its <geoReference> and <offset>."""
+"""Reads the geodetic datum of an OpenDRIVE file from its <geoReference> and <offset>."""
 
 import math
 import re
@@ -12,32 +12,32 @@ from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, numbe
 
 _UNKNOWN = MapDatum(0.0, 0.0, 0.0)
 _VERTICAL = re.compile(r"\+(?:geoidgrids|vunits|geoid_crs|vto_meter)=\S+")
-_LARGEST_LATITUDE_DEG = 89.5
+_MAX_LATITUDE_DEG = 89.5
 
 
 def datum_of(root: Element, notes: Notes) -> MapDatum:
-    """The datum of the file's coordinates; 0° N 0° E with a note where the file does not say.
+    """The datum of the file's coordinates; 0° N 0° E, with a note, if the file has none.
 
-    Coordinates are first turned by ``hdg`` and moved by ``x``, ``y``, ``z`` of the header's <offset>, and are then
-    those of the projection. Heights are taken as ellipsoidal.
+    Coordinates are first rotated by ``hdg`` and translated by ``x``, ``y``, ``z`` of the header's <offset>, and are
+    then those of the projection. Heights are taken as ellipsoidal.
     """
     header = root.find("header")
     reference = None if header is None else header.find("geoReference")
     text = "" if reference is None else " ".join("".join(reference.itertext()).split())
     if header is None or reference is None or not text:
-        notes.add("it has no geoReference: GNSS takes its origin for 0° N 0° E")
+        notes.add("it has no geoReference: GNSS uses 0° N 0° E for its origin")
         return _UNKNOWN
     try:
         x_m, y_m, z_m, heading_rad = offset_of(header)
         crs = CRS.from_user_input(_VERTICAL.sub("", text) if text.startswith("+") else text)
         if not crs.is_projected and "+proj=" in text and crs.is_geographic:
-            raise ProjError("it is not a projection to metres")
+            raise ProjError("it is not a projection to meters")
         longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x_m, y_m)
     except (ProjError, Malformed) as problem:
-        notes.add("its geoReference cannot be used: GNSS takes its origin for 0° N 0° E", reference, str(problem)[:160])
+        notes.add("its geoReference cannot be used: GNSS uses 0° N 0° E for its origin", reference, str(problem)[:160])
         return _UNKNOWN
-    if not (abs(latitude) <= _LARGEST_LATITUDE_DEG and abs(longitude) <= 180.0):
-        notes.add("its geoReference does not hold at its origin: GNSS takes it for 0° N 0° E", reference)
+    if not (abs(latitude) <= _MAX_LATITUDE_DEG and abs(longitude) <= 180.0):
+        notes.add("its geoReference is not valid at its origin: GNSS uses 0° N 0° E", reference)
         return _UNKNOWN
     return _datum(crs, latitude, longitude, (x_m, y_m, z_m, heading_rad))
 
@@ -56,13 +56,13 @@ def offset_of(header: Element) -> tuple[float, float, float, float]:
 
 
 def _datum(crs: CRS, latitude: float, longitude: float, offset: tuple[float, float, float, float]) -> MapDatum:
-    """The shortest form: without a projection of its own where the map frame is that of a plain MapDatum."""
+    """The simplest equivalent datum: without a projection of its own if a plain MapDatum gives the same map frame."""
     x_m, y_m, z_m, heading_rad = offset
     plain = MapDatum(round(latitude, 11), round(longitude, 11), z_m)
     full = MapDatum(plain.latitude_deg, plain.longitude_deg, z_m, crs.to_wkt(), x_m, y_m, heading_rad)
     for corner_m in ((5000.0, 0.0, 0.0), (0.0, 5000.0, 0.0), (-5000.0, -5000.0, 0.0)):
-        there = full.geodetic_from_map(corner_m)
-        back_m = plain.map_from_geodetic(*there)
+        geodetic = full.geodetic_from_map(corner_m)
+        back_m = plain.map_from_geodetic(*geodetic)
         if math.dist(back_m, (corner_m[0], corner_m[1], z_m - z_m)) > 1e-3:
             return full
     return plain

@@ -1,6 +1,6 @@
-"""What an OpenDRIVE file says, as dataclasses. Distances ``s_m`` run along the road's reference line from its start.
+"""Dataclasses for the content of an OpenDRIVE file. Distances ``s_m`` run along a road's reference line from its start.
 
-Lane ids: 0 is the centre line, those on its left are positive, those on its right negative, growing outward.
+Lane ids: 0 is the center line, ids on its left are positive, those on its right negative; absolute values grow outward.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,11 +16,11 @@ from simbev_ros.maps.roads.layout import Line
 
 _T = TypeVar("_T")
 Contact = Literal["start", "end"]
-"""An end of a road, a section or a lane, as s runs."""
+"""An end of a road, a section or a lane, in the direction of s."""
 
 
 class LaneKey(NamedTuple):
-    """A lane of one section of a road."""
+    """Identifies a lane within one section of a road."""
 
     road: str
     section: int
@@ -32,18 +32,18 @@ class LaneKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaneRecord:
-    """A lane within one section; all records of it run along the section, from its start.
+    """A lane within one section; distances in its records are measured from the section's start.
 
     Attributes:
-        id: Its number, never 0.
-        type: As the file calls it.
-        kind: What it is for; None: left out of the layout.
-        on_level: Kept level across where the road is banked.
+        id: Its lane id, never 0.
+        type: Its type, as the file names it.
+        kind: Its use; None: not part of the layout.
+        on_level: Kept horizontal across where the road is banked.
         width: Width by distance from the section's start, unless there is only a ``border``.
-        border: Distance of its outer border from the centre line, likewise.
-        speeds: (distance, m/s) its own speed limits.
-        predecessors: Lane ids at its start.
-        successors: Lane ids at its end.
+        border: Distance of its outer border from the center line, likewise.
+        speeds: Its own speed limits as (distance, m/s).
+        predecessors: Lane ids linked at its start.
+        successors: Lane ids linked at its end.
         reversed: Traffic runs against the direction that its side implies.
     """
 
@@ -61,15 +61,15 @@ class LaneRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """One side of a stretch of a road that has the same lanes.
+    """One side of a stretch of road with constant lanes.
 
     Attributes:
-        index: Number of the lane section in the file.
-        start_m: Where it starts.
-        end_m: Where it ends.
-        lanes: From the centre line outward: 1, 2, ... or -1, -2, ...
-        marks: Lane id (0 for the centre line) → (distance from the section's start, paint of its outer border), of the
-            centre line from left to right.
+        index: Index of the lane section in the file.
+        start_m: Distance along the road at which it starts.
+        end_m: Distance along the road at which it ends.
+        lanes: From the center line outward: 1, 2, ... or -1, -2, ...
+        marks: Lane id (0 for the center line) → (distance from the section's start, paint of its outer border); paint
+            of the center line from left to right.
     """
 
     index: int
@@ -80,7 +80,7 @@ class Section:
 
 
 def value_at(changes: Sequence[tuple[float, _T]], s_m: float) -> _T | None:
-    """What holds at a distance, of (start, value) in ascending order; None before the first."""
+    """The value that applies at a distance, from (start, value) in ascending order; None before the first start."""
     return next((value for start_m, value in reversed(changes) if start_m <= s_m), None)
 
 
@@ -93,14 +93,14 @@ class RoadEnd(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """What a road leads to: ``end`` of another road, or a ``junction``."""
+    """The target that a road's end is linked to: an ``end`` of another road, or a ``junction``."""
 
     end: RoadEnd | None = None
     junction: str = ""
 
 
 class Shape(NamedTuple):
-    """Heights above the banked plane, from ``s_m`` on: a cubic of t; between two stations they are interpolated."""
+    """Heights above the banked plane at ``s_m``: a cubic in t; interpolated linearly between two stations."""
 
     s_m: float
     heights: Cubics
@@ -108,26 +108,26 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Road:
-    """A road.
+    """A road of an OpenDRIVE file.
 
     Attributes:
-        id: Its number.
-        junction: Of which it is a connecting road, or "".
-        length_m: Of its reference line.
+        id: Its id.
+        junction: Id of the junction for connecting roads, else "".
+        length_m: Length of its reference line.
         left_hand: Traffic keeps to the left.
-        plan: Reference line in plan.
+        plan: Reference line in plan view.
         elevation: Height of the reference line.
         superelevation: Roll of the whole road about it, radians; positive lifts the left side.
         crossfall: Fall of the left and of the right side, radians; positive falls outward.
         shape: Heights above the banked plane.
-        offset: Distance of the centre line from the reference line, to the left.
+        offset: Distance of the center line from the reference line, to the left.
         left: Sections of its left side, in order.
-        right: Sections of its right side.
-        speeds: (s, m/s).
-        predecessor: What its start touches.
-        successor: What its end touches.
-        bridges: (from, to).
-        element: The XML that it was read from.
+        right: Sections of its right side, in order.
+        speeds: Speed limits as (s, m/s).
+        predecessor: Link of its start.
+        successor: Link of its end.
+        bridges: Bridges as (start s, end s).
+        element: The XML element that it was read from.
     """
 
     id: str
@@ -149,26 +149,26 @@ class Road:
     element: Element
 
     def link(self, contact: Contact) -> Link:
-        """What one of its ends touches."""
+        """The link of one of its ends."""
         return self.predecessor if contact == "start" else self.successor
 
     @property
     def sections(self) -> tuple[Section, ...]:
-        """All of them, left ones first."""
+        """The sections of both sides, left ones first."""
         return (*self.left, *self.right)
 
     def drives_forward(self, lane: LaneRecord) -> bool:
-        """Whether traffic on a lane runs as s does."""
+        """Whether traffic on a lane runs in the direction of s."""
         return ((lane.id < 0) != self.left_hand) != lane.reversed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Connection:
-    """A way through a junction: lanes of an incoming road → lanes of the road that connects or follows.
+    """A connection through a junction: lanes of an incoming road → lanes of the connecting or following road.
 
     Attributes:
         incoming: Id of the road that leads to the junction.
-        end: Where the connecting road is entered.
+        end: End at which the connecting road is entered.
         lanes: Pairs of lane ids; None: lanes with the same id.
     """
 
@@ -179,13 +179,13 @@ class Connection:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
-    """A file.
+    """The content of an OpenDRIVE file.
 
     Attributes:
-        path: Where it was read from.
-        root: Its XML.
-        roads: By id, those that could be read.
-        connections: Of all junctions.
+        path: The file.
+        root: Its XML root.
+        roads: Readable roads by id.
+        connections: Connections of all junctions.
     """
 
     path: Path
@@ -194,5 +194,5 @@ class Document:
     connections: tuple[Connection, ...]
 
     def lanes(self) -> Iterator[tuple[Road, Section, LaneRecord]]:
-        """All lanes, in order."""
+        """All lanes with their road and section, in order."""
         return ((road, sec, lane) for road in self.roads.values() for sec in road.sections for lane in sec.lanes)

@@ -1,4 +1,4 @@
-"""The reference line of a road in plan: lines, arcs, spirals, cubic and parametric cubic polynomials, joined."""
+"""Evaluates the reference line of a road in plan view: joined lines, arcs, spirals and cubic polynomials."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,27 +12,27 @@ from scipy.interpolate import CubicHermiteSpline
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
 from simbev_ros.types import AnyArray, Float64Array
 
-_MAX_TURN_RAD = 26.0  # four turns, more than any ramp in a car park has in one piece
+_MAX_TURN_RAD = 26.0  # four turns, more than any single piece of a car park ramp
 _TABLE_STEP_M = 0.25
-_SHORTEST_M = 1e-6
-_WIDEST_MITRE_RAD = np.radians(60.0)
+_MIN_LENGTH_M = 1e-6
+_MAX_MITER_RAD = np.radians(60.0)
 _GAP_M = 0.05
 
 Curve = Callable[[Float64Array], tuple[Float64Array, Float64Array]]
-"""(N,) distances along → complex (N,) places u + iv and (N,) headings, in the frame of the curve's start."""
+"""(N,) distances along the curve → complex (N,) points u + iv and (N,) headings, in the frame of the curve's start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanView:
-    """All pieces of one road.
+    """The reference line of one road, made of K pieces.
 
     Attributes:
-        starts_m: (K,) where along the road each piece starts, ascending.
-        end_m: Where the last one ends.
-        origins: (K,) complex x + iy of their starts, map frame.
-        headings_rad: (K,) at their starts.
-        curves: Their shapes.
-        turns_rad: (K,) change of heading at their starts: 0 where they join smoothly.
+        starts_m: (K,) distances along the road at which the pieces start, ascending.
+        end_m: Distance at which the last piece ends.
+        origins: (K,) complex x + iy of the pieces' starts, map frame.
+        headings_rad: (K,) headings at the pieces' starts.
+        curves: Shapes of the pieces.
+        turns_rad: (K,) change of heading at the pieces' starts: 0 where they join smoothly.
     """
 
     starts_m: Float64Array
@@ -44,10 +44,10 @@ class PlanView:
 
     @classmethod
     def read(cls, elements: list[Element], road: Element, notes: Notes) -> Self:
-        """From <geometry> elements; those without length are left out, gaps and steps between pieces are noted.
+        """Read <geometry> elements; those without length are left out, gaps between pieces are noted.
 
         Raises:
-            Malformed: There is none, or one of them is not usable.
+            Malformed: There is no geometry, or one is not usable.
         """
         pieces = sorted((g for e in elements for g in [_geometry(e, notes)] if g is not None), key=lambda g: g.start_m)
         if not pieces:
@@ -55,9 +55,9 @@ class PlanView:
         starts_m = np.array([piece.start_m for piece in pieces])
         if np.any(np.diff(starts_m) <= 0.0):
             raise Malformed(road, "two geometries start at the same s")
-        ends = [_end(piece, until_m) for piece, until_m in zip(pieces, starts_m[1:], strict=False)]
+        ends = [_evaluate_end(piece, next_start_m) for piece, next_start_m in zip(pieces, starts_m[1:], strict=False)]
         turns_rad = [_wrapped(b.heading_rad - heading) for b, (_, heading) in zip(pieces[1:], ends, strict=True)]
-        if any(abs(b.origin - place) > _GAP_M for b, (place, _) in zip(pieces[1:], ends, strict=True)):
+        if any(abs(b.origin - point) > _GAP_M for b, (point, _) in zip(pieces[1:], ends, strict=True)):
             notes.add("the reference line has a gap", road, f"road {road.get('id')}")
         return cls(
             starts_m=starts_m,
@@ -69,32 +69,32 @@ class PlanView:
         )
 
     def __call__(self, s_m: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Places and directions on the line.
+        """Evaluate points and directions of the line.
 
         Args:
             s_m: (N,) distances along it.
 
         Returns:
-            (N, 2) places in the map frame; (N, 2) normals to the left, of length 1, but where the line has a corner
-            along its bisector and longer, so that parallels keep their distance; (N,) headings.
+            (N, 2) points in the map frame; (N, 2) normals to the left, of unit length, but at a corner of the line
+            along its bisector and longer, so that parallel lines keep their distance; (N,) headings.
         """
         index = np.maximum(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0)
-        places, headings_rad = np.empty(len(s_m), np.complex128), np.empty(len(s_m))
+        points, headings_rad = np.empty(len(s_m), np.complex128), np.empty(len(s_m))
         for piece in np.unique(index) if len(self.curves) > 1 else [0]:
             here = index == piece if len(self.curves) > 1 else slice(None)
             local, turned_rad = self.curves[piece](s_m[here] - self.starts_m[piece])
-            places[here] = self.origins[piece] + local * np.exp(1j * self.headings_rad[piece])
+            points[here] = self.origins[piece] + local * np.exp(1j * self.headings_rad[piece])
             headings_rad[here] = self.headings_rad[piece] + turned_rad
-        half_rad = np.where(np.abs(s_m - self.starts_m[index]) < _SHORTEST_M, self.turns_rad[index] / 2.0, 0.0)
-        half_rad[np.abs(half_rad) > _WIDEST_MITRE_RAD] = 0.0
-        headings_rad -= half_rad
-        normals = 1j * np.exp(1j * headings_rad) / np.cos(half_rad)
-        return _pairs(places), _pairs(normals), headings_rad
+        half_turn_rad = np.where(np.abs(s_m - self.starts_m[index]) < _MIN_LENGTH_M, self.turns_rad[index] / 2.0, 0.0)
+        half_turn_rad[np.abs(half_turn_rad) > _MAX_MITER_RAD] = 0.0
+        headings_rad -= half_turn_rad
+        normals = 1j * np.exp(1j * headings_rad) / np.cos(half_turn_rad)
+        return _as_xy(points), _as_xy(normals), headings_rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Geometry:
-    """One piece."""
+    """One piece of the reference line."""
 
     start_m: float
     length_m: float
@@ -104,9 +104,9 @@ class _Geometry:
 
 
 def _geometry(element: Element, notes: Notes) -> _Geometry | None:
-    """One <geometry>; None if it has no length."""
+    """Read one <geometry>; None if it has no length."""
     length_m = number(element, "length")
-    if length_m < _SHORTEST_M:
+    if length_m < _MIN_LENGTH_M:
         notes.add("a <geometry> without length is left out", element)
         return None
     shape = next((child for child in element if child.tag in _SHAPES), None)
@@ -117,8 +117,8 @@ def _geometry(element: Element, notes: Notes) -> _Geometry | None:
     return _Geometry(number(element, "s"), length_m, origin, number(element, "hdg"), curve)
 
 
-def _end(piece: _Geometry, next_start_m: float) -> tuple[complex, float]:
-    """Place and heading where the next piece starts."""
+def _evaluate_end(piece: _Geometry, next_start_m: float) -> tuple[complex, float]:
+    """Point and heading of a piece where the next piece starts."""
     local, turned_rad = piece.curve(np.array([next_start_m - piece.start_m]))
     return piece.origin + complex(local[0]) * np.exp(1j * piece.heading_rad), piece.heading_rad + float(turned_rad[0])
 
@@ -151,9 +151,9 @@ _SHAPES = {"line": _line, "arc": _arc, "spiral": _spiral, "poly3": _poly3, "para
 
 
 def clothoid(curvature: float, rate: float, length_m: float, element: Element | None = None) -> Curve:
-    """A curve whose curvature (1/m) grows at a rate (1/m²): line, arc or spiral.
+    """A curve whose curvature (1/m) changes at a constant rate (1/m²): line, arc or spiral.
 
-    Places are Gauss-Legendre integrals of its direction, of so many nodes that they are exact to rounding.
+    Points are Gauss-Legendre integrals of its direction, with enough nodes to be exact to rounding.
     """
     turn_rad = max(abs(curvature), abs(curvature + rate * length_m)) * length_m
     if turn_rad > _MAX_TURN_RAD and element is not None:
@@ -164,24 +164,24 @@ def clothoid(curvature: float, rate: float, length_m: float, element: Element | 
         if turn_rad == 0.0:
             return s_m, np.zeros(len(s_m))
         at_m = np.outer(s_m, nodes)
-        places = s_m * (np.exp(1j * at_m * (curvature + rate * at_m / 2.0)) @ weights)
-        return places, s_m * (curvature + rate * s_m / 2.0)
+        points = s_m * (np.exp(1j * at_m * (curvature + rate * at_m / 2.0)) @ weights)
+        return points, s_m * (curvature + rate * s_m / 2.0)
 
     return evaluate
 
 
 def parametric_cubic(u: Float64Array, v: Float64Array, length_m: float, end: float | None, element: Element) -> Curve:
-    """A curve u(p), v(p) by arc length.
+    """A curve u(p), v(p), reparametrized by arc length.
 
     Args:
         u: (4,) coefficients of 1, p, p², p³.
         v: (4,) likewise.
-        length_m: Its declared length; p = ``end`` is reached there, whatever the arc length is exactly.
+        length_m: Declared length; p = ``end`` is reached there, whatever the exact arc length is.
         end: Largest p; None: where the arc length is ``length_m``.
         element: Named in the error.
 
     Raises:
-        Malformed: The curve stands still somewhere.
+        Malformed: The curve has a point of zero speed.
     """
     a, b, c, d = u + 1j * v
 
@@ -211,16 +211,16 @@ def parametric_cubic(u: Float64Array, v: Float64Array, length_m: float, end: flo
 
 @lru_cache(maxsize=64)
 def _gauss_legendre(count: int) -> tuple[Float64Array, Float64Array]:
-    """Nodes and weights on [0, 1]."""
+    """Gauss-Legendre nodes and weights on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return (nodes + 1.0) / 2.0, weights / 2.0
 
 
 def _wrapped(angle_rad: float) -> float:
-    """The angle in (-π, π]."""
+    """The angle normalized to (-π, π]."""
     return float(np.angle(np.exp(1j * angle_rad)))
 
 
-def _pairs(numbers: AnyArray) -> Float64Array:
-    """(N, 2) real and imaginary parts."""
+def _as_xy(numbers: AnyArray) -> Float64Array:
+    """(N, 2) real and imaginary parts of (N,) complex numbers."""
     return np.column_stack([numbers.real, numbers.imag])

@@ -1,4 +1,4 @@
-"""Moves a file whose coordinates are far from zero, such as UTM's, to an origin in its middle."""
+"""Moves the origin of an OpenDRIVE file with large coordinates, such as UTM, to the middle of the map."""
 
 import math
 from xml.etree.ElementTree import Element, SubElement
@@ -8,25 +8,25 @@ import numpy as np
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
 from simbev_ros.maps.opendrive.reading.datum import offset_of
 
-_FAR_M = 20_000.0
+_MAX_OFFSET_M = 20_000.0
 
 
-def recentre(root: Element, notes: Notes) -> bool:
-    """Shift a whole file so that its coordinates are small, and its <offset> so that it stays where it is on Earth.
+def recenter(root: Element, notes: Notes) -> bool:
+    """Shift the coordinates of a file to be small, and its <offset> so that the map keeps its position on Earth.
 
     Returns:
-        Whether that was necessary.
+        Whether a shift was necessary.
     """
     header = root.find("header")
     moved = [*root.iterfind("road/planView/geometry"), *root.iterfind("road/signals/signal/positionInertial")]
-    places_m = np.array([place for element in moved for place in _place_m(element)]).reshape(-1, 2)
-    if len(places_m) == 0 or np.abs(np.median(places_m, axis=0)).max() <= _FAR_M:
+    positions_m = np.array([xy for element in moved for xy in _xy_m(element)]).reshape(-1, 2)
+    if len(positions_m) == 0 or np.abs(np.median(positions_m, axis=0)).max() <= _MAX_OFFSET_M:
         return False
-    x_m, y_m = np.round(np.median(places_m, axis=0)).tolist()
+    x_m, y_m = np.round(np.median(positions_m, axis=0)).tolist()
     for element in moved:
-        for place in _place_m(element):
-            element.set("x", repr(place[0] - x_m))
-            element.set("y", repr(place[1] - y_m))
+        for xy in _xy_m(element):
+            element.set("x", repr(xy[0] - x_m))
+            element.set("y", repr(xy[1] - y_m))
     header = SubElement(root, "header") if header is None else header
     try:
         offset_x_m, offset_y_m, _, heading_rad = offset_of(header)
@@ -46,8 +46,8 @@ def recentre(root: Element, notes: Notes) -> bool:
     return True
 
 
-def _place_m(element: Element) -> list[tuple[float, float]]:
-    """X and y of an element; nothing if they are not numbers."""
+def _xy_m(element: Element) -> list[tuple[float, float]]:
+    """X and y of an element as a list of one pair; empty if they are not numbers."""
     try:
         return [(number(element, "x"), number(element, "y"))]
     except Malformed:

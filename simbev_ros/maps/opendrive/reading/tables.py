@@ -1,4 +1,4 @@
-"""The tables of tables.yaml: what names and codes in OpenDRIVE files mean."""
+"""The tables of tables.yaml: meanings of the names and codes in OpenDRIVE files."""
 
 import re
 from importlib.resources import files
@@ -12,25 +12,25 @@ from simbev_ros.maps.roads.layout import Paint, PaintColor
 _TABLES: Final[dict[str, Any]] = yaml.safe_load((files(__package__) / "tables.yaml").read_text(encoding="utf-8"))
 
 LANE_KINDS: Final = {name: LaneKind(kind) for name, kind in _TABLES["lane_kinds"].items()}
-"""Lane type → what it is for; others are left out."""
+"""Lane type → its use; lanes of other types are left out."""
 
 NO_TRAFFIC: Final = frozenset(_TABLES["no_traffic"])
-"""Lane types that traffic keeps off."""
+"""Lane types without traffic."""
 
 RESERVED: Final[dict[str, str]] = _TABLES["reserved_lanes"]
-"""Lane type → SUMO's vehicle classes that alone may use it."""
+"""Lane type → the only SUMO vehicle classes that may use it."""
 
 DEFAULT_SPEEDS_MPS: Final[dict[str, float]] = {name: kmh / 3.6 for name, kmh in _TABLES["default_speeds"].items()}
 """Road type, or "default" → speed limit of a road that states none."""
 
 SPEED_UNITS_MPS: Final[dict[str, float]] = _TABLES["speed_units"]
-"""Unit → metres per second."""
+"""Speed unit → meters per second."""
 
 PAINTS: Final = {name: Paint(paint) for name, paint in _TABLES["road_marks"].items()}
 """Type of a road mark → paint."""
 
 PAINT_COLORS: Final = {name: PaintColor(color) for name, color in _TABLES["road_mark_colors"].items()}
-"""Colour of a road mark → colour of paint."""
+"""Color of a road mark → color of paint."""
 
 PAINT_WIDTHS_M: Final[dict[str, float]] = _TABLES["road_mark_widths"]
 """Weight of a road mark → width of one of its lines."""
@@ -39,4 +39,4 @@ SIGNAL_MEANINGS: Final = {code: meaning for meaning, codes in _TABLES["signals"]
 """Type of a signal → its meaning."""
 
 NAMED_SPEED_LIMIT: Final = re.compile(_TABLES["named_speed_limit"], re.IGNORECASE)
-"""Names of speed limits among objects; group 1 is km/h."""
+"""Pattern for names of objects that are speed limits; group 1 is km/h."""

@@ -1,1 +1,1 @@
-"""Turns the roads of an OpenDRIVE file into a net for SUMO."""
+"""Converts the roads of an OpenDRIVE file to a SUMO net."""

@@ -1,4 +1,4 @@
-"""Crossings of the traffic net at the crosswalks of the file, and crosswalks at the crossings that SUMO adds."""
+"""Plans pedestrian crossings of the SUMO net at the file's crosswalks, and adds crosswalks at SUMO's crossings."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
@@ -16,38 +16,42 @@ from simbev_ros.types import Float64Array
 
 _WIDTH_M = 3.0
 _FAST_MPS = 14.0
-_FARTHEST_M = 30.0
+_MAX_DISTANCE_M = 30.0
 _SAME_LEVEL_M = 3.0
 _End = tuple[str, str, str]
 
 
 def planned_crossings(
-    crosswalks: Sequence[Crosswalk], traffic: Traffic, lit: Collection[str], left_hand: bool
+    crosswalks: Sequence[Crosswalk], traffic: Traffic, signalized_nodes: Collection[str], left_hand: bool
 ) -> tuple[PlannedCrossing, ...]:
-    """Crossings at crosswalks that lie across one arm of a junction, and on all arms of junctions that have none.
+    """Crossings at the crosswalks that lie across one arm of a junction, and by rule at junctions without crosswalks.
 
     Args:
-        crosswalks: Those of the file.
-        traffic: The roads.
-        lit: Nodes with traffic lights; at others nobody crosses fast roads but on the file's crosswalks.
+        crosswalks: Crosswalks of the file.
+        traffic: The roads of the SUMO net.
+        signalized_nodes: Nodes with traffic lights; at other nodes, fast roads are crossed only on the file's
+            crosswalks.
         left_hand: Traffic keeps to the left.
     """
-    places_m = traffic.places_m()
+    node_positions_m = traffic.node_positions_m()
     found: dict[tuple[str, frozenset[str]], PlannedCrossing] = {}
-    for crosswalk, ends in zip(crosswalks, _crossed(crosswalks, traffic), strict=True):
+    for crosswalk, ends in zip(crosswalks, _crossed_edges(crosswalks, traffic), strict=True):
         arms: dict[tuple[str, str], set[str]] = defaultdict(set)
         for node, road, edge in ends:
             arms[node, road].add(edge)
         if arms:
             (node, _), edges = max(arms.items(), key=lambda arm: (len(arm[1]), arm[0]))
             line_m, width_m = middle_line(crosswalk)
-            line_m = _directed(line_m, places_m[node], left_hand)
+            line_m = _orient(line_m, node_positions_m[node], left_hand)
             found.setdefault((node, frozenset(edges)), PlannedCrossing(node, tuple(sorted(edges)), line_m, width_m))
     marked = {node for node, _ in found}
-    return (*found.values(), *(crossing for crossing in _by_rule(traffic, lit) if crossing.node not in marked))
+    return (
+        *found.values(),
+        *(crossing for crossing in _by_rule(traffic, signalized_nodes) if crossing.node not in marked),
+    )
 
 
-def _by_rule(traffic: Traffic, lit: Collection[str]) -> Iterator[PlannedCrossing]:
+def _by_rule(traffic: Traffic, signalized_nodes: Collection[str]) -> Iterator[PlannedCrossing]:
     """A crossing of each arm with a sidewalk, at nodes where at least three roads meet."""
     arms: dict[str, dict[str, list[TrafficEdge]]] = defaultdict(lambda: defaultdict(list))
     for edge in traffic.edges:
@@ -57,19 +61,19 @@ def _by_rule(traffic: Traffic, lit: Collection[str]) -> Iterator[PlannedCrossing
         for edges in roads.values() if len(roads) > 2 else ():
             walkable = any(lane.kind is LaneKind.SIDEWALK for edge in edges for lane in edge.lanes)
             fastest_mps = max(lane.speed_mps for edge in edges for lane in edge.lanes)
-            if walkable and (node in lit or fastest_mps < _FAST_MPS):
+            if walkable and (node in signalized_nodes or fastest_mps < _FAST_MPS):
                 yield PlannedCrossing(node, tuple(edge.id for edge in edges), None, _WIDTH_M)
 
 
-def _directed(line_m: Float64Array, junction_m: Float64Array, left_hand: bool) -> Float64Array:
-    """The (2, 3) line in that direction in which netconvert wants it."""
+def _orient(line_m: Float64Array, junction_m: Float64Array, left_hand: bool) -> Float64Array:
+    """Orient a (2, 3) line as netconvert expects it: the junction on its left, in left-hand traffic on its right."""
     along_m, arm_m = (line_m[1] - line_m[0])[:2], (junction_m - line_m.mean(axis=0))[:2]
     junction_is_left = along_m[0] * arm_m[1] - along_m[1] * arm_m[0] > 0.0
     return line_m if junction_is_left != left_hand else line_m[::-1]
 
 
 def middle_line(crosswalk: Crosswalk) -> tuple[Float64Array, float]:
-    """(2, 3) the line that people walk along, from end to end of a crosswalk, and its width."""
+    """(2, 3) center line of a crosswalk in walking direction, from end to end, and its width."""
     center_m = crosswalk.outline_m.mean(axis=0)
     offsets_m = (crosswalk.outline_m - center_m)[:, :2]
     along_m = offsets_m @ crosswalk.axis
@@ -78,10 +82,10 @@ def middle_line(crosswalk: Crosswalk) -> tuple[Float64Array, float]:
     return np.stack(ends_m), float(np.ptp(across_m))
 
 
-def _crossed(crosswalks: Sequence[Crosswalk], traffic: Traffic) -> list[list[_End]]:
-    """For each crosswalk the node, road and id of each edge that it lies across, at that node's end of it.
+def _crossed_edges(crosswalks: Sequence[Crosswalk], traffic: Traffic) -> list[list[_End]]:
+    """For each crosswalk the node, road and id of each edge that it crosses, at that node's end of the edge.
 
-    A way through a junction counts as its incoming edge if the crosswalk is nearer to that, else as its outgoing one.
+    A path through a junction counts as its incoming edge if the crosswalk is nearer to that, else as its outgoing edge.
     """
     edges = {edge.id: edge for edge in traffic.edges}
     lines: list[Float64Array] = []
@@ -97,24 +101,27 @@ def _crossed(crosswalks: Sequence[Crosswalk], traffic: Traffic) -> list[list[_En
             lines.append(connection.line_m)
             ends.append(((before.end, before.road, before.id), (after.start, after.road, after.id)))
     tree = shapely.STRtree([shapely.LineString(line_m) for line_m in lines])
-    return [_across(crosswalk, tree, ends) for crosswalk in crosswalks]
+    return [_crossed_ends(crosswalk, tree, ends) for crosswalk in crosswalks]
 
 
-def _across(
+def _crossed_ends(
     crosswalk: Crosswalk,
     tree: shapely.STRtree,
     ends: Sequence[tuple[_End, _End]],
 ) -> list[_End]:
     """The nearer ends of the lines that cross a crosswalk on its level."""
     area = shapely.make_valid(shapely.Polygon(crosswalk.outline_m[:, :2]))
-    place = shapely.Point(crosswalk.outline_m[:, :2].mean(axis=0))
+    center = shapely.Point(crosswalk.outline_m[:, :2].mean(axis=0))
     found = []
     for row in tree.query(area, predicate="intersects").tolist():
         line = tree.geometries[row]
-        at_m = shapely.line_locate_point(line, place)
+        at_m = shapely.line_locate_point(line, center)
         z_m = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m), include_z=True)[0, 2]
         nearer = 0 if at_m < line.length / 2.0 else 1
-        if min(at_m, line.length - at_m) <= _FARTHEST_M and abs(z_m - crosswalk.outline_m[:, 2].mean()) < _SAME_LEVEL_M:
+        if (
+            min(at_m, line.length - at_m) <= _MAX_DISTANCE_M
+            and abs(z_m - crosswalk.outline_m[:, 2].mean()) < _SAME_LEVEL_M
+        ):
             found.append(ends[row][nearer])
     return found
 

@@ -1,4 +1,4 @@
-"""Writes the traffic as SUMO's plain XML and lets netconvert make the net of it."""
+"""Writes the traffic of an OpenDRIVE file as SUMO's plain XML and lets netconvert build the net."""
 
 from collections import defaultdict
 from collections.abc import Collection, Sequence
@@ -28,22 +28,22 @@ _NOT_ON_ROADS = (
     "pedestrian wheelchair tram rail_urban rail rail_electric rail_fast subway cable_car ship aircraft drone "
     "container scooter"
 )
-_SPECK_M = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.01, 0.0]])
-"""Outline of a node: so small that netconvert cuts nothing off lanes, which end where junctions begin as they are."""
+_NODE_OUTLINE_M = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.01, 0.0]])
+"""Outline of a node, small enough that netconvert does not shorten lanes: they already end where junctions begin."""
 _SIDEWALK_MPS = 2.78
 _FAST_MPS = 22.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedCrossing:
-    """A crossing of the edges of one arm of a junction.
+    """A pedestrian crossing of the edges of one arm of a junction.
 
     Attributes:
         node: The junction.
-        edges: What is crossed.
-        line_m: (2, 3) where a crosswalk of the file lies, from curb to curb, the junction on its left, in left-hand
-            traffic on its right; None: where netconvert wants it.
-        width_m: Of the crossing.
+        edges: Ids of the crossed edges.
+        line_m: (2, 3) center line of the file's crosswalk, from curb to curb, with the junction on its left (in
+            left-hand traffic on its right); None: netconvert chooses the position.
+        width_m: Width of the crossing.
     """
 
     node: str
@@ -54,16 +54,23 @@ class PlannedCrossing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RightOfWay:
-    """What signals and signs say: nodes with traffic lights, edges that yield or stop at their end."""
+    """Right of way according to signals and signs.
 
-    lit: Collection[str] = ()
+    Attributes:
+        signalized_nodes: Nodes with traffic lights.
+        yielding: Edges that yield at their end.
+        stopping: Edges that stop at their end.
+        crossings: Pedestrian crossings.
+    """
+
+    signalized_nodes: Collection[str] = ()
     yielding: Collection[str] = ()
     stopping: Collection[str] = ()
     crossings: Sequence[PlannedCrossing] = field(default_factory=tuple)
 
 
 def build_net(traffic: Traffic, right_of_way: RightOfWay, left_hand: bool, work: Path) -> Path:
-    """The net, as ``map.net.xml`` in a folder.
+    """Build the net as ``map.net.xml`` in the work folder and return its path.
 
     Raises:
         SimulationError: netconvert failed, or took too much time or memory.
@@ -80,21 +87,21 @@ def build_net(traffic: Traffic, right_of_way: RightOfWay, left_hand: bool, work:
     arguments = [f"--node-files={files['nodes']}", f"--edge-files={files['edges']}"]
     arguments += [f"--connection-files={files['connections']}", *_OPTIONS]
     arguments += ["--lefthand=true"] if left_hand else []
-    netconvert.run(arguments, net, work / "sumo.xodr")
+    netconvert.run_netconvert(arguments, net, work / "sumo.xodr")
     return net
 
 
 def _nodes(traffic: Traffic, right_of_way: RightOfWay) -> Element:
-    """All nodes."""
+    """All nodes as XML."""
     stops: dict[str, list[bool]] = defaultdict(list)
     for edge in traffic.edges:
         stops[edge.end].append(edge.id in right_of_way.stopping)
     root = Element("nodes")
-    for name, (x, y, z) in traffic.places_m().items():
-        corners_m = np.array([x, y, z]) + _SPECK_M
-        place = {"x": f"{x:.3f}", "y": f"{y:.3f}", "z": f"{z:.3f}"}
-        node = SubElement(root, "node", place, id=name, shape=_shape(corners_m))
-        if name in right_of_way.lit:
+    for name, (x, y, z) in traffic.node_positions_m().items():
+        corners_m = np.array([x, y, z]) + _NODE_OUTLINE_M
+        attributes_xyz = {"x": f"{x:.3f}", "y": f"{y:.3f}", "z": f"{z:.3f}"}
+        node = SubElement(root, "node", attributes_xyz, id=name, shape=_shape(corners_m))
+        if name in right_of_way.signalized_nodes:
             node.set("type", "traffic_light")
         elif len(stops[name]) > 1 and all(stops[name]):
             node.set("type", "allway_stop")
@@ -104,7 +111,7 @@ def _nodes(traffic: Traffic, right_of_way: RightOfWay) -> Element:
 
 
 def _edges(traffic: Traffic, right_of_way: RightOfWay) -> Element:
-    """All edges with the exact shapes of their lanes."""
+    """All edges as XML, with the exact shapes of their lanes."""
     root = Element("edges")
     minor = {*right_of_way.yielding, *right_of_way.stopping}
     for edge in traffic.edges:
@@ -118,7 +125,7 @@ def _edges(traffic: Traffic, right_of_way: RightOfWay) -> Element:
 
 
 def _lane(index: int, lane: TrafficLane) -> Element:
-    """One lane, with the lanes of the file that it stands for."""
+    """One lane as XML, with the lanes of the file that it represents."""
     walkable = lane.kind is LaneKind.SIDEWALK
     element = Element(
         "lane",
@@ -137,18 +144,18 @@ def _lane(index: int, lane: TrafficLane) -> Element:
 
 
 def _connections(traffic: Traffic, right_of_way: RightOfWay) -> Element:
-    """All connections, the edges that lead nowhere, and crossings."""
+    """All connections, edges without successors, and crossings as XML."""
     root = Element("connections")
-    leading = set()
+    connected = set()
     for connection in traffic.connections:
         (start, start_index), (goal, goal_index) = connection.start, connection.goal
-        leading.add(start)
+        connected.add(start)
         attributes = {"from": start, "to": goal, "fromLane": str(start_index), "toLane": str(goal_index)}
         element = SubElement(root, "connection", attributes)
         if connection.line_m is not None:
             element.set("shape", _shape(connection.line_m))
     for edge in traffic.edges:
-        if edge.id not in leading:
+        if edge.id not in connected:
             SubElement(root, "connection", {"from": edge.id})
     for crossing in right_of_way.crossings:
         attributes = {"node": crossing.node, "edges": " ".join(crossing.edges), "width": f"{crossing.width_m:.2f}"}
@@ -159,5 +166,5 @@ def _connections(traffic: Traffic, right_of_way: RightOfWay) -> Element:
 
 
 def _shape(line_m: Float64Array) -> str:
-    """SUMO's form of an (N, 3) line."""
+    """SUMO's notation of an (N, 3) line."""
     return " ".join(f"{x:.3f},{y:.3f},{z:.3f}" for x, y, z in line_m.tolist())

@@ -1,1 +1,1 @@
-"""Heights of planned roads: a quadratic program within grades, vertical curves and clearances."""
+"""Computes heights of planned roads by a quadratic program with limits on grades, vertical curves and clearances."""

@@ -1,4 +1,4 @@
-"""What heights of roads must keep to: grades, vertical curves, clearances, water."""
+"""Linear limits on the heights of planned roads: grades, vertical curves, clearances, height above water, gores."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,46 +16,46 @@ from simbev_ros.maps.plan.plan import Plan
 from simbev_ros.types import Float64Array
 
 CLEARANCE_M = 6.5
-"""Between the carriageways of roads that cross at different heights: 5.5 m free, and a deck of 1 m."""
+"""Height between the carriageways of roads that cross at two levels: 5.5 m free height and a deck of 1 m."""
 
 _CLEARANCE_MARGIN_M = 0.15
 _ABOVE_WATER_M = 3.0
 _ABOVE_BANK_M = 1.0
 _BANK_M = 15.0
-_GORE_STEP_M = 0.02
+_GORE_TOLERANCE_M = 0.02
 _GORE_SLOPE = 0.05
-_MARGIN = 0.96
+_LIMIT_FRACTION = 0.96
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """A block of rows ``low <= rows @ x <= high``, scaled so that a violation by 0.01 is a small one.
+    """A block of constraints ``low <= rows @ x <= high``, scaled so that a violation by 0.01 is small.
 
     Attributes:
-        what: What they limit, for the user.
+        name: Name of the limit, for messages.
         rows: (C, M) over heights of vertices, or (C, U) over unknowns.
-        low: (C,).
-        high: (C,).
+        low: (C,) lower bounds.
+        high: (C,) upper bounds.
     """
 
-    what: str
+    name: str
     rows: csr_array
     low: Float64Array
     high: Float64Array
 
-    def over(self, heights_from_unknowns: csr_array) -> "Limits":
-        """Limits of heights as limits of unknowns."""
-        return Limits(self.what, self.rows @ heights_from_unknowns, self.low, self.high)
+    def in_unknowns(self, heights_from_unknowns: csr_array) -> "Limits":
+        """The same limits expressed over the unknowns instead of heights."""
+        return Limits(self.name, self.rows @ heights_from_unknowns, self.low, self.high)
 
     def violation(self, x: Float64Array) -> Float64Array:
-        """(C,) by how much each row is missed."""
-        reached = self.rows @ x
-        missed: Float64Array = np.abs(reached - np.clip(reached, self.low, self.high))
-        return missed
+        """(C,) violation of each row."""
+        values = self.rows @ x
+        distance: Float64Array = np.abs(values - np.clip(values, self.low, self.high))
+        return distance
 
 
 def limits_of(plan: Plan, vertices: Vertices, bends: csr_array, water: Sequence[Water]) -> list[Limits]:
-    """All limits of heights; ``bends`` as ``bends_of`` gives them."""
+    """All limits on the heights of vertices; ``bends`` as returned by ``bends_of``."""
     return [
         _grade_limits(vertices),
         _bend_limits(vertices, bends),
@@ -66,7 +66,7 @@ def limits_of(plan: Plan, vertices: Vertices, bends: csr_array, water: Sequence[
 
 
 def bends_of(vertices: Vertices) -> tuple[csr_array, Float64Array]:
-    """(B, M) changes of grade at inner vertices, from heights, and (B,) the length of road that each stands for."""
+    """(B, M) matrix from heights to changes of grade at inner vertices, and (B,) road lengths that these represent."""
     inner = vertices.inner
     before_m = vertices.station_m[inner] - vertices.station_m[inner - 1]
     after_m = vertices.station_m[inner + 1] - vertices.station_m[inner]
@@ -78,7 +78,7 @@ def bends_of(vertices: Vertices) -> tuple[csr_array, Float64Array]:
 
 
 def gradient_limits(planes: Planes, unknowns: int) -> Limits:
-    """Of the planes at nodes, over unknowns."""
+    """Limits on the gradients of the node planes, over unknowns."""
     count = len(planes.reach_m)
     side = np.column_stack([-planes.axis[:, 1], planes.axis[:, 0]])
     value = np.concatenate([planes.axis / planes.along[:, None], side / planes.across[:, None]])
@@ -91,22 +91,24 @@ def gradient_limits(planes: Planes, unknowns: int) -> Limits:
 def _grade_limits(vertices: Vertices) -> Limits:
     start = vertices.with_next
     step_m = vertices.station_m[start + 1] - vertices.station_m[start]
-    value = 1.0 / (vertices.steepest[start] * step_m)
+    value = 1.0 / (vertices.max_grade[start] * step_m)
     row = np.tile(np.arange(len(start)), 2)
     column = np.concatenate([start, start + 1])
     rows = coo_array((np.concatenate([-value, value]), (row, column)), shape=(len(start), len(vertices)))
-    return Limits("grades", csr_array(rows), np.full(len(start), -_MARGIN), np.full(len(start), _MARGIN))
+    return Limits(
+        "grades", csr_array(rows), np.full(len(start), -_LIMIT_FRACTION), np.full(len(start), _LIMIT_FRACTION)
+    )
 
 
 def _bend_limits(vertices: Vertices, bends: csr_array) -> Limits:
     inner = vertices.inner
     around_m = (vertices.station_m[inner + 1] - vertices.station_m[inner - 1]) / 2.0
-    rows = csr_array(diags_array(1.0 / (vertices.bend_per_m[inner] * around_m)) @ bends)
-    return Limits("vertical curves", rows, np.full(len(inner), -_MARGIN), np.full(len(inner), _MARGIN))
+    rows = csr_array(diags_array(1.0 / (vertices.max_bend_per_m[inner] * around_m)) @ bends)
+    return Limits("vertical curves", rows, np.full(len(inner), -_LIMIT_FRACTION), np.full(len(inner), _LIMIT_FRACTION))
 
 
 def _clearance_limits(plan: Plan, vertices: Vertices) -> Limits:
-    """The upper road's stations above the lower's, each with each."""
+    """Clearance of each of the upper road's stations above each of the lower road's."""
     rows = []
     for crossing in crossings_of(plan):
         upper = _height_at(vertices, crossing.upper, crossing.upper_m)
@@ -119,36 +121,36 @@ def _clearance_limits(plan: Plan, vertices: Vertices) -> Limits:
 
 
 def _gore_limits(plan: Plan, vertices: Vertices) -> Limits:
-    """Ramps nearly as high as the carriageway beside them, the nearer the more so."""
+    """Ramps within a tolerance of the height of the carriageway beside them, which grows with their distance."""
     gores = list(gores_of(plan))
     rows = [_height_at(vertices, g.ramp, g.ramp_m) - _height_at(vertices, g.other, g.other_m) for g in gores]
     matrix = csr_array(vstack(rows)) if rows else csr_array((0, len(vertices)))
     gap_m = np.concatenate([np.empty(0), *(gore.gap_m for gore in gores)])
-    allowed_m = _GORE_STEP_M + _GORE_SLOPE * np.maximum(gap_m, 0.0)
+    allowed_m = _GORE_TOLERANCE_M + _GORE_SLOPE * np.maximum(gap_m, 0.0)
     return Limits("ramps level with their carriageways", matrix, -allowed_m, allowed_m)
 
 
 def _height_at(vertices: Vertices, link: int, stations: Float64Array) -> csr_array:
-    """(S, M) heights at stations of a link, between its vertices."""
+    """(S, M) matrix from heights of vertices to heights at stations of a link."""
     first, last = vertices.first[link], vertices.first[link + 1] - 1
     along_m = vertices.station_m[first : last + 1]
     index = np.clip(np.searchsorted(along_m, stations, side="right") - 1, 0, last - first - 1)
-    share = np.clip((stations - along_m[index]) / (along_m[index + 1] - along_m[index]), 0.0, 1.0)
+    fraction = np.clip((stations - along_m[index]) / (along_m[index + 1] - along_m[index]), 0.0, 1.0)
     row = np.tile(np.arange(len(stations)), 2)
     column = first + np.concatenate([index, index + 1])
-    value = np.concatenate([1.0 - share, share])
+    value = np.concatenate([1.0 - fraction, fraction])
     return csr_array(coo_array((value, (row, column)), shape=(len(stations), len(vertices))))
 
 
 def _water_limits(vertices: Vertices, water: Sequence[Water]) -> Limits:
-    """Above water with room for boats, and never lower than a bank beside it."""
-    lowest_m = np.full(len(vertices), -np.inf)
+    """Heights above water, with clearance for boats, and above a bank beside it."""
+    min_height_m = np.full(len(vertices), -np.inf)
     points = shapely.points(vertices.xy_m)
     for body in water:
         distance_m = shapely.distance(points, body.area)
         above_m = np.where(distance_m <= 1.0, _ABOVE_WATER_M, _ABOVE_BANK_M)
         near = (distance_m <= _BANK_M + vertices.half_width_m) & (vertices.layer >= 0)
-        lowest_m = np.where(near, np.maximum(lowest_m, body.surface_m + above_m), lowest_m)
-    bound = np.flatnonzero(np.isfinite(lowest_m))
-    rows = coo_array((np.ones(len(bound)), (np.arange(len(bound)), bound)), shape=(len(bound), len(vertices)))
-    return Limits("height above water", csr_array(rows), lowest_m[bound], np.full(len(bound), np.inf))
+        min_height_m = np.where(near, np.maximum(min_height_m, body.surface_m + above_m), min_height_m)
+    bounded = np.flatnonzero(np.isfinite(min_height_m))
+    rows = coo_array((np.ones(len(bounded)), (np.arange(len(bounded)), bounded)), shape=(len(bounded), len(vertices)))
+    return Limits("height above water", csr_array(rows), min_height_m[bounded], np.full(len(bounded), np.inf))

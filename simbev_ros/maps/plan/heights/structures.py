@@ -1,4 +1,4 @@
-"""Parts of elevated roads that are bridges, though nothing below asks for one."""
+"""Splits elevated roads into bridges and stretches on the ground, after their heights are known."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,12 +11,12 @@ from simbev_ros.maps.plan.lines import part, stations_m
 from simbev_ros.maps.plan.plan import Link, Plan
 from simbev_ros.types import Float64Array
 
-_GAP_M = 3.0
-_SHORTEST_M = 20.0
+_MIN_BRIDGE_HEIGHT_M = 3.0
+_MIN_PIECE_M = 20.0
 
 
-def with_structures(plan: Plan, land: Land) -> Plan:
-    """The plan with elevated links divided where their height above the land begins and ceases to need a bridge."""
+def split_structures(plan: Plan, land: Land) -> Plan:
+    """Split elevated links where their height above the land starts or ceases to require a bridge."""
     nodes_m, links = list(plan.nodes_m), []
     for link in plan.links:
         pieces = list(_pieces(link, land)) if link.road.elevated_m > 0.0 else [(0.0, np.inf, False)]
@@ -42,13 +42,13 @@ def with_structures(plan: Plan, land: Land) -> Plan:
 def _pieces(link: Link, land: Land) -> Iterator[tuple[float, float, bool]]:
     """Stretches of a link, each at least 20 m long: start, end, and whether it is a bridge."""
     along_m: Float64Array = stations_m(link.line_m)
-    raised = link.line_m[:, 2] - land(link.line_m[:, :2]) > _GAP_M
-    changes = np.flatnonzero(np.diff(raised)) + 1
+    needs_bridge = link.line_m[:, 2] - land(link.line_m[:, :2]) > _MIN_BRIDGE_HEIGHT_M
+    changes = np.flatnonzero(np.diff(needs_bridge)) + 1
     bounds = [0.0]
     for station_m in along_m[changes]:
-        if station_m - bounds[-1] >= _SHORTEST_M and along_m[-1] - station_m >= _SHORTEST_M:
+        if station_m - bounds[-1] >= _MIN_PIECE_M and along_m[-1] - station_m >= _MIN_PIECE_M:
             bounds.append(float(station_m))
     bounds.append(float(along_m[-1]))
     for start_m, end_m in pairwise(bounds):
         inside = (along_m >= start_m) & (along_m <= end_m)
-        yield start_m, end_m, bool(np.mean(raised[inside]) > 0.5)
+        yield start_m, end_m, bool(np.mean(needs_bridge[inside]) > 0.5)

@@ -1,4 +1,4 @@
-"""Main roads of a region, along the borders of its cells."""
+"""Adds the main roads of a region to its lattice, along the borders of its cells."""
 
 from itertools import pairwise
 
@@ -15,19 +15,19 @@ Border = tuple[Point, Point]
 def add_main_roads(
     lattice: Lattice, districts: dict[Cell, str], course: tuple[Point, ...], gaps: float, rng: np.random.Generator
 ) -> list[Point]:
-    """Add roads along all borders of cells, but where the motorway runs and for some between fields.
+    """Add roads along all borders of cells, except along the motorway and on some borders between fields.
 
     Args:
-        lattice: To which they are added.
+        lattice: The lattice to which they are added.
         districts: Use of each cell.
         course: Corners of the motorway's line, in cells; closed if more than two.
-        gaps: Share of borders between fields that stay without a road.
-        rng: Chooses them.
+        gaps: Fraction of borders between fields that stay without a road.
+        rng: Random generator that selects these borders.
 
     Returns:
-        Corners of cells where at least three of these roads meet.
+        Corners of cells at which at least three of these roads meet.
     """
-    taken = _motorway_borders(course)
+    motorway_borders = _motorway_borders(course)
     lines = range(lattice.cells + 1)
     borders = [
         ((i, j), (i + a, j + b))
@@ -36,10 +36,10 @@ def add_main_roads(
         for a, b in ((1, 0), (0, 1))
         if i + a <= lattice.cells and j + b <= lattice.cells
     ]
-    borders = [border for border in borders if border not in taken]
-    corners = {corner for border in taken for corner in border}
+    borders = [border for border in borders if border not in motorway_borders]
+    corners = {corner for border in motorway_borders for corner in border}
     kinds = {border: _kind(border, districts, corners) for border in borders}
-    _leave_out(kinds, gaps, corners, rng)
+    _remove_country_roads(kinds, gaps, corners, rng)
     for (start, end), kind in kinds.items():
         lattice.add((start[0] * FINE, start[1] * FINE), (end[0] * FINE, end[1] * FINE), kind)
     return [corner for corner, count in sorted(_degrees(kinds).items()) if count >= 3]
@@ -57,7 +57,7 @@ def _motorway_borders(course: tuple[Point, ...]) -> set[Border]:
 
 
 def _kind(border: Border, districts: dict[Cell, str], motorway_corners: set[Point]) -> str:
-    """Cross-section of a main road, by the cells on both its sides; the same on both sides of a motorway."""
+    """Cross-section of a main road, by the cells on both its sides; it is the same on both sides of a motorway."""
     uses = _uses(border, districts)
     for corner in motorway_corners.intersection(border):
         other = next(point for point in border if point != corner)
@@ -76,25 +76,27 @@ def _uses(border: Border, districts: dict[Cell, str]) -> set[str]:
     return {districts[cell] for cell in cells if cell in districts}
 
 
-def _leave_out(kinds: dict[Border, str], gaps: float, motorway_corners: set[Point], rng: np.random.Generator) -> None:
-    """Remove country roads at random, so that all stay connected and none becomes a dead end."""
+def _remove_country_roads(
+    kinds: dict[Border, str], gaps: float, motorway_corners: set[Point], rng: np.random.Generator
+) -> None:
+    """Remove country roads at random such that the network stays connected and has no dead end."""
     rural = [border for border, kind in kinds.items() if kind == "country"]
     degrees = _degrees(kinds)
-    left = round(gaps * len(rural))
+    remaining = round(gaps * len(rural))
     for index in rng.permutation(len(rural)).tolist():
         start, end = border = rural[index]
-        if left == 0 or {start, end} & motorway_corners or min(degrees[start], degrees[end]) < 3:
+        if remaining == 0 or {start, end} & motorway_corners or min(degrees[start], degrees[end]) < 3:
             continue
         others = [other for other in kinds if other != border]
-        if _parts(others) == _parts([*others, border]):
+        if _num_components(others) == _num_components([*others, border]):
             del kinds[border]
             degrees[start] -= 1
             degrees[end] -= 1
-            left -= 1
+            remaining -= 1
 
 
-def _parts(borders: list[Border]) -> int:
-    """How many parts without connection there are."""
+def _num_components(borders: list[Border]) -> int:
+    """Number of connected components."""
     corners = sorted({corner for border in borders for corner in border})
     index = {corner: number for number, corner in enumerate(corners)}
     pairs = np.array([(index[start], index[end]) for start, end in borders])

@@ -1,4 +1,4 @@
-"""All patterns that a recipe can name, and how each draws itself."""
+"""Registry of all patterns that a town recipe can name, with their drawing functions."""
 
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
@@ -16,17 +16,17 @@ Pattern = Annotated[
 ]
 
 _DRAW: dict[str, Callable[[Any, Draft, np.random.Generator], None]] = {
-    "grid": grid.draw,
-    "road": road.draw,
-    "roundabout": roundabout.draw,
-    "motorway": motorway.draw,
-    "region": region.draw,
-    "viaduct": viaduct.draw,
+    "grid": grid.draw_grid,
+    "road": road.draw_road,
+    "roundabout": roundabout.draw_roundabout,
+    "motorway": motorway.draw_motorway,
+    "region": region.draw_region,
+    "viaduct": viaduct.draw_viaduct,
 }
 
 
 def draw_patterns(patterns: Sequence[Pattern], name: str, seed: int) -> Draft:
-    """The draft of a town; each pattern has random numbers of its own."""
+    """Draw the draft of a town; each pattern has a random stream of its own."""
     draft = Draft()
     for index, pattern in enumerate(patterns):
         _DRAW[pattern.pattern](pattern, draft, stream(seed, f"map.{name}.{index}.{pattern.pattern}"))

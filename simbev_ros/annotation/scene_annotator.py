@@ -15,9 +15,9 @@ import shapely
 from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.annotation.bev.hazards import hazard_areas
 from simbev_ros.annotation.bev.levels import Levels
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.annotation.boxes.extents import Extents
-from simbev_ros.annotation.boxes.standing import static_objects
+from simbev_ros.annotation.boxes.standing import find_static_objects
 from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, occupied_voxels
 from simbev_ros.annotation.vector_map.vector_map import VectorMap
 from simbev_ros.assets.actors.actor_model import ActorModel
@@ -67,7 +67,7 @@ class SceneAnnotator:
         self._spec, self._annotation, self._meshes = spec, spec.annotation, meshes
         layout = _nearby_layout(spec, network, VIEW_M)
         self._levels, self._hazards = Levels(layout), hazard_areas(spec.hazards, layout)
-        self._standing = static_objects(network)
+        self._standing = find_static_objects(network)
         patch = spec.annotation.vector_map
         self._roads = None if patch is None else _vector_map(spec, network, patch)
 
@@ -76,7 +76,7 @@ class SceneAnnotator:
         ego_level = self._levels.ego_level(state)
         grid = self._meshes.bev.labels(state, self._annotation.bev.grid, ego_level, self._hazards)
         radius_m = self._annotation.box_radius_m
-        table = boxes(state, radius_m, ego_level, self._meshes.extents, self._standing)
+        table = boxes_around_ego(state, radius_m, ego_level, self._meshes.extents, self._standing)
         occupancy, patch = self._annotation.occupancy, self._annotation.vector_map
         return Labels(
             grid,

@@ -88,7 +88,7 @@ class Futures:
     velocity_mps: Float32Array
 
 
-class Tracker:
+class TrackRecorder:
     """Collects the actors of a scene frame by frame and turns them into ``Tracks``."""
 
     def __init__(self, tick_ns: int) -> None:

@@ -6,7 +6,7 @@ from synthetic_world import EGO_ID, actor, box_model, mesh, sheet, world
 
 from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.annotation.bev.levels import Levels, on_ego_level
-from simbev_ros.annotation.boxes.boxes import SIGN_IDS, Standing, blank, boxes
+from simbev_ros.annotation.boxes.boxes import SIGN_IDS, StaticObjects, blank_boxes, boxes_around_ego
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.geometry.grid import BevGrid
@@ -132,7 +132,7 @@ def under(points_m: Float64Array, rows: Table) -> BoolArray:
 def test_every_cell_is_labelled_with_what_lies_on_the_egos_level_only(place: str) -> None:
     levels, annotator = crossing()
     state = world(EGOS[place], *OTHERS)
-    labels = annotator.labels(state, GRID, levels.of_ego(state))
+    labels = annotator.labels(state, GRID, levels.ego_level(state))
     points_m = centers_m(state)
     wide = [BELOW[0][0] - KERB, BELOW[0][1]], [BELOW[1][0] + KERB, BELOW[1][1]]
     upper = {"beneath": [WEST, EAST], "on the deck": [WEST, DECK, EAST], "on the way up": [WEST, DECK, EAST]}[place]
@@ -163,7 +163,7 @@ def test_every_cell_is_labelled_with_what_lies_on_the_egos_level_only(place: str
 def test_boxes_of_all_levels_are_there_and_say_whether_they_are_on_the_egos(place: str, ids: set[int]) -> None:
     levels, _ = crossing()
     state = world(EGOS[place], *OTHERS)
-    found = boxes(state, 120.0, levels.of_ego(state))
+    found = boxes_around_ego(state, 120.0, levels.ego_level(state))
     assert list(found["id"]) == list(range(8, 17))
     assert set(found["id"][found["on_ego_level"] == 1].tolist()) == ids
 
@@ -173,10 +173,10 @@ def test_lights_and_signs_are_on_the_level_of_the_road_that_they_stand_beside(pl
     levels, _ = crossing()
     state = world(EGOS[place])
     feet_m = np.array([[10.0, -4.5, HEIGHT_M], [3.3, 2.0, 0.0], [-3.3, 60.0, 0.0]])
-    signs = blank(3)
+    signs = blank_boxes(3)
     signs["id"], signs["tag"] = SIGN_IDS + 1 + np.arange(3), Tag.TRAFFIC_SIGN
     signs["x"], signs["y"], signs["z"] = feet_m.T
-    found = boxes(state, 120.0, levels.of_ego(state), standing=Standing(signs, feet_m))
+    found = boxes_around_ego(state, 120.0, levels.ego_level(state), static_objects=StaticObjects(signs, feet_m))
     assert found["on_ego_level"].tolist() == counts
 
 
@@ -184,11 +184,11 @@ def test_a_rider_is_where_the_bicycle_is() -> None:
     levels, _ = crossing()
     bicycle, rider = car(11, 0.0, 0.0, HEIGHT_M), actor(CAR, SEDAN, id=12, parent=11, x=0.0, y=0.0, z=2.0)
     state = world(EGOS["on the deck"], bicycle, rider)
-    assert on_ego_level(state, levels.of_ego(state)).tolist() == [True, True, True]
+    assert on_ego_level(state, levels.ego_level(state)).tolist() == [True, True, True]
 
 
 def test_far_from_structures_everything_counts() -> None:
     levels, _ = crossing()
     state = world(car(EGO_ID, 0.0, 900.0, 0.0), *OTHERS)
-    assert levels.of_ego(state) is None
-    assert boxes(state, 2000.0, None)["on_ego_level"].all()
+    assert levels.ego_level(state) is None
+    assert boxes_around_ego(state, 2000.0, None)["on_ego_level"].all()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, world
 
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.annotation.boxes.extents import Extents
 from simbev_ros.assets.actors.actor_model import ActorModel, Part
 from simbev_ros.assets.actors.catalogue import load_models
@@ -48,7 +48,7 @@ def boxed(actors: Table, extents: Extents | None = EXTENTS) -> Table:
     """The boxes of actors, in their order."""
     ego = np.zeros(1, ACTOR_DTYPE)
     ego["id"], ego["x"], ego["y"] = EGO_ID, 12_000.0, -7_000.0
-    return boxes(world(ego, actors), 1_000.0, extents=extents)
+    return boxes_around_ego(world(ego, actors), 1_000.0, extents=extents)
 
 
 def bounds_in_boxes(actors: Table, of: Table, doors: bool = True) -> tuple[Float64Array, Float64Array]:
@@ -106,7 +106,7 @@ def test_a_part_that_lies_in_a_plane_counts_too(flat: bool) -> None:
     extents = Extents([ActorModel("sheet", Tag.CAR, "car", mesh, (2.0, 1.0, 3.0), (body,), 0.0)])
     turned = np.zeros(2, ACTOR_DTYPE)
     turned["steer"] = [0.0, np.pi / 2]
-    low_m, high_m = extents.of(turned)
+    low_m, high_m = extents.bounds(turned)
     top_m = 1.0 if flat else 3.0
     np.testing.assert_allclose(low_m, [[0.0, 0.0, 1.0], [-1.0, 0.0, 1.0]], atol=1e-6)
     np.testing.assert_allclose(high_m, [[2.0, 1.0, top_m], [0.0, 2.0, top_m]], atol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 from exact_voxels import touches, winding_numbers
 from synthetic_world import EGO_ID, actor, box, box_model, mesh, sheet, static_scene, world
 
-from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense, occupied
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense_tags, occupied_voxels
 from simbev_ros.annotation.occupancy.triangle_soup import Soup
 from simbev_ros.annotation.occupancy.voxels import voxelized
 from simbev_ros.assets.actors.catalogue import load_models
@@ -98,11 +98,11 @@ def test_a_box_without_a_face_is_closed_and_one_without_three_is_a_sheet() -> No
 
 def test_the_table_of_occupied_voxels_gives_the_dense_form_back() -> None:
     found = tags(mesh(box([3.1, -2.2, 1.1], [4.0, 3.0, 2.0]), Tag.BUILDING))
-    table = occupied(found, GRID)
+    table = occupied_voxels(found, GRID)
     assert table.dtype.names == ("x", "y", "z", "ix", "iy", "iz", "tag") and len(table) == (found > 0).sum()
     index = np.floor(apply(GRID.grid_from_ego, np.stack([table["x"], table["y"], table["z"]], axis=1)))
     assert np.array_equal(index, np.stack([table["ix"], table["iy"], table["iz"]], axis=1))
-    assert np.array_equal(dense(table, GRID), found)
+    assert np.array_equal(dense_tags(table, GRID), found)
 
 
 def test_the_number_of_threads_changes_nothing() -> None:

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_world import actor, box_model, world
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
-from simbev_ros.annotation.boxes.points import difficulty, map_points, points_inside, with_points
+from simbev_ros.annotation.boxes.points import add_point_counts, difficulty, map_points, points_inside
 from simbev_ros.config.sensor import Pose
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES, Tag
 from simbev_ros.sensors.lidar import POINT_DTYPE
@@ -89,7 +89,7 @@ def test_points_that_are_not_finite_are_nowhere() -> None:
 def test_no_boxes_and_no_points_give_empty_and_zero_counts() -> None:
     assert points_inside(box(), np.empty((0, 3))).tolist() == [0]
     assert points_inside(np.zeros(0, BOX_DTYPE), np.ones((5, 3))).shape == (0,)
-    assert len(with_points(np.zeros(0, BOX_DTYPE), [np.ones((5, 3))], [])) == 0
+    assert len(add_point_counts(np.zeros(0, BOX_DTYPE), [np.ones((5, 3))], [])) == 0
 
 
 def test_a_point_of_a_tilted_sensor_on_a_turned_ego_is_where_a_hand_puts_it() -> None:
@@ -119,7 +119,7 @@ def test_a_rolling_scan_is_put_where_the_ego_was_when_it_measured_each_point() -
 def test_points_of_all_sensors_of_a_kind_add_up() -> None:
     boxes = np.concatenate([box(distance=10.0), box(x=10.0, distance=10.0)])
     inside, outside = np.zeros((3, 3)), np.full((3, 3), 5.0)
-    found = with_points(boxes, [inside, outside, inside], [inside])
+    found = add_point_counts(boxes, [inside, outside, inside], [inside])
     assert found["lidar_points"].tolist() == [6, 0]
     assert found["radar_points"].tolist() == [3, 0]
     assert found["valid"].tolist() == [1, 0]
@@ -127,13 +127,13 @@ def test_points_of_all_sensors_of_a_kind_add_up() -> None:
 
 
 def test_what_was_not_received_is_minus_one_and_counts_as_no_points() -> None:
-    found = with_points(box(distance=10.0), None, [np.zeros((100, 3))])
+    found = add_point_counts(box(distance=10.0), None, [np.zeros((100, 3))])
     assert (found["lidar_points"], found["radar_points"], found["valid"]) == (-1, 100, 1)
     assert DIFFICULTIES[found["difficulty"][0]] == "easy"
-    found = with_points(box(distance=10.0), None, None)
+    found = add_point_counts(box(distance=10.0), None, None)
     assert (found["lidar_points"], found["radar_points"], found["valid"]) == (-1, -1, 0)
     assert DIFFICULTIES[found["difficulty"][0]] == "hard"
-    assert with_points(box(), [np.empty((0, 3))], [])["lidar_points"] == [0]
+    assert add_point_counts(box(), [np.empty((0, 3))], [])["lidar_points"] == [0]
 
 
 @pytest.mark.parametrize(

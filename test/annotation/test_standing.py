@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box_model, world
 
-from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS, boxes
-from simbev_ros.annotation.boxes.standing import standing_of
+from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS, boxes_around_ego
+from simbev_ros.annotation.boxes.standing import find_static_objects
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.street.signs import street_name_sign
 from simbev_ros.geometry.transforms import rotations_from_rpy
@@ -51,7 +51,7 @@ def vertices_of(network: RoadNetwork, region: Region, tag: Tag) -> Float64Array:
 @pytest.mark.parametrize(("town", "region"), TOWNS)
 def test_all_lights_and_signs_are_in_their_boxes_and_touch_all_faces(town: str, region: Region) -> None:
     network = load_network(map_spec(town))
-    standing = standing_of(network)
+    standing = find_static_objects(network)
     own = (np.floor(standing.foot_m[:, :2] / REGION_M) == region).all(axis=1)
     for tag in Tag.TRAFFIC_LIGHT, Tag.TRAFFIC_SIGN:
         vertices_m = vertices_of(network, region, tag)
@@ -96,25 +96,25 @@ def state_with(*states: SignalState) -> WorldState:
 
 def test_lights_and_signs_follow_the_actors_by_id_and_say_what_they_are() -> None:
     state = state_with(SignalState.RED, SignalState.OFF, SignalState.GREEN)
-    found = boxes(state, 50.0, standing=standing_of(equipped()))
+    found = boxes_around_ego(state, 50.0, static_objects=find_static_objects(equipped()))
     lights, signs = LIGHT_IDS + 1 + np.arange(3), SIGN_IDS + 1 + np.arange(3)
     assert found["id"].tolist() == [900, *lights, *signs]
-    standing = found[1:]
-    assert [BOX_CLASSES[index] for index in standing["class"]] == ["traffic_light"] * 3 + ["traffic_sign"] * 3
-    assert standing["tag"].tolist() == [Tag.TRAFFIC_LIGHT] * 3 + [Tag.TRAFFIC_SIGN] * 3
-    assert standing["state"].tolist() == [SignalState.RED, SignalState.OFF, SignalState.GREEN, 0, 0, 0]
-    assert [SIGN_TYPES[index] for index in standing["sign"]] == ["", "", "", *SignKind]
-    assert standing["limit"] == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 30 / 3.6])
-    assert (standing["blueprint"] == NO_BLUEPRINT).all()
-    assert standing["on_ego_level"].all()
-    assert np.isnan(standing["visibility"]).all()
-    assert (standing["lidar_points"] == -1).all()
+    static_objects = found[1:]
+    assert [BOX_CLASSES[index] for index in static_objects["class"]] == ["traffic_light"] * 3 + ["traffic_sign"] * 3
+    assert static_objects["tag"].tolist() == [Tag.TRAFFIC_LIGHT] * 3 + [Tag.TRAFFIC_SIGN] * 3
+    assert static_objects["state"].tolist() == [SignalState.RED, SignalState.OFF, SignalState.GREEN, 0, 0, 0]
+    assert [SIGN_TYPES[index] for index in static_objects["sign"]] == ["", "", "", *SignKind]
+    assert static_objects["limit"] == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 30 / 3.6])
+    assert (static_objects["blueprint"] == NO_BLUEPRINT).all()
+    assert static_objects["on_ego_level"].all()
+    assert np.isnan(static_objects["visibility"]).all()
+    assert (static_objects["lidar_points"] == -1).all()
     for name in ("vx", "wz", "ax", "parent", "lights", "doors", "behavior", "valid", "roll", "pitch", "yaw"):
-        assert not standing[name].any()
+        assert not static_objects[name].any()
 
 
 def test_distance_and_angle_of_what_stands_still_are_those_of_actors() -> None:
-    found = boxes(state_with(*[SignalState.RED] * 3), 50.0, standing=standing_of(equipped()))
+    found = boxes_around_ego(state_with(*[SignalState.RED] * 3), 50.0, static_objects=find_static_objects(equipped()))
     light = found[found["id"] == LIGHT_IDS + 3][0]
     forward_m, left_m, up_m = light["y"] - AT_M[1], AT_M[0] - light["x"], light["z"] - AT_M[2] - 0.75
     assert forward_m == pytest.approx(10.0)
@@ -123,15 +123,15 @@ def test_distance_and_angle_of_what_stands_still_are_those_of_actors() -> None:
 
 
 def test_only_what_is_within_the_radius_has_a_box() -> None:
-    standing = standing_of(equipped())
-    found = boxes(state_with(*[SignalState.RED] * 3), 10.5, standing=standing)
+    static_objects = find_static_objects(equipped())
+    found = boxes_around_ego(state_with(*[SignalState.RED] * 3), 10.5, static_objects=static_objects)
     assert found["id"].tolist() == [900, LIGHT_IDS + 1, LIGHT_IDS + 2]
-    assert boxes(state_with(), 3.0, standing=standing).shape == (0,)
+    assert boxes_around_ego(state_with(), 3.0, static_objects=static_objects).shape == (0,)
 
 
 def test_a_map_without_lights_and_signs_adds_nothing() -> None:
     bare = replace(equipped(), signals=(), layout=replace(equipped().layout, signs=()))
-    assert boxes(state_with(), 50.0, standing=standing_of(bare))["id"].tolist() == [900]
+    assert boxes_around_ego(state_with(), 50.0, static_objects=find_static_objects(bare))["id"].tolist() == [900]
 
 
 def test_signs_that_warn_of_hazards_say_so() -> None:
@@ -139,5 +139,5 @@ def test_signs_that_warn_of_hazards_say_so() -> None:
         actor(box_model(Tag.TRAFFIC_SIGN, (0.8, 0.8, 1.6)), blueprint_index()[f"prop.sign_{name}"], id=20 + k, x=5.0)
         for k, name in enumerate(("works", "accident"))
     ]
-    found = boxes(world(actor(CAR, SEDAN), *rows), 50.0)
+    found = boxes_around_ego(world(actor(CAR, SEDAN), *rows), 50.0)
     assert [SIGN_TYPES[index] for index in found["sign"]] == ["works", "accident"]

@@ -7,8 +7,8 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.boxes.boxes import boxes
-from simbev_ros.annotation.trajectories import Tracker, Tracks, futures, npz_of, tracks_of_npz
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
+from simbev_ros.annotation.trajectories import TrackRecorder, Tracks, futures, tracks_from_npz, tracks_to_npz
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
@@ -40,15 +40,15 @@ def table(frame: int, left_out: int = 0) -> Table:
 
 def scene(*missing: int) -> Tracks:
     frames = ((START_NS + frame * TICK_NS, table(frame)) for frame in range(40) if frame not in missing)
-    tracker = Tracker(TICK_NS)
+    tracker = TrackRecorder(TICK_NS)
     for stamp_ns, actors in frames:
-        tracker.add(stamp_ns, actors)
+        tracker.add_frame(stamp_ns, actors)
     return tracker.tracks()
 
 
 def boxes_at(frame: int) -> Table:
     state = WorldState(START_NS + frame * TICK_NS, frame, EGO_ID, table(frame), np.zeros(0, SIGNAL_DTYPE), None)  # type: ignore[arg-type]
-    return boxes(state, 500.0)
+    return boxes_around_ego(state, 500.0)
 
 
 @pytest.mark.parametrize(("horizon_s", "step_s", "stride"), [(1.0, None, 1), (1.3, 0.25, 5)])
@@ -104,31 +104,31 @@ def test_futures_of_many_frames_are_those_of_each() -> None:
 
 
 def test_the_file_holds_all_of_it_and_numpy_reads_it() -> None:
-    tracks, file = scene(), npz_of(scene())
-    back = tracks_of_npz(file)
+    tracks, file = scene(), tracks_to_npz(scene())
+    back = tracks_from_npz(file)
     assert back.tick_ns == TICK_NS
     for name in ("stamp_ns", "id", "box_class", "size_m", "valid", "position_m", "yaw_rad", "velocity_mps"):
         wanted, found = getattr(tracks, name), getattr(back, name)
         assert found.dtype == wanted.dtype and np.array_equal(found, wanted)
-    assert npz_of(back) == file
+    assert tracks_to_npz(back) == file
     with np.load(io.BytesIO(file)) as arrays:
         assert arrays["class_names"][arrays["class"]].tolist() == ["car"] * len(PRESENT)
         assert arrays["position_m"].shape == (len(PRESENT), 40, 3)
 
 
-@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", npz_of(scene())[:200], b"\x93NUMPY"])
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", tracks_to_npz(scene())[:200], b"\x93NUMPY"])
 def test_a_damaged_file_is_named(damage: bytes) -> None:
     with pytest.raises(BagError, match="trajectories are damaged"):
-        tracks_of_npz(damage)
+        tracks_from_npz(damage)
 
 
 def test_flipped_bits_are_named_or_change_nothing_that_counts() -> None:
-    file, choice = npz_of(scene()), random.Random(1)
+    file, choice = tracks_to_npz(scene()), random.Random(1)
     for place in (*choice.sample(range(len(file)), 1000), *range(len(file) - 900, len(file))):
         damaged = bytearray(file)
         damaged[place] ^= 1 << choice.randrange(8)
         with suppress(BagError):
-            assert npz_of(tracks_of_npz(bytes(damaged))) == file
+            assert tracks_to_npz(tracks_from_npz(bytes(damaged))) == file
 
 
 @pytest.mark.parametrize(
@@ -146,6 +146,6 @@ def test_an_actor_without_a_track_is_named() -> None:
 
 
 def test_a_scene_of_nothing_has_no_tracks() -> None:
-    tracks = Tracker(TICK_NS).tracks()
+    tracks = TrackRecorder(TICK_NS).tracks()
     assert tracks.position_m.shape == (0, 0, 3)
-    assert tracks_of_npz(npz_of(tracks)).valid.shape == (0, 0)
+    assert tracks_from_npz(tracks_to_npz(tracks)).valid.shape == (0, 0)

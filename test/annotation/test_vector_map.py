@@ -141,11 +141,11 @@ def test_only_what_is_on_the_egos_level_is_there() -> None:
     layout = crossing()
     levels, vector_map = Levels(layout), VectorMap(SimpleNamespace(signals=(), lanes={}), layout, 100.0, 60.0)
     state = ego_at(0.0, -10.0, yaw=np.pi / 2)
-    record = vector_map.record(state, levels.of_ego(state))
+    record = vector_map.record(state, levels.ego_level(state))
     assert lengths_m(record) == pytest.approx({"west": 10.0, "east": 10.0, "below": 100.0})
     assert {edge["level"] for edge in record["edges"]} == {0}
     state = ego_at(-8.0, 0.0, 6.0)
-    record = vector_map.record(state, levels.of_ego(state))
+    record = vector_map.record(state, levels.ego_level(state))
     assert lengths_m(record) == pytest.approx({"west": 38.0, "deck": 40.0, "east": 22.0})
     assert sum(len(edge["pieces"]) for edge in record["edges"]) == 6  # no edge across where the structure begins
     assert all(np.ptp(np.array(piece)[:, 1]) < 0.01 for edge in record["edges"] for piece in edge["pieces"])

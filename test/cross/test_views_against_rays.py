@@ -12,7 +12,7 @@ from camera_truth import Triangles, truth_of
 from studio import Studio, random_views
 from view_truth import Alone, Canvas
 
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.annotation.visibility.views import ViewAnnotator
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
@@ -58,7 +58,7 @@ def as_drawn(studio: Studio, view: CameraView) -> tuple[tuple[ActorModel, ...], 
 
 def check(studio: Studio, views: list[CameraView]) -> list[Table]:
     """Compare all objects in some views; returns the rows."""
-    objects = boxes(studio.state, RADIUS_M)
+    objects = boxes_around_ego(studio.state, RADIUS_M)
     images = [each.instance for each in studio.images(views)]
     found = ViewAnnotator(studio.models).views(studio.state, objects, views, images)  # type: ignore[arg-type]
     still = Triangles.of_static(studio.static, studio.origin_m)

@@ -7,7 +7,7 @@ from synthetic_world import EGO_ID, actor, box, box_model, mesh, sheet, static_s
 
 from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense_tags, occupied_voxels
 from simbev_ros.annotation.occupancy.triangle_soup import Soup
-from simbev_ros.annotation.occupancy.voxels import voxelized
+from simbev_ros.annotation.occupancy.voxels import voxelize
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -121,7 +121,7 @@ def test_surfaces_agree_with_separating_axes_in_every_voxel(size: float) -> None
     centers = np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 3) + 0.5
     corners = rng.uniform(-1.0, 10.0, (60, 1, 3)) + size * rng.normal(size=(60, 3, 3))
     corners[:20, :, 1] = corners[:20, :1, 1]  # some that lie across an axis
-    found = voxelized(_soup(corners), shape)
+    found = voxelize(_soup(corners), shape)
     expected = np.array([touches(center, 1.0, corners).any() for center in centers]).reshape(shape)
     assert np.array_equal(found > 0, expected)
 

@@ -23,11 +23,11 @@ EGO = {"id": 1}
 OTHER = {"id": 7, "x": 10.0, "y": -1.0, "yaw": 0.4, "lights": 0b1111}
 
 
-def draw(quality: Quality, computes: bool, camera: PinholeCamera, changes: dict[str, float]) -> CameraImages:
+def draw(quality: Quality, use_compute: bool, camera: PinholeCamera, changes: dict[str, float]) -> CameraImages:
     weather = NOON.model_copy(update=changes)
     before = world(EGO, OTHER, weather=weather)
     now = world({**EGO, "x": 0.5}, {**OTHER, "x": 10.4, "wheel": 0.3}, weather=weather)
-    renderer = Renderer(scene(), [car()], quality=quality, computes=computes)
+    renderer = Renderer(scene(), [car()], quality=quality, use_compute=use_compute)
     view = CameraView(camera, front_pose(), MODALITIES, IDEAL_OPTICS)
     images = renderer.render([view], RenderFrame(now, before))[0]
     renderer.close()
@@ -46,7 +46,7 @@ def draw(quality: Quality, computes: bool, camera: PinholeCamera, changes: dict[
     ],
 )
 def test_computed_images_are_the_drawn_ones(quality: Quality, camera: PinholeCamera, changes: dict[str, float]) -> None:
-    drawn, computed = (draw(quality, computes, camera, changes) for computes in (False, True))
+    drawn, computed = (draw(quality, use_compute, camera, changes) for use_compute in (False, True))
     assert np.mean(drawn.semantic != computed.semantic) < 1e-3
     assert np.mean(drawn.instance != computed.instance) < 1e-3
     np.testing.assert_array_equal(np.isinf(drawn.depth), np.isinf(computed.depth))

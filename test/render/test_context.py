@@ -15,7 +15,7 @@ from simbev_ros.errors import RenderError
 from simbev_ros.render.gl import context as module
 from simbev_ros.render.gl.context import describe_renderer, open_context, survey_devices
 from simbev_ros.render.gl.devices import EglDevice, list_devices
-from simbev_ros.render.gl.failures import enough_memory
+from simbev_ros.render.gl.failures import check_memory
 from simbev_ros.render.gl.programs import ProgramLibrary
 
 pytestmark = pytest.mark.gl
@@ -75,7 +75,7 @@ def test_a_gpu_that_cannot_be_opened_or_has_no_driver_is_passed_over_and_doctor_
     ("index", "message"),
     [
         (0, r"rendering\.gpus: EGL device 0 \(NVIDIA H200\) cannot be opened: 0x3001.*set rendering\.gpus: \[\]"),
-        (2, r"rendering\.gpus: EGL device 2 is no GPU but Mesa's software renderer"),
+        (2, r"rendering\.gpus: EGL device 2 is not a GPU but Mesa's software renderer"),
         (7, r"rendering\.gpus: EGL has no device 7; it has 0 \(NVIDIA H200\), 1 \(NVIDIA H200\), 2 \(Mesa"),
     ],
 )
@@ -113,7 +113,7 @@ def test_the_wish_for_software_holds_for_every_driver(
 
 def test_without_mesa_the_cpu_cannot_draw(machine: Any) -> None:
     machine(*GPUS)
-    with pytest.raises(RenderError, match=r"Mesa, which draws on the CPU, is not installed \(.*apt install libegl1"):
+    with pytest.raises(RenderError, match=r"Mesa, which renders on the CPU, is not installed \(.*apt install libegl1"):
         open_context("cpu")
 
 
@@ -131,7 +131,7 @@ def test_a_missing_libegl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
     [
         (
             "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent",
-            "EGL has no device to draw on: it looks for drivers only where",
+            "EGL has no device to render on: it looks for drivers only where",
         ),
         ("MESA_GL_VERSION_OVERRIDE=3.0", "has only OpenGL 3.0 Mesa"),
         ("GLCONTEXT_LINUX_LIBGL=libGL.so.77", "libGL.so.77 not loaded. Install it (Debian"),
@@ -161,15 +161,15 @@ def test_memory_that_runs_out_is_an_error_with_the_size_and_what_to_lower(real: 
         pytest.skip("GPU drivers take memory only when it is used")
     with (
         pytest.raises(RenderError, match=r"llvmpipe.* not enough memory left for it all \(about 65536 MiB\)\. Lower"),
-        enough_memory(real, "it all", 1 << 36),
+        check_memory(real, "it all", 1 << 36),
     ):
         real.buffer(reserve=1 << 36)
-    with enough_memory(real, "little"):
+    with check_memory(real, "little"):
         real.buffer(reserve=1 << 10)
 
 
 def test_other_errors_of_the_driver_are_not_taken_for_a_lack_of_memory(real: moderngl.Context) -> None:
-    with pytest.raises(moderngl.Error, match="something else"), enough_memory(real, "it"):
+    with pytest.raises(moderngl.Error, match="something else"), check_memory(real, "it"):
         raise moderngl.Error("something else")
 
 

@@ -28,7 +28,7 @@ VIEW = CameraView(CAMERA, front_pose(), MODALITIES)
 @pytest.fixture(scope="module", params=[False, True], ids=["drawn", "computed"])
 def renderer(request: pytest.FixtureRequest) -> Renderer:
     """Both ways to draw: that of the CPU and that of GPUs."""
-    return Renderer(scene(MAP_OFFSET), [car()], computes=request.param)
+    return Renderer(scene(MAP_OFFSET), [car()], use_compute=request.param)
 
 
 def draw(renderer: Renderer, now: WorldState, previous: WorldState | None = None) -> CameraImages:

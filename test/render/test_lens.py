@@ -156,9 +156,12 @@ def test_the_same_seed_gives_the_same_noise_and_another_another(renderer: Render
 def test_every_camera_has_noise_of_its_own_at_every_tick() -> None:
     left, right = (Camera(type="camera", name=name) for name in ("left", "right"))
     seeds = [
-        CameraView.of(camera, seed, tick).noise_seed for camera in (left, right) for seed in (0, 1) for tick in (0, 1)
+        CameraView.from_config(camera, seed, tick).noise_seed
+        for camera in (left, right)
+        for seed in (0, 1)
+        for tick in (0, 1)
     ]
-    assert len(set(seeds)) == 8 and CameraView.of(left, 0, 0).noise_seed == seeds[0]
+    assert len(set(seeds)) == 8 and CameraView.from_config(left, 0, 0).noise_seed == seeds[0]
 
 
 def _off_edges(image: AnyArray) -> AnyArray:

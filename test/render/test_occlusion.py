@@ -21,7 +21,7 @@ from simbev_ros.types import BoolArray, Float32Array, Float64Array
 
 EGO = {"id": 1}
 CAMERA_VIEW = CameraView(CAMERA, front_pose(), MODALITIES)
-VIEW = View.of(CAMERA_VIEW, world(EGO), None, np.zeros(3))
+VIEW = View.from_camera(CAMERA_VIEW, world(EGO), None, np.zeros(3))
 EVENING = NOON.model_copy(update={"sun_azimuth_deg": 185.0, "sun_altitude_deg": 12.0})
 
 
@@ -127,7 +127,7 @@ def draw(renderer: Renderer, x_m: float, yaw_rad: float) -> CameraImages:
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    renderer = Renderer(town(), [car()], computes=False)  # a GPU's way leaves nothing out that is hidden
+    renderer = Renderer(town(), [car()], use_compute=False)  # a GPU's way leaves nothing out that is hidden
     yield renderer
     renderer.close()
 

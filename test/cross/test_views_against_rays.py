@@ -50,7 +50,7 @@ def as_drawn(studio: Studio, view: CameraView) -> tuple[tuple[ActorModel, ...], 
     spheres = bounding_spheres(actors, studio.origin_m)
     pixel_m = View.from_camera(view, studio.state, None, studio.origin_m).pixel_m(*spheres)
     detail = LevelsOfDetail(studio.models)
-    kinds = zip(actors["blueprint"].tolist(), detail.of(actors, pixel_m).tolist(), strict=True)
+    kinds = zip(actors["blueprint"].tolist(), detail.select_levels(actors, pixel_m).tolist(), strict=True)
     models = tuple(replace(studio.models[kind], mesh=detail.meshes[kind][level]) for kind, level in kinds)
     actors["blueprint"] = np.arange(len(actors))
     return models, replace(studio.state, actors=actors)

@@ -87,7 +87,7 @@ def test_the_level_follows_the_size_of_a_pixel_and_is_exact_while_a_door_is_open
     detail = LevelsOfDetail(models())
 
     def levels(table: Table, pixel_m: float) -> Int64Array:
-        return detail.of(table, np.full(len(table), pixel_m))
+        return detail.select_levels(table, np.full(len(table), pixel_m))
 
     assert (levels(crowd(), 0.0) == 1).all()
     found = [int(levels(crowd(), pixel_m).max()) for pixel_m in (0.009, 0.011, 0.04, 0.08, 0.2)]

@@ -76,7 +76,7 @@ def trace_contours(objects: Sequence[MeshInstances], near_m: float) -> Contours:
         count, parts = instances.optical_from_rest.shape[:2]
         eyes_m = np.ones((count, parts, 4), np.float32)
         eyes_m[..., :3] = inverse(instances.optical_from_rest)[..., :3, 3]
-        front, pose = instances.shell.faces(eyes_m), first + parts * np.arange(count)
+        front, pose = instances.shell.front_faces(eyes_m), first + parts * np.arange(count)
         edge_parts.append(_contour_edges(instances, front, pose))
         near = np.flatnonzero(instances.optical_from_rest[:, :, 2, 3].min(axis=1) - instances.shell.reach_m < near_m)
         if len(near):

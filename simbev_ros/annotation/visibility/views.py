@@ -102,7 +102,7 @@ class ViewAnnotator:
     def _group_by_mesh(self, objects: "_PosedObjects", in_view: Int64Array, view: View) -> list[MeshInstances]:
         """Group the objects in view by mesh; their slots are their positions in ``in_view``."""
         pixel_m = view.pixel_m(objects.center_m[in_view], objects.radius_m[in_view])
-        level = self._detail.of(objects.actors[in_view], pixel_m)
+        level = self._detail.select_levels(objects.actors[in_view], pixel_m)
         kinds = np.stack([objects.actors["blueprint"][in_view], level], axis=1)
         optical_from_world = inverse(view.world_from_optical)
         groups = []

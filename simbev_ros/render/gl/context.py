@@ -131,7 +131,7 @@ def _open(device: EglDevice) -> moderngl.Context:
 
 def _open_failure(device: EglDevice, error: Exception) -> str:
     """The reason why a device could not be opened, as far as it is known."""
-    if not device.may_be_opened:
+    if not device.is_accessible:
         return (
             f"cannot be opened: no right to use {device.file}; add the user to its group (usermod -aG render USER), "
             "or give the container the device (--device /dev/dri)"

@@ -14,14 +14,14 @@ VAN = blueprint_index()["vehicle.van"]
 RIDER = blueprint_index()["rider.bicycle"]
 
 
-def test_columns_have_types_that_point_clouds_know_and_are_aligned() -> None:
+def test_columns_are_aligned_and_have_point_cloud_types() -> None:
     assert BOX_DTYPE.fields is not None
     for kind, offset, *_ in BOX_DTYPE.fields.values():
         assert kind.str[1:] in {"u1", "u2", "u4", "i4", "f4", "f8"}
         assert offset % kind.itemsize == 0
 
 
-def test_a_box_carries_its_actors_columns_and_its_centre_is_half_a_height_up() -> None:
+def test_a_box_copies_its_actors_columns_and_its_center_is_half_its_height_up() -> None:
     other = actor(
         CAR,
         VAN,
@@ -60,7 +60,7 @@ def test_a_box_carries_its_actors_columns_and_its_centre_is_half_a_height_up() -
     assert found["blueprint"] == VAN
 
 
-def test_the_centre_of_a_tilted_box_lies_along_its_own_z() -> None:
+def test_the_center_of_a_tilted_box_is_offset_along_its_own_z() -> None:
     (found,) = boxes_around_ego(world(actor(CAR, SEDAN), actor(CAR, SEDAN, id=9, x=8.0, roll=math.pi / 2)), 50.0)
     assert (found["x"], found["y"], found["z"]) == pytest.approx((8.0, -0.75, 0.0), abs=1e-6)
 
@@ -74,7 +74,7 @@ def test_angle_is_positive_to_the_left_of_the_ego() -> None:
     assert found["distance"] == pytest.approx([10.0, 5.0])
 
 
-def test_ego_riders_and_what_is_out_of_reach_have_no_box() -> None:
+def test_ego_riders_and_actors_out_of_range_have_no_box() -> None:
     near, far = actor(CAR, SEDAN, id=3, x=19.9), actor(CAR, SEDAN, id=5, x=20.1)
     rider = actor(CAR, RIDER, id=4, x=2.0)
     found = boxes_around_ego(world(actor(CAR, SEDAN, id=EGO_ID), near, far, rider), 20.0)

@@ -1,4 +1,4 @@
-"""Labels at a crossing at two levels: a road along x climbs onto a deck above a road along y; checked cell by cell."""
+"""Labels at a two-level crossing, checked cell by cell: a road along x climbs onto a deck above a road along y."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ DECK_M, RAMP_M, HEIGHT_M = 20.0, 150.0, 6.0
 
 WEST, DECK, EAST = ([-RAMP_M, -4], [-DECK_M, 4]), ([-DECK_M, -4], [DECK_M, 4]), ([DECK_M, -4], [RAMP_M, 4])
 BELOW = [-3, -150], [3, 150]
-KERB = 0.8  # asphalt reaches so far beyond the lanes of the lower road
+CURB_M = 0.8  # asphalt extends this far beyond the lanes of the lower road
 WALK = [3.8, -150], [6, 150]  # on the lower road's right
 DASHES = [([x, -0.1], [x + 3, 0.1]) for x in np.arange(-140.0, 140.0, 10.0)]  # on the upper road
 Rectangle = tuple[list[float], list[float]]
@@ -34,11 +34,11 @@ SURFACES: dict[str, tuple[list[Rectangle], list[Rectangle]]] = {
     "crosswalk": ([([-3, 10], [3, 13])], [([11, -4], [14, 4])]),
     "hazard": ([([-2, -3], [2, 3]), ([-2, -30], [2, -26])], [([-9, -3], [-6, 3])]),
 }
-"""Of the lower road, and of the deck."""
+"""Surfaces of the lower road, and of the deck."""
 
 
 def height_m(x: Float64Array) -> Float64Array:
-    """Of the upper road: 0 to the west, then a ramp, level on the deck, down again to the east."""
+    """Height of the upper road: 0 in the west, then a ramp, constant on the deck, down again to the east."""
     return HEIGHT_M * np.clip((RAMP_M - np.abs(x)) / (RAMP_M - DECK_M), 0.0, 1.0)
 
 
@@ -66,7 +66,7 @@ def crossing() -> tuple[Levels, BevAnnotator]:
         (),
         (),
     )
-    wide = [BELOW[0][0] - KERB, BELOW[0][1]], [BELOW[1][0] + KERB, BELOW[1][1]]
+    wide = [BELOW[0][0] - CURB_M, BELOW[0][1]], [BELOW[1][0] + CURB_M, BELOW[1][1]]
     ground = [mesh(sheet(*each), Tag.ROAD) for each in (WEST, EAST, wide)]
     ground += [mesh(sheet(*WALK, 0.12), Tag.SIDEWALK)]
     ground += [mesh(sheet(*dash), Tag.ROAD_LINE) for dash in DASHES if abs(dash[0][0] + 1.5) > DECK_M]
@@ -81,16 +81,16 @@ def crossing() -> tuple[Levels, BevAnnotator]:
     return Levels(layout), BevAnnotator(StaticScene(tiles, ()), MODELS)
 
 
-def car(identity: int, x: float, y: float, z: float, yaw: float = 0.0) -> Table:
-    return actor(CAR, SEDAN, id=identity, x=x, y=y, z=z, yaw=yaw)
+def car(actor_id: int, x: float, y: float, z: float, yaw: float = 0.0) -> Table:
+    return actor(CAR, SEDAN, id=actor_id, x=x, y=y, z=z, yaw=yaw)
 
 
-def truck(identity: int, x: float, y: float, z: float, yaw: float = 0.0) -> Table:
-    return actor(TRUCK, SEDAN + 1, id=identity, x=x, y=y, z=z, yaw=yaw)
+def truck(actor_id: int, x: float, y: float, z: float, yaw: float = 0.0) -> Table:
+    return actor(TRUCK, SEDAN + 1, id=actor_id, x=x, y=y, z=z, yaw=yaw)
 
 
-def person(identity: int, x: float, y: float, z: float) -> Table:
-    return actor(PERSON, SEDAN + 2, id=identity, x=x, y=y, z=z)
+def person(actor_id: int, x: float, y: float, z: float) -> Table:
+    return actor(PERSON, SEDAN + 2, id=actor_id, x=x, y=y, z=z)
 
 
 CUT_M = 4.0  # where a deck on the ego's level begins to hide the lower road
@@ -108,7 +108,7 @@ EGOS = {
 
 
 def centers_m(state: WorldState) -> Float64Array:
-    """(rows, columns, 2) cell centres in the map frame."""
+    """(rows, columns, 2) cell centers in the map frame."""
     yaw = float(state.ego["yaw"])
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     return GRID.centers_ego @ turn.T + [state.ego["x"], state.ego["y"]]
@@ -119,7 +119,7 @@ def inside(points_m: Float64Array, *rectangles: Rectangle) -> BoolArray:
 
 
 def under(points_m: Float64Array, rows: Table) -> BoolArray:
-    """Cells below actors."""
+    """(rows, columns) whether cell centers are below actors."""
     covered = np.zeros(points_m.shape[:2], bool)
     for row in rows:
         c, s = np.cos(row["yaw"]), np.sin(row["yaw"])
@@ -129,15 +129,15 @@ def under(points_m: Float64Array, rows: Table) -> BoolArray:
 
 
 @pytest.mark.parametrize("place", EGOS)
-def test_every_cell_is_labelled_with_what_lies_on_the_egos_level_only(place: str) -> None:
+def test_cells_are_labeled_only_with_surfaces_and_actors_on_the_egos_level(place: str) -> None:
     levels, annotator = crossing()
     state = world(EGOS[place], *OTHERS)
     labels = annotator.labels(state, GRID, levels.ego_level(state))
     points_m = centers_m(state)
-    wide = [BELOW[0][0] - KERB, BELOW[0][1]], [BELOW[1][0] + KERB, BELOW[1][1]]
+    wide = [BELOW[0][0] - CURB_M, BELOW[0][1]], [BELOW[1][0] + CURB_M, BELOW[1][1]]
     upper = {"beneath": [WEST, EAST], "on the deck": [WEST, DECK, EAST], "on the way up": [WEST, DECK, EAST]}[place]
-    away_m = {"beneath": 0.0, "on the deck": np.inf, "on the way up": CUT_M}[place]
-    lower = np.abs(points_m[..., 1]) > away_m
+    hidden_half_m = {"beneath": 0.0, "on the deck": np.inf, "on the way up": CUT_M}[place]
+    lower = np.abs(points_m[..., 1]) > hidden_half_m
     dashes = [dash for dash in DASHES if place != "beneath" or abs(dash[0][0] + 1.5) > DECK_M]
     ids = {"beneath": ON_LOWER, "on the deck": ON_DECK, "on the way up": ON_DECK | FAR_ON_LOWER}[place] | {EGO_ID}
     expected = {
@@ -147,20 +147,20 @@ def test_every_cell_is_labelled_with_what_lies_on_the_egos_level_only(place: str
     }
     for name, (below, above) in SURFACES.items():
         expected[name] = inside(points_m, *below) & lower | inside(points_m, *above) & (place != "beneath")
-    counted = state.actors[np.isin(state.actors["id"], sorted(ids))]
+    labeled = state.actors[np.isin(state.actors["id"], sorted(ids))]
     for name, tag in (("car", Tag.CAR), ("truck", Tag.TRUCK), ("pedestrian", Tag.PEDESTRIAN)):
-        expected[name] = under(points_m, counted[counted["tag"] == tag])
+        expected[name] = under(points_m, labeled[labeled["tag"] == tag])
         assert expected[name].any()
     for name in BEV_CLASSES:
         found = labels >> BEV_CLASSES.index(name) & 1 == 1
-        wanted = expected.get(name, np.zeros_like(found))
-        assert not (wrong := found != wanted).any(), f"{name}: {np.argwhere(wrong)[:5]}"
+        target = expected.get(name, np.zeros_like(found))
+        assert not (wrong := found != target).any(), f"{name}: {np.argwhere(wrong)[:5]}"
 
 
 @pytest.mark.parametrize(
     ("place", "ids"), [("beneath", ON_LOWER), ("on the deck", ON_DECK), ("on the way up", ON_DECK | FAR_ON_LOWER)]
 )
-def test_boxes_of_all_levels_are_there_and_say_whether_they_are_on_the_egos(place: str, ids: set[int]) -> None:
+def test_boxes_of_all_levels_are_listed_with_a_flag_for_the_egos_level(place: str, ids: set[int]) -> None:
     levels, _ = crossing()
     state = world(EGOS[place], *OTHERS)
     found = boxes_around_ego(state, 120.0, levels.ego_level(state))
@@ -169,7 +169,7 @@ def test_boxes_of_all_levels_are_there_and_say_whether_they_are_on_the_egos(plac
 
 
 @pytest.mark.parametrize(("place", "counts"), [("beneath", [0, 1, 1]), ("on the deck", [1, 0, 0])])
-def test_lights_and_signs_are_on_the_level_of_the_road_that_they_stand_beside(place: str, counts: list[int]) -> None:
+def test_lights_and_signs_are_on_the_level_of_the_road_beside_them(place: str, counts: list[int]) -> None:
     levels, _ = crossing()
     state = world(EGOS[place])
     feet_m = np.array([[10.0, -4.5, HEIGHT_M], [3.3, 2.0, 0.0], [-3.3, 60.0, 0.0]])
@@ -180,7 +180,7 @@ def test_lights_and_signs_are_on_the_level_of_the_road_that_they_stand_beside(pl
     assert found["on_ego_level"].tolist() == counts
 
 
-def test_a_rider_is_where_the_bicycle_is() -> None:
+def test_a_rider_is_on_the_level_of_the_bicycle() -> None:
     levels, _ = crossing()
     bicycle, rider = car(11, 0.0, 0.0, HEIGHT_M), actor(CAR, SEDAN, id=12, parent=11, x=0.0, y=0.0, z=2.0)
     state = world(EGOS["on the deck"], bicycle, rider)

@@ -1,4 +1,4 @@
-"""At night sound street lights light the road and glow, broken ones do neither; windows have the scene's colours."""
+"""At night, working street lights glow and light the road, broken ones do neither; windows have the scene's colors."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -30,7 +30,7 @@ WALL_X_M, WALL_M = 60.0, 30.0
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    """Two street lamps to the left and right, and far ahead a wall of 10 x 10 windows that they do not reach."""
+    """Two street lamps on the left and right, and far ahead a wall of 10 x 10 windows beyond their range."""
     pieces = [plane(100.0, 0.0, Tag.ROAD, Material.CONCRETE)]
     for index, (x_m, y_m, z_m) in enumerate(LAMPS_M):
         half_m = 0.6
@@ -67,14 +67,14 @@ def brightness(image: UInt8Array, points_m: Float64Array) -> list[float]:
 
 
 def seed_with(failed: list[bool]) -> LightSpec:
-    """Lights of which just these have failed."""
+    """Lights with exactly the given failures."""
     street = StreetLightSpec(failure_probability=0.4)
     every = (LightSpec(seed=seed, street=street) for seed in count())
     return next(lights for lights in every if street_lights(lights, LAMPS_M)["failed"].astype(bool).tolist() == failed)
 
 
 @pytest.mark.parametrize("failed", [[True, False], [False, True]])
-def test_a_broken_lamp_lights_nothing_and_a_sound_one_does(renderer: Renderer, failed: list[bool]) -> None:
+def test_a_broken_lamp_is_dark_and_a_working_one_lights_the_road(renderer: Renderer, failed: list[bool]) -> None:
     broken, sound = (LAMPS_M[failed.index(state)] for state in (True, False))
     image = photograph(renderer, seed_with(failed))
     places_m = np.array([broken, sound, broken * [1, 1, 0], sound * [1, 1, 0]])
@@ -95,13 +95,13 @@ def test_more_lumens_are_brighter(renderer: Renderer) -> None:
     assert seen[2] > 1.1 * seen[1]
 
 
-def test_by_day_switches_change_nothing(renderer: Renderer) -> None:
+def test_by_day_the_settings_have_no_effect(renderer: Renderer) -> None:
     off = LightSpec(street=StreetLightSpec(enabled=False), buildings=BuildingLightSpec(enabled=False))
     np.testing.assert_array_equal(photograph(renderer, LightSpec(), 20.0), photograph(renderer, off, 20.0))
 
 
 def lit_windows(image: UInt8Array) -> tuple[float, UInt8Array]:
-    """Share of the 10 x 10 windows that are lit, and (N, 3) their colours: of the brightest of nine pixels in each."""
+    """Share of the 10 x 10 windows that are lit, and (N, 3) their colors, each from the brightest of nine pixels."""
     bay_m = np.arange(10) * 3.0
     along_m, up_m = np.meshgrid(bay_m + 1.75, bay_m + 1.2)
     places_m = np.column_stack([np.full(100, WALL_X_M), WALL_M / 2.0 - along_m.ravel(), up_m.ravel()])

@@ -122,7 +122,7 @@ def test_windows_have_the_scenes_colors_and_share(renderer: Renderer) -> None:
     assert shares[0.3] == pytest.approx(0.3, abs=0.12)
     assert shares[0.8] == pytest.approx(0.8, abs=0.12)
     red, _, blue = colors.astype(int).T
-    assert np.all(np.abs(red - blue) > 20), "each window has one of the two colours"
+    assert np.all(np.abs(red - blue) > 20), "each window has one of the two colors"
     assert 0.25 < np.mean(red > blue) < 0.75
 
 

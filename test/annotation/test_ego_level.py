@@ -101,9 +101,9 @@ OTHERS = (
 )
 ON_DECK, ON_LOWER, FAR_ON_LOWER = {8, 11, 14}, {9, 10, 12, 13, 15, 16}, {9, 13, 16}
 EGOS = {
-    "beneath": car(EGO_ID, -1.2, -25.0, 0.0, 1.4),
+    "below": car(EGO_ID, -1.2, -25.0, 0.0, 1.4),
     "on the deck": car(EGO_ID, -6.0, -1.5, HEIGHT_M, 0.13),
-    "on the way up": car(EGO_ID, -55.0, -1.5, float(height_m(np.float64(-55.0))), -0.08),
+    "on the ramp": car(EGO_ID, -55.0, -1.5, float(height_m(np.float64(-55.0))), -0.08),
 }
 
 
@@ -135,18 +135,18 @@ def test_cells_are_labeled_only_with_surfaces_and_actors_on_the_egos_level(place
     labels = annotator.labels(state, GRID, levels.ego_level(state))
     points_m = centers_m(state)
     wide = [BELOW[0][0] - CURB_M, BELOW[0][1]], [BELOW[1][0] + CURB_M, BELOW[1][1]]
-    upper = {"beneath": [WEST, EAST], "on the deck": [WEST, DECK, EAST], "on the way up": [WEST, DECK, EAST]}[place]
-    hidden_half_m = {"beneath": 0.0, "on the deck": np.inf, "on the way up": CUT_M}[place]
+    upper = {"below": [WEST, EAST], "on the deck": [WEST, DECK, EAST], "on the ramp": [WEST, DECK, EAST]}[place]
+    hidden_half_m = {"below": 0.0, "on the deck": np.inf, "on the ramp": CUT_M}[place]
     lower = np.abs(points_m[..., 1]) > hidden_half_m
-    dashes = [dash for dash in DASHES if place != "beneath" or abs(dash[0][0] + 1.5) > DECK_M]
-    ids = {"beneath": ON_LOWER, "on the deck": ON_DECK, "on the way up": ON_DECK | FAR_ON_LOWER}[place] | {EGO_ID}
+    dashes = [dash for dash in DASHES if place != "below" or abs(dash[0][0] + 1.5) > DECK_M]
+    ids = {"below": ON_LOWER, "on the deck": ON_DECK, "on the ramp": ON_DECK | FAR_ON_LOWER}[place] | {EGO_ID}
     expected = {
         "road": inside(points_m, *upper) | (inside(points_m, wide) & lower),
         "sidewalk": inside(points_m, WALK) & lower,
         "road_line": inside(points_m, *dashes),
     }
     for name, (below, above) in SURFACES.items():
-        expected[name] = inside(points_m, *below) & lower | inside(points_m, *above) & (place != "beneath")
+        expected[name] = inside(points_m, *below) & lower | inside(points_m, *above) & (place != "below")
     labeled = state.actors[np.isin(state.actors["id"], sorted(ids))]
     for name, tag in (("car", Tag.CAR), ("truck", Tag.TRUCK), ("pedestrian", Tag.PEDESTRIAN)):
         expected[name] = under(points_m, labeled[labeled["tag"] == tag])
@@ -158,7 +158,7 @@ def test_cells_are_labeled_only_with_surfaces_and_actors_on_the_egos_level(place
 
 
 @pytest.mark.parametrize(
-    ("place", "ids"), [("beneath", ON_LOWER), ("on the deck", ON_DECK), ("on the way up", ON_DECK | FAR_ON_LOWER)]
+    ("place", "ids"), [("below", ON_LOWER), ("on the deck", ON_DECK), ("on the ramp", ON_DECK | FAR_ON_LOWER)]
 )
 def test_boxes_of_all_levels_are_listed_with_a_flag_for_the_egos_level(place: str, ids: set[int]) -> None:
     levels, _ = crossing()
@@ -168,7 +168,7 @@ def test_boxes_of_all_levels_are_listed_with_a_flag_for_the_egos_level(place: st
     assert set(found["id"][found["on_ego_level"] == 1].tolist()) == ids
 
 
-@pytest.mark.parametrize(("place", "counts"), [("beneath", [0, 1, 1]), ("on the deck", [1, 0, 0])])
+@pytest.mark.parametrize(("place", "counts"), [("below", [0, 1, 1]), ("on the deck", [1, 0, 0])])
 def test_lights_and_signs_are_on_the_level_of_the_road_beside_them(place: str, counts: list[int]) -> None:
     levels, _ = crossing()
     state = world(EGOS[place])

@@ -67,11 +67,11 @@ def at_night(*rows: dict[str, float], **weather: float) -> WorldState:
 
 
 def wall_brightness(
-    renderer: Renderer, places: list[tuple[float, float]], **other: float
+    renderer: Renderer, positions: list[tuple[float, float]], **other: float
 ) -> tuple[Float64Array, Float64Array]:
     """(N,) brightness of the wall at (y, z) with and without the car's light."""
     eye_m, rpy = (8.0, 6.0, 3.5), np.array([0.0, 0.15, -0.4])
-    points_m = [(WALL_X_M, y_m, z_m) for y_m, z_m in places]
+    points_m = [(WALL_X_M, y_m, z_m) for y_m, z_m in positions]
     lit, dark = (
         sample_colors(
             photograph(renderer, at_night({"id": 2, **other, "lights": lights}), eye_m, rpy), eye_m, rpy, *points_m
@@ -90,11 +90,11 @@ def test_a_low_beam_ends_1_percent_below_the_lamps_and_rises_on_the_right(render
 
 
 def test_a_high_beam_and_a_pitched_car_light_higher(renderer: Renderer) -> None:
-    places = [(0.5, 1.3)]
-    lit, dark = wall_brightness(renderer, places)
+    positions = [(0.5, 1.3)]
+    lit, dark = wall_brightness(renderer, positions)
     assert lit[0] < 1.6 * dark[0]
     for other in ({"lights": Light.LOW_BEAM | Light.HIGH_BEAM}, {"pitch": -0.06}):
-        lit, dark = wall_brightness(renderer, places, **other)
+        lit, dark = wall_brightness(renderer, positions, **other)
         assert lit[0] > 3.0 * dark[0]
 
 

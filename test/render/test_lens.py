@@ -77,11 +77,11 @@ def test_the_color_image_agrees_with_the_ideal_image_distorted_by_opencv(
 ) -> None:
     ideal = ideal_camera(camera)
     views = [CameraView(each, front_pose(), ("rgb",)) for each in (camera, ideal)]
-    bent, straight = (images.rgb for images in renderer.render(views, RenderFrame(world(EGO))))
-    assert bent is not None and straight is not None
-    places = ideal.project(pixel_rays(camera)).reshape(*bent.shape[:2], 2).astype(np.float32)
-    expected = cv2.remap(straight, places, None, cv2.INTER_CUBIC).astype(float)
-    error, shifted = (np.abs(bent - np.roll(expected, step, axis=1)).mean() for step in (0, 1))
+    distorted, straight = (images.rgb for images in renderer.render(views, RenderFrame(world(EGO))))
+    assert distorted is not None and straight is not None
+    positions_px = ideal.project(pixel_rays(camera)).reshape(*distorted.shape[:2], 2).astype(np.float32)
+    expected = cv2.remap(straight, positions_px, None, cv2.INTER_CUBIC).astype(float)
+    error, shifted = (np.abs(distorted - np.roll(expected, step, axis=1)).mean() for step in (0, 1))
     assert error < 0.7 and shifted > 3.0 * error
 
 

@@ -75,14 +75,14 @@ def seed_with(failed: list[bool]) -> LightSpec:
 
 @pytest.mark.parametrize("failed", [[True, False], [False, True]])
 def test_a_broken_lamp_is_dark_and_a_working_one_lights_the_road(renderer: Renderer, failed: list[bool]) -> None:
-    broken, sound = (LAMPS_M[failed.index(state)] for state in (True, False))
+    broken, working = (LAMPS_M[failed.index(state)] for state in (True, False))
     image = photograph(renderer, seed_with(failed))
-    places_m = np.array([broken, sound, broken * [1, 1, 0], sound * [1, 1, 0]])
-    dark_lamp, glow, dark_road, pool = brightness(image, places_m)
+    positions_m = np.array([broken, working, broken * [1, 1, 0], working * [1, 1, 0]])
+    dark_lamp, glow, dark_road, pool = brightness(image, positions_m)
     assert glow > 200.0 > 3.0 * dark_lamp
     assert pool > 2.0 * dark_road
     nothing = photograph(renderer, LightSpec(street=StreetLightSpec(enabled=False)))
-    assert brightness(nothing, places_m)[2] == pytest.approx(dark_road, abs=6.0)
+    assert brightness(nothing, positions_m)[2] == pytest.approx(dark_road, abs=6.0)
 
 
 def test_more_lumens_are_brighter(renderer: Renderer) -> None:
@@ -104,8 +104,8 @@ def lit_windows(image: UInt8Array) -> tuple[float, UInt8Array]:
     """Share of the 10 x 10 windows that are lit, and (N, 3) their colors, each from the brightest of nine pixels."""
     bay_m = np.arange(10) * 3.0
     along_m, up_m = np.meshgrid(bay_m + 1.75, bay_m + 1.2)
-    places_m = np.column_stack([np.full(100, WALL_X_M), WALL_M / 2.0 - along_m.ravel(), up_m.ravel()])
-    pixels = np.rint(CAMERA.project(apply(inverse(ALONG @ SENSOR_FROM_OPTICAL), places_m))).astype(int)
+    positions_m = np.column_stack([np.full(100, WALL_X_M), WALL_M / 2.0 - along_m.ravel(), up_m.ravel()])
+    pixels = np.rint(CAMERA.project(apply(inverse(ALONG @ SENSOR_FROM_OPTICAL), positions_m))).astype(int)
     u, v = (pixels[:, None] + np.mgrid[-1:2, -1:2].reshape(2, 9).T).T
     colors = image[v, u]  # (9, 100, 3)
     colors = colors[colors.max(axis=2).argmax(axis=0), np.arange(100)]

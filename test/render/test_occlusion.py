@@ -109,13 +109,13 @@ def town() -> StaticScene:
 def crowd(**ego: float) -> WorldState:
     """Cars on the street, behind both walls, and behind the camera with the low sun at their backs."""
     rng = np.random.default_rng(9)
-    places = [
+    positions = [
         *rng.uniform([10, -5], [70, 5], (4, 2)),
         *rng.uniform([15, 12], [90, 40], (12, 2)),
         (-4.0, 3.0),
         (-9.0, -4),
     ]
-    others = [{"id": 2 + k, "x": x, "y": y, "yaw": k} for k, (x, y) in enumerate(places)]
+    others = [{"id": 2 + k, "x": x, "y": y, "yaw": k} for k, (x, y) in enumerate(positions)]
     return world({**EGO, **ego}, *others, weather=EVENING)
 
 

@@ -113,12 +113,12 @@ def _labels(corners_cells: Float64Array, planes: UInt8Array, grid: BevGrid) -> U
 
 def _tile_footprint(tile: Tile) -> Footprint:
     """The labeled part of a tile in plan view, map frame."""
-    seen = _mesh_footprint(tile.mesh, _PLANE_OF_TAG[tile.mesh.triangle_tag], tile.origin_m)
+    visible = _mesh_footprint(tile.mesh, _PLANE_OF_TAG[tile.mesh.triangle_tag], tile.origin_m)
     surfaces = [
         _mesh_footprint(mesh, np.full(len(mesh.triangles), BEV_CLASSES.index(name), np.uint8), tile.origin_m)
         for name, mesh in sorted(tile.surfaces.items())
     ]
-    return merge_footprints([seen, *surfaces])
+    return merge_footprints([visible, *surfaces])
 
 
 def _mesh_footprint(mesh: Mesh, planes: UInt8Array, origin_m: Float64Array) -> Footprint:

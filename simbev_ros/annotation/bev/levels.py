@@ -70,7 +70,7 @@ class EgoLevel:
         hidden = np.isin(self.members.piece[self.members.hidden], pieces)
         pairs = self.members.piece[np.stack([self.members.hidden[hidden], self.members.hiding[hidden]])]
         key = self._included[pieces].tobytes() + excluded.tobytes() + pairs.tobytes()
-        return self._grounds.cached(ground, key, lambda: self._cut(ground, level, self.members.areas[hidden]))
+        return self._grounds.reuse_or_make(ground, key, lambda: self._cut(ground, level, self.members.areas[hidden]))
 
     def _cut(self, ground: Footprint, level: int, hidden_areas: AnyArray) -> Footprint:
         """The remaining part of a footprint; triangles that cross the border of the ego's level are cut there."""
@@ -117,7 +117,7 @@ class _Grounds:
             self._below[ground] = not_flat[triangle], piece
         return self._below[ground]
 
-    def cached(self, ground: Footprint, key: bytes, make: Callable[[], Footprint]) -> Footprint:
+    def reuse_or_make(self, ground: Footprint, key: bytes, make: Callable[[], Footprint]) -> Footprint:
         """The cached result for a footprint; computed anew if ``key`` has changed."""
         if ground not in self._kept or self._kept[ground][0] != key:
             self._kept[ground] = key, make()

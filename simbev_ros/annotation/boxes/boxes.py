@@ -136,8 +136,8 @@ def _actor_boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None,
     actors, classes = state.actors, class_of_blueprint()[state.actors["blueprint"]]
     gap_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
     counts = (classes != NO_CLASS) & (actors["id"] != state.ego_id)
-    chosen = counts & (gap_m <= radius_m + state.ego["height"] + actors["length"] + actors["height"])
-    actors = actors[chosen]
+    selected = counts & (gap_m <= radius_m + state.ego["height"] + actors["length"] + actors["height"])
+    actors = actors[selected]
     result = blank_boxes(len(actors))
     for name in _SHARED_COLUMNS:
         result[name] = actors[name]
@@ -148,9 +148,9 @@ def _actor_boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None,
         pose = map_from_actors(actors)
         center_m = pose[:, :3, 3] + np.einsum("nij,nj->ni", pose[:, :3, :3], (low_m + high_m) / 2.0)
     result["x"], result["y"], result["z"] = center_m.T
-    result["class"] = classes[chosen]
+    result["class"] = classes[selected]
     result["sign"] = _sign_of_blueprint()[actors["blueprint"]]
-    result["on_ego_level"] = on_ego_level(state, ego_level)[chosen]
+    result["on_ego_level"] = on_ego_level(state, ego_level)[selected]
     return result
 
 
@@ -173,10 +173,10 @@ def _near(table: Table, state: WorldState, radius_m: float) -> Table:
     center_m = np.stack([table["x"], table["y"], table["z"]], axis=1)
     to_center_ego = (center_m - box_centers_m(ego[None])) @ map_from_actors(ego)[:3, :3]
     distance_m = np.linalg.norm(to_center_ego, axis=1)
-    chosen = distance_m <= radius_m
-    result: Table = table[chosen]
-    result["distance"] = distance_m[chosen]
-    result["angle"] = np.arctan2(to_center_ego[:, 1], to_center_ego[:, 0])[chosen]
+    selected = distance_m <= radius_m
+    result: Table = table[selected]
+    result["distance"] = distance_m[selected]
+    result["angle"] = np.arctan2(to_center_ego[:, 1], to_center_ego[:, 0])[selected]
     return result
 
 

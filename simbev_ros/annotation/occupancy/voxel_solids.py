@@ -1,4 +1,4 @@
-"""Fills the voxels that lie inside closed surfaces, the second half of voxelization next to ``voxel_surfaces``.
+"""Fills the voxels that lie inside closed surfaces: one of the two passes of voxelization, next to ``voxel_surfaces``.
 
 A voxel that no surface passes through lies inside if its center does. On the vertical line through the center, surfaces
 that face down open a solid and those that face up close it; solids may overlap. Triangles with a common edge compute

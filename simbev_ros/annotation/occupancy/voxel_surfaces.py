@@ -1,4 +1,4 @@
-"""Marks the voxels that triangles pass through, the first half of voxelization next to ``voxel_solids``.
+"""Marks the voxels that triangles pass through: one of the two passes of voxelization, next to ``voxel_solids``.
 
 A triangle and a cube overlap if and only if their projections along the axes do and the triangle's plane cuts the cube
 (Schwarz and Seidel, Fast parallel surface and solid voxelization on GPUs, 2010). In the projection that shows most of
@@ -93,9 +93,9 @@ def _mark_triangles(
         rows = np.flatnonzero(along == axis)
         count = np.prod([high[each, rows].astype(np.int64) - low[each, rows] + 1 for each in order[:2]], axis=0)
         for batch in _batches(count):
-            chosen = rows[batch]
-            projected = _Projected.from_corners(corners[order][..., chosen], facing[order][:, chosen])
-            projected.mark(ranks, rank[chosen], low[order][:, chosen], high[order][:, chosen], strides[order])
+            selected = rows[batch]
+            projected = _Projected.from_corners(corners[order][..., selected], facing[order][:, selected])
+            projected.mark(ranks, rank[selected], low[order][:, selected], high[order][:, selected], strides[order])
 
 
 @dataclass(frozen=True, slots=True)

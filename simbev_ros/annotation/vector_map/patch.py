@@ -153,9 +153,9 @@ class PatchLines:
             return {}
         is_start, is_stop = np.append(True, begin[1:] != end[:-1]), np.append(begin[1:] != end[:-1], True)
         corner = is_start | (begin == np.floor(begin))
-        chosen = np.column_stack([corner, is_stop])
-        points = patch.from_map(self._lines.values(np.column_stack(pieces)[chosen]))
-        run = np.repeat(np.cumsum(is_start), 2)[chosen.ravel()]
+        selected = np.column_stack([corner, is_stop])
+        points = patch.from_map(self._lines.values(np.column_stack(pieces)[selected]))
+        run = np.repeat(np.cumsum(is_start), 2)[selected.ravel()]
         parts = np.split(points, np.flatnonzero(np.diff(run)) + 1)
         rows = self._lines.row[begin[is_start].astype(np.int64)].tolist()
         joined: dict[int, list[Float64Array]] = {}

@@ -54,7 +54,7 @@ class Shell:
         planes = np.column_stack([normal, offset]).astype(np.float32)
         reach_m = float(np.linalg.norm(vertices_m, axis=1).max())
         vertices_m, part = np.ascontiguousarray(vertices_m.T), mesh.part.astype(np.int64)
-        return cls(vertices_m, part, reach_m, triangles, planes, parts, *_edges(triangles, _welded(mesh)))
+        return cls(vertices_m, part, reach_m, triangles, planes, parts, *_edges(triangles, _weld_vertices(mesh)))
 
     def front_faces(self, eyes_m: Float32Array) -> BoolArray:
         """(K, T + 1) whether triangles face the eye positions; the last column, for edges without a neighbor, is False.
@@ -68,7 +68,7 @@ class Shell:
         return height_m > 0.0
 
 
-def _welded(mesh: Mesh) -> Int64Array:
+def _weld_vertices(mesh: Mesh) -> Int64Array:
     """(V,) position index of each vertex; vertices of one part at the same position share it."""
     keys = (*mesh.vertices.T, mesh.part)
     order = np.lexsort(keys)

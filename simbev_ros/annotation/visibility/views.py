@@ -79,8 +79,8 @@ class ViewAnnotator:
         Returns:
             (K,) ``VIEW_DTYPE`` per camera, ascending id.
         """
-        wanted = np.isin(state.actors["id"], boxes["id"]) & (state.actors["id"] != state.ego_id)
-        actors = state.actors[wanted & (self._class[state.actors["blueprint"]] != _NO_CLASS)]
+        requested = np.isin(state.actors["id"], boxes["id"]) & (state.actors["id"] != state.ego_id)
+        actors = state.actors[requested & (self._class[state.actors["blueprint"]] != _NO_CLASS)]
         objects = _PosedObjects.from_actors(
             self._skeletons, actors, np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
         )

@@ -33,8 +33,8 @@ def count_visible_pixels(instance: UInt16Array, ids: AnyArray) -> VisiblePixels:
     start = np.flatnonzero(is_run_start)
     length = np.diff(start, append=len(labels))
     index = np.searchsorted(ids, labels[start]).clip(max=len(ids) - 1)
-    wanted = ids[index] == labels[start]
-    start, length, index = start[wanted], length[wanted], index[wanted]
+    requested = ids[index] == labels[start]
+    start, length, index = start[requested], length[requested], index[requested]
     row, column = np.divmod(start, width)
     low, high = np.full((2, len(ids)), np.inf), np.full((2, len(ids)), -np.inf)
     for axis, (first, last) in enumerate(((column, column + length - 1), (row, row))):

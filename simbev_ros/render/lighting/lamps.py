@@ -71,14 +71,14 @@ class VehicleLamps:
         parts = [np.zeros(0, LAMP_DTYPE)]
         for blueprint in np.unique(actors["blueprint"]):
             model = self._models[blueprint]
-            chosen = np.flatnonzero((actors["blueprint"] == blueprint) & (actors["lights"] != 0))
-            free = np.ones((len(chosen), len(model.material)), bool)
+            selected = np.flatnonzero((actors["blueprint"] == blueprint) & (actors["lights"] != 0))
+            free = np.ones((len(selected), len(model.material)), bool)
             for name, kind in lamp_kinds()["vehicle"].items():
-                lit = (actors["lights"][chosen] & Light[kind["light"]] != 0)[:, None]
+                lit = (actors["lights"][selected] & Light[kind["light"]] != 0)[:, None]
                 lit = lit & (model.material == Material[kind["material"]]) & free
                 free &= ~lit
                 index, lamp = np.nonzero(lit)
-                rows = chosen[index]
+                rows = selected[index]
                 lamps = _lamps_of_kind(len(rows), kind, model.color[lamp] if kind["color"] is None else kind["color"])
                 lamps["at"] = (poses[rows, :3, :3] @ model.position_m[lamp, :, None])[..., 0] + poses[rows, :3, 3]
                 lamps["height_m"] = model.position_m[lamp, 2]
@@ -127,17 +127,17 @@ def _find_lamps(model: ActorModel) -> _ModelLamps:
     """Find a model's lamps: the triangles of a material at the same end and side form one lamp."""
     mesh = model.mesh
     first = mesh.triangles[:, 0]
-    chosen = np.isin(mesh.material[first], [Material[k["material"]] for k in lamp_kinds()["vehicle"].values()])
-    corners_m = mesh.vertices[mesh.triangles[chosen]].astype(np.float64)
+    selected = np.isin(mesh.material[first], [Material[k["material"]] for k in lamp_kinds()["vehicle"].values()])
+    corners_m = mesh.vertices[mesh.triangles[selected]].astype(np.float64)
     center_m = corners_m.mean(axis=1)
     area = np.linalg.norm(np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]), axis=1)
     side = np.where(np.abs(center_m[:, 1]) < _SIDE_M, 0.0, np.sign(center_m[:, 1]))
     ahead = np.where(center_m[:, 0] > 0.0, 1.0, -1.0)
-    keys = np.column_stack([mesh.material[first[chosen]], side, ahead])
+    keys = np.column_stack([mesh.material[first[selected]], side, ahead])
     lamps, member = np.unique(keys, axis=0, return_inverse=True)
     share = (member.reshape(-1) == np.arange(len(lamps))[:, None]) * (area + 1e-12)
     share /= share.sum(axis=1, keepdims=True)
-    color = share @ (mesh.color[first[chosen]] / 255.0) ** 2.2
+    color = share @ (mesh.color[first[selected]] / 255.0) ** 2.2
     return _ModelLamps(
         position_m=share @ center_m,
         color=color / np.maximum(color.max(axis=1, keepdims=True, initial=1e-6), 1e-6),

@@ -23,7 +23,7 @@ SKY_SIZE_PX = 96
 """Width of the sky radiance table, a map of the hemisphere as defined by ``hemisphere_angles``."""
 
 HORIZON_STRETCH = 0.5
-"""Share of the map's area given to the zenith; see shaders/include/sky.glsl."""
+"""Stretch toward the horizon: smaller values give the zenith less room in the map; see shaders/include/sky.glsl."""
 
 _MIN_MOON_DEG = 35.0
 _MIN_KEY_DEG = 1.0

@@ -166,7 +166,7 @@ def test_out_of_memory_is_an_error_with_the_size_and_what_to_lower(real: moderng
     if "llvmpipe" not in real.info["GL_RENDERER"]:
         pytest.skip("GPU drivers take memory only when it is used")
     with (
-        pytest.raises(RenderError, match=r"llvmpipe.* not enough memory left for it all \(about 65536 MiB\)\. Lower"),
+        pytest.raises(RenderError, match=r"llvmpipe.* does not have enough memory left for it all \(about 65536 MiB\)\. Lower"),
         check_memory(real, "it all", 1 << 36),
     ):
         real.buffer(reserve=1 << 36)

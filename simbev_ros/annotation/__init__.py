@@ -1,1 +1,1 @@
-"""Exact labels from the world state and the meshes."""
+"""Ground-truth labels: BEV grids, 3D boxes, occupancy, vector maps and visibility, from world state and meshes."""

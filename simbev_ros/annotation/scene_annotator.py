@@ -1,4 +1,9 @@
-"""All labels of a scene that follow from the state of the world alone."""
+"""All labels of a scene that can be computed from the world state alone, without sensor data.
+
+The annotation node calls ``SceneAnnotator.labels`` for each recorded tick: a ``WorldState`` enters, ``Labels`` leave
+(BEV grid, 3D boxes, occupancy voxels, vector map). Point counts and visibility need sensor data and are added later, by
+``boxes.points`` and ``visibility``.
+"""
 
 import math
 from collections.abc import Sequence
@@ -10,10 +15,10 @@ import shapely
 from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.annotation.bev.hazards import hazard_areas
 from simbev_ros.annotation.bev.levels import Levels
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.annotation.boxes.extents import Extents
-from simbev_ros.annotation.boxes.standing import standing_of
-from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, occupied
+from simbev_ros.annotation.boxes.standing import find_static_objects
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, occupied_voxels
 from simbev_ros.annotation.vector_map.vector_map import VectorMap
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.placement.static_scene import StaticScene
@@ -25,18 +30,18 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import Table, UInt16Array
 
-_ROADS_MARGIN_M = 20.0  # lines that leave the vector map's patch are needed so far beyond it
+_ROADS_MARGIN_M = 20.0  # lines that leave the vector map's patch are needed this far beyond its border
 
 
 @dataclass(frozen=True, slots=True)
 class Labels:
-    """Labels of a tick.
+    """Ground-truth labels of one tick.
 
     Attributes:
-        grid: (rows, columns), as ``BevAnnotator.labels`` gives it.
-        boxes: (N,) ``BOX_DTYPE``; what sensors see of them is not yet known.
-        voxels: (M,) ``VOXEL_DTYPE``; None where none are due.
-        roads: As ``VectorMap.record`` gives it; None where none is due.
+        grid: (rows, columns) uint16 BEV labels, see ``BevAnnotator.labels``.
+        boxes: (N,) ``BOX_DTYPE``; the columns that depend on sensor data are not filled yet.
+        voxels: (M,) ``VOXEL_DTYPE`` occupied voxels; None if no occupancy labels are due at this tick.
+        roads: Vector map, see ``VectorMap.record``; None if none is due at this tick.
     """
 
     grid: UInt16Array
@@ -46,32 +51,32 @@ class Labels:
 
 
 class MeshAnnotators:
-    """What reads the meshes around the ego; scenes that stay there share it."""
+    """The annotators that need meshes; scenes in the same area share one instance because preparing it is expensive."""
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
-        """Takes the immobile scene and the catalogue's models, indexed by blueprint."""
+        """Prepare the annotators from the static scene and the catalogue's models, indexed by blueprint."""
         self.bev = BevAnnotator(static, models)
         self.occupancy = OccupancyAnnotator(static, models)
         self.extents = Extents(models)
 
 
 class SceneAnnotator:
-    """Knows the roads and the settings of one scene."""
+    """Produces all labels of one scene, from its roads, its annotation settings and the shared ``MeshAnnotators``."""
 
     def __init__(self, spec: SceneSpec, network: RoadNetwork, meshes: MeshAnnotators) -> None:
         self._spec, self._annotation, self._meshes = spec, spec.annotation, meshes
-        layout = _layout_near(spec, network, VIEW_M)
+        layout = _nearby_layout(spec, network, VIEW_M)
         self._levels, self._hazards = Levels(layout), hazard_areas(spec.hazards, layout)
-        self._standing = standing_of(network)
+        self._standing = find_static_objects(network)
         patch = spec.annotation.vector_map
         self._roads = None if patch is None else _vector_map(spec, network, patch)
 
     def labels(self, state: WorldState) -> Labels:
-        """Those of a recorded tick."""
-        ego_level = self._levels.of_ego(state)
+        """Labels of one recorded tick."""
+        ego_level = self._levels.ego_level(state)
         grid = self._meshes.bev.labels(state, self._annotation.bev.grid, ego_level, self._hazards)
         radius_m = self._annotation.box_radius_m
-        table = boxes(state, radius_m, ego_level, self._meshes.extents, self._standing)
+        table = boxes_around_ego(state, radius_m, ego_level, self._meshes.extents, self._standing)
         occupancy, patch = self._annotation.occupancy, self._annotation.vector_map
         return Labels(
             grid,
@@ -85,11 +90,11 @@ class SceneAnnotator:
 
     def _voxels(self, wanted: Occupancy, state: WorldState) -> Table:
         hidden_ids = frozenset() if wanted.ego else state.ego_ids
-        return occupied(self._meshes.occupancy.tags(state, wanted.grid, hidden_ids), wanted.grid)
+        return occupied_voxels(self._meshes.occupancy.tags(state, wanted.grid, hidden_ids), wanted.grid)
 
 
 def meshes_radius_m(annotation: Annotation) -> float:
-    """How far from the ego labels are made of meshes."""
+    """Distance from the ego up to which the labels of these settings need meshes, m."""
     grid = annotation.bev.grid
     radius_m = math.hypot(grid.rows, grid.columns) * grid.cell_m / 2.0
     if annotation.occupancy is not None:
@@ -98,11 +103,11 @@ def meshes_radius_m(annotation: Annotation) -> float:
 
 
 def _vector_map(spec: SceneSpec, network: RoadNetwork, patch: VectorMapPatch) -> VectorMap:
-    view_m = math.hypot(patch.length_m, patch.width_m) / 2.0 + _ROADS_MARGIN_M
-    return VectorMap(network, _layout_near(spec, network, view_m), patch.length_m, patch.width_m)
+    radius_m = math.hypot(patch.length_m, patch.width_m) / 2.0 + _ROADS_MARGIN_M
+    return VectorMap(network, _nearby_layout(spec, network, radius_m), patch.length_m, patch.width_m)
 
 
-def _layout_near(spec: SceneSpec, network: RoadNetwork, view_m: float) -> Layout:
-    """Of the map's roads those that come so near to where the ego can get."""
-    reach = reach_of(spec, network, view_m)
+def _nearby_layout(spec: SceneSpec, network: RoadNetwork, radius_m: float) -> Layout:
+    """The part of the road layout within ``radius_m`` of any position that the ego can reach."""
+    reach = reach_of(spec, network, radius_m)
     return network.layout.near(shapely.Point(reach.center_m).buffer(reach.radius_m), margin_m=0.0)

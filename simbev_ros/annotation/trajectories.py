@@ -1,21 +1,25 @@
-"""Where everything goes: the tracks of a scene's actors, and from them the true future of each box of each frame.
+"""Actor trajectories of a scene, and the true future of every annotated box at every frame.
 
-A scene's future is known when it is over. It is kept as tracks, each actor's motion once, from which the futures of all
-frames are views: a hundredth of what futures of 6 s would take for every frame. As a file it is an ``.npz``, so that
-it can be read without this package, with arrays in the manner of the Waymo Open Motion Dataset (A actors, T frames)::
+The recorder feeds each frame's actors to ``Tracker``; the resulting ``Tracks`` are stored with the scene, and dataset
+readers derive ``Futures`` from them. Storing each actor's motion once takes about a hundredth of the space that
+separate 6 s futures per frame would need.
+
+The file is an ``.npz``, readable without this package, with arrays like those of the Waymo Open Motion Dataset (A
+actors, T frames)::
 
     tick_ns        ()          length of a tick
-    stamp_ns       (T,)        int64, of the frames, ascending
+    stamp_ns       (T,)        int64, frame stamps, ascending
     id             (A,)        uint32, ascending, as in /world/actors and /ego/boxes
     class          (A,)        uint8, index into class_names
     class_names    (C,)        str
     size_m         (A, 3)      float32, length, width, height
-    valid          (A, T)      bool, whether the actor is there; all else is 0 where it is not
-    position_m     (A, T, 3)   float64, centre of the box at rest, map frame
+    valid          (A, T)      bool, whether the actor exists; all other values are 0 where it does not
+    position_m     (A, T, 3)   float64, center of the box at rest, map frame
     yaw_rad        (A, T)      float32, map frame
     velocity_mps   (A, T, 3)   float32, map frame
 
-Sizes are those at rest and do not change; a box of /ego/boxes fits its actor's pose, a person's stride for one.
+``size_m`` is the size at rest and constant, whereas the boxes of /ego/boxes fit the current pose, for example a
+pedestrian's stride.
 """
 
 import io
@@ -31,14 +35,14 @@ from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array, 
 
 HORIZON_S = 6.0
 
-_MOVING = ("valid", "position_m", "yaw_rad", "velocity_mps")
+_PER_FRAME = ("valid", "position_m", "yaw_rad", "velocity_mps")
 
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """All actors of a scene that have a detection class, the ego among them.
+    """Motion of all actors of a scene that have a detection class, including the ego.
 
-    Attributes are those of the file, but for ``box_class``, which is its ``class``.
+    The attributes are the arrays of the file, see the module docstring; ``box_class`` is its ``class``.
     """
 
     tick_ns: int
@@ -52,7 +56,7 @@ class Tracks:
     velocity_mps: Float32Array
 
     def rows_of(self, ids: UInt32Array) -> Int64Array:
-        """(N,) rows of (N,) ids.
+        """(N,) track indices of (N,) actor ids.
 
         Raises:
             KeyError: An id has no track.
@@ -66,14 +70,15 @@ class Tracks:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Futures:
-    """What N boxes do at S times after their frames.
+    """Motion of N boxes at S times after their frames.
 
     Attributes:
-        after_s: (S,) float64 the times, the first one step after the frame.
-        valid: (N, S) whether the scene goes on until then, and the actor is there; all else is 0 where not.
-        position_m: (N, S, 3) float64 centre of the box, map frame.
-        yaw_rad: (N, S) float32 map frame.
-        velocity_mps: (N, S, 3) float32 map frame.
+        after_s: (S,) float64 time after the frame; the first one is one step.
+        valid: (N, S) bool, whether the scene lasts until then and the actor exists; all other values are 0 where it is
+            False.
+        position_m: (N, S, 3) float64 box center, map frame.
+        yaw_rad: (N, S) float32 heading, map frame.
+        velocity_mps: (N, S, 3) float32 velocity, map frame.
     """
 
     after_s: Float64Array
@@ -83,53 +88,53 @@ class Futures:
     velocity_mps: Float32Array
 
 
-class Tracker:
-    """Follows all actors of a scene, frame by frame."""
+class TrackRecorder:
+    """Collects the actors of a scene frame by frame and turns them into ``Tracks``."""
 
     def __init__(self, tick_ns: int) -> None:
         self._tick_ns = tick_ns
         self._classes = class_of_blueprint()
         self._stamps_ns: list[int] = []
-        self._parts: list[Table] = []
+        self._frames: list[Table] = []
 
-    def add(self, stamp_ns: int, actors: Table) -> None:
-        """The next frame: (N,) ``ACTOR_DTYPE``, as on /world/actors."""
+    def add_frame(self, stamp_ns: int, actors: Table) -> None:
+        """Append a frame: (N,) ``ACTOR_DTYPE``, as on /world/actors."""
         self._stamps_ns.append(stamp_ns)
-        self._parts.append(_part(actors[self._classes[actors["blueprint"]] != NO_CLASS]))
+        self._frames.append(_track_rows(actors[self._classes[actors["blueprint"]] != NO_CLASS]))
 
     def tracks(self) -> Tracks:
-        """Those of all frames so far."""
-        every = np.concatenate([np.empty(0, _PART_DTYPE), *self._parts])
-        ids, first, row = np.unique(every["id"], return_index=True, return_inverse=True)
-        frame = np.repeat(np.arange(len(self._parts)), [len(part) for part in self._parts])
-        shape = len(ids), len(self._parts)
-        moving = {name: np.zeros((*shape, *_PART_DTYPE[name].shape), _PART_DTYPE[name].base) for name in _MOVING}
-        for name, values in moving.items():
-            values[row, frame] = every[name]
+        """Tracks of all frames added up to now."""
+        rows = np.concatenate([np.empty(0, _ROW_DTYPE), *self._frames])
+        ids, first, row = np.unique(rows["id"], return_index=True, return_inverse=True)
+        frame = np.repeat(np.arange(len(self._frames)), [len(frame_rows) for frame_rows in self._frames])
+        shape = len(ids), len(self._frames)
+        per_frame = {name: np.zeros((*shape, *_ROW_DTYPE[name].shape), _ROW_DTYPE[name].base) for name in _PER_FRAME}
+        for name, values in per_frame.items():
+            values[row, frame] = rows[name]
         return Tracks(
             tick_ns=self._tick_ns,
             stamp_ns=np.array(self._stamps_ns, np.int64),
             id=ids,
-            box_class=self._classes[every["blueprint"][first]],
-            size_m=every["size_m"][first],
-            **moving,
+            box_class=self._classes[rows["blueprint"][first]],
+            size_m=rows["size_m"][first],
+            **per_frame,
         )
 
 
 def futures(
     tracks: Tracks, ids: UInt32Array, stamps_ns: Int64Array, horizon_s: float = HORIZON_S, step_s: float | None = None
 ) -> Futures:
-    """The futures of boxes, of one frame or of many at once.
+    """Ground-truth futures of boxes, for one frame or for a batch of frames.
 
     Args:
-        tracks: Of the scene.
-        ids: (N,) actors.
-        stamps_ns: (N,) the frames that their boxes are of.
-        horizon_s: How far to look ahead; the last time is the last whole step within.
-        step_s: Time between places; None: a tick.
+        tracks: Tracks of the scene.
+        ids: (N,) actor ids.
+        stamps_ns: (N,) stamp of the frame that each box belongs to.
+        horizon_s: Prediction horizon, s; the last time is the last whole step within it.
+        step_s: Time between positions, s; None: one tick.
 
     Raises:
-        InputError: The step is no whole number of ticks, or the horizon is shorter.
+        InputError: The step is not a whole number of ticks, or longer than the horizon.
         KeyError: An id has no track.
     """
     step_ns = tracks.tick_ns if step_s is None else round(step_s * NS_PER_S)
@@ -137,7 +142,7 @@ def futures(
         raise InputError(f"step_s: {step_s:g} is not a whole number of ticks of {tracks.tick_ns / NS_PER_S:g} s")
     count = round(horizon_s * NS_PER_S) // step_ns
     if count < 1:
-        raise InputError(f"horizon_s: {horizon_s:g} is less than a step of {step_ns / NS_PER_S:g} s")
+        raise InputError(f"horizon_s: {horizon_s:g} is shorter than a step of {step_ns / NS_PER_S:g} s")
     after_ns = step_ns * np.arange(1, count + 1)
     wanted_ns = np.asarray(stamps_ns, np.int64)[:, None] + after_ns
     frame = np.minimum(np.searchsorted(tracks.stamp_ns, wanted_ns), len(tracks.stamp_ns) - 1)
@@ -152,8 +157,8 @@ def futures(
     )
 
 
-def npz_of(tracks: Tracks) -> bytes:
-    """The file of some tracks; of the same tracks the same bytes."""
+def tracks_to_npz(tracks: Tracks) -> bytes:
+    """Serialize tracks as an ``.npz`` file; equal tracks give equal bytes."""
     arrays = {field.name: np.asarray(getattr(tracks, field.name)) for field in fields(Tracks)}
     arrays["class"] = arrays.pop("box_class")
     file = io.BytesIO()
@@ -161,23 +166,23 @@ def npz_of(tracks: Tracks) -> bytes:
     return file.getvalue()
 
 
-def tracks_of_npz(file: bytes) -> Tracks:
-    """The tracks in a file.
+def tracks_from_npz(file: bytes) -> Tracks:
+    """Read tracks from the bytes of an ``.npz`` file.
 
     Raises:
-        BagError: It is not one that ``npz_of`` makes.
+        BagError: The file is damaged or was not written by ``tracks_to_npz``.
     """
     try:
         with np.load(io.BytesIO(file), allow_pickle=False) as arrays:
-            known = arrays["class_names"].tolist()
+            class_names = arrays["class_names"].tolist()
             values = {field.name: arrays[field.name] for field in fields(Tracks) if field.name != "box_class"}
-            numbers = np.array([BOX_CLASSES.index(name) for name in known], np.uint8)[arrays["class"]]
+            box_class = np.array([BOX_CLASSES.index(name) for name in class_names], np.uint8)[arrays["class"]]
     except NPZ_DAMAGE as error:
         raise BagError(f"the trajectories are damaged: {error}") from None
-    return Tracks(**{**values, "tick_ns": int(values["tick_ns"]), "box_class": numbers})
+    return Tracks(**{**values, "tick_ns": int(values["tick_ns"]), "box_class": box_class})
 
 
-_PART_DTYPE = np.dtype(
+_ROW_DTYPE = np.dtype(
     [
         ("id", "<u4"),
         ("blueprint", "<u2"),
@@ -190,12 +195,12 @@ _PART_DTYPE = np.dtype(
 )
 
 
-def _part(actors: Table) -> Table:
-    """What tracks keep of (N,) actors of a frame."""
-    part = np.empty(len(actors), _PART_DTYPE)
-    part["id"], part["blueprint"], part["valid"] = actors["id"], actors["blueprint"], True
-    part["size_m"] = np.stack([actors["length"], actors["width"], actors["height"]], axis=1)
-    part["position_m"] = box_centers_m(actors)
-    part["yaw_rad"] = actors["yaw"]
-    part["velocity_mps"] = np.stack([actors["vx"], actors["vy"], actors["vz"]], axis=1)
-    return part
+def _track_rows(actors: Table) -> Table:
+    """The columns of (N,) actors of a frame that tracks keep."""
+    rows = np.empty(len(actors), _ROW_DTYPE)
+    rows["id"], rows["blueprint"], rows["valid"] = actors["id"], actors["blueprint"], True
+    rows["size_m"] = np.stack([actors["length"], actors["width"], actors["height"]], axis=1)
+    rows["position_m"] = box_centers_m(actors)
+    rows["yaw_rad"] = actors["yaw"]
+    rows["velocity_mps"] = np.stack([actors["vx"], actors["vy"], actors["vz"]], axis=1)
+    return rows

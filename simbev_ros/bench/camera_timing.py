@@ -130,7 +130,7 @@ def timed_cameras(
     width_px, height_px = size_px
     size = {"width_px": width_px, "height_px": height_px}
     sized = [Camera.model_validate({**camera.model_dump(), **size}) for camera in cameras]
-    views = [CameraView.of(camera, seed=0, tick=0) for camera in sized]
+    views = [CameraView.from_config(camera, seed=0, tick=0) for camera in sized]
     context = open_context(rendering.device_of(0))
     name = describe_context(context)
     context.release()

@@ -7,11 +7,11 @@ import numpy as np
 
 from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.annotation.bev.levels import Levels
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.annotation.boxes.extents import Extents
-from simbev_ros.annotation.boxes.points import map_points, with_points
-from simbev_ros.annotation.boxes.standing import standing_of
-from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, occupied
+from simbev_ros.annotation.boxes.points import add_point_counts, map_points
+from simbev_ros.annotation.boxes.standing import find_static_objects
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, occupied_voxels
 from simbev_ros.annotation.vector_map.vector_map import VectorMap
 from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
 from simbev_ros.assets.actors.catalogue import load_models
@@ -147,7 +147,7 @@ class _Annotators:
         self.watch, self.boxes, self.points = Stopwatch(), 0, 0
         self._annotation = scenario.annotation
         self._occupancy = self._annotation.occupancy or Occupancy()
-        self._levels, self._standing = Levels(network.layout), standing_of(network)
+        self._levels, self._standing = Levels(network.layout), find_static_objects(network)
         self._extents = Extents(models)
         self._bev, self._voxels = BevAnnotator(scene.static, models), OccupancyAnnotator(scene.static, models)
         self._roads = VectorMap(network, network.layout)
@@ -164,15 +164,17 @@ class _Annotators:
         """Time every label of a tick."""
         run, annotation, occupancy = self.watch.run, self._annotation, self._occupancy
         lidar, radar = self._clouds(state)
-        level = self._levels.of_ego(state)
+        level = self._levels.ego_level(state)
         run(_GRID, lambda: self._bev.labels(state, annotation.bev.grid, level))
-        table = run(_BOXES, lambda: boxes(state, annotation.box_radius_m, level, self._extents, self._standing))
-        run(_POINTS, lambda: with_points(table, *(_map_points(clouds, state) for clouds in (lidar, radar))))
+        table = run(
+            _BOXES, lambda: boxes_around_ego(state, annotation.box_radius_m, level, self._extents, self._standing)
+        )
+        run(_POINTS, lambda: add_point_counts(table, *(_map_points(clouds, state) for clouds in (lidar, radar))))
         drawn = self._renderer.render(self.cameras, RenderFrame(state))
         images = [each.instance for each in drawn if each.instance is not None]
         run(_VIEWS, lambda: visibility(table["id"], self._views.views(state, table, self.cameras, images)))
         run(_ROADS, lambda: self._roads.record(state, level))
-        run(_VOXELS, lambda: occupied(self._voxels.tags(state, occupancy.grid, state.ego_ids), occupancy.grid))
+        run(_VOXELS, lambda: occupied_voxels(self._voxels.tags(state, occupancy.grid, state.ego_ids), occupancy.grid))
         self.boxes, self.points = len(table), sum(len(cloud) for _, cloud in (*lidar, *radar))
 
     def time_plain(self, state: WorldState) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.annotation.trajectories import Tracks, tracks_of_npz
+from simbev_ros.annotation.trajectories import Tracks, tracks_from_npz
 from simbev_ros.dataset.calibration import Calibration, calibrations
 from simbev_ros.dataset.values import message_of, value_of
 from simbev_ros.errors import BagError
@@ -139,7 +139,7 @@ def tracks_of(path: Path) -> Tracks:
         file = bag.attachments.get(TRAJECTORIES_ATTACHMENT)
     if file is None:
         raise BagError(f"{path}: it holds no trajectories: {TRAJECTORIES_ATTACHMENT} is not attached")
-    return tracks_of_npz(file)
+    return tracks_from_npz(file)
 
 
 def spec_of(bag: IndexedBag) -> SceneSpec:

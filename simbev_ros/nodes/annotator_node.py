@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
-from simbev_ros.annotation.boxes.points import map_points, with_points
+from simbev_ros.annotation.boxes.points import add_point_counts, map_points
 from simbev_ros.annotation.scene_annotator import Labels, MeshAnnotators, SceneAnnotator, meshes_radius_m
 from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
 from simbev_ros.assets.actors.catalogue import load_models
@@ -172,7 +172,7 @@ class AnnotatorNode(Participant):
     def _publish_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> None:
         topics, state = self._topics, tick.state
         lidar_m, radar_m = (self._clouds(spec.rig.of_type(kind), state, messages) for kind in (Lidar, Radar))
-        boxes = with_points(tick.boxes, lidar_m, radar_m)
+        boxes = add_point_counts(tick.boxes, lidar_m, radar_m)
         seen = self._seen(spec, tick, messages)
         boxes["visibility"] = visibility(boxes["id"], seen.values())
         self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))

@@ -105,7 +105,7 @@ class CameraNode(Participant):
             if output.raw or output.compressed:
                 wanted.setdefault(output.camera.name, []).append(output)
         views = [
-            CameraView.of(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
+            CameraView.from_config(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
             for each in wanted.values()
         ]
         images = dict(zip(wanted, self._renderer.render(views, frame), strict=True)) if views else {}

@@ -11,7 +11,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from simbev_ros.annotation.trajectories import Tracker, npz_of
+from simbev_ros.annotation.trajectories import TrackRecorder, tracks_to_npz
 from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import DiskError
 from simbev_ros.maps.build import load_source
@@ -82,7 +82,7 @@ class RecorderNode(GraphNode):
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
         self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_lists)
         self._next_tick = 0
-        self._tracker = Tracker(spec.tick_ns)
+        self._tracker = TrackRecorder(spec.tick_ns)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
         self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
@@ -185,7 +185,7 @@ class RecorderNode(GraphNode):
             for stamp_ns, payload in messages[topic.name]
         ]
         for stamp_ns, payload in messages[topics.ACTORS]:
-            self._tracker.add(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
+            self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
             self._writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
 
@@ -200,7 +200,7 @@ class RecorderNode(GraphNode):
 
     def _add_tracks(self, writer: SceneBagWriter) -> None:
         """Put in where everything has gone, which is known now that the scene is over."""
-        writer.add_attachment(TRAJECTORIES_ATTACHMENT, "application/x-npz", npz_of(self._tracker.tracks()))
+        writer.add_attachment(TRAJECTORIES_ATTACHMENT, "application/x-npz", tracks_to_npz(self._tracker.tracks()))
 
     def _facts(self, spec: SceneSpec) -> dict[str, str]:
         """What the bag's description says of the scene."""

@@ -12,7 +12,7 @@ from mcap.records import Message
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.annotation.trajectories import tracks_of_npz
+from simbev_ros.annotation.trajectories import tracks_from_npz
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import (
     METADATA_FILE,
@@ -155,6 +155,6 @@ def _attachment_faults(attachments: Mapping[str, bytes]) -> Iterator[tuple[str, 
         yield SCENE_ATTACHMENT, "it is missing"
     if TRAJECTORIES_ATTACHMENT in attachments:
         try:
-            tracks_of_npz(attachments[TRAJECTORIES_ATTACHMENT])
+            tracks_from_npz(attachments[TRAJECTORIES_ATTACHMENT])
         except BagError as error:
             yield TRAJECTORIES_ATTACHMENT, str(error)

@@ -1,4 +1,4 @@
-"""What the renderer is asked for and what it returns."""
+"""Input and output of the renderer: requested camera views, the world state to draw, and the resulting images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from simbev_ros.types import Float32Array, Float64Array, UInt8Array, UInt16Array
 
 @dataclass(frozen=True, slots=True)
 class CameraView:
-    """One camera of the ego.
+    """One camera of the ego and the images requested from it.
 
     Attributes:
-        camera: Its intrinsics.
+        camera: Intrinsics.
         ego_from_sensor: (4, 4) pose of the camera's body frame (x forward, y left, z up).
-        modalities: The wanted images.
-        optics: Exposure, vignetting and noise of the colour image.
-        noise_seed: Of the noise, below 2**64; another one for every camera and moment.
+        modalities: The requested modalities.
+        optics: Exposure, vignetting and noise of the color image.
+        noise_seed: Seed of the noise, below 2**64; different for every camera and tick.
     """
 
     camera: PinholeCamera
@@ -31,20 +31,20 @@ class CameraView:
     noise_seed: int = 0
 
     @classmethod
-    def of(cls, camera: Camera, seed: int, tick: int, modalities: Sequence[Modality] | None = None) -> Self:
-        """A camera of the rig at a tick of a scene with a seed, with all its modalities or some of them."""
+    def from_config(cls, camera: Camera, seed: int, tick: int, modalities: Sequence[Modality] | None = None) -> Self:
+        """View of a configured camera at a tick of a scene with a seed, with all its modalities or a subset."""
         noise_seed = int(stream(seed, f"camera.{camera.name}", tick).integers(1 << 63))
         return cls(camera.model, camera.pose.ego_from_sensor, modalities or camera.modalities, camera, noise_seed)
 
 
 @dataclass(frozen=True, slots=True)
 class RenderFrame:
-    """The moment to draw.
+    """The world state to draw.
 
     Attributes:
-        world: The world now.
-        previous: The world one frame before, for the flow; None: there is none, and the flow is zero.
-        show_ego: Draw the ego and its rider. By default they only cast their shadow, because the cameras sit inside.
+        world: The current world state.
+        previous: The world state one frame earlier, for the flow; None: the first frame, its flow is zero.
+        show_ego: Draw the ego and its rider. By default they only cast shadows, because the cameras are inside.
     """
 
     world: WorldState
@@ -54,19 +54,19 @@ class RenderFrame:
 
 @dataclass(frozen=True, slots=True)
 class CameraImages:
-    """Images of one camera, row 0 on top, C-contiguous; None where the modality was not asked for.
+    """Images of one camera, row 0 on top, C-contiguous; None for modalities that were not requested.
 
     Attributes:
         rgb: (H, W, 3) uint8, sRGB.
         semantic: (H, W) uint8, a semantic ``Tag``.
         instance: (H, W) uint16, actor id, 0 = none.
-        depth: (H, W) float32, metres along the optical axis, +inf for the sky (REP-118). On a GPU
-            and with a lens that distorts, it is that of a point up to 1/256 pixel beside the pixel's centre, because
-            GPUs snap vertices to such a grid.
-        flow: (H, W, 2) float32, pixels, x right and y down: position now minus position in the previous frame of the
-            surface point seen now. NaN where that point was behind the previous camera, or so far beside the view that
-            the model of the lens does not hold there. The sky counts as infinitely far. An actor that was not there
-            before counts as at rest.
+        depth: (H, W) float32, meters along the optical axis, +inf for the sky (REP-118). On a GPU and with lens
+            distortion, it belongs to a point up to 1/256 pixel from the pixel center, because GPUs snap vertices to
+            such a grid.
+        flow: (H, W, 2) float32, pixels, x right and y down: current position minus position in the previous frame of
+            the visible surface point. NaN where that point was behind the previous camera, or so far outside the image
+            that the lens model is invalid there. The sky is treated as infinitely far. An actor that did not exist
+            before is treated as stationary.
     """
 
     rgb: UInt8Array | None = None

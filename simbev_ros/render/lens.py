@@ -1,9 +1,9 @@
-"""From the images of an ideal camera to those of a camera with a lens that distorts and a sensor with noise.
+"""Lens distortion and sensor noise: converts images of an ideal camera into those of the real camera.
 
-The G-buffer is that of an ideal camera which covers the image of the real one (``geometry.camera.ideal_camera``); for
-a lens it tells, beside the depth, its slope on the screen and where the edges of the pixel's triangle are. So labels,
-depth and flow of a pixel are those of its own ray: of the triangles that the four ideal pixels around it show, it takes
-the nearest that the ray does not miss. The colour image is interpolated.
+The G-buffer belongs to an ideal (distortion-free) camera whose image contains the real one
+(``geometry.camera.ideal_camera``). For a lens, the G-buffer also stores the screen-space slope of the depth and the
+edges of each pixel's triangle. So the labels, depth and flow of a pixel are exact for its own ray: among the triangles
+that the four nearest ideal pixels show, it takes the nearest one that the ray hits. The color image is interpolated.
 """
 
 from collections.abc import Sequence
@@ -20,15 +20,15 @@ from simbev_ros.render.gl.screen_pass import ScreenPass
 from simbev_ros.render.gl.targets import Image, Targets
 
 _GEOMETRIC: tuple[Modality, ...] = ("semantic", "instance", "depth", "flow")
-_ENDLESS_ELECTRONS = 1e12
-"""At white, without noise."""
+_NOISE_FREE_ELECTRONS = 1e12
+"""Electrons at white that stand for a sensor without noise."""
 
 
 class Lenses:
-    """The lenses and sensors of all cameras, each prepared when it is first used: most cameras are ideal."""
+    """Lens and sensor passes of all cameras, each compiled when it is first used, as most cameras are ideal."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
-        """Take where and with what to draw."""
+        """Store the context and the shader library; nothing is compiled yet."""
         self._context, self._library = context, library
         self._passes: dict[str, ScreenPass] = {}
         self._rays: dict[LensCamera, moderngl.Texture] = {}
@@ -36,7 +36,7 @@ class Lenses:
         self._color: dict[tuple[int, int], moderngl.Framebuffer] = {}
 
     def images(self, view: CameraView, targets: Targets) -> dict[Modality, Image]:
-        """Where the images of a camera are, whose ideal camera's are in ``targets``, which must be bound."""
+        """Attachments that hold a camera's images; its ideal camera's ``targets`` must be drawn and bound."""
         images = targets.images
         if isinstance(view.camera, LensCamera) and set(view.modalities) != {"rgb"}:
             geometry = self._draw_geometry(view.camera)
@@ -46,7 +46,7 @@ class Lenses:
         return images
 
     def _draw_geometry(self, camera: LensCamera) -> moderngl.Framebuffer:
-        """Draw the modalities that show no light; returns them as attachments in their order."""
+        """Draw all modalities except rgb; returns them as attachments, in the order of ``_GEOMETRIC``."""
         target = self._target(self._geometry, camera, [(1, "u1"), (1, "u2"), (1, "f4"), (2, "f4")])
         screen_pass = self._pass("lens_geometry.frag")
         k1, k2, p1, p2, k3 = camera.distortion
@@ -59,7 +59,7 @@ class Lenses:
         return target
 
     def _draw_color(self, view: CameraView, ideal: moderngl.Framebuffer) -> moderngl.Framebuffer:
-        """Draw the colour image; returns that of the ideal camera where lens and sensor change nothing."""
+        """Draw the color image; returns the ideal camera's image if lens and sensor change nothing."""
         camera, optics = view.camera, view.optics
         distorts, senses = isinstance(camera, LensCamera), bool(optics.vignetting) or optics.noise is not None
         if not (distorts or senses):
@@ -77,7 +77,7 @@ class Lenses:
         return target
 
     def _bind_rays(self, camera: LensCamera) -> None:
-        """Make the rays of a camera's pixels readable: x and y where z is 1."""
+        """Bind the texture of a camera's pixel rays: x and y where z is 1."""
         if camera not in self._rays:
             size_px = (camera.width_px, camera.height_px)
             rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
@@ -99,7 +99,7 @@ class Lenses:
         camera: PinholeCamera,
         attachments: Sequence[tuple[int, str]],
     ) -> moderngl.Framebuffer:
-        """The framebuffer of a camera's size, with textures of so many components and such types."""
+        """Framebuffer of a camera's size, with textures of the given component counts and types."""
         size_px = (camera.width_px, camera.height_px)
         if size_px not in targets:
             textures = [self._context.texture(size_px, count, dtype=dtype) for count, dtype in attachments]
@@ -112,6 +112,6 @@ def _set_sensor(program: moderngl.Program | moderngl.ComputeShader, optics: Opti
     program["vignetting"] = optics.vignetting
     noise = optics.noise
     program["electrons"] = (
-        (_ENDLESS_ELECTRONS, 0.0) if noise is None else (optics.white_electrons, noise.read_sigma_electrons**2)
+        (_NOISE_FREE_ELECTRONS, 0.0) if noise is None else (optics.white_electrons, noise.read_sigma_electrons**2)
     )
     program["noise_seed"] = noise_seed & 0xFFFFFFFF, noise_seed >> 32

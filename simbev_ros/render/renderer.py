@@ -1,4 +1,8 @@
-"""The renderer: from the world's meshes and state to a camera's exact images, one geometry pass per camera."""
+"""The renderer: draws the exact images of the ego's cameras from meshes and a world state.
+
+``CameraView``s and a ``RenderFrame`` enter ``Renderer.render``, ``CameraImages`` leave; there is one geometry pass per
+camera.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -20,11 +24,11 @@ from simbev_ros.render.geometry.static_geometry import StaticGeometry
 from simbev_ros.render.geometry.triangle_ids import TriangleIds
 from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.gl.devices import is_software
-from simbev_ros.render.gl.failures import enough_memory
-from simbev_ros.render.gl.programs import BLOCK_BINDINGS, ProgramLibrary, steps_of
-from simbev_ros.render.gl.readback import read_back
+from simbev_ros.render.gl.failures import check_memory
+from simbev_ros.render.gl.programs import BLOCK_BINDINGS, ProgramLibrary, quality_steps
+from simbev_ros.render.gl.readback import create_read_back
 from simbev_ros.render.gl.targets import Targets
-from simbev_ros.render.gl.timer import Timer, untimed
+from simbev_ros.render.gl.timer import Timer, null_timer
 from simbev_ros.render.lens import Lenses
 from simbev_ros.render.lighting.contact_shadows import HALF_M, ContactMap
 from simbev_ros.render.lighting.lamp_field import LampField
@@ -41,7 +45,7 @@ from simbev_ros.types import Float64Array
 
 
 class Renderer:
-    """Draws a static scene and its actors. To be used by one thread."""
+    """Draws a static scene and its actors with OpenGL. Each instance must be used by a single thread."""
 
     def __init__(
         self,
@@ -49,36 +53,37 @@ class Renderer:
         models: Sequence[ActorModel],
         context: moderngl.Context | None = None,
         quality: Quality = "medium",
-        timer: Timer = untimed,
-        computes: bool | None = None,
+        timer: Timer = null_timer,
+        use_compute: bool | None = None,
     ) -> None:
-        """Upload everything.
+        """Upload the meshes and compile the shaders.
 
         Args:
-            static: The immobile world.
-            models: The catalogue, indexed by blueprint.
-            context: From ``open_context``; by default a new one.
-            quality: Of the colour image.
-            timer: Is entered before and left after each part of a frame.
-            computes: Draw as little and compute as much as can be; by default on GPUs. The images are the same.
+            static: The static scene.
+            models: The catalogue's models, indexed by blueprint.
+            context: Context from ``open_context``; by default a new one.
+            quality: Quality of the color image.
+            timer: Context manager factory that is entered around each part of a frame.
+            use_compute: Use compute shaders instead of rasterization where possible; by default on GPUs. The images are
+                the same.
 
         Raises:
             RenderError: OpenGL is not usable here, or has too little memory.
         """
         self._context = open_context() if context is None else context
-        self._on_gpu = not is_software(self._context.info["GL_RENDERER"]) if computes is None else computes
+        self._on_gpu = not is_software(self._context.info["GL_RENDERER"]) if use_compute is None else use_compute
         keep_freed_memory()
-        self._read_back = read_back(self._context, self._on_gpu)
+        self._read_back = create_read_back(self._context, self._on_gpu)
         self._models, self._skeletons = models, Skeletons(models)
         self._timer = timer
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
-        with self._context, enough_memory(self._context, "the meshes of the scene", size_bytes):
-            library = ProgramLibrary(self._context, quality, computes=self._on_gpu)
-            self._steps = steps_of(quality)
+        with self._context, check_memory(self._context, "the meshes of the scene", size_bytes):
+            library = ProgramLibrary(self._context, quality, use_compute=self._on_gpu)
+            self._steps = quality_steps(quality)
             self._static, self._actors = self._upload(static, library)
-            self._background = library.drawn_pass("background.frag")
-            self._background_for_lens = library.drawn_pass("background.frag", LENS=1)
+            self._background = library.raster_pass("background.frag")
+            self._background_for_lens = library.raster_pass("background.frag", LENS=1)
             self._triangle_ids = TriangleIds(self._context, library) if self._on_gpu else None
             self._shading = Shading(self._context, library, timer)
             self._lenses = Lenses(self._context, library)
@@ -93,60 +98,60 @@ class Renderer:
         self.set_lights(LightSpec())
 
     def set_lights(self, lights: LightSpec) -> None:
-        """Switch the street lights and windows; they are all in order until this is called."""
+        """Switch the street lights and windows; until this is called, all of them work."""
         with self._context:
             self._lamp_field.set_lights(lights)
             self._shading.set_windows(lights)
 
     def render(self, cameras: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
-        """Images of the ego's cameras at one moment, in the order of ``cameras``.
+        """Draw the images of the ego's cameras at one tick, in the order of ``cameras``.
 
         Raises:
-            RenderError: The world has too many actors, or ids above 65535, or memory runs out.
+            RenderError: The world has too many rigid parts, or actor ids above 65535, or memory runs out.
         """
         ego = frame.world.ego
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
-        with self._context, enough_memory(self._context, f"pictures of {len(cameras)} cameras"):
+        with self._context, check_memory(self._context, f"images of {len(cameras)} cameras"):
             flow = any("flow" in camera.modalities for camera in cameras)
-            table = RigidTable.of(self._skeletons, frame.world, frame.previous if flow else None, origin_m)
+            table = RigidTable.from_world(self._skeletons, frame.world, frame.previous if flow else None, origin_m)
             self._rigid.upload(table)
-            views = [View.of(camera, frame.world, frame.previous, origin_m) for camera in cameras]
+            views = [View.from_camera(camera, frame.world, frame.previous, origin_m) for camera in cameras]
             colored = [view for camera, view in zip(cameras, views, strict=True) if "rgb" in camera.modalities]
             if colored:
                 self._prepare_light(frame, table, origin_m, colored)
-            drawn = [
+            images = [
                 self._render_view(camera, view, frame, table, origin_m)
                 for camera, view in zip(cameras, views, strict=True)
             ]
             with self._timer("read-back"):
                 self._read_back.finish()
-            return drawn
+            return images
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
         self._context.release()
 
     def _upload(self, static: StaticScene, library: ProgramLibrary) -> tuple[StaticGeometry, ActorGeometry]:
-        of_static, of_actors = (
+        static_programs, actor_programs = (
             {
                 "geometry": library.load(f"{kind}_geometry.vert", "geometry.frag"),
                 "geometry_for_lens": library.load(f"{kind}_geometry.vert", "geometry.frag", "corners.geom", LENS=1),
                 "shadow": library.load(f"{kind}_shadow.vert", "shadow.frag"),
-                **({"id": library.load(f"{kind}_id.vert", "id.frag")} if library.computes else {}),
+                **({"id": library.load(f"{kind}_id.vert", "id.frag")} if library.use_compute else {}),
             }
             for kind in ("static", "actor")
         )
         return (
-            StaticGeometry(self._context, static.tiles, of_static),
-            ActorGeometry(self._context, self._models, of_actors),
+            StaticGeometry(self._context, static.tiles, static_programs),
+            ActorGeometry(self._context, self._models, actor_programs),
         )
 
     def _prepare_light(
         self, frame: RenderFrame, table: RigidTable, origin_m: Float64Array, views: Sequence[View]
     ) -> None:
-        """What all views of a frame share: sun, shadow maps, lamps and signals."""
+        """Prepare what all views of a frame share: sun, shadow maps, lamps and signals."""
         world = frame.world
-        sky = SkyLight.of(world.weather)
+        sky = SkyLight.from_weather(world.weather)
         with self._timer("shadows"):
             shadows = self._shadow_map.draw(
                 sky.key_direction, origin_m, self._static, self._actors, world, table, views
@@ -161,15 +166,15 @@ class Renderer:
         self._shading.set_light(sky.lamps_lit, block_head, *shadows, LampField.texture_from_world())
         self._sky_dome.draw(sky, block_head)
         self._shading.set_signals(world.signals)
-        self._shading.rain.set_moment(world, origin_m)
+        self._shading.rain.set_world(world, origin_m)
         self._shading.wetness.set_weather(world.weather)
 
     def _render_view(
         self, camera: CameraView, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
     ) -> CameraImages:
-        """Draw one camera; its images are there when all are read back."""
+        """Draw one camera; its images are complete after ``ReadBack.finish``."""
         for_lens = isinstance(camera.camera, LensCamera)
-        targets = self._targets_of(view.camera, for_lens)
+        targets = self._targets_for(view.camera, for_lens)
         self._view_block.write(view.block())
         with self._timer("geometry, labels, flow"):
             self._draw_geometry(targets, view, frame, table, origin_m, for_lens)
@@ -190,11 +195,11 @@ class Renderer:
         origin_m: Float64Array,
         for_lens: bool,
     ) -> None:
-        """Fill the G-buffer; the sky last, where nothing else is."""
+        """Fill the G-buffer; the sky comes last, where nothing else was drawn."""
         context, world = self._context, frame.world
         if self._triangle_ids is not None and not for_lens:
-            seen = visible_actors(world, table, view, None, frame.show_ego)
-            self._triangle_ids.draw(targets, view, origin_m, self._static, self._actors, world, table, seen)
+            visible = visible_actors(world, table, view, None, frame.show_ego)
+            self._triangle_ids.draw(targets, view, origin_m, self._static, self._actors, world, table, visible)
             return
         program = "geometry_for_lens" if for_lens else "geometry"
         targets.geometry.use()
@@ -202,20 +207,20 @@ class Renderer:
         context.enable_only(moderngl.DEPTH_TEST)
         context.front_face = "cw"  # image rows run downward, which mirrors every triangle
         context.depth_func = "<"
-        look = None if self._on_gpu else partial(Occluders.of, targets.geometry)
-        self._static.draw_view(program, view, origin_m, look)
-        seen = visible_actors(world, table, view, look, frame.show_ego)
+        read_occluders = None if self._on_gpu else partial(Occluders.from_framebuffer, targets.geometry)
+        self._static.draw_view(program, view, origin_m, read_occluders)
+        visible = visible_actors(world, table, view, read_occluders, frame.show_ego)
         context.enable(moderngl.CULL_FACE)  # actors are closed
-        self._actors.draw(program, world, table, seen, view.pixel_m(table.center_m, table.radius_m))
+        self._actors.draw(program, world, table, visible, view.pixel_m(table.center_m, table.radius_m))
         context.disable(moderngl.CULL_FACE)
         context.depth_func = "<="
         (self._background_for_lens if for_lens else self._background).draw(targets.geometry)
         context.enable_only(moderngl.NOTHING)
 
-    def _targets_of(self, camera: PinholeCamera, for_lens: bool) -> Targets:
+    def _targets_for(self, camera: PinholeCamera, for_lens: bool) -> Targets:
         size_px = (camera.width_px, camera.height_px)
         if (*size_px, for_lens) not in self._targets:
             size_bytes = (84 if for_lens else 60) * size_px[0] * size_px[1]
-            with enough_memory(self._context, f"pictures of {size_px[0]} x {size_px[1]} pixels", size_bytes):
+            with check_memory(self._context, f"images of {size_px[0]} x {size_px[1]} pixels", size_bytes):
                 self._targets[*size_px, for_lens] = Targets(self._context, size_px, self._steps, for_lens)
         return self._targets[*size_px, for_lens]

@@ -1,6 +1,7 @@
-"""One camera at one moment, as the shaders see it: matrices relative to the frame's origin, and what it can see.
+"""A posed camera as shaders and culling need it: matrices relative to the frame's origin, and visibility tests.
 
-"World" is the map frame moved to the frame's origin (the ego), so that float32 is exact on the GPU on large maps.
+A ``CameraView`` and a ``WorldState`` enter, a ``View`` leaves. "World" is the map frame translated to the frame's
+origin (the ego), so that float32 on the GPU is accurate on large maps.
 """
 
 from dataclasses import dataclass
@@ -21,14 +22,14 @@ VIEW_BLOCK_BYTES = (3 * 4 + 2) * 16
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A posed camera.
+    """A posed camera with its projection and view frustum tests.
 
     Attributes:
-        camera: Its intrinsics, without distortion (``render/lens.py``).
+        camera: Intrinsics, without distortion (``render/lens.py``).
         world_from_optical: (4, 4) pose of the optical frame.
         clip_from_world: (4, 4) projection of world points to OpenGL's clip space.
-        previous_optical_from_world: (4, 4) the camera in the previous frame, or None.
-        exposure_gain: How much brighter than with the automatic exposure its colour image is.
+        previous_optical_from_world: (4, 4) inverse pose of the camera in the previous frame, or None.
+        exposure_gain: Brightness of the color image relative to automatic exposure.
     """
 
     camera: PinholeCamera
@@ -38,55 +39,58 @@ class View:
     exposure_gain: float = 1.0
 
     @classmethod
-    def of(cls, view: CameraView, world: WorldState, previous: WorldState | None, origin_m: Float64Array) -> "View":
-        """The view of the ego's camera in a world whose origin is (3,) ``origin_m`` in the map frame."""
+    def from_camera(
+        cls, view: CameraView, world: WorldState, previous: WorldState | None, origin_m: Float64Array
+    ) -> "View":
+        """View of a camera of the ego, in the world whose origin is (3,) ``origin_m`` in the map frame."""
         ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
-        before = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
-        now = _world_from_ego(world, origin_m) @ ego_from_optical
+        previous_pose = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
+        pose = _world_from_ego(world, origin_m) @ ego_from_optical
         camera = ideal_camera(view.camera)
         gain = exposure_gain(view.optics.exposure, world.weather)
-        return cls(camera, now, _clip_from_optical(camera) @ inverse(now), before, gain)
+        return cls(camera, pose, _clip_from_optical(camera) @ inverse(pose), previous_pose, gain)
 
     @property
     def position_m(self) -> Float64Array:
-        """(3,) optical centre in the world."""
+        """(3,) optical center in the world."""
         return self.world_from_optical[:3, 3]
 
     def sees_spheres(self, centers_m: Float64Array, radii_m: Float64Array) -> BoolArray:
         """(N,) whether spheres around (N, 3) world points reach into the view."""
         planes = _planes(self.clip_from_world)
-        inside: BoolArray = np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
-        return inside
+        reaches: BoolArray = np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
+        return reaches
 
     def sees_shadows(self, centers_m: Float64Array, radii_m: Float64Array, light: Float64Array) -> BoolArray:
-        """(N,) whether shadows of spheres around (N, 3) world points, in light from (3,), reach into the view."""
+        """(N,) whether shadows of spheres around (N, 3) world points, lit from (3,) ``light``, reach into the view."""
         planes = _planes(self.clip_from_world)
-        inside = centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None]
-        reached: BoolArray = np.all(inside | (planes[:, :3] @ light < 0.0), axis=1)
+        reaches = centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None]
+        reached: BoolArray = np.all(reaches | (planes[:, :3] @ light < 0.0), axis=1)
         return reached
 
     def sees_boxes(self, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
-        """(N,) whether axis-parallel boxes, given by two (N, 3) world corners, reach into the view."""
+        """(N,) whether axis-aligned boxes, given by two (N, 3) world corners, reach into the view."""
         return boxes_in_clip_space(self.clip_from_world, low_m, high_m)
 
     def pixel_m(self, centers_m: Float64Array, radii_m: Float64Array) -> Float64Array:
-        """(N,) how large a pixel is at least in spheres around (N, 3) world points, across the line of sight.
+        """(N,) minimum size of a pixel in spheres around (N, 3) world points, across the line of sight, m.
 
-        For small images that of a larger one: 0.1 % of the distance, so that errors below it do not tell in depth.
+        For low resolutions, the value of a higher one is used: 0.1 % of the distance, so that smaller geometric errors
+        stay invisible in depth images.
         """
         to_center = centers_m - self.position_m
         distance_m = np.maximum(np.linalg.norm(to_center, axis=1), 1e-6)
         ahead_m = to_center @ self.world_from_optical[:3, 2]
         nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px, 1000.0)
-        pixel_m: Float64Array = nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis pictures are stretched
+        pixel_m: Float64Array = nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis, images are stretched
         return pixel_m
 
     def block(self) -> bytes:
-        """The uniform block ``View`` of shaders/include/view.glsl, std140."""
+        """Data of the uniform block ``View`` of shaders/include/view.glsl, std140."""
         camera = self.camera
-        before = np.eye(4) if self.previous_optical_from_world is None else self.previous_optical_from_world
+        previous = np.eye(4) if self.previous_optical_from_world is None else self.previous_optical_from_world
         has_previous = float(self.previous_optical_from_world is not None)
-        matrices = [self.clip_from_world.T, self.world_from_optical.T, before.T]
+        matrices = [self.clip_from_world.T, self.world_from_optical.T, previous.T]
         vectors = [
             [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
             [camera.width_px, camera.height_px, has_previous, self.exposure_gain],
@@ -95,23 +99,23 @@ class View:
 
 
 def boxes_in_clip_space(clip_from_world: Float64Array, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
-    """(N,) whether axis-parallel boxes, given by two (N, 3) world corners, reach into what a projection shows."""
+    """(N,) whether axis-aligned boxes, given by two (N, 3) world corners, intersect the volume of a projection."""
     planes = _planes(clip_from_world)
     center, half = (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
     reach = half @ np.abs(planes[:, :3]).T
-    inside: BoolArray = np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
-    return inside
+    reaches: BoolArray = np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
+    return reaches
 
 
 def _planes(clip: Float64Array) -> Float64Array:
-    """(6, 4) planes of what a projection shows, normals inward and of unit length."""
+    """(6, 4) planes of a projection's volume, normals inward and of unit length."""
     planes: Float64Array = np.concatenate([clip[3] + clip[:3], clip[3] - clip[:3]])
     planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
     return planes
 
 
 def _clip_from_optical(camera: PinholeCamera) -> Float64Array:
-    """(4, 4) projection by K. Clip y grows downward, so that memory row 0 is the image's top row."""
+    """(4, 4) projection from the intrinsics. Clip y grows downward, so that memory row 0 is the image's top row."""
     width, height = camera.width_px, camera.height_px
     return np.array(
         [

@@ -1,4 +1,4 @@
-"""What is in a voxel, the slow way: separating axes for surfaces, solid angles for solids."""
+"""Slow reference for voxelization: separating axes for surfaces, solid angles for solids."""
 
 import numpy as np
 
@@ -18,12 +18,12 @@ def touches(center: Float64Array, side: float, corners: Float64Array) -> BoolArr
     )
     shadow = np.einsum("tai,tki->tak", axes, points)
     reach = np.abs(axes).sum(axis=2) / 2.0
-    together: BoolArray = ((shadow.min(axis=2) <= reach) & (shadow.max(axis=2) >= -reach)).all(axis=1)
-    return together
+    overlap: BoolArray = ((shadow.min(axis=2) <= reach) & (shadow.max(axis=2) >= -reach)).all(axis=1)
+    return overlap
 
 
 def winding_numbers(points: Float64Array, corners: Float64Array) -> Float64Array:
-    """(N,) how often (T, 3, 3) triangles go around (N, 3) points (van Oosterom and Strackee 1983)."""
+    """(N,) winding numbers of (T, 3, 3) triangles around (N, 3) points (van Oosterom and Strackee 1983)."""
     a, b, c = np.moveaxis(np.asarray(corners, np.float64)[None] - points[:, None, None], 2, 0)
     la, lb, lc = (np.linalg.norm(each, axis=-1) for each in (a, b, c))
     volume = np.einsum("nti,nti->nt", a, np.cross(b, c))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, world
 
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.annotation.boxes.extents import Extents
 from simbev_ros.assets.actors.actor_model import ActorModel, Part
 from simbev_ros.assets.actors.catalogue import load_models
@@ -14,14 +14,14 @@ from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Table
 
-CENTIMETRE = 0.01
+CENTIMETER = 0.01
 WITH_BOX = [index for index, blueprint in enumerate(load_blueprints()) if blueprint.box_class]
 MODELS = load_models()
 EXTENTS = Extents(MODELS)
 
 
 def catalogue(copies: int = 1) -> Table:
-    """Some actors of each blueprint that has a box, in rest pose, on slopes, far from the map's origin."""
+    """Actors of every blueprint with a box: in rest pose, on slopes, far from the map's origin."""
     random = np.random.default_rng(4)
     actors = np.zeros(copies * len(WITH_BOX), ACTOR_DTYPE)
     actors["blueprint"] = np.repeat(WITH_BOX, copies)
@@ -36,7 +36,7 @@ def catalogue(copies: int = 1) -> Table:
 
 
 def moving(copies: int) -> Table:
-    """The same in all kinds of motion."""
+    """The actors of ``catalogue`` in all kinds of motion."""
     random, actors = np.random.default_rng(5), catalogue(copies)
     actors["gait"], actors["wheel"] = random.uniform(0.0, 2.0 * np.pi, (2, len(actors)))
     actors["steer"] = random.uniform(-0.6, 0.6, len(actors))
@@ -44,15 +44,15 @@ def moving(copies: int) -> Table:
     return actors
 
 
-def boxed(actors: Table, extents: Extents | None = EXTENTS) -> Table:
+def boxes_of(actors: Table, extents: Extents | None = EXTENTS) -> Table:
     """The boxes of actors, in their order."""
     ego = np.zeros(1, ACTOR_DTYPE)
     ego["id"], ego["x"], ego["y"] = EGO_ID, 12_000.0, -7_000.0
-    return boxes(world(ego, actors), 1_000.0, extents=extents)
+    return boxes_around_ego(world(ego, actors), 1_000.0, extents=extents)
 
 
 def bounds_in_boxes(actors: Table, of: Table, doors: bool = True) -> tuple[Float64Array, Float64Array]:
-    """How far each actor's mesh, with or without its doors, reaches beyond its box's lower and upper faces, (N, 3)."""
+    """Distance by which each actor's mesh exceeds its box's lower and upper faces, (N, 3), with or without doors."""
     below_m, above_m = np.empty((2, len(actors), 3))
     for row, box in enumerate(of):
         model = MODELS[actors["blueprint"][row]]
@@ -67,50 +67,50 @@ def bounds_in_boxes(actors: Table, of: Table, doors: bool = True) -> tuple[Float
     return below_m, above_m
 
 
-def test_at_rest_all_vertices_are_in_the_box_and_all_faces_are_touched() -> None:
+def test_at_rest_boxes_enclose_all_vertices_tightly() -> None:
     actors = catalogue()
     assert len(actors) > 35
-    for gaps_m in bounds_in_boxes(actors, boxed(actors)):
+    for gaps_m in bounds_in_boxes(actors, boxes_of(actors)):
         np.testing.assert_allclose(gaps_m, 0.0, atol=1e-4)
 
 
-def test_strides_steered_wheels_and_handlebars_are_in_boxes_that_fit() -> None:
+def test_boxes_fit_strides_steered_wheels_and_handlebars() -> None:
     actors = moving(copies=8)
-    found = boxed(actors)
+    found = boxes_of(actors)
     for gaps_m in bounds_in_boxes(actors, found):
         np.testing.assert_allclose(gaps_m, 0.0, atol=1e-4)
-    constant = boxed(actors, extents=None)
-    assert max(gaps_m.max() for gaps_m in bounds_in_boxes(actors, constant)) > 5 * CENTIMETRE
-    assert min(gaps_m.min() for gaps_m in bounds_in_boxes(actors, constant)) < -10 * CENTIMETRE
+    constant = boxes_of(actors, extents=None)
+    assert max(gaps_m.max() for gaps_m in bounds_in_boxes(actors, constant)) > 5 * CENTIMETER
+    assert min(gaps_m.min() for gaps_m in bounds_in_boxes(actors, constant)) < -10 * CENTIMETER
 
 
-def test_open_doors_are_outside_and_change_nothing() -> None:
+def test_open_doors_do_not_change_the_box() -> None:
     actors = moving(copies=1)
-    shut = boxed(actors)
+    shut = boxes_of(actors)
     actors["doors"] = 255
-    opened = boxed(actors)
+    opened = boxes_of(actors)
     for name in ("x", "y", "z", "length", "width", "height"):
         np.testing.assert_array_equal(opened[name], shut[name])
     has_doors = np.array([load_blueprints()[index].doors > 0 for index in actors["blueprint"]])
     _, beyond_m = bounds_in_boxes(actors[has_doors], opened[has_doors])
     assert (beyond_m[:, 1] > 0.3).all()
     _, beyond_m = bounds_in_boxes(actors, opened, doors=False)
-    assert beyond_m.max() < CENTIMETRE
+    assert beyond_m.max() < CENTIMETER
 
 
 @pytest.mark.parametrize("flat", [True, False])
-def test_a_part_that_lies_in_a_plane_counts_too(flat: bool) -> None:
+def test_planar_parts_are_included(flat: bool) -> None:
     corners = np.array([[[0.0, 0.0, 1.0], [2.0, 0.0, 1.0], [0.0, 1.0, 1.0 if flat else 3.0]]])
     mesh = Mesh.flat(corners, material=MODELS[0].mesh.material[0], tag=Tag.CAR, color=(0, 0, 0))
     body = Part("body", steers=True)
     extents = Extents([ActorModel("sheet", Tag.CAR, "car", mesh, (2.0, 1.0, 3.0), (body,), 0.0)])
     turned = np.zeros(2, ACTOR_DTYPE)
     turned["steer"] = [0.0, np.pi / 2]
-    low_m, high_m = extents.of(turned)
+    low_m, high_m = extents.bounds(turned)
     top_m = 1.0 if flat else 3.0
     np.testing.assert_allclose(low_m, [[0.0, 0.0, 1.0], [-1.0, 0.0, 1.0]], atol=1e-6)
     np.testing.assert_allclose(high_m, [[2.0, 1.0, top_m], [0.0, 2.0, top_m]], atol=1e-6)
 
 
-def test_no_actors_reach_nowhere() -> None:
-    assert [each.shape for each in EXTENTS.of(np.zeros(0, ACTOR_DTYPE))] == [(0, 3), (0, 3)]
+def test_no_actors_give_empty_bounds() -> None:
+    assert [each.shape for each in EXTENTS.bounds(np.zeros(0, ACTOR_DTYPE))] == [(0, 3), (0, 3)]

@@ -1,4 +1,4 @@
-"""Hazard areas in the bird's-eye view: exactly their outlines, on their own level."""
+"""Hazard areas in the BEV grid match their outlines exactly and are on the right road level."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def hazard(outline_m: tuple[tuple[float, float], ...], z_m: float = 0.0) -> Haza
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.7, -2.0])
-def test_the_hazard_bit_is_the_outline(yaw_rad: float) -> None:
+def test_the_hazard_bit_matches_the_outline(yaw_rad: float) -> None:
     x_m, y_m = 30.0, -200.0
     outline_m = tuple((x + x_m, y + y_m) for x, y in TAPERED)
     areas = hazard_areas([hazard(outline_m)], load_network(MapSpec(name="Blocks", seed=0)).layout)
     ego = actor(MODELS[0], x=x_m, y=y_m, yaw=yaw_rad)
     labels = BevAnnotator(static_scene(), MODELS).labels(world(ego), GRID, areas=areas)
-    # Row r has its centre at x = (29.5 - r) / 2 of the ego, column c at y = (19.5 - c) / 2.
+    # Row r has its center at x = (29.5 - r) / 2 of the ego, column c at y = (19.5 - c) / 2.
     ahead_m, left_m = np.meshgrid((29.5 - np.arange(60)) / 2.0, (19.5 - np.arange(40)) / 2.0, indexing="ij")
     east_m = ahead_m * np.cos(yaw_rad) - left_m * np.sin(yaw_rad)
     north_m = ahead_m * np.sin(yaw_rad) + left_m * np.cos(yaw_rad)

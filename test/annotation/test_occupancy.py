@@ -5,9 +5,9 @@ import pytest
 from exact_voxels import touches, winding_numbers
 from synthetic_world import EGO_ID, actor, box, box_model, mesh, sheet, static_scene, world
 
-from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense, occupied
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense_tags, occupied_voxels
 from simbev_ros.annotation.occupancy.triangle_soup import Soup
-from simbev_ros.annotation.occupancy.voxels import voxelized
+from simbev_ros.annotation.occupancy.voxels import voxelize
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -22,7 +22,7 @@ EGO = actor(MODELS[1], 1)
 
 
 def block(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> BoolArray:
-    """Voxels that a box between coordinates of the ego frame, none on a border of voxels, is in."""
+    """Voxels that overlap a box in the ego frame; none of its faces may lie on a voxel border."""
     expected = np.zeros(GRID.shape, bool)
     first, last = (
         [math.floor((reach[end] - low) / GRID.voxel_m) for reach, low in zip((x, y, z), GRID.low_m, strict=True)]
@@ -37,7 +37,7 @@ def tags(*meshes: Mesh, others: tuple[np.ndarray, ...] = (), ego: np.ndarray = E
     return annotator.tags(world(ego, *others), GRID, frozenset({EGO_ID}))
 
 
-def test_a_box_is_filled_and_its_voxels_are_those_that_it_reaches_into() -> None:
+def test_a_box_fills_exactly_the_voxels_that_it_overlaps() -> None:
     found = tags(mesh(box([3.1, -2.2, 1.1], [4.0, 3.0, 2.0]), Tag.BUILDING))
     assert np.array_equal(found == Tag.BUILDING, block((1.1, 5.1), (-3.7, -0.7), (0.1, 2.1)))
     assert set(np.unique(found).tolist()) == {0, Tag.BUILDING}
@@ -48,36 +48,36 @@ def test_a_sheet_occupies_one_layer_and_nothing_below_it() -> None:
     assert np.array_equal(found == Tag.ROAD, block((-7.9, 7.9), (-5.9, 5.9), (0.2, 0.2)))
 
 
-def test_solids_that_reach_out_of_the_grid_are_filled_up_to_its_borders() -> None:
+def test_solids_that_extend_beyond_the_grid_are_filled_up_to_its_borders() -> None:
     found = tags(mesh(box([0.0, 0.0, 0.0], [100.0, 100.0, 100.0]), Tag.BUILDING))
     assert (found == Tag.BUILDING).all()
 
 
-def test_the_ego_is_left_out_and_others_are_where_they_are_seen_from_it_however_it_stands() -> None:
+def test_the_ego_is_hidden_and_other_actors_are_placed_in_its_frame_for_any_pose() -> None:
     pose = matrices_from_xyz_rpy(np.array([500.0, -300.0, 40.0]), np.array([0.1, -0.2, 2.0]))
-    place = apply(pose, np.array([[3.1, 2.3, 0.1]]))[0]
+    position_m = apply(pose, np.array([[3.1, 2.3, 0.1]]))[0]
     names = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), (500.0, -300.0, 40.0, 0.1, -0.2, 2.0), strict=True))
-    other = actor(MODELS[0], id=9, **(names | dict(zip("xyz", place, strict=True))))
+    other = actor(MODELS[0], id=9, **(names | dict(zip("xyz", position_m, strict=True))))
     found = tags(ego=actor(MODELS[1], 1, **names), others=(other,))
     assert np.array_equal(found == Tag.CAR, block((1.1, 5.1), (1.3, 3.3), (0.1, 1.6)))
     assert set(np.unique(found).tolist()) == {0, Tag.CAR}
 
 
-def test_what_stands_on_something_and_what_moves_names_the_voxel() -> None:
+def test_moving_actors_take_priority_over_the_surfaces_below_them() -> None:
     road, line = (
         mesh(sheet([-50, -50], [50, 50], 0.1), Tag.ROAD),
         mesh(sheet([-50, -0.3], [50, -0.1], 0.11), Tag.ROAD_LINE),
     )
     car = actor(MODELS[0], id=9, x=3.1, y=2.3, z=0.1)
-    person = actor(MODELS[1], 1, id=10, x=3.25, y=2.25, z=0.1)
-    found = tags(road, line, others=(car, person))
+    pedestrian = actor(MODELS[1], 1, id=10, x=3.25, y=2.25, z=0.1)
+    found = tags(road, line, others=(car, pedestrian))
     bottom = found[:, :, 2]
     assert (bottom[:, 11] == Tag.ROAD_LINE).all() and (bottom[:, 0] == Tag.ROAD).all()
     assert np.array_equal(found == Tag.PEDESTRIAN, block((3.2, 3.3), (2.2, 2.3), (0.1, 1.9)))
     assert np.array_equal(found == Tag.CAR, block((1.1, 5.1), (1.3, 3.3), (0.1, 1.6)) & (found != Tag.PEDESTRIAN))
 
 
-def test_surfaces_that_are_labelled_but_not_seen_occupy_nothing() -> None:
+def test_invisible_labeled_surfaces_occupy_nothing() -> None:
     static = static_scene(crosswalk=mesh(sheet([-5, -5], [5, 5]), Tag.ROAD))
     assert not OccupancyAnnotator(static, MODELS).tags(world(EGO), GRID, frozenset({EGO_ID})).any()
 
@@ -96,16 +96,16 @@ def test_a_box_without_a_face_is_closed_and_one_without_three_is_a_sheet() -> No
     assert tags(mesh(faces[order[:6]], Tag.WALL))[16, 12, 5] == 0
 
 
-def test_the_table_of_occupied_voxels_gives_the_dense_form_back() -> None:
+def test_the_table_of_occupied_voxels_converts_back_to_the_dense_form() -> None:
     found = tags(mesh(box([3.1, -2.2, 1.1], [4.0, 3.0, 2.0]), Tag.BUILDING))
-    table = occupied(found, GRID)
+    table = occupied_voxels(found, GRID)
     assert table.dtype.names == ("x", "y", "z", "ix", "iy", "iz", "tag") and len(table) == (found > 0).sum()
     index = np.floor(apply(GRID.grid_from_ego, np.stack([table["x"], table["y"], table["z"]], axis=1)))
     assert np.array_equal(index, np.stack([table["ix"], table["iy"], table["iz"]], axis=1))
-    assert np.array_equal(dense(table, GRID), found)
+    assert np.array_equal(dense_tags(table, GRID), found)
 
 
-def test_the_number_of_threads_changes_nothing() -> None:
+def test_the_number_of_threads_does_not_change_the_result() -> None:
     meshes = [mesh(box([x, y, 1.0], [1.3, 1.1, 2.0]), Tag.BUILDING) for x in (-4, 0, 4) for y in (-3, 1)]
     cars = [actor(MODELS[0], id=9 + k, x=3.0 * k - 5.0, y=1.0, yaw=k) for k in range(4)]
     one, three = (
@@ -120,14 +120,14 @@ def test_surfaces_agree_with_separating_axes_in_every_voxel(size: float) -> None
     shape = (9, 8, 7)
     centers = np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 3) + 0.5
     corners = rng.uniform(-1.0, 10.0, (60, 1, 3)) + size * rng.normal(size=(60, 3, 3))
-    corners[:20, :, 1] = corners[:20, :1, 1]  # some that lie across an axis
-    found = voxelized(_soup(corners), shape)
+    corners[:20, :, 1] = corners[:20, :1, 1]  # some are perpendicular to an axis
+    found = voxelize(_soup(corners), shape)
     expected = np.array([touches(center, 1.0, corners).any() for center in centers]).reshape(shape)
     assert np.array_equal(found > 0, expected)
 
 
 @pytest.mark.parametrize("name", ["vehicle.pickup", "vehicle.van", "vehicle.bicycle", "pedestrian.woman"])
-def test_actors_are_filled_where_their_surface_goes_around_a_point_and_occupied_where_it_passes(name: str) -> None:
+def test_actor_voxels_agree_with_winding_numbers_and_separating_axes(name: str) -> None:
     model = next(model for model in load_models() if model.blueprint == name)
     row = actor(
         model, 1, id=9, x=0.3, y=0.2, z=0.4, yaw=0.7, pitch=0.1, roll=0.05, steer=0.3, gait=1.0, vx=1.0, doors=1
@@ -152,7 +152,7 @@ def test_actors_are_filled_where_their_surface_goes_around_a_point_and_occupied_
 
 
 def _soup(corners: Float64Array) -> Soup:
-    """(T, 3, 3) corners, in voxels, as open surfaces of rank 1."""
+    """Open surfaces of rank 1 from (T, 3, 3) corners in voxels."""
     points = corners.reshape(-1, 3).T.astype(np.float32)
     triangles = np.arange(points.shape[1]).reshape(-1, 3).T
     return Soup(points, np.ones(points.shape[1], np.uint8), triangles, np.zeros(len(corners), bool))

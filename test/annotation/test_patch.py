@@ -1,4 +1,4 @@
-"""Clipping against shapely, which clips in another way, on random lines; and what is particular to rings and levels."""
+"""Clipping to patches: against shapely on random lines, and special cases of rings and levels."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def patch_at(x: float, y: float, yaw: float, z: float = 0.0) -> Patch:
 
 
 def in_map(patch: Patch, points: Float64Array) -> Float64Array:
-    """(N, 3) points back from the patch frame."""
+    """(N, 3) points of the patch frame in the map frame."""
     forward = np.array([np.cos(patch.yaw_rad), np.sin(patch.yaw_rad)])
     left = np.array([-forward[1], forward[0]])
     xy = patch.origin_m[:2] + points[:, :1] * forward + points[:, 1:2] * left
@@ -27,7 +27,7 @@ def in_map(patch: Patch, points: Float64Array) -> Float64Array:
 
 
 def wandering_lines() -> list[Float64Array]:
-    """Lines that cross patches many times, long and short steps, corners on round numbers."""
+    """Lines that cross patches many times, with long and short steps, some with corners on round numbers."""
     rng = np.random.default_rng(5)
     free = [np.cumsum(rng.normal(0.0, [step, step, 0.3], (40, 3)), axis=0) for step in (0.5, 3.0, 15.0, 60.0) * 10]
     square = [np.round(line_m / 15.0) * 15.0 for line_m in free]  # along the borders of the first patch, and on corners
@@ -35,7 +35,7 @@ def wandering_lines() -> list[Float64Array]:
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_pieces_are_those_of_shapely(pose: tuple[float, float, float]) -> None:
+def test_pieces_agree_with_shapely(pose: tuple[float, float, float]) -> None:
     lines_m = [line_m[np.append(True, np.any(np.diff(line_m, axis=0), axis=1))] for line_m in wandering_lines()]
     patch = patch_at(*pose, z=2.0)
     corners = np.array([[30.0, 15.0, 0.0], [-30.0, 15.0, 0.0], [-30.0, -15.0, 0.0], [30.0, -15.0, 0.0]])
@@ -44,14 +44,14 @@ def test_pieces_are_those_of_shapely(pose: tuple[float, float, float]) -> None:
     for row, line_m in enumerate(lines_m):
         # Segment by segment: shapely cuts lines that cross themselves where they do.
         segments = shapely.linestrings(np.stack([line_m[:-1, :2], line_m[1:, :2]], axis=1))
-        wanted = shapely.intersection(segments, window)
+        expected = shapely.intersection(segments, window)
         pieces = [in_map(patch, piece) for piece in found.get(row, ())]
         length_m = sum(np.linalg.norm(np.diff(piece[:, :2], axis=0), axis=1).sum() for piece in pieces)
-        assert length_m == pytest.approx(shapely.length(wanted).sum(), abs=1e-6)
+        assert length_m == pytest.approx(shapely.length(expected).sum(), abs=1e-6)
         if length_m < 1e-6:
             continue
         lines = shapely.MultiLineString([piece[:, :2] for piece in pieces])
-        long = wanted[shapely.length(wanted) > 1e-6]
+        long = expected[shapely.length(expected) > 1e-6]
         assert shapely.hausdorff_distance(lines, shapely.union_all(long)) < 1e-6
 
 
@@ -61,7 +61,7 @@ def test_heights_lie_on_the_line_and_ends_on_the_border() -> None:
     assert piece == pytest.approx(np.array([[-30.0, 3.0, 3.0], [30.0, 3.0, 9.0]]))
 
 
-def test_a_ring_that_begins_in_the_patch_stays_in_one_piece() -> None:
+def test_a_ring_that_begins_in_the_patch_stays_one_piece() -> None:
     ring_m = np.array([[0.0, 5, 0], [0, 10, 0], [50, 10, 0], [50, 5, 0], [0, 5, 0]])
     (piece,) = PatchLines([ring_m]).within(patch_at(0.0, 0.0, 0.0), None)[0]
     assert piece == pytest.approx(np.array([[30.0, 5, 0], [0, 5, 0], [0, 10, 0], [30, 10, 0]]))
@@ -69,25 +69,25 @@ def test_a_ring_that_begins_in_the_patch_stays_in_one_piece() -> None:
     assert whole.tolist() == (ring_m * [0.1, 1.0, 1.0]).tolist()
 
 
-def test_segments_that_are_no_part_of_a_line_are_left_out() -> None:
+def test_segments_that_are_not_real_are_left_out() -> None:
     line_m = np.array([[x, 0.0, 0.0] for x in (-5.0, 0.0, 5.0, 9.0)])
     found = PatchLines([line_m], real=[np.array([True, False, True])]).within(patch_at(0.0, 0.0, 0.0), None)
     assert [piece[:, 0].tolist() for piece in found[0]] == [[-5, 0], [5, 9]]
 
 
-def test_what_does_not_count_is_cut_out_as_the_guide_says() -> None:
+def test_sections_are_cut_out_where_the_guide_is_off_the_level() -> None:
     line_m = np.array([[-50.0, 2.0, 0.0], [50.0, 2.0, 0.0]])
     guide_m = line_m - np.array([0.0, 2.0, 0.0])
 
-    def holds(places_m: Float64Array) -> BoolArray:
-        assert (places_m[:, 1] == 0.0).all()
-        return np.asarray(np.abs(places_m[:, 0]) > 10.0)
+    def level_filter(positions_m: Float64Array) -> BoolArray:
+        assert (positions_m[:, 1] == 0.0).all()
+        return np.asarray(np.abs(positions_m[:, 0]) > 10.0)
 
-    pieces = PatchLines([line_m], guides_m=[guide_m]).within(patch_at(0.0, 0.0, 0.0), holds)[0]
+    pieces = PatchLines([line_m], guides_m=[guide_m]).within(patch_at(0.0, 0.0, 0.0), level_filter)[0]
     ends = [piece[[0, -1], 0] for piece in pieces]
     assert np.array(ends) == pytest.approx(np.array([[-30, -10], [10, 30]]), abs=1.0)
     assert [len(piece) for piece in pieces] == [2, 2]
 
 
-def test_without_lines_nothing_is_found() -> None:
+def test_without_lines_there_are_no_pieces() -> None:
     assert PatchLines([]).within(patch_at(0.0, 0.0, 0.0), None) == {}

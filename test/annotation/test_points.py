@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_world import actor, box_model, world
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
-from simbev_ros.annotation.boxes.points import difficulty, map_points, points_inside, with_points
+from simbev_ros.annotation.boxes.points import add_point_counts, difficulty, map_points, points_inside
 from simbev_ros.config.sensor import Pose
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES, Tag
 from simbev_ros.sensors.lidar import POINT_DTYPE
@@ -34,13 +34,13 @@ def box(length: float = 4.0, width: float = 2.0, height: float = 1.0, **columns:
     return row
 
 
-def counted_slowly(boxes: Table, points_m: Float64Array) -> Int64Array:
-    """By SciPy's rotations, one box after the other."""
+def count_by_brute_force(boxes: Table, points_m: Float64Array) -> Int64Array:
+    """Slow reference: SciPy's rotations, one box at a time."""
     counts = []
     for row in boxes:
-        turn = Rotation.from_euler("xyz", [row["roll"], row["pitch"], row["yaw"]])
+        rotation = Rotation.from_euler("xyz", [row["roll"], row["pitch"], row["yaw"]])
         with np.errstate(invalid="ignore"):
-            local_m = (points_m - [row["x"], row["y"], row["z"]]) @ turn.as_matrix()
+            local_m = (points_m - [row["x"], row["y"], row["z"]]) @ rotation.as_matrix()
         inside = np.abs(local_m) <= np.array([row["length"], row["width"], row["height"]], np.float64) / 2.0
         counts.append(int(inside.all(axis=1).sum()))
     return np.array(counts)
@@ -48,7 +48,7 @@ def counted_slowly(boxes: Table, points_m: Float64Array) -> Int64Array:
 
 @pytest.mark.parametrize("around_m", [(0.0, 0.0, 0.0), (1e5, -1e5, 300.0)])
 @pytest.mark.parametrize("spread_m", [3.0, 60.0, 20_000.0])
-def test_counts_are_those_of_brute_force(around_m: tuple[float, float, float], spread_m: float) -> None:
+def test_counts_agree_with_brute_force(around_m: tuple[float, float, float], spread_m: float) -> None:
     boxes = random_boxes(150, around_m, spread_m)
     boxes["length"][:5] = boxes["height"][5:10] = 0.0
     centers_m = np.stack([boxes["x"], boxes["y"], boxes["z"]], axis=1)
@@ -59,10 +59,10 @@ def test_counts_are_those_of_brute_force(around_m: tuple[float, float, float], s
     counts = points_inside(boxes, points_m)
     assert counts.dtype == np.int32
     assert counts.sum() > 1_000
-    np.testing.assert_array_equal(counts, counted_slowly(boxes, points_m))
+    np.testing.assert_array_equal(counts, count_by_brute_force(boxes, points_m))
 
 
-def test_faces_edges_and_corners_are_inside_and_what_lies_next_to_them_is_not() -> None:
+def test_faces_edges_and_corners_are_inside_and_points_next_to_them_are_not() -> None:
     lattice = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 3), axis=-1).reshape(-1, 3)
     on_m = lattice * [2.0, 1.0, 0.5] + [1e5, -1e5, 64.0]
     surface = (np.abs(lattice) == 1.0).any(axis=1)
@@ -77,11 +77,11 @@ def test_a_point_in_two_boxes_counts_for_both() -> None:
     assert points_inside(nested, np.array([[0.1, 0.1, 0.1], [1.9, 0.0, 0.0]])).tolist() == [2, 1, 0]
 
 
-def test_a_flat_box_holds_the_points_in_its_plane() -> None:
+def test_a_flat_box_contains_the_points_in_its_plane() -> None:
     assert points_inside(box(height=0.0), np.array([[1.0, 0.5, 0.0], [1.0, 0.5, 1e-9]])) == [1]
 
 
-def test_points_that_are_not_finite_are_nowhere() -> None:
+def test_points_that_are_not_finite_are_in_no_box() -> None:
     points_m = np.full((3, 3), 0.0) + np.diag([np.nan, np.inf, -np.inf])
     assert points_inside(box(roll=0.3), points_m) == [0]
 
@@ -89,10 +89,10 @@ def test_points_that_are_not_finite_are_nowhere() -> None:
 def test_no_boxes_and_no_points_give_empty_and_zero_counts() -> None:
     assert points_inside(box(), np.empty((0, 3))).tolist() == [0]
     assert points_inside(np.zeros(0, BOX_DTYPE), np.ones((5, 3))).shape == (0,)
-    assert len(with_points(np.zeros(0, BOX_DTYPE), [np.ones((5, 3))], [])) == 0
+    assert len(add_point_counts(np.zeros(0, BOX_DTYPE), [np.ones((5, 3))], [])) == 0
 
 
-def test_a_point_of_a_tilted_sensor_on_a_turned_ego_is_where_a_hand_puts_it() -> None:
+def test_a_point_of_a_tilted_sensor_on_a_turned_ego_matches_a_hand_calculation() -> None:
     car = box_model(Tag.CAR, (4.0, 2.0, 1.5))
     state = world(actor(car, x=10_000.0, y=20_000.0, z=5.0, yaw=math.pi / 2))
     cloud = np.zeros(2, POINT_DTYPE)
@@ -101,7 +101,7 @@ def test_a_point_of_a_tilted_sensor_on_a_turned_ego_is_where_a_hand_puts_it() ->
     np.testing.assert_allclose(points_m, [[10_000.0, 20_001.0, 4.0], [9_999.0, 20_001.0, 7.0]], atol=1e-6)
 
 
-def test_a_rolling_scan_is_put_where_the_ego_was_when_it_measured_each_point() -> None:
+def test_a_rolling_scan_uses_the_ego_pose_at_the_time_of_each_point() -> None:
     car, lag_s, turn_radps = box_model(Tag.CAR, (4.0, 2.0, 1.5)), 0.1, 0.6
     mount = Pose(x_m=1.0, y_m=0.5, z_m=2.0, yaw_deg=30.0)
     state = world(actor(car, x=1e4, y=200.0, z=3.0, yaw=0.4, vx=15.0, vy=-2.0, vz=0.5, wz=turn_radps))
@@ -119,21 +119,21 @@ def test_a_rolling_scan_is_put_where_the_ego_was_when_it_measured_each_point() -
 def test_points_of_all_sensors_of_a_kind_add_up() -> None:
     boxes = np.concatenate([box(distance=10.0), box(x=10.0, distance=10.0)])
     inside, outside = np.zeros((3, 3)), np.full((3, 3), 5.0)
-    found = with_points(boxes, [inside, outside, inside], [inside])
+    found = add_point_counts(boxes, [inside, outside, inside], [inside])
     assert found["lidar_points"].tolist() == [6, 0]
     assert found["radar_points"].tolist() == [3, 0]
     assert found["valid"].tolist() == [1, 0]
     np.testing.assert_array_equal(boxes["lidar_points"], 0)
 
 
-def test_what_was_not_received_is_minus_one_and_counts_as_no_points() -> None:
-    found = with_points(box(distance=10.0), None, [np.zeros((100, 3))])
+def test_a_sensor_kind_that_was_not_received_is_minus_one_and_counts_as_no_points() -> None:
+    found = add_point_counts(box(distance=10.0), None, [np.zeros((100, 3))])
     assert (found["lidar_points"], found["radar_points"], found["valid"]) == (-1, 100, 1)
     assert DIFFICULTIES[found["difficulty"][0]] == "easy"
-    found = with_points(box(distance=10.0), None, None)
+    found = add_point_counts(box(distance=10.0), None, None)
     assert (found["lidar_points"], found["radar_points"], found["valid"]) == (-1, -1, 0)
     assert DIFFICULTIES[found["difficulty"][0]] == "hard"
-    assert with_points(box(), [np.empty((0, 3))], [])["lidar_points"] == [0]
+    assert add_point_counts(box(), [np.empty((0, 3))], [])["lidar_points"] == [0]
 
 
 @pytest.mark.parametrize(

@@ -7,15 +7,15 @@ from simbev_ros.types import BoolArray, Float64Array
 ROWS, COLUMNS = 40, 56
 
 
-def drawn(corners: Float64Array, rows: int = ROWS, columns: int = COLUMNS) -> BoolArray:
-    """(rows, columns) of (T, 3, 2) triangles."""
+def draw(corners: Float64Array, rows: int = ROWS, columns: int = COLUMNS) -> BoolArray:
+    """(rows, columns) coverage of (T, 3, 2) triangles."""
     points = corners.reshape(-1, 2).T
     near, _ = corners_near_centers(points, np.arange(len(corners) * 3, dtype=np.int32).reshape(-1, 3), rows, columns)
     return covered_cells(near, np.zeros(near.shape[2], np.uint8), (1, rows, columns))[0]
 
 
 def signed_distances(corners: Float64Array) -> Float64Array:
-    """(T, rows, columns) distance of each centre to the nearest edge line, negative outside; nan without area."""
+    """(T, rows, columns) distance of each center to the nearest edge line, negative outside; NaN without area."""
     centers = np.stack(np.meshgrid(np.arange(ROWS), np.arange(COLUMNS), indexing="ij"), axis=-1)
     edges = np.roll(corners, -1, axis=1) - corners
     to_center = centers - corners[:, :, None, None]
@@ -26,18 +26,18 @@ def signed_distances(corners: Float64Array) -> Float64Array:
 
 
 @pytest.mark.parametrize("size", [0.3, 3.0, 30.0, 3000.0])
-def test_cells_are_those_whose_centre_lies_in_a_triangle(size: float) -> None:
+def test_cells_are_covered_if_their_center_lies_in_a_triangle(size: float) -> None:
     rng = np.random.default_rng(int(size))
     for _ in range(8):
-        middle = rng.uniform([-5, -5], [ROWS + 5, COLUMNS + 5], (40, 1, 2))
-        corners = middle + rng.uniform(-size, size, (40, 3, 2))
+        center = rng.uniform([-5, -5], [ROWS + 5, COLUMNS + 5], (40, 1, 2))
+        corners = center + rng.uniform(-size, size, (40, 3, 2))
         distance = signed_distances(corners)
         clear = np.abs(distance).min(axis=0) > 1e-9
         assert clear.all()
-        assert np.array_equal(drawn(corners), (distance > 0).any(axis=0))
+        assert np.array_equal(draw(corners), (distance > 0).any(axis=0))
 
 
-def test_meshes_of_shared_edges_have_neither_gaps_nor_overhang() -> None:
+def test_shared_edges_have_no_gaps() -> None:
     rng = np.random.default_rng(3)
     for angle in rng.uniform(0, 2 * np.pi, 20):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -45,45 +45,45 @@ def test_meshes_of_shared_edges_have_neither_gaps_nor_overhang() -> None:
         points = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1) @ turn.T + [ROWS / 2, COLUMNS / 2]
         a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
         corners = np.stack([a, b, c, a, c, d], axis=-2).reshape(-1, 3, 2)
-        assert drawn(corners).all()
+        assert draw(corners).all()
 
 
-def test_shared_edges_through_cell_centres_have_no_gaps() -> None:
+def test_shared_edges_through_cell_centers_have_no_gaps_or_overhang() -> None:
     rows, columns = np.meshgrid(np.arange(0, ROWS, 3), np.arange(0, COLUMNS, 5), indexing="ij")
     points = np.stack([rows, columns], axis=-1).astype(np.float64)
     a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
-    filled = drawn(np.stack([a, b, c, a, c, d], axis=-2).reshape(-1, 3, 2))
+    filled = draw(np.stack([a, b, c, a, c, d], axis=-2).reshape(-1, 3, 2))
     assert filled[: rows.max() + 1, : columns.max() + 1].all()
     assert filled.sum() == (rows.max() + 1) * (columns.max() + 1)
 
 
-def test_edges_count_as_covered_whatever_the_orientation() -> None:
+def test_edges_are_covered_for_every_orientation() -> None:
     corners = np.array([[2.0, 3.0], [6.0, 3.0], [2.0, 7.0]])
     expected = np.zeros((ROWS, COLUMNS), bool)
     for row in range(2, 7):
         expected[row, 3 : 10 - row] = True
     for order in ([0, 1, 2], [2, 1, 0], [1, 2, 0], [0, 2, 1]):
-        assert np.array_equal(drawn(corners[None, order]), expected)
+        assert np.array_equal(draw(corners[None, order]), expected)
 
 
-def test_triangles_without_area_cover_no_centre_beside_them() -> None:
+def test_triangles_without_area_cover_no_centers_beside_them() -> None:
     vertical = np.array([[3.5, 2.0], [3.5, 20.0], [3.5, 9.0]])
     horizontal = np.array([[2.0, 4.5], [20.0, 4.5], [9.0, 4.5]])
     slanted = np.array([[0.5, 1.0], [10.5, 11.0], [5.5, 6.0]])
     point = np.full((3, 2), 7.5)
     almost_flat = np.array([[8.0, 1.2], [8.0 + 1e-300, 9.7], [8.0, 1.2]])
-    assert not drawn(np.stack([vertical, horizontal, slanted, point])).any()
-    assert drawn(almost_flat[None]).sum() <= 8
+    assert not draw(np.stack([vertical, horizontal, slanted, point])).any()
+    assert draw(almost_flat[None]).sum() <= 8
 
 
-def test_nothing_is_drawn_outside_of_the_grid() -> None:
-    around = np.array([[[-9.0, -9.0], [-2.0, 80.0], [-9.0, 80.0]], [[5.0, 60.0], [9.0, 90.0], [5.0, 90.0]]])
-    assert not drawn(around).any()
-    everything = np.array([[[-1e9, -1e9], [1e9, -1e9], [0.0, 3e9]]])
-    assert drawn(everything).all()
+def test_nothing_is_drawn_outside_the_grid() -> None:
+    outside = np.array([[[-9.0, -9.0], [-2.0, 80.0], [-9.0, 80.0]], [[5.0, 60.0], [9.0, 90.0], [5.0, 90.0]]])
+    assert not draw(outside).any()
+    covering_all = np.array([[[-1e9, -1e9], [1e9, -1e9], [0.0, 3e9]]])
+    assert draw(covering_all).all()
 
 
-def test_planes_are_drawn_apart() -> None:
+def test_planes_are_drawn_separately() -> None:
     points = np.array([[1.0, 1.0], [5.0, 1.0], [1.0, 5.0], [9.0, 9.0], [7.0, 9.0], [9.0, 7.0]])
     corners = points.reshape(2, 3, 2).transpose(2, 1, 0)
     filled = covered_cells(corners, np.array([2, 0], np.uint8), (3, 12, 12))

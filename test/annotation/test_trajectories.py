@@ -1,4 +1,4 @@
-"""Tracks and futures of a scene made by formula, checked box by box against a search of its tables."""
+"""Tracks and futures of a synthetic scene, checked box by box against a search of its actor tables."""
 
 import io
 import random
@@ -7,8 +7,8 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.boxes.boxes import boxes
-from simbev_ros.annotation.trajectories import Tracker, Tracks, futures, npz_of, tracks_of_npz
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
+from simbev_ros.annotation.trajectories import TrackRecorder, Tracks, futures, tracks_from_npz, tracks_to_npz
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
@@ -20,12 +20,12 @@ START_NS = 7_200_000_000_000
 SEDAN = blueprint_index()["vehicle.sedan"]
 RIDER = next(row for row, blueprint in enumerate(load_blueprints()) if not blueprint.box_class)
 PRESENT = {EGO_ID: (0, 40), 2: (0, 40), 5: (10, 30), 9: (0, 15), 12: (25, 40)}
-"""First frame and the one after the last, of each actor."""
+"""Actor id → first frame, and frame after the last one."""
 
 
-def table(frame: int, left_out: int = 0) -> Table:
-    """Actors on circles of their own; a rider, who has no class, is always there."""
-    ids = [number for number, (first, end) in PRESENT.items() if first <= frame < end and number != left_out]
+def table(frame: int, omitted_id: int = 0) -> Table:
+    """Actors on separate circles; a rider, which has no class, is in every frame."""
+    ids = [number for number, (first, end) in PRESENT.items() if first <= frame < end and number != omitted_id]
     rows = np.zeros(len(ids) + 1, ACTOR_DTYPE)
     rows["id"] = [*ids, 20]
     rows["blueprint"] = [*[SEDAN] * len(ids), RIDER]
@@ -40,19 +40,19 @@ def table(frame: int, left_out: int = 0) -> Table:
 
 def scene(*missing: int) -> Tracks:
     frames = ((START_NS + frame * TICK_NS, table(frame)) for frame in range(40) if frame not in missing)
-    tracker = Tracker(TICK_NS)
+    tracker = TrackRecorder(TICK_NS)
     for stamp_ns, actors in frames:
-        tracker.add(stamp_ns, actors)
+        tracker.add_frame(stamp_ns, actors)
     return tracker.tracks()
 
 
 def boxes_at(frame: int) -> Table:
     state = WorldState(START_NS + frame * TICK_NS, frame, EGO_ID, table(frame), np.zeros(0, SIGNAL_DTYPE), None)  # type: ignore[arg-type]
-    return boxes(state, 500.0)
+    return boxes_around_ego(state, 500.0)
 
 
 @pytest.mark.parametrize(("horizon_s", "step_s", "stride"), [(1.0, None, 1), (1.3, 0.25, 5)])
-def test_each_box_of_each_frame_has_the_boxes_of_later_frames_as_its_future(
+def test_the_future_of_each_box_matches_the_boxes_of_later_frames(
     horizon_s: float, step_s: float | None, stride: int
 ) -> None:
     tracks = scene()
@@ -64,19 +64,19 @@ def test_each_box_of_each_frame_has_the_boxes_of_later_frames_as_its_future(
         assert found.after_s == pytest.approx(0.05 * stride * np.arange(1, len(found.after_s) + 1))
         for number, row in enumerate(now):
             for step in range(len(found.after_s)):
-                at = frame + (step + 1) * stride
-                then = later[at].get(row["id"]) if at < 40 else None
-                assert found.valid[number, step] == (then is not None)
-                place, velocity = found.position_m[number, step], found.velocity_mps[number, step]
-                if then is None:
-                    assert not place.any() and not velocity.any() and found.yaw_rad[number, step] == 0.0
+                future_frame = frame + (step + 1) * stride
+                future_box = later[future_frame].get(row["id"]) if future_frame < 40 else None
+                assert found.valid[number, step] == (future_box is not None)
+                position, velocity = found.position_m[number, step], found.velocity_mps[number, step]
+                if future_box is None:
+                    assert not position.any() and not velocity.any() and found.yaw_rad[number, step] == 0.0
                 else:
-                    assert place.tolist() == [then["x"], then["y"], then["z"]]
-                    assert velocity.tolist() == [then["vx"], then["vy"], then["vz"]]
-                    assert found.yaw_rad[number, step] == then["yaw"]
+                    assert position.tolist() == [future_box["x"], future_box["y"], future_box["z"]]
+                    assert velocity.tolist() == [future_box["vx"], future_box["vy"], future_box["vz"]]
+                    assert found.yaw_rad[number, step] == future_box["yaw"]
 
 
-def test_tracks_are_of_those_that_have_a_class_and_know_when_they_are_there() -> None:
+def test_tracks_cover_actors_with_a_class_and_mark_when_they_exist() -> None:
     tracks = scene()
     assert tracks.id.tolist() == sorted(PRESENT)
     assert [(int(np.argmax(row)), int(row.sum())) for row in tracks.valid] == [
@@ -86,13 +86,13 @@ def test_tracks_are_of_those_that_have_a_class_and_know_when_they_are_there() ->
     assert tracks.size_m.tolist() == [[4.0, 2.0, 1.5]] * len(PRESENT)
 
 
-def test_a_frame_that_is_missing_is_no_future() -> None:
+def test_a_missing_frame_is_invalid_in_the_future() -> None:
     found = futures(scene(8), np.array([2], np.uint32), np.array([START_NS + 5 * TICK_NS]), 0.25)
     assert found.valid.tolist() == [[True, True, False, True, True]]
     assert found.position_m[0, 3].tolist() == scene().position_m[1, 9].tolist()
 
 
-def test_futures_of_many_frames_are_those_of_each() -> None:
+def test_futures_of_a_batch_of_frames_equal_those_of_each_frame() -> None:
     tracks = scene()
     stamps_ns = START_NS + TICK_NS * np.array([3, 12, 39])
     together = futures(tracks, np.array([2, 5, 12], np.uint32), stamps_ns, 0.5)
@@ -103,49 +103,49 @@ def test_futures_of_many_frames_are_those_of_each() -> None:
     assert not together.valid[2].any()  # after the last frame
 
 
-def test_the_file_holds_all_of_it_and_numpy_reads_it() -> None:
-    tracks, file = scene(), npz_of(scene())
-    back = tracks_of_npz(file)
+def test_the_file_is_complete_and_readable_with_numpy() -> None:
+    tracks, file = scene(), tracks_to_npz(scene())
+    back = tracks_from_npz(file)
     assert back.tick_ns == TICK_NS
     for name in ("stamp_ns", "id", "box_class", "size_m", "valid", "position_m", "yaw_rad", "velocity_mps"):
         wanted, found = getattr(tracks, name), getattr(back, name)
         assert found.dtype == wanted.dtype and np.array_equal(found, wanted)
-    assert npz_of(back) == file
+    assert tracks_to_npz(back) == file
     with np.load(io.BytesIO(file)) as arrays:
         assert arrays["class_names"][arrays["class"]].tolist() == ["car"] * len(PRESENT)
         assert arrays["position_m"].shape == (len(PRESENT), 40, 3)
 
 
-@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", npz_of(scene())[:200], b"\x93NUMPY"])
-def test_a_damaged_file_is_named(damage: bytes) -> None:
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", tracks_to_npz(scene())[:200], b"\x93NUMPY"])
+def test_a_damaged_file_is_reported(damage: bytes) -> None:
     with pytest.raises(BagError, match="trajectories are damaged"):
-        tracks_of_npz(damage)
+        tracks_from_npz(damage)
 
 
-def test_flipped_bits_are_named_or_change_nothing_that_counts() -> None:
-    file, choice = npz_of(scene()), random.Random(1)
-    for place in (*choice.sample(range(len(file)), 1000), *range(len(file) - 900, len(file))):
+def test_flipped_bits_are_reported_or_harmless() -> None:
+    file, choice = tracks_to_npz(scene()), random.Random(1)
+    for position in (*choice.sample(range(len(file)), 1000), *range(len(file) - 900, len(file))):
         damaged = bytearray(file)
-        damaged[place] ^= 1 << choice.randrange(8)
+        damaged[position] ^= 1 << choice.randrange(8)
         with suppress(BagError):
-            assert npz_of(tracks_of_npz(bytes(damaged))) == file
+            assert tracks_to_npz(tracks_from_npz(bytes(damaged))) == file
 
 
 @pytest.mark.parametrize(
     ("horizon_s", "step_s", "message"),
     [(6.0, 0.07, "step_s: 0.07 is not a whole number"), (6.0, 0.0, "step_s: 0 is"), (0.2, 0.5, "horizon_s: 0.2 is")],
 )
-def test_steps_that_no_frame_is_at_are_refused(horizon_s: float, step_s: float, message: str) -> None:
+def test_steps_between_frames_are_refused(horizon_s: float, step_s: float, message: str) -> None:
     with pytest.raises(InputError, match=message):
         futures(scene(), np.array([2], np.uint32), np.array([START_NS]), horizon_s, step_s)
 
 
-def test_an_actor_without_a_track_is_named() -> None:
+def test_an_actor_without_a_track_is_an_error() -> None:
     with pytest.raises(KeyError, match="no track of actor 20"):
         futures(scene(), np.array([2, 20], np.uint32), np.array([START_NS, START_NS]))
 
 
-def test_a_scene_of_nothing_has_no_tracks() -> None:
-    tracks = Tracker(TICK_NS).tracks()
+def test_an_empty_scene_has_no_tracks() -> None:
+    tracks = TrackRecorder(TICK_NS).tracks()
     assert tracks.position_m.shape == (0, 0, 3)
-    assert tracks_of_npz(npz_of(tracks)).valid.shape == (0, 0)
+    assert tracks_from_npz(tracks_to_npz(tracks)).valid.shape == (0, 0)

@@ -1,4 +1,4 @@
-"""Records worked by hand on a street made for it, under and on a bridge, and against shapely in a town."""
+"""Vector maps: a hand-computed record of a small street, records under and on a bridge, and a town against shapely."""
 
 import json
 from dataclasses import replace
@@ -29,7 +29,7 @@ def ego_at(x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> WorldState:
 
 
 def street() -> tuple[SimpleNamespace, Layout]:
-    """Two lanes to the east, one back, a shoulder; a stop line with a light, a crosswalk beyond it, a speed limit."""
+    """Two lanes to the east, one back, a shoulder; a stop line with a light, a crosswalk, a speed limit."""
     left, right, shoulder = side_by_side(3, name="e", start_m=(0, 0), end_m=(100, 0), height=level_ground)
     back = straight("back", (100, 3.5), (0, 3.5), level_ground)
     center, between = Line(Paint.SOLID_SOLID, PaintColor.YELLOW, 0.1), Line(Paint.BROKEN)
@@ -57,7 +57,7 @@ def street() -> tuple[SimpleNamespace, Layout]:
     return SimpleNamespace(signals=tuple(lights), lanes={"l1": lane, "far": far}), layout
 
 
-def test_record_worked_by_hand() -> None:
+def test_a_record_matches_the_hand_computed_one() -> None:
     record = VectorMap(*street()).record(ego_at(60.0, -3.5, yaw=np.pi / 2))  # the ego looks across the street
     assert json.loads(json.dumps(record)) == record
     assert record["map_from_patch"] == {"translation": [60.0, -3.5, 0.0], "yaw": pytest.approx(np.pi / 2)}
@@ -81,8 +81,8 @@ def test_record_worked_by_hand() -> None:
         ("edge", "solid", "white", 1),
         ("lane", "broken", "white", 1),
     ]
-    kerbs = sorted(piece[0][0] for edge in record["edges"] for piece in edge["pieces"])
-    assert kerbs == pytest.approx([-5.25, 8.75])  # the shoulder's right side, the left one of the lane back
+    curbs = sorted(piece[0][0] for edge in record["edges"] for piece in edge["pieces"])
+    assert curbs == pytest.approx([-5.25, 8.75])  # the shoulder's right side, the left one of the lane back
     assert record["crosswalks"] == record["stop_lines"] == []
     assert record["traffic_lights"] == [{"id": 2, "position": [0.0, -50.0, 5.6], "yaw": 1.5708, "lanes": ["e1"]}]
     assert record["signs"][0]["position"] == [-5.5, 20.0, 0.0]
@@ -105,22 +105,22 @@ def test_crosswalks_are_clipped_and_stop_lines_name_their_lanes() -> None:
     assert max(point[0] for each in record["lines"] for piece in each["pieces"] for point in piece) == 28.0
 
 
-def test_paint_along_a_line_is_told_from_left_to_right() -> None:
+def test_paint_is_listed_from_left_to_right_of_the_line() -> None:
     network, layout = street()
-    line = Line(Paint.SOLID_BROKEN, PaintColor.YELLOW)  # from inside, on the left of a lane: from right to left
+    line = Line(Paint.SOLID_BROKEN, PaintColor.YELLOW)  # on the left of a lane, inside to outside is right to left
     layout = replace(layout, strips=(replace(layout.strips[0], left="", left_line=line, right_line=Line()),))
     (path,) = VectorMap(network, layout).record(ego_at(50.0, 0.0))["lines"]
     assert (path["class"], path["paint"]) == ("edge", "broken solid")
 
 
 def crossing() -> Layout:
-    """A road to the east that climbs to 6 m over one to the north, structure between x = ±20."""
+    """A road to the east that rises to 6 m above one to the north, on a structure between x = ±20."""
 
-    def climbing(xy_m: Float64Array) -> Float64Array:
+    def ramp_height(xy_m: Float64Array) -> Float64Array:
         return np.asarray(6.0 * np.clip((150.0 - np.abs(xy_m[:, 0])) / 130.0, 0.0, 1.0))
 
     west, deck, east = (
-        straight(name, (start, 0), (end, 0), climbing)
+        straight(name, (start, 0), (end, 0), ramp_height)
         for name, start, end in (("west", -150, -20), ("deck", -20, 20), ("east", 20, 150))
     )
     strips = replace(west, following=("deck",)), replace(deck, level=1, following=("east",)), east
@@ -128,7 +128,7 @@ def crossing() -> Layout:
 
 
 def lengths_m(record: dict[str, list[dict[str, list[list[list[float]]]]]]) -> dict[str, float]:
-    """Length of the centre line of each lane of a record."""
+    """Length of the center line of each lane of a record."""
     return {
         str(lane["id"]): sum(
             float(np.linalg.norm(np.diff(np.array(piece)[:, :2], axis=0), axis=1).sum()) for piece in lane["center"]
@@ -137,15 +137,15 @@ def lengths_m(record: dict[str, list[dict[str, list[list[list[float]]]]]]) -> di
     }
 
 
-def test_only_what_is_on_the_egos_level_is_there() -> None:
+def test_only_roads_on_the_egos_level_are_recorded() -> None:
     layout = crossing()
     levels, vector_map = Levels(layout), VectorMap(SimpleNamespace(signals=(), lanes={}), layout, 100.0, 60.0)
     state = ego_at(0.0, -10.0, yaw=np.pi / 2)
-    record = vector_map.record(state, levels.of_ego(state))
+    record = vector_map.record(state, levels.ego_level(state))
     assert lengths_m(record) == pytest.approx({"west": 10.0, "east": 10.0, "below": 100.0})
     assert {edge["level"] for edge in record["edges"]} == {0}
     state = ego_at(-8.0, 0.0, 6.0)
-    record = vector_map.record(state, levels.of_ego(state))
+    record = vector_map.record(state, levels.ego_level(state))
     assert lengths_m(record) == pytest.approx({"west": 38.0, "deck": 40.0, "east": 22.0})
     assert sum(len(edge["pieces"]) for edge in record["edges"]) == 6  # no edge across where the structure begins
     assert all(np.ptp(np.array(piece)[:, 1]) < 0.01 for edge in record["edges"] for piece in edge["pieces"])
@@ -160,15 +160,15 @@ def town() -> RoadNetwork:
     return load_network(MapSpec(name="Town10HD", seed=0))
 
 
-def test_lanes_of_a_town_are_those_that_shapely_finds(town: RoadNetwork) -> None:
+def test_lanes_of_a_town_agree_with_shapely(town: RoadNetwork) -> None:
     waypoints = town.waypoints(90.0)
-    middle_m = np.median(waypoints.position_m, axis=0)
-    near = np.argsort(np.linalg.norm(waypoints.position_m - middle_m, axis=1))[:12].tolist()
+    center_m = np.median(waypoints.position_m, axis=0)
+    near = np.argsort(np.linalg.norm(waypoints.position_m - center_m, axis=1))[:12].tolist()
     layout = town.layout.near(shapely.Point(waypoints.position_m[near].mean(axis=0)[:2]).buffer(200.0), 60.0)
     vector_map = VectorMap(town, layout)
     strips = [strip for strip in layout.strips if strip.outline_m is None and strip.kind is not LaneKind.MEDIAN]
-    for number in near:
-        (x, y, z), yaw = waypoints.position_m[number].tolist(), float(waypoints.yaw_rad[number]) + 0.2
+    for index in near:
+        (x, y, z), yaw = waypoints.position_m[index].tolist(), float(waypoints.yaw_rad[index]) + 0.2
         state = ego_at(x, y, z, yaw)
         found = {lane["id"]: lane for lane in vector_map.record(state)["lanes"]}
         forward, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
@@ -178,18 +178,18 @@ def test_lanes_of_a_town_are_those_that_shapely_finds(town: RoadNetwork) -> None
         window, names = shapely.Polygon(corners_m), set()
         for strip in strips:
             for side, line_m in (("left", strip.left_m), ("center", strip.center_m), ("right", strip.right_m)):
-                wanted_m = shapely.intersection(shapely.LineString(line_m[:, :2]), window).length
+                expected_m = shapely.intersection(shapely.LineString(line_m[:, :2]), window).length
                 pieces = found.get(strip.id, {}).get(side, [])
                 steps = [np.linalg.norm(np.diff(np.array(piece)[:, :2], axis=0), axis=1).sum() for piece in pieces]
-                assert sum(steps) == pytest.approx(wanted_m, abs=0.01)
-                names |= {strip.id} if wanted_m > 0.01 else set()
+                assert sum(steps) == pytest.approx(expected_m, abs=0.01)
+                names |= {strip.id} if expected_m > 0.01 else set()
         assert names <= set(found)
 
 
-def test_links_of_a_town_join_lanes_that_meet(town: RoadNetwork) -> None:
-    middle_m = np.median(town.waypoints(24.0).position_m, axis=0)
-    layout = town.layout.near(shapely.Point(middle_m[:2]).buffer(150.0), 0.0)
-    record = VectorMap(town, layout, 200.0, 200.0).record(ego_at(*middle_m.tolist()))
+def test_links_of_a_town_connect_adjacent_lanes(town: RoadNetwork) -> None:
+    center_m = np.median(town.waypoints(24.0).position_m, axis=0)
+    layout = town.layout.near(shapely.Point(center_m[:2]).buffer(150.0), 0.0)
+    record = VectorMap(town, layout, 200.0, 200.0).record(ego_at(*center_m.tolist()))
     by_id = {strip.id: strip for strip in layout.strips}
     driving = [lane for lane in record["lanes"] if lane["type"] == "driving"]
     assert sum(len(lane["successors"]) for lane in driving) > len(driving) // 2
@@ -201,4 +201,4 @@ def test_links_of_a_town_join_lanes_that_meet(town: RoadNetwork) -> None:
     assert record["traffic_lights"]
     for light in record["traffic_lights"]:
         (name,) = light["lanes"]
-        assert name == town.signals[light["id"] - 1].lane  # strips of towns are called as the lanes of the traffic
+        assert name == town.signals[light["id"] - 1].lane  # strips of towns have the names of traffic lanes

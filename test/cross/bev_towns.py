@@ -8,7 +8,7 @@ import shapely
 from synthetic_world import actor
 
 from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
-from simbev_ros.annotation.bev.hazards import LabelledArea, hazard_areas
+from simbev_ros.annotation.bev.hazards import LabeledArea, hazard_areas
 from simbev_ros.annotation.bev.levels import Levels
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
@@ -41,7 +41,7 @@ class Town:
     static: StaticScene
     layout: Layout
     hazards: tuple[HazardSpec, ...]
-    areas: tuple[LabelledArea, ...]
+    areas: tuple[LabeledArea, ...]
     annotator: BevAnnotator
     levels: Levels
     graph: LevelGraph
@@ -49,7 +49,7 @@ class Town:
 
     def labels(self, state: WorldState, grid: BevGrid) -> dict[str, BoolArray]:
         """What is to be checked."""
-        labels = self.annotator.labels(state, grid, self.levels.of_ego(state), self.areas)
+        labels = self.annotator.labels(state, grid, self.levels.ego_level(state), self.areas)
         return {name: labels >> bit & 1 == 1 for bit, name in enumerate(BEV_CLASSES)}
 
 

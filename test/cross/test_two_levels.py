@@ -14,7 +14,7 @@ from synthetic_world import EGO_ID, actor, world
 
 from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.annotation.bev.levels import Levels
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene
@@ -183,7 +183,7 @@ def triangles(static: StaticScene, tag: Tag, *levels: int) -> Float64Array:
 
 
 def labels_at(crossing: Crossing, state: WorldState, grid: BevGrid = GRID) -> dict[str, BoolArray]:
-    ego_level = crossing.levels.of_ego(state)
+    ego_level = crossing.levels.ego_level(state)
     labels = BevAnnotator(crossing.static, MODELS).labels(state, grid, ego_level)
     return {name: labels >> bit & 1 == 1 for bit, name in enumerate(BEV_CLASSES)}
 
@@ -236,7 +236,7 @@ def test_cars_and_people_are_labelled_on_their_level(crossing: Crossing, place: 
 @pytest.mark.parametrize("place", PLACES)
 def test_boxes_say_who_is_on_the_egos_level(crossing: Crossing, place: str) -> None:
     state = state_of(crossing, place)
-    found = boxes(state, 200.0, crossing.levels.of_ego(state))
+    found = boxes_around_ego(state, 200.0, crossing.levels.ego_level(state))
     counts = counting(crossing, state, place)
     assert set(found["id"].tolist()) | {EGO_ID} == set(state.actors["id"].tolist())
     assert set(found["id"][found["on_ego_level"] == 1].tolist()) == counts - {EGO_ID}

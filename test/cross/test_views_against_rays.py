@@ -12,7 +12,7 @@ from camera_truth import Triangles, truth_of
 from studio import Studio, random_views
 from view_truth import Alone, Canvas
 
-from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.annotation.visibility.views import ViewAnnotator
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
@@ -48,9 +48,9 @@ def as_drawn(studio: Studio, view: CameraView) -> tuple[tuple[ActorModel, ...], 
     """A model of its own for every actor, with the mesh that a camera takes for it."""
     actors = studio.state.actors.copy()
     spheres = bounding_spheres(actors, studio.origin_m)
-    pixel_m = View.of(view, studio.state, None, studio.origin_m).pixel_m(*spheres)
+    pixel_m = View.from_camera(view, studio.state, None, studio.origin_m).pixel_m(*spheres)
     detail = LevelsOfDetail(studio.models)
-    kinds = zip(actors["blueprint"].tolist(), detail.of(actors, pixel_m).tolist(), strict=True)
+    kinds = zip(actors["blueprint"].tolist(), detail.select_levels(actors, pixel_m).tolist(), strict=True)
     models = tuple(replace(studio.models[kind], mesh=detail.meshes[kind][level]) for kind, level in kinds)
     actors["blueprint"] = np.arange(len(actors))
     return models, replace(studio.state, actors=actors)
@@ -58,7 +58,7 @@ def as_drawn(studio: Studio, view: CameraView) -> tuple[tuple[ActorModel, ...], 
 
 def check(studio: Studio, views: list[CameraView]) -> list[Table]:
     """Compare all objects in some views; returns the rows."""
-    objects = boxes(studio.state, RADIUS_M)
+    objects = boxes_around_ego(studio.state, RADIUS_M)
     images = [each.instance for each in studio.images(views)]
     found = ViewAnnotator(studio.models).views(studio.state, objects, views, images)  # type: ignore[arg-type]
     still = Triangles.of_static(studio.static, studio.origin_m)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from ros_messages import compressed_image, header, image, message, odometry, point_cloud, serialise, string
 
-from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, blank
-from simbev_ros.annotation.trajectories import Tracks, npz_of
+from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, blank_boxes
+from simbev_ros.annotation.trajectories import Tracks, tracks_to_npz
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.scene.spec import SceneSpec
@@ -82,7 +82,7 @@ def points(tick: int) -> Table:
 
 def boxes(tick: int) -> Table:
     """A car that drives along x at 10 m/s, and a traffic light."""
-    table = blank(2)
+    table = blank_boxes(2)
     table["id"], table["x"], table["y"], table["z"] = [5, LIGHT_IDS + 1], [0.5 * tick, 3.0], [20.0, 30.0], 1.0
     return table
 
@@ -109,7 +109,7 @@ def record(path: Path, scene: SceneSpec, *, seed: int = 0, only: Sequence[str] |
     """The bag of a scene in many chunks, its topics or only those that begin like some of ``only``."""
     with SceneBagWriter(path, chunk_bytes=3000) as writer:
         writer.add_attachment("scene.json", "application/json", scene.model_dump_json().encode())
-        writer.add_attachment("trajectories.npz", "application/zip", npz_of(tracks(scene)))
+        writer.add_attachment("trajectories.npz", "application/zip", tracks_to_npz(tracks(scene)))
         known: set[str] = set()
         for tick in range(TICKS):
             for topic, type_name, stamp_ns, payload in _messages(scene, tick, seed):

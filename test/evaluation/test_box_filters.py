@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.boxes.boxes import blank
+from simbev_ros.annotation.boxes.boxes import blank_boxes
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.metrics.boxes import boxes_of
@@ -11,7 +11,7 @@ from simbev_ros.types import Table
 
 
 def table() -> Table:
-    result = blank(4)
+    result = blank_boxes(4)
     result["distance"] = [10, 20, 30, 40]
     result["visibility"] = [0.9, 0.1, np.nan, 0.5]
     result["difficulty"] = [0, 1, 2, 2]

@@ -99,10 +99,10 @@ def test_a_marker_without_text_is_sure_and_a_class_may_be_a_number() -> None:
 
 def test_our_own_markers_are_perfect_predictions() -> None:
     pytest.importorskip("rclpy")
-    from simbev_ros.annotation.boxes.boxes import blank
+    from simbev_ros.annotation.boxes.boxes import blank_boxes
     from simbev_ros.msgs.markers import box_markers
 
-    truth = blank(3)
+    truth = blank_boxes(3)
     truth["class"], truth["yaw"], truth["x"], truth["length"] = [0, 5, 9], [3, -2, 0.5], [1, 2, 3], [4, 1, 2]
     found = says(MARKERS, box_markers(truth, STAMP_NS))
     np.testing.assert_array_equal(found.predictions.boxes.label, truth["class"])

@@ -1,4 +1,4 @@
-"""A small world whose every surface is known: ground, boxes, a ball, and a car with wheels."""
+"""A small world with known surfaces for rendering tests: ground, boxes, a ball, and a car with wheels."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ NOON = Weather(
     fog_falloff=1,
 )
 CAMERA = PinholeCamera(160, 90, 110.0, 115.0, 71.3, 50.2)
-"""Small, with an off-centre principal point and unequal focal lengths."""
+"""Small, with an off-center principal point and unequal focal lengths."""
 
 
 def box(
@@ -39,7 +39,7 @@ def box(
     material: Material = Material.PLAIN,
     part: int = 0,
 ) -> Mesh:
-    """An axis-parallel box."""
+    """An axis-aligned box."""
     corners = np.array(
         [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     )
@@ -49,7 +49,7 @@ def box(
 
 
 def plane(half_m: float, z_m: float, tag: Tag, material: Material) -> Mesh:
-    """A level square, seen from above."""
+    """A horizontal square that faces up."""
     a, b, c, d = ([-half_m, -half_m, z_m], [half_m, -half_m, z_m], [half_m, half_m, z_m], [-half_m, half_m, z_m])
     return Mesh.flat(np.array([[a, b, c], [a, c, d]]), material=material, tag=tag, color=(120, 120, 120))
 
@@ -66,7 +66,7 @@ def ball(center: tuple[float, float, float], radius_m: float, tag: Tag) -> Mesh:
 
 
 def scene(offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> StaticScene:
-    """Ground, a house ahead on the left, a tree ahead on the right; the whole moved in the map."""
+    """Ground, a house ahead on the left, a tree ahead on the right, with an offset in the map."""
     ground = plane(200.0, 0.0, Tag.ROAD, Material.ASPHALT)
     house = box((20, 4, 0), (30, 14, 8), Tag.BUILDING, Material.FACADE)
     tree = ball((18, -8, 3), 2.5, Tag.VEGETATION)
@@ -79,11 +79,11 @@ def scene(offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> StaticScene
 
 
 BLUE = np.tile(np.array([[20, 40, 255]], np.uint8), (36, 1))
-"""Of a box's vertices."""
+"""Colors of a box's vertices."""
 
 
 def car() -> ActorModel:
-    """A box on four square wheels, with head lamps, brake lamps and a beacon; the front wheels steer."""
+    """A box on four square wheels, with headlamps, brake lamps and a beacon; the front wheels steer."""
     parts = [Part("body")]
     meshes = [
         *(box((2.1, y - 0.1, 0.6), (2.19, y + 0.1, 0.8), Tag.CAR, Material.LAMP_LOW_BEAM) for y in (-0.6, 0.6)),
@@ -115,17 +115,17 @@ def world(*rows: dict[str, float], weather: Weather = NOON) -> WorldState:
 
 
 def front_pose() -> Float64Array:
-    """A camera 1.6 m above the ego's origin, slightly turned, pitched and rolled."""
+    """Pose of a camera 1.6 m above the ego's origin, slightly yawed, pitched and rolled."""
     return matrices_from_xyz_rpy(np.array([0.5, 0.1, 1.6]), np.array([0.02, 0.05, 0.1]))
 
 
 def vertex_snap_px() -> float:
-    """GPUs move vertices to a grid of 1/256 pixel, which moves edges and tilts the ground under the camera."""
+    """Vertex grid of the renderer: GPUs snap vertices to 1/256 pixel, which shifts edges and tilts the ground."""
     return 0.0 if "llvmpipe" in describe_renderer() else 1.0 / 256.0
 
 
 def snap_error_m(camera: PinholeCamera, depth_m: Float64Array) -> Float64Array:
-    """By how much level ground that ``front_pose`` sees at a depth is tilted off it so."""
+    """Error of the depth of level ground, seen from ``front_pose``, that this tilt causes."""
     return np.asarray(depth_m) ** 2 * (vertex_snap_px() / (camera.fx_px * front_pose()[2, 3]))
 
 

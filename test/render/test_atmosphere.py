@@ -1,4 +1,4 @@
-"""The clear sky and the sun against what is measured of the real ones."""
+"""The clear sky and the sun against measured values of the real ones."""
 
 import numpy as np
 import pytest
@@ -18,38 +18,38 @@ from simbev_ros.types import Float64Array
 
 
 def air_mass(altitude_deg: float) -> float:
-    """Of the atmosphere, relative to that overhead: Kasten and Young 1989."""
+    """Air mass relative to the zenith: Kasten and Young 1989."""
     return float(1.0 / (np.sin(np.radians(altitude_deg)) + 0.50572 * (altitude_deg + 6.07995) ** -1.6364))
 
 
 @pytest.mark.parametrize("altitude_deg", [90.0, 60.0, 30.0, 10.0])
-def test_the_sun_dims_and_reddens_by_the_mass_of_air(altitude_deg: float) -> None:
+def test_the_sun_dims_and_reddens_with_air_mass(altitude_deg: float) -> None:
     overhead = RAYLEIGH_PER_KM * RAYLEIGH_SCALE_KM + MIE_EXTINCTION_PER_KM * MIE_SCALE_KM + OZONE_PER_KM * 15.0
     expected = np.exp(-overhead * air_mass(altitude_deg))
     np.testing.assert_allclose(sun_transmittance(altitude_deg), expected, rtol=0.04)
 
 
 def irradiance(altitude_deg: float) -> Float64Array:
-    """(3,) of the sky on level ground, by summing the sky over a fine grid of directions."""
+    """(3,) irradiance of the sky on level ground, summed over a fine grid of directions."""
     elevation, azimuth = np.meshgrid((np.arange(90) + 0.5), (np.arange(180) + 0.5) * 2.0, indexing="ij")
     weight = np.sin(np.radians(elevation)) * np.cos(np.radians(elevation)) * np.radians(1.0) * np.radians(2.0)
     return np.einsum("eac,ea->c", clear_sky(altitude_deg, elevation, azimuth), weight)
 
 
-def test_the_sky_gives_a_clear_days_share_of_the_light() -> None:
+def test_the_skys_share_of_the_light_matches_a_clear_day() -> None:
     sky, sun = irradiance(45.0), sun_transmittance(45.0) * np.sin(np.radians(45.0))
     shares = sky / (sky + sun)
     assert 0.08 < shares.mean() < 0.25, "10 to 20 % of light is diffuse on clear days"
     assert shares[0] < shares[1] < shares[2]
 
 
-def test_the_table_of_the_sky_agrees_with_its_sum() -> None:
-    sky = SkyLight.of(NOON.model_copy(update={"cloudiness": 0.0, "sun_altitude_deg": 45.0}))
+def test_the_sky_table_agrees_with_the_summed_irradiance() -> None:
+    sky = SkyLight.from_weather(NOON.model_copy(update={"cloudiness": 0.0, "sun_altitude_deg": 45.0}))
     ratio = sky.sky_ambient.mean() / sky.key.mean()
     assert ratio == pytest.approx(irradiance(45.0).mean() / sun_transmittance(45.0).mean(), rel=0.05)
 
 
-def test_the_zenith_is_blue_the_horizon_pale_and_dusk_has_an_arch_on_the_suns_side() -> None:
+def test_the_zenith_is_blue_the_horizon_pale_and_dusk_glows_on_the_suns_side() -> None:
     zenith, horizon = clear_sky(50.0, np.array([90.0, 4.0]), np.array([120.0, 120.0]))
     assert zenith[2] > 2.0 * zenith[0]
     assert horizon[2] / horizon[0] < zenith[2] / zenith[0]
@@ -60,10 +60,12 @@ def test_the_zenith_is_blue_the_horizon_pale_and_dusk_has_an_arch_on_the_suns_si
 
 
 @pytest.mark.parametrize("cloudiness", [0.0, 60.0, 100.0])
-def test_no_step_of_the_sun_makes_the_picture_jump(cloudiness: float) -> None:
+def test_the_image_changes_smoothly_with_the_suns_altitude(cloudiness: float) -> None:
     shown = []
     for altitude_deg in np.arange(-90.0, 90.1, 0.5):
-        sky = SkyLight.of(NOON.model_copy(update={"sun_altitude_deg": altitude_deg, "cloudiness": cloudiness}))
+        sky = SkyLight.from_weather(
+            NOON.model_copy(update={"sun_altitude_deg": altitude_deg, "cloudiness": cloudiness})
+        )
         level = sky.sky_ambient + sky.key * sky.key_direction[2]
         assert np.isfinite(sky.sky).all() and sky.sky.min() >= 0.0
         shown.append(np.log(sky.exposure * level.mean()))

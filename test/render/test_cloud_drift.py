@@ -14,9 +14,9 @@ def weather(wind: float) -> Weather:
 
 
 def drift(wind: float, stamp_ns: int) -> float:
-    """How far the clouds have moved, in their period."""
+    """Displacement of the clouds as a fraction of their period."""
     now = weather(wind)
-    return float(SkyLight.of(now).block_head(now, stamp_ns, np.zeros(3), 1.0)[2, 3])
+    return float(SkyLight.from_weather(now).block_head(now, stamp_ns, np.zeros(3), 1.0)[2, 3])
 
 
 @pytest.mark.parametrize("number", [1, 300])

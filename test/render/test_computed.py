@@ -1,4 +1,4 @@
-"""Drawn and computed pictures are the same: in all weathers, by day and night, at every quality, with every lens."""
+"""Rasterized and computed images are identical: in all weathers, by day and night, at every quality, with a lens."""
 
 import numpy as np
 import pytest
@@ -18,16 +18,16 @@ WET = {"precipitation": 60.0, "precipitation_deposits": 80.0, "wetness": 90.0, "
 FOG = {"fog_density": 60.0, "cloudiness": 90.0}
 LENS = LensCamera(161, 91, 120.0, 120.0, 78.0, 44.0, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0))
 ODD = PinholeCamera(161, 91, 110.0, 115.0, 71.3, 50.2)
-"""Low quality shades every other pixel, which an odd number is no multiple of."""
+"""Odd image size: low quality shades every second pixel."""
 EGO = {"id": 1}
 OTHER = {"id": 7, "x": 10.0, "y": -1.0, "yaw": 0.4, "lights": 0b1111}
 
 
-def draw(quality: Quality, computes: bool, camera: PinholeCamera, changes: dict[str, float]) -> CameraImages:
+def draw(quality: Quality, use_compute: bool, camera: PinholeCamera, changes: dict[str, float]) -> CameraImages:
     weather = NOON.model_copy(update=changes)
     before = world(EGO, OTHER, weather=weather)
     now = world({**EGO, "x": 0.5}, {**OTHER, "x": 10.4, "wheel": 0.3}, weather=weather)
-    renderer = Renderer(scene(), [car()], quality=quality, computes=computes)
+    renderer = Renderer(scene(), [car()], quality=quality, use_compute=use_compute)
     view = CameraView(camera, front_pose(), MODALITIES, IDEAL_OPTICS)
     images = renderer.render([view], RenderFrame(now, before))[0]
     renderer.close()
@@ -45,17 +45,19 @@ def draw(quality: Quality, computes: bool, camera: PinholeCamera, changes: dict[
         ("medium", LENS, {}),
     ],
 )
-def test_computed_images_are_the_drawn_ones(quality: Quality, camera: PinholeCamera, changes: dict[str, float]) -> None:
-    drawn, computed = (draw(quality, computes, camera, changes) for computes in (False, True))
-    assert np.mean(drawn.semantic != computed.semantic) < 1e-3
-    assert np.mean(drawn.instance != computed.instance) < 1e-3
-    np.testing.assert_array_equal(np.isinf(drawn.depth), np.isinf(computed.depth))
-    solid = np.isfinite(drawn.depth) & (drawn.semantic == computed.semantic)
-    off_m = np.abs(computed.depth[solid] - drawn.depth[solid])
-    tolerance_m = 1e-4 * drawn.depth[solid] + snap_error_m(camera, drawn.depth[solid])
+def test_computed_images_equal_the_rasterized_ones(
+    quality: Quality, camera: PinholeCamera, changes: dict[str, float]
+) -> None:
+    rasterized, computed = (draw(quality, use_compute, camera, changes) for use_compute in (False, True))
+    assert np.mean(rasterized.semantic != computed.semantic) < 1e-3
+    assert np.mean(rasterized.instance != computed.instance) < 1e-3
+    np.testing.assert_array_equal(np.isinf(rasterized.depth), np.isinf(computed.depth))
+    solid = np.isfinite(rasterized.depth) & (rasterized.semantic == computed.semantic)
+    off_m = np.abs(computed.depth[solid] - rasterized.depth[solid])
+    tolerance_m = 1e-4 * rasterized.depth[solid] + snap_error_m(camera, rasterized.depth[solid])
     assert np.mean(off_m > tolerance_m) < 5e-4 + vertex_snap_px()
-    off_px = np.linalg.norm(computed.flow - drawn.flow, axis=2)[solid]
+    off_px = np.linalg.norm(computed.flow - rasterized.flow, axis=2)[solid]
     assert np.nanquantile(off_px, 0.99) < 0.01
-    off = np.abs(computed.rgb.astype(int) - drawn.rgb)
+    off = np.abs(computed.rgb.astype(int) - rasterized.rgb)
     assert off.mean() < 0.15
-    assert drawn.rgb.std() > 10.0
+    assert rasterized.rgb.std() > 10.0

@@ -1,4 +1,4 @@
-"""Which device is drawn on, and what is said where none can be: made-up devices, and a real EGL broken on purpose."""
+"""Choice of the rendering device and its errors: with mock devices, and with a real EGL broken on purpose."""
 
 import ctypes
 import os
@@ -15,7 +15,7 @@ from simbev_ros.errors import RenderError
 from simbev_ros.render.gl import context as module
 from simbev_ros.render.gl.context import describe_renderer, open_context, survey_devices
 from simbev_ros.render.gl.devices import EglDevice, list_devices
-from simbev_ros.render.gl.failures import enough_memory
+from simbev_ros.render.gl.failures import check_memory
 from simbev_ros.render.gl.programs import ProgramLibrary
 
 pytestmark = pytest.mark.gl
@@ -26,44 +26,50 @@ MESA = EglDevice(2, "Mesa's software renderer", software=True)
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Puts devices into this machine: those, and by index what is wrong with them or what OpenGL calls them."""
+    """Mock this machine's devices: a list, and by index their failures or the renderer names that OpenGL reports."""
     for name in ("LIBGL_ALWAYS_SOFTWARE", "GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE"):
         monkeypatch.delenv(name, raising=False)
 
-    def build(*devices: EglDevice, broken: dict[int, str] | None = None, called: dict[int, str] | None = None) -> None:
-        def created(device: EglDevice, version: int) -> Any:
-            if device.index in (broken or {}):
-                raise Exception(broken[device.index])  # type: ignore[index]  # as glcontext does
-            name = "llvmpipe (LLVM 15)" if device.software else (called or {}).get(device.index, "NVIDIA H200/PCIe")
+    def build(
+        *devices: EglDevice, failures: dict[int, str] | None = None, renderer_names: dict[int, str] | None = None
+    ) -> None:
+        def create(device: EglDevice, version: int) -> Any:
+            if device.index in (failures or {}):
+                raise Exception(failures[device.index])  # type: ignore[index]  # like glcontext
+            name = (
+                "llvmpipe (LLVM 15)"
+                if device.software
+                else (renderer_names or {}).get(device.index, "NVIDIA H200/PCIe")
+            )
             info = {"GL_RENDERER": name, "GL_VERSION": "4.6"}
             return SimpleNamespace(index=device.index, info=info, version_code=460, release=lambda: None)
 
         monkeypatch.setattr(module, "list_devices", lambda: devices)
-        monkeypatch.setattr(module, "_created", created)
+        monkeypatch.setattr(module, "_create", create)
 
     return build
 
 
-def chosen(*arguments: Any) -> int:
+def opened_index(*arguments: Any) -> int:
     return open_context(*arguments).index  # type: ignore[attr-defined,no-any-return]
 
 
-def test_processes_take_the_gpus_in_turn_and_the_cpu_where_it_is_wanted(machine: Any) -> None:
+def test_processes_use_the_gpus_in_turn_or_the_cpu_on_request(machine: Any) -> None:
     machine(*GPUS, MESA)
-    assert [chosen("auto", turn) for turn in range(4)] == [0, 1, 0, 1]
-    assert (chosen(1, 4), chosen("cpu")) == (1, 2)
+    assert [opened_index("auto", first_gpu) for first_gpu in range(4)] == [0, 1, 0, 1]
+    assert (opened_index(1, 4), opened_index("cpu")) == (1, 2)
 
 
-def test_without_a_gpu_the_cpu_draws(machine: Any) -> None:
+def test_without_a_gpu_the_cpu_renders(machine: Any) -> None:
     machine(MESA)
-    assert [chosen("auto", turn) for turn in range(2)] == [2, 2]
+    assert [opened_index("auto", first_gpu) for first_gpu in range(2)] == [2, 2]
 
 
-def test_a_gpu_that_cannot_be_opened_or_has_no_driver_is_passed_over_and_doctor_says_why(
+def test_a_gpu_without_access_or_driver_is_skipped_and_the_survey_says_why(
     machine: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    machine(*GPUS, MESA, broken={0: "eglInitialize failed (0x3001)"}, called={1: "llvmpipe (LLVM 15)"})
-    assert chosen("auto", 1) == 2
+    machine(*GPUS, MESA, failures={0: "eglInitialize failed (0x3001)"}, renderer_names={1: "llvmpipe (LLVM 15)"})
+    assert opened_index("auto", 1) == 2
     assert "EGL device 0 (NVIDIA H200) cannot be opened: eglInitialize failed (0x3001)" in caplog.text
     reasons = [survey.reason for survey in survey_devices()]
     assert reasons[0] == "cannot be opened: eglInitialize failed (0x3001); update its driver"
@@ -75,45 +81,45 @@ def test_a_gpu_that_cannot_be_opened_or_has_no_driver_is_passed_over_and_doctor_
     ("index", "message"),
     [
         (0, r"rendering\.gpus: EGL device 0 \(NVIDIA H200\) cannot be opened: 0x3001.*set rendering\.gpus: \[\]"),
-        (2, r"rendering\.gpus: EGL device 2 is no GPU but Mesa's software renderer"),
+        (2, r"rendering\.gpus: EGL device 2 is not a GPU but Mesa's software renderer"),
         (7, r"rendering\.gpus: EGL has no device 7; it has 0 \(NVIDIA H200\), 1 \(NVIDIA H200\), 2 \(Mesa"),
     ],
 )
-def test_a_gpu_that_was_asked_for_and_cannot_be_had_is_an_error(machine: Any, index: int, message: str) -> None:
-    machine(*GPUS, MESA, broken={0: "0x3001"})
+def test_a_requested_gpu_that_is_unavailable_is_an_error(machine: Any, index: int, message: str) -> None:
+    machine(*GPUS, MESA, failures={0: "0x3001"})
     with pytest.raises(RenderError, match=message) as caught:
         open_context(index)
     assert caught.value.exit_code == 2
 
 
-def test_a_device_file_that_may_not_be_opened_is_named_with_the_group(
+def test_a_device_file_without_permission_is_reported_with_the_group(
     machine: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     file = tmp_path / "renderD128"
     file.touch()
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may open everything
-    machine(EglDevice(0, "AMD", software=False, file=str(file)), broken={0: "eglInitialize failed (0x3001)"})
+    machine(EglDevice(0, "AMD", software=False, file=str(file)), failures={0: "eglInitialize failed (0x3001)"})
     with pytest.raises(RenderError, match=rf"no right to use {file}; .*usermod -aG render .*--device /dev/dri"):
         open_context(0)
 
 
 @pytest.mark.parametrize("variable", ["LIBGL_ALWAYS_SOFTWARE=1", "GALLIUM_DRIVER=llvmpipe"])
-def test_the_wish_for_software_holds_for_every_driver(
+def test_a_request_for_software_rendering_applies_to_every_driver(
     machine: Any, monkeypatch: pytest.MonkeyPatch, variable: str
 ) -> None:
     machine(*GPUS, MESA)
     monkeypatch.setenv(*variable.split("="))
-    assert chosen("auto", 1) == 2
+    assert opened_index("auto", 1) == 2
     with pytest.raises(RenderError, match=rf"asks for EGL device 0, but {variable} forbids GPUs"):
         open_context(0)
     monkeypatch.setenv("LIBGL_ALWAYS_SOFTWARE", "false")
     monkeypatch.delenv("GALLIUM_DRIVER", raising=False)
-    assert chosen("auto", 1) == 1
+    assert opened_index("auto", 1) == 1
 
 
-def test_without_mesa_the_cpu_cannot_draw(machine: Any) -> None:
+def test_without_mesa_the_cpu_cannot_render(machine: Any) -> None:
     machine(*GPUS)
-    with pytest.raises(RenderError, match=r"Mesa, which draws on the CPU, is not installed \(.*apt install libegl1"):
+    with pytest.raises(RenderError, match=r"Mesa, which renders on the CPU, is not installed \(.*apt install libegl1"):
         open_context("cpu")
 
 
@@ -131,7 +137,7 @@ def test_a_missing_libegl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
     [
         (
             "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent",
-            "EGL has no device to draw on: it looks for drivers only where",
+            "EGL has no device to render on: it looks for drivers only where",
         ),
         ("MESA_GL_VERSION_OVERRIDE=3.0", "has only OpenGL 3.0 Mesa"),
         ("GLCONTEXT_LINUX_LIBGL=libGL.so.77", "libGL.so.77 not loaded. Install it (Debian"),
@@ -147,7 +153,7 @@ def test_a_real_egl_that_is_broken_says_what_to_set(variable: str, message: str)
     assert value in done.stderr.splitlines()[-1]
 
 
-def test_the_device_that_is_used_here_is_one_of_the_survey() -> None:
+def test_the_device_in_use_is_in_the_survey() -> None:
     assert describe_renderer() in [survey.renderer for survey in survey_devices()]
 
 
@@ -156,24 +162,26 @@ def real() -> moderngl.Context:
     return open_context()
 
 
-def test_memory_that_runs_out_is_an_error_with_the_size_and_what_to_lower(real: moderngl.Context) -> None:
+def test_out_of_memory_is_an_error_with_the_size_and_what_to_lower(real: moderngl.Context) -> None:
     if "llvmpipe" not in real.info["GL_RENDERER"]:
         pytest.skip("GPU drivers take memory only when it is used")
     with (
-        pytest.raises(RenderError, match=r"llvmpipe.* not enough memory left for it all \(about 65536 MiB\)\. Lower"),
-        enough_memory(real, "it all", 1 << 36),
+        pytest.raises(
+            RenderError, match=r"llvmpipe.* does not have enough memory left for it all \(about 65536 MiB\)\. Lower"
+        ),
+        check_memory(real, "it all", 1 << 36),
     ):
         real.buffer(reserve=1 << 36)
-    with enough_memory(real, "little"):
+    with check_memory(real, "little"):
         real.buffer(reserve=1 << 10)
 
 
-def test_other_errors_of_the_driver_are_not_taken_for_a_lack_of_memory(real: moderngl.Context) -> None:
-    with pytest.raises(moderngl.Error, match="something else"), enough_memory(real, "it"):
+def test_other_driver_errors_are_not_mistaken_for_out_of_memory(real: moderngl.Context) -> None:
+    with pytest.raises(moderngl.Error, match="something else"), check_memory(real, "it"):
         raise moderngl.Error("something else")
 
 
-def test_a_shader_that_does_not_compile_is_named_with_the_driver_and_a_way_out(
+def test_a_compile_error_names_the_shader_the_driver_and_a_workaround(
     real: moderngl.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     library = ProgramLibrary(real)

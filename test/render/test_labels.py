@@ -27,8 +27,8 @@ VIEW = CameraView(CAMERA, front_pose(), MODALITIES)
 
 @pytest.fixture(scope="module", params=[False, True], ids=["drawn", "computed"])
 def renderer(request: pytest.FixtureRequest) -> Renderer:
-    """Both ways to draw: that of the CPU and that of GPUs."""
-    return Renderer(scene(MAP_OFFSET), [car()], computes=request.param)
+    """Renderers with the code paths of the CPU and of GPUs."""
+    return Renderer(scene(MAP_OFFSET), [car()], use_compute=request.param)
 
 
 def draw(renderer: Renderer, now: WorldState, previous: WorldState | None = None) -> CameraImages:
@@ -47,7 +47,7 @@ def pixel_rays(camera: PinholeCamera) -> Float64Array:
 def cast(
     origin: Float64Array, rays: Float64Array, corners: Float64Array
 ) -> tuple[Float64Array, AnyArray, Float64Array]:
-    """Moeller-Trumbore: nearest depth, triangle and its barycentric margin (0 on an edge) per ray."""
+    """Nearest depth, triangle and its barycentric margin (0 on an edge) per ray (Möller-Trumbore)."""
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = np.cross(rays[:, None], edge2)
     determinant = (p * edge1).sum(axis=-1)
@@ -66,7 +66,7 @@ def cast(
 
 
 def triangles(now: WorldState) -> tuple[Float64Array, AnyArray]:
-    """(T, 3, 3) corners around the map's offset and (T,) tags of all that is seen; the other car's come last."""
+    """(T, 3, 3) corners relative to the map offset and (T,) tags of all visible meshes; the other car's come last."""
     posed = pose_actors([car()], now.actors[1:], np.array(MAP_OFFSET))
     tiles = scene().tiles
     corners = [(tile.mesh.vertices.astype(np.float64) + tile.origin_m)[tile.mesh.triangles] for tile in tiles]
@@ -75,7 +75,7 @@ def triangles(now: WorldState) -> tuple[Float64Array, AnyArray]:
     return np.concatenate(corners), tags
 
 
-def test_labels_and_depth_equal_brute_force_rays(renderer: Renderer) -> None:
+def test_labels_and_depth_agree_with_brute_force_rays(renderer: Renderer) -> None:
     now = world(EGO, OTHER)
     images = draw(renderer, now)
     corners, tags = triangles(now)
@@ -99,7 +99,7 @@ def test_labels_and_depth_equal_brute_force_rays(renderer: Renderer) -> None:
     assert (off_m > 1e-3 + snap_error_m(CAMERA, expected[near])).mean() < 5e-4 + vertex_snap_px()
 
 
-def test_depth_of_a_wall_50_m_ahead_is_exact_to_a_millimetre() -> None:
+def test_depth_of_a_wall_50_m_ahead_is_exact_to_a_millimeter() -> None:
     wall = plane(60.0, 0.0, Tag.WALL, Material.CONCRETE).transformed(
         matrices_from_xyz_rpy(np.array([50.0, 0.0, 0.0]), np.array([0.0, -np.pi / 2, 0.0]))
     )
@@ -112,7 +112,7 @@ def test_depth_of_a_wall_50_m_ahead_is_exact_to_a_millimetre() -> None:
     assert images.semantic is None
 
 
-def test_flow_of_still_and_moving_things_equals_their_reprojection(renderer: Renderer) -> None:
+def test_flow_of_static_and_moving_objects_equals_their_reprojection(renderer: Renderer) -> None:
     now = world(EGO, OTHER)
     before = world(
         {**EGO, "x": EGO["x"] - 0.7, "y": EGO["y"] + 0.1, "yaw": -0.03, "pitch": 0.01},
@@ -163,7 +163,7 @@ def test_flow_is_nan_where_the_point_was_behind_the_previous_camera(renderer: Re
     assert unseen[images.depth < 14.0].all() and not unseen[(images.depth > 17.0)].any()
 
 
-def test_hidden_ego_and_its_rider_are_drawn_only_when_asked(renderer: Renderer) -> None:
+def test_the_ego_and_its_rider_are_drawn_only_on_request(renderer: Renderer) -> None:
     behind = matrices_from_xyz_rpy(np.array([-8.0, 0.0, 2.0]), np.zeros(3))
     view = CameraView(CAMERA, behind, ("instance",))
     state = world(EGO, {**EGO, "id": 5, "parent": 1, "z": EGO["z"] + 1.5})
@@ -172,6 +172,6 @@ def test_hidden_ego_and_its_rider_are_drawn_only_when_asked(renderer: Renderer) 
         assert images.instance is not None and set(np.unique(images.instance)) == expected
 
 
-def test_an_actor_id_beyond_the_instance_image_is_refused(renderer: Renderer) -> None:
+def test_an_actor_id_too_large_for_instance_images_is_refused(renderer: Renderer) -> None:
     with pytest.raises(RenderError, match="largest actor id 65536"):
         draw(renderer, world(EGO, {**OTHER, "id": 65536}))

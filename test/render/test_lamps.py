@@ -1,4 +1,4 @@
-"""Lamps light what they should, in their colours, from where they are; and nothing else."""
+"""Lamps light the right surfaces, in their colors, from their positions, and nothing else."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -28,13 +28,13 @@ CAMERA = PinholeCamera.from_field_of_view(320, 240, 1.2)
 NIGHT = NOON.model_copy(update={"sun_altitude_deg": -40.0, "cloudiness": 100.0})
 WALL_X_M, DECK_Z_M, DECK_X_M = 22.2, 6.5, -60.0
 DOWN = np.array([0.0, np.pi / 2, 0.0])
-EGO_AT = {"id": 1, "x": 0.0, "y": -70.0}
-"""The ego is out of the way, and only carries the camera."""
+EGO = {"id": 1, "x": 0.0, "y": -70.0}
+"""The ego is away from the scene and only carries the camera."""
 
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    """Level ground with a wall across, 20 m before the lamps of a car at the origin; a bridge with a lamp behind."""
+    """Level ground with a wall 20 m in front of the lamps of a car at the origin, and a bridge with a lamp behind."""
     ground = plane(150.0, 0.0, Tag.ROAD, Material.CONCRETE)
     wall = box((WALL_X_M, -12.0, 0.0), (WALL_X_M + 1.0, 12.0, 6.0), Tag.BUILDING)
     deck = box((DECK_X_M - 8.0, -30.0, DECK_Z_M - 1.0), (DECK_X_M + 8.0, 30.0, DECK_Z_M), Tag.ROAD, Material.CONCRETE)
@@ -46,60 +46,64 @@ def renderer() -> Iterator[Renderer]:
 
 
 def photograph(renderer: Renderer, state: WorldState, eye_m: tuple[float, ...], rpy: Float64Array) -> UInt8Array:
-    """The image from a place in the map."""
-    pose = matrices_from_xyz_rpy(np.array(eye_m) - [EGO_AT["x"], EGO_AT["y"], 0.0], rpy)
+    """The image from a position in the map."""
+    pose = matrices_from_xyz_rpy(np.array(eye_m) - [EGO["x"], EGO["y"], 0.0], rpy)
     [images] = renderer.render([CameraView(CAMERA, pose, ("rgb",))], RenderFrame(state))
     assert images.rgb is not None
     return images.rgb
 
 
-def seen(image: UInt8Array, eye_m: tuple[float, ...], rpy: Float64Array, *points_m: tuple[float, ...]) -> Float64Array:
-    """(N, 3) colours of points in the map, means of 3 x 3 pixels."""
+def sample_colors(
+    image: UInt8Array, eye_m: tuple[float, ...], rpy: Float64Array, *points_m: tuple[float, ...]
+) -> Float64Array:
+    """(N, 3) colors of points in the map, means of 3 x 3 pixels."""
     optical_from_map = inverse(matrices_from_xyz_rpy(np.array(eye_m), rpy) @ SENSOR_FROM_OPTICAL)
     pixels = np.rint(CAMERA.project(apply(optical_from_map, np.array(points_m)))).astype(int)
     return np.array([image[v - 1 : v + 2, u - 1 : u + 2].mean(axis=(0, 1)) for u, v in pixels])
 
 
 def at_night(*rows: dict[str, float], **weather: float) -> WorldState:
-    return world(EGO_AT, *rows, weather=NIGHT.model_copy(update=weather))
+    return world(EGO, *rows, weather=NIGHT.model_copy(update=weather))
 
 
-def on_the_wall(
-    renderer: Renderer, places: list[tuple[float, float]], **other: float
+def wall_brightness(
+    renderer: Renderer, positions: list[tuple[float, float]], **other: float
 ) -> tuple[Float64Array, Float64Array]:
-    """(N,) brightness of the wall at (y, z) in the light of the car, and without."""
+    """(N,) brightness of the wall at (y, z) with and without the car's light."""
     eye_m, rpy = (8.0, 6.0, 3.5), np.array([0.0, 0.15, -0.4])
-    points_m = [(WALL_X_M, y_m, z_m) for y_m, z_m in places]
+    points_m = [(WALL_X_M, y_m, z_m) for y_m, z_m in positions]
     lit, dark = (
-        seen(photograph(renderer, at_night({"id": 2, **other, "lights": lights}), eye_m, rpy), eye_m, rpy, *points_m)
+        sample_colors(
+            photograph(renderer, at_night({"id": 2, **other, "lights": lights}), eye_m, rpy), eye_m, rpy, *points_m
+        )
         for lights in (int(other.get("lights", Light.LOW_BEAM)), 0)
     )
     return lit.mean(axis=1), dark.mean(axis=1)
 
 
 def test_a_low_beam_ends_1_percent_below_the_lamps_and_rises_on_the_right(renderer: Renderer) -> None:
-    # Lamps 0.7 m high, 20 m before the wall: 0.5 m; 2 m to the right 15 degrees up from there.
-    lit, dark = on_the_wall(renderer, [(1.5, 0.25), (1.5, 1.0), (-2.6, 0.85), (1.5, 0.85)])
+    # Lamps 0.7 m high, 20 m in front of the wall: cutoff at 0.5 m; 2 m to the right it rises by 15 degrees.
+    lit, dark = wall_brightness(renderer, [(1.5, 0.25), (1.5, 1.0), (-2.6, 0.85), (1.5, 0.85)])
     below, above, right, left = lit / dark
     assert min(below, right) > 4.0
     assert max(above, left) < 1.6, "only stray light"
 
 
-def test_a_high_beam_and_a_raised_nose_light_higher(renderer: Renderer) -> None:
-    places = [(0.5, 1.3)]
-    lit, dark = on_the_wall(renderer, places)
+def test_a_high_beam_and_a_pitched_car_light_higher(renderer: Renderer) -> None:
+    positions = [(0.5, 1.3)]
+    lit, dark = wall_brightness(renderer, positions)
     assert lit[0] < 1.6 * dark[0]
     for other in ({"lights": Light.LOW_BEAM | Light.HIGH_BEAM}, {"pitch": -0.06}):
-        lit, dark = on_the_wall(renderer, places, **other)
+        lit, dark = wall_brightness(renderer, positions, **other)
         assert lit[0] > 3.0 * dark[0]
 
 
-def test_a_car_keeps_the_light_from_the_road_behind_it(renderer: Renderer) -> None:
+def test_a_car_casts_a_shadow_in_headlights(renderer: Renderer) -> None:
     eye_m, beyond_m = (14.0, 0.0, 16.0), (15.5, 0.0, 0.0)
     brightness = []
     for lights, across_m in ((0, 6.0), (Light.LOW_BEAM, 6.0), (Light.LOW_BEAM, 0.0)):
         state = at_night({"id": 2, "lights": lights}, {"id": 3, "x": 10.0, "y": across_m})
-        brightness.append(seen(photograph(renderer, state, eye_m, DOWN), eye_m, DOWN, beyond_m).mean())
+        brightness.append(sample_colors(photograph(renderer, state, eye_m, DOWN), eye_m, DOWN, beyond_m).mean())
     dark, free, hidden = brightness
     assert free > 1.5 * dark
     assert hidden < dark + 0.25 * (free - dark)
@@ -110,7 +114,9 @@ def test_lamps_tint_the_road(renderer: Renderer, light: Light, warm: bool) -> No
     eye_m = (0.0, 0.0, 14.0)
     behind_m, ahead_m = (-4.6, 0.0, 0.0), (4.6, 0.0, 0.0)
     on, off = (
-        seen(photograph(renderer, at_night({"id": 2, "lights": lights}), eye_m, DOWN), eye_m, DOWN, behind_m, ahead_m)
+        sample_colors(
+            photograph(renderer, at_night({"id": 2, "lights": lights}), eye_m, DOWN), eye_m, DOWN, behind_m, ahead_m
+        )
         for lights in (light, 0)
     )
     gain = on - off
@@ -121,7 +127,7 @@ def test_lamps_tint_the_road(renderer: Renderer, light: Light, warm: bool) -> No
         assert gain[:, 2].max() > 15.0 > 5.0 > gain[:, 0].max()
 
 
-def test_a_beacon_turns_with_the_time_and_alike_at_the_same_time(renderer: Renderer) -> None:
+def test_a_beacon_rotates_with_time_and_is_reproducible(renderer: Renderer) -> None:
     state = at_night({"id": 2, "lights": Light.EMERGENCY})
     first, later, next_turn = (
         photograph(renderer, replace(state, stamp_ns=stamp_ns), (0.0, 0.0, 20.0), DOWN).astype(int)
@@ -131,7 +137,7 @@ def test_a_beacon_turns_with_the_time_and_alike_at_the_same_time(renderer: Rende
     assert np.abs(first - later).max() > 20
 
 
-def test_no_lamp_shines_through_a_bridge(renderer: Renderer) -> None:
+def test_lamps_do_not_shine_through_a_bridge(renderer: Renderer) -> None:
     eye_m, rpy = (DECK_X_M - 20.0, 0.0, 2.0), np.array([0.0, 0.1, 0.0])
     below_m = (DECK_X_M - 3.0, 0.0, 0.0)
     car_above = {"id": 2, "x": DECK_X_M - 12.0, "z": DECK_Z_M}
@@ -139,36 +145,36 @@ def test_no_lamp_shines_through_a_bridge(renderer: Renderer) -> None:
     for name, lights, enabled in (("dark", 0, False), ("street", 0, True), ("beams", Light.LOW_BEAM, False)):
         renderer.set_lights(LightSpec(street=StreetLightSpec(enabled=enabled)))
         image = photograph(renderer, at_night({**car_above, "lights": lights}), eye_m, rpy)
-        colors[name] = seen(image, eye_m, rpy, below_m)
+        colors[name] = sample_colors(image, eye_m, rpy, below_m)
         above_m = (DECK_X_M, 0.0, DECK_Z_M + 12.0)
         deck = photograph(renderer, at_night({**car_above, "lights": lights}), above_m, DOWN)
-        colors[f"{name} deck"] = seen(deck, above_m, DOWN, (DECK_X_M - 3.0, 0.0, DECK_Z_M))
+        colors[f"{name} deck"] = sample_colors(deck, above_m, DOWN, (DECK_X_M - 3.0, 0.0, DECK_Z_M))
     renderer.set_lights(LightSpec())
     for name in ("street", "beams"):
         assert colors[f"{name} deck"].mean() > 1.3 * colors["dark deck"].mean()
         np.testing.assert_allclose(colors[name], colors["dark"], atol=1.5)
 
 
-def test_lamps_far_away_are_points_of_light_unless_something_is_before_them(renderer: Renderer) -> None:
+def test_distant_lamps_are_points_of_light_unless_occluded(renderer: Renderer) -> None:
     eye_m, rpy = (20.0, 60.0, 1.2), np.zeros(3)
     there = {"id": 2, "x": 320.0, "y": 60.0, "yaw": np.pi}
     points = []
     for lights, *others in ((0,), (Light.LOW_BEAM,), (Light.LOW_BEAM, {"id": 3, "x": 60.0, "y": 60.0})):
         image = photograph(renderer, at_night({**there, "lights": lights}, *others), eye_m, rpy)
-        points.append(seen(image, eye_m, rpy, (317.8, 60.0, 0.7)).mean())
+        points.append(sample_colors(image, eye_m, rpy, (317.8, 60.0, 0.7)).mean())
     dark, lit, hidden = points
     assert lit > dark + 40.0
     assert hidden < dark + 20.0
 
 
-def test_wet_roads_mirror_lamps(renderer: Renderer) -> None:
+def test_wet_roads_reflect_lamps(renderer: Renderer) -> None:
     eye_m, rpy = (-15.0, 40.0, 1.5), np.array([0.0, 0.05, 0.0])
     ahead = {"id": 2, "x": 15.0, "y": 40.0}
-    mirrored_m = (-1.0, 40.3, 0.0)  # out of the brake lamps' own light
+    mirrored_m = (-1.0, 40.3, 0.0)  # outside the brake lamps' own light
     gains = []
     for wetness in (0.0, 80.0):
         dark, lit = (
-            seen(
+            sample_colors(
                 photograph(renderer, at_night({**ahead, "lights": lights}, wetness=wetness), eye_m, rpy),
                 eye_m,
                 rpy,
@@ -181,23 +187,23 @@ def test_wet_roads_mirror_lamps(renderer: Renderer) -> None:
     assert gains[1][0] > 10.0 > gains[1][2]
 
 
-def test_a_shop_front_lights_the_pavement_before_it() -> None:
+def test_a_shop_front_lights_the_pavement_in_front_of_it() -> None:
     ground = plane(60.0, 0.0, Tag.SIDEWALK, Material.PAVING)
     corners = np.array([[0.0, y, z] for y, z in ((-6, 0), (6, 0), (6, 3), (-6, 3))])[[[0, 1, 2], [0, 2, 3]]]
     front = Mesh.flat(corners[:, ::-1], material=Material.SHOPFRONT, tag=Tag.BUILDING, color=(90, 90, 90))
     renderer = Renderer(StaticScene((Tile(np.zeros(3), Mesh.merged([ground, front]), {}),), ()), [car()])
     eye_m, facing = (0.0, 0.0, 20.0), float(np.sign(front.normals[0, 0]))
     before_m, behind_m = (2.0 * facing, 0.0, 0.0), (-2.0 * facing, 0.0, 0.0)
-    before, behind = seen(photograph(renderer, at_night(), eye_m, DOWN), eye_m, DOWN, before_m, behind_m)
+    before, behind = sample_colors(photograph(renderer, at_night(), eye_m, DOWN), eye_m, DOWN, before_m, behind_m)
     renderer.close()
     assert before.mean() > 1.4 * behind.mean()
     assert before[0] > before[2], "windows shine warmly"
 
 
-def test_free_distances_are_those_to_the_boxes_around() -> None:
+def test_free_distances_end_at_the_nearest_boxes() -> None:
     table = actors({"id": 1}, {"id": 2, "x": 12.0, "yaw": 0.3}, {"id": 3, "x": 8.0, "z": 9.0}, {"id": 4, "parent": 1})
     table["lights"][0] = Light.LOW_BEAM
-    lamps = VehicleLamps([car()]).shining(table, np.zeros(3))
+    lamps = VehicleLamps([car()]).lit_lamps(table, np.zeros(3))
     lamps = lamps[lamps["beam"] > 0]
     assert lamps["beam"].tolist() == [1, 1]
     np.testing.assert_allclose(np.sort(lamps["at"][:, 1]), [-0.6, 0.6], atol=1e-6)

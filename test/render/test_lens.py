@@ -1,4 +1,4 @@
-"""Lens and sensor: distorted pixels show what their rays meet; exposure, vignetting and noise are as asked for."""
+"""Lens and sensor: distorted pixels match their rays; exposure, vignetting and noise match their settings."""
 
 import cv2
 import numpy as np
@@ -28,7 +28,7 @@ def renderer() -> Renderer:
 
 
 @pytest.mark.parametrize("camera", [BARREL, PINCUSHION])
-def test_labels_and_depth_are_those_of_the_rays_that_the_lens_bends(renderer: Renderer, camera: LensCamera) -> None:
+def test_labels_and_depth_agree_with_the_distorted_rays(renderer: Renderer, camera: LensCamera) -> None:
     now = world(EGO, OTHER)
     [images] = renderer.render([CameraView(camera, front_pose(), MODALITIES)], RenderFrame(now))
     assert images.semantic is not None and images.instance is not None and images.depth is not None
@@ -53,7 +53,7 @@ def test_labels_and_depth_are_those_of_the_rays_that_the_lens_bends(renderer: Re
 
 
 @pytest.mark.parametrize("camera", [BARREL, PINCUSHION])
-def test_flow_is_the_way_of_the_point_on_the_distorted_image(renderer: Renderer, camera: LensCamera) -> None:
+def test_flow_is_the_displacement_of_the_point_in_the_distorted_image(renderer: Renderer, camera: LensCamera) -> None:
     now = world(EGO, OTHER)
     before = world({**EGO, "x": EGO["x"] - 0.7, "y": EGO["y"] + 0.1, "yaw": -0.03, "pitch": 0.01}, OTHER)
     view = CameraView(camera, front_pose(), ("depth", "flow"))
@@ -62,7 +62,7 @@ def test_flow_is_the_way_of_the_point_on_the_distorted_image(renderer: Renderer,
     then_from_now = inverse(map_from_optical(before)) @ map_from_optical(now)
     rays, depth = pixel_rays(camera), images.depth.reshape(-1, 1).astype(np.float64)
     sky = np.isinf(depth[:, 0])
-    points = rays @ then_from_now[:3, :3].T  # of the sky: directions
+    points = rays @ then_from_now[:3, :3].T  # directions for the sky
     points[~sky] = apply(then_from_now, (rays * np.where(sky[:, None], 1.0, depth))[~sky])
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
     expected = np.stack([columns.ravel(), rows.ravel()], axis=1) - camera.project(points)
@@ -72,19 +72,21 @@ def test_flow_is_the_way_of_the_point_on_the_distorted_image(renderer: Renderer,
 
 
 @pytest.mark.parametrize("camera", [BARREL, PINCUSHION])
-def test_colour_image_is_that_of_the_ideal_camera_bent_by_opencv(renderer: Renderer, camera: LensCamera) -> None:
+def test_the_color_image_agrees_with_the_ideal_image_distorted_by_opencv(
+    renderer: Renderer, camera: LensCamera
+) -> None:
     ideal = ideal_camera(camera)
     views = [CameraView(each, front_pose(), ("rgb",)) for each in (camera, ideal)]
-    bent, straight = (images.rgb for images in renderer.render(views, RenderFrame(world(EGO))))
-    assert bent is not None and straight is not None
-    places = ideal.project(pixel_rays(camera)).reshape(*bent.shape[:2], 2).astype(np.float32)
-    expected = cv2.remap(straight, places, None, cv2.INTER_CUBIC).astype(float)
-    error, shifted = (np.abs(bent - np.roll(expected, step, axis=1)).mean() for step in (0, 1))
+    distorted, straight = (images.rgb for images in renderer.render(views, RenderFrame(world(EGO))))
+    assert distorted is not None and straight is not None
+    positions_px = ideal.project(pixel_rays(camera)).reshape(*distorted.shape[:2], 2).astype(np.float32)
+    expected = cv2.remap(straight, positions_px, None, cv2.INTER_CUBIC).astype(float)
+    error, shifted = (np.abs(distorted - np.roll(expected, step, axis=1)).mean() for step in (0, 1))
     assert error < 0.7 and shifted > 3.0 * error
 
 
 def _light(rgb: AnyArray) -> Float64Array:
-    """Light that the tone mapping of Narkowicz (2015) with a gamma of 2.2 makes these colours of."""
+    """Light before the tone mapping of Narkowicz (2015) with a gamma of 2.2."""
     light = np.linspace(0.0, 8.0, 80001)
     filmic = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
     return np.interp(rgb / 255.0, np.minimum(filmic, 1.0) ** (1.0 / 2.2), light)
@@ -97,14 +99,14 @@ def _colors(renderer: Renderer, optics: Optics, camera: PinholeCamera = IDEAL, s
     return images.rgb
 
 
-def test_a_stop_more_is_twice_the_light(renderer: Renderer) -> None:
+def test_one_stop_more_doubles_the_light(renderer: Renderer) -> None:
     dark, bright = (_colors(renderer, Optics(exposure=Exposure(compensation_ev=ev))) for ev in (-1.0, 0.0))
     usable = (dark > 40) & (bright < 230)
     ratio = _light(bright)[usable] / _light(dark)[usable]
     assert usable.mean() > 0.3 and np.median(ratio) == pytest.approx(2.0, rel=0.01)
 
 
-def test_fixed_exposures_of_one_value_are_alike_and_the_sunny_16_rule_holds(renderer: Renderer) -> None:
+def test_fixed_exposures_of_equal_value_agree_and_the_sunny_16_rule_holds(renderer: Renderer) -> None:
     sunny = _colors(renderer, Optics(exposure=Exposure(f_number=16, time_s=0.01, iso=100)))
     wide_open = _colors(renderer, Optics(exposure=Exposure(f_number=4, time_s=0.01 / 32, iso=200)))
     assert np.array_equal(sunny, wide_open)
@@ -115,7 +117,7 @@ def test_fixed_exposures_of_one_value_are_alike_and_the_sunny_16_rule_holds(rend
 
 
 @pytest.mark.parametrize("camera", [IDEAL, BARREL])
-def test_vignetting_is_the_law_of_the_fourth_power_of_the_cosine(renderer: Renderer, camera: PinholeCamera) -> None:
+def test_vignetting_follows_the_cosine_fourth_law(renderer: Renderer, camera: PinholeCamera) -> None:
     clear, darkened = (_colors(renderer, Optics(vignetting=strength), camera) for strength in (0.0, 0.5))
     cosine = (1.0 / np.linalg.norm(pixel_rays(camera), axis=1)).reshape(clear.shape[:2])
     usable = (clear.min(axis=2) > 60) & (clear.max(axis=2) < 235)
@@ -147,22 +149,25 @@ def test_noise_has_the_variance_of_its_electrons_and_no_pattern(renderer: Render
         assert abs(np.corrcoef(first[usable], second[usable])[0, 1]) < 0.03
 
 
-def test_the_same_seed_gives_the_same_noise_and_another_another(renderer: Renderer) -> None:
+def test_noise_is_reproducible_and_differs_between_seeds(renderer: Renderer) -> None:
     optics = Optics(noise=SensorNoise())
     first, again, other = (_colors(renderer, optics, BARREL, seed) for seed in (7, 7, 7 + (1 << 40)))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
 
 
-def test_every_camera_has_noise_of_its_own_at_every_tick() -> None:
+def test_noise_differs_between_cameras_and_ticks() -> None:
     left, right = (Camera(type="camera", name=name) for name in ("left", "right"))
     seeds = [
-        CameraView.of(camera, seed, tick).noise_seed for camera in (left, right) for seed in (0, 1) for tick in (0, 1)
+        CameraView.from_config(camera, seed, tick).noise_seed
+        for camera in (left, right)
+        for seed in (0, 1)
+        for tick in (0, 1)
     ]
-    assert len(set(seeds)) == 8 and CameraView.of(left, 0, 0).noise_seed == seeds[0]
+    assert len(set(seeds)) == 8 and CameraView.from_config(left, 0, 0).noise_seed == seeds[0]
 
 
 def _off_edges(image: AnyArray) -> AnyArray:
-    """(H, W) pixels that are like their eight neighbours."""
+    """(H, W) pixels that are similar to their eight neighbors."""
     padded = np.pad(image, 1, mode="edge")
     rows, columns = image.shape
     windows = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]

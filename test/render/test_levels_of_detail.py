@@ -29,7 +29,7 @@ CAMERA = PinholeCamera.from_field_of_view(1600, 900, np.radians(70.0))
 
 
 def crowd(doors: int = 0) -> Table:
-    """The ego below the ground, and each model at distances from 14 to 190 m, side by side as the camera sees it."""
+    """The ego below the ground, and each model at distances from 14 to 190 m, side by side in the image."""
     table = np.zeros(1 + 7 * len(NAMES), ACTOR_DTYPE)
     table["id"] = np.arange(1, 1 + len(table))
     table["z"][0] = -5.0
@@ -59,7 +59,7 @@ def images(of: list[ActorModel], table: Table) -> CameraImages:
 
 
 def inside(image: AnyArray) -> BoolArray:
-    """Pixels whose four neighbours show the same."""
+    """Pixels whose four neighbors have the same value."""
     same = np.ones(image.shape, bool)
     for axis in (0, 1):
         for step in (1, -1):
@@ -83,11 +83,11 @@ def test_coarser_meshes_change_labels_and_depth_only_at_silhouettes() -> None:
     assert np.mean(off_m > np.maximum(0.01, 1e-3 * exact.depth[inner])) < 5e-3
 
 
-def test_the_level_follows_the_size_of_a_pixel_and_is_exact_while_a_door_is_open() -> None:
+def test_the_level_follows_the_pixel_size_and_is_exact_while_a_door_is_open() -> None:
     detail = LevelsOfDetail(models())
 
     def levels(table: Table, pixel_m: float) -> Int64Array:
-        return detail.of(table, np.full(len(table), pixel_m))
+        return detail.select_levels(table, np.full(len(table), pixel_m))
 
     assert (levels(crowd(), 0.0) == 1).all()
     found = [int(levels(crowd(), pixel_m).max()) for pixel_m in (0.009, 0.011, 0.04, 0.08, 0.2)]

@@ -1,4 +1,4 @@
-"""At night sound street lights light the road and glow, broken ones do neither; windows have the scene's colours."""
+"""At night, working street lights glow and light the road, broken ones do neither; windows have the scene's colors."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -30,7 +30,7 @@ WALL_X_M, WALL_M = 60.0, 30.0
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    """Two street lamps to the left and right, and far ahead a wall of 10 x 10 windows that they do not reach."""
+    """Two street lamps on the left and right, and far ahead a wall of 10 x 10 windows beyond their range."""
     pieces = [plane(100.0, 0.0, Tag.ROAD, Material.CONCRETE)]
     for index, (x_m, y_m, z_m) in enumerate(LAMPS_M):
         half_m = 0.6
@@ -67,22 +67,22 @@ def brightness(image: UInt8Array, points_m: Float64Array) -> list[float]:
 
 
 def seed_with(failed: list[bool]) -> LightSpec:
-    """Lights of which just these have failed."""
+    """Lights with exactly the given failures."""
     street = StreetLightSpec(failure_probability=0.4)
     every = (LightSpec(seed=seed, street=street) for seed in count())
     return next(lights for lights in every if street_lights(lights, LAMPS_M)["failed"].astype(bool).tolist() == failed)
 
 
 @pytest.mark.parametrize("failed", [[True, False], [False, True]])
-def test_a_broken_lamp_lights_nothing_and_a_sound_one_does(renderer: Renderer, failed: list[bool]) -> None:
-    broken, sound = (LAMPS_M[failed.index(state)] for state in (True, False))
+def test_a_broken_lamp_is_dark_and_a_working_one_lights_the_road(renderer: Renderer, failed: list[bool]) -> None:
+    broken, working = (LAMPS_M[failed.index(state)] for state in (True, False))
     image = photograph(renderer, seed_with(failed))
-    places_m = np.array([broken, sound, broken * [1, 1, 0], sound * [1, 1, 0]])
-    dark_lamp, glow, dark_road, pool = brightness(image, places_m)
+    positions_m = np.array([broken, working, broken * [1, 1, 0], working * [1, 1, 0]])
+    dark_lamp, glow, dark_road, pool = brightness(image, positions_m)
     assert glow > 200.0 > 3.0 * dark_lamp
     assert pool > 2.0 * dark_road
     nothing = photograph(renderer, LightSpec(street=StreetLightSpec(enabled=False)))
-    assert brightness(nothing, places_m)[2] == pytest.approx(dark_road, abs=6.0)
+    assert brightness(nothing, positions_m)[2] == pytest.approx(dark_road, abs=6.0)
 
 
 def test_more_lumens_are_brighter(renderer: Renderer) -> None:
@@ -95,17 +95,17 @@ def test_more_lumens_are_brighter(renderer: Renderer) -> None:
     assert seen[2] > 1.1 * seen[1]
 
 
-def test_by_day_switches_change_nothing(renderer: Renderer) -> None:
+def test_by_day_the_settings_have_no_effect(renderer: Renderer) -> None:
     off = LightSpec(street=StreetLightSpec(enabled=False), buildings=BuildingLightSpec(enabled=False))
     np.testing.assert_array_equal(photograph(renderer, LightSpec(), 20.0), photograph(renderer, off, 20.0))
 
 
 def lit_windows(image: UInt8Array) -> tuple[float, UInt8Array]:
-    """Share of the 10 x 10 windows that are lit, and (N, 3) their colours: of the brightest of nine pixels in each."""
+    """Share of the 10 x 10 windows that are lit, and (N, 3) their colors, each from the brightest of nine pixels."""
     bay_m = np.arange(10) * 3.0
     along_m, up_m = np.meshgrid(bay_m + 1.75, bay_m + 1.2)
-    places_m = np.column_stack([np.full(100, WALL_X_M), WALL_M / 2.0 - along_m.ravel(), up_m.ravel()])
-    pixels = np.rint(CAMERA.project(apply(inverse(ALONG @ SENSOR_FROM_OPTICAL), places_m))).astype(int)
+    positions_m = np.column_stack([np.full(100, WALL_X_M), WALL_M / 2.0 - along_m.ravel(), up_m.ravel()])
+    pixels = np.rint(CAMERA.project(apply(inverse(ALONG @ SENSOR_FROM_OPTICAL), positions_m))).astype(int)
     u, v = (pixels[:, None] + np.mgrid[-1:2, -1:2].reshape(2, 9).T).T
     colors = image[v, u]  # (9, 100, 3)
     colors = colors[colors.max(axis=2).argmax(axis=0), np.arange(100)]
@@ -122,7 +122,7 @@ def test_windows_have_the_scenes_colors_and_share(renderer: Renderer) -> None:
     assert shares[0.3] == pytest.approx(0.3, abs=0.12)
     assert shares[0.8] == pytest.approx(0.8, abs=0.12)
     red, _, blue = colors.astype(int).T
-    assert np.all(np.abs(red - blue) > 20), "each window has one of the two colours"
+    assert np.all(np.abs(red - blue) > 20), "each window has one of the two colors"
     assert 0.25 < np.mean(red > blue) < 0.75
 
 

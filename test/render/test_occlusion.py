@@ -1,4 +1,4 @@
-"""What is left out because it is hidden: never a thing that a pixel shows, and most of what none does."""
+"""Occlusion culling: never removes a visible object, and removes most hidden ones."""
 
 from collections.abc import Iterator
 
@@ -21,34 +21,34 @@ from simbev_ros.types import BoolArray, Float32Array, Float64Array
 
 EGO = {"id": 1}
 CAMERA_VIEW = CameraView(CAMERA, front_pose(), MODALITIES)
-VIEW = View.of(CAMERA_VIEW, world(EGO), None, np.zeros(3))
+VIEW = View.from_camera(CAMERA_VIEW, world(EGO), None, np.zeros(3))
 EVENING = NOON.model_copy(update={"sun_azimuth_deg": 185.0, "sun_altitude_deg": 12.0})
 
 
 def buffer_depth(depth_m: Float64Array | float) -> Float32Array:
-    """What the depth buffer holds of a depth along the optical axis."""
+    """Depth buffer value of a depth along the optical axis."""
     return np.float32(FAR_M / (FAR_M - NEAR_M) * (1.0 - NEAR_M / np.asarray(depth_m)))
 
 
 def wall(depth_m: float) -> Float32Array:
-    """A depth buffer in which everything is this far away."""
+    """A depth buffer with everything at one depth."""
     return np.full((CAMERA.height_px, CAMERA.width_px), buffer_depth(depth_m))
 
 
 def around(
     depth_m: float, half_m: float, pixel: tuple[float, float] = (80.0, 45.0)
 ) -> tuple[Float64Array, Float64Array]:
-    """Low and high corner of a cube around what a pixel shows at a depth."""
+    """Low and high corner of a cube around the point that a pixel shows at a depth."""
     center_m = apply(VIEW.world_from_optical, CAMERA.rays(np.array([pixel])) * depth_m)
     return center_m - half_m, center_m + half_m
 
 
 def test_a_box_is_hidden_only_behind_the_wall() -> None:
     occluders = Occluders(wall(20.0))
-    assert occluders.hide(VIEW, *around(25.0, 1.0)).all()
-    assert not occluders.hide(VIEW, *around(15.0, 1.0)).any()
-    assert not occluders.hide(VIEW, *around(20.5, 1.0)).any(), "it sticks out of the wall"
-    assert not occluders.hide(VIEW, *around(2000.0, 1999.9)).any(), "the camera is in the box"
+    assert occluders.hidden(VIEW, *around(25.0, 1.0)).all()
+    assert not occluders.hidden(VIEW, *around(15.0, 1.0)).any()
+    assert not occluders.hidden(VIEW, *around(20.5, 1.0)).any(), "it sticks out of the wall"
+    assert not occluders.hidden(VIEW, *around(2000.0, 1999.9)).any(), "the camera is in the box"
 
 
 @pytest.mark.parametrize("hole", [(0, 0), (89, 159), (37, 61)])
@@ -57,19 +57,19 @@ def test_one_pixel_without_a_wall_shows_the_box_behind_it(hole: tuple[int, int])
     depth[hole] = 1.0
     row, column = hole
     occluders = Occluders(depth)
-    assert not occluders.hide(VIEW, *around(40.0, 0.05, (column, row))).any()
-    assert occluders.hide(VIEW, *around(40.0, 0.05, (abs(column - 30), abs(row - 30)))).all()
+    assert not occluders.hidden(VIEW, *around(40.0, 0.05, (column, row))).any()
+    assert occluders.hidden(VIEW, *around(40.0, 0.05, (abs(column - 30), abs(row - 30)))).all()
 
 
-def test_no_box_is_hidden_whose_rectangle_has_a_farther_pixel() -> None:
-    """Against a search of all pixels, for a wall with many holes of one pixel and boxes of all sizes."""
+def test_a_box_with_a_farther_pixel_in_its_rectangle_is_not_hidden() -> None:
+    """Compare with a search of all pixels, for a wall with many one-pixel holes and boxes of all sizes."""
     rng = np.random.default_rng(5)
     depth = wall(20.0)
     depth[tuple(rng.integers(0, [[90], [160]], (2, 8)))] = 1.0
     pixels = rng.uniform([-20, -20], [180, 110], (2000, 2))
     centers = apply(VIEW.world_from_optical, CAMERA.rays(pixels) * rng.uniform(10.0, 90.0, (2000, 1)))
     halves = rng.uniform(0.05, 8.0, (2000, 3))
-    hidden = Occluders(depth).hide(VIEW, centers - halves, centers + halves)
+    hidden = Occluders(depth).hidden(VIEW, centers - halves, centers + halves)
     behind = np.array([_is_behind(depth, center, half) for center, half in zip(centers, halves, strict=True)])
     assert not (hidden & ~behind).any()
     assert hidden.sum() > 0.5 * behind.sum() > 100
@@ -89,7 +89,7 @@ def _is_behind(depth: Float32Array, center: Float64Array, half: Float64Array) ->
 
 
 def town() -> StaticScene:
-    """A street between two walls that hide blocks of many small houses, in tiles; every tile has several pieces."""
+    """A street between two walls that hide blocks of many small houses, in tiles of several pieces each."""
     rng = np.random.default_rng(7)
     street = [
         plane(400.0, 0.0, Tag.ROAD, Material.ASPHALT),
@@ -100,7 +100,7 @@ def town() -> StaticScene:
     for x in (40.0, 80.0, 140.0, 220.0):
         for y in (-40.0, 0.0, 40.0):
             corners = rng.uniform([-18, -25, 0], [18, 25, 0.5], (60, 3))
-            corners = corners[np.argsort(corners[:, 1])]  # so that a piece is a part of the tile
+            corners = corners[np.argsort(corners[:, 1])]  # so that a piece is a compact part of the tile
             houses = [box(tuple(c), tuple(c + rng.uniform(1, 6, 3)), Tag.BUILDING, Material.BRICK) for c in corners]
             tiles.append(Tile(np.array([x, y, 0.0]), Mesh.merged(houses), {}))
     return StaticScene(tuple(tiles), ())
@@ -109,13 +109,13 @@ def town() -> StaticScene:
 def crowd(**ego: float) -> WorldState:
     """Cars on the street, behind both walls, and behind the camera with the low sun at their backs."""
     rng = np.random.default_rng(9)
-    places = [
+    positions = [
         *rng.uniform([10, -5], [70, 5], (4, 2)),
         *rng.uniform([15, 12], [90, 40], (12, 2)),
         (-4.0, 3.0),
         (-9.0, -4),
     ]
-    others = [{"id": 2 + k, "x": x, "y": y, "yaw": k} for k, (x, y) in enumerate(places)]
+    others = [{"id": 2 + k, "x": x, "y": y, "yaw": k} for k, (x, y) in enumerate(positions)]
     return world({**EGO, **ego}, *others, weather=EVENING)
 
 
@@ -127,34 +127,34 @@ def draw(renderer: Renderer, x_m: float, yaw_rad: float) -> CameraImages:
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    renderer = Renderer(town(), [car()], computes=False)  # a GPU's way leaves nothing out that is hidden
+    renderer = Renderer(town(), [car()], use_compute=False)  # the GPU code path has no occlusion culling
     yield renderer
     renderer.close()
 
 
 @pytest.mark.gl
 @pytest.mark.parametrize(("x_m", "yaw_rad"), [(0.0, 0.1), (0.0, 0.6), (0.0, -0.8), (-6.0, 0.3), (25.0, 0.3)])
-def test_no_byte_of_any_image_depends_on_what_is_left_out(
+def test_culling_does_not_change_a_byte_of_any_image(
     renderer: Renderer, monkeypatch: pytest.MonkeyPatch, x_m: float, yaw_rad: float
 ) -> None:
-    hide, left_out = Occluders.hide, []
+    original, culled_counts = Occluders.hidden, []
 
-    def counted(self: Occluders, view: View, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
-        hidden = hide(self, view, low_m, high_m)
-        left_out.append(int(hidden.sum()))
+    def count_hidden(self: Occluders, view: View, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
+        hidden = original(self, view, low_m, high_m)
+        culled_counts.append(int(hidden.sum()))
         return hidden
 
-    def everything(self: object, first: Float64Array, *others: object) -> BoolArray:
+    def all_visible(self: object, first: Float64Array, *others: object) -> BoolArray:
         return np.ones(len(first), bool)
 
-    monkeypatch.setattr("simbev_ros.render.geometry.static_geometry._WORTH_A_LOOK", 0)
-    monkeypatch.setattr(Occluders, "hide", counted)
+    monkeypatch.setattr("simbev_ros.render.geometry.static_geometry._MIN_CULLED_TRIANGLES", 0)
+    monkeypatch.setattr(Occluders, "hidden", count_hidden)
     images = draw(renderer, x_m, yaw_rad)
-    monkeypatch.setattr(Occluders, "hide", lambda self, view, low_m, high_m: np.zeros(len(low_m), bool))
+    monkeypatch.setattr(Occluders, "hidden", lambda self, view, low_m, high_m: np.zeros(len(low_m), bool))
     for name in ("sees_boxes", "sees_spheres", "sees_shadows"):
-        monkeypatch.setattr(View, name, everything)
+        monkeypatch.setattr(View, name, all_visible)
     expected = draw(renderer, x_m, yaw_rad)
-    assert sum(left_out) > 2
+    assert sum(culled_counts) > 2
     for modality in MODALITIES:
         assert getattr(images, modality).tobytes() == getattr(expected, modality).tobytes(), modality
 

@@ -1,4 +1,4 @@
-"""The colour image: light comes from where it should, and the same world gives the same bytes."""
+"""The color image: correct light directions, and identical bytes for identical worlds."""
 
 import hashlib
 import subprocess
@@ -28,14 +28,14 @@ pytestmark = pytest.mark.gl
 
 CAMERA = PinholeCamera.from_field_of_view(240, 180, 1.2)
 DOWN = matrices_from_xyz_rpy(np.array([0.0, 0.0, 30.0]), np.array([0.0, np.pi / 2, 0.0]))
-"""Looks straight down from 30 m; the image's top is the ego's front."""
+"""Looks straight down from 30 m; the top of the image is ahead of the ego."""
 EGO = {"id": 1}
 NIGHT = NOON.model_copy(update={"sun_altitude_deg": -40.0})
 
 
 @pytest.fixture(scope="module")
 def renderer() -> Renderer:
-    """A tower of 6 m on level ground, and a street lamp to the right of it."""
+    """A 6 m tower on level ground, and a street lamp to its right."""
     tower = box((-1, -1, 0), (1, 1, 6), Tag.BUILDING)
     ground = plane(100.0, 0.0, Tag.ROAD, Material.CONCRETE)
     lamp = StreetLight((0.0, -9.0, 7.5))
@@ -55,9 +55,7 @@ def brightness(image: UInt8Array, point_ego: tuple[float, float, float], pose: F
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 90.0, 200.0])
-def test_shadow_falls_away_from_the_sun_and_as_long_as_its_altitude_says(
-    renderer: Renderer, azimuth_deg: float
-) -> None:
+def test_shadow_direction_and_length_follow_the_sun(renderer: Renderer, azimuth_deg: float) -> None:
     weather = NOON.model_copy(update={"sun_azimuth_deg": azimuth_deg, "sun_altitude_deg": 45.0})
     image = photograph(renderer, world(EGO, weather=weather))
     away = -np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
@@ -72,7 +70,7 @@ def test_the_hidden_ego_casts_its_shadow(renderer: Renderer) -> None:
     assert brightness(there, (0.0, -1.6, 0.0)) < 0.7 * brightness(there, (0.0, 1.6, 0.0))
 
 
-def test_leaves_look_alike_on_both_sides_and_other_faces_do_not() -> None:
+def test_leaves_look_the_same_from_both_sides_and_other_faces_do_not() -> None:
     seen = {}
     for material in (Material.FOLIAGE, Material.WOOD):
         leaf = plane(3.0, 20.0, Tag.VEGETATION, material)
@@ -87,7 +85,7 @@ def test_leaves_look_alike_on_both_sides_and_other_faces_do_not() -> None:
     assert seen[Material.WOOD][0] > 1.3 * seen[Material.WOOD][1]
 
 
-def test_stars_are_not_seen_through_clouds() -> None:
+def test_clouds_hide_the_stars() -> None:
     renderer = Renderer(StaticScene((Tile(np.zeros(3), plane(1.0, 0.0, Tag.ROAD, Material.ASPHALT), {}),), ()), [car()])
     up = matrices_from_xyz_rpy(np.array([0.0, 0.0, 2.0]), np.array([0.0, -np.pi / 2, 0.0]))
     bright = []
@@ -110,7 +108,7 @@ def test_night_is_darker_than_dusk_and_dusk_than_day(renderer: Renderer) -> None
     assert means[0] > 5.0, "night must still be readable"
 
 
-def test_street_lamp_lights_the_ground_below_it_at_night_only(renderer: Renderer) -> None:
+def test_a_street_lamp_lights_the_ground_below_it_only_at_night(renderer: Renderer) -> None:
     below, across = (0.0, -9.0, 0.0), (0.0, 12.0, 0.0)
     night = photograph(renderer, world(EGO, weather=NIGHT))
     assert brightness(night, below) > 1.5 * brightness(night, across)
@@ -128,7 +126,7 @@ def test_headlamps_light_the_road_ahead(renderer: Renderer) -> None:
 
 
 @pytest.mark.parametrize("weather", [NOON, NIGHT])
-def test_brake_lamps_are_brighter_than_tail_lamps_and_those_than_none(renderer: Renderer, weather: Weather) -> None:
+def test_brake_lamps_are_brighter_than_tail_lamps_and_these_than_none(renderer: Renderer, weather: Weather) -> None:
     ahead = {"id": 2, "x": 20.0, "y": 10.0}
     pose = matrices_from_xyz_rpy(np.array([10.0, 10.0, 1.0]), np.zeros(3))
     red = [
@@ -142,7 +140,7 @@ def test_brake_lamps_are_brighter_than_tail_lamps_and_those_than_none(renderer: 
     assert red[0] < red[1] < red[2]
 
 
-def test_a_second_and_a_detoured_rendering_give_the_same_bytes(renderer: Renderer) -> None:
+def test_repeated_rendering_gives_the_same_bytes(renderer: Renderer) -> None:
     state = world({**EGO, "x": -3.0, "y": 4.0}, {"id": 2, "x": 6.0, "y": 3.0})
     first = photograph(renderer, state)
     photograph(renderer, world({**EGO, "x": 90.0}, weather=NIGHT))
@@ -150,7 +148,7 @@ def test_a_second_and_a_detoured_rendering_give_the_same_bytes(renderer: Rendere
 
 
 def digest_of_all_images() -> str:
-    """Of all modalities of a small scene, in a fresh renderer."""
+    """Digest of all modalities of a small scene, drawn by a fresh renderer."""
     from render_scene import front_pose, scene
 
     state, before = world(EGO, {"id": 2, "x": 9.0, "wheel": 1.0}), world({**EGO, "x": -0.4}, {"id": 2, "x": 8.5})

@@ -1,4 +1,4 @@
-"""How many processes draw, and with how many threads, on made-up machines."""
+"""Numbers of rendering processes and of their threads, on mock machines."""
 
 import os
 from collections.abc import Callable
@@ -18,7 +18,7 @@ Machine = Callable[..., None]
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
-    """Puts cores and devices into this machine."""
+    """Mock the cores and devices of this machine."""
     for name in ("LIBGL_ALWAYS_SOFTWARE", "GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE", "LP_NUM_THREADS"):
         monkeypatch.delenv(name, raising=False)
 
@@ -37,20 +37,20 @@ def processes(cameras: int = 6, **rendering: object) -> int:
     return camera_processes(Rendering.model_validate(rendering), cameras)
 
 
-def test_on_the_cpu_every_core_draws_but_no_process_has_no_camera(machine: Machine) -> None:
+def test_on_the_cpu_there_is_one_process_per_core_up_to_the_number_of_cameras(machine: Machine) -> None:
     machine(4)
     assert [processes(cameras) for cameras in (0, 1, 3, 6)] == [0, 1, 3, 4]
     assert [processes(processes=number) for number in (1, 2, 16)] == [1, 2, 6]
 
 
-def test_every_gpu_that_is_used_has_a_process(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_gpu_in_use_has_a_process(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     machine(16, gpu(0), gpu(1))
     assert (processes(), processes(gpus=[1]), processes(gpus=[]), processes(processes=3)) == (2, 1, 6, 3)
     monkeypatch.setenv("LIBGL_ALWAYS_SOFTWARE", "1")
     assert processes() == 6
 
 
-def test_a_gpu_that_two_drivers_know_counts_once_and_a_forbidden_one_not_at_all(
+def test_a_gpu_listed_by_two_drivers_counts_once_and_an_inaccessible_one_not_at_all(
     machine: Machine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     file = tmp_path / "renderD128"
@@ -61,7 +61,7 @@ def test_a_gpu_that_two_drivers_know_counts_once_and_a_forbidden_one_not_at_all(
     assert processes() == 4
 
 
-def test_processes_share_the_cores_unless_the_user_says_otherwise(
+def test_processes_share_the_cores_unless_the_user_sets_the_threads(
     machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     machine(8)

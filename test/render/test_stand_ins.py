@@ -1,4 +1,4 @@
-"""What cameras far away see instead of plants, against the plants themselves."""
+"""Coarse stand-ins of plants for distant cameras, compared with the exact plants."""
 
 import cv2
 import numpy as np
@@ -22,12 +22,12 @@ VIEW = CameraView(
 )
 
 
-def seen(nearest_m: float, *, exact: bool) -> CameraImages:
-    """Rows of trees from a distance on, as tiles that have stand-ins or as tiles that do not."""
+def draw_trees(nearest_m: float, *, exact: bool) -> CameraImages:
+    """Images of rows of trees beyond a distance, in tiles with or without stand-ins."""
     builder = TileBuilder()
     for k, name in enumerate(("round", "tall", "birch", "spruce", "pine", "bush")):
-        places_m = [(nearest_m + 15.0 * row, 16.0 * k - 40.0 + 5.0 * row) for row in range(4)]
-        builder.place_copies(stock(name, 0), np.stack([standing(place_m, 0.0) for place_m in places_m]))
+        positions_m = [(nearest_m + 15.0 * row, 16.0 * k - 40.0 + 5.0 * row) for row in range(4)]
+        builder.place_copies(stock(name, 0), np.stack([standing(position_m, 0.0) for position_m in positions_m]))
     tiles = builder.finish()
     assert all(tile.detail for tile in tiles)
     if exact:
@@ -39,8 +39,8 @@ def seen(nearest_m: float, *, exact: bool) -> CameraImages:
     return images
 
 
-def test_nearby_only_the_exact_mesh_is_drawn() -> None:
-    graded, exact = seen(20.0, exact=False), seen(20.0, exact=True)
+def test_nearby_the_exact_mesh_is_drawn() -> None:
+    graded, exact = draw_trees(20.0, exact=False), draw_trees(20.0, exact=True)
     assert graded.depth is not None and exact.depth is not None
     near = (exact.depth > 0.0) & (exact.depth < 60.0)
     assert near.mean() > 0.2
@@ -48,8 +48,8 @@ def test_nearby_only_the_exact_mesh_is_drawn() -> None:
     assert np.array_equal(graded.semantic, exact.semantic)
 
 
-def test_far_away_labels_change_only_at_outlines_and_by_a_pixel() -> None:
-    graded, exact = (images.semantic for images in (seen(370.0, exact=False), seen(370.0, exact=True)))
+def test_far_away_labels_differ_only_at_outlines_by_a_pixel() -> None:
+    graded, exact = (images.semantic for images in (draw_trees(370.0, exact=False), draw_trees(370.0, exact=True)))
     assert graded is not None and exact is not None
     is_tree, was_tree = (np.uint8(image == Tag.VEGETATION) for image in (graded, exact))
     assert was_tree.sum() > 2_000

@@ -1,4 +1,4 @@
-"""Procedural surfaces from near and far: the same mean colour, and nothing that flickers."""
+"""Procedural surfaces from near and far: the same mean color, without flickering."""
 
 from collections.abc import Iterator
 
@@ -29,7 +29,7 @@ _MATERIALS = ("ASPHALT", "MARKING", "PAVING", "CONCRETE", "GRASS", "SOIL", "CROP
 def _photograph(
     renderer: Renderer, pose: Float64Array, x_m: float = 0.0, before_m: float | None = None
 ) -> CameraImages:
-    """Colour and flow from a camera on a car at x_m, which was at before_m one frame ago."""
+    """Color and flow from a camera on a car at x_m, which was at before_m one frame earlier."""
 
     def world(x_m: float) -> WorldState:
         return WorldState(0, 0, 1, actors({"id": 1, "x": x_m}), np.zeros(0, SIGNAL_DTYPE), NOON)
@@ -41,60 +41,64 @@ def _photograph(
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    """Level squares of all materials, one beside the other."""
+    """Horizontal squares of all materials, side by side."""
     squares = [plane(_HALF_M, 0.0, Tag.ROAD, Material[name]) for name in _MATERIALS]
     tiles = [
-        Tile(np.array([0.0, _beside_m(name), 0.0]), mesh, {}) for name, mesh in zip(_MATERIALS, squares, strict=True)
+        Tile(np.array([0.0, _offset_m(name), 0.0]), mesh, {}) for name, mesh in zip(_MATERIALS, squares, strict=True)
     ]
     result = Renderer(StaticScene(tuple(tiles), ()), [car()])
     yield result
     result.close()
 
 
-def _beside_m(material: str) -> float:
-    """Where the middle of a material's square is; all are so far from the ego that its shadow is not seen."""
+def _offset_m(material: str) -> float:
+    """Lateral position of the center of a material's square; the ego's shadow is outside the image."""
     return 1000.0 * (1 + _MATERIALS.index(material))
 
 
 def _linear(rgb: np.ndarray) -> Float64Array:
-    """Mean of an image's pixels, about linear in radiance."""
+    """Mean of an image's pixels, approximately linear in radiance."""
     mean: Float64Array = ((rgb.astype(np.float64) / 255.0) ** 2.2).mean(axis=(0, 1))
     return mean
 
 
 @pytest.mark.parametrize("material", _MATERIALS)
-def test_the_mean_colour_is_the_same_from_near_and_far(renderer: Renderer, material: str) -> None:
+def test_the_mean_color_is_the_same_from_near_and_far(renderer: Renderer, material: str) -> None:
     means = []
-    for height_m, places_m in ((6.0, np.arange(12) * 17.3), (60.0, np.arange(2) * 111.0), (300.0, np.zeros(1))):
-        place_m = np.array([0.0, _beside_m(material), height_m])
-        pose = matrices_from_xyz_rpy(place_m, np.array([0.0, np.pi / 2.0, 0.0]))
-        means.append(np.mean([_linear(_photograph(renderer, pose, x_m).rgb) for x_m in places_m], axis=0))
+    for height_m, x_positions_m in ((6.0, np.arange(12) * 17.3), (60.0, np.arange(2) * 111.0), (300.0, np.zeros(1))):
+        position_m = np.array([0.0, _offset_m(material), height_m])
+        pose = matrices_from_xyz_rpy(position_m, np.array([0.0, np.pi / 2.0, 0.0]))
+        means.append(np.mean([_linear(_photograph(renderer, pose, x_m).rgb) for x_m in x_positions_m], axis=0))
     assert np.abs(np.array(means) / means[1] - 1.0).max() < 0.09
 
 
-@pytest.mark.parametrize(("material", "most"), [("ASPHALT", 2.5), ("PAVING", 2.2), ("GRASS", 3.5), ("BRICK", 2.5)])
-def test_what_is_far_does_not_flicker_when_the_camera_moves(renderer: Renderer, material: str, most: float) -> None:
-    pose = matrices_from_xyz_rpy(np.array([0.0, _beside_m(material), 1.6]), np.zeros(3))
+@pytest.mark.parametrize(
+    ("material", "max_difference"), [("ASPHALT", 2.5), ("PAVING", 2.2), ("GRASS", 3.5), ("BRICK", 2.5)]
+)
+def test_distant_surfaces_do_not_flicker_when_the_camera_moves(
+    renderer: Renderer, material: str, max_difference: float
+) -> None:
+    pose = matrices_from_xyz_rpy(np.array([0.0, _offset_m(material), 1.6]), np.zeros(3))
     before = _photograph(renderer, pose, -_STEP_M).rgb
     now = _photograph(renderer, pose, 0.0, -_STEP_M)
     rows, columns = np.indices(now.rgb.shape[:2])
-    seen = np.zeros(rows.shape, bool)
-    seen[98:140, 20:-20] = True  # from 5 to 30 m
-    came_from = np.stack([columns, rows], axis=-1)[seen] - now.flow[seen]
-    difference = now.rgb[seen].astype(np.float64) - _between_pixels(before, came_from)
-    assert np.sqrt((difference**2).mean()) < most
+    mask = np.zeros(rows.shape, bool)
+    mask[98:140, 20:-20] = True  # from 5 to 30 m
+    previous_px = np.stack([columns, rows], axis=-1)[mask] - now.flow[mask]
+    difference = now.rgb[mask].astype(np.float64) - _interpolate(before, previous_px)
+    assert np.sqrt((difference**2).mean()) < max_difference
 
 
-def _between_pixels(image: np.ndarray, places: Float64Array) -> Float64Array:
-    """(N, 3) colours at (N, 2) places, x and y, by bilinear interpolation."""
-    first = np.floor(places).astype(int)
-    (x, y), (u, v) = first.T, (places - first).T[..., None]
+def _interpolate(image: np.ndarray, positions: Float64Array) -> Float64Array:
+    """(N, 3) colors at (N, 2) positions, x and y, by bilinear interpolation."""
+    first = np.floor(positions).astype(int)
+    (x, y), (u, v) = first.T, (positions - first).T[..., None]
     upper = image[y, x] * (1.0 - u) + image[y, x + 1] * u
     lower = image[y + 1, x] * (1.0 - u) + image[y + 1, x + 1] * u
     return upper * (1.0 - v) + lower * v
 
 
-def test_noise_is_spread_evenly_and_repeats_without_a_seam() -> None:
+def test_noise_is_uniformly_distributed_and_periodic() -> None:
     image = noise_image().astype(float)
     for channel in np.moveaxis(image, -1, 0):
         np.testing.assert_allclose(np.bincount(channel.astype(int).ravel(), minlength=256), 256, atol=1)
@@ -103,7 +107,7 @@ def test_noise_is_spread_evenly_and_repeats_without_a_seam() -> None:
 
 
 @pytest.mark.parametrize("level", range(6))
-def test_noise_is_as_bright_at_every_level_of_blur(level: int) -> None:
+def test_noise_has_the_same_mean_at_every_mipmap_level(level: int) -> None:
     context = open_context()
     texels = np.frombuffer(noise_texture(context).read(level=level), np.uint8).reshape(-1, 4)
     context.release()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from ros_messages import image, odometry, point_cloud
 
-from simbev_ros.annotation.boxes.boxes import blank
+from simbev_ros.annotation.boxes.boxes import blank_boxes
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, boxes_of
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
@@ -53,7 +53,7 @@ def ego_m(tick: int) -> AnyArray:
 
 def boxes(tick: int) -> Table:
     """A near car, a far one without points, and a pedestrian, who walks with the ego; distances from the ego."""
-    table = blank(3)
+    table = blank_boxes(3)
     table["class"] = [BOX_CLASSES.index(name) for name in ("car", "car", "pedestrian")]
     table["id"], table["yaw"] = [5, 6, 7], [0.0, 1.0, 2.0]
     table["x"], table["y"], table["z"] = [10.0 + tick, 70.0 + tick, -30.0 + tick], [2.0, 10.0, 2.0], 0.75

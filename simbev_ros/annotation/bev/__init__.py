@@ -1,1 +1,1 @@
-"""Bird's-eye-view grids: exact rasterization of what lies on the ego's level."""
+"""Bird's-eye-view ground truth: exact rasterization of everything on the ego's road level."""

@@ -1,4 +1,4 @@
-"""What lies on the ground seen from above: labelled triangles in plan."""
+"""Footprint of labeled surfaces: their triangles in plan view, each with the BEV class that it is drawn as."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int32Array, Int6
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Footprint:
-    """(V, 2) points in metres, map frame, (T, 3) indices, and (T,) the plane that each triangle counts for.
+    """(V, 2) points in meters, map frame, (T, 3) point indices, and (T,) the plane that each triangle is drawn into.
 
-    Footprints are told apart by identity, so that what is known of one can be kept beside it.
+    Footprints compare by identity, so that they can be keys of weak caches.
     """
 
     points_m: Float64Array
@@ -22,17 +22,17 @@ class Footprint:
 
     @property
     def polygons(self) -> AnyArray:
-        """(T,) the triangles, shapely."""
+        """(T,) the triangles as shapely polygons."""
         return np.asarray(shapely.polygons(self.points_m[self.triangles]), object)
 
-    def only(self, triangles: BoolArray) -> "Footprint":
-        """Those of the triangles that (T,) marks, and the points that they use."""
+    def subset(self, triangles: BoolArray) -> "Footprint":
+        """The triangles where the (T,) mask is True, and the points that they use."""
         used, indices = np.unique(self.triangles[triangles], return_inverse=True)
         return Footprint(self.points_m[used], indices.reshape(-1, 3).astype(np.int32), self.planes[triangles])
 
 
-def merged(footprints: Sequence[Footprint]) -> Footprint:
-    """All triangles, in order."""
+def merge_footprints(footprints: Sequence[Footprint]) -> Footprint:
+    """Concatenate footprints, in order."""
     starts: Int64Array = np.cumsum([0, *(len(each.points_m) for each in footprints)])
     return Footprint(
         np.concatenate([np.empty((0, 2)), *(each.points_m for each in footprints)]),

@@ -1,4 +1,4 @@
-"""Hazard areas as labelled ground, so that they count like the roads that they lie on."""
+"""Hazard areas as labeled footprints, so that the BEV grid treats them like the roads that they lie on."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,19 +14,19 @@ from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.world.kinematics.ground import GroundSurface
 
 
-class LabelledArea(NamedTuple):
-    """Ground on roads of a level, besides that of the map."""
+class LabeledArea(NamedTuple):
+    """A labeled footprint on the roads of one level, in addition to the map's own surfaces."""
 
     ground: Footprint
     level: int
 
 
-def hazard_areas(hazards: Sequence[HazardSpec], layout: Layout) -> tuple[LabelledArea, ...]:
-    """The areas of hazards, on the levels of the roads below them."""
+def hazard_areas(hazards: Sequence[HazardSpec], layout: Layout) -> tuple[LabeledArea, ...]:
+    """Footprints of hazards, each with the level of the road below it."""
     footprints = [_footprint(hazard) for hazard in hazards]
-    middle_m = [(*each.points_m.mean(axis=0), hazard.z_m) for each, hazard in zip(footprints, hazards, strict=True)]
-    levels = GroundSurface(layout).levels(np.array(middle_m).reshape(-1, 3)).tolist()
-    return tuple(map(LabelledArea, footprints, levels))
+    center_m = [(*each.points_m.mean(axis=0), hazard.z_m) for each, hazard in zip(footprints, hazards, strict=True)]
+    levels = GroundSurface(layout).levels(np.array(center_m).reshape(-1, 3)).tolist()
+    return tuple(map(LabeledArea, footprints, levels))
 
 
 def _footprint(hazard: HazardSpec) -> Footprint:

@@ -1,8 +1,9 @@
-"""Exact rasteriser: which cell centres lie under which triangles.
+"""Exact rasterizer for the BEV grid: finds the cells whose centers are covered by triangles.
 
-Every (triangle, row) pair is one span along the row's centre line. Spans are closed intervals and both triangles of a
-shared edge compute its crossing from the same numbers, so that neither gaps nor widened edges can occur; a centre that
-lies on an edge counts as covered. Triangles without area (walls seen from above) cover nothing but centres on them.
+Plan-view triangles in cell coordinates enter, boolean planes leave. Every (triangle, row) pair gives one span along the
+row's center line. Spans are closed intervals, and both triangles of a shared edge compute its crossing from the same
+numbers, so there are neither gaps nor widened edges; a center on an edge counts as covered. Triangles without area
+(walls seen from above) cover only the centers that lie on them.
 """
 
 from dataclasses import dataclass
@@ -12,42 +13,42 @@ import numpy as np
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 
 _FLAT_EDGE_ROWS = 1e-12
-"""Edges that rise by less than this many rows count as parallel to the rows; it keeps slopes finite."""
+"""Edges that rise by less than this many rows count as parallel to the rows; this keeps slopes finite."""
 
-_COLUMN = np.int32(0xFFFF)
-_ON_CENTER = np.int32(0x10001)
-"""Bits of a number that holds the steps to a row above those to a column."""
+_COLUMN_BITS = np.int32(0xFFFF)
+_CENTER_BITS = np.int32(0x10001)
+"""Bit masks of packed positions: row steps in the upper 16 bits, column steps in the lower 16 bits."""
 
 
 def corners_near_centers(
     points_cells: Float32Array | Float64Array, triangles: Int32Array, rows: int, columns: int
 ) -> tuple[Float64Array, Int64Array]:
-    """Triangles in whose bounds a cell's centre lies; of finely meshed things hardly any.
+    """Select the triangles whose bounding rectangle contains a cell center; few triangles of a fine mesh do.
 
     Args:
-        points_cells: (2, ..., V) continuous (row, column) of points, a cell's centre at integers; in between, several
-            times the same mesh.
+        points_cells: (2, ..., V) continuous (row, column) of points, cell centers at integers; the middle axes are
+            poses of the same mesh.
         triangles: (T, 3) indices into the last axis.
-        rows: Of the grid, fewer than 2**14.
-        columns: As many at most.
+        rows: Number of rows of the grid, below 2**14.
+        columns: Number of columns of the grid, below 2**14.
 
     Returns:
-        (2, 3, K) float64 (row, column) of their three corners, and (K,) where they are among (..., T).
+        (2, 3, K) float64 (row, column) of their three corners, and (K,) their flat indices in (..., T).
     """
-    place = _steps(points_cells[0], rows) << 16 | _steps(points_cells[1], columns)
-    a, b, c = (np.take(place, corner, axis=-1) for corner in triangles.T)
-    differs = (a ^ b) | (a ^ c) | (a & _ON_CENTER)
-    near = np.flatnonzero((differs > _COLUMN) & ((differs & _COLUMN) != 0))
+    steps = _grid_steps(points_cells[0], rows) << 16 | _grid_steps(points_cells[1], columns)
+    a, b, c = (np.take(steps, corner, axis=-1) for corner in triangles.T)
+    differs = (a ^ b) | (a ^ c) | (a & _CENTER_BITS)
+    near = np.flatnonzero((differs > _COLUMN_BITS) & ((differs & _COLUMN_BITS) != 0))
     mesh, triangle = np.divmod(near, max(len(triangles), 1))
     corner = triangles[triangle].T + mesh * points_cells.shape[-1]
     return np.take(points_cells.reshape(2, -1), corner, axis=1).astype(np.float64), near
 
 
 def covered_cells(corners_cells: Float64Array, planes: UInt8Array, shape: tuple[int, int, int]) -> BoolArray:
-    """Cells whose centre lies in the closed union of the triangles, plane by plane.
+    """Cells whose center lies in the closed union of the triangles, plane by plane.
 
     Args:
-        corners_cells: (2, 3, T) continuous (row, column) of the three corners, a cell's centre at integers.
+        corners_cells: (2, 3, T) continuous (row, column) of the three corners, cell centers at integers.
         planes: (T,) the plane that each triangle is drawn into.
         shape: Planes, rows, columns of the result.
 
@@ -56,18 +57,18 @@ def covered_cells(corners_cells: Float64Array, planes: UInt8Array, shape: tuple[
     """
     _, rows, columns = shape
     corner_row, corner_column = corners_cells
-    first_row, last_row = _integers_between(corner_row.min(axis=0), corner_row.max(axis=0), rows)
+    first_row, last_row = _integer_range(corner_row.min(axis=0), corner_row.max(axis=0), rows)
     spans = _spans(_edges(corner_row, corner_column), first_row, last_row)
-    first, last = _integers_between(spans.low, spans.high, columns)
+    first, last = _integer_range(spans.low, spans.high, columns)
     line = (planes.astype(np.int64) * rows)[spans.triangle] + spans.row
-    return _filled(line, first, last, shape)
+    return _fill_spans(line, first, last, shape)
 
 
 @dataclass(frozen=True, slots=True)
 class _Edges:
-    """Per triangle its long edge (lowest to highest corner); the two others one after the other, split at ``middle``.
+    """Edges of triangles: the long one (lowest to highest corner), and the two short ones that meet at row ``middle``.
 
-    Each edge is column = column0 + slope · (row - row0), anchored at its lower end. Arrays: (T,), of the short (2, T).
+    An edge is column = column0 + slope · (row - row0), anchored at its lower end. Shapes: (T,), short edges (2, T).
     """
 
     middle: Float64Array
@@ -77,7 +78,7 @@ class _Edges:
 
 @dataclass(frozen=True, slots=True)
 class _Spans:
-    """(N,) spans: index of the triangle, row, and the closed interval of columns."""
+    """(N,) spans: triangle index, row, and closed interval of columns."""
 
     triangle: Int64Array
     row: Int64Array
@@ -85,22 +86,22 @@ class _Spans:
     high: Float64Array
 
 
-def _steps(at: Float32Array | Float64Array, count: int) -> Int32Array:
-    """How far coordinates are along a grid's axis: odd at the centres 0..count-1, even between them."""
-    clipped = np.clip(at, -0.5, count - 0.5)
+def _grid_steps(coordinates: Float32Array | Float64Array, count: int) -> Int32Array:
+    """Steps of coordinates along a grid axis: odd at the centers 0..count-1, even between them."""
+    clipped = np.clip(coordinates, -0.5, count - 0.5)
     steps: Int32Array = (np.ceil(clipped) + np.floor(clipped)).astype(np.int32) + np.int32(1)
     return steps
 
 
-def _integers_between(low: Float64Array, high: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:
-    """First and last integer of closed intervals, within 0..count-1; first > last where there is none."""
+def _integer_range(low: Float64Array, high: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:
+    """First and last integer of closed intervals, within 0..count-1; first > last if there is none."""
     first = np.ceil(np.clip(low, 0.0, count)).astype(np.int64)
     last = np.floor(np.clip(high, -1.0, count - 1.0)).astype(np.int64)
     return first, last
 
 
 def _edges(row: Float64Array, column: Float64Array) -> _Edges:
-    """The edges of triangles with (3, T) corners."""
+    """Edges of triangles with (3, T) corners."""
     order = np.argsort(row, axis=0, kind="stable")
     row = np.take_along_axis(row, order, axis=0)
     column = np.take_along_axis(column, order, axis=0)
@@ -118,27 +119,27 @@ def _slope(rise: Float64Array, run: Float64Array) -> Float64Array:
 
 
 def _spans(edges: _Edges, first_row: Int64Array, last_row: Int64Array) -> _Spans:
-    """One span per triangle and row; at the middle corner's row the upper short edge holds."""
+    """One span per triangle and row; at the row of the middle corner, the upper short edge is used."""
     count = last_row - first_row + 1
     triangle = np.repeat(np.arange(len(count)), count)
     row = np.arange(len(triangle)) + np.repeat(first_row - np.cumsum(count) + count, count)
-    at = row.astype(np.float64)
+    row_position = row.astype(np.float64)
     row0, column0, slope = edges.long
-    one = column0[triangle] + slope[triangle] * (at - row0[triangle])
-    half = triangle + len(count) * (at >= edges.middle[triangle])
+    long_column = column0[triangle] + slope[triangle] * (row_position - row0[triangle])
+    short_edge = triangle + len(count) * (row_position >= edges.middle[triangle])
     row0, column0, slope = (values.ravel() for values in edges.short)
-    other = column0[half] + slope[half] * (at - row0[half])
-    return _Spans(triangle, row, np.minimum(one, other), np.maximum(one, other))
+    short_column = column0[short_edge] + slope[short_edge] * (row_position - row0[short_edge])
+    return _Spans(triangle, row, np.minimum(long_column, short_column), np.maximum(long_column, short_column))
 
 
-def _filled(line: Int64Array, first: Int64Array, last: Int64Array, shape: tuple[int, int, int]) -> BoolArray:
-    """Spans drawn into planes, through a running sum of +1 at their start and -1 behind their end."""
+def _fill_spans(line: Int64Array, first: Int64Array, last: Int64Array, shape: tuple[int, int, int]) -> BoolArray:
+    """Draw spans into planes, by a running sum of +1 at their start and -1 after their end."""
     planes, rows, columns = shape
-    some = first <= last
-    start = line[some] * (columns + 1)
+    nonempty = first <= last
+    start = line[nonempty] * (columns + 1)
     steps = np.zeros(planes * rows * (columns + 1), np.int32)
-    np.add.at(steps, start + first[some], np.int32(1))
-    np.add.at(steps, start + last[some] + 1, np.int32(-1))
-    np.cumsum(steps, out=steps)  # every row ends at zero, so one sum may run through all of them
+    np.add.at(steps, start + first[nonempty], np.int32(1))
+    np.add.at(steps, start + last[nonempty] + 1, np.int32(-1))
+    np.cumsum(steps, out=steps)  # every row ends at zero, so one running sum covers all of them
     filled: BoolArray = steps.reshape(planes, rows, columns + 1)[:, :, :columns] > 0
     return filled

@@ -1,7 +1,8 @@
-"""3D boxes around the ego: of actors, and of what stands still but counts as an object, traffic lights and signs.
+"""Ground-truth 3D boxes around the ego: actors, and the static objects traffic lights and signs.
 
-An actor's box holds its mesh as it is posed now, doors shut: people's boxes grow and shrink with their strides, and
-their centres move against the actors' places. In /world/actors sizes are constant, and hold all strides.
+A ``WorldState`` enters, ``BOX_DTYPE`` rows leave. An actor's box fits its mesh in the current pose, doors shut: a
+pedestrian's box grows and shrinks with the stride, and its center moves relative to the actor's position. In
+/world/actors sizes are constant and contain all strides.
 """
 
 from dataclasses import dataclass
@@ -17,13 +18,13 @@ from simbev_ros.types import Float64Array, Table, UInt8Array
 
 BOX_DTYPE = np.dtype(
     [
-        ("x", "<f8"),  # m, map frame: centre of the box
+        ("x", "<f8"),  # m, map frame: center of the box
         ("y", "<f8"),
         ("z", "<f8"),
         ("roll", "<f4"),  # rad, fixed axes x y z (REP-103): R = Rz(yaw) Ry(pitch) Rx(roll)
         ("pitch", "<f4"),
         ("yaw", "<f4"),
-        ("length", "<f4"),  # m, along x y z of the box
+        ("length", "<f4"),  # m, along x, y, z of the box
         ("width", "<f4"),
         ("height", "<f4"),
         ("vx", "<f4"),  # m/s, map frame
@@ -35,23 +36,24 @@ BOX_DTYPE = np.dtype(
         ("wx", "<f4"),  # rad/s, map frame
         ("wy", "<f4"),
         ("wz", "<f4"),
-        ("distance", "<f4"),  # m, from the centre of the ego's box to that of this one
-        ("angle", "<f4"),  # rad, direction to the centre in the ego frame, 0 ahead, left positive
-        ("visibility", "<f4"),  # visible pixels over those of the object drawn alone, all cameras together; NaN: unseen
-        ("limit", "<f4"),  # m/s that a speed limit's sign allows, else 0
-        ("lidar_points", "<i4"),  # of all lidars inside the box; -1: none was received at this tick
+        ("distance", "<f4"),  # m, between the centers of the ego's box and this one
+        ("angle", "<f4"),  # rad, direction to the center in the ego frame: 0 ahead, positive to the left
+        # visible pixels over those of the object drawn alone, summed over all cameras; NaN: in no image
+        ("visibility", "<f4"),
+        ("limit", "<f4"),  # m/s, limit shown by a speed limit sign, else 0
+        ("lidar_points", "<i4"),  # points of all lidars inside the box; -1: none received at this tick
         ("radar_points", "<i4"),
-        ("id", "<u4"),  # of an actor; what stands still has ids of its own, from ``LIGHT_IDS`` and ``SIGN_IDS`` on
-        ("parent", "<u4"),  # id of the actor that it belongs to, else 0
+        ("id", "<u4"),  # actor id; static objects have ids of their own, above ``LIGHT_IDS`` and ``SIGN_IDS``
+        ("parent", "<u4"),  # id of the actor that this one belongs to, else 0
         ("color", "<u4"),  # 0xRRGGBB, sRGB
-        ("blueprint", "<u2"),  # index into the catalogue, ``NO_BLUEPRINT`` where it stands still
+        ("blueprint", "<u2"),  # index into the catalogue, ``NO_BLUEPRINT`` for static objects
         ("lights", "<u2"),  # Light bits
         ("behavior", "<u2"),  # Behavior bits
         ("class", "u1"),  # index into BOX_CLASSES
         ("tag", "u1"),  # semantic Tag
         ("doors", "u1"),  # bit k: door k is open
-        ("on_ego_level", "u1"),  # 1: on a road of the ego's level; 0: on one that passes above or beneath it
-        ("valid", "u1"),  # 1: at least one point of a lidar or radar is inside
+        ("on_ego_level", "u1"),  # 1: on a road of the ego's level; 0: on a road above or below it
+        ("valid", "u1"),  # 1: at least one lidar or radar point is inside
         ("difficulty", "u1"),  # index into DIFFICULTIES
         ("state", "u1"),  # SignalState of a traffic light
         ("sign", "u1"),  # index into SIGN_TYPES of a traffic sign
@@ -60,8 +62,11 @@ BOX_DTYPE = np.dtype(
 """One row per box. Field names and order are those of /ego/boxes."""
 
 LIGHT_IDS, SIGN_IDS = 0x10000, 0x20000
-"""A traffic light's id is the first plus that of /world/signals; a sign's is the second plus its number in the map's
-layout, from 1 on. Ids of actors are below, as they must fit instance images."""
+"""Offsets of the ids of static objects.
+
+A traffic light's id is the first plus its id in /world/signals; a sign's id is the second plus its number in the map's
+layout, from 1. Actor ids are smaller, as they must fit instance images.
+"""
 
 NO_CLASS, NO_BLUEPRINT = 255, 65535
 
@@ -69,8 +74,8 @@ _SHARED_COLUMNS = [name for name in BOX_DTYPE.names or () if name in (ACTOR_DTYP
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
-    """What of a map stands still and has a box; ``standing.standing_of`` finds it.
+class StaticObjects:
+    """Boxes of a map's traffic lights and signs; ``standing.find_static_objects`` creates it.
 
     Attributes:
         boxes: (S,) ``BOX_DTYPE``, ascending id.
@@ -81,8 +86,8 @@ class Standing:
     foot_m: Float64Array
 
 
-def blank(count: int) -> Table:
-    """(count,) ``BOX_DTYPE`` boxes of which no sensor knows anything yet."""
+def blank_boxes(count: int) -> Table:
+    """(count,) ``BOX_DTYPE`` boxes without sensor data: visibility NaN, point counts -1, all else 0."""
     result = np.zeros(count, BOX_DTYPE)
     result["visibility"], result["lidar_points"], result["radar_points"] = np.nan, -1, -1
     return result
@@ -95,81 +100,83 @@ def class_of_blueprint() -> UInt8Array:
 
 
 def box_centers_m(actors: Table) -> Float64Array:
-    """(N, 3) centres of the boxes of (N,) ``ACTOR_DTYPE`` rows, map frame."""
+    """(N, 3) box centers of (N,) ``ACTOR_DTYPE`` rows, map frame."""
     pose = map_from_actors(actors)
     center_m: Float64Array = pose[:, :3, 3] + pose[:, :3, 2] * (actors["height"] / 2.0)[:, None]
     return center_m
 
 
-def boxes(
+def boxes_around_ego(
     state: WorldState,
     radius_m: float,
     ego_level: EgoLevel | None = None,
     extents: Extents | None = None,
-    standing: Standing | None = None,
+    static_objects: StaticObjects | None = None,
 ) -> Table:
-    """Boxes of all that has a detection class within a radius of the ego, the ego itself left out.
+    """Boxes of all objects with a detection class within a radius of the ego, without the ego itself.
 
     Args:
-        state: The world now.
-        radius_m: Largest distance between the centres of the ego's box and the other.
-        ego_level: The level that the ego is on; None: everything counts.
-        extents: Of the catalogue's models, for boxes that fit the meshes as they are posed; None: the actors' sizes.
-        standing: Traffic lights and signs of the map; None: none.
+        state: The world state to label.
+        radius_m: Maximum distance between the centers of the ego's box and another box.
+        ego_level: The road level that the ego is on; None: everything counts.
+        extents: Extents of the catalogue's models, for boxes that fit the posed meshes; None: use the actors' sizes.
+        static_objects: Traffic lights and signs of the map; None: leave them out.
 
     Returns:
         (N,) ``BOX_DTYPE``, ascending id.
     """
-    parts = [_near(_of_actors(state, radius_m, ego_level, extents), state, radius_m)]
-    if standing is not None:
-        parts.append(_of_standing(standing, state, radius_m, ego_level))
+    parts = [_near(_actor_boxes(state, radius_m, ego_level, extents), state, radius_m)]
+    if static_objects is not None:
+        parts.append(_static_boxes(static_objects, state, radius_m, ego_level))
     return np.concatenate(parts)
 
 
-def _of_actors(state: WorldState, radius_m: float, ego_level: EgoLevel | None, extents: Extents | None) -> Table:
-    """Boxes of actors, of all within the radius at least."""
+def _actor_boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None, extents: Extents | None) -> Table:
+    """Boxes of actors, at least of all within the radius."""
     actors, classes = state.actors, class_of_blueprint()[state.actors["blueprint"]]
-    apart_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
+    gap_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
     counts = (classes != NO_CLASS) & (actors["id"] != state.ego_id)
-    chosen = counts & (apart_m <= radius_m + state.ego["height"] + actors["length"] + actors["height"])
-    actors = actors[chosen]
-    result = blank(len(actors))
+    selected = counts & (gap_m <= radius_m + state.ego["height"] + actors["length"] + actors["height"])
+    actors = actors[selected]
+    result = blank_boxes(len(actors))
     for name in _SHARED_COLUMNS:
         result[name] = actors[name]
     center_m = box_centers_m(actors)
     if extents is not None:
-        low_m, high_m = extents.of(actors)
+        low_m, high_m = extents.bounds(actors)
         result["length"], result["width"], result["height"] = (high_m - low_m).T
         pose = map_from_actors(actors)
         center_m = pose[:, :3, 3] + np.einsum("nij,nj->ni", pose[:, :3, :3], (low_m + high_m) / 2.0)
     result["x"], result["y"], result["z"] = center_m.T
-    result["class"] = classes[chosen]
+    result["class"] = classes[selected]
     result["sign"] = _sign_of_blueprint()[actors["blueprint"]]
-    result["on_ego_level"] = on_ego_level(state, ego_level)[chosen]
+    result["on_ego_level"] = on_ego_level(state, ego_level)[selected]
     return result
 
 
-def _of_standing(standing: Standing, state: WorldState, radius_m: float, ego_level: EgoLevel | None) -> Table:
-    """Boxes within the radius of what stands still, as it is now."""
-    result = _near(standing.boxes, state, radius_m)
+def _static_boxes(
+    static_objects: StaticObjects, state: WorldState, radius_m: float, ego_level: EgoLevel | None
+) -> Table:
+    """Boxes of static objects within the radius, with the current signal states."""
+    result = _near(static_objects.boxes, state, radius_m)
     is_light = result["tag"] == Tag.TRAFFIC_LIGHT
     result["state"][is_light] = state.signals["state"][result["id"][is_light] - LIGHT_IDS - 1]
     if ego_level is not None and len(result):
-        feet_m = standing.foot_m[np.searchsorted(standing.boxes["id"], result["id"])]
+        feet_m = static_objects.foot_m[np.searchsorted(static_objects.boxes["id"], result["id"])]
         result["on_ego_level"] = ego_level.members.holds(feet_m)
     return result
 
 
 def _near(table: Table, state: WorldState, radius_m: float) -> Table:
-    """The boxes whose centres are within a radius of that of the ego's, with their distance and angle."""
+    """The boxes whose centers are within a radius of the center of the ego's box, with distance and angle filled in."""
     ego = state.ego
     center_m = np.stack([table["x"], table["y"], table["z"]], axis=1)
     to_center_ego = (center_m - box_centers_m(ego[None])) @ map_from_actors(ego)[:3, :3]
     distance_m = np.linalg.norm(to_center_ego, axis=1)
-    chosen = distance_m <= radius_m
-    result: Table = table[chosen]
-    result["distance"] = distance_m[chosen]
-    result["angle"] = np.arctan2(to_center_ego[:, 1], to_center_ego[:, 0])[chosen]
+    selected = distance_m <= radius_m
+    result: Table = table[selected]
+    result["distance"] = distance_m[selected]
+    result["angle"] = np.arctan2(to_center_ego[:, 1], to_center_ego[:, 0])[selected]
     return result
 
 

@@ -1,4 +1,7 @@
-"""Points of lidars and radars inside boxes, and what follows from them: which boxes are valid, and how difficult."""
+"""Counts lidar and radar points inside 3D boxes, and derives from them which boxes are valid and how difficult.
+
+Point clouds in the map frame and ``BOX_DTYPE`` rows enter; the rows leave with their point columns filled.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -12,19 +15,19 @@ from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES
 from simbev_ros.sensors.mount import vector
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, Table
 
-_CELL_M, _MOST_CELLS = 0.75, 256  # of the lookup grid, and how many along its longer side
-_BLOCK = 16384  # points at a time: what is made of them stays in the cache, which is three times as fast
-_SLACK_M = 1e-6  # cells reach farther than boxes by more than the rounding of coordinates, by less than matters
+_CELL_M, _MAX_CELLS = 0.75, 256  # cell size of the lookup grid, and the maximum number of cells along its longer side
+_BATCH = 16384  # points per batch: intermediate results stay in the cache, which is three times as fast
+_SLACK_M = 1e-6  # cells are this much larger than the boxes: more than rounding errors, less than matters
 
 
 def map_points(cloud: Table, map_from_sensor: Float64Array, carrier: Table | None = None) -> Float64Array:
-    """(N, 3) points in the map frame, metres.
+    """(N, 3) float64 points of a sensor's cloud in the map frame, meters.
 
     Args:
-        cloud: (N,) rows with ``x y z`` in the frame of a sensor.
+        cloud: (N,) rows with ``x y z`` in the sensor frame.
         map_from_sensor: (4, 4) ``sensors.mount.map_from_sensor`` at the stamp.
-        carrier: For rolling scans, whose points are in the sensor's frame at their own ``time``: the ``ACTOR_DTYPE``
-            row of the vehicle that carries the sensor, taken to move and turn evenly during a scan. None: all points
+        carrier: For rolling scans, whose points are in the sensor frame at their own ``time``: the ``ACTOR_DTYPE`` row
+            of the vehicle that carries the sensor, assumed to move and turn uniformly during a scan. None: all points
             were measured at the stamp.
     """
     local_m = np.stack([cloud["x"], cloud["y"], cloud["z"]], dtype=np.float64)
@@ -32,36 +35,38 @@ def map_points(cloud: Table, map_from_sensor: Float64Array, carrier: Table | Non
     points_m += map_from_sensor[:3, 3:]
     if carrier is None:
         return points_m.T
-    return _carried_back(points_m.T, cloud["time"].astype(np.float64)[:, None], carrier)
+    return _motion_compensated(points_m.T, cloud["time"].astype(np.float64)[:, None], carrier)
 
 
-def _carried_back(points_m: Float64Array, time_s: Float64Array, carrier: Table) -> Float64Array:
-    """(N, 3) points moved with what carries them to where they were at (N, 1) times from the stamp."""
-    place_m, velocity_mps, turn_radps = (vector(carrier, names) for names in ("x y z", "vx vy vz", "wx wy wz"))
+def _motion_compensated(points_m: Float64Array, time_s: Float64Array, carrier: Table) -> Float64Array:
+    """Move (N, 3) points with their carrier to where they were at (N, 1) times relative to the stamp."""
+    position_m, velocity_mps, turn_radps = (vector(carrier, names) for names in ("x y z", "vx vy vz", "wx wy wz"))
     rate_radps = float(np.linalg.norm(turn_radps))
     axis = turn_radps / max(rate_radps, 1e-12)
-    arm_m, angle_rad = points_m - place_m, rate_radps * time_s
+    offset_m, angle_rad = points_m - position_m, rate_radps * time_s
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    turned_m = arm_m * cosine + np.cross(axis, arm_m) * sine + axis * (arm_m @ axis)[:, None] * (1.0 - cosine)
-    moved_m: Float64Array = place_m + velocity_mps * time_s + turned_m  # Rodrigues' formula
+    rotated_m = offset_m * cosine + np.cross(axis, offset_m) * sine + axis * (offset_m @ axis)[:, None] * (1.0 - cosine)
+    moved_m: Float64Array = position_m + velocity_mps * time_s + rotated_m  # Rodrigues' formula
     return moved_m
 
 
-def with_points(boxes: Table, lidar_m: Sequence[Float64Array] | None, radar_m: Sequence[Float64Array] | None) -> Table:
-    """The boxes with the points that are inside.
+def add_point_counts(
+    boxes: Table, lidar_m: Sequence[Float64Array] | None, radar_m: Sequence[Float64Array] | None
+) -> Table:
+    """The boxes with the number of lidar and radar points inside filled in, and the columns that depend on it.
 
     Args:
         boxes: (B,) ``BOX_DTYPE``.
         lidar_m: The clouds of all lidars, each (N, 3), map frame; None if none was received at this tick.
-        radar_m: Those of all radars.
+        radar_m: The clouds of all radars, likewise.
 
     Returns:
-        (B,) ``BOX_DTYPE``, with ``lidar_points``, ``radar_points``, ``valid`` and ``difficulty`` filled. What was not
-        received is -1 points, which count as none.
+        (B,) ``BOX_DTYPE``, with ``lidar_points``, ``radar_points``, ``valid`` and ``difficulty`` filled. The count of a
+        kind of sensor that was not received is -1, and treated as 0.
     """
-    result, solids = boxes.copy(), _Solids(boxes)
+    result, lookup = boxes.copy(), _BoxLookup(boxes)
     for name, clouds_m in ("lidar_points", lidar_m), ("radar_points", radar_m):
-        result[name] = -1 if clouds_m is None else sum((solids.count(points_m) for points_m in clouds_m), np.int32(0))
+        result[name] = -1 if clouds_m is None else sum((lookup.count(points_m) for points_m in clouds_m), np.int32(0))
     points = np.maximum(result["lidar_points"], 0) + np.maximum(result["radar_points"], 0)
     result["valid"] = points > 0
     result["difficulty"] = difficulty(boxes["class"], boxes["distance"], points)
@@ -69,10 +74,10 @@ def with_points(boxes: Table, lidar_m: Sequence[Float64Array] | None, radar_m: S
 
 
 def difficulty(box_class: AnyArray, distance_m: AnyArray, points: AnyArray) -> Int64Array:
-    """(B,) index into ``DIFFICULTIES`` of boxes by (B,) class, distance to the ego, and lidar and radar points inside.
+    """(B,) index into ``DIFFICULTIES`` from class, distance to the ego, and number of lidar and radar points inside.
 
-    A box is hard from a distance on or with fewer points than a number, else medium from a smaller distance on or with
-    fewer points than a larger number, else easy (SimBEV; the numbers are in difficulty.yaml).
+    A box is hard at or beyond a class-specific distance or below a number of points, else medium at or beyond a smaller
+    distance or below a larger number, else easy (SimBEV; the thresholds are in difficulty.yaml).
     """
     limits = _limits()[box_class]
     within = (distance_m[:, None] < limits[..., 0]) & (points[:, None] >= limits[..., 1])
@@ -85,7 +90,7 @@ _EASY, _MEDIUM, _HARD = (DIFFICULTIES.index(name) for name in ("easy", "medium",
 
 @lru_cache(maxsize=1)
 def _limits() -> Float64Array:
-    """(classes, 2, 2) distance and number of points, first of what is hard, then of what is medium."""
+    """(classes, 2, 2) distance and number of points, for hard first, then for medium."""
     table = yaml.safe_load(files("simbev_ros.annotation.boxes").joinpath("difficulty.yaml").read_text())
     return np.array([[table[name]["hard"], table[name]["medium"]] for name in BOX_CLASSES], np.float64)
 
@@ -94,14 +99,14 @@ def points_inside(boxes: Table, points_m: AnyArray) -> Int32Array:
     """(B,) number of points in each of (B,) ``BOX_DTYPE`` boxes, faces included.
 
     Args:
-        boxes: They may be tilted and overlap; a point counts for every box that it is in.
+        boxes: Boxes that may be tilted and overlap; a point counts for every box that contains it.
         points_m: (N, 3) map frame; points that are not finite are in no box.
     """
-    return _Solids(boxes).count(points_m)
+    return _BoxLookup(boxes).count(points_m)
 
 
-class _Solids:
-    """Boxes to look points up in: a grid in plan knows which of them reach into each cell, between which heights.
+class _BoxLookup:
+    """Point lookup in boxes: a plan-view grid that knows which boxes reach into each cell, and their height range.
 
     Attributes:
         center_m: (B, 3) float64, map frame.
@@ -119,38 +124,38 @@ class _Solids:
             self._build_grid()
 
     def count(self, points_m: AnyArray) -> Int32Array:
-        """As ``points_inside``."""
+        """See ``points_inside``."""
         count = np.zeros(len(self.half_m), np.int32)
-        for start in range(0, len(points_m) if len(count) else 0, _BLOCK):
-            block_m = np.asarray(points_m[start : start + _BLOCK], np.float64)
-            point, box = self._candidates(block_m)
-            to_point = block_m[point] - self.center_m[box]
+        for start in range(0, len(points_m) if len(count) else 0, _BATCH):
+            batch_m = np.asarray(points_m[start : start + _BATCH], np.float64)
+            point, box = self._candidates(batch_m)
+            to_point = batch_m[point] - self.center_m[box]
             inside = (np.abs(np.einsum("pi,pij->pj", to_point, self.rotation[box])) <= self.half_m[box]).all(axis=1)
             count += np.bincount(box[inside], minlength=len(count)).astype(np.int32)
         return count
 
     def _candidates(self, points_m: Float64Array) -> tuple[Int64Array, Int64Array]:
-        """(K,) points and (K,) boxes that they may be in."""
+        """(K,) points and (K,) boxes that may contain them."""
         index = np.zeros(len(points_m), np.int32)
         for axis, stride in (1, int(self._shape[0])), (0, 1):
-            place = (points_m[:, axis] - self._origin_m[axis]) * self._per_m + 1.0
-            place = np.fmin(np.fmax(place, 0.0), self._shape[axis] - 1.0)  # what is not a number goes to the border
-            index += place.astype(np.int32) * np.int32(stride)
+            position = (points_m[:, axis] - self._origin_m[axis]) * self._per_m + 1.0
+            position = np.fmin(np.fmax(position, 0.0), self._shape[axis] - 1.0)  # NaN goes to the border
+            index += position.astype(np.int32) * np.int32(stride)
         height_m = points_m[:, 2]
         near = np.flatnonzero((height_m >= self._low_m[index]) & (height_m <= self._high_m[index]))
         index = index[near]
-        point, place = _runs(near, self._first[index], self._count[index])
-        return point, self._box[place]
+        point, pair = _ragged_ranges(near, self._first[index], self._count[index])
+        return point, self._box[pair]
 
     def _build_grid(self) -> None:
         reach_m = np.einsum("bij,bj->bi", np.abs(self.rotation), self.half_m) + _SLACK_M
         low_m, high_m = self.center_m - reach_m, self.center_m + reach_m
         self._origin_m = low_m[:, :2].min(axis=0)
         span_m = high_m[:, :2].max(axis=0) - self._origin_m
-        self._per_m = 1.0 / max(_CELL_M, float(span_m.max()) / _MOST_CELLS)
+        self._per_m = 1.0 / max(_CELL_M, float(span_m.max()) / _MAX_CELLS)
         first, last = self._cells(low_m), self._cells(high_m)
         self._shape = last.max(axis=0) + 2
-        box, cell = _covered(first, last)
+        box, cell = _covered_cells(first, last)
         touched = self._touches(box, cell)
         self._fill(box[touched], cell[touched], low_m[:, 2], high_m[:, 2])
 
@@ -160,19 +165,19 @@ class _Solids:
         return cells
 
     def _touches(self, box: Int64Array, cell: Int64Array) -> BoolArray:
-        """(K,) whether a box, seen from above, comes near a cell: they are not apart along or across its heading."""
+        """(K,) whether a box in plan view comes near a cell: they do not separate along or across its heading."""
         heading = self.rotation[:, :2, 0]
         level = np.hypot(heading[:, 0], heading[:, 1])
         heading = np.where(level[:, None] > 0.0, heading / np.maximum(level, 1e-12)[:, None], [1.0, 0.0])
         axes = np.stack([heading, heading[:, ::-1] * [-1.0, 1.0]], axis=1)
         reach_m = np.einsum("bik,bk->bi", np.abs(axes @ self.rotation[:, :2]), self.half_m)
         reach_m += np.abs(axes).sum(axis=2) * 0.5 / self._per_m + _SLACK_M
-        middle_m = (cell - 0.5) / self._per_m + self._origin_m - self.center_m[box, :2]
-        touches: BoolArray = (np.abs(np.einsum("kij,kj->ki", axes[box], middle_m)) <= reach_m[box]).all(axis=1)
+        offset_m = (cell - 0.5) / self._per_m + self._origin_m - self.center_m[box, :2]
+        touches: BoolArray = (np.abs(np.einsum("kij,kj->ki", axes[box], offset_m)) <= reach_m[box]).all(axis=1)
         return touches
 
     def _fill(self, box: Int64Array, cell: Int64Array, low_m: Float64Array, high_m: Float64Array) -> None:
-        """Sort pairs of box and cell by cell."""
+        """Sort (box, cell) pairs by cell."""
         index = cell[:, 1] * self._shape[0] + cell[:, 0]
         order = np.argsort(index, kind="stable")
         self._box, cells = box[order], int(self._shape.prod())
@@ -184,16 +189,16 @@ class _Solids:
         self._high_m[filled] = np.maximum.reduceat(high_m[self._box], self._first[filled])
 
 
-def _runs(keys: Int64Array, first: Int64Array, count: Int64Array) -> tuple[Int64Array, Int64Array]:
-    """Each key as often as (K,) ``count`` says, and numbers that go up from its ``first``."""
-    number = np.arange(int(count.sum())) + np.repeat(first - (np.cumsum(count) - count), count)
-    return np.repeat(keys, count), number
+def _ragged_ranges(keys: Int64Array, first: Int64Array, count: Int64Array) -> tuple[Int64Array, Int64Array]:
+    """Keys repeated (K,) ``count`` times each, and for each repetition an index counting up from ``first``."""
+    index = np.arange(int(count.sum())) + np.repeat(first - (np.cumsum(count) - count), count)
+    return np.repeat(keys, count), index
 
 
-def _covered(first: Int64Array, last: Int64Array) -> tuple[Int64Array, Int64Array]:
-    """(K,) boxes and (K, 2) the cells between (B, 2) first and last ones of each."""
+def _covered_cells(first: Int64Array, last: Int64Array) -> tuple[Int64Array, Int64Array]:
+    """(K,) boxes and (K, 2) the cells between the (B, 2) first and last cell of each box."""
     size = last - first + 1
     boxes = np.arange(len(size))
-    box, number = _runs(boxes, np.zeros_like(boxes), size.prod(axis=1))
-    row, column = np.divmod(number, size[box, 0])
+    box, index = _ragged_ranges(boxes, np.zeros_like(boxes), size.prod(axis=1))
+    row, column = np.divmod(index, size[box, 0])
     return box, first[box] + np.stack([column, row], axis=1)

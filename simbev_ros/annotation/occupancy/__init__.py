@@ -1,1 +1,1 @@
-"""Semantic occupancy: exact voxelization of surfaces and solids."""
+"""Semantic occupancy ground truth: exact voxelization of surfaces and solids around the ego."""

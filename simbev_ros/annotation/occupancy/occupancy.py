@@ -1,11 +1,13 @@
-"""Semantic occupancy: what is in each voxel of a box that the ego carries along.
+"""Semantic occupancy: the semantic tag of each voxel in a box around the ego.
 
-A voxel is occupied if and only if a surface passes through it or it lies inside of a closed solid (``Solids``): actors,
-buildings, poles, trunks and the balls of leaves that crowns are made of are filled; ground, paint, decks of bridges and
-single leaves are surfaces. What a car's door opens onto is air, as in the mesh.
+A ``WorldState`` enters, a (x, y, z) array of tags leaves. A voxel is occupied if and only if a surface passes through
+it or it lies inside a closed solid (``Solids``). Actors, buildings, poles, trunks and the leaf clusters of crowns are
+filled; ground, paint, bridge decks and single leaves are surfaces. The volume behind an open car door is empty, as in
+the mesh.
 
-The box is fixed to the ego's frame (x ahead, y left, z up; origin on the ground below it), so it pitches and rolls with
-the road and the car, as lidar points and camera poses in that frame do. Everything in it counts, on whatever level.
+The box is fixed to the ego frame (x ahead, y left, z up; origin on the ground below it), so it pitches and rolls with
+the road and the vehicle, like lidar points and camera poses in that frame. Everything inside it counts, on every road
+level.
 """
 
 from collections.abc import Sequence, Set
@@ -16,8 +18,8 @@ from functools import partial
 import numpy as np
 
 from simbev_ros.annotation.occupancy.solids import Solids
-from simbev_ros.annotation.occupancy.triangle_soup import Shape, Soup
-from simbev_ros.annotation.occupancy.voxels import voxelized
+from simbev_ros.annotation.occupancy.triangle_soup import GridShape, Soup
+from simbev_ros.annotation.occupancy.voxels import voxelize
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -30,12 +32,12 @@ from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array,
 
 VOXEL_DTYPE = np.dtype(
     [
-        ("x", "<f4"),  # m, ego frame: centre of the voxel
+        ("x", "<f4"),  # m, ego frame: center of the voxel
         ("y", "<f4"),
         ("z", "<f4"),
-        ("ix", "<u2"),  # voxels ahead of the box's rear
-        ("iy", "<u2"),  # voxels left of its right side
-        ("iz", "<u2"),  # voxels above its bottom
+        ("ix", "<u2"),  # voxel index from the rear of the box
+        ("iy", "<u2"),  # voxel index from its right side
+        ("iz", "<u2"),  # voxel index from its bottom
         ("tag", "u1"),  # semantic Tag
     ]
 )
@@ -47,39 +49,48 @@ _PRIORITY = (
     *(Tag.TRAFFIC_SIGN, Tag.TRAFFIC_LIGHT, Tag.DYNAMIC, Tag.TRAIN, Tag.BUS, Tag.TRUCK, Tag.CAR, Tag.MOTORCYCLE),
     *(Tag.BICYCLE, Tag.RIDER, Tag.PEDESTRIAN),
 )
-"""Of several things in a voxel the later one names it: what stands before what it stands on, what moves before what
-does not, the smaller before the larger. Bridges come first so that the roads on their decks stay whole."""
+"""Tags in ascending priority: where several objects share a voxel, the last one wins.
+
+Objects come after the surfaces that they stand on, moving ones after static ones, small ones after large ones. Bridges
+come first so that the roads on their decks stay complete.
+"""
 
 _TAG_OF_RANK = np.array([Tag.UNLABELED, *_PRIORITY], np.uint8)
 _RANK_OF_TAG = np.zeros(256, np.uint8)
 _RANK_OF_TAG[_TAG_OF_RANK[1:]] = np.arange(1, len(_TAG_OF_RANK))
 
-_ACTOR_MARGIN_M = 1.5  # open doors and legs reach so far out of an actor's box
+_ACTOR_MARGIN_M = 1.5  # open doors and legs extend this far beyond an actor's box
 
 
 class OccupancyAnnotator:
-    """Voxels of a map and its actors. A tile is prepared when the ego first comes near it."""
+    """Voxelizes a map and its actors around the ego. A tile is prepared when the ego first comes near it."""
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel], threads: int = 2) -> None:
-        """Takes the immobile scene, the catalogue's models, indexed by blueprint, and how many cores to use."""
+        """Prepare the annotator.
+
+        Args:
+            static: The static scene.
+            models: The catalogue's models, indexed by blueprint.
+            threads: Number of CPU cores to use.
+        """
         self._tiles, self._threads = static.tiles, threads
         self._bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in static.tiles]).reshape(-1, 2, 3)
         self._solids_of_tile: dict[int, Solids] = {}
-        solids = [Solids.of(model.mesh) for model in models]
-        self._is_solid = [each.is_solid for each in solids]
-        self._points = np.array([len(each.points) for each in solids])
-        self._models = [replace(model, mesh=_bare(each)) for model, each in zip(models, solids, strict=True)]
+        solids = [Solids.from_mesh(model.mesh) for model in models]
+        self._is_solid = [solid.is_solid for solid in solids]
+        self._point_count = np.array([len(solid.points) for solid in solids])
+        self._models = [replace(model, mesh=_plain_mesh(solid)) for model, solid in zip(models, solids, strict=True)]
 
     def tags(self, state: WorldState, grid: VoxelGrid, hidden_ids: Set[int] = frozenset()) -> UInt8Array:
-        """Tags around the ego.
+        """Semantic tags of the voxels around the ego.
 
         Args:
-            state: The world now.
-            grid: The voxels.
-            hidden_ids: Actors that are left out, such as the ego itself.
+            state: The world state to label.
+            grid: The voxel grid.
+            hidden_ids: Ids of actors to leave out, for example the ego.
 
         Returns:
-            (x, y, z) ``grid.shape``: the tag of what is in each voxel, 0 where it is free.
+            (x, y, z) ``grid.shape`` uint8: semantic tag of each voxel, 0 where it is free.
         """
         map_from_ego = map_from_actors(state.ego[None])[0]
         grid_from_map = grid.grid_from_ego @ inverse(map_from_ego)
@@ -97,15 +108,15 @@ class OccupancyAnnotator:
         return _TAG_OF_RANK[highest]
 
     def _ranks(
-        self, share: tuple[Int64Array, Table], grid_from_map: Float64Array, origin_m: Float64Array, shape: Shape
+        self, share: tuple[Int64Array, Table], grid_from_map: Float64Array, origin_m: Float64Array, shape: GridShape
     ) -> UInt8Array:
-        """Ranks of some of the tiles and actors alone."""
+        """Ranks from one thread's share of the tiles and actors."""
         tiles, actors = share
         soups = [self._tile_soup(tile, grid_from_map) for tile in tiles.tolist()]
-        return voxelized(Soup.merged([*soups, self._actor_soup(actors, grid_from_map, origin_m)]), shape)
+        return voxelize(Soup.merge([*soups, self._actor_soup(actors, grid_from_map, origin_m)]), shape)
 
     def _tiles_near(self, corners_m: Float64Array) -> Int64Array:
-        """Indices of the tiles whose bounds meet those of the (8, 3) corners of the box, map frame."""
+        """Indices of the tiles whose bounds overlap those of the box, given its (8, 3) corners in the map frame."""
         low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
         near: Int64Array = np.flatnonzero(
             ((self._bounds_m[:, 0] <= high_m) & (self._bounds_m[:, 1] >= low_m)).all(axis=1)
@@ -113,43 +124,43 @@ class OccupancyAnnotator:
         return near
 
     def _tile_soup(self, index: int, grid_from_map: Float64Array) -> Soup:
-        """A tile in voxels."""
+        """Triangles of a tile in voxel coordinates."""
         tile = self._tiles[index]
         if index not in self._solids_of_tile:
-            self._solids_of_tile[index] = Solids.of(tile.mesh)
+            self._solids_of_tile[index] = Solids.from_mesh(tile.mesh)
         solids = self._solids_of_tile[index]
-        points = _moved(grid_from_map, tile.origin_m, solids.points)
-        return Soup(points, _RANK_OF_TAG[solids.tag], _by_corner(solids.triangles), solids.is_solid)
+        points = _to_grid(grid_from_map, tile.origin_m, solids.points)
+        return Soup(points, _RANK_OF_TAG[solids.tag], _corner_major(solids.triangles), solids.is_solid)
 
     def _actor_soup(self, actors: Table, grid_from_map: Float64Array, origin_m: Float64Array) -> Soup:
-        """Posed actors in voxels; (3,) a place among them, map frame, keeps float32 exact."""
+        """Triangles of posed actors in voxel coordinates; the nearby ``origin_m``, (3,), keeps float32 exact."""
         posed = pose_actors(self._models, actors, origin_m)
-        rank = np.repeat(_RANK_OF_TAG[actors["tag"]], self._points[actors["blueprint"]])
+        rank = np.repeat(_RANK_OF_TAG[actors["tag"]], self._point_count[actors["blueprint"]])
         is_solid = [self._is_solid[blueprint] for blueprint in actors["blueprint"].tolist()]
-        points = _moved(grid_from_map, origin_m, posed.vertices)
-        return Soup(points, rank, _by_corner(posed.triangles), np.concatenate([np.zeros(0, bool), *is_solid]))
+        points = _to_grid(grid_from_map, origin_m, posed.vertices)
+        return Soup(points, rank, _corner_major(posed.triangles), np.concatenate([np.zeros(0, bool), *is_solid]))
 
 
-def occupied(tags: UInt8Array, grid: VoxelGrid) -> Table:
-    """(N,) ``VOXEL_DTYPE`` the occupied ones of (x, y, z) tags, x slowest."""
-    place = np.flatnonzero(tags)
-    table = np.empty(len(place), VOXEL_DTYPE)
-    for axis, low_m, index in zip("xyz", grid.low_m, np.unravel_index(place, tags.shape), strict=True):
+def occupied_voxels(tags: UInt8Array, grid: VoxelGrid) -> Table:
+    """(N,) ``VOXEL_DTYPE`` rows of the occupied voxels among (x, y, z) tags, x slowest."""
+    voxel = np.flatnonzero(tags)
+    table = np.empty(len(voxel), VOXEL_DTYPE)
+    for axis, low_m, index in zip("xyz", grid.low_m, np.unravel_index(voxel, tags.shape), strict=True):
         table[f"i{axis}"] = index
         table[axis] = low_m + (index + 0.5) * grid.voxel_m
-    table["tag"] = tags.reshape(-1)[place]
+    table["tag"] = tags.reshape(-1)[voxel]
     return table
 
 
-def dense(voxels: Table, grid: VoxelGrid) -> UInt8Array:
-    """(x, y, z) tags, 0 where free, of the rows that ``occupied`` gives."""
+def dense_tags(voxels: Table, grid: VoxelGrid) -> UInt8Array:
+    """(x, y, z) uint8 tags, 0 where free, from the rows that ``occupied_voxels`` returns."""
     tags = np.zeros(grid.shape, np.uint8)
     tags[voxels["ix"], voxels["iy"], voxels["iz"]] = voxels["tag"]
     return tags
 
 
-def _bare(solids: Solids) -> Mesh:
-    """A mesh of the same points and triangles, without looks."""
+def _plain_mesh(solids: Solids) -> Mesh:
+    """Mesh of the same points and triangles, without colors, materials and normals."""
     count = len(solids.points)
     color, material = np.zeros((count, 3), np.uint8), np.zeros(count, np.uint8)
     points = solids.points
@@ -157,22 +168,22 @@ def _bare(solids: Solids) -> Mesh:
 
 
 def _actors_near(actors: Table, grid_from_map: Float64Array, grid: VoxelGrid) -> Table:
-    """Those that may reach into the box."""
-    middle = apply(grid_from_map, np.stack([actors["x"], actors["y"], actors["z"]], axis=1))
+    """Actors that may extend into the box."""
+    center = apply(grid_from_map, np.stack([actors["x"], actors["y"], actors["z"]], axis=1))
     size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1)
     reach = (np.linalg.norm(size_m, axis=1)[:, None] + _ACTOR_MARGIN_M) / grid.voxel_m
-    near: Table = actors[((middle > -reach) & (middle < np.array(grid.shape) + reach)).all(axis=1)]
+    near: Table = actors[((center > -reach) & (center < np.array(grid.shape) + reach)).all(axis=1)]
     return near
 
 
-def _by_corner(triangles: Int32Array) -> Int64Array:
-    """(3, T) of (T, 3) triangles, as indices are the fastest."""
+def _corner_major(triangles: Int32Array) -> Int64Array:
+    """(3, T) int64 of (T, 3) triangles: the layout that indexes fastest."""
     return np.ascontiguousarray(triangles.T, np.int64)
 
 
-def _moved(grid_from_map: Float64Array, origin_m: Float64Array, points: Float32Array) -> Float32Array:
-    """(3, P) in voxels, by axis, of (P, 3) points relative to an origin in the map frame, metres."""
+def _to_grid(grid_from_map: Float64Array, origin_m: Float64Array, points: Float32Array) -> Float32Array:
+    """(3, P) voxel coordinates, by axis, of (P, 3) points in meters relative to ``origin_m`` in the map frame."""
     linear, offset = grid_from_map[:3, :3].astype(np.float32), apply(grid_from_map, origin_m[None])[0]
     x, y, z = points.T
-    # One by one: what a matrix product gives for a point may depend on how many others come with it.
+    # Written out: a matrix product's last bits may depend on how many points are in the batch.
     return np.stack([a * x + b * y + c * z + d for (a, b, c), d in zip(linear, offset.astype(np.float32), strict=True)])

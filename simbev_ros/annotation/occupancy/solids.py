@@ -1,9 +1,9 @@
-"""Which triangles of a mesh enclose something: its pieces, closed where little is missing.
+"""Splits a mesh into connected pieces and finds the ones that enclose a volume, closing small holes with caps.
 
-Triangles with common edges make up a piece. A piece whose edges all have two sides is closed. Others lack a bit: hidden
-faces of leaves within a crown or the ends of an abutment, which nobody sees, or needles that no float could hold. Caps
-close them, if these are small next to the piece itself; what would need large ones (ground, paint, single leaves) is an
-open sheet.
+A ``Mesh`` enters, ``Solids`` leave; occupancy voxelization fills the inside of solid pieces. Triangles with common
+edges form a piece. A piece is closed if each of its edges has two sides. Others lack a few triangles: hidden faces of
+leaves within a crown, the unseen ends of an abutment, or slivers too thin for float32. Caps close such holes if they
+are small compared with the piece; a piece that would need large caps (ground, paint, single leaves) is an open sheet.
 """
 
 from dataclasses import dataclass
@@ -15,20 +15,23 @@ from scipy.sparse.csgraph import connected_components
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.types import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 
-_MOST_CAP_SHARE = 0.5
-"""Of the area of a piece: a tube twice as long as its radius has so much open at its ends, a flat sheet twice that."""
+_MAX_CAP_SHARE = 0.5
+"""Maximum area of the caps relative to the rest of a piece.
+
+A tube twice as long as its radius lacks this share at its ends; a flat sheet lacks twice as much.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Solids:
-    """A mesh without what only concerns its looks; every corner that triangles share is one point.
+    """A mesh without its appearance: vertices merged by position, and pieces closed with caps.
 
     Attributes:
-        points: (P, 3) float32, metres, in the mesh's frame; those of a part follow each other if the mesh's do.
+        points: (P, 3) float32, meters, mesh frame; points of one part are contiguous if they are in the mesh.
         part: (P,) uint8 rigid part.
         tag: (P,) uint8 semantic tag.
-        triangles: (T, 3) int32, caps last.
-        is_solid: (T,) whether the triangle is of a closed piece.
+        triangles: (T, 3) int32 indices of points, caps last.
+        is_solid: (T,) whether the triangle belongs to a closed piece.
     """
 
     points: Float32Array
@@ -38,47 +41,47 @@ class Solids:
     is_solid: BoolArray
 
     @classmethod
-    def of(cls, mesh: Mesh) -> "Solids":
-        """The pieces of a mesh."""
-        first, triangles = _joined(mesh)
+    def from_mesh(cls, mesh: Mesh) -> "Solids":
+        """Find the pieces of a mesh and close them where possible."""
+        first, triangles = _merge_vertices(mesh)
         points = mesh.vertices[first]
         piece, edges = _pieces(triangles)
         caps, cap_piece = _caps(edges)
-        everything = np.concatenate([triangles, caps])
+        all_triangles = np.concatenate([triangles, caps])
         owner = np.concatenate([piece, cap_piece])
-        area = _areas(points, everything)
-        own, missing = (
+        area = _areas(points, all_triangles)
+        total_area, cap_area = (
             np.bincount(owner, area),
             np.bincount(cap_piece, area[len(piece) :], int(piece.max(initial=-1)) + 1),
         )
-        solid = missing < _MOST_CAP_SHARE * (own - missing)
-        kept = np.append(np.ones(len(piece), bool), solid[cap_piece])
-        return cls(points, mesh.part[first], mesh.tag[first], everything[kept], solid[owner][kept])
+        is_solid = cap_area < _MAX_CAP_SHARE * (total_area - cap_area)
+        kept = np.append(np.ones(len(piece), bool), is_solid[cap_piece])
+        return cls(points, mesh.part[first], mesh.tag[first], all_triangles[kept], is_solid[owner][kept])
 
 
 @dataclass(frozen=True, slots=True)
 class _OpenEdges:
-    """(K,) edges with more triangles on one side than on the other; from ``start`` to ``end`` as a cap needs it."""
+    """(K,) edges with more triangles on one side than on the other; a cap runs from ``start`` to ``end``."""
 
     start: Int64Array
     end: Int64Array
     piece: Int64Array
 
 
-def _joined(mesh: Mesh) -> tuple[Int64Array, Int32Array]:
-    """(P,) a vertex for each place, part and tag that there is, in their order, and (T, 3) triangles between these."""
-    place = np.zeros((len(mesh.vertices), 4), np.float32)
-    place[:, :3] = mesh.vertices + np.float32(0.0)  # no negative zeros
-    place[:, 3] = mesh.part.astype(np.float32) * 256.0 + mesh.tag
-    rows = place.view(np.dtype((np.void, place.itemsize * 4))).reshape(-1)
-    _, first, which = np.unique(rows, return_index=True, return_inverse=True)
+def _merge_vertices(mesh: Mesh) -> tuple[Int64Array, Int32Array]:
+    """(P,) first vertex of each distinct position, part and tag, in mesh order, and (T, 3) triangles between these."""
+    key = np.zeros((len(mesh.vertices), 4), np.float32)
+    key[:, :3] = mesh.vertices + np.float32(0.0)  # no negative zeros
+    key[:, 3] = mesh.part.astype(np.float32) * 256.0 + mesh.tag
+    rows = key.view(np.dtype((np.void, key.itemsize * 4))).reshape(-1)
+    _, first, vertex = np.unique(rows, return_index=True, return_inverse=True)
     order = np.argsort(first)
-    new = np.argsort(order).astype(np.int32)
-    return first[order], new[which.reshape(-1)][mesh.triangles].reshape(-1, 3)
+    new_index = np.argsort(order).astype(np.int32)
+    return first[order], new_index[vertex.reshape(-1)][mesh.triangles].reshape(-1, 3)
 
 
 def _pieces(triangles: Int32Array) -> tuple[Int64Array, _OpenEdges]:
-    """(T,) the piece of each triangle, counted from 0, and the edges that are open."""
+    """(T,) piece index of each triangle, from 0, and the open edges."""
     start = triangles.reshape(-1).astype(np.int64)
     end = np.roll(triangles, -1, axis=1).reshape(-1).astype(np.int64)
     low, high = np.minimum(start, end), np.maximum(start, end)
@@ -97,7 +100,7 @@ def _pieces(triangles: Int32Array) -> tuple[Int64Array, _OpenEdges]:
 
 
 def _caps(edges: _OpenEdges) -> tuple[Int32Array, Int64Array]:
-    """(K, 3) triangles that close all borders, each a fan from one of its points, and (K,) the piece of each."""
+    """(K, 3) triangles that close all borders, each border by a fan from one of its points, and (K,) their piece."""
     count = len(edges.start)
     ends, index = np.unique(
         np.concatenate([edges.piece << 32 | edges.start, edges.piece << 32 | edges.end]), return_inverse=True
@@ -112,7 +115,7 @@ def _caps(edges: _OpenEdges) -> tuple[Int32Array, Int64Array]:
 
 
 def _areas(points: Float32Array, triangles: Int32Array) -> Float32Array:
-    """(T,) areas, m²."""
+    """(T,) triangle areas, m²."""
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     areas: Float32Array = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
     return areas

@@ -1,4 +1,4 @@
-"""Triangles in voxels: voxel (i, j, k) is the unit cube at (i, j, k)."""
+"""Triangles in voxel coordinates, the input of voxelization: voxel (i, j, k) is the unit cube at (i, j, k)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,22 +7,22 @@ import numpy as np
 
 from simbev_ros.types import AnyArray, BoolArray, Float32Array, Int64Array, UInt8Array
 
-Shape = tuple[int, int, int]
-"""Voxels along x, y and z."""
+GridShape = tuple[int, int, int]
+"""Number of voxels along x, y and z."""
 
-LEVEL_AREA = 1e-9
-"""Triangles of less area, in voxels², have no plane that numbers could hold."""
+MIN_PLANE_AREA = 1e-9
+"""Triangles of less area, in voxels², are too thin to compute a plane from."""
 
 
 @dataclass(frozen=True, slots=True)
 class Soup:
-    """Triangles to voxelise.
+    """A batch of triangles to voxelize, each with the rank of its tag.
 
     Attributes:
         points: (3, P) float32, voxels, by axis.
-        point_rank: (P,) uint8; of several things in a voxel the highest counts, and what has 0 never does.
-        triangles: (3, T) int64, by corner; the corners of a triangle share a rank.
-        is_solid: (T,) whether the triangle is of a closed surface; all of that surface are.
+        point_rank: (P,) uint8; the highest rank in a voxel wins, rank 0 marks nothing.
+        triangles: (3, T) int64 indices of points, by corner; the corners of a triangle share a rank.
+        is_solid: (T,) whether the triangle belongs to a closed surface; the same for all triangles of a surface.
     """
 
     points: Float32Array
@@ -31,8 +31,8 @@ class Soup:
     is_solid: BoolArray
 
     @classmethod
-    def merged(cls, soups: Sequence["Soup"]) -> "Soup":
-        """All of at least one, in order."""
+    def merge(cls, soups: Sequence["Soup"]) -> "Soup":
+        """Concatenate one or more batches, in order."""
         starts = np.cumsum([0, *(len(soup.point_rank) for soup in soups)])
         return cls(
             np.concatenate([soup.points for soup in soups], axis=1),
@@ -43,13 +43,20 @@ class Soup:
 
 
 def normals(corners: Float32Array) -> Float32Array:
-    """(3, T) normals, twice the area long, of (3, 3, T) corners by axis and corner."""
+    """(3, T) normals, twice the triangle's area long, from (3, 3, T) corners by axis and corner."""
     ax, ay, az = corners[:, 1] - corners[:, 0]
     bx, by, bz = corners[:, 2] - corners[:, 0]
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
-def counted(counts: AnyArray) -> tuple[Int64Array, Int64Array]:
-    """For each i of (N,), ``counts[i]`` times: i, and which time it is."""
-    owner = np.repeat(np.arange(len(counts)), counts)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+def ragged_indices(counts: AnyArray) -> tuple[Int64Array, Int64Array]:
+    """Segment and offset of each element of a ragged array whose N segments have the given lengths.
+
+    Args:
+        counts: (N,) length of each segment.
+
+    Returns:
+        (sum of counts,) index of the segment, and offset of the element within it, both int64.
+    """
+    segment = np.repeat(np.arange(len(counts)), counts)
+    return segment, np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)

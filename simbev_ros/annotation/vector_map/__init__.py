@@ -1,1 +1,1 @@
-"""The roads around the ego as vectors."""
+"""Vector map ground truth: the roads around the ego as polylines with attributes."""

@@ -1,38 +1,40 @@
-"""The roads around the ego as vectors: what map learning (MapTR, VectorMapNet, OpenLane-V2) is trained on.
+"""Vector map labels: the roads around the ego as polylines, as used to train MapTR, VectorMapNet or OpenLane-V2.
 
-A record is made of plain values, for JSON::
+A ``WorldState`` enters ``VectorMap.record``; a record of plain values for JSON leaves::
 
-    patch           length_m, width_m: a rectangle that turns with the ego's heading and does not tilt
+    patch           length_m, width_m: a horizontal rectangle that turns with the ego's heading
     map_from_patch  translation [x, y, z] m, yaw rad: of the patch frame (x ahead, y left, z up)
-    lanes           stretches of lanes of which paint and level stay the same, in the layout's order
-        id, lane, road        of the stretch, of its lane, and of its road
+    lanes           lane sections of constant markings and level, in the layout's order
+        id, lane, road        ids of the section, of its lane, and of its road
         type                  driving, bicycle, parking, shoulder or sidewalk
         speed_mps, width_m    speed limit, and mean width
         level                 0 on the ground, k on a structure above k layers
-        junction              id of the junction that it is inside of, or null
-        center, left, right   pieces, each in driving direction (of sidewalks: as the road runs)
-        left_line, right_line {paint, color, width_m}: paint as OpenDRIVE names it, from the lane's inside outward
+        junction              id of the junction that contains it, or null
+        center, left, right   pieces, each in driving direction (sidewalks: in the road's direction)
+        left_line, right_line {paint, color, width_m}: OpenDRIVE marking type, from the lane's inside outward
         successors, predecessors, left_neighbors, right_neighbors
-                              ids of stretches, in or out of the patch; neighbours may be oncoming, and several where
-                              the lane beside is divided elsewhere
-    lines           painted lines along lanes, each once, where the paint is, clear of crosswalks
-        class                 lane: parts lanes of one direction; center: parts directions; edge: bounds the road
-        paint, color, width_m paint from left to right of the line
+                              ids of sections, in or out of the patch; neighbors may be oncoming, and several if the
+                              adjacent lane is divided elsewhere
+    lines           painted lines along lanes, each once, where they are painted, without crosswalks
+        class                 lane: between lanes of one direction; center: between directions; edge: road border
+        paint, color, width_m marking type from left to right of the line
         level, pieces
-    edges           where the paved ground ends: curbs, islands, bare edges; what is paved lies to the left
+    edges           borders of paved ground: curbs, islands, bare edges; the pavement is on the left
         id, level, pieces
-    crosswalks      id, level, outlines: rings without their first point repeated
-    stop_lines      id, level, yields, lanes (ids of those whose traffic halts there), pieces
-    traffic_lights  those for a lane of the record: id (that of /world/signals), position, yaw of the lamps, lanes
-    signs           those for a lane of the record: id, kind, speed_mps of limits, position of the foot, yaw, lanes
+    crosswalks      id, level, outlines: rings without the first point repeated at the end
+    stop_lines      id, level, yields, lanes (ids of those whose traffic stops there), pieces
+    traffic_lights  lights that apply to a lane of the record: id (as in /world/signals), position, yaw of the lamps,
+        lanes
+    signs           signs that apply to a lane of the record: id, kind, speed_mps of limits, position of the foot, yaw,
+        lanes
 
 ``pieces``, ``center``, ``left``, ``right`` are lists of polylines, as a line may leave the patch and come back; a
-polyline is a list of points [x, y, z], metres, patch frame, to the millimetre. Everything is clipped by the patch
-exactly, and to the next metre by what is on the ego's level: what passes above or beneath is left out.
+polyline is a list of points [x, y, z] in meters, patch frame, rounded to the millimeter. Everything is clipped exactly
+to the patch, and to within a meter to the ego's level: roads that pass above or below are left out.
 
-The classes of MapTR are: dividers, ``lines`` of class lane and center; boundaries, ``edges``; crossings,
-``crosswalks``; centre lines, ``center`` of ``lanes`` of type driving. Ids of lanes, roads, junctions and signs are the
-map's; those of edges, crosswalks and stop lines hold within a scene.
+The classes of MapTR are: dividers = ``lines`` of class lane and center; boundaries = ``edges``; crossings =
+``crosswalks``; center lines = ``center`` of ``lanes`` of type driving. Ids of lanes, roads, junctions and signs are
+those of the map; ids of edges, crosswalks and stop lines are unique within a scene.
 """
 
 from collections.abc import Sequence
@@ -43,7 +45,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.annotation.bev.levels import EgoLevel
-from simbev_ros.annotation.vector_map.patch import Holds, Patch, PatchLines, plain_points
+from simbev_ros.annotation.vector_map.patch import LevelFilter, Patch, PatchLines, plain_points
 from simbev_ros.annotation.vector_map.traffic_guides import TrafficGuides
 from simbev_ros.maps.lane_links import StripLinks, halting_strips, strip_links
 from simbev_ros.maps.network import RoadNetwork
@@ -55,7 +57,7 @@ from simbev_ros.maps.roads.road_edges import road_edges
 from simbev_ros.scene.state import WorldState
 
 LENGTH_M, WIDTH_M = 60.0, 30.0
-"""The patch of MapTR."""
+"""Default patch size, that of MapTR."""
 
 _KINDS = (LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.SIDEWALK)
 _SIDES = ("center", "left", "right")
@@ -63,18 +65,18 @@ _Record = dict[str, Any]
 
 
 class VectorMap:
-    """The roads of a scene, prepared once."""
+    """Produces vector map records of a scene, from layers that are prepared once."""
 
     def __init__(
         self, network: RoadNetwork, layout: Layout, length_m: float = LENGTH_M, width_m: float = WIDTH_M
     ) -> None:
-        """Prepare.
+        """Prepare the layers.
 
         Args:
-            network: Whose traffic lights are meant.
-            layout: Of its roads those around the scene (``Layout.near``), as far as patches reach and 20 m more.
-            length_m: Of the patch, half of it ahead of the ego.
-            width_m: Of the patch.
+            network: Road network, for its traffic lights.
+            layout: Roads around the scene (``Layout.near``), up to 20 m beyond where patches reach.
+            length_m: Length of the patch, half of it ahead of the ego.
+            width_m: Width of the patch.
         """
         self._size_m = length_m, width_m
         strips = [strip for strip in layout.strips_of(*_KINDS) if strip.outline_m is None]
@@ -101,61 +103,62 @@ class VectorMap:
         self._guides = TrafficGuides(network, layout, driven)
 
     def record(self, state: WorldState, ego_level: EgoLevel | None = None) -> _Record:
-        """What is around the ego, as this module's docstring says.
+        """Vector map around the ego, in the format of this module's docstring.
 
         Args:
-            state: The world now.
-            ego_level: The level that the ego is on; None: everything counts.
+            state: The world state to label.
+            ego_level: The road level that the ego is on; None: everything counts.
         """
         patch = Patch.around_ego(state, *self._size_m)
-        holds = None if ego_level is None else ego_level.members.holds
-        lanes = self._lanes.within(patch, holds)
+        level_filter = None if ego_level is None else ego_level.members.holds
+        lanes = self._lanes.within(patch, level_filter)
         return {
             "patch": {"length_m": patch.length_m, "width_m": patch.width_m},
             "map_from_patch": {"translation": patch.origin_m.tolist(), "yaw": patch.yaw_rad},
             "lanes": lanes,
-            "lines": self._lines.within(patch, holds),
-            "edges": self._edges.within(patch, holds),
-            "crosswalks": self._crosswalks.within(patch, holds),
-            "stop_lines": self._stop_lines.within(patch, holds),
-            **self._guides.of([lane["id"] for lane in lanes], patch),
+            "lines": self._lines.within(patch, level_filter),
+            "edges": self._edges.within(patch, level_filter),
+            "crosswalks": self._crosswalks.within(patch, level_filter),
+            "stop_lines": self._stop_lines.within(patch, level_filter),
+            **self._guides.records([lane["id"] for lane in lanes], patch),
         }
 
 
 class _Layer:
-    """Things that are one line each, and what is known of them besides."""
+    """Elements with one line each, and their attributes."""
 
     def __init__(self, facts: Sequence[_Record], lines: PatchLines) -> None:
         self._facts, self._lines = facts, lines
 
-    def within(self, patch: Patch, holds: Holds | None) -> list[_Record]:
-        """Records of those in a patch, in order."""
-        found = self._lines.within(patch, holds)
-        return [{**self._facts[row], "pieces": [plain_points(piece) for piece in found[row]]} for row in found]
+    def within(self, patch: Patch, level_filter: LevelFilter | None) -> list[_Record]:
+        """Records of the elements in a patch, in order."""
+        pieces_of = self._lines.within(patch, level_filter)
+        return [{**self._facts[row], "pieces": [plain_points(piece) for piece in pieces_of[row]]} for row in pieces_of]
 
 
 class _Lanes:
-    """Stretches of lanes, three lines each."""
+    """Lane sections, with three lines each."""
 
     def __init__(self, strips: Sequence[Strip]) -> None:
         self._facts = [_lane_facts(strip, links) for strip, links in zip(strips, strip_links(strips), strict=True)]
         self._lines = PatchLines(
             [side_m for strip in strips for side_m in (strip.center_m, strip.left_m, strip.right_m)],
-            guides_m=[strip.center_m for strip in strips for _ in _SIDES],  # sides end where the middle leaves a level
+            # sides end where the center line leaves a level
+            guides_m=[strip.center_m for strip in strips for _ in _SIDES],
         )
 
-    def within(self, patch: Patch, holds: Holds | None) -> list[_Record]:
-        """Records of those in a patch, in order."""
-        found = self._lines.within(patch, holds)
+    def within(self, patch: Patch, level_filter: LevelFilter | None) -> list[_Record]:
+        """Records of the sections in a patch, in order."""
+        pieces_of = self._lines.within(patch, level_filter)
         return [
             {
                 **self._facts[row],
                 **{
-                    side: [plain_points(piece) for piece in found.get(len(_SIDES) * row + place, ())]
-                    for place, side in enumerate(_SIDES)
+                    side: [plain_points(piece) for piece in pieces_of.get(len(_SIDES) * row + index, ())]
+                    for index, side in enumerate(_SIDES)
                 },
             }
-            for row in sorted({line // len(_SIDES) for line in found})
+            for row in sorted({line // len(_SIDES) for line in pieces_of})
         ]
 
 
@@ -173,13 +176,13 @@ class _Crosswalks:
             ]
         )
 
-    def within(self, patch: Patch, holds: Holds | None) -> list[_Record]:
-        """Records of those in a patch, in order; on a level is what has its middle there."""
+    def within(self, patch: Patch, level_filter: LevelFilter | None) -> list[_Record]:
+        """Records of the crosswalks in a patch, in order; a crosswalk's center decides which level it is on."""
         reach_m = float(np.linalg.norm(patch.half_m)) + self._radius_m
-        gap_m = np.linalg.norm(self._center_m[:, :2] - patch.origin_m[:2], axis=1)
-        near = np.flatnonzero(gap_m <= reach_m)
-        if holds is not None and len(near):
-            near = near[holds(self._center_m[near])]
+        distance_m = np.linalg.norm(self._center_m[:, :2] - patch.origin_m[:2], axis=1)
+        near = np.flatnonzero(distance_m <= reach_m)
+        if level_filter is not None and len(near):
+            near = near[level_filter(self._center_m[near])]
         window = shapely.box(*-patch.half_m, *patch.half_m)
         records = []
         for row in near.tolist():
@@ -192,13 +195,13 @@ class _Crosswalks:
 
 
 def _polygons(area: BaseGeometry) -> list[shapely.Polygon]:
-    """The polygons of an area; make_valid may nest them, and leave lines."""
+    """The polygons of an area; make_valid may nest them and leave lines."""
     parts = shapely.get_parts(shapely.get_parts(area))
     return [part for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
 def _lane_facts(strip: Strip, links: StripLinks) -> _Record:
-    """What is known of a stretch besides its lines."""
+    """Attributes of a lane section, without its lines."""
     return {
         "id": strip.id,
         "lane": strip.lane,
@@ -218,12 +221,12 @@ def _lane_facts(strip: Strip, links: StripLinks) -> _Record:
 
 
 def _line(line: Line) -> _Record:
-    """Paint on a border."""
+    """Marking on the border of a lane."""
     return {"paint": line.paint.value, "color": line.color.value, "width_m": line.width_m}
 
 
 def _line_facts(path: LinePath) -> _Record:
-    """What is known of a painted line besides where it runs."""
+    """Attributes of a painted line, without its geometry."""
     return {
         "class": path.kind.value,
         "paint": path.paint.value,

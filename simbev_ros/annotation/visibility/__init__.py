@@ -1,1 +1,1 @@
-"""What cameras see of each object: visible pixels, silhouettes, truncation and 2D boxes."""
+"""Visibility ground truth: what cameras see of each object, as visible pixels, silhouettes, truncation and 2D boxes."""

@@ -1,7 +1,8 @@
-"""What cameras see of objects: visible pixels, those that each object alone would have, truncation, 2D boxes.
+"""Per-camera visibility of objects: visible pixels, pixels of the object drawn alone, truncation and 2D boxes.
 
-Visible is what the instance image shows. Alone, an object is drawn as the camera did, with the mesh that it took at
-that distance; so whatever stands before an object hides it, cars as well as leaves, and the rider on a bicycle too.
+The annotation node passes in the state and each camera's instance image; ``VIEW_DTYPE`` rows per camera leave. Visible
+pixels are those of the instance image. Drawn alone, an object has the mesh (level of detail) that the camera used at
+that distance. Anything in front of an object occludes it: vehicles, leaves, and also the rider on a bicycle.
 """
 
 from collections.abc import Iterable, Sequence
@@ -9,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.annotation.visibility.contours import Likeness, contours
+from simbev_ros.annotation.visibility.contours import MeshInstances, trace_contours
 from simbev_ros.annotation.visibility.shells import Shell
-from simbev_ros.annotation.visibility.silhouettes import Silhouettes, silhouettes
-from simbev_ros.annotation.visibility.visible import Visible, visible
+from simbev_ros.annotation.visibility.silhouettes import Silhouettes, measure_silhouettes
+from simbev_ros.annotation.visibility.visible import VisiblePixels, count_visible_pixels
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.geometry.camera import PinholeCamera
@@ -28,14 +29,14 @@ VIEW_DTYPE = np.dtype(
     [
         ("id", "<u4"),
         ("visible_px", "<u4"),  # pixels of the instance image that show the object
-        ("alone_px", "<u4"),  # the same if there were nothing else in the world; at least 1 and at least the visible
+        ("alone_px", "<u4"),  # pixels it would have alone in the world; at least 1 and at least visible_px
         ("visibility", "<f4"),  # visible_px / alone_px
-        ("truncation", "<f4"),  # share of the object's silhouette on the canvas that is outside of the image
-        ("left", "<f4"),  # pixels, box around the visible pixels, centres of pixels at integers: a box around the
-        ("top", "<f4"),  # pixel in column 7 and row 3 alone is 6.5, 2.5, 7.5, 3.5. NaN where nothing is visible
+        ("truncation", "<f4"),  # share of the object's silhouette on the canvas that is outside the image
+        ("left", "<f4"),  # pixels, box around the visible pixels, pixel centers at integers: the box of the
+        ("top", "<f4"),  # single pixel in column 7, row 3 is 6.5, 2.5, 7.5, 3.5. NaN if nothing is visible
         ("right", "<f4"),
         ("bottom", "<f4"),
-        ("amodal_left", "<f4"),  # box around the whole silhouette, whatever is before it, up to the canvas' borders
+        ("amodal_left", "<f4"),  # box around the whole silhouette, occluded or not, up to the canvas borders
         ("amodal_top", "<f4"),
         ("amodal_right", "<f4"),
         ("amodal_bottom", "<f4"),
@@ -44,8 +45,9 @@ VIEW_DTYPE = np.dtype(
 )
 """One row per object that a camera would see if it were alone. Field names and order are those of /ego/<camera>/boxes.
 
-The canvas is the image with as much again on every side: columns -width … 2 width - 1, rows -height … 2 height - 1.
-Nothing nearer than the near plane (0.1 m along the optical axis) belongs to a silhouette, neither there nor in images.
+The canvas is the image with a margin of its own size on every side: columns -width … 2 width - 1, rows -height … 2
+height - 1. Nothing nearer than the near plane (0.1 m along the optical axis) belongs to a silhouette or appears in
+images.
 """
 
 _VISIBLE_BOX = ("left", "top", "right", "bottom")
@@ -53,10 +55,10 @@ _NO_CLASS = 255
 
 
 class ViewAnnotator:
-    """Views of the actors of a catalogue."""
+    """Computes what cameras see of the actors of a catalogue."""
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
-        """Takes the catalogue's models, indexed by blueprint."""
+        """Prepare the catalogue's models, indexed by blueprint."""
         self._skeletons = Skeletons(models)
         self._detail = LevelsOfDetail(models)
         classes = [BOX_CLASSES.index(model.box_class) if model.box_class else _NO_CLASS for model in models]
@@ -66,56 +68,62 @@ class ViewAnnotator:
     def views(
         self, state: WorldState, boxes: Table, cameras: Sequence[CameraView], images: Sequence[UInt16Array]
     ) -> list[Table]:
-        """What images show of objects.
+        """Visibility of objects in the cameras' images.
 
         Args:
-            state: The world at the moment of the images.
-            boxes: (N,) ``BOX_DTYPE`` of the objects wanted; of those that are no actors images tell nothing.
-            cameras: Of the ego, which do not show the ego.
-            images: (H, W) of each camera: id of the actor that a pixel shows, 0 = none.
+            state: The world state at the time of the images.
+            boxes: (N,) ``BOX_DTYPE`` of the requested objects; boxes that are not actors are ignored.
+            cameras: Cameras of the ego; they do not show the ego.
+            images: (H, W) per camera: id of the actor that a pixel shows, 0 = none.
 
         Returns:
             (K,) ``VIEW_DTYPE`` per camera, ascending id.
         """
-        wanted = np.isin(state.actors["id"], boxes["id"]) & (state.actors["id"] != state.ego_id)
-        actors = state.actors[wanted & (self._class[state.actors["blueprint"]] != _NO_CLASS)]
-        objects = _Objects.of(self._skeletons, actors, np.array([state.ego["x"], state.ego["y"], state.ego["z"]]))
+        requested = np.isin(state.actors["id"], boxes["id"]) & (state.actors["id"] != state.ego_id)
+        actors = state.actors[requested & (self._class[state.actors["blueprint"]] != _NO_CLASS)]
+        objects = _PosedObjects.from_actors(
+            self._skeletons, actors, np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
+        )
         return [
-            self._view(View.of(camera, state, None, objects.origin_m), camera.camera, objects, image)
+            self._view(View.from_camera(camera, state, None, objects.origin_m), camera.camera, objects, image)
             for camera, image in zip(cameras, images, strict=True)
         ]
 
-    def _view(self, view: View, camera: PinholeCamera, objects: "_Objects", image: UInt16Array) -> Table:
-        seen = np.flatnonzero(view.sees_spheres(objects.center_m, objects.radius_m))
-        if not len(seen):
+    def _view(self, view: View, camera: PinholeCamera, objects: "_PosedObjects", image: UInt16Array) -> Table:
+        in_view = np.flatnonzero(view.sees_spheres(objects.center_m, objects.radius_m))
+        if not len(in_view):
             return np.zeros(0, VIEW_DTYPE)
-        alone = silhouettes(contours(self._alike(objects, seen, view), NEAR_M), camera, len(seen))
-        actors = objects.actors[seen]
-        return _table(actors["id"], self._class[actors["blueprint"]], visible(image, actors["id"]), alone)
+        alone = measure_silhouettes(
+            trace_contours(self._group_by_mesh(objects, in_view, view), NEAR_M), camera, len(in_view)
+        )
+        actors = objects.actors[in_view]
+        return _table(actors["id"], self._class[actors["blueprint"]], count_visible_pixels(image, actors["id"]), alone)
 
-    def _alike(self, objects: "_Objects", seen: Int64Array, view: View) -> list[Likeness]:
-        """Some of the objects by mesh, numbered in their order."""
-        pixel_m = view.pixel_m(objects.center_m[seen], objects.radius_m[seen])
-        level = self._detail.of(objects.actors[seen], pixel_m)
-        kinds = np.stack([objects.actors["blueprint"][seen], level], axis=1)
+    def _group_by_mesh(self, objects: "_PosedObjects", in_view: Int64Array, view: View) -> list[MeshInstances]:
+        """Group the objects in view by mesh; their slots are their positions in ``in_view``."""
+        pixel_m = view.pixel_m(objects.center_m[in_view], objects.radius_m[in_view])
+        level = self._detail.select_levels(objects.actors[in_view], pixel_m)
+        kinds = np.stack([objects.actors["blueprint"][in_view], level], axis=1)
         optical_from_world = inverse(view.world_from_optical)
-        alike = []
+        groups = []
         for blueprint, level in np.unique(kinds, axis=0).tolist():
             slot = np.flatnonzero((kinds == [blueprint, level]).all(axis=1))
-            alike.append(Likeness(self._shell(blueprint, level), slot, optical_from_world @ objects.poses(seen[slot])))
-        return alike
+            groups.append(
+                MeshInstances(self._shell(blueprint, level), slot, optical_from_world @ objects.poses(in_view[slot]))
+            )
+        return groups
 
     def _shell(self, blueprint: int, level: int) -> Shell:
         if (blueprint, level) not in self._shells:
-            self._shells[blueprint, level] = Shell.of(self._detail.meshes[blueprint][level])
+            self._shells[blueprint, level] = Shell.from_mesh(self._detail.meshes[blueprint][level])
         return self._shells[blueprint, level]
 
 
 def visibility(ids: AnyArray, views: Iterable[Table]) -> Float32Array:
-    """(N,) share of objects that is visible in all images together (as nuScenes counts it); NaN: out of all images.
+    """(N,) visible share of objects over all images together (as in nuScenes); NaN: in no image.
 
     Args:
-        ids: (N,) of objects.
+        ids: (N,) object ids.
         views: (K,) ``VIEW_DTYPE`` of each camera.
     """
     rows = np.concatenate([np.zeros(0, VIEW_DTYPE), *views])
@@ -128,8 +136,8 @@ def visibility(ids: AnyArray, views: Iterable[Table]) -> Float32Array:
 
 
 @dataclass(frozen=True, slots=True)
-class _Objects:
-    """Actors where they are, relative to an origin in the map frame."""
+class _PosedObjects:
+    """Actors with the poses of their parts, relative to an origin in the map frame."""
 
     actors: Table
     origin_m: Float64Array
@@ -139,7 +147,7 @@ class _Objects:
     first_row: Int64Array
 
     @classmethod
-    def of(cls, skeletons: Skeletons, actors: Table, origin_m: Float64Array) -> "_Objects":
+    def from_actors(cls, skeletons: Skeletons, actors: Table, origin_m: Float64Array) -> "_PosedObjects":
         world_from_actor = map_from_actors(actors)
         world_from_actor[:, :3, 3] -= origin_m
         owner, _ = skeletons.rows(actors)
@@ -155,19 +163,20 @@ class _Objects:
         return poses
 
 
-def _table(ids: AnyArray, classes: AnyArray, seen: Visible, alone: Silhouettes) -> Table:
-    """Rows of the objects of which anything is in the image.
+def _table(ids: AnyArray, classes: AnyArray, visible: VisiblePixels, alone: Silhouettes) -> Table:
+    """Rows of the objects that are at least partly in the image.
 
-    Drawing rounds in its last bits, so a pixel can be seen that the silhouette just misses; it is counted to it.
+    Rendering rounds in its last bits, so a visible pixel may lie just outside the silhouette; it is added to
+    ``alone_px``.
     """
-    alone_px = np.maximum(alone.image_px, seen.pixels)
+    alone_px = np.maximum(alone.image_px, visible.pixels)
     outside_px = alone.canvas_px - alone.image_px
     kept = np.flatnonzero(alone_px > 0)
     table = np.zeros(len(kept), VIEW_DTYPE)
     table["id"], table["class"] = ids[kept], classes[kept]
-    table["visible_px"], table["alone_px"] = seen.pixels[kept], alone_px[kept]
-    table["visibility"] = seen.pixels[kept] / alone_px[kept]
+    table["visible_px"], table["alone_px"] = visible.pixels[kept], alone_px[kept]
+    table["visibility"] = visible.pixels[kept] / alone_px[kept]
     table["truncation"] = (outside_px / np.maximum(outside_px + alone_px, 1))[kept]
     for column, name in enumerate(_VISIBLE_BOX):
-        table[name], table[f"amodal_{name}"] = seen.box_px[kept, column], alone.box_px[kept, column]
+        table[name], table[f"amodal_{name}"] = visible.box_px[kept, column], alone.box_px[kept, column]
     return table

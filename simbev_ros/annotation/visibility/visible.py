@@ -1,4 +1,4 @@
-"""Which objects an instance image shows: how many of its pixels, and where."""
+"""Counts the pixels of each object in an instance image and finds their bounds."""
 
 from typing import NamedTuple
 
@@ -7,12 +7,12 @@ import numpy as np
 from simbev_ros.types import AnyArray, Float64Array, Int64Array, UInt16Array
 
 
-class Visible(NamedTuple):
-    """Of N objects.
+class VisiblePixels(NamedTuple):
+    """Visible pixels of N objects.
 
     Attributes:
-        pixels: (N,) how many show it.
-        box_px: (N, 4) left, top, right, bottom of the box around them, centres of pixels at integers; NaN: there are
+        pixels: (N,) number of pixels that show the object.
+        box_px: (N, 4) left, top, right, bottom of the box around them, pixel centers at integers; NaN if there are
             none.
     """
 
@@ -20,21 +20,21 @@ class Visible(NamedTuple):
     box_px: Float64Array
 
 
-def visible(instance: UInt16Array, ids: AnyArray) -> Visible:
-    """What an image (H, W) shows of at least one object with (N,) ascending ids.
+def count_visible_pixels(instance: UInt16Array, ids: AnyArray) -> VisiblePixels:
+    """Visible pixels of objects with (N,) ascending ids, N > 0, in an (H, W) instance image.
 
-    It is read in runs of equal pixels of a row.
+    The image is processed in runs of equal pixels per row.
     """
     width = instance.shape[1]
     labels = instance.ravel()
-    begins = np.ones(len(labels), bool)
-    np.not_equal(labels[1:], labels[:-1], out=begins[1:])
-    begins[::width] = True
-    start = np.flatnonzero(begins)
+    is_run_start = np.ones(len(labels), bool)
+    np.not_equal(labels[1:], labels[:-1], out=is_run_start[1:])
+    is_run_start[::width] = True
+    start = np.flatnonzero(is_run_start)
     length = np.diff(start, append=len(labels))
     index = np.searchsorted(ids, labels[start]).clip(max=len(ids) - 1)
-    wanted = ids[index] == labels[start]
-    start, length, index = start[wanted], length[wanted], index[wanted]
+    requested = ids[index] == labels[start]
+    start, length, index = start[requested], length[requested], index[requested]
     row, column = np.divmod(start, width)
     low, high = np.full((2, len(ids)), np.inf), np.full((2, len(ids)), -np.inf)
     for axis, (first, last) in enumerate(((column, column + length - 1), (row, row))):
@@ -42,4 +42,4 @@ def visible(instance: UInt16Array, ids: AnyArray) -> Visible:
         np.maximum.at(high[axis], index, last)
     box_px = np.concatenate([low - 0.5, high + 0.5]).T
     box_px[np.isinf(box_px)] = np.nan
-    return Visible(np.bincount(index, length, len(ids)).astype(np.int64), box_px)
+    return VisiblePixels(np.bincount(index, length, len(ids)).astype(np.int64), box_px)

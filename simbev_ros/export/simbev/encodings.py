@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from simbev_ros.annotation.occupancy.occupancy import dense
+from simbev_ros.annotation.occupancy.occupancy import dense_tags
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.geometry.voxel_grid import VoxelGrid
 from simbev_ros.palette import bev_color, semantic_color
@@ -88,7 +88,7 @@ def radar_npz(cloud: Table) -> bytes:
 
 def voxel_npz(rows: Table, grid: VoxelGrid) -> bytes:
     """(x, y, z) semantic tags, 0 = empty, of the occupied voxels."""
-    return npz(dense(rows, grid))
+    return npz(dense_tags(rows, grid))
 
 
 def gnss_bin(fixes: Table) -> bytes:

@@ -1,6 +1,6 @@
-"""The actors on the GPU: all models, each in several levels of detail, in one store.
+"""Actors on the GPU: all models, each in several levels of detail, in one triangle store.
 
-An actor's level follows from the world and the view alone. Poses come from the table of rigid parts.
+An actor's level depends only on the world and the view. Poses come from the table of rigid parts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.render.geometry.level_of_detail import LevelsOfDetail
-from simbev_ros.render.geometry.occlusion import Look
+from simbev_ros.render.geometry.occlusion import ReadOccluders
 from simbev_ros.render.geometry.rigid_table import RigidTable
 from simbev_ros.render.geometry.triangle_store import TriangleStore
 from simbev_ros.render.view import View
@@ -21,7 +21,7 @@ _INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
 
 
 class ActorGeometry:
-    """All models of the catalogue."""
+    """Uploaded meshes of all models of the catalogue, and the draw calls for selected actors."""
 
     def __init__(
         self,
@@ -43,36 +43,40 @@ class ActorGeometry:
         program: str,
         world: WorldState,
         table: RigidTable,
-        chosen: BoolArray,
+        selected: BoolArray,
         pixel_m: Float64Array,
         **matrices: Float64Array,
     ) -> None:
-        """Draw the chosen actors of the world.
+        """Draw the selected actors of a world.
 
         Args:
-            program: Its name.
-            world: The world.
-            table: Its table.
-            chosen: (N,) which of its actors.
-            pixel_m: (N,) the size of a pixel where they are.
-            matrices: The program's uniforms, (4, 4).
+            program: Name of the program.
+            world: The world state.
+            table: The table of its rigid parts.
+            selected: (N,) which of its actors to draw.
+            pixel_m: (N,) size of a pixel at each actor.
+            matrices: (4, 4) uniforms of the program.
         """
         for name, matrix in matrices.items():
             self.store.program(program)[name].write(matrix.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
-        kinds = np.stack([world.actors["blueprint"], self._detail.of(world.actors, pixel_m)], axis=1)[chosen]
-        alike, counts = np.unique(kinds, axis=0, return_counts=True)
+        kinds = np.stack([world.actors["blueprint"], self._detail.select_levels(world.actors, pixel_m)], axis=1)[
+            selected
+        ]
+        unique_kinds, counts = np.unique(kinds, axis=0, return_counts=True)
         instances = np.empty(len(kinds), _INSTANCE_DTYPE)
-        instances["in_row"] = table.first_row[chosen][np.lexsort(kinds.T[::-1])]
-        ends = self._ends[*alike.T]
-        self.store.draw(program, ends - self._counts[*alike.T], ends, counts, instances)
+        instances["in_row"] = table.first_row[selected][np.lexsort(kinds.T[::-1])]
+        ends = self._ends[*unique_kinds.T]
+        self.store.draw(program, ends - self._counts[*unique_kinds.T], ends, counts, instances)
 
 
-def visible_actors(world: WorldState, table: RigidTable, view: View, look: Look | None, show_ego: bool) -> BoolArray:
-    """(N,) which actors of the world a view may show, without what ``look`` finds hidden."""
-    seen = view.sees_spheres(table.center_m, table.radius_m)
+def visible_actors(
+    world: WorldState, table: RigidTable, view: View, read_occluders: ReadOccluders | None, show_ego: bool
+) -> BoolArray:
+    """(N,) whether a view may show actors of the world; actors hidden by the occluders are left out."""
+    visible = view.sees_spheres(table.center_m, table.radius_m)
     if not show_ego:
-        seen &= ~np.isin(world.actors["id"], list(world.ego_ids))
-    if look and seen.any():
-        center_m, radius_m = table.center_m[seen], table.radius_m[seen, None]
-        seen[seen] = ~look().hide(view, center_m - radius_m, center_m + radius_m)
-    return seen
+        visible &= ~np.isin(world.actors["id"], list(world.ego_ids))
+    if read_occluders and visible.any():
+        center_m, radius_m = table.center_m[visible], table.radius_m[visible, None]
+        visible[visible] = ~read_occluders().hidden(view, center_m - radius_m, center_m + radius_m)
+    return visible

@@ -1,6 +1,7 @@
-"""The table of rigid parts: where every part of every actor is now and was before, for shaders to look up.
+"""The table of rigid parts: current and previous pose of every part of every actor, for shaders to look up.
 
-Row 0 stands for all that does not move. The parts of one actor are neighbours, in the order of its model.
+A ``WorldState`` enters, textures leave. Row 0 stands for everything static. The parts of one actor are contiguous, in
+the order of its model.
 """
 
 from dataclasses import dataclass
@@ -26,14 +27,14 @@ _SIZE_UNITS_M = {"length": 0.1, "width": 0.02, "height": 0.02}
 
 @dataclass(frozen=True, slots=True)
 class RigidTable:
-    """Rows of all actors of a world.
+    """Rows of all rigid parts of the actors of a world.
 
     Attributes:
-        poses: (R, 6, 4) float32: three rows of world-from-rest, three of world-before-from-world-now.
-        actors: (R, 4) uint32: actor id, light bits, colour red | green << 8 | blue << 16, and of what
-            has a cabin length / 0.1 m | width / 0.02 m << 8 | height / 0.02 m << 16 | tag << 24.
+        poses: (R, 6, 4) float32: three rows of world-from-rest, three of previous-world-from-current-world.
+        actors: (R, 4) uint32: actor id, light bits, color red | green << 8 | blue << 16, and for vehicles with a cabin
+            length / 0.1 m | width / 0.02 m << 8 | height / 0.02 m << 16 | tag << 24.
         first_row: (N,) row of each actor's part 0, in the order of the actors table.
-        center_m: (N, 3) world, middle of a sphere around each actor.
+        center_m: (N, 3) world, center of a sphere around each actor.
         radius_m: (N,) its radius.
     """
 
@@ -44,24 +45,24 @@ class RigidTable:
     radius_m: Float64Array
 
     @classmethod
-    def of(
+    def from_world(
         cls, skeletons: Skeletons, world: WorldState, previous: WorldState | None, origin_m: Float64Array
     ) -> "RigidTable":
-        """The table of a world whose origin is (3,) ``origin_m`` in the map frame.
+        """Build the table of a world whose origin is (3,) ``origin_m`` in the map frame.
 
         Raises:
-            RenderError: The world has more parts than 65,535, or an id that an instance image cannot hold.
+            RenderError: The world has more than 65,535 rigid parts, or an id that does not fit instance images.
         """
         actors = world.actors
         actor, _ = skeletons.rows(actors)
         rows = 1 + len(actor)
         if rows > _MAX_ROWS or (len(actors) and actors["id"].max() >= _MAX_ROWS):
             raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
-        before = None if previous is None else earlier_rows(actors, previous.actors)
+        previous_actors = None if previous is None else earlier_rows(actors, previous.actors)
         center_m, radius_m = bounding_spheres(actors, origin_m)
         return cls(
-            poses=_poses(skeletons, actors, before, origin_m),
-            actors=_looks(actors)[np.concatenate([[0], 1 + actor])],
+            poses=_poses(skeletons, actors, previous_actors, origin_m),
+            actors=_appearance(actors)[np.concatenate([[0], 1 + actor])],
             first_row=1 + np.searchsorted(actor, np.arange(len(actors))),
             center_m=center_m,
             radius_m=radius_m,
@@ -98,13 +99,13 @@ class RigidTextures:
         return poses, actors
 
 
-def _poses(skeletons: Skeletons, actors: Table, before: Table | None, origin_m: Float64Array) -> Float32Array:
-    """(R, 6, 4) ``RigidTable.poses`` of actors now and, where wanted, before."""
-    now = _world_from_rest(skeletons, actors, origin_m)
-    poses = np.tile(np.eye(4, dtype=np.float32)[[0, 1, 2, 0, 1, 2]], (1 + len(now), 1, 1))
-    poses[1:, :3] = now[:, :3]
-    if before is not None:
-        poses[1:, 3:] = (_world_from_rest(skeletons, before, origin_m) @ inverse(now))[:, :3]
+def _poses(skeletons: Skeletons, actors: Table, previous_actors: Table | None, origin_m: Float64Array) -> Float32Array:
+    """(R, 6, 4) ``RigidTable.poses`` of the current and, if given, the previous actors."""
+    world_from_part = _world_from_rest(skeletons, actors, origin_m)
+    poses = np.tile(np.eye(4, dtype=np.float32)[[0, 1, 2, 0, 1, 2]], (1 + len(world_from_part), 1, 1))
+    poses[1:, :3] = world_from_part[:, :3]
+    if previous_actors is not None:
+        poses[1:, 3:] = (_world_from_rest(skeletons, previous_actors, origin_m) @ inverse(world_from_part))[:, :3]
     return poses
 
 
@@ -116,15 +117,15 @@ def _world_from_rest(skeletons: Skeletons, actors: Table, origin_m: Float64Array
     return poses
 
 
-def _looks(actors: Table) -> UInt32Array:
-    """(1 + N, 4) what ``RigidTable.actors`` says of nothing, and of each actor."""
-    looks = np.zeros((1 + len(actors), 4), np.uint32)
+def _appearance(actors: Table) -> UInt32Array:
+    """(1 + N, 4) ``RigidTable.actors`` of the static world, and of each actor."""
+    appearance = np.zeros((1 + len(actors), 4), np.uint32)
     color = actors["color"]
-    looks[1:, 0] = actors["id"]
-    looks[1:, 1] = actors["lights"]
-    looks[1:, 2] = color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16
+    appearance[1:, 0] = actors["id"]
+    appearance[1:, 1] = actors["lights"]
+    appearance[1:, 2] = color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16
     has_cabin = np.isin(actors["tag"], [Tag.CAR, Tag.TRUCK, Tag.BUS])
     size = np.stack([actors[name] / unit_m for name, unit_m in _SIZE_UNITS_M.items()], axis=1).round().astype(np.uint32)
     length, width, height = np.minimum(size, 255).T
-    looks[1:, 3] = has_cabin * (length | width << 8 | height << 16 | actors["tag"].astype(np.uint32) << 24)
-    return looks
+    appearance[1:, 3] = has_cabin * (length | width << 8 | height << 16 | actors["tag"].astype(np.uint32) << 24)
+    return appearance

@@ -1,4 +1,4 @@
-"""Triangles on the GPU, of which any runs are drawn by one call, each as often as it has instances."""
+"""Triangle meshes on the GPU, from which any runs of triangles are drawn by one indirect call, each run instanced."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,11 +11,11 @@ from simbev_ros.render.geometry.vertices import VERTEX_DTYPE, pack_vertices
 from simbev_ros.types import Int64Array, Table, UInt32Array
 
 _FORMATS = {"<f4": "f4", "<u4": "u4"}
-_FEWEST = 1024
+_MIN_CAPACITY = 1024
 
 
 class TriangleStore:
-    """Some meshes, one after the other, and the vertex arrays of programs that draw them."""
+    """Concatenated meshes, and the vertex arrays of programs that draw them."""
 
     def __init__(
         self,
@@ -28,23 +28,23 @@ class TriangleStore:
 
         Args:
             context: Current context.
-            meshes: What to draw, in this order.
-            programs: Programs that read some of the attributes of vertices and instances, by name.
-            instance_dtype: float32 and uint32 attributes of instances. ``in_first``, if there, is filled in by the
-                store: the number of the run's first triangle, which together with gl_PrimitiveID names a triangle.
+            meshes: Meshes to draw, in this order.
+            programs: Programs by name; they read some of the attributes of vertices and instances.
+            instance_dtype: float32 and uint32 attributes of instances. ``in_first``, if present, is filled in by the
+                store: the index of the run's first triangle, which together with gl_PrimitiveID identifies a triangle.
         """
-        vertices, triangles = _merged(meshes)
+        vertices, triangles = _merge_meshes(meshes)
         self._context, self._programs = context, programs
         self._vertices, self._triangles = (context.buffer(array.tobytes()) for array in (vertices, triangles))
         self._instance_dtype = np.dtype(instance_dtype)
-        self._allocate(_FEWEST)
+        self._allocate(_MIN_CAPACITY)
 
     def program(self, name: str) -> moderngl.Program:
-        """To set uniforms."""
+        """The program of a name, for setting uniforms."""
         return self._programs[name]
 
     def bind(self, vertices: int, triangles: int) -> None:
-        """Make vertices and triangles readable as shader storage at two binding points."""
+        """Bind vertices and triangles as shader storage at two binding points."""
         self._vertices.bind_to_storage_buffer(vertices)
         self._triangles.bind_to_storage_buffer(triangles)
 
@@ -52,11 +52,11 @@ class TriangleStore:
         """Draw runs of triangles in their order.
 
         Args:
-            program: Its name.
-            first: (K,) first triangles, counted through all meshes.
-            end: (K,) ends.
-            counts: (K,) numbers of instances.
-            instances: (sum of counts,) rows of the instances' dtype, run after run.
+            program: Name of the program.
+            first: (K,) index of the first triangle, across all meshes.
+            end: (K,) index after the last triangle.
+            counts: (K,) number of instances.
+            instances: (sum of counts,) rows of the instance dtype, run after run.
         """
         if not len(first):
             return
@@ -73,7 +73,7 @@ class TriangleStore:
         self._arrays[program].render_indirect(self._commands, count=len(first))
 
     def _allocate(self, capacity: int) -> None:
-        """Make room for so many runs and instances."""
+        """Allocate buffers for the given number of runs and instances."""
         self._capacity = capacity
         dtype = self._instance_dtype
         self._instances = self._context.buffer(reserve=capacity * dtype.itemsize, dynamic=True)
@@ -92,7 +92,7 @@ class TriangleStore:
 
 
 def _layout(dtype: np.dtype[np.void], program: moderngl.Program, divisor: str = "") -> tuple[str, ...]:
-    """How a vertex array reads a buffer of such rows, of which a program uses some fields: format, and their names."""
+    """Buffer layout for a program that uses some fields of a dtype: format string, then the names of the fields."""
     formats, used = [], []
     for name in dtype.names or ():
         field = dtype[name]
@@ -104,8 +104,8 @@ def _layout(dtype: np.dtype[np.void], program: moderngl.Program, divisor: str = 
     return (" ".join(formats) + divisor, *used)
 
 
-def _merged(meshes: Sequence[Mesh]) -> tuple[Table, UInt32Array]:
-    """Packed vertices and (T, 3) corners of all meshes; one where there is none: no buffer can be empty."""
+def _merge_meshes(meshes: Sequence[Mesh]) -> tuple[Table, UInt32Array]:
+    """Packed vertices and (T, 3) corners of all meshes; one zero row if there are none: buffers cannot be empty."""
     count = sum(len(mesh.vertices) for mesh in meshes)
     vertices = np.zeros(max(count, 1), VERTEX_DTYPE)
     triangles = np.zeros((max(sum(len(mesh.triangles) for mesh in meshes), 1), 3), np.uint32)

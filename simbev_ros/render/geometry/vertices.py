@@ -1,4 +1,4 @@
-"""Meshes packed for the GPU, 32 bytes a vertex. shaders/include/vertex.glsl unpacks what this module packs."""
+"""Packs meshes for the GPU, 32 bytes per vertex; shaders/include/vertex.glsl unpacks them."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ _LIFTED = (_MATERIALS == Material.MARKING).astype(np.uint32)
 
 
 def pack_vertices(mesh: Mesh) -> Table:
-    """(V,) vertices as the geometry shaders read them."""
+    """(V,) ``VERTEX_DTYPE`` vertices as the geometry shaders read them."""
     vertices = np.empty(len(mesh.vertices), VERTEX_DTYPE)
     vertices["in_position"] = mesh.vertices
     vertices["in_uv"] = mesh.uv

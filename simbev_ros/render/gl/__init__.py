@@ -1,1 +1,1 @@
-"""OpenGL itself: contexts, devices, programs, render targets and reading back."""
+"""Wrappers around OpenGL: contexts, devices, programs, render targets and read-back."""

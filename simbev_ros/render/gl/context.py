@@ -1,4 +1,4 @@
-"""Opening an OpenGL context without a display, through EGL: on a GPU where there is one, else on Mesa's llvmpipe."""
+"""Opens an OpenGL context without a display, through EGL: on a GPU if there is one, else on Mesa's llvmpipe."""
 
 import logging
 import os
@@ -8,28 +8,28 @@ import moderngl
 
 from simbev_ros.config.rendering import Device
 from simbev_ros.errors import RenderError
-from simbev_ros.render.gl.devices import INSTALL_MESA, TO_CPU, EglDevice, is_software, list_devices, software_wanted
+from simbev_ros.render.gl.devices import INSTALL_MESA, TO_CPU, EglDevice, is_software, list_devices, software_request
 
 GL_VERSION = 440
-_LEAST_VERSION = 100
+_MIN_VERSION = 100
 
 _log = logging.getLogger(__name__)
 
 
 class Survey(NamedTuple):
-    """What one device is good for: what is drawn with and its version of OpenGL, or why it cannot be used."""
+    """Whether a device can be used: the renderer's name and OpenGL version, or the reason why not."""
 
     device: EglDevice
     renderer: str | None
     reason: str | None
 
 
-def open_context(device: Device = "auto", turn: int = 0) -> moderngl.Context:
-    """A stand-alone OpenGL 4.4 core context that is current in this thread.
+def open_context(device: Device = "auto", first_gpu: int = 0) -> moderngl.Context:
+    """Open a standalone OpenGL 4.4 core context and make it current in this thread.
 
     Args:
-        device: A GPU if EGL has one that can be used, else the CPU (``auto``); the CPU; or the EGL device of a number.
-        turn: Of the GPUs that ``auto`` may take, which to try first; counted round.
+        device: ``auto``: a usable GPU, else the CPU; ``cpu``: the CPU; a number: the EGL device with this index.
+        first_gpu: Index, modulo their number, of the GPU that ``auto`` tries first.
 
     Raises:
         RenderError: EGL or the device is missing, cannot be opened, or is older than OpenGL 4.4.
@@ -38,25 +38,25 @@ def open_context(device: Device = "auto", turn: int = 0) -> moderngl.Context:
     if isinstance(device, int):
         return _open_numbered(devices, device)
     reasons = []
-    for each in _candidates(devices, device, turn):
+    for each in _candidates(devices, device, first_gpu):
         try:
             context = _open(each)
         except RenderError as error:
             reasons.append(f"EGL device {each.index} ({each.name}) {error}")
             continue
         for reason in reasons:
-            _log.warning("passed over: %s", reason)
+            _log.warning("skipped: %s", reason)
         return context
     if not any(each.software for each in devices):
-        reasons.append(f"Mesa, which draws on the CPU, is not installed ({INSTALL_MESA})")
-    raise RenderError(f"nothing here can draw: {'; '.join(reasons)}")
+        reasons.append(f"Mesa, which renders on the CPU, is not installed ({INSTALL_MESA})")
+    raise RenderError(f"no usable device for rendering: {'; '.join(reasons)}")
 
 
 def describe_renderer() -> str:
-    """What ``open_context`` draws with when it may choose, for people.
+    """Name of the renderer that ``open_context`` chooses by default, with its OpenGL version, for messages.
 
     Raises:
-        RenderError: As ``open_context``.
+        RenderError: See ``open_context``.
     """
     context = open_context()
     description = describe_context(context)
@@ -65,23 +65,23 @@ def describe_renderer() -> str:
 
 
 def survey_devices() -> list[Survey]:
-    """What each of EGL's devices is good for, in the order of their numbers.
+    """Check whether each EGL device can be used, in the order of their indices.
 
     Raises:
-        RenderError: There is no EGL, or it has no device.
+        RenderError: EGL is missing or has no device.
     """
-    return [_surveyed(device) for device in list_devices()]
+    return [_survey(device) for device in list_devices()]
 
 
 def describe_context(context: moderngl.Context) -> str:
-    """Renderer and OpenGL version, for people."""
+    """Renderer and OpenGL version, for messages."""
     return f"{context.info['GL_RENDERER']}, OpenGL {context.info['GL_VERSION']}"
 
 
-def _surveyed(device: EglDevice) -> Survey:
-    wish = software_wanted()
-    if wish and not device.software:
-        return Survey(device, None, f"is not wanted: {wish}")
+def _survey(device: EglDevice) -> Survey:
+    request = software_request()
+    if request and not device.software:
+        return Survey(device, None, f"is excluded by {request}")
     try:
         context = _open(device)
     except RenderError as error:
@@ -91,23 +91,25 @@ def _surveyed(device: EglDevice) -> Survey:
     return Survey(device, renderer, None)
 
 
-def _candidates(devices: tuple[EglDevice, ...], device: Device, turn: int) -> list[EglDevice]:
-    """What to try, in this order: the GPUs, one's own first, and then the CPU."""
-    gpus = [] if device == "cpu" or software_wanted() else [each for each in devices if not each.software]
-    first = turn % max(len(gpus), 1)
+def _candidates(devices: tuple[EglDevice, ...], device: Device, first_gpu: int) -> list[EglDevice]:
+    """Devices to try, in this order: the GPUs, beginning with the given one, then the CPU."""
+    gpus = [] if device == "cpu" or software_request() else [each for each in devices if not each.software]
+    first = first_gpu % max(len(gpus), 1)
     return [*gpus[first:], *gpus[:first], *(each for each in devices if each.software)]
 
 
 def _open_numbered(devices: tuple[EglDevice, ...], index: int) -> moderngl.Context:
-    """The GPU that the user has asked for, and nothing else."""
+    """Open the device that the user asked for, without a fallback."""
     if index >= len(devices):
-        there = ", ".join(f"{each.index} ({each.name})" for each in devices)
-        raise RenderError(f"rendering.gpus: EGL has no device {index}; it has {there}. Name one of them, or {TO_CPU}")
+        available = ", ".join(f"{each.index} ({each.name})" for each in devices)
+        raise RenderError(
+            f"rendering.gpus: EGL has no device {index}; it has {available}. Name one of them, or {TO_CPU}"
+        )
     device = devices[index]
     if device.software:
-        raise RenderError(f"rendering.gpus: EGL device {index} is no GPU but {device.name}; {TO_CPU}")
-    if wish := software_wanted():
-        raise RenderError(f"rendering.gpus asks for EGL device {index}, but {wish} forbids GPUs; unset one of them")
+        raise RenderError(f"rendering.gpus: EGL device {index} is not a GPU but {device.name}; {TO_CPU}")
+    if request := software_request():
+        raise RenderError(f"rendering.gpus asks for EGL device {index}, but {request} forbids GPUs; unset one of them")
     try:
         return _open(device)
     except RenderError as error:
@@ -115,11 +117,11 @@ def _open_numbered(devices: tuple[EglDevice, ...], index: int) -> moderngl.Conte
 
 
 def _open(device: EglDevice) -> moderngl.Context:
-    """A context on this device; the error's message goes on after the device's name."""
+    """Open a context on a device; the error messages continue the device's name."""
     try:
-        context = _created(device, GL_VERSION)
+        context = _create(device, GL_VERSION)
     except Exception as error:  # glcontext raises bare Exception
-        raise RenderError(_why_closed(device, error)) from None
+        raise RenderError(_open_failure(device, error)) from None
     renderer = str(context.info["GL_RENDERER"])
     if is_software(renderer) and not device.software:
         context.release()
@@ -127,21 +129,21 @@ def _open(device: EglDevice) -> moderngl.Context:
     return context
 
 
-def _why_closed(device: EglDevice, error: Exception) -> str:
-    """Why a device could not be opened, as far as can be found out."""
-    if not device.may_be_opened:
+def _open_failure(device: EglDevice, error: Exception) -> str:
+    """The reason why a device could not be opened, as far as it is known."""
+    if not device.is_accessible:
         return (
             f"cannot be opened: no right to use {device.file}; add the user to its group (usermod -aG render USER), "
             "or give the container the device (--device /dev/dri)"
         )
-    if "not loaded" in str(error):  # of the libraries libEGL and libGL
+    if "not loaded" in str(error):  # raised for the libraries libEGL and libGL
         return f"cannot be opened: {error}. Install it ({INSTALL_MESA})"
     try:
-        older = _created(device, _LEAST_VERSION)
-    except Exception:  # glcontext raises bare Exception; what it said at first is the better reason
+        context = _create(device, _MIN_VERSION)
+    except Exception:  # glcontext raises bare Exception; the first message is the better reason
         return f"cannot be opened: {error}; update its driver"
-    version, code = older.info["GL_VERSION"], older.version_code
-    older.release()
+    version, code = context.info["GL_VERSION"], context.version_code
+    context.release()
     if code >= GL_VERSION:
         return f"cannot be opened: {error}; update its driver"
     forced = os.environ.get("MESA_GL_VERSION_OVERRIDE")
@@ -149,6 +151,6 @@ def _why_closed(device: EglDevice, error: Exception) -> str:
     return f"has only OpenGL {version}, and 4.4 is needed; {remedy}"
 
 
-def _created(device: EglDevice, version: int) -> moderngl.Context:
+def _create(device: EglDevice, version: int) -> moderngl.Context:
     settings: Any = {"backend": "egl", "device_index": device.index, "libegl": "libEGL.so.1", "libgl": "libGL.so.1"}
     return moderngl.create_context(version, standalone=True, **settings)

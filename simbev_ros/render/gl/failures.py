@@ -1,4 +1,4 @@
-"""What drivers refuse, in words that say what to do."""
+"""Turns failures of OpenGL drivers into errors that say what to do."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,20 +9,20 @@ from simbev_ros.errors import RenderError
 from simbev_ros.render.gl.context import describe_context
 from simbev_ros.render.gl.devices import TO_CPU
 
-_LESS = (
+_MEMORY_REMEDY = (
     "Lower width_px and height_px of the cameras, rendering.processes or rendering.quality, "
     "or end other programs that use this memory"
 )
 
 
 @contextmanager
-def enough_memory(context: moderngl.Context, purpose: str, size_bytes: int | None = None) -> Iterator[None]:
-    """Whatever is allocated within must be there in the end: OpenGL itself says nothing, or something else fails.
+def check_memory(context: moderngl.Context, purpose: str, size_bytes: int | None = None) -> Iterator[None]:
+    """Check that everything allocated in this context fits into memory; OpenGL itself reports nothing, or fails later.
 
     Args:
         context: Current context.
         purpose: What the memory is for.
-        size_bytes: How much it is, if that is known.
+        size_bytes: The required size, if it is known.
 
     Raises:
         RenderError: Memory ran out.
@@ -35,15 +35,17 @@ def enough_memory(context: moderngl.Context, purpose: str, size_bytes: int | Non
     if context.error == "GL_OUT_OF_MEMORY":
         size = "" if size_bytes is None else f" (about {size_bytes / 2**20:.0f} MiB)"
         renderer = context.info["GL_RENDERER"]
-        raise RenderError(f"{renderer} has not enough memory left for {purpose}{size}. {_LESS}") from None
+        raise RenderError(
+            f"{renderer} does not have enough memory left for {purpose}{size}. {_MEMORY_REMEDY}"
+        ) from None
     if failure is not None:
         raise failure
 
 
-def not_compiled(context: moderngl.Context, shaders: str, error: moderngl.Error) -> RenderError:
-    """The error for shaders that a driver does not take."""
-    said = "\n".join(f"  {line}" for line in str(error).splitlines() if line.strip())
+def compile_error(context: moderngl.Context, shaders: str, error: moderngl.Error) -> RenderError:
+    """The error for shaders that a driver does not compile."""
+    driver_log = "\n".join(f"  {line}" for line in str(error).splitlines() if line.strip())
     return RenderError(
         f"the driver does not compile {shaders}: {describe_context(context)} of {context.info['GL_VENDOR']}. "
-        f"Update the driver, or {TO_CPU}; please report it with what the driver says:\n{said}"
+        f"Update the driver, or {TO_CPU}; please report this with the driver's messages:\n{driver_log}"
     )

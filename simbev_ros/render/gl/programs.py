@@ -1,4 +1,4 @@
-"""GLSL programs from shaders/*.glsl, with texture units and uniform blocks wired by name, once, for all of them."""
+"""GLSL programs from shaders/*.glsl, with texture units and uniform blocks bound by name in one place."""
 
 import re
 from collections.abc import Mapping
@@ -8,8 +8,8 @@ import moderngl
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.config.rendering import QUALITIES, Quality
-from simbev_ros.render.gl.failures import not_compiled
-from simbev_ros.render.gl.screen_pass import ComputedPass, DrawnPass, ScreenPass, compute_source
+from simbev_ros.render.gl.failures import compile_error
+from simbev_ros.render.gl.screen_pass import ComputePass, RasterPass, ScreenPass, compute_source
 from simbev_ros.scene.state import Light, SignalState
 from simbev_ros.semantics import Tag
 
@@ -47,13 +47,13 @@ TEXTURE_UNITS = {
         )
     )
 }
-"""Sampler name → texture unit. A texture is bound to its unit for as long as it is valid."""
+"""Sampler name → texture unit. A texture stays bound to its unit for as long as it is valid."""
 
 _SHADING_STEPS = (2, 1, 1)
-"""Of each quality: pixels from texel to texel of the shaded image (shaders/enlarge.frag.glsl)."""
+"""Per quality: pixels per texel of the shaded image (shaders/enlarge.frag.glsl)."""
 
 _VISIBILITY_STEPS = (4, 3, 1)
-"""Of each quality: pixels from texel to texel of the visibility of sky and sun (shaders/visibility.frag.glsl)."""
+"""Per quality: pixels per texel of the visibility of sky and sun (shaders/visibility.frag.glsl)."""
 
 BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}
 """Uniform block name → binding point."""
@@ -67,22 +67,22 @@ _ENUMS = "".join(
 
 
 class ProgramLibrary:
-    """Compiles programs.
+    """Compiles the shader programs of a context.
 
-    A file includes another of shaders/include by ``#include "name"``. ``#include "enums"`` gives every ``Material``,
-    ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``. The macro ``QUALITY`` is 0 (low),
-    1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` belong to it.
+    A file includes another one of shaders/include by ``#include "name"``. ``#include "enums"`` defines every
+    ``Material``, ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``. The macro ``QUALITY``
+    is 0 (low), 1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` depend on it.
     """
 
-    def __init__(self, context: moderngl.Context, quality: Quality = "medium", *, computes: bool = False) -> None:
-        """Compile for a quality; ``computes``: run screen passes as compute shaders."""
+    def __init__(self, context: moderngl.Context, quality: Quality = "medium", *, use_compute: bool = False) -> None:
+        """Select the quality; ``use_compute``: run screen passes as compute shaders."""
         self._context = context
         self.quality = quality
-        self.computes = computes
+        self.use_compute = use_compute
         self._folder = files("simbev_ros.render").joinpath("shaders")
 
     def load(self, vertex: str, fragment: str, geometry: str | None = None, **constants: float) -> moderngl.Program:
-        """The program of two or three shaders, named without ``.glsl``, with macros for the ``constants``.
+        """Compile a program of two or three shaders, named without ``.glsl``, with ``constants`` as macros.
 
         Raises:
             RenderError: The driver does not compile it.
@@ -94,62 +94,62 @@ class ProgramLibrary:
                 geometry_shader=None if geometry is None else self._source(geometry, constants),
             )
         except moderngl.Error as error:
-            raise not_compiled(self._context, f"shaders {vertex}, {fragment}", error) from None
-        _wire(program)
+            raise compile_error(self._context, f"shaders {vertex}, {fragment}", error) from None
+        _bind_names(program)
         return program
 
     def screen_pass(self, fragment: str, condition: str = "true", **constants: float) -> ScreenPass:
-        """A fragment shader to be run on every pixel.
+        """Compile a fragment shader that runs on every pixel.
 
         Args:
-            fragment: Its name, without ``.glsl``.
-            condition: GLSL; where it does not hold, a compute shader leaves pixels as they are.
+            fragment: Name of the shader, without ``.glsl``.
+            condition: GLSL expression; where it is false, a compute shader leaves pixels unchanged.
             constants: Macros.
 
         Raises:
             RenderError: The driver does not compile it.
         """
-        if not self.computes:
-            return self.drawn_pass(fragment, **constants)
+        if not self.use_compute:
+            return self.raster_pass(fragment, **constants)
         try:
             program = self._context.compute_shader(compute_source(self._source(fragment, constants), condition))
         except moderngl.Error as error:
-            raise not_compiled(self._context, f"shader {fragment}", error) from None
-        _wire(program)
-        return ComputedPass(self._context, program)
+            raise compile_error(self._context, f"shader {fragment}", error) from None
+        _bind_names(program)
+        return ComputePass(self._context, program)
 
-    def drawn_pass(self, fragment: str, **constants: float) -> DrawnPass:
-        """A fragment shader to be run on every pixel that passes the depth test."""
-        return DrawnPass(self._context, self.load("screen", fragment, None, **constants))
+    def raster_pass(self, fragment: str, **constants: float) -> RasterPass:
+        """Compile a fragment shader that runs on every pixel that passes the depth test."""
+        return RasterPass(self._context, self.load("screen", fragment, None, **constants))
 
     def _source(self, name: str, constants: Mapping[str, float]) -> str:
-        """The file with its includes put in, each once, and macros after its first line, the version."""
+        """Source of a file with its includes expanded, each once, and the macros inserted after the version line."""
         included: set[str] = set()
 
-        def expanded(match: re.Match[str]) -> str:
+        def expand(match: re.Match[str]) -> str:
             name = match[1]
             if name in included:
                 return ""
             included.add(name)
-            return _ENUMS if name == "enums" else _INCLUDE.sub(expanded, self._read(f"include/{name}"))
+            return _ENUMS if name == "enums" else _INCLUDE.sub(expand, self._read(f"include/{name}"))
 
         version, body = self._read(name).split("\n", 1)
-        constants = {"QUALITY": QUALITIES.index(self.quality), **steps_of(self.quality), **constants}
+        constants = {"QUALITY": QUALITIES.index(self.quality), **quality_steps(self.quality), **constants}
         macros = [f"#define {name} {value}" for name, value in constants.items()]
-        return "\n".join([version, *macros, _INCLUDE.sub(expanded, body)])
+        return "\n".join([version, *macros, _INCLUDE.sub(expand, body)])
 
     def _read(self, name: str) -> str:
         return self._folder.joinpath(f"{name}.glsl").read_text(encoding="utf-8")
 
 
-def steps_of(quality: Quality) -> dict[str, int]:
-    """The macros ``SHADING_STEP`` and ``VISIBILITY_STEP``."""
+def quality_steps(quality: Quality) -> dict[str, int]:
+    """The macros ``SHADING_STEP`` and ``VISIBILITY_STEP`` of a quality."""
     level = QUALITIES.index(quality)
     return {"SHADING_STEP": _SHADING_STEPS[level], "VISIBILITY_STEP": _VISIBILITY_STEPS[level]}
 
 
-def _wire(program: moderngl.Program | moderngl.ComputeShader) -> None:
-    """Connect uniform blocks and samplers by their names."""
+def _bind_names(program: moderngl.Program | moderngl.ComputeShader) -> None:
+    """Bind uniform blocks and samplers by their names."""
     for name in program:
         member = program[name]
         if isinstance(member, moderngl.UniformBlock):

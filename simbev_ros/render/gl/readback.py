@@ -1,4 +1,4 @@
-"""Bringing images from OpenGL's memory to NumPy's."""
+"""Reads images back from OpenGL's memory into NumPy arrays."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,28 +15,28 @@ from simbev_ros.types import AnyArray
 
 _THREADS = 8
 _CHUNK_BYTES = 4 << 20
-"""One thread copies at a fraction of what the memory can do, and an image is there when its last piece is."""
+"""Size of a copy task: a single thread reaches only a fraction of the memory bandwidth, so images are split."""
 
 
 class ReadBack(Protocol):
-    """Reads the images of a frame."""
+    """Reads back the images of a frame."""
 
     def begin(self, image: Image) -> AnyArray:
-        """Ask for an image as it is now: (H, W[, C]) pixels, row 0 on top, which are there after ``finish``."""
+        """Start reading an image in its current state: (H, W[, C]) pixels, row 0 on top, valid after ``finish``."""
         ...
 
     def finish(self) -> None:
-        """Wait for all images that were asked for."""
+        """Wait until all started images are complete."""
         ...
 
 
-def read_back(context: moderngl.Context, on_gpu: bool) -> ReadBack:
-    """What is faster there."""
-    return _WhileDrawing(context) if on_gpu else _AtOnce()
+def create_read_back(context: moderngl.Context, on_gpu: bool) -> ReadBack:
+    """The faster kind of read-back for the CPU's or a GPU's renderer."""
+    return _OverlappedReadBack(context) if on_gpu else _ImmediateReadBack()
 
 
-class _AtOnce:
-    """The CPU's renderer has its images in the same memory."""
+class _ImmediateReadBack:
+    """Read-back for the CPU renderer, whose images are already in CPU memory."""
 
     def begin(self, image: Image) -> AnyArray:
         pixels = image.allocate()
@@ -44,36 +44,36 @@ class _AtOnce:
         return pixels
 
     def finish(self) -> None:
-        """All is done."""
+        """Do nothing: ``begin`` has already copied everything."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Transfer:
-    """An image on its way through a buffer."""
+    """An image being transferred through a buffer."""
 
     buffer: PinnedBuffer
     arrived: Fence
     pixels: AnyArray
 
-    def copies(self) -> Iterator[Callable[[], None]]:
-        """What is to be done, in pieces."""
+    def copy_tasks(self) -> Iterator[Callable[[], None]]:
+        """The remaining copies, in pieces."""
         target = self.pixels.reshape(-1).view(np.uint8)
         for start in range(0, len(target), _CHUNK_BYTES):
             piece = slice(start, start + _CHUNK_BYTES)
             yield partial(np.copyto, target[piece], self.buffer.content[piece])
 
 
-class _WhileDrawing:
-    """A GPU writes its images into buffers in the CPU's memory, from where threads copy them, while it goes on drawing.
+class _OverlappedReadBack:
+    """Read-back that overlaps with drawing: the GPU writes images into buffers in CPU memory, and threads copy them.
 
-    The buffers are used again for the next frame. To hand out arrays on them would save the copies, but such memory is
-    locked, and whoever kept a few images for long would use it up.
+    The buffers are reused for the next frame. Handing out arrays that share their memory would save the copies, but
+    such memory is locked, and a caller that keeps a few images for long would exhaust it.
     """
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._free: dict[int, list[PinnedBuffer]] = {}
-        self._travelling: list[_Transfer] = []
+        self._in_flight: list[_Transfer] = []
         self._copied: list[tuple[PinnedBuffer, list[Future[None]]]] = []
         self._threads = ThreadPoolExecutor(_THREADS, thread_name_prefix="read-back")
 
@@ -82,7 +82,7 @@ class _WhileDrawing:
         free = self._free.setdefault(pixels.nbytes, [])
         buffer = free.pop() if free else PinnedBuffer(self._context, pixels.nbytes)
         image.read_into(buffer.buffer)
-        self._travelling.append(_Transfer(buffer, Fence(), pixels))
+        self._in_flight.append(_Transfer(buffer, Fence(), pixels))
         self._copy(lambda fence: fence.is_passed())
         return pixels
 
@@ -95,7 +95,7 @@ class _WhileDrawing:
         self._copied.clear()
 
     def _copy(self, has_arrived: Callable[[Fence], bool]) -> None:
-        """Have images copied, in their order, as long as they have arrived."""
-        while self._travelling and has_arrived(self._travelling[0].arrived):
-            transfer = self._travelling.pop(0)
-            self._copied.append((transfer.buffer, [self._threads.submit(copy) for copy in transfer.copies()]))
+        """Submit copies of the images that have arrived, in order."""
+        while self._in_flight and has_arrived(self._in_flight[0].arrived):
+            transfer = self._in_flight.pop(0)
+            self._copied.append((transfer.buffer, [self._threads.submit(copy) for copy in transfer.copy_tasks()]))

@@ -1,7 +1,7 @@
-"""Shaders that run on every pixel of a picture: on the CPU as fragments of a triangle, on a GPU as compute shaders.
+"""Shaders that run on every pixel of an image: rasterized as a triangle on the CPU, as compute shaders on a GPU.
 
-They are written as fragment shaders, and their text is turned into that of a compute shader where that is wanted: data
-centre GPUs run fragments on a few of their cores only (NVIDIA H100: on 2 of its 66 TPCs), compute shaders on all.
+They are written as fragment shaders; for GPUs, ``compute_source`` rewrites them as compute shaders. Data center GPUs
+run fragment shaders on few of their cores (NVIDIA H100: on 2 of its 66 TPCs), but compute shaders on all of them.
 """
 
 import re
@@ -18,49 +18,49 @@ _IMAGES = {
     "uint": ("uimage2D", "uvec4({})"),
     "uvec4": ("uimage2D", "{}"),
 }
-"""Of each type of output: the type of image that it is stored in, and the texel to store."""
+"""Type of an output → the image type that it is stored in, and the texel to store."""
 
 _OUTPUT = re.compile(r"^(?:layout\(location = (\d+)\) )?out (\w+) (\w+);", re.MULTILINE)
 _MAIN = "void main()"
 
 
 class ScreenPass(Protocol):
-    """A shader that is run on every pixel of a framebuffer, or on those that it was made for."""
+    """A shader that runs on every pixel of a framebuffer, or on the subset that it was created for."""
 
     @property
     def program(self) -> moderngl.Program | moderngl.ComputeShader:
-        """Whose uniforms are to be set."""
+        """The program, for setting its uniforms."""
         ...
 
     def draw(self, target: moderngl.Framebuffer) -> None:
-        """Run it. What it has written can be read by all that follows."""
+        """Run the shader on a framebuffer. All later passes can read the result."""
         ...
 
 
-class DrawnPass:
-    """One triangle that covers the screen. The framebuffer stays in use."""
+class RasterPass:
+    """Draws one triangle that covers the screen. The framebuffer stays in use."""
 
     def __init__(self, context: moderngl.Context, program: moderngl.Program) -> None:
-        """Of a program with the vertex shader shaders/screen.glsl."""
+        """Wrap a program with the vertex shader shaders/screen.glsl."""
         self.program = program
         self._triangle = context.vertex_array(program, [])
 
     def draw(self, target: moderngl.Framebuffer, layer: float = 1.0) -> None:
-        """Run it where the depth test, if it is on, lets a depth of 0 near … 1 far pass."""
+        """Run it where the depth test, if enabled, lets a depth of 0 (near) … 1 (far) pass."""
         target.use()
         self.program["layer"] = layer
         self._triangle.render(moderngl.TRIANGLES, vertices=3)
 
 
-class ComputedPass:
-    """A compute shader from ``compute_source``."""
+class ComputePass:
+    """Runs a compute shader from ``compute_source``."""
 
     def __init__(self, context: moderngl.Context, program: moderngl.ComputeShader) -> None:
         self.program = program
         self._context = context
 
     def draw(self, target: moderngl.Framebuffer) -> None:
-        """Run it on the framebuffer's colour attachments, which are its outputs in their order."""
+        """Run it on the framebuffer's color attachments, which are its outputs in their order."""
         for unit, texture in enumerate(target.color_attachments):
             assert isinstance(texture, moderngl.Texture)
             texture.bind_to_image(unit, read=False, write=True)
@@ -70,10 +70,10 @@ class ComputedPass:
 
 
 def compute_source(fragment: str, condition: str) -> str:
-    """A compute shader that does what a fragment shader does, pixel by pixel, where a condition in GLSL holds.
+    """Rewrite a fragment shader as a compute shader that does the same per pixel where a GLSL condition is true.
 
-    The macro ``COMPUTED`` is set; there are no derivatives such as dFdx. Every output in the text counts, so none may
-    stand under a condition of the preprocessor.
+    The macro ``COMPUTED`` is defined; derivatives such as dFdx are not available. Every output in the text counts, so
+    none may be inside a preprocessor condition.
     """
     stores: list[str] = []
 

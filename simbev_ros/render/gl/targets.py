@@ -1,4 +1,4 @@
-"""What is drawn into: the G-buffer and the images of one size of camera."""
+"""Render targets of one image size: the G-buffer and the images computed from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _DTYPES = {"f1": np.uint8, "u1": np.uint8, "u2": np.uint16, "f4": np.float32}
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """A colour attachment, of which all components or the first few are wanted."""
+    """A color attachment, of which all or the first few components are used."""
 
     framebuffer: moderngl.Framebuffer
     attachment: int
@@ -27,10 +27,10 @@ class Image:
         shape = (height, width) if self._channels == 1 else (height, width, self._channels)
         return np.empty(shape, _DTYPES[self._source.dtype])
 
-    def read_into(self, place: AnyArray | moderngl.Buffer) -> None:
+    def read_into(self, destination: AnyArray | moderngl.Buffer) -> None:
         """Write the pixels to an array or a buffer, row 0 on top."""
         self.framebuffer.read_into(
-            place, components=self._channels, attachment=self.attachment, dtype=self._source.dtype
+            destination, components=self._channels, attachment=self.attachment, dtype=self._source.dtype
         )
 
     @property
@@ -45,10 +45,10 @@ class Image:
 
 
 class Targets:
-    """Framebuffers of one size. ``geometry`` is drawn first; the others are computed from it.
+    """Framebuffers of one image size. ``geometry`` is drawn first; the others are computed from it.
 
-    Surfaces are shaded into ``surfaces`` and freed of jagged edges into ``smoothed``: these are ``shaded`` and ``rgb``,
-    unless that is done at fewer pixels.
+    Surfaces are shaded into ``surfaces`` and anti-aliased into ``smoothed``. At full resolution these are ``shaded``
+    and ``rgb``; at reduced resolution they are separate, smaller framebuffers.
     """
 
     def __init__(
@@ -57,10 +57,10 @@ class Targets:
         """Allocate all targets.
 
         Args:
-            context: Of OpenGL.
+            context: OpenGL context.
             size_px: Width, height.
-            steps: From ``steps_of``: pixels from texel to texel of the shaded image and of the visibility.
-            for_lens: Keep what a lens needs of the geometry too (render/lens.py).
+            steps: From ``quality_steps``: pixels per texel of the shaded image and of the visibility.
+            for_lens: Also store the geometry that lens distortion needs (render/lens.py).
         """
 
         def texture(components: int, dtype: str) -> moderngl.Texture:
@@ -98,21 +98,21 @@ class Targets:
             self.smoothed = context.framebuffer(self._coarse[1:])
 
     def clear_depth(self) -> None:
-        """Clear the depth of ``geometry``; its colours are drawn at every pixel anyway."""
+        """Clear the depth of ``geometry``; its color attachments are written at every pixel anyway."""
         count = len(self.geometry.color_attachments)
         self.geometry.color_mask = ((False,) * 4,) * count  # type: ignore[assignment]
         self.geometry.clear()
         self.geometry.color_mask = ((True,) * 4,) * count  # type: ignore[assignment]
 
-    def seen_classes(self) -> UInt32Array:
-        """(H, W) what the G-buffer shows; shading class k is bit 24 + k."""
+    def read_class_flags(self) -> UInt32Array:
+        """(H, W) uint32 colors of the G-buffer with the flags of shading classes; class k is bit 24 + k."""
         width, height = self.geometry.size
         colors = np.empty((height, width), np.uint32)
         self.geometry.read_into(colors, components=4, attachment=2)
         return colors
 
     def bind(self) -> None:
-        """Make the G-buffer and the shaded image readable by the passes that follow."""
+        """Bind the G-buffer and the shaded image for the passes that follow."""
         self._surface.use(TEXTURE_UNITS["g_surface"])
         self._depth.use(TEXTURE_UNITS["g_depth"])
         self._color.use(TEXTURE_UNITS["g_color"])
@@ -121,12 +121,12 @@ class Targets:
         self._shaded.use(TEXTURE_UNITS["shaded"])
         for name, coarse in zip(("coarse_shaded", "coarse_rgb"), self._coarse, strict=False):
             coarse.use(TEXTURE_UNITS[name])
-        for name, kept in self._lens.items():
-            kept.use(TEXTURE_UNITS[name])
+        for name, texture in self._lens.items():
+            texture.use(TEXTURE_UNITS[name])
 
     @property
     def images(self) -> dict[Modality, Image]:
-        """Where the images are, once they are drawn."""
-        places: dict[Modality, int] = {"depth": 1, "semantic": 3, "instance": 4, "flow": 5}
-        images = {modality: Image(self.geometry, index) for modality, index in places.items()}
+        """Attachment of each modality, valid after drawing."""
+        attachments: dict[Modality, int] = {"depth": 1, "semantic": 3, "instance": 4, "flow": 5}
+        images = {modality: Image(self.geometry, index) for modality, index in attachments.items()}
         return {**images, "rgb": Image(self.rgb, 0, components=3)}

@@ -1,4 +1,4 @@
-"""A hook to time the parts of a frame. While nobody times, it costs nothing."""
+"""A hook for timing the parts of a frame; it costs nothing while timing is off."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -7,31 +7,31 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 import moderngl
 
 Timer = Callable[[str], AbstractContextManager[None]]
-"""From the name of a part to what is entered before and left after it; a part may come several times in a frame."""
+"""Maps the name of a part to a context manager that times it; a part may occur several times in a frame."""
 
-_NOTHING = nullcontext()
+_NO_CONTEXT = nullcontext()
 
 
-def untimed(part: str) -> AbstractContextManager[None]:
-    """The timer that does nothing."""
-    return _NOTHING
+def null_timer(part: str) -> AbstractContextManager[None]:
+    """A ``Timer`` that does nothing."""
+    return _NO_CONTEXT
 
 
 class PartClock:
-    """A timer that adds up what each part costs while it is on, waiting for OpenGL before and after."""
+    """A ``Timer`` that sums up the cost of each part while it is on, synchronizing with OpenGL before and after."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        """For a renderer that draws with this context; off at first."""
+        """Create a timer for a renderer that draws with this context; initially off."""
         self.is_on = False
         self._context = context
         self._costs_ms: dict[str, tuple[float, float]] = {}
 
     def __call__(self, part: str) -> AbstractContextManager[None]:
-        """A ``Timer``."""
-        return self._timed(part) if self.is_on else _NOTHING
+        """See ``Timer``."""
+        return self._timed(part) if self.is_on else _NO_CONTEXT
 
     def take(self) -> dict[str, tuple[float, float]]:
-        """By part, wall and processor time in ms since this was last called."""
+        """Wall and CPU time per part since the last call, ms; resets the sums."""
         costs_ms, self._costs_ms = self._costs_ms, {}
         return costs_ms
 

@@ -1,1 +1,1 @@
-"""Light: sun, sky, clouds, lamps, shadows and exposure, as the shaders read them."""
+"""Light as the shaders read it: sun, sky, clouds, lamps, shadows and exposure."""

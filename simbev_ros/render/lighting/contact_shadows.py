@@ -1,4 +1,7 @@
-"""Where actors stand on the ground and keep the sky's light from it: a map seen from above around the ego."""
+"""Contact shadows: a map around the ego, seen from above, of where actors block the sky's light from the ground.
+
+Drawn once per frame from the actors table; the visibility shader reads it.
+"""
 
 import moderngl
 import numpy as np
@@ -8,14 +11,14 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.types import Float64Array
 
 HALF_M = 48.0
-"""Half the map's width; further away the dark seam under a car is thinner than a pixel."""
+"""Half the map's width; farther away the dark seam under a car is thinner than a pixel."""
 
 _SIZE_PX = 768
 _MAX_ACTORS = 1024
 
 
 class ContactMap:
-    """The footprints of actors, with soft edges, and the height that they stand at."""
+    """Map of actor footprints with soft edges, and the height of the ground below them."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context = context
@@ -31,13 +34,13 @@ class ContactMap:
         self._framebuffer = context.framebuffer([texture])
 
     def draw(self, world: WorldState, origin_m: Float64Array) -> None:
-        """Draw the map of a world at (3,) ``origin_m``."""
+        """Draw the map of a world around (3,) ``origin_m``."""
         actors = world.actors
-        place_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
+        position_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
         heading = np.stack([np.cos(actors["yaw"]), np.sin(actors["yaw"])], axis=1)
         half_size_m = np.stack([actors["length"], actors["width"]], axis=1) / 2.0
-        near = np.abs(place_m[:, :2]).max(axis=1, initial=0.0) < HALF_M * 1.2
-        rows = np.concatenate([place_m, heading, half_size_m], axis=1)[near][:_MAX_ACTORS]
+        near = np.abs(position_m[:, :2]).max(axis=1, initial=0.0) < HALF_M * 1.2
+        rows = np.concatenate([position_m, heading, half_size_m], axis=1)[near][:_MAX_ACTORS]
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = (moderngl.ONE, moderngl.ONE)
         self._framebuffer.use()

@@ -1,4 +1,4 @@
-"""Lamps seen by the camera itself: bright points that no distance makes vanish, glare, and streaks on wet roads."""
+"""Lamps as the camera sees them directly: bright points visible at any distance, glare, and streaks on wet roads."""
 
 import moderngl
 import numpy as np
@@ -12,7 +12,7 @@ _MAX_STREAKS = 64
 
 
 class Glare:
-    """The lamps of a moment, drawn over the shaded image of each camera."""
+    """Draws the current lamps over the shaded image of each camera."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context = context
@@ -27,7 +27,7 @@ class Glare:
         self._counts = [0, 0]
 
     def set_lamps(self, lamps: Table, wet: bool) -> None:
-        """Set the (N,) ``LAMP_DTYPE`` rows that shine, and whether the roads are wet. The strongest come first."""
+        """Set the (N,) ``LAMP_DTYPE`` rows that are lit, and whether the roads are wet. The strongest come first."""
         distance2 = np.maximum(np.sum(lamps["at"].astype(np.float64) ** 2, axis=1), 25.0)
         order = np.argsort(-lamps["glare_cd"] / distance2, kind="stable")
         lamps = lamps[order[distance2[order] < _FAR_M**2]][:_MAX_LAMPS]
@@ -39,7 +39,7 @@ class Glare:
         self._counts = [len(rows), min(len(rows), _MAX_STREAKS) if wet else 0]
 
     def draw(self) -> None:
-        """Draw over the framebuffer in use; the G-buffer must be bound."""
+        """Draw over the current framebuffer; the G-buffer must be bound."""
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = (moderngl.ONE_MINUS_DST_COLOR, moderngl.ONE)
         for array, count in zip(reversed(self._arrays), reversed(self._counts), strict=True):

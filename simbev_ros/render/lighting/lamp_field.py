@@ -1,8 +1,9 @@
-"""Light of lamps on what is around them, as maps seen from above around the ego.
+"""Light of lamps on their surroundings, as maps around the ego seen from above.
 
-Each texel holds the light that arrives there, and the height of the lamps that it comes from. So a pixel's cost does
-not grow with the number of lamps. There is one map for street lamps, one for headlamps, and one for the coloured glow
-of all other lamps. The latter two have a fine square around the ego, left in the texture, and a coarse one, right.
+Lit lamps of a world state enter, textures leave. Each texel holds the light that arrives there, and the height of the
+lamps that it comes from, so that the cost per pixel does not grow with the number of lamps. There is one map for street
+lamps, one for headlamps, and one for the colored glow of all other lamps. The latter two consist of a fine square
+around the ego (left in the texture) and a coarse one (right).
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from simbev_ros.config.lights import MOST_COLORS
 from simbev_ros.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.render.lighting.lamp_shadows import DIRECTIONS, HALF_ANGLE_RAD, free_distances
 from simbev_ros.render.lighting.lamps import VehicleLamps, lamp_kinds, signal_lamps, street_lamps
-from simbev_ros.render.lighting.shop_fronts import shop_fronts
+from simbev_ros.render.lighting.shop_fronts import find_shop_fronts
 from simbev_ros.scene.lights import DEFAULT_FLUX_LM, LightSpec, street_lights
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Table
@@ -24,19 +25,19 @@ _SIZE_PX = 512
 _HALF_M = 160.0
 _FINE_HALF_M = 48.0
 _STREET_REACH_M, _BEAM_REACH_M = 30.0, 120.0
-_MAX_LAMPS = 1024  # more than any street has within reach of the map
-_LAMPS_PER_LINE = 128  # of a texture; shaders/shade_lamp.frag.glsl
+_MAX_LAMPS = 1024  # more than any street has within range of the map
+_LAMPS_PER_LINE = 128  # lamps per texture line; see shaders/shade_lamp.frag.glsl
 _ATTRIBUTES = {"in_lamp": 3, "in_heading": 2, "in_extent": 4, "in_light": 4, "in_half_width": 1}
 _ROW_FLOATS = sum(_ATTRIBUTES.values())
 _BEAM_EXTENT_M = {1: (-0.5, 72.0, 1.5, 39.0), 2: (-0.5, _BEAM_REACH_M, 1.5, 65.0)}
-"""Of a low and a high beam: from, to, half width there and there."""
+"""Extent of a low and of a high beam: start, end, half width at the start and at the end."""
 
 _SHOP_SIDE_M = 2.0
-_BEACON_HZ = 2.0  # turns of its light
+_BEACON_HZ = 2.0  # rotations of the beacon's light per second
 
 
 class LampField:
-    """The maps, and what shines at the moment."""
+    """Draws the light maps of each frame, and lists the lamps that are lit."""
 
     def __init__(
         self, context: moderngl.Context, library: ProgramLibrary, static: StaticScene, vehicles: VehicleLamps
@@ -45,26 +46,27 @@ class LampField:
         self._vehicles = vehicles
         self._lights_m = np.array([light.position_m for light in static.street_lights], np.float64).reshape(-1, 3)
         self._strengths = np.ones(len(self._lights_m))
-        self._fronts = shop_fronts(static.tiles)
+        self._fronts = find_shop_fronts(static.tiles)
         self._shop_light = np.zeros(3)
         self._lamps = context.buffer(reserve=_MAX_LAMPS * _ROW_FLOATS * 4)
-        self._pools = {name: self._pool(library, name) for name in ("street", "beam", "glow")}
+        self._pools = {name: self._create_pool(library, name) for name in ("street", "beam", "glow")}
         self._fields = {
-            name: self._field(f"{name}_field", squares) for name, squares in (("street", 1), ("beam", 2), ("glow", 2))
+            name: self._create_field(f"{name}_field", squares)
+            for name, squares in (("street", 1), ("beam", 2), ("glow", 2))
         }
         self._free = context.texture((DIRECTIONS, _MAX_LAMPS), 1, dtype="f4")
         self._free.use(TEXTURE_UNITS["beam_free"])
         lines = -(-max(len(self._lights_m), 1) // _LAMPS_PER_LINE)
-        self._shine = context.texture((_LAMPS_PER_LINE, lines), 1, dtype="f4")
-        self._shine.use(TEXTURE_UNITS["street_lamps"])
+        self._intensities = context.texture((_LAMPS_PER_LINE, lines), 1, dtype="f4")
+        self._intensities.use(TEXTURE_UNITS["street_lamps"])
 
     def set_lights(self, lights: LightSpec) -> None:
-        """Set how strongly each street light shines when it is dark, and the light of shops."""
+        """Set the intensity of each street light when it is dark, and the light of shops."""
         table = street_lights(lights, self._lights_m)
         self._strengths = np.where(table["on"], table["intensity_lm"] / DEFAULT_FLUX_LM, 0.0)
-        shine = np.zeros((self._shine.height, self._shine.width), np.float32)
-        shine.flat[: len(table)] = self._strengths
-        self._shine.write(shine.tobytes())
+        intensities = np.zeros((self._intensities.height, self._intensities.width), np.float32)
+        intensities.flat[: len(table)] = self._strengths
+        self._intensities.write(intensities.tobytes())
         buildings = lights.buildings
         colors = np.array([[color >> shift & 0xFF for shift in (16, 8, 0)] for color in buildings.colors[:MOST_COLORS]])
         share = 1.0 - (1.0 - buildings.share_lit) ** 4 if buildings.enabled else 0.0  # shaders/shade_wall.frag.glsl
@@ -74,17 +76,19 @@ class LampField:
         """Draw the maps of a world around (3,) ``origin_m``. Shaders read them only while lamps are lit.
 
         Returns:
-            (N,) ``LAMP_DTYPE``: what shines.
+            (N,) ``LAMP_DTYPE``: the lamps that are lit.
         """
-        lamps = np.concatenate([self._vehicles.shining(world.actors, origin_m), signal_lamps(world.signals, origin_m)])
+        lamps = np.concatenate(
+            [self._vehicles.lit_lamps(world.actors, origin_m), signal_lamps(world.signals, origin_m)]
+        )
         beams = lamps[(lamps["beam"] > 0) & _near(lamps["at"], _BEAM_REACH_M)][:_MAX_LAMPS]
         if len(beams):
             free = free_distances(beams, world.actors, origin_m)
             self._free.write(free.tobytes(), (0, 0, DIRECTIONS, len(beams)))
-        glowing = lamps[(lamps["glow"] > 0.0) & _near(lamps["at"], 0.0)]
-        glows = np.concatenate([self._shop_rows(origin_m), _glow_rows(glowing, world.stamp_ns)])
-        works = self._strengths > 0.0
-        lights_m, strengths = self._lights_m[works] - origin_m, self._strengths[works]
+        glow_lamps = lamps[(lamps["glow"] > 0.0) & _near(lamps["at"], 0.0)]
+        glows = np.concatenate([self._shop_rows(origin_m), _glow_rows(glow_lamps, world.stamp_ns)])
+        is_on = self._strengths > 0.0
+        lights_m, strengths = self._lights_m[is_on] - origin_m, self._strengths[is_on]
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = (moderngl.ONE, moderngl.ONE)
         self._draw_lamps("street", _street_rows(lights_m, strengths), (_HALF_M,))
@@ -94,13 +98,13 @@ class LampField:
 
     @staticmethod
     def texture_from_world() -> Float64Array:
-        """(4, 4) coordinates in a coarse square, 0..1, from world points."""
+        """(4, 4) texture coordinates in a coarse square, 0..1, from world points."""
         matrix = np.diag([0.5 / _HALF_M, 0.5 / _HALF_M, 0.0, 1.0])
         matrix[:2, 3] = 0.5
         return matrix
 
-    def _pool(self, library: ProgramLibrary, name: str) -> moderngl.VertexArray:
-        """The quads of one map's lamps."""
+    def _create_pool(self, library: ProgramLibrary, name: str) -> moderngl.VertexArray:
+        """Vertex array of the quads of one map's lamps."""
         program = library.load("lamp_pool.vert", f"{name}_pool.frag")
         if name == "beam":
             program["half_angle"] = HALF_ANGLE_RAD
@@ -108,7 +112,7 @@ class LampField:
         floats = " ".join(f"{n}f4" if name in used else f"{4 * n}x" for name, n in _ATTRIBUTES.items())
         return self._context.vertex_array(program, [(self._lamps, f"{floats}/i", *used)])
 
-    def _field(self, name: str, squares: int) -> moderngl.Framebuffer:
+    def _create_field(self, name: str, squares: int) -> moderngl.Framebuffer:
         """A map of squares side by side, bound to the texture unit of its name."""
         texture = self._context.texture((_SIZE_PX * squares, _SIZE_PX), 4, dtype="f2")
         texture.repeat_x = texture.repeat_y = False
@@ -116,7 +120,7 @@ class LampField:
         return self._context.framebuffer([texture])
 
     def _draw_lamps(self, name: str, rows: Float32Array, halves_m: Sequence[float]) -> None:
-        """Add up the light of (N, 14) lamps in the squares of a map."""
+        """Sum up the light of (N, 14) lamps in the squares of a map."""
         field, pool = self._fields[name], self._pools[name]
         field.use()
         field.viewport = (0, 0, *field.size)
@@ -130,28 +134,28 @@ class LampField:
             pool.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=count)
 
     def _shop_rows(self, origin_m: Float64Array) -> Float32Array:
-        """(N, 14) shop fronts, as lines of light."""
+        """(N, 14) rows of shop fronts, which are lines of light."""
         kind = lamp_kinds()["shop"]
-        at_m = self._fronts["at_m"] - origin_m + [0.0, 0.0, kind["up_m"]]
-        fronts, at_m = self._fronts[near := _near(at_m, kind["reach_m"])], at_m[near]
+        position_m = self._fronts["at_m"] - origin_m + [0.0, 0.0, kind["up_m"]]
+        fronts, position_m = self._fronts[near := _near(position_m, kind["reach_m"])], position_m[near]
         if not self._shop_light.any():
-            fronts, at_m = fronts[:0], at_m[:0]
+            fronts, position_m = fronts[:0], position_m[:0]
         rows = np.zeros((len(fronts), _ROW_FLOATS), np.float32)
-        rows[:, :3], rows[:, 3:5] = at_m, fronts["facing"]
+        rows[:, :3], rows[:, 3:5] = position_m, fronts["facing"]
         side_m = fronts["half_m"] + _SHOP_SIDE_M
         rows[:, 5:9] = np.column_stack([np.zeros(len(rows)), np.full(len(rows), kind["reach_m"]), side_m, side_m])
         rows[:, 9:12], rows[:, 12], rows[:, 13] = self._shop_light, 1.0, fronts["half_m"]
         return rows
 
 
-def _near(at_m: Float64Array, reach_m: float) -> BoolArray:
-    """(N,) which places a map shows, or what is within reach of it."""
-    near: BoolArray = np.all(np.abs(at_m[:, :2]) < _HALF_M + reach_m, axis=1)
+def _near(position_m: Float64Array, reach_m: float) -> BoolArray:
+    """(N,) whether positions are on a map, or within ``reach_m`` of it."""
+    near: BoolArray = np.all(np.abs(position_m[:, :2]) < _HALF_M + reach_m, axis=1)
     return near
 
 
 def _street_rows(lights_m: Float64Array, strengths: Float64Array) -> Float32Array:
-    """(N, 14) street lamps that shine in reach of the map."""
+    """(N, 14) rows of the lit street lamps within range of the map."""
     near = _near(lights_m, _STREET_REACH_M)
     rows = np.zeros((int(near.sum()), _ROW_FLOATS), np.float32)
     rows[:, :3], rows[:, 3], rows[:, 9] = lights_m[near], 1.0, strengths[near]
@@ -160,7 +164,7 @@ def _street_rows(lights_m: Float64Array, strengths: Float64Array) -> Float32Arra
 
 
 def _beam_rows(beams: Table) -> Float32Array:
-    """(N, 14) headlamps: how much they point up, and their row of free distances."""
+    """(N, 14) rows of headlamps, with their upward slope and their row of free distances."""
     rows = np.zeros((len(beams), _ROW_FLOATS), np.float32)
     level = np.maximum(np.linalg.norm(beams["facing"][:, :2], axis=1), 1e-3)
     rows[:, :3], rows[:, 3:5] = beams["at"], beams["facing"][:, :2] / level[:, None]
@@ -171,14 +175,14 @@ def _beam_rows(beams: Table) -> Float32Array:
 
 
 def _glow_rows(lamps: Table, stamp_ns: int) -> Float32Array:
-    """(N, 14) lamps that glow. Beacons shine all around and turn; neighbours on a vehicle are half a turn apart."""
+    """(N, 14) rows of glowing lamps. Beacons shine all around and rotate; adjacent ones are half a turn apart."""
     rows = np.zeros((len(lamps), _ROW_FLOATS), np.float32)
     period_ns = round(1e9 / _BEACON_HZ)
     beacons = lamps["forward"] == 0.0
     _, first, vehicle = np.unique(lamps["row"][beacons], return_index=True, return_inverse=True)
-    apart = np.zeros(len(lamps))
-    apart[beacons] = (np.arange(len(vehicle)) - first[vehicle]) % 2  # a vehicle's are neighbours
-    turn = 2.0 * np.pi * ((stamp_ns % period_ns) / period_ns + 0.5 * apart)
+    phase = np.zeros(len(lamps))
+    phase[beacons] = (np.arange(len(vehicle)) - first[vehicle]) % 2  # the beacons of a vehicle are consecutive
+    turn = 2.0 * np.pi * ((stamp_ns % period_ns) / period_ns + 0.5 * phase)
     beacon = beacons[:, None]
     heading = np.where(beacon, np.stack([np.cos(turn), np.sin(turn)], axis=1), lamps["facing"][:, :2])
     reach_m = lamps["reach_m"][:, None]

@@ -1,7 +1,7 @@
 """Shadow map of the sun or moon around the ego, shared by all cameras of a frame: two squares in one texture.
 
-The static part depends only on the light's direction and on a coarse grid cell around the ego, so it is kept until one
-of them changes: the picture is the same whether it was kept or drawn anew. Actors are added every frame.
+The static part depends only on the light's direction and on a coarse grid cell around the ego, so it is cached until
+one of them changes; the image is the same whether it was cached or redrawn. Actors are added every frame.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import Float64Array
 
-_SIZES_PX = (1024, 2048, 2048)  # of a square, by quality
+_SIZES_PX = (1024, 2048, 2048)  # size of a square, by quality
 _DEPTH_HALF_M = 400.0
 _BLUR_M = 1.0
-"""Shadows are looked up less than this away from the surface that they fall on."""
+"""Shadows are looked up within this distance of the surface that they fall on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Cascade:
 
     Attributes:
         half_m: Half its width.
-        step_m: Its middle follows the ego in such steps.
+        step_m: Grid spacing of its center, which follows the ego in such steps.
     """
 
     half_m: float
@@ -39,17 +39,17 @@ class Cascade:
 
 
 CASCADES = (Cascade(36.0, 6.0), Cascade(150.0, 24.0))
-"""Side by side in the texture."""
+"""From near to far; side by side in the texture."""
 
 
 class ShadowMap:
-    """The depth of the static world as the light sees it, and the same with actors added."""
+    """Depth of the static world as the light sees it, and a copy with actors added."""
 
     def __init__(self, context: moderngl.Context, quality: Quality) -> None:
         self._context = context
         self._square_px = _SIZES_PX[QUALITIES.index(quality)]
         size_px = (self._square_px * len(CASCADES), self._square_px)
-        # moderngl copies depth only along with a colour attachment, so there is one, unused.
+        # moderngl copies depth only together with a color attachment, so there is an unused one.
         unused = context.renderbuffer(size_px, 1)
         depth = context.depth_texture(size_px)
         depth.compare_func = "<="
@@ -57,7 +57,7 @@ class ShadowMap:
         depth.use(TEXTURE_UNITS["shadow_map"])
         self._static = context.framebuffer([unused], context.depth_texture(size_px))
         self._all = context.framebuffer([unused], depth)
-        self._drawn: list[tuple[float, ...]] = [() for _ in CASCADES]
+        self._cached_keys: list[tuple[float, ...]] = [() for _ in CASCADES]
 
     def draw(
         self,
@@ -69,7 +69,7 @@ class ShadowMap:
         table: RigidTable,
         views: Sequence[View],
     ) -> list[Float64Array]:
-        """Draw the map for light from (3,) ``direction``, without actors whose shadow falls out of all views.
+        """Draw the map for light from (3,) ``direction``, without actors whose shadow is outside all views.
 
         Returns:
             Per cascade a (4, 4) projection of world points to its clip space.
@@ -80,39 +80,39 @@ class ShadowMap:
         centers_m = [np.round(origin_m / cascade.step_m) * cascade.step_m for cascade in CASCADES]
         clip_from_center = [_clip_from_center(direction, cascade.half_m) for cascade in CASCADES]
         for index, cascade in enumerate(CASCADES):
-            drawn = (*centers_m[index], *direction)
-            if self._drawn[index] != drawn:
-                self._begin(self._static, index)
+            key = (*centers_m[index], *direction)
+            if self._cached_keys[index] != key:
+                self._use_square(self._static, index)
                 self._static.clear(depth=1.0, viewport=self._static.viewport)
                 reach_m = cascade.half_m + _DEPTH_HALF_M / 2.0
                 static.draw_around("shadow", clip_from_center[index], centers_m[index], reach_m)
-                self._drawn[index] = drawn
-        self._all.scissor = (0, 0, *self._all.size)  # it clips the copy
+                self._cached_keys[index] = key
+        self._all.scissor = (0, 0, *self._all.size)  # the scissor also clips the copy
         self._all.use()
         self._context.copy_framebuffer(self._all, self._static)
         clip_from_world = []
         blurred_m = table.radius_m + _BLUR_M
-        seen = np.any([view.sees_shadows(table.center_m, blurred_m, direction) for view in views], axis=0)
+        visible = np.any([view.sees_shadows(table.center_m, blurred_m, direction) for view in views], axis=0)
         for index, cascade in enumerate(CASCADES):
             clip = clip_from_center[index].copy()
             clip[:, 3] += clip[:, :3] @ (origin_m - centers_m[index])
-            self._begin(self._all, index)
-            across = table.center_m @ clip[:2, :3].T + clip[:2, 3]
-            within = np.all(np.abs(across) < 1.0 + table.radius_m[:, None] / cascade.half_m, axis=1)
-            pixel_m = np.full(len(seen), 2.0 * cascade.half_m / self._square_px)
-            actors.draw("shadow", world, table, seen & within, pixel_m, clip_from_shadow=clip)
+            self._use_square(self._all, index)
+            offset = table.center_m @ clip[:2, :3].T + clip[:2, 3]
+            inside = np.all(np.abs(offset) < 1.0 + table.radius_m[:, None] / cascade.half_m, axis=1)
+            pixel_m = np.full(len(visible), 2.0 * cascade.half_m / self._square_px)
+            actors.draw("shadow", world, table, visible & inside, pixel_m, clip_from_shadow=clip)
             clip_from_world.append(clip)
         return clip_from_world
 
-    def _begin(self, framebuffer: moderngl.Framebuffer, index: int) -> None:
-        """Draw into one cascade's square."""
+    def _use_square(self, framebuffer: moderngl.Framebuffer, index: int) -> None:
+        """Direct drawing into one cascade's square."""
         framebuffer.use()
         square = (index * self._square_px, 0, self._square_px, self._square_px)
         framebuffer.viewport = framebuffer.scissor = square
 
 
 def _clip_from_center(direction: Float64Array, half_m: float) -> Float64Array:
-    """(4, 4) parallel projection along the light, of points relative to the map's centre."""
+    """(4, 4) parallel projection along the light, of points relative to the map's center."""
     side = np.cross([0.0, 0.0, 1.0], direction)
     side = np.array([1.0, 0.0, 0.0]) if np.linalg.norm(side) < 1e-6 else side / np.linalg.norm(side)
     clip = np.eye(4)

@@ -1,4 +1,4 @@
-"""The sky with its clouds as one map for all cameras of a frame, which see it, mirror it and are lit by it."""
+"""The sky with its clouds as one map per frame: all cameras see it, surfaces reflect it and are lit by it."""
 
 import moderngl
 
@@ -8,11 +8,11 @@ from simbev_ros.render.lighting.light import CLEAR_HAZE_PER_M, SKY_SIZE_PX, SkyL
 from simbev_ros.types import Float64Array
 
 _SIZES_PX = (320, 512, 1024)
-"""Width of the map, of each quality."""
+"""Width of the map, per quality."""
 
 
 class SkyDome:
-    """The map: radiance, and the share of light from beyond the clouds that comes through."""
+    """Map of sky radiance, and of the share of light from beyond the clouds that passes through them."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context = context
@@ -27,15 +27,15 @@ class SkyDome:
         self._dome = context.framebuffer([dome])
         self._pass = library.screen_pass("sky_dome.frag", HAZE=CLEAR_HAZE_PER_M)
         self._pass.program["size"] = size_px
-        self._shown = b""
+        self._drawn_key = b""
 
     def draw(self, sky: SkyLight, block_head: Float64Array) -> None:
-        """Draw the map, unless it is drawn already. The uniform block ``Light`` must be that of the moment."""
-        what = block_head[:9].copy()
-        what[6, 3] = 0.0  # seconds, of which the map knows by the clouds' drift only
-        if what.tobytes() == self._shown:
+        """Draw the map if it has changed. The uniform block ``Light`` must be set for this frame."""
+        key = block_head[:9].copy()
+        key[6, 3] = 0.0  # seconds: the map depends on them only through the clouds' drift
+        if key.tobytes() == self._drawn_key:
             return
-        self._shown = what.tobytes()
+        self._drawn_key = key.tobytes()
         self._table.write(sky.sky.astype("f4").tobytes())
         self._context.enable_only(moderngl.NOTHING)
         self._pass.draw(self._dome)

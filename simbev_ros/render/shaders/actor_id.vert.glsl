@@ -1,5 +1,5 @@
 #version 430
-// Actors' triangles as numbers (resolve.frag.glsl).
+// Draws the triangle indices of actors (read by resolve.frag.glsl).
 #include "vertex_bits"
 #include "rigid"
 #include "view"

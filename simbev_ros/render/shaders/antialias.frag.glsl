@@ -1,5 +1,5 @@
 #version 330
-// Smooths edges of the shaded image along their direction, by luma (FXAA: Lottes 2009).
+// Smooths edges of the shaded image along their direction, based on luma (FXAA: Lottes 2009).
 #if SHADING_STEP > 1
 #define shaded coarse_shaded
 #endif

@@ -1,5 +1,5 @@
 #version 330
-// The sky, where nothing else is.
+// The sky, drawn where nothing else is.
 #include "g_buffer"
 #ifdef LENS
 #include "g_lens"

@@ -1,20 +1,20 @@
 #version 330
 // Light of a headlamp: strength · (direction to the lamp), strength, strength · height of the beam's upper edge.
-// A low beam's edge lies level on the left, 1 % below the axis, and rises by 15 degrees on the right (UN R112).
+// A low beam's cutoff is horizontal on the left, 1 % below the axis, and rises by 15 degrees on the right (UN R112).
 in vec2 v_offset;
 flat in vec2 v_heading;
 flat in vec4 v_light;  // 1 low or 2 high beam, tangent of its tilt, row of free_distance
 flat in vec3 v_size;
-uniform sampler2D beam_free;  // metres to the first thing in the way; columns are directions from right to left
+uniform sampler2D beam_free;  // meters to the nearest actor; columns are directions from right to left
 uniform float half_angle;
 out vec4 field;
 
 const float DIP = 0.01;
 const float RISE = 0.268;       // tan 15 degrees
-const float RISE_ENDS = 0.11;   // to the right, share of the distance ahead
+const float RISE_ENDS = 0.11;   // maximum offset to the right, as a share of the distance ahead
 const float WIDEST = 0.5;       // radians to either side
 const float HIGH_EDGE = 0.09;
-const float HIGHEST = 3.0;      // of a high beam's edge above the lamp, metres
+const float HIGHEST = 3.0;      // maximum height of a high beam's edge above the lamp, meters
 
 float unhindered(float angle, float distance) {
     int last = textureSize(beam_free, 0).x - 1;
@@ -29,7 +29,7 @@ void main() {
     float ahead = max(v_offset.x, 0.05), right = -v_offset.y;
     float distance = length(v_offset), angle = atan(v_offset.y, ahead);
     bool high = v_light.x > 1.5;
-    // To the right the light of a low beam carries further, because its edge rises there.
+    // To the right a low beam reaches farther, because its cutoff rises there.
     float reach = high ? v_size.z : v_size.z * mix(0.66, 1.0, smoothstep(-0.04, 0.06, right / ahead));
     float fading = clamp(1.0 - distance * distance / (reach * reach), 0.0, 1.0);
     float wide = max(1.0 - angle * angle / (WIDEST * WIDEST), 0.0), narrow = exp2(-(high ? 50.0 : 30.0) * angle * angle);

@@ -1,5 +1,5 @@
 #version 330
-// Writes each pixel's shading class as depth, so that the depth test gives every shader its own pixels only.
+// Writes each pixel's shading class as depth, so that the depth test passes only the pixels of a shader's class.
 uniform sampler2D g_color;
 uniform float layer_step;
 

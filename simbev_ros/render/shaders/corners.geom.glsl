@@ -1,5 +1,5 @@
 #version 330
-// Between the geometry pass's shaders for cameras that distort: tells each pixel where in its triangle it lies.
+// Geometry shader for cameras with lens distortion: passes each pixel its position within its triangle.
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 3) out;
 in vec3 to_normal[];
@@ -14,8 +14,8 @@ out vec2 v_uv;
 out vec3 v_before;
 flat out uint v_instance;
 flat out uvec2 v_surface;
-out vec2 v_corner;      // 1 at the first, at the second corner
-flat out float v_lift;  // how much nearer the triangle counts, in 1 / depth
+out vec2 v_corner;      // x: 1 at the first corner; y: 1 at the second corner
+flat out float v_lift;  // depth offset toward the camera, in 1 / depth
 
 void main() {
     for (int corner = 0; corner < 3; ++corner) {

@@ -1,5 +1,5 @@
 #version 330
-// The image at full size, from one at every SHADING_STEP-th pixel.
+// Upscales the image from every SHADING_STEP-th pixel to full size.
 uniform sampler2D coarse_rgb;
 out vec4 rgb;
 

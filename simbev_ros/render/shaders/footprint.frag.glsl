@@ -1,5 +1,5 @@
 #version 330
-// Share of the sky that an actor hides from the ground, and that share times the ground's height.
+// Share of the sky that an actor blocks from the ground, and that share times the ground's height.
 in vec2 v_offset;
 flat in vec3 v_actor;
 out vec2 contact;

@@ -1,11 +1,11 @@
 #version 330
-// The ground that an actor keeps the sky from, on a map from above.
+// The ground where an actor blocks the sky's light, on a map seen from above.
 uniform float half_m;
 in vec3 in_place;
 in vec2 in_heading;
 in vec2 in_half_size;
 
-out vec2 v_offset;  // from the actor's middle, along and across
+out vec2 v_offset;  // from the actor's center, along and across
 flat out vec3 v_actor;  // half length, half width, height of the ground
 
 const float MARGIN = 0.6;

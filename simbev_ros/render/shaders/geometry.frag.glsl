@@ -1,12 +1,12 @@
 #version 330
-// What a pixel of a drawn triangle shows.
+// Writes the G-buffer for a pixel of a triangle.
 #include "g_buffer"
 #include "pack"
 in vec3 v_normal;
 in vec2 v_uv;
 flat in uvec2 v_surface;
 flat in uint v_instance;
-in vec3 v_before;  // in the previous frame, optical
+in vec3 v_before;  // position in the previous frame, optical frame
 #ifdef LENS
 #include "g_lens"
 in vec2 v_corner;
@@ -14,7 +14,7 @@ flat in float v_lift;
 #endif
 
 void main() {
-    bool is_leaf = v_surface.x >> 24u == uint(MATERIAL_FOLIAGE);  // leaves shade alike on both sides
+    bool is_leaf = v_surface.x >> 24u == uint(MATERIAL_FOLIAGE);  // leaves are shaded the same on both sides
     vec3 normal = gl_FrontFacing || is_leaf ? v_normal : -v_normal;
     g_surface = uvec4(v_surface.x, pack_normal(normal), floatBitsToUint(v_uv));
     g_depth = 1.0 / gl_FragCoord.w;

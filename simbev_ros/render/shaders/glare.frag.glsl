@@ -1,5 +1,5 @@
 #version 330
-// Blended so that it never exceeds white.
+// Brightness of a lamp's point and glare, blended so that the result never exceeds white.
 in vec2 v_offset;
 in vec2 v_corner;
 flat in vec3 v_color;
@@ -14,7 +14,7 @@ void main() {
     float point = v_strength.x * exp2(-distance2 / (v_strength.z * v_strength.z));
     float wide = 1.0 + distance2 / (v_strength.w * v_strength.w);
     float glare = max(v_strength.y * inversesqrt(wide * wide * wide) - LEAST, 0.0);
-    float round_edge = clamp(1.5 - 1.5 * dot(v_corner, v_corner), 0.0, 1.0);  // of glare that is cut off
+    float round_edge = clamp(1.5 - 1.5 * dot(v_corner, v_corner), 0.0, 1.0);  // for glare that is cut off
     vec3 color = 1.0 - exp2(-(point + glare) * round_edge * v_color);
     added = vec4(color, dot(color, LUMA));
 }

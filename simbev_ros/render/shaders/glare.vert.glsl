@@ -1,15 +1,15 @@
 #version 330
-// A lamp's bright point, never smaller than a pixel, and its glare in the lens.
+// A lamp's bright point, at least one pixel large, and its glare in the lens.
 #include "glare"
 
 out vec2 v_offset;        // pixels from the lamp
-out vec2 v_corner;        // the same, 1 where the glare ends
+out vec2 v_corner;        // the same, scaled to 1 where the glare ends
 flat out vec3 v_color;
-flat out vec4 v_strength; // of the point, of the glare; radius of each, pixels
+flat out vec4 v_strength; // strength of the point, of the glare; radius of each, pixels
 
 const float LEAST = 0.015;
 const float GLARE_ANGLE = 0.0044;
-const float LARGEST = 0.16;  // of the picture's width
+const float LARGEST = 0.16;  // maximum radius, as a share of the image's width
 
 void main() {
     vec3 to_camera = world_from_optical[3].xyz - in_at;

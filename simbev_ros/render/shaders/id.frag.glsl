@@ -1,5 +1,5 @@
 #version 430
-// Which triangle a pixel shows, and whose.
+// Writes the index of the triangle that a pixel shows, and of its owner.
 flat in uvec2 v_id;
 layout(location = 0) out uvec2 triangle_id;
 

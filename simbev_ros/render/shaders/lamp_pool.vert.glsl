@@ -1,13 +1,13 @@
 #version 330
-// The ground that a lamp reaches, on a map from above: from behind to ahead of it, wider ahead or not.
+// The ground that a lamp reaches, on a map seen from above: a trapezoid from behind to ahead of it.
 uniform float half_m;
 in vec3 in_lamp;
 in vec2 in_heading;
-in vec4 in_extent;     // from, to, along the heading; half width there and there
+in vec4 in_extent;     // start, end, along the heading; half width at the start and at the end
 in vec4 in_light;
-in float in_half_width;  // of a lamp that is a line across the heading
+in float in_half_width;  // for a lamp that is a line across the heading
 
-out vec2 v_offset;  // from the lamp, along and across to the left
+out vec2 v_offset;  // from the lamp, along its heading and to the left
 flat out vec2 v_heading;
 flat out vec4 v_light;
 flat out vec3 v_size;  // height of the lamp in the world, half width, reach

@@ -1,12 +1,12 @@
 #version 330
-// The colour image of a camera with lens and sensor, from that of an ideal camera.
+// Color image of a camera with lens and sensor, from that of an ideal camera.
 #include "view"
 #include "lens"
 uniform sampler2D ideal_rgb;
 uniform sampler2D lens_rays;
 out vec4 rgb;
 
-// Weights of four texels for a place between the second and the third: Catmull, Rom.
+// Weights of four texels for a position between the second and the third: Catmull, Rom.
 vec4 weights(float share) {
     float square = share * share, cube = square * share;
     return vec4(-0.5 * cube + square - 0.5 * share, 1.5 * cube - 2.5 * square + 1.0,

@@ -1,11 +1,11 @@
 #version 330
-// A drop on the lens refracts the picture like a small lens of its own: upside down, darker at its rim.
-uniform sampler2D shaded;  // a copy of the picture
+// A drop on the lens refracts the image like a small lens of its own: upside down, darker at its rim.
+uniform sampler2D shaded;  // a copy of the image
 in vec2 v_place;
 flat in vec4 v_middle;
 out vec4 rgb;
 
-const float VIEW = 5.0;  // of the drop, in its radii
+const float VIEW = 5.0;  // field of view of the drop, in multiples of its radius
 
 void main() {
     vec2 size = vec2(textureSize(shaded, 0));

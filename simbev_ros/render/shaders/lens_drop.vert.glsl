@@ -1,12 +1,12 @@
 #version 330
-// A drop of rain on the lens: it falls, stays, slides down a little and is gone (render/rain.py).
+// A raindrop on the lens: it lands, stays, slides down a little and vanishes (render/shading/rain.py).
 #include "view"
 #include "random_words"
 uniform float time;        // seconds
 uniform uint camera_seed;
 
-out vec2 v_place;          // in the drop, its rim at 1
-flat out vec4 v_middle;    // pixels; radius, pixels; opacity
+out vec2 v_place;          // position in the drop, its rim at 1
+flat out vec4 v_middle;    // center, pixels; radius, pixels; opacity
 
 uvec4 words(uvec2 seed) { return random_words(uvec4(seed, seed.x ^ seed.y, seed.x + seed.y * 0x9E3779B9u)); }
 

@@ -1,6 +1,6 @@
 #version 330
-// Labels, depth and flow at the pixels of a camera whose lens distorts, from the G-buffer of an ideal one: of the
-// triangles that the four texels around a pixel's ray show, the ray meets the nearest that it does not miss.
+// Labels, depth and flow at the pixels of a camera with lens distortion, from the G-buffer of an ideal camera: each pixel's
+// ray takes the nearest triangle that it hits, among those that the four texels around it show.
 #include "edges"
 #include "view"
 #include "rigid"
@@ -11,7 +11,7 @@ uniform usampler2D g_edges;
 uniform usampler2D rigid_actors;
 uniform sampler2D lens_rays;
 uniform vec4 lens_intrinsics;  // fx, fy, cx, cy, pixels
-uniform vec4 lens_radial;      // k1, k2, k3; x² + y² up to which they hold
+uniform vec4 lens_radial;      // k1, k2, k3; x² + y² up to which the model is valid
 uniform vec2 lens_tangential;  // p1, p2
 
 layout(location = 0) out uint semantic;
@@ -20,10 +20,10 @@ layout(location = 2) out float depth;
 layout(location = 3) out vec2 flow;
 
 const float NEAREST_M = 1e-3;
-const float TOLERANCE_PX = 0.01;  // triangles that share an edge must not leave a gap
+const float TOLERANCE_PX = 0.01;  // so that triangles with a common edge leave no gap
 const float SMALL_PX = 1.0;
 
-// Pixel of a place on the plane z = 1.
+// Pixel of a position on the plane z = 1.
 vec2 lens_pixel(vec2 place) {
     float r2 = dot(place, place);
     float radial = 1.0 + r2 * (lens_radial.x + r2 * (lens_radial.y + r2 * lens_radial.z));
@@ -35,14 +35,14 @@ float inverse_depth(ivec2 texel, vec2 ideal) {
     return 1.0 / texelFetch(g_depth, texel, 0).x + dot(texelFetch(g_slope, texel, 0).xy, ideal - vec2(texel));
 }
 
-// Pixels from the nearest edge of the texel's triangle, positive within.
+// Pixels from the nearest edge of the texel's triangle, positive inside.
 float within(uvec4 edges, vec2 offset) {
     return min(within_edge(edges.x, offset), min(within_edge(edges.y, offset), within_edge(edges.z, offset)));
 }
 
-// The texel that shows the triangle which is seen at a place. A small triangle has others of its surface beside it that
-// no texel may show, so what lies behind it is not taken for seen beside it. Of labels that also holds for a triangle that
-// is long, but no wider than about a texel, as they are at silhouettes; depth beside it is better taken from behind.
+// The texel with the triangle that is visible at a position. Next to a small triangle there may be others of its surface
+// that no texel shows, so a surface behind it is not assumed to be visible there. For labels, the same applies to long
+// triangles about a texel wide, as at silhouettes; for depth, the surface behind is the better choice.
 ivec2 texel_of(vec2 ideal, bool of_labels) {
     ivec2 found = ivec2(round(ideal)), first = ivec2(floor(ideal));
     uvec4 edges = texelFetch(g_edges, found, 0);
@@ -75,7 +75,7 @@ void main() {
     float center = texelFetch(g_depth, texel, 0).x;
     bool sky = isinf(center);
     float change = inverse_depth(texel, ideal) * center;
-    depth = sky ? center : center / clamp(change, 0.25, 4.0);  // slivers seen edge-on have any slope
+    depth = sky ? center : center / clamp(change, 0.25, 4.0);  // slivers seen edge-on have arbitrary slopes
 
     vec4 now = world_from_optical * (sky ? vec4(place, 1.0, 0.0) : vec4(vec3(place, 1.0) * depth, 1.0));
     vec3 seen = (previous_optical_from_world * vec4(previous_from_now(row, now), now.w)).xyz;

@@ -1,5 +1,5 @@
 #version 330
-// A streak of rain, behind what is nearer.
+// A streak of rain, hidden by nearer surfaces.
 uniform sampler2D g_depth;
 in vec2 v_across;
 in float v_depth;

@@ -1,20 +1,20 @@
 #version 330
-// One streak of rain (render/rain.py): a drop's way past the camera while the shutter is open.
+// One streak of rain (render/shading/rain.py): a drop's path relative to the camera while the shutter is open.
 #include "air"
 #if LIT
 #include "lamps"
 #endif
 #include "film"
-uniform vec3 box;         // metres; drops repeat in it
-uniform vec3 shift[4];    // where the drops of each speed have fallen, world
-uniform vec3 passing[4];  // on their way past the camera, metres
+uniform vec3 box;         // meters; period of the drops
+uniform vec3 shift[4];    // displacement of the drops of each speed, world
+uniform vec3 passing[4];  // path past the camera of the drops of each speed, meters
 
 out vec2 v_across;  // -1 to 1 from side to side, and from end to end
 out float v_depth;
 flat out vec4 v_color;
 
-const float DROP = 0.0030;  // width in metres; larger than life, for those that are not drawn
-const float STREAK = 0.55;  // opacity of one that fills its pixels
+const float DROP = 0.0030;  // width in meters; larger than real, to stand for the drops that are not drawn
+const float STREAK = 0.55;  // opacity of a streak that fills its pixels
 const float NEAREST = 0.6;
 
 uvec3 words(uint number) {

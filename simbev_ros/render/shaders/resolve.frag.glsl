@@ -1,9 +1,9 @@
 #version 330
-// From the triangle that a pixel shows to the G-buffer, with flow and labels.
+// Fills the G-buffer, with flow and labels, from the index of the triangle that a pixel shows.
 #include "g_buffer"
 #include "rigid"
 #include "vertex_bits"
-uniform usampler2D triangle_ids;  // triangle; an actor's first row, or a tile's number and the highest bit
+uniform usampler2D triangle_ids;  // triangle; an actor's first row, or a tile's index with the highest bit set
 uniform sampler2D triangle_depth;
 uniform usampler2D rigid_actors;
 layout(std430, binding = 0) readonly buffer StaticVertices { uint static_words[]; };
@@ -13,8 +13,8 @@ layout(std430, binding = 3) readonly buffer ActorVertices { uint actor_words[]; 
 layout(std430, binding = 4) readonly buffer ActorTriangles { uint actor_corners[]; };
 
 const uint STATIC = 0x80000000u;
-const uint WORDS = 8u;  // of a vertex
-const float OVERHANG = 0.05;  // of a triangle's sides: vertices are drawn on a grid of 1/256 pixel
+const uint WORDS = 8u;  // size of a vertex in 32-bit words
+const float OVERHANG = 0.05;  // tolerance as a share of a triangle's sides: vertices snap to a grid of 1/256 pixel
 
 struct Corner {
     vec3 position;  // at rest
@@ -58,7 +58,7 @@ void main() {
         c.position = world_from_rest(row, vec4(c.position, 1.0));
     }
 
-    // Where the pixel's ray meets the triangle's plane, or the next place that is not far from the triangle.
+    // Where the pixel's ray meets the triangle's plane, clamped to the neighborhood of the triangle.
     vec3 eye = world_from_optical[3].xyz, ray = mat3(world_from_optical) * optical_ray(vec2(texel));
     vec3 side_b = b.position - a.position, side_c = c.position - a.position, across = cross(side_b, side_c);
     vec3 from_a = eye + ray * (dot(across, a.position - eye) / dot(across, ray)) - a.position;

@@ -1,5 +1,5 @@
 #version 330
-// One triangle over the whole screen, at a depth of choice.
+// One triangle that covers the whole screen, at a given depth.
 uniform float layer;
 
 void main() {

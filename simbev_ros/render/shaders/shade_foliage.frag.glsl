@@ -4,13 +4,13 @@
 #include "lighting"
 #include "noise"
 
-// Place on the coordinate plane that the surface faces most, so that noise is not stretched.
+// Position on the coordinate plane that is most parallel to the surface, so that noise is not stretched.
 vec2 flat_place(vec3 position, vec3 facing) {
     vec2 upright = facing.x > facing.y ? position.yz : position.xz;
     return facing.z > max(facing.x, facing.y) ? position.xy : upright;
 }
 
-const float GUST = 0.22;  // metres that leaves are moved by a storm
+const float GUST = 0.22;  // displacement of leaves in a storm, meters
 
 void main() {
     Pixel p = this_pixel();
@@ -30,7 +30,7 @@ void main() {
     s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 0.9 + (clump.bar - 0.5) * 0.9);
     s.albedo *= 1.0 - 0.25 * wetness() * max(s.normal.z, 0.0);
     s.roughness = 1.0;
-    s.metallic = 0.0;  // nothing is mirrored, so nothing of that is computed
+    s.metallic = 0.0;  // no reflections, so none are computed
     s.specular = 0.0;
     s.translucency = 0.6;
     shade(p, s);

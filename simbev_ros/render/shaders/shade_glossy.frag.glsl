@@ -1,5 +1,5 @@
 #version 330
-// Car paint under clear coat, glass, chrome, metal and water.
+// Car paint with clear coat, glass, chrome, metal and water.
 #define SKYLINE
 #include "enums"
 #include "noise"
@@ -8,9 +8,9 @@
 #include "cabin"
 #endif
 
-const float FLAKE = 0.0015;  // metres
+const float FLAKE = 0.0015;  // meters
 
-// Slope of small waves along a light wind; from afar they average out.
+// Slope of small waves in a light wind; at a distance they average out.
 vec2 ripples(vec2 place, float size) {
     vec2 swell = noise_at(place / vec2(9.0, 6.0), size / 6.0).ba - 0.5;
     vec2 along = noise_at(place.yx / vec2(1.7, 3.1) + 0.37, size / 1.7).ab - 0.5;
@@ -37,17 +37,17 @@ void main() {
     }
     if (p.material == MATERIAL_WATER) {
         s.normal = normalize(p.normal + vec3(ripples(p.uv, p.size), 0.0));
-        s.albedo *= 0.35;  // most of what is seen is mirrored
+        s.albedo *= 0.35;  // most of the visible light is reflected
     }
     if (p.material == MATERIAL_CAR_PAINT) {
         s.roughness = 0.07;
         s.specular = 0.06;
         s.metallic = 0.0;
-        // Flakes lie flat: paint is lighter where it is looked at straight, and glitters from near.
+        // Flakes lie flat: paint is brighter when seen head-on, and glitters from nearby.
         float flakes = (random(floor(p.uv / FLAKE)) - 0.5) * 0.5 * seen_apart(FLAKE, p.size);
         float colorful = max(p.albedo.r, max(p.albedo.g, p.albedo.b)) - min(p.albedo.r, min(p.albedo.g, p.albedo.b));
         s.albedo = mix(p.albedo, vec3(dot(p.albedo, LUMA)), 0.18 * clamp(colorful * 2.0, 0.0, 1.0)) * (0.62 + 0.34 * facing + flakes * 0.6);
-        // Dust of the road on the lower flanks.
+        // Road dust on the lower sides.
         s.roughness += 0.25 * (1.0 - smoothstep(-0.3, 0.2, p.normal.z));
     }
     shade(p, s);

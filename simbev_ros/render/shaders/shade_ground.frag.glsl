@@ -14,11 +14,11 @@
 #endif
 
 const float CROP_ROW = 0.75;
-const float SWATH = 2.4;  // two passes of a mower
+const float SWATH = 2.4;  // width of two passes of a mower
 const vec3 OLD_ASPHALT = vec3(0.075, 0.074, 0.072);
-const float MARKING_WEAR = 0.2;  // its mean
+const float MARKING_WEAR = 0.2;  // mean share of worn paint
 
-// What of noise of a wavelength is left when it is blurred to the size of the pixel.
+// Share of noise of a wavelength that remains when it is blurred to the size of the pixel.
 float left(float wavelength, float size) { return clamp(1.5 - 2.0 * size / wavelength, 0.0, 1.0); }
 
 vec3 asphalt(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
@@ -32,14 +32,14 @@ vec3 asphalt(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
 }
 
 vec3 marking(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
-    float tired = 0.40 * middle.b + 0.34 * fine.g + 0.26 * coarse.a;  // flakes off stone by stone, most where much is driven
+    float tired = 0.40 * middle.b + 0.34 * fine.g + 0.26 * coarse.a;  // flakes off stone by stone, most where there is most traffic
     float worn = mix(MARKING_WEAR, smoothstep(0.52, 0.66, tired), left(0.06, size));
     float dust = 0.42 + 0.18 * coarse.r + 0.12 * fine.b + 0.10 * middle.r;
     vec3 paint = mix(albedo, vec3(dot(albedo, LUMA)), 0.15) * vec3(1.0, 0.985, 0.95);
     return mix(paint * dust, OLD_ASPHALT, 0.8 * worn);
 }
 
-// Slabs in bond, or small stones; each quarter has its own.
+// Slabs in bond, or small stones, depending on the quarter.
 vec3 paving(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
     vec2 slab = random(floor(uv / 173.0) + 64.0) < 0.65 ? vec2(0.6, 0.4) : vec2(0.3, 0.3);
     vec2 place = uv;
@@ -53,7 +53,7 @@ vec3 paving(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float siz
     return mix(color, vec3(0.062, 0.058, 0.048), joint * (0.45 + 0.5 * middle.a));
 }
 
-// Kerb stones and cast walls, a joint a metre.
+// Curb stones and cast walls, with one joint per meter.
 vec3 concrete(vec3 albedo, vec2 uv, vec3 normal, vec4 coarse, vec4 middle, vec4 fine, float size) {
     vec2 joints = vec2(stripe_cover(uv.x, 0.009, size), normal.z > 0.5 ? stripe_cover(uv.y, 0.009, size) : 0.0);
     float stone = 0.12 * (random(floor(uv)) - 0.5) * seen_apart(1.0, size);
@@ -71,7 +71,7 @@ vec3 grass(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size
     return color * max(1.0 + blades + mown, 0.15) * straw;
 }
 
-// Rows of plants with bare soil between them; from afar only their mean is left.
+// Rows of plants with bare soil between them; at a distance only their mean remains.
 vec3 crop(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float across = uv.y / CROP_ROW + 0.35 * (middle.r - 0.5);
     float soil = mix(0.36, smoothstep(0.12, 0.42, abs(fract(across) - 0.5)), (1.0 - smoothstep(0.1, 0.6, size / CROP_ROW)));

@@ -1,17 +1,17 @@
 #version 330
-// Reflective sheeting, and lamps: of vehicles by their light bits, traffic signals by their state, street lamps by the
-// time of day, unless they are broken.
+// Reflective sheeting, and lamps: those of vehicles by their light bits, traffic signals by their state, street lamps by
+// the time of day, unless they are broken.
 #include "enums"
 #include "lighting"
 #include "noise"
 #include "number"
 uniform usampler2D signal_states;
-uniform sampler2D street_lamps;  // how strongly each shines when it is dark, 128 a line
+uniform sampler2D street_lamps;  // intensity of each lamp when it is dark, 128 per line
 
 const float SHEETING_GAIN = 30.0;
-const vec2 FLUTE = vec2(0.026, 0.043);  // of lenses and the reflectors behind them, metres
+const vec2 FLUTE = vec2(0.026, 0.043);  // size of flutes in lenses and in the reflectors behind them, meters
 
-// Brightness of retroreflective sheeting: it sends the light of headlamps back to them, and to a camera near them.
+// Brightness of retroreflective sheeting: it returns the light of headlamps to them, and to a camera near them.
 float retroreflected(vec3 position, vec3 to_camera) {
     vec4 field = texture(beam_field, map_place(coarse_place(position)));
     float towards = dot(field.xy, normalize(to_camera.xy)) / max(field.z, 1e-4);

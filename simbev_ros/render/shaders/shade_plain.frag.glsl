@@ -1,5 +1,5 @@
 #version 330
-// Matt things: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, skin and hair.
+// Matte surfaces: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, skin and hair.
 #define MATT
 #include "enums"
 #include "lighting"
@@ -7,9 +7,9 @@
 #include "noise"
 
 const vec2 TILE = vec2(0.24, 0.32);
-const float SEAM = 1.0;  // between the sheets of flat roofs
+const float SEAM = 1.0;  // distance between the seams of flat roofs
 
-// Length and height of one repetition of the noise, metres: stretched along what has a grain.
+// Length and height of one period of the noise, meters: stretched along the grain.
 vec2 grain_of(uint material) {
     if (material == MATERIAL_BARK) return vec2(0.8, 2.0);
     if (material == MATERIAL_WOOD) return vec2(0.6, 6.0);
@@ -19,7 +19,7 @@ vec2 grain_of(uint material) {
     return vec2(4.0);
 }
 
-// Courses of tiles on slopes, sheets with seams on level roofs.
+// Courses of tiles on slopes, sheets with seams on flat roofs.
 vec3 roofing(vec3 albedo, vec2 uv, vec4 grain, bool level, float size) {
     vec3 aged = mix(albedo, vec3(dot(albedo, GRAY)), 0.25) * (0.70 + 0.30 * grain.r + 0.24 * grain.g);
     vec2 place = uv / TILE;
@@ -33,13 +33,13 @@ vec3 roofing(vec3 albedo, vec2 uv, vec4 grain, bool level, float size) {
     return level ? sheets : mix(tiles, vec3(0.07, 0.075, 0.045), 0.35 * moss);
 }
 
-// 0 towards x .. 2 away from it.
+// 0 toward x .. 2 away from it.
 float facing_share(vec3 normal) { return 1.0 - normal.x / (abs(normal.x) + abs(normal.y) + 1e-4); }
 
 void main() {
     Pixel p = this_pixel();
     vec2 period = grain_of(p.material);
-    // The sides of a trunk are told apart by where they face: its u is about the same all around.
+    // The sides of a trunk differ by the direction that they face: u is about the same all around.
     float around = p.normal.y < 0.0 ? 4.0 - facing_share(p.normal) : facing_share(p.normal);
     vec2 place = p.uv + vec2(p.material == MATERIAL_BARK ? 0.4 * around : 0.0, 0.0);
     vec4 grain = texture_at(place / period, p.size * inversesqrt(period.x * period.y));
@@ -66,7 +66,7 @@ void main() {
     } else if (p.material == MATERIAL_SKIN) {
         s.translucency = 0.15;
     } else if (p.material == MATERIAL_RUBBER) {
-        s.albedo = mix(s.albedo, vec3(0.05, 0.047, 0.042), 0.3 + 0.4 * grain.a);  // dust of the road
+        s.albedo = mix(s.albedo, vec3(0.05, 0.047, 0.042), 0.3 + 0.4 * grain.a);  // road dust
     }
     s.albedo *= 1.0 - 0.25 * wetness() * max(p.normal.z, 0.0);
     shade(p, s);

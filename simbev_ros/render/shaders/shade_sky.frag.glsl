@@ -1,9 +1,9 @@
 #version 330
-// Sky and clouds from their map, before them sun or moon and stars.
+// Sky and clouds from their map, with the sun or the moon and stars.
 #include "lighting"
 #include "noise"
 
-const float SUN_RADIUS = 0.0075;  // radians; larger than life, as lenses show it
+const float SUN_RADIUS = 0.0075;  // radians; larger than real, as lenses show it
 const float MOON_RADIUS = 0.0085;
 
 vec3 stars(vec3 direction) {

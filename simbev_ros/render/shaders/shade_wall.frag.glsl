@@ -1,5 +1,5 @@
 #version 330
-// Walls with windows, curtain walls and shop fronts. uv: along the wall, up; 3 m a bay, 3 m a storey.
+// Walls with windows, curtain walls and shop fronts. uv: along the wall, up; 3 m per bay, 3 m per story.
 #define SKYLINE
 #include "enums"
 #include "noise"
@@ -9,7 +9,7 @@
 
 uniform vec3 window_colors[8];  // sRGB
 uniform int window_color_count;
-uniform float window_share;  // of the windows of rooms, lit; 0: all lights of buildings are off
+uniform float window_share;  // share of lit windows of rooms; 0: all lights of buildings are off
 uniform float window_seed;
 
 const float BAY = 3.0;
@@ -17,14 +17,14 @@ const float BOARD = 0.18;
 const float SHEET = 0.30;
 const vec3 DIRT = vec3(0.085, 0.078, 0.068);
 
-struct Opening {  // in one bay, metres
+struct Opening {  // opening in one bay, meters
     vec2 low, high;
     float frame;    // width of the frame around the glass
-    float mullion;  // half width of the upright in the middle
+    float mullion;  // half width of the vertical bar in the middle
     float recess;   // depth of the glass behind the wall
 };
 
-// form: 0..1, the same all over a building.
+// form: 0..1, constant within a building.
 Opening opening_of(uint material, float form) {
     if (material == MATERIAL_OFFICE_GLASS) return Opening(vec2(0.04, 0.75), vec2(2.96, 2.96), 0.03, 0.03, 0.04);
     if (material == MATERIAL_SHOPFRONT) return Opening(vec2(0.12, 0.30), vec2(2.88, 2.45), 0.05, 0.025, 0.12);
@@ -59,13 +59,13 @@ float within(vec2 place, vec2 low, vec2 high, float size) {
     return span_cover(place.x, low.x, high.x, size) * span_cover(place.y, low.y, high.y, size);
 }
 
-// Shops' fascias: dark green, navy, burgundy, charcoal or cream.
+// Shop fascias: dark green, navy, burgundy, charcoal or cream.
 vec3 sign_tone(float pick) {
     vec3 dark = pick < 0.25 ? vec3(0.025, 0.07, 0.05) : pick < 0.5 ? vec3(0.03, 0.05, 0.11) : vec3(0.16, 0.035, 0.04);
     return pick < 0.7 ? dark : pick < 0.87 ? vec3(0.045, 0.045, 0.05) : vec3(0.42, 0.38, 0.31);
 }
 
-// Along the wall, up, and out of it.
+// Components along the wall, up, and outward.
 vec3 in_wall(vec3 direction, vec3 normal) {
     vec2 out_of = normal.xy * inversesqrt(max(dot(normal.xy, normal.xy), 1e-4));
     return vec3(dot(direction.xy, vec2(-out_of.y, out_of.x)), direction.z, dot(direction.xy, out_of));
@@ -81,7 +81,7 @@ void main() {
     float above_ground = step(0.0, p.uv.y);
     vec4 pick = randoms(bay + building + 4096.0);
 
-    // The pane lies behind the wall: what is seen of it and of the reveal around it shifts with the view.
+    // The pane lies behind the wall: the visible parts of it and of the reveal around it shift with the view.
     vec3 sight = in_wall(-p.to_camera, p.normal), sun = in_wall(key_direction.xyz, p.normal);
     float inward = max(-sight.z, 0.12);
     vec2 deep = place + sight.xy / inward * o.recess;
@@ -99,7 +99,7 @@ void main() {
     float streaks = grain.b;
 #endif
     vec3 wall = clad(p.albedo, p.material, p.uv, grain.a, p.size) * (0.84 + 0.20 * grain.r + 0.12 * grain.g);
-    // Rain takes dirt down from the ends of sills, and throws it up at the foot.
+    // Rain washes dirt down from the ends of sills, and splashes it up at the foot of the wall.
     float below_sill = span_cover(place.x, o.low.x - 0.15, o.high.x + 0.15, 0.2) * smoothstep(o.low.y - 1.6, o.low.y - 0.1, place.y) * step(place.y, o.low.y);
     float splashed = (1.0 - smoothstep(0.0, 0.9, p.uv.y)) * above_ground;
     float dirt = 0.30 * streaks * streaks + (punched ? 0.75 : 0.3) * below_sill * smoothstep(0.45, 0.95, streaks) + 0.7 * splashed * smoothstep(0.2, 0.9, grain.b);
@@ -117,7 +117,7 @@ void main() {
     float sign = shop ? within(place, vec2(-1.0, 2.52), vec2(4.0, 2.9), p.size) : 0.0;
     wall = mix(wall, sign_color, sign);
 
-    // The reveal: dark above, lit on the sill, in between at the sides.
+    // The reveal: dark at the top, lit on the sill, intermediate at the sides.
     float reveal = opening * (1.0 - back);
     vec3 reveal_color = wall * (deep.y > o.high.y ? 0.35 : deep.y < o.low.y ? 0.95 : 0.7);
     vec3 frame = punched ? vec3(0.55, 0.54, 0.51) : vec3(0.07, 0.075, 0.08);
@@ -151,7 +151,7 @@ void main() {
 
     float lit_share = shop ? 1.0 - pow(1.0 - window_share, 4.0) : window_share;
     float is_lit = step(1.0 - lit_share, random(bay + building * vec2(1.0, 3.0) + window_seed + 16384.0)) * lamps_lit();
-    vec2 room_at = vec2(floor(bay.x / (shop ? 3.0 : 2.0)), bay.y);  // neighbours have the same lamps
+    vec2 room_at = vec2(floor(bay.x / (shop ? 3.0 : 2.0)), bay.y);  // adjacent windows of a room have the same lamps
     float chosen = random(room_at + building * vec2(3.0, 1.0) + window_seed + 32768.0);
     vec3 tint = linear_color(window_colors[min(int(chosen * float(window_color_count)), window_color_count - 1)]);
     vec3 lamplit = mix(inside.albedo * 0.85, vec3(0.50, 0.45, 0.40) * folds, cloth);

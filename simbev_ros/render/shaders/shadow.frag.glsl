@@ -1,3 +1,3 @@
 #version 330
-// Only depth is wanted.
+// Writes only depth.
 void main() {}

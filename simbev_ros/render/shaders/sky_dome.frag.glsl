@@ -1,21 +1,21 @@
 #version 330
-// The sky of a moment as a map of the hemisphere: clear sky or overcast (render/light.py), clouds, haze and fog.
+// The current sky as a map of the hemisphere: clear sky or overcast (render/lighting/light.py), clouds, haze and fog.
 #include "air"
 #include "dome"
 #include "noise"
 uniform sampler2D sky_table;  // radiance without the shapes of clouds
-uniform float size;           // of the map, pixels
+uniform float size;           // width of the map, pixels
 
-out vec4 dome;  // radiance; share of the light from beyond that comes through
+out vec4 dome;  // radiance; share of the light from beyond that passes through
 
 const int LAYERS = 5 + 2 * QUALITY;
-const float CLOUD_SCALE = 0.26;     // periods of the noise per height of the clouds' base
-const float CLOUD_DEPTH = 0.30;     // of a cumulus, in heights of the base
-const float HORIZON_HEIGHT = 0.07;  // the Earth is round: clouds end there
-const float BASE = 1100.0;          // metres
-const float BEYOND = 15000.0;       // metres of fog before the sky
+const float CLOUD_SCALE = 0.26;     // periods of the noise per height of the cloud base
+const float CLOUD_DEPTH = 0.30;     // thickness of a cumulus, in heights of the cloud base
+const float HORIZON_HEIGHT = 0.07;  // clouds end there, because the Earth is round
+const float BASE = 1100.0;          // meters
+const float BEYOND = 15000.0;       // meters of fog in front of the sky
 
-// How deep inside of a cloud a place of the clouds' map is; the share of places above 0 is the cloudiness.
+// Depth inside a cloud at a position of the cloud map; the share of positions above 0 is the cloudiness.
 float cloud_field(vec2 place, float pixel_size) {
     float large = noise_at(place, pixel_size).r;
     vec4 small = noise_at(place * 4.7 + 0.37, pixel_size * 4.7);

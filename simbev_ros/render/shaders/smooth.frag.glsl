@@ -1,5 +1,5 @@
 #version 330
-// The mean visibility of 4 x 4 texels at about the same depth, which takes out the pattern of visibility.frag.
+// Mean visibility of 4 x 4 texels at about the same depth, which removes the pattern of visibility.frag.
 #include "log_depth"
 uniform sampler2D noisy_visibility;
 

@@ -1,5 +1,5 @@
 #version 330
-// Squares of pixels, as points: they have no diagonal, along which two triangles would both be shaded.
+// Squares of pixels, drawn as points: unlike two triangles, they have no diagonal along which pixels are shaded twice.
 uniform vec2 target_px;
 uniform float square_px;
 uniform float layer;

@@ -1,7 +1,7 @@
 #version 330
 #include "vertex"
 #include "view"
-in vec3 in_place;  // of its tile's origin
+in vec3 in_place;  // position of its tile's origin
 
 void main() {
     vec4 place = vec4(in_place + in_position, 1.0);

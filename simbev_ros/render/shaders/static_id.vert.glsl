@@ -1,10 +1,10 @@
 #version 430
-// Static triangles as numbers (resolve.frag.glsl).
+// Draws the indices of static triangles (read by resolve.frag.glsl).
 #include "vertex_bits"
 #include "view"
 in vec3 in_position;
 in uvec3 in_packed;
-in vec3 in_place;  // of its tile's origin
+in vec3 in_place;  // position of its tile's origin
 in uint in_tile;
 in uint in_first;
 

@@ -1,12 +1,12 @@
 #version 330
-// A lamp mirrored by a wet, rough, level surface (Beckmann's distribution, Schlick's approximation of Fresnel's law).
+// A lamp's reflection on a wet, rough, horizontal surface (Beckmann distribution, Schlick's approximation of Fresnel's law).
 #include "enums"
 #include "pixel"
 #include "light"
 #include "noise"
 in vec3 v_across;
 flat in vec3 v_lamp;
-flat in vec3 v_light;  // colour · candela
+flat in vec3 v_light;  // color · candela
 flat in vec4 v_facing;
 out vec4 added;
 
@@ -32,7 +32,7 @@ void main() {
     float mirrored = (0.02 + 0.98 * grazing2 * grazing2 * grazing) * distribution / (4.0 * max(dot(normal, view), 0.06));
     float ahead = max(-dot(v_facing.xyz, to_lamp), 0.0);
     float sent = mix(1.0, ahead, v_facing.w) / distance2;
-    // It fades towards the borders of what is drawn, and coarse grains break it up.
+    // It fades toward the borders of the streak, and coarse grains break it up.
     float across = v_across.x / v_across.z, window = (1.0 - across * across) * min((1.0 - v_across.y) * 4.0, 1.0);
     float size = length(ray) * 4.0 / intrinsics.x * length(position - world_from_optical[3].xyz);
     float grain = 0.45 + 1.1 * noise_at((position + noise_origin.xyz).xy / 1.6, size / 1.6).g;

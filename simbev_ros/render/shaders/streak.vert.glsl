@@ -1,5 +1,5 @@
 #version 330
-// Where a wet road may mirror a lamp: from below it towards the camera.
+// Area where a wet road may reflect a lamp: from below it toward the camera.
 #include "glare"
 
 out vec3 v_across;  // -1 to 1 from side to side, times the width; down from 0 to 1; width
@@ -8,7 +8,7 @@ flat out vec3 v_light;
 flat out vec4 v_facing;
 
 const float LEAST_LUX = 0.008;
-const float FOREMOST = 2.5;  // times the camera's height
+const float FOREMOST = 2.5;  // in multiples of the camera's height
 
 void main() {
     vec3 camera = world_from_optical[3].xyz;

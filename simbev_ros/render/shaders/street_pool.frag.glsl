@@ -13,7 +13,7 @@ void main() {
     float height2 = HEIGHT * HEIGHT;
     float reach = clamp(1.0 - distance2 / (v_size.z * v_size.z), 0.0, 1.0);
     float cosine2 = height2 / (height2 + distance2);
-    // Such lamps shine more to the sides than straight down.
+    // Street lamps shine more to the sides than straight down.
     float strength = v_light.x * reach * reach * cosine2 * sqrt(cosine2) * 1.15;
     vec2 offset = v_heading * v_offset.x + vec2(-v_heading.y, v_heading.x) * v_offset.y;
     field = strength * vec4(-offset * inversesqrt(distance2 + height2), 1.0, v_size.x);

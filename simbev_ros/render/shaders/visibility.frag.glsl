@@ -1,6 +1,6 @@
 #version 330
-// What of the light arrives, on a grid of every VISIBILITY_STEP-th pixel: the share of sky and ground that nearby surfaces
-// leave open, and the share of sun or moon. Both are noisy by a pattern of 4 x 4 texels, which smooth.frag averages.
+// Visibility of light sources, on a grid of every VISIBILITY_STEP-th pixel: the share of sky and ground that nearby surfaces
+// do not block, and the visible share of sun or moon. Both have noise with a 4 x 4 texel pattern, which smooth.frag averages.
 // Openness: scalable ambient obscurance (McGuire, Mara, Luebke 2012).
 #include "pixel"
 #include "light"
@@ -11,11 +11,11 @@ uniform sampler2D contact_map;
 out vec4 visibility;  // openness, sunlit, depth
 
 const int TAPS = QUALITY == 0 ? 4 : 6;
-const float TEXEL = QUALITY == 0 ? 2.0 : 1.0;  // of the shadow map, in those of the medium quality
+const float TEXEL = QUALITY == 0 ? 2.0 : 1.0;  // size of a shadow map texel, in those of the medium quality
 const int SHADOW_TAPS = QUALITY == 0 ? 1 : 2;
-const float REACH = 1.1;      // metres
-const mat2 TURN = mat2(-0.73737, 0.67549, -0.67549, -0.73737);  // from tap to tap: the golden angle
-const float BIAS = 0.002;     // of the depth, against the steps of flat surfaces
+const float REACH = 1.1;      // meters
+const mat2 TURN = mat2(-0.73737, 0.67549, -0.67549, -0.73737);  // rotation between taps: the golden angle
+const float BIAS = 0.002;     // share of the depth, against banding on flat surfaces
 const float STRENGTH = 4.0;
 const float SHADOW_EDGE = 0.99;
 const float PENUMBRA = 1.6;   // texels of the shadow map
@@ -40,7 +40,7 @@ float openness(ivec2 texel, vec3 point, vec3 normal, vec2 aside) {
     return max(1.0 - STRENGTH * hidden / float(TAPS), 0.0);
 }
 
-// Share of the key light that arrives. The place is moved out of the surface by about a texel against acne.
+// Share of the key light that arrives. The position is offset from the surface by about a texel to avoid shadow acne.
 float sunlit(vec3 position, vec3 normal, vec2 aside) {
     float facing = dot(normal, key_direction.xyz);
     float slope = sqrt(max(1.0 - facing * facing, 0.0));
@@ -49,7 +49,7 @@ float sunlit(vec3 position, vec3 normal, vec2 aside) {
     bool is_near = max(abs(near.x), abs(near.y)) < SHADOW_EDGE;
     vec3 place = 0.5 + 0.5 * (is_near ? near : far);
     bool outside = max(abs(far.x), abs(far.y)) > SHADOW_EDGE;
-    place.x = 0.5 * place.x + (is_near ? 0.0 : 0.5);  // the squares lie side by side
+    place.x = 0.5 * place.x + (is_near ? 0.0 : 0.5);  // the squares are side by side
     place.z -= TEXEL * (is_near ? 4e-5 : 1e-4);
     vec2 size = vec2(textureSize(shadow_map, 0));
     float light = 0.0;
@@ -61,7 +61,7 @@ float sunlit(vec3 position, vec3 normal, vec2 aside) {
     return outside ? 1.0 : facing < -0.2 ? 0.0 : light / float(SHADOW_TAPS);
 }
 
-// Share of the sky that actors standing here hide from the ground (render/contact.py).
+// Share of the sky that actors at this position block from the ground (render/lighting/contact_shadows.py).
 float under_actors(vec3 position, vec3 normal) {
     vec2 contact = texture(contact_map, position.xy / (2.0 * noise_origin.w) + 0.5).xy;
     float above = abs(position.z - contact.y / max(contact.x, 1e-3));

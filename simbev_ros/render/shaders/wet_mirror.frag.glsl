@@ -1,5 +1,5 @@
 #version 330
-// What wet ground mirrors of the picture itself: cars, houses and lamps instead of the sky that its shader took.
+// Screen-space reflections on wet ground: cars, houses and lamps replace the sky that its shader assumed.
 #include "enums"
 #include "pixel"
 #include "sky"
@@ -10,13 +10,13 @@ out vec4 shaded;
 
 const int STEPS = QUALITY == 2 ? 16 : 9;
 const int REFINEMENTS = 2 + QUALITY / 2;
-const float FIRST = QUALITY == 2 ? 0.3 : 0.5;     // metres
+const float FIRST = QUALITY == 2 ? 0.3 : 0.5;     // meters
 const float GROWTH = QUALITY == 2 ? 1.38 : 1.8;
-const float THICKNESS = QUALITY == 2 ? 0.45 : 0.8;  // of things, of the range
+const float THICKNESS = QUALITY == 2 ? 0.45 : 0.8;  // assumed thickness of objects, as a share of the range
 const float GRAIN = 0.045;    // slope of wet asphalt
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
-// Homogeneous pixels, and depth.
+// Homogeneous pixel coordinates, and depth.
 vec3 pixels_of(vec4 clip) { return vec3((clip.xy + clip.w) * 0.5 * viewport.xy, clip.w); }
 
 // Tone mapping of film.glsl before its gamma, which is taken as 2 here.

@@ -1,1 +1,1 @@
-"""From the G-buffer to a color image: materials, rain, wet ground, screen passes."""
+"""Shading: turns the G-buffer into a color image, with materials, rain, wet ground and screen passes."""

@@ -1,7 +1,8 @@
-"""Where on the screen each shading class is, so that its shader runs there and nowhere else.
+"""Runs the shader of each shading class only on the pixels of its class.
 
-The depth test chooses the pixels: each pixel's class is written as depth, and a shader is drawn at that of its class.
-On the CPU even a rejected pixel costs. So there the screen is cut into squares, and a class is drawn where it is seen.
+On the CPU, the depth test selects the pixels: each pixel's class is written as depth, and a shader is drawn at the
+depth of its class. Even a rejected pixel has a cost there, so the screen is divided into squares, and a class is drawn
+only in squares that contain it. On a GPU, compute shaders check each pixel's class themselves.
 """
 
 from typing import Protocol
@@ -9,7 +10,7 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from simbev_ros.render.gl.programs import ProgramLibrary, steps_of
+from simbev_ros.render.gl.programs import ProgramLibrary, quality_steps
 from simbev_ros.render.gl.screen_pass import ScreenPass
 from simbev_ros.render.gl.targets import Targets
 from simbev_ros.render.shading.surfaces import shading_classes
@@ -17,14 +18,14 @@ from simbev_ros.types import Int64Array, UInt32Array
 
 _LAYER_STEP = 1.0 / 16.0
 _SQUARE_PX = 32
-_MOST_SQUARES = 1 << 20  # more than all classes need in an image of 8192 x 8192 pixels
+_MAX_SQUARES = 1 << 20  # more than all classes need in an image of 8192 x 8192 pixels
 
 
 class ClassAreas(Protocol):
-    """Makes shaders of shading classes, which are numbered, run on the pixels of their class."""
+    """Runs shaders of shading classes, identified by number, on the pixels of their class."""
 
     def surface_pass(self, fragment: str, number: int, **constants: float) -> ScreenPass:
-        """A fragment shader for the pixels of a class, of framebuffers as large as ``targets.surfaces`` of ``find``."""
+        """Compile a fragment shader for the pixels of a class, for framebuffers of the size of ``targets.surfaces``."""
         ...
 
     def find(self, targets: Targets) -> None:
@@ -32,13 +33,13 @@ class ClassAreas(Protocol):
         ...
 
 
-def class_areas(context: moderngl.Context, library: ProgramLibrary) -> ClassAreas:
-    """What fits the library's screen passes."""
-    return _Computed(library) if library.computes else _Squares(context, library)
+def create_class_areas(context: moderngl.Context, library: ProgramLibrary) -> ClassAreas:
+    """Create the kind of ``ClassAreas`` that matches the library's screen passes."""
+    return _ComputeAreas(library) if library.use_compute else _SquareAreas(context, library)
 
 
-class _Computed:
-    """Every shader runs over the whole screen and looks up each pixel's class first, which costs a GPU little."""
+class _ComputeAreas:
+    """Every shader runs on the whole screen and first looks up each pixel's class, which is cheap on a GPU."""
 
     def __init__(self, library: ProgramLibrary) -> None:
         self._library = library
@@ -48,18 +49,18 @@ class _Computed:
         return self._library.screen_pass(fragment, f"{flag} == {1 << number}u", **constants)
 
     def find(self, targets: Targets) -> None:
-        """There is nothing to find."""
+        """Do nothing: the shaders look up the classes themselves."""
 
 
-class _Squares:
-    """The screen in squares. The depth of ``targets.surfaces`` tells the classes apart in squares that hold several."""
+class _SquareAreas:
+    """The screen in squares. In squares with several classes, the depth of ``targets.surfaces`` tells them apart."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context, self._library = context, library
-        self._squares = context.buffer(reserve=4 * _MOST_SQUARES, dynamic=True)
+        self._squares = context.buffer(reserve=4 * _MAX_SQUARES, dynamic=True)
         self._classify = self._array("classify.frag")
         self._classify.program["layer_step"] = _LAYER_STEP
-        self._step = steps_of(library.quality)["SHADING_STEP"]
+        self._step = quality_steps(library.quality)["SHADING_STEP"]
         self._size_px, self._square_px = (1, 1), 1
         self._pure: list[range] = []
         self._mixed: list[range] = []
@@ -70,20 +71,23 @@ class _Squares:
     def find(self, targets: Targets) -> None:
         self._size_px = targets.surfaces.size
         self._square_px = min(_SQUARE_PX, *self._size_px)
-        seen = targets.seen_classes()[:: self._step, :: self._step]
-        columns, rows = (_starts(size, self._square_px) for size in self._size_px)
-        flags = _united(_united(seen, rows, self._square_px).T, columns, self._square_px).T >> 24
-        lonely = flags & flags - 1 == 0
-        lonely &= (columns % self._square_px == 0) & (rows % self._square_px == 0)[:, None]  # the others overlap
-        sets = [~lonely]
+        class_flags = targets.read_class_flags()[:: self._step, :: self._step]
+        columns, rows = (_square_starts(size, self._square_px) for size in self._size_px)
+        flags = (
+            _union_of_blocks(_union_of_blocks(class_flags, rows, self._square_px).T, columns, self._square_px).T >> 24
+        )
+        is_pure = flags & flags - 1 == 0
+        # the other squares overlap their neighbors
+        is_pure &= (columns % self._square_px == 0) & (rows % self._square_px == 0)[:, None]
+        sets = [~is_pure]
         for number in range(len(shading_classes())):
-            shown = flags >> number & 1 != 0
-            sets += [shown & lonely, shown & ~lonely]
-        places = [np.argwhere(chosen)[:, ::-1] for chosen in sets]
-        ends = np.cumsum([len(place) for place in places])
-        ranges = [range(end - len(place), end) for place, end in zip(places, ends.tolist(), strict=True)]
+            has_class = flags >> number & 1 != 0
+            sets += [has_class & is_pure, has_class & ~is_pure]
+        squares = [np.argwhere(selected)[:, ::-1] for selected in sets]
+        ends = np.cumsum([len(square) for square in squares])
+        ranges = [range(end - len(square), end) for square, end in zip(squares, ends.tolist(), strict=True)]
         self._pure, self._mixed = ranges[1::2], ranges[2::2]
-        corners = np.concatenate(places)
+        corners = np.concatenate(squares)
         corners = np.stack([columns[corners[:, 0]], rows[corners[:, 1]]], axis=1).astype(np.uint16)
         self._squares.write(corners.tobytes())
         targets.surfaces.use()
@@ -93,7 +97,7 @@ class _Squares:
         self._context.depth_func = "=="
 
     def draw(self, array: moderngl.VertexArray, number: int) -> None:
-        """Draw into the framebuffer in use, on the pixels of a class."""
+        """Draw into the current framebuffer, on the pixels of a class."""
         self._context.enable_only(moderngl.PROGRAM_POINT_SIZE)
         self._draw(array, self._pure[number], 0.0)
         self._context.enable_only(moderngl.DEPTH_TEST | moderngl.PROGRAM_POINT_SIZE)
@@ -114,7 +118,7 @@ class _Squares:
 class _SquaresPass:
     """A ``ScreenPass`` on the squares of one class."""
 
-    def __init__(self, areas: _Squares, array: moderngl.VertexArray, number: int) -> None:
+    def __init__(self, areas: _SquareAreas, array: moderngl.VertexArray, number: int) -> None:
         self.program = array.program
         self._areas, self._array, self._number = areas, array, number
 
@@ -123,17 +127,17 @@ class _SquaresPass:
         self._areas.draw(self._array, self._number)
 
 
-def _starts(size_px: int, square_px: int) -> Int64Array:
-    """First pixels of the squares along a side; the last one ends where the side ends."""
+def _square_starts(size_px: int, square_px: int) -> Int64Array:
+    """First pixels of the squares along a side; the last square ends at the end of the side."""
     return np.minimum(np.arange(0, size_px, square_px), size_px - square_px)
 
 
-def _united(flags: UInt32Array, starts: Int64Array, length: int) -> UInt32Array:
-    """(len(starts), W) flags that are set in any of ``length`` rows from each start on, of (H, W)."""
-    whole = len(starts) - (starts[-1] % length != 0)
-    blocks = flags[: whole * length].reshape(whole, length, -1)
-    united: UInt32Array = np.bitwise_or.reduce(blocks, axis=1)
-    if whole < len(starts):
+def _union_of_blocks(flags: UInt32Array, starts: Int64Array, length: int) -> UInt32Array:
+    """(len(starts), W) bitwise union of (H, W) flags over ``length`` rows from each start."""
+    full_blocks = len(starts) - (starts[-1] % length != 0)
+    blocks = flags[: full_blocks * length].reshape(full_blocks, length, -1)
+    union: UInt32Array = np.bitwise_or.reduce(blocks, axis=1)
+    if full_blocks < len(starts):
         last = np.bitwise_or.reduce(flags[starts[-1] :], axis=0, keepdims=True)
-        united = np.concatenate([united, last])
-    return united
+        union = np.concatenate([union, last])
+    return union

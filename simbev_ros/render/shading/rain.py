@@ -1,8 +1,8 @@
-"""Rain before the camera: streaks of falling drops, and drops on the lens.
+"""Rain in front of the camera: streaks of falling drops, and drops on the lens.
 
-Drops fall through a box that repeats in all directions, so that a few thousand fill the air around every camera. Where
-a drop is follows from its number and the time alone: cameras of one moment see the same rain, and it stands still in
-the world when only the camera moves. A streak is the way of a drop past the camera while the shutter is open.
+Drops fall through a box that repeats in all directions, so that a few thousand of them fill the air around every
+camera. The position of a drop depends only on its index and the time: all cameras of a frame see the same rain, and it
+does not move with the camera. A streak is the path of a drop relative to the camera while the shutter is open.
 """
 
 import moderngl
@@ -16,17 +16,17 @@ from simbev_ros.types import Float64Array
 
 BOX_M = np.array([20.0, 20.0, 14.0])
 FALL_MPS = np.array([6.5, 7.5, 8.5, 9.5])
-"""Speeds of drops, which have diameters of 1.5 to 4 mm (Gunn and Kinzer 1949)."""
+"""Fall speeds of drops with diameters of 1.5 to 4 mm (Gunn and Kinzer 1949)."""
 
 _WIND_MPS = 11.0
-_WIND_TOWARDS = np.array([-0.7071, -0.7071, 0.0])  # as the clouds drift
+_WIND_DIRECTION = np.array([-0.7071, -0.7071, 0.0])  # the direction of the clouds' drift
 _SHUTTER_S = 1.0 / 50.0
-_MOST_STREAKS = (3000, 7000, 12000)
-_MOST_LENS_DROPS = 56
+_MAX_STREAKS = (3000, 7000, 12000)
+_MAX_LENS_DROPS = 56
 
 
 class Rain:
-    """What rain adds to shaded images; without rain nothing is drawn, and nothing is compiled before the first rain."""
+    """Draws rain over shaded images; nothing is compiled before the first rain."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context, self._library = context, library
@@ -38,8 +38,8 @@ class Rain:
         self._shift_m = np.zeros((len(FALL_MPS), 3))
         self._passing_m = np.zeros((len(FALL_MPS), 3))
 
-    def set_moment(self, world: WorldState, origin_m: Float64Array) -> None:
-        """Set weather, time and the speed of the cameras, which is the ego's."""
+    def set_world(self, world: WorldState, origin_m: Float64Array) -> None:
+        """Set weather, time and the velocity of the cameras, which is the ego's."""
         weather, ego = world.weather, world.ego
         self._weather_rain, self._wet = weather.precipitation / 100.0, weather.wetness / 100.0
         self._time_s = world.stamp_ns * 1e-9
@@ -48,8 +48,8 @@ class Rain:
         self._passing_m = (velocity_mps - np.array([ego["vx"], ego["vy"], ego["vz"]])) * _SHUTTER_S
 
     def draw_streaks(self, lamps_lit: bool) -> None:
-        """Draw falling drops into the framebuffer in use, the shaded image, before what is farther away."""
-        count = int(self._weather_rain * _MOST_STREAKS[QUALITIES.index(self._library.quality)])
+        """Draw falling drops into the current framebuffer, the shaded image, in front of what is farther away."""
+        count = int(self._weather_rain * _MAX_STREAKS[QUALITIES.index(self._library.quality)])
         if not count:
             return
         if lamps_lit not in self._streaks:
@@ -65,8 +65,8 @@ class Rain:
         self._context.enable_only(moderngl.NOTHING)
 
     def draw_lens_drops(self, targets: Targets, camera_seed: int) -> None:
-        """Draw drops on the lens over the finished image; they show it upside down, as they refract it."""
-        count = int(min(self._weather_rain, self._wet) ** 0.7 * _MOST_LENS_DROPS)
+        """Draw drops on the lens over the finished image; they refract it, so they show it upside down."""
+        count = int(min(self._weather_rain, self._wet) ** 0.7 * _MAX_LENS_DROPS)
         if not count:
             return
         if self._drops is None:
@@ -83,7 +83,7 @@ class Rain:
 
 def drop_velocities(wind_intensity: float) -> Float64Array:
     """(4, 3) velocities of slow to fast drops in the map frame, m/s, in a wind of 0..100."""
-    wind_mps: Float64Array = _WIND_TOWARDS * (_WIND_MPS * wind_intensity / 100.0)
+    wind_mps: Float64Array = _WIND_DIRECTION * (_WIND_MPS * wind_intensity / 100.0)
     return wind_mps - np.outer(FALL_MPS, [0.0, 0.0, 1.0])
 
 

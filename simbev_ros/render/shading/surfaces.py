@@ -1,4 +1,4 @@
-"""What the shaders know of materials: which shader shades each, and its optical properties."""
+"""Material properties for the shaders: shading class and optical properties of each material."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -15,12 +15,12 @@ _BLOCK_LENGTH = 64
 
 @lru_cache(maxsize=1)
 def shading_classes() -> tuple[str, ...]:
-    """Names of the shading classes; the index in the tuple, from 1 on, is the class."""
+    """Names of the shading classes; the index in the tuple is the class, 0 is the sky."""
     return ("sky", *_classes())
 
 
 def shading_flag_of_material() -> UInt8Array:
-    """(256,) uint8 shading class of each ``Material``, as the bit of its number."""
+    """(256,) uint8 shading class k of each ``Material``, as the flag 1 << k."""
     result = np.ones(256, np.uint8)
     for number, names in enumerate(_classes().values(), start=1):
         result[[Material[name] for name in names]] = 1 << number
@@ -28,7 +28,7 @@ def shading_flag_of_material() -> UInt8Array:
 
 
 def material_block() -> bytes:
-    """The uniform block ``Materials``, std140: roughness, metallic, specular per material."""
+    """Data of the uniform block ``Materials``, std140: roughness, metallic, specular per material."""
     table = load_materials()
     block = np.zeros((_BLOCK_LENGTH, 4), np.float32)
     block[: len(Material), :3] = np.stack([table.roughness, table.metallic, table.specular], axis=1)

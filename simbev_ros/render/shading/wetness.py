@@ -1,4 +1,4 @@
-"""Wet ground: its own shader in the place of the dry one, and after all is shaded, what it mirrors of the picture."""
+"""Wet ground: replaces the dry ground's shader, and adds reflections of the image after everything is shaded."""
 
 import moderngl
 
@@ -11,20 +11,20 @@ from simbev_ros.scene.weather import Weather
 
 
 class Wetness:
-    """Programs of wet ground, compiled when it first is wet: dry ground knows nothing of water."""
+    """Programs of wet ground, compiled when the ground is first wet, so that dry scenes do not pay for them."""
 
     def __init__(self, context: moderngl.Context, areas: ClassAreas, quality: Quality, ground: int) -> None:
-        """Take where to draw, and the number of the ground's shading class."""
+        """Store the ``ClassAreas`` to draw with, and the number of the ground's shading class."""
         self._context, self._areas, self._quality, self._ground = context, areas, quality, ground
         self._grounds: dict[bool, ScreenPass] = {}
         self._mirror: ScreenPass | None = None
         self.wet = False
 
     def set_weather(self, weather: Weather) -> None:
-        """Set whether the ground is wet."""
+        """Determine whether the ground is wet."""
         self.wet = weather.wetness > 0.0 or weather.precipitation_deposits > 0.0
 
-    def ground(self, lamps_lit: bool) -> ScreenPass:
+    def ground_pass(self, lamps_lit: bool) -> ScreenPass:
         """The screen pass that shades wet ground."""
         if lamps_lit not in self._grounds:
             self._grounds[lamps_lit] = self._areas.surface_pass(
@@ -32,8 +32,8 @@ class Wetness:
             )
         return self._grounds[lamps_lit]
 
-    def draw_mirrored(self, targets: Targets) -> None:
-        """Add what wet ground mirrors of the rest of ``targets.shaded``."""
+    def draw_reflections(self, targets: Targets) -> None:
+        """Add the reflections of the rest of ``targets.shaded`` on wet ground."""
         if not self.wet or self._quality == "low":
             return
         if self._mirror is None:

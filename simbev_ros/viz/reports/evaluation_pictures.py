@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.annotation.boxes.boxes import blank
+from simbev_ros.annotation.boxes.boxes import blank_boxes
 from simbev_ros.dataset import Frame
 from simbev_ros.evaluation.metrics.boxes import Boxes
 from simbev_ros.evaluation.metrics.detection import HIT, MISS
@@ -108,7 +108,7 @@ def extent_m(outcomes: Outcomes, least_m: float) -> float:
 
 def rows_of(boxes: Boxes) -> Table:
     """(N,) rows of /ego/boxes with the places, sizes and classes of boxes."""
-    table = blank(len(boxes))
+    table = blank_boxes(len(boxes))
     for axis, name in enumerate("xyz"):
         table[name] = boxes.center_m[:, axis]
     for axis, name in enumerate(("length", "width", "height")):

@@ -1,9 +1,9 @@
-// The air before things: haze, fog that falls off with height, the veil of rain.
+// The air between camera and surfaces: haze, fog that thins out with height, the veil of rain.
 #include "light"
 #include "view"
-const float FOG_FLOOR = -30.0;  // metres; below, fog gets no thicker
+const float FOG_FLOOR = -30.0;  // meters; below this height, the fog density is constant
 
-// Optical depth / ln 2 of fog on a straight way between two heights of the world.
+// Optical depth / ln 2 of fog on a straight path between two heights in the world.
 float fog_depth(float from_height, float to_height, float range) {
     float in_fog = max(range - fog.y, 0.0);
     float end = max(to_height, FOG_FLOOR), start = max(mix(to_height, from_height, in_fog / range), FOG_FLOOR);
@@ -21,7 +21,7 @@ vec3 air_radiance(vec3 direction) {
     return air_light.rgb + air_glow.rgb * towards * towards;
 }
 
-// Radiance of a place as it comes through the air to the camera.
+// Radiance of a surface point after passing through the air to the camera.
 vec3 through_air(vec3 radiance, vec3 to_camera, vec3 position) {
     float range = dot(world_from_optical[3].xyz - position, to_camera);
     float depth = fog_depth(world_from_optical[3].z, position.z, range) + range * fog.w;

@@ -1,10 +1,10 @@
-// What is seen through the panes of cars, vans, trucks and buses: seats, a driver, and the windows on the far side.
+// Interior of cars, vans, trucks and buses as seen through their windows: seats, a driver, and the windows on the far side.
 #include "rigid"
 uniform usampler2D rigid_actors;
 
-const float SEAT = 0.38;  // metres from the middle
+const float SEAT = 0.38;  // meters from the center
 
-struct Cabin {  // metres, actor frame
+struct Cabin {  // meters, actor frame
     vec3 low, high;
     float belt;         // lower edge of the windows
     bool has_rear_window;
@@ -27,7 +27,7 @@ float meets(vec3 from, vec3 ray, vec3 middle, vec3 radius) {
     return along > 0.0 ? (1.0 - smoothstep(0.84, 1.08, dot(to, to) - along * along / dot(way, way))) : 0.0;
 }
 
-// Radiance of the inside. looks: of the actor, as render/rigid_table.py has them; beyond: radiance of what lies on the far side.
+// Radiance of the interior. looks: the actor's row of render/geometry/rigid_table.py; beyond: radiance beyond the far side.
 vec3 cabin_behind(Pixel p, uvec4 looks, vec3 beyond) {
     vec3 x = rigid_texel(p.row, 0).xyz, y = rigid_texel(p.row, 1).xyz, z = rigid_texel(p.row, 2).xyz;
     vec3 foot = vec3(rigid_texel(p.row, 0).w, rigid_texel(p.row, 1).w, rigid_texel(p.row, 2).w);
@@ -63,7 +63,7 @@ vec3 cabin_behind(Pixel p, uvec4 looks, vec3 beyond) {
     for (int side = 0; side < 2; ++side) {
         vec3 back = vec3(head.x - 0.17, side == 0 ? SEAT : -SEAT, head.z - 0.44);
         float chair = max(meets(from, ray, back, vec3(0.09, 0.25, 0.38)), meets(from, ray, back + vec3(-0.05, 0.0, 0.39), vec3(0.05, 0.145, 0.075)));
-        // From ahead the driver hides the seat, from behind the seat hides the driver.
+        // From the front the driver hides the seat, from behind the seat hides the driver.
         chair *= side == 0 && ray.x < 0.0 ? 1.0 - max(driver, body) : 1.0;
         seen = mix(seen, seat * daylight, chair);
     }

@@ -1,7 +1,7 @@
-// Map of the sky's hemisphere, as light.py's `hemisphere` makes it; the horizon is its unit circle.
+// Map of the sky's hemisphere, defined by `hemisphere_angles` of light.py; the horizon is its unit circle.
 const float HORIZON_STRETCH = 0.5;
 
-// Place 0..1 of an upward direction.
+// Position 0..1 in the map of an upward direction.
 vec2 dome_place(vec3 direction) {
     float up = max(direction.z, 0.0);
     return 0.5 + direction.xy * (0.5 * HORIZON_STRETCH / (HORIZON_STRETCH + up));

@@ -1,9 +1,9 @@
-// The edges of a pixel's triangle as they lie beside its centre: distance, up to EDGE_REACH pixels, and unit normal inward.
+// Edges of a pixel's triangle relative to the pixel center: distance, up to EDGE_REACH pixels, and inward unit normal.
 const float EDGE_REACH = 2.0;
 const uint NO_EDGE = 0x8080FFFFu;
 
 #ifdef LENS
-// share: any quantity that is linear on the screen, 0 on the edge, positive within.
+// share: any quantity that is linear on the screen, 0 on the edge, positive inside.
 uint pack_edge(float share) {
     vec2 slope = vec2(dFdx(share), dFdy(share));
     float steepness = max(length(slope), 1e-18);
@@ -13,7 +13,7 @@ uint pack_edge(float share) {
 }
 #endif
 
-// Pixels from the edge, positive within, of a place at an offset from the centre.
+// Pixels from the edge, positive inside, of a position given as an offset from the center.
 float within_edge(uint bits, vec2 offset) {
     vec2 normal = (vec2((uvec2(bits) >> uvec2(16u, 24u)) & 0xFFu) - 128.0) / 127.0;
     return float(bits & 0xFFFFu) / 65535.0 * EDGE_REACH + dot(normal, offset);

@@ -1,5 +1,5 @@
 // The response of the camera: filmic tone mapping (Narkowicz 2015) and a gamma of 2.2, and its inverse.
-// A rational function of the root of the light comes within 0.2 grey levels of the formula, whose pow takes far longer.
+// A rational function of the square root of the light is within 0.2 gray levels of the formula, whose pow is far slower.
 vec3 film(vec3 light) {
     vec3 root = sqrt(clamp(light, 0.0, 100.0));
     vec3 above = root * (root * (root * 17.38562 + 1.14626) + 0.683365);

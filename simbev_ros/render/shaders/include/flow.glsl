@@ -1,9 +1,9 @@
-// Optical flow of a pixel: from where its surface point was in the previous frame to here.
+// Optical flow of a pixel: from the previous image position of its surface point to the current one.
 #include "view"
 
-const float NEAREST = 1e-3;  // metres before the camera
+const float NEAREST = 1e-3;  // meters in front of the camera
 
-// before: of the point, or of the direction to it, in the previous camera's optical frame.
+// before: position of the point, or direction to it, in the previous camera's optical frame.
 vec2 flow_of(vec3 before) {
     vec2 pixel_before = before.xy / before.z * intrinsics.xy + intrinsics.zw;
     vec2 unseen = vec2(uintBitsToFloat(0x7FC00000u));  // NaN

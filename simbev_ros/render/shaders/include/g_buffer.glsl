@@ -1,8 +1,8 @@
-// The G-buffer: everything that labels and light need to know of the nearest surface.
+// The G-buffer: everything that labels and lighting need to know about the nearest surface.
 #include "enums"
 #include "flow"
 layout(location = 0) out uvec4 g_surface;  // rigid row | tag << 16 | material << 24; normal; u; v
-layout(location = 1) out float g_depth;    // metres along the optical axis
+layout(location = 1) out float g_depth;    // meters along the optical axis
 layout(location = 2) out vec4 g_color;     // sRGB albedo, 2^shading class
 layout(location = 3) out uint semantic;
 layout(location = 4) out uint instance;

@@ -1,13 +1,13 @@
-// Lamps as the camera sees them from afar (render/glare.py).
+// Lamps as the camera sees them from a distance (render/lighting/glare.py).
 #include "air"
 uniform sampler2D g_depth;
 in vec3 in_at;        // world
 in vec3 in_facing;
 in vec4 in_color;     // linear RGB; candela
-in vec2 in_form;      // 0 shines all around, 1 ahead only; height above the ground
+in vec2 in_form;      // 0 shines all around, 1 only ahead; height above the ground
 
 const float USUAL_EXPOSURE = 6.5;
-const float DEPTH_MARGIN = 0.35;  // of a lamp's middle behind its lens, metres
+const float DEPTH_MARGIN = 0.35;  // distance of a lamp's center behind its lens, meters
 
 vec2 pixel_of(vec3 position) {
     vec4 clip = clip_from_world * vec4(position, 1.0);
@@ -18,7 +18,7 @@ float distance_ahead(vec3 position) { return (clip_from_world * vec4(position, 1
 
 vec4 clip_of(vec2 pixel) { return vec4(pixel / viewport.xy * 2.0 - 1.0, 0.0, 1.0); }
 
-// Share of the lamp that nothing hides; what lies off the picture counts as seen.
+// Share of the lamp that is visible; parts outside the image count as visible.
 float seen_share(vec3 at) {
     float depth = distance_ahead(at);
     vec2 middle = pixel_of(at);
@@ -32,7 +32,7 @@ float seen_share(vec3 at) {
     return seen;
 }
 
-// Share of the lamp's intensity that goes to a place.
+// Share of the lamp's intensity that is emitted toward a position.
 float sent_to(vec3 offset) {
     float ahead = max(dot(in_facing, normalize(offset)), 0.0);
     return mix(1.0, ahead * ahead, in_form.x);

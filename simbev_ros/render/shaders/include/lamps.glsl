@@ -1,4 +1,4 @@
-// Light of lamps, from their maps seen from above (render/lamp_field.py).
+// Light of lamps, from their maps seen from above (render/lighting/lamp_field.py).
 #include "light"
 uniform sampler2D street_field;
 uniform sampler2D beam_field;
@@ -6,11 +6,11 @@ uniform sampler2D glow_field;
 
 const vec3 STREET_COLOR = vec3(0.27, 0.20, 0.12);
 const vec3 BEAM_COLOR = vec3(0.235, 0.228, 0.214);
-const float BEAM_LIFT = 0.5;   // rough ground sends more of a beam's flat light back than smooth ground would
+const float BEAM_LIFT = 0.5;   // rough ground reflects more of a beam's grazing light than smooth ground
 const float BEAM_STRAY = 0.03; // share of a beam above its edge
 const float FINER = 160.0 / 48.0;
 
-// Where a place is in a map of a fine square, left, and a coarse one; coarse: its place in the latter.
+// Texture coordinates in a map of a fine square (left) and a coarse one (right); coarse: coordinates in the latter.
 vec2 map_place(vec2 coarse) {
     vec2 fine = (coarse - 0.5) * FINER + 0.5;
     bool is_fine = max(abs(fine.x - 0.5), abs(fine.y - 0.5)) < 0.496;
@@ -19,7 +19,7 @@ vec2 map_place(vec2 coarse) {
 
 vec2 coarse_place(vec3 position) { return (lamp_field_from_world * vec4(position, 1.0)).xy; }
 
-// 1 between two heights below the lamp, 0 further off: nothing shines through the deck of a bridge.
+// 1 between two heights below the lamp, 0 outside: lamps do not shine through the deck of a bridge.
 float between(float below, float low, float high, float soft) {
     return clamp((below - low) / soft + 1.0, 0.0, 1.0) * clamp(high + 1.0 - below, 0.0, 1.0);
 }

@@ -1,8 +1,8 @@
-// What lens and sensor do to the light: vignetting, shot and read noise.
+// Effects of lens and sensor on the light: vignetting, shot noise and read noise.
 #include "film"
 #include "random_words"
 uniform float vignetting;  // exponent on cos⁴
-uniform vec2 electrons;    // that make white; variance of reading
+uniform vec2 electrons;    // number of electrons at white; variance of the read noise
 uniform uvec2 noise_seed;
 
 // Three independent normal deviates of a pixel: Box, Muller.
@@ -13,7 +13,7 @@ vec3 normal_deviates(uvec2 texel) {
     return vec3(radius.x * cos(angle.x), radius.x * sin(angle.x), radius.y * cos(angle.y));
 }
 
-// color: as the ideal camera shows it; tangent2: of the angle between the pixel's ray and the optical axis, squared.
+// color: pixel of the ideal camera; tangent2: squared tangent of the angle between the pixel's ray and the optical axis.
 vec3 through_lens(vec3 color, uvec2 texel, float tangent2) {
     vec3 signal = light_of(color) * pow(1.0 + tangent2, -2.0 * vignetting) * electrons.x;
     signal += sqrt(signal + electrons.y) * normal_deviates(texel);

@@ -1,15 +1,15 @@
-// The light of the moment, as render/light.py, shadows.py and lamp_field.py write it. Linear RGB.
+// The light of the frame, written by light.py, shadows.py and lamp_field.py of render/lighting. Linear RGB.
 layout(std140) uniform Light {
-    vec4 key_direction;   // towards sun or moon; exposure
+    vec4 key_direction;   // toward sun or moon; exposure
     vec4 key_light;       // irradiance / pi; wind 0..1
-    vec4 sun_direction;   // towards the sun; drift of the clouds
+    vec4 sun_direction;   // toward the sun; drift of the clouds
     vec4 air_light;       // radiance of haze and fog; cloudiness 0..1
-    vec4 air_glow;        // added to it towards the sun; wetness 0..1
+    vec4 air_glow;        // added to it toward the sun; wetness 0..1
     vec4 cloud_light;     // irradiance / pi of the sun or moon on clouds; puddles 0..1
     vec4 sky_ambient;     // irradiance / pi from above; seconds of the scene
     vec4 ground_ambient;  // irradiance / pi from below; rain 0..1
-    vec4 fog;             // per metre, start in metres, falloff per metre of height; haze per metre
-    vec4 noise_origin;    // the world's origin in the map, modulo 64 m; half width of the contact map, metres
+    vec4 fog;             // per meter, start in meters, falloff per meter of height; haze per meter
+    vec4 noise_origin;    // the world's origin in the map, modulo 64 m; half width of the contact map, meters
     mat4 near_clip_from_world;
     mat4 far_clip_from_world;
     mat4 lamp_field_from_world;

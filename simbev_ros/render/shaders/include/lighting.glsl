@@ -1,4 +1,4 @@
-// Light on a surface: sun or moon with shadow, sky and ground, mirrored surroundings, lamps, fog; then the camera.
+// Light on a surface: sun or moon with shadow, sky and ground, reflections, lamps, fog; then the camera's response.
 #include "film"
 #include "pixel"
 #include "sky"
@@ -8,7 +8,7 @@ uniform sampler2D visibility;
 
 out vec4 shaded;  // sRGB, luma
 
-float lamps_lit() { return LAMPS_LIT; }  // a constant, so that by day nothing is computed for lamps
+float lamps_lit() { return LAMPS_LIT; }  // a constant, so that lamps cost nothing by day
 
 const vec3 LUMA = vec3(0.299, 0.587, 0.114);
 
@@ -18,8 +18,8 @@ struct Surface {
     float roughness;
     float metallic;
     float specular;      // reflectance at normal incidence
-    vec3 emission;       // as shown: 1 is white, whatever the exposure
-    float translucency;  // share of light that comes through, for leaves
+    vec3 emission;       // image brightness: 1 is white, independent of the exposure
+    float translucency;  // share of transmitted light, for leaves
 };
 
 Surface surface_of(Pixel p) {
@@ -37,7 +37,7 @@ vec3 sun_highlight(Surface s, vec3 to_camera, float facing) {
     return vec3(min(distribution * masking * facing, 60.0));
 }
 
-// Linear radiance of a surface. ambient_share: of sky and ground that is not hidden nearby; sun: share of the key light.
+// Linear radiance of a surface. ambient_share: share of sky and ground not blocked nearby; sun: share of the key light.
 vec3 lit(Pixel p, Surface s, float ambient_share, float sun) {
     float facing = dot(s.normal, key_direction.xyz);
     float through = s.translucency * max(-facing, 0.0);
@@ -62,7 +62,7 @@ vec4 developed(vec3 radiance) {
 
 float log2_at(ivec2 pixel) { return log2(texelFetch(g_depth, pixel, 0).x); }
 
-// Openness and share of the key light, from the texels around that lie on about the same surface.
+// Openness and share of the key light, from the surrounding texels that lie on about the same surface.
 vec2 visibility_at(float depth) {
 #if VISIBILITY_STEP == SHADING_STEP
     return texelFetch(visibility, ivec2(gl_FragCoord.xy), 0).xy;

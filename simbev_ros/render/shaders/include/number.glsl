@@ -1,11 +1,11 @@
-// Number plates: every vehicle with a cabin has a number of its own.
+// License plates: every vehicle with a cabin has a unique number.
 uniform usampler2D rigid_actors;
 
-// 0123456789AHKLPX in dots, three a row, five rows from above: one octal digit each.
+// 0123456789AHKLPX as dots, three per row, five rows from the top: one octal digit per row.
 const uint GLYPHS[16] = uint[16](
     075557u, 026227u, 071747u, 071717u, 055711u, 074717u, 074757u, 071111u,
     075757u, 075717u, 025755u, 055755u, 055655u, 044447u, 075744u, 055255u);
-const vec2 DOT = vec2(0.0135, 0.015);  // metres
+const vec2 DOT = vec2(0.0135, 0.015);  // meters
 const float PITCH = 4.4;               // dots from character to character
 const float CHARACTERS = 7.0;
 

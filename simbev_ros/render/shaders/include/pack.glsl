@@ -1,4 +1,4 @@
-// Unit vectors in 32 bits: octahedral, twice snorm16.
+// Unit vectors in 32 bits: octahedral mapping, two snorm16.
 uint pack_normal(vec3 normal) {
     normal /= abs(normal.x) + abs(normal.y) + abs(normal.z);
     vec2 folded = (1.0 - abs(normal.yx)) * vec2(normal.x >= 0.0 ? 1.0 : -1.0, normal.y >= 0.0 ? 1.0 : -1.0);

@@ -1,4 +1,4 @@
-// The surface seen by this pixel, from the G-buffer.
+// The surface visible at this pixel, read from the G-buffer.
 #include "pack"
 #include "view"
 uniform usampler2D g_surface;
@@ -14,14 +14,14 @@ struct Pixel {
     vec2 uv;
     vec3 albedo;    // linear
     uint material;
-    uint row;       // of the table of rigid parts
+    uint row;       // row in the table of rigid parts
     float depth;
-    float size;     // of the pixel on the surface, metres
+    float size;     // size of the pixel on the surface, meters
 };
 
 vec3 linear_color(vec3 srgb) { return srgb * (srgb * (srgb * 0.305306 + 0.682171) + 0.012523); }
 
-// The pixel that a shader of surfaces stands for: of SHADING_STEP x SHADING_STEP the first.
+// The pixel that a surface shader represents: the first of SHADING_STEP x SHADING_STEP.
 ivec2 shaded_pixel() { return ivec2(gl_FragCoord.xy) * SHADING_STEP; }
 
 Pixel this_pixel() {

@@ -1,10 +1,10 @@
-// Vertices as render/vertices.py packs them.
+// Vertices, packed by render/geometry/vertices.py.
 #include "vertex_bits"
 in vec3 in_position;
 in vec2 in_uv;
 in uvec3 in_packed;
 
-#ifdef LENS  // corners.geom.glsl is next
+#ifdef LENS  // corners.geom.glsl is the next stage
 #define v_normal to_normal
 #define v_uv to_uv
 #define v_before to_before

@@ -1,11 +1,11 @@
-// Water on level ground: a film where it is wet, puddles in its hollows, and rings where drops fall in.
+// Water on horizontal ground: a film where it is wet, puddles in hollows, and rings where drops hit.
 
 struct Water {
     float film;    // share of the surface under a film or a puddle
     float puddle;
 };
 
-// hollow: 0 .. 1.1, deepest last.
+// hollow: depth of the ground's hollows, 0 to 1.1 (deepest).
 Water water_on(uint material, vec3 normal, float hollow) {
     float level = smoothstep(0.9, 0.99, normal.z) * (material == MATERIAL_GRASS || material == MATERIAL_CROP ? 0.3 : 1.0);
     float puddle = level * smoothstep(1.1 - 0.6 * puddles(), 1.2 - 0.6 * puddles(), hollow);
@@ -14,10 +14,10 @@ Water water_on(uint material, vec3 normal, float hollow) {
 
 float roughness_under(Water water, float dry) { return mix(mix(dry, 0.35, water.film * 0.8), 0.03, water.puddle); }
 
-const float RING_CELL = 0.3;    // metres
+const float RING_CELL = 0.3;    // meters
 const float RINGS_PER_S = 1.6;
 
-// Slope of the rings of one drop a cell; from afar they cannot be told apart.
+// Slope of the rings of one drop per cell; at a distance they blend together.
 vec2 ring_slope(vec2 place, float size) {
     vec2 cell = floor(place / RING_CELL);
     float age = seconds() * RINGS_PER_S + random(cell + 512.0), drop = floor(age);

@@ -51,7 +51,7 @@ def _between(start: Float64Array, end: Float64Array, share: Float64Array) -> Flo
 
 def _through_lens(places: Float64Array, camera: LensCamera) -> Float64Array:
     """(2, N) places on the plane z = 1 to which (2, N) others are moved."""
-    scale = np.maximum(np.hypot(*places) / (np.sqrt(camera.widest) * _HOLDS), 1.0)
+    scale = np.maximum(np.hypot(*places) / (np.sqrt(camera.max_radius2) * _HOLDS), 1.0)
     pixels = camera.project(np.stack([*(places / scale), np.ones_like(scale)], axis=1)).T
     moved: Float64Array = (pixels - [[camera.cx_px], [camera.cy_px]]) / [[camera.fx_px], [camera.fy_px]] * scale
     return moved
@@ -61,7 +61,7 @@ def _canvas_reach(camera: LensCamera) -> float:
     """How far from the principal point on the plane z = 1 anything is that can be seen on the canvas."""
     size_px = np.array([camera.width_px, camera.height_px])
     corners = (np.array([-size_px, 2 * size_px]) - [camera.cx_px, camera.cy_px]) / [camera.fx_px, camera.fy_px]
-    widest = np.sqrt(camera.widest)
+    widest = np.sqrt(camera.max_radius2)
     rim = _through_lens(widest * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]]), camera)
     farthest = np.hypot(*np.abs(corners).max(axis=0))
     return float(widest * max(1.0, farthest / np.hypot(*rim).min()))

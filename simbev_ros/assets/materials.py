@@ -12,7 +12,7 @@ from simbev_ros.types import Float32Array
 
 
 class Material(IntEnum):
-    """Material of a triangle. ``uv`` is in metres along the surface unless said otherwise."""
+    """Material of a triangle. ``uv`` is in meters along the surface unless said otherwise."""
 
     PLAIN = 0
     ASPHALT = 1
@@ -30,14 +30,14 @@ class Material(IntEnum):
     WOOD = 13
     METAL = 14
     GLASS = 15
-    CAR_PAINT = 16  # its albedo is the actor's colour
+    CAR_PAINT = 16  # its albedo is the actor's color
     RUBBER = 17
     CHROME = 18
     PLASTIC = 19
     FOLIAGE = 20
     BARK = 21
     CLOTH = 22
-    CLOTH_TINTED = 23  # its albedo is the actor's colour
+    CLOTH_TINTED = 23  # its albedo is the actor's color
     SKIN = 24
     HAIR = 25
     WATER = 26

@@ -1,4 +1,4 @@
-"""Colours of the surroundings, read from palettes.yaml."""
+"""Colors of the surroundings, read from palettes.yaml."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -11,7 +11,7 @@ Color = tuple[int, int, int]
 
 
 def pick_color(rng: np.random.Generator, name: str, variation: float = 0.05) -> Color:
-    """A random colour of a palette, made lighter or darker by up to a share of ``variation``.
+    """A random color of a palette, made lighter or darker by up to a share of ``variation``.
 
     Args:
         rng: Drawn from.
@@ -22,11 +22,11 @@ def pick_color(rng: np.random.Generator, name: str, variation: float = 0.05) -> 
     for key in name.split("."):
         entry = entry[key]
     code = int(entry[int(rng.integers(len(entry)))])
-    return shaded((code >> 16, code >> 8 & 255, code & 255), 1.0 + rng.uniform(-variation, variation))
+    return shade_color((code >> 16, code >> 8 & 255, code & 255), 1.0 + rng.uniform(-variation, variation))
 
 
-def shaded(color: Color, factor: float) -> Color:
-    """A colour made lighter (factor above 1) or darker."""
+def shade_color(color: Color, factor: float) -> Color:
+    """A color made lighter (factor above 1) or darker."""
     red, green, blue = (min(255, max(0, round(channel * factor))) for channel in color)
     return red, green, blue
 

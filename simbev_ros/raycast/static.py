@@ -63,7 +63,7 @@ class StaticTriangles:
         tiles = [self._tiles[index] for index in np.flatnonzero(within)]
         origin_m = (cell.astype(np.float64) + 0.5) * _CELL_M
         origins_m = np.array([tile.origin_m for tile in tiles]).reshape(-1, 3)
-        mesh = Mesh.merged([tile.mesh for tile in tiles])
+        mesh = Mesh.merge([tile.mesh for tile in tiles])
         shift_m = np.repeat(origins_m - origin_m, [len(tile.mesh.vertices) for tile in tiles], axis=0)
         return replace(mesh, vertices=(mesh.vertices + shift_m).astype(np.float32)), origin_m
 

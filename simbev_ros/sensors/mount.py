@@ -13,6 +13,6 @@ def map_from_sensor(pose: Pose, state: WorldState) -> Float64Array:
     return matrix
 
 
-def row_vector(row: Table, names: str) -> Float64Array:
-    """(3,) float64 vector from three columns of one table row, such as ``row_vector(ego, "vx vy vz")``."""
+def vector(row: Table, names: str) -> Float64Array:
+    """(3,) float64 vector from three columns of one table row, such as ``vector(ego, "vx vy vz")``."""
     return np.array([row[name] for name in names.split()], np.float64)

@@ -15,7 +15,7 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.random import stream
 from simbev_ros.raycast.scene import Hits, RayScene
 from simbev_ros.scene.state import WorldState
-from simbev_ros.sensors.mount import map_from_sensor, row_vector
+from simbev_ros.sensors.mount import map_from_sensor, vector
 from simbev_ros.sensors.radar_amplitude import amplitude_db, load_cross_sections, rain_loss_db_per_m
 from simbev_ros.sensors.radar_errors import apply_errors
 from simbev_ros.sensors.radar_rays import random_rays
@@ -153,8 +153,8 @@ def _select_hits(hits: Hits, ray: Int64Array) -> Hits:
 
 def _own_velocity(map_from_radar: Float64Array, state: WorldState) -> Float64Array:
     """(3,) velocity of the radar, m/s, map axes, including the ego's rotation about its origin."""
-    arm_m = map_from_radar[:3, 3] - row_vector(state.ego, "x y z")
-    velocity_mps: Float64Array = row_vector(state.ego, "vx vy vz") + np.cross(row_vector(state.ego, "wx wy wz"), arm_m)
+    arm_m = map_from_radar[:3, 3] - vector(state.ego, "x y z")
+    velocity_mps: Float64Array = vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
     return velocity_mps
 
 

@@ -20,7 +20,7 @@ from simbev_ros.types import Float64Array, UInt8Array
 _RAIN_K, _RAIN_ALPHA = 1.13, 0.712
 """Attenuation k · rate^alpha in dB/km for rain in mm/h: ITU-R P.838-3 at 77 GHz, mean of both polarizations."""
 _DROP_SLOPE_PER_M, _DROP_SLOPE_POWER = 4100.0, -0.21
-"""Slope of the drop-size distribution in rain of 1 mm/h, and its exponent of the rain rate: Marshall and Palmer, 1948."""
+"""Slope of drop sizes in rain of 1 mm/h, and its exponent of the rain rate: Marshall and Palmer, 1948."""
 _KM_PER_M = 1e-3
 
 

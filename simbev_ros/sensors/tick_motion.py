@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.scene.state import WorldState
-from simbev_ros.sensors.mount import row_vector
+from simbev_ros.sensors.mount import vector
 from simbev_ros.types import Float64Array
 
 
@@ -82,8 +82,8 @@ def motion_within_tick(
 
 
 def _ego(state: WorldState) -> _Ego:
-    rpy_rad, spin = row_vector(state.ego, "roll pitch yaw"), row_vector(state.ego, "wx wy wz")
-    return _Ego(rpy_rad, _rpy_rates(rpy_rad, spin), spin, row_vector(state.ego, "ax ay az"))
+    rpy_rad, spin = vector(state.ego, "roll pitch yaw"), vector(state.ego, "wx wy wz")
+    return _Ego(rpy_rad, _rpy_rates(rpy_rad, spin), spin, vector(state.ego, "ax ay az"))
 
 
 def _rpy_rates(rpy_rad: Float64Array, spin: Float64Array) -> Float64Array:

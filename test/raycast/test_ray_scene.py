@@ -85,7 +85,7 @@ def test_rays_aimed_at_vertices_of_parts_hit_them_from_all_sides() -> None:
     rng = np.random.default_rng(4)
     parts = (Part("body"), Part("left", opening_rad=0.2), Part("right", door=1, opening_rad=-0.2))
     posts = [mesh(box([0, 0.4 * index, 1.0], [0.1, 0.1, 1.0]), Tag.OTHER, part=index) for index in range(3)]
-    model = ActorModel("posts", Tag.OTHER, "", Mesh.merged(posts), (0.1, 0.9, 1.5), parts, 0.0)
+    model = ActorModel("posts", Tag.OTHER, "", Mesh.merge(posts), (0.1, 0.9, 1.5), parts, 0.0)
     state = world(actor(model, x=6.0, yaw=0.4, doors=3))
     posed = pose_actors([model], state.actors, ORIGIN)
     corners = posed.vertices.astype(np.float64)[posed.triangles]

@@ -17,7 +17,7 @@ from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.imu import ImuModel
-from simbev_ros.sensors.mount import map_from_sensor, row_vector
+from simbev_ros.sensors.mount import map_from_sensor, vector
 from simbev_ros.types import Float64Array
 from simbev_ros.world.simulation import Simulation
 
@@ -59,7 +59,7 @@ def integrate(
 
 
 def integration_errors(states: Sequence[WorldState], samples: int, pose: Pose) -> tuple[float, float, float]:
-    """Metres travelled by an IMU on the ego, meters missed, degrees missed."""
+    """Path length of an IMU on the ego in m, and errors of the integrated pose in m and degrees."""
     imu = Imu(
         type="imu",
         name="imu",
@@ -74,8 +74,8 @@ def integration_errors(states: Sequence[WorldState], samples: int, pose: Pose) -
     rate = np.concatenate([each.angular_velocity_radps for each in measured])
     poses = np.array([map_from_sensor(pose, state) for state in states[1:]])
     ego = states[1].ego
-    arm_m = rotations_from_rpy(row_vector(ego, "roll pitch yaw")) @ pose.ego_from_sensor[:3, 3]
-    velocity = row_vector(ego, "vx vy vz") + np.cross(row_vector(ego, "wx wy wz"), arm_m)
+    arm_m = rotations_from_rpy(vector(ego, "roll pitch yaw")) @ pose.ego_from_sensor[:3, 3]
+    velocity = vector(ego, "vx vy vz") + np.cross(vector(ego, "wx wy wz"), arm_m)
     end = integrate(force, rate, TICK_S / samples, poses[0], velocity)
     path_m = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum()
     turn_rad = Rotation.from_matrix(end[:3, :3].T @ poses[-1, :3, :3]).magnitude()

@@ -140,7 +140,7 @@ def test_noise_repeats_for_a_tick_and_every_ray_has_its_own() -> None:
 
 
 def test_intensity_is_reflectance_times_cosine_times_attenuation() -> None:
-    wall = Mesh.merged([mesh(box([21.0, 0.0, 2.0], [2.0, 200.0, 100.0]), Tag.WALL, Material.PLASTER)])
+    wall = Mesh.merge([mesh(box([21.0, 0.0, 2.0], [2.0, 200.0, 100.0]), Tag.WALL, Material.PLASTER)])
     sensor = lidar(channels=1, columns=3600, lower_fov_deg=0.0, upper_fov_deg=0.0, drop_off=0.0)
     found = scan(sensor, static_scene(wall), world(actor(MODELS[0])))
     semantic = found.semantic_points

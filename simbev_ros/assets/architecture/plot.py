@@ -11,7 +11,7 @@ class Plot:
         width_m: Along the street.
         depth_m: Away from it.
         height_m: Wanted height of the eaves.
-        foundation_m: How far its foot reaches below the floor of the ground storey.
+        foundation_m: How far its foot reaches below the floor of the ground story.
         garage: Side of a detached house that its garage is on, seen from the street: -1 left, 1 right, 0 none.
     """
 

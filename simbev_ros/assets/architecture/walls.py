@@ -1,4 +1,4 @@
-"""Of what walls are built: the styles of a recipe, and the material and colour that each stands for."""
+"""Of what walls are built: the styles of a recipe, and the material and color that each stands for."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ STYLES = tuple(_MATERIALS)
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """A building's walls: style, material and colour."""
+    """A building's walls: style, material and color."""
 
     style: str
     material: Material
@@ -29,5 +29,5 @@ class Wall:
 
 
 def draw_wall(style: str, rng: np.random.Generator) -> Wall:
-    """Walls of a style in a random colour of it."""
+    """Walls of a style in a random color of it."""
     return Wall(style, _MATERIALS[style], pick_color(rng, f"walls.{style}"))

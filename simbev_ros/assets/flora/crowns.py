@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, solid, tube
-from simbev_ros.assets.palette import Color, pick_color, shaded
+from simbev_ros.assets.palette import Color, pick_color, shade_color
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Int32Array, Int64Array
 
@@ -28,7 +28,9 @@ def leaves(color: Color) -> Finish:
     return Finish(Material.FOLIAGE, Tag.VEGETATION, color)
 
 
-def trunk(rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float, segments: int = 6) -> Graded:
+def trunk(
+    rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float, segments: int = 6
+) -> GradedMesh:
     """A stem along an (N, 3) spine that grows thinner from radius ``start_m`` to ``end_m``; it flares at the root.
 
     One of three ``segments`` is so simple that it stands for itself from afar.
@@ -41,13 +43,13 @@ def trunk(rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m
     ends = [0, 2, -1] if len(onward) > 1 else [0, -1]
     coarse = tube(finish, path_m[ends], _THREE_SIDED * radii_m[[2, *ends[1:]]], segments=3, crease_deg=180.0)
     if segments == 3:
-        return Graded(coarse, coarse)
-    return Graded(tube(finish, path_m, radii_m, segments=segments, crease_deg=80.0), coarse)
+        return GradedMesh(coarse, coarse)
+    return GradedMesh(tube(finish, path_m, radii_m, segments=segments, crease_deg=80.0), coarse)
 
 
 def branches(
     rng: np.random.Generator, fork_m: Float64Array, tips_m: Float64Array, radius_m: float, bark: Color
-) -> Graded:
+) -> GradedMesh:
     """Bare three-sided branches from a fork, one to each of (N, 3) tips, bent upwards; not seen from afar."""
     finish = Finish(Material.BARK, Tag.VEGETATION, bark)
     bends_m = (fork_m + tips_m) / 2.0 + (tips_m - fork_m) * [0.12, 0.12, -0.08]
@@ -55,7 +57,7 @@ def branches(
     radii_m = radius_m * np.array([1.0, 0.7, 0.3])
     paths_m = np.stack([starts_m, bends_m, tips_m], axis=1)
     limbs = [tube(finish, path_m, radii_m, segments=3, crease_deg=180.0) for path_m in paths_m]
-    return Graded(Mesh.merged(limbs), Mesh.empty())
+    return GradedMesh(Mesh.merge(limbs), Mesh.empty())
 
 
 def crown(
@@ -67,7 +69,7 @@ def crown(
     lobes: int = 7,
     cover: float = 0.40,
     coarse_detail: int = 1,
-) -> Graded:
+) -> GradedMesh:
     """A big ball of leaves with lobes: sprigs before a core, darker between the lobes.
 
     Args:
@@ -81,34 +83,38 @@ def crown(
         coarse_detail: See ``envelope``.
     """
     sizes = rng.uniform(0.38, 0.52, lobes) * (9.0 / lobes) ** 0.33
-    spots = _spread(rng, lobes) * (rng.uniform(0.94, 1.06, lobes) - sizes)[:, None]
+    lobe_centers = _spread_directions(rng, lobes) * (rng.uniform(0.94, 1.06, lobes) - sizes)[:, None]
     cores = [
-        clump(rng, middle_m + spot * radii_m, 0.94 * size * radii_m, middle_m, shaded(color, 0.85), irregularity=0.12)
-        for spot, size in zip(spots, sizes, strict=True)
+        clump(
+            rng, middle_m + spot * radii_m, 0.94 * size * radii_m, middle_m, shade_color(color, 0.85), irregularity=0.12
+        )
+        for spot, size in zip(lobe_centers, sizes, strict=True)
     ]
-    cores = [_seen(core, (core.vertices - middle_m) / radii_m, spots, 0.75 * sizes) for core in cores]
-    outward = _spread(rng, sprigs)
-    place, lobe = _exits(outward, spots, sizes)
-    facing = _unit((place - spots[lobe]) / radii_m)
-    spots_m = middle_m + place * rng.uniform(0.9, 1.0, (sprigs, 1)) * radii_m
-    along = _sprouting(rng, facing, 0.35, -0.15)
-    hollow = np.linalg.norm(place, axis=1)
+    cores = [_remove_hidden(core, (core.vertices - middle_m) / radii_m, lobe_centers, 0.75 * sizes) for core in cores]
+    outward = _spread_directions(rng, sprigs)
+    position, lobe = _lobe_surface(outward, lobe_centers, sizes)
+    facing = _unit((position - lobe_centers[lobe]) / radii_m)
+    positions_m = middle_m + position * rng.uniform(0.9, 1.0, (sprigs, 1)) * radii_m
+    along = _sprig_directions(rng, facing, 0.35, -0.15)
+    hollow = np.linalg.norm(position, axis=1)
     tone = 0.78 + 0.34 * np.clip((hollow - 0.62) / 0.38, 0.0, 1.0)
-    length_m = _sprig_m(radii_m, sprigs, cover)
-    exact = Mesh.merged([*cores, foliage(rng, spots_m, facing, along, middle_m, length_m, color, tone)])
-    return Graded(exact, envelope(exact, middle_m, detail=coarse_detail))
+    length_m = _sprig_length_m(radii_m, sprigs, cover)
+    exact = Mesh.merge([*cores, foliage(rng, positions_m, facing, along, middle_m, length_m, color, tone)])
+    return GradedMesh(exact, envelope(exact, middle_m, detail=coarse_detail))
 
 
-def _seen(mesh: Mesh, place: Float64Array, spots: Float64Array, sizes: Float64Array) -> Mesh:
+def _remove_hidden(mesh: Mesh, position: Float64Array, lobe_centers: Float64Array, sizes: Float64Array) -> Mesh:
     """A mesh without the triangles whose corners, by their (V, 3) places, are all in balls."""
-    inside = (np.linalg.norm(place[:, None] - spots, axis=2) < sizes).any(axis=1)
+    inside = (np.linalg.norm(position[:, None] - lobe_centers, axis=2) < sizes).any(axis=1)
     return replace(mesh, triangles=mesh.triangles[~inside[mesh.triangles].all(axis=1)])
 
 
-def _exits(outward: Float64Array, spots: Float64Array, sizes: Float64Array) -> tuple[Float64Array, Int64Array]:
+def _lobe_surface(
+    outward: Float64Array, lobe_centers: Float64Array, sizes: Float64Array
+) -> tuple[Float64Array, Int64Array]:
     """(N, 3) where rays from the origin leave the union of balls, and (N,) the ball that each leaves last."""
-    along = outward @ spots.T
-    inside = sizes**2 - np.sum(spots**2, axis=1) + along**2
+    along = outward @ lobe_centers.T
+    inside = sizes**2 - np.sum(lobe_centers**2, axis=1) + along**2
     reach = np.where(inside > 0.0, along + np.sqrt(np.maximum(inside, 0.0)), 0.3)
     lobe = reach.argmax(axis=1)
     return outward * np.take_along_axis(reach, lobe[:, None], axis=1), lobe
@@ -124,7 +130,7 @@ def ball(
     rise: float = 0.0,
     cover: float = 0.35,
     coarse_detail: int = 1,
-) -> Graded:
+) -> GradedMesh:
     """A ball of leaves of few triangles: sprigs on a core.
 
     Args:
@@ -138,17 +144,17 @@ def ball(
         cover: Their area, of the core's.
         coarse_detail: See ``envelope``.
     """
-    outward = _spread(rng, sprigs)
-    core = clump(rng, center_m, radii_m * 0.93, crown_center_m, shaded(color, 0.85), irregularity=0.16)
-    spots_m = center_m + outward * radii_m * rng.uniform(0.8, 0.92, (sprigs, 1))
+    outward = _spread_directions(rng, sprigs)
+    core = clump(rng, center_m, radii_m * 0.93, crown_center_m, shade_color(color, 0.85), irregularity=0.16)
+    positions_m = center_m + outward * radii_m * rng.uniform(0.8, 0.92, (sprigs, 1))
     facing = _unit(outward / radii_m)
-    along, length_m = _sprouting(rng, facing, 0.35, rise), _sprig_m(radii_m, sprigs, cover)
-    exact = Mesh.merged([core, foliage(rng, spots_m, facing, along, crown_center_m, length_m, color)])
-    return Graded(exact, envelope(exact, center_m, detail=coarse_detail))
+    along, length_m = _sprig_directions(rng, facing, 0.35, rise), _sprig_length_m(radii_m, sprigs, cover)
+    exact = Mesh.merge([core, foliage(rng, positions_m, facing, along, crown_center_m, length_m, color)])
+    return GradedMesh(exact, envelope(exact, center_m, detail=coarse_detail))
 
 
 def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85, detail: int = 1) -> Mesh:
-    """What stands for leaves from afar: a closed surface around them, of their mean colour.
+    """What stands for leaves from afar: a closed surface around them, of their mean color.
 
     Args:
         leafage: The leaves.
@@ -159,9 +165,9 @@ def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85
     sphere, faces = _icosphere(detail)
     from_middle_m = leafage.vertices - middle_m
     half_m = np.abs(from_middle_m).max(axis=0)
-    place = from_middle_m / half_m
-    reach = np.linalg.norm(place, axis=1)
-    near = (place / np.maximum(reach, 1e-9)[:, None]) @ sphere.T > _ENVELOPE_COSINES[detail]
+    position = from_middle_m / half_m
+    reach = np.linalg.norm(position, axis=1)
+    near = (position / np.maximum(reach, 1e-9)[:, None]) @ sphere.T > _ENVELOPE_COSINES[detail]
     rank = np.sort(np.where(near, reach[:, None], -1.0), axis=0)
     last = len(rank) - 1 - np.round((1.0 - reach_quantile) * near.sum(axis=0)).astype(int)
     vertices = middle_m + sphere * np.maximum(rank[last, np.arange(len(sphere))], 0.3)[:, None] * half_m
@@ -171,14 +177,14 @@ def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85
 
 def blossom(rng: np.random.Generator, middle_m: Float64Array, radii_m: Float64Array, count: int, color: Color) -> Mesh:
     """Flowers on the upper half of a crown."""
-    outward = _spread(rng, count, lowest=0.1)
-    spots_m = middle_m + 0.92 * outward * radii_m
-    return foliage(rng, spots_m, outward, _sprouting(rng, outward, 0.2, 0.0), middle_m, 0.16, color)
+    outward = _spread_directions(rng, count, min_z=0.1)
+    positions_m = middle_m + 0.92 * outward * radii_m
+    return foliage(rng, positions_m, outward, _sprig_directions(rng, outward, 0.2, 0.0), middle_m, 0.16, color)
 
 
 def foliage(
     rng: np.random.Generator,
-    spots_m: Float64Array,
+    positions_m: Float64Array,
     outward: Float64Array,
     along: Float64Array,
     crown_center_m: Float64Array,
@@ -190,7 +196,7 @@ def foliage(
 
     Args:
         rng: Drawn from.
-        spots_m: (N, 3) where they are.
+        positions_m: (N, 3) where they are.
         outward: (N, 3) unit vectors off what they grow on.
         along: (N, 3) unit vectors towards their tips.
         crown_center_m: (3,) what the normals lean away from, so that the crown shades as one.
@@ -198,11 +204,11 @@ def foliage(
         color: Of the crown.
         tone: Lightness, or (N,) of each: less in hollows, where less light comes.
     """
-    count = len(spots_m)
+    count = len(positions_m)
     across = _unit(np.cross(outward, along))
     size_m = (length_m * rng.uniform(0.7, 1.3, count))[:, None, None]
     shape_m = (_SPRIG_SHAPE + rng.normal(0.0, 0.09, (count, 3, 2))) * size_m
-    corners_m = spots_m[:, None] + shape_m[..., :1] * along[:, None] + shape_m[..., 1:] * across[:, None]
+    corners_m = positions_m[:, None] + shape_m[..., :1] * along[:, None] + shape_m[..., 1:] * across[:, None]
     normals = outward[:, None] + 0.7 * _unit(corners_m - crown_center_m) + rng.normal(0.0, 0.1, (count, 1, 3))
     shade = np.broadcast_to(tone, count) * rng.normal(1.0, 0.04, count)
     return _leafage(rng, corners_m, _unit(normals), color, shade)
@@ -217,7 +223,7 @@ def blades(rng: np.random.Generator, corners_m: Float64Array, away_from_m: Float
 def _leafage(
     rng: np.random.Generator, corners_m: Float64Array, normals: Float64Array, color: Color, shade: Float64Array
 ) -> Mesh:
-    """Triangles of (N, 3, 3) corners and normals, each of a colour of its own, (N,) times as light."""
+    """Triangles of (N, 3, 3) corners and normals, each of a color of its own, (N,) times as light."""
     count = len(corners_m)
     mesh = Mesh.indexed(
         corners_m.reshape(-1, 3),
@@ -232,14 +238,14 @@ def _leafage(
     return replace(mesh, color=np.repeat(shades.astype(np.uint8), 3, axis=0))
 
 
-def _sprouting(rng: np.random.Generator, outward: Float64Array, lean: float, rise: float) -> Float64Array:
+def _sprig_directions(rng: np.random.Generator, outward: Float64Array, lean: float, rise: float) -> Float64Array:
     """(N, 3) unit vectors along sprigs that lie like shingles on leaves below, tips out."""
     along = rng.normal(0.0, 0.8, outward.shape)
     along -= 0.6 * np.sum(along * outward, axis=1, keepdims=True) * outward
     return _unit(along + lean * outward + [0.0, 0.0, rise])
 
 
-def _sprig_m(radii_m: Float64Array, sprigs: int, cover: float) -> float:
+def _sprig_length_m(radii_m: Float64Array, sprigs: int, cover: float) -> float:
     """So long that sprigs cover an ellipsoid (area after Knud Thomsen) by a factor."""
     a, b, c = radii_m**1.6
     area_m2 = 4.0 * np.pi * ((a * b + a * c + b * c) / 3.0) ** (1.0 / 1.6)
@@ -266,10 +272,10 @@ def clump(
     return replace(mesh, normals=normals.astype(np.float32))
 
 
-def _spread(rng: np.random.Generator, count: int, lowest: float = -1.0) -> Float64Array:
+def _spread_directions(rng: np.random.Generator, count: int, min_z: float = -1.0) -> Float64Array:
     """(N, 3) directions spread evenly over the sphere above a height (Fibonacci lattice), turned and disturbed."""
     index = np.arange(count) + 0.5
-    z, turn = 1.0 - (1.0 - lowest) * index / count, index * np.pi * (1.0 + 5.0**0.5) + rng.uniform(0.0, 2.0 * np.pi)
+    z, turn = 1.0 - (1.0 - min_z) * index / count, index * np.pi * (1.0 + 5.0**0.5) + rng.uniform(0.0, 2.0 * np.pi)
     radius = np.sqrt(1.0 - z**2)
     lattice = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
     return _unit(lattice + rng.normal(0.0, 0.12, (count, 3)))

@@ -13,7 +13,7 @@ import shapely
 
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
-_ON_LINE_M = 1e-9
+_ON_LINE_TOLERANCE_M = 1e-9
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Rings:
     is_cut: BoolArray
 
     @classmethod
-    def of(cls, polygons: AnyArray) -> Self:
+    def from_polygons(cls, polygons: AnyArray) -> Self:
         """Those of (P,) shapely polygons; what holes they have is covered."""
         rings = shapely.get_exterior_ring(polygons)
         rings = np.where(shapely.is_ccw(rings), rings, shapely.reverse(rings))
@@ -41,7 +41,7 @@ class Rings:
         return cls(xy_m[~closing], count, np.full(len(xy_m) - len(polygons), False))
 
     @classmethod
-    def joined(cls, *parts: "Rings") -> Self:
+    def concatenate(cls, *parts: "Rings") -> Self:
         """All of them, in order."""
         return cls(
             np.concatenate([part.xy_m for part in parts]),
@@ -89,7 +89,7 @@ class Rings:
         return Rings(self.xy_m[vertices], self.count[chosen], self.is_cut[vertices])
 
 
-def parted(rings: Rings, line: Float64Array) -> tuple[Rings, Int64Array, BoolArray]:
+def split_along_lines(rings: Rings, line: Float64Array) -> tuple[Rings, Int64Array, BoolArray]:
     """Polygons parted along a line each.
 
     Args:
@@ -101,29 +101,31 @@ def parted(rings: Rings, line: Float64Array) -> tuple[Rings, Int64Array, BoolArr
     """
     of_vertex = line[rings.owner]
     offset_m = np.einsum("ij,ij->i", of_vertex[:, :2], rings.xy_m) - of_vertex[:, 2]
-    offset_m[np.abs(offset_m) < _ON_LINE_M] = 0.0
-    is_above, is_below = (_any(side, rings) for side in (offset_m > 0.0, offset_m < 0.0))
+    offset_m[np.abs(offset_m) < _ON_LINE_TOLERANCE_M] = 0.0
+    is_above, is_below = (_any_vertex(side, rings) for side in (offset_m > 0.0, offset_m < 0.0))
     crossed = is_above & is_below
     if not crossed.any():
         return rings, np.arange(len(line)), is_above
     onward_m = offset_m[rings.following]
     rises, falls = (offset_m <= 0.0) & (onward_m > 0.0), (offset_m >= 0.0) & (onward_m < 0.0)
-    turns = np.bincount(rings.owner[rises | falls], minlength=len(line))
-    often = crossed & ((turns > 2) | _any((offset_m == 0.0) & (onward_m == 0.0), rings))
-    once = crossed & ~often
-    whole, halved, cut_up = (np.flatnonzero(chosen) for chosen in (~crossed, once, often))
-    parts, origins, aboves = [rings.take(~crossed)], [whole], [is_above[whole]]
-    for half, side in zip(_parted_once(rings.take(once), offset_m[once[rings.owner]]), (True, False), strict=True):
+    sign_changes = np.bincount(rings.owner[rises | falls], minlength=len(line))
+    cut_repeatedly = crossed & ((sign_changes > 2) | _any_vertex((offset_m == 0.0) & (onward_m == 0.0), rings))
+    cut_once = crossed & ~cut_repeatedly
+    whole_index, halved_index, split_index = (np.flatnonzero(chosen) for chosen in (~crossed, cut_once, cut_repeatedly))
+    parts, origins, aboves = [rings.take(~crossed)], [whole_index], [is_above[whole_index]]
+    for half, side in zip(
+        _split_once(rings.take(cut_once), offset_m[cut_once[rings.owner]]), (True, False), strict=True
+    ):
         parts.append(half)
-        origins.append(halved)
-        aboves.append(np.full(len(halved), side))
-    if len(cut_up):
+        origins.append(halved_index)
+        aboves.append(np.full(len(halved_index), side))
+    if len(split_index):
         for sign, side in ((1.0, True), (-1.0, False)):
-            pieces, of_ring = _beyond(rings.take(often).polygons, sign * line[cut_up])
-            parts.append(Rings.of(pieces))
-            origins.append(cut_up[of_ring])
+            pieces, of_ring = _parts_beyond(rings.take(cut_repeatedly).polygons, sign * line[split_index])
+            parts.append(Rings.from_polygons(pieces))
+            origins.append(split_index[of_ring])
             aboves.append(np.full(len(of_ring), side))
-    return Rings.joined(*parts), np.concatenate(origins), np.concatenate(aboves)
+    return Rings.concatenate(*parts), np.concatenate(origins), np.concatenate(aboves)
 
 
 def without_holes(polygons: AnyArray) -> tuple[AnyArray, Int64Array]:
@@ -132,7 +134,7 @@ def without_holes(polygons: AnyArray) -> tuple[AnyArray, Int64Array]:
     holed = shapely.get_num_interior_rings(polygons) > 0
     while holed.any():
         line = _shorter_chord(polygons[holed], shapely.bounds(shapely.get_interior_ring(polygons[holed], 0)))
-        sides = [_beyond(polygons[holed], sign * line) for sign in (1.0, -1.0)]
+        sides = [_parts_beyond(polygons[holed], sign * line) for sign in (1.0, -1.0)]
         origin = np.concatenate([origin[~holed], *(origin[holed][of_polygon] for _, of_polygon in sides)])
         polygons = np.concatenate([polygons[~holed], *(parts for parts, _ in sides)])
         holed = shapely.get_num_interior_rings(polygons) > 0
@@ -158,31 +160,31 @@ def cross(a: Float64Array, b: Float64Array) -> Float64Array:
     return product
 
 
-def _parted_once(rings: Rings, offset_m: Float64Array) -> tuple[Rings, Rings]:
+def _split_once(rings: Rings, offset_m: Float64Array) -> tuple[Rings, Rings]:
     """What of rings that cross their line twice lies above, and what below; (V,) offsets of vertices from the lines."""
     onward_m = offset_m[rings.following]
     crosses = offset_m * onward_m < 0.0
     share = np.divide(offset_m, offset_m - onward_m, where=crosses, out=np.zeros(len(offset_m)))
-    meets_m = rings.xy_m + share[:, None] * (rings.xy_m[rings.following] - rings.xy_m)
-    xy_m = _in_turn(rings.xy_m, meets_m)
+    crossing_m = rings.xy_m + share[:, None] * (rings.xy_m[rings.following] - rings.xy_m)
+    xy_m = _interleave(rings.xy_m, crossing_m)
     owner = rings.owner.repeat(2)
     halves = []
     for sign in (1.0, -1.0):
         here_m, there_m = sign * offset_m, sign * onward_m
-        kept = _in_turn(here_m >= 0.0, crosses)
-        is_cut = _in_turn(rings.is_cut | ((here_m == 0.0) & (there_m < 0.0)), rings.is_cut | (there_m < 0.0))
+        kept = _interleave(here_m >= 0.0, crosses)
+        is_cut = _interleave(rings.is_cut | ((here_m == 0.0) & (there_m < 0.0)), rings.is_cut | (there_m < 0.0))
         halves.append(Rings(xy_m[kept], np.bincount(owner[kept], minlength=len(rings.count)), is_cut[kept]))
     return halves[0], halves[1]
 
 
-def _in_turn(first: AnyArray, second: AnyArray) -> AnyArray:
+def _interleave(first: AnyArray, second: AnyArray) -> AnyArray:
     """(2 N, …) rows of two arrays, one of each after the other."""
     rows = np.empty((len(first), 2, *first.shape[1:]), first.dtype)
     rows[:, 0], rows[:, 1] = first, second
     return rows.reshape(-1, *first.shape[1:])
 
 
-def _beyond(polygons: AnyArray, line: Float64Array) -> tuple[AnyArray, Int64Array]:
+def _parts_beyond(polygons: AnyArray, line: Float64Array) -> tuple[AnyArray, Int64Array]:
     """The parts of (P,) polygons where a x + b y > c, and the number of the polygon of each."""
     line = line / np.linalg.norm(line[:, :2], axis=1, keepdims=True)
     near_m, reach_m = shapely.bounds(polygons)[:, :2], 2.0 * shapely.length(polygons)[:, None]
@@ -195,7 +197,7 @@ def _beyond(polygons: AnyArray, line: Float64Array) -> tuple[AnyArray, Int64Arra
     return parts[flat], of_polygon[flat]
 
 
-def _any(of_vertex: BoolArray, rings: Rings) -> BoolArray:
+def _any_vertex(of_vertex: BoolArray, rings: Rings) -> BoolArray:
     """(P,) which polygons have a vertex of a choice."""
     chosen = np.zeros(len(rings.count), bool)
     chosen[rings.owner[of_vertex]] = True

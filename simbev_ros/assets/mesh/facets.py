@@ -1,6 +1,6 @@
 """The ground as flat facets: a triangulation of a region that follows a raster of heights as closely as is needed.
 
-Leaves of a balanced quadtree (neighbours differ by one step at most), each cut into triangles that meet its neighbours'
+Leaves of a balanced quadtree (neighbors differ by one step at most), each cut into triangles that meet its neighbors'
 corners, so the surface is continuous (Von Herzen and Barr 1987). Which leaves there are depends only on heights within
 a tile's side of them, so regions that are built apart meet exactly.
 """
@@ -44,7 +44,7 @@ class Facets:
     sectors: Int64Array
 
     @classmethod
-    def level(cls, region: Region) -> "Facets":
+    def from_level_region(cls, region: Region) -> "Facets":
         """A region at height 0: a square per tile."""
         first, end = np.round(np.reshape(region.area.bounds, (2, 2)) / TILE_M).astype(np.int64)
         leaf_at = np.arange(np.prod(end - first)).reshape(end - first)
@@ -54,7 +54,7 @@ class Facets:
         return cls(corners_m, planes, tile, first, (leaf_at,), (tile + 0.5) * TILE_M, sectors)
 
     @classmethod
-    def of(cls, raster: Raster, tolerance_m: Float64Array) -> "Facets":
+    def from_raster(cls, raster: Raster, tolerance_m: Float64Array) -> "Facets":
         """Facets of all but a tile's width around a raster of heights; ``tolerance_m`` at each of its nodes."""
         corner, spacing_m = raster.origin_m, raster.spacing_m
         leaf_at, center, triangles, sectors = _leaves(raster.values, tolerance_m, margin=round(TILE_M / spacing_m))
@@ -66,7 +66,7 @@ class Facets:
         first = np.round(corner / TILE_M).astype(np.int64) + 1
         return cls(xy_m, _planes(xy_m, values), tile, first, leaf_at, center * spacing_m + corner, sectors)
 
-    def at(self, facet: Int64Array, xy_m: Float64Array) -> Float64Array:
+    def heights_and_slopes(self, facet: Int64Array, xy_m: Float64Array) -> Float64Array:
         """(N, 3) height and slopes at (N, 2) points, each on the facet of an (N,) index."""
         values: Float64Array = np.einsum("nij,nj->ni", self.planes[facet], np.column_stack([xy_m, np.ones(len(xy_m))]))
         return values
@@ -91,12 +91,12 @@ def _leaves(
     leaf_at, middles, nodes, is_first, total = [], [], [], [], 0
     for step in reversed(range(len(merged))):
         size, whole = 2**step, merged[step].copy()
-        around = ~whole & (step > 0)  # nothing is finer than the first step
+        can_merge = ~whole & (step > 0)  # nothing is finer than the first step
         if step + 1 < len(merged):
             whole &= ~merged[step + 1].repeat(2, axis=0).repeat(2, axis=1)
         rim = margin // size
         i, j = (index + rim for index in np.nonzero(whole[rim:-rim, rim:-rim]))
-        finer = np.stack([around[i, j - 1], around[i + 1, j], around[i, j + 1], around[i - 1, j]], axis=1)
+        finer = np.stack([can_merge[i, j - 1], can_merge[i + 1, j], can_merge[i, j + 1], can_merge[i - 1, j]], axis=1)
         numbers = np.full(whole.shape, -1)
         numbers[i, j] = total + np.arange(len(i))
         leaf_at.append(numbers[rim:-rim, rim:-rim])
@@ -112,7 +112,7 @@ def _leaves(
 def _leaf_triangles(
     i: Int64Array, j: Int64Array, size: int, finer: BoolArray, shape: tuple[int, ...]
 ) -> tuple[Int64Array, BoolArray]:
-    """Triangles of leaves, from their south-western nodes and (N, 4) which neighbours, from the south on, are finer.
+    """Triangles of leaves, from their south-western nodes and (N, 4) which neighbors, from the south on, are finer.
 
     Returns:
         (N, 4, 2, 3) nodes of the triangle of each half of a sector, and which of them are not the one before.
@@ -139,25 +139,25 @@ def _merged_blocks(node_m: Float64Array, tolerance_m: Float64Array, steps: int) 
     """For block sides of 1, 2, 4 … 2^steps nodes: which blocks may be one leaf."""
     merged = [np.full((node_m.shape[0] - 1, node_m.shape[1] - 1), True)]
     for step in range(1, steps + 1):
-        around = np.pad(merged[-1], 1, constant_values=True)
-        ring = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:] & merged[-1]
+        can_merge = np.pad(merged[-1], 1, constant_values=True)
+        ring = can_merge[:-2, 1:-1] & can_merge[2:, 1:-1] & can_merge[1:-1, :-2] & can_merge[1:-1, 2:] & merged[-1]
         children = ring[0::2, 0::2] & ring[1::2, 0::2] & ring[0::2, 1::2] & ring[1::2, 1::2]
-        merged.append(children & (_misfit(node_m, tolerance_m, 2**step) < 1.0))
+        merged.append(children & (_misfit_in_tolerances(node_m, tolerance_m, 2**step) < 1.0))
     return merged
 
 
-def _misfit(node_m: Float64Array, tolerance_m: Float64Array, size: int) -> Float64Array:
+def _misfit_in_tolerances(node_m: Float64Array, tolerance_m: Float64Array, size: int) -> Float64Array:
     """Per block: how far its nodes lie off two triangles over its corners, at most about, in tolerances."""
     corners = node_m[::size, ::size]
     share = np.arange(size) / size
-    rows = np.concatenate([_between(corners, share), corners[-1:]])
-    bent = np.abs(node_m - np.concatenate([_between(rows.T, share), rows.T[-1:]]).T)
+    rows = np.concatenate([_interpolate_rows(corners, share), corners[-1:]])
+    bent = np.abs(node_m - np.concatenate([_interpolate_rows(rows.T, share), rows.T[-1:]]).T)
     twist = np.abs(corners[1:, 1:] + corners[:-1, :-1] - corners[1:, :-1] - corners[:-1, 1:]) / 4.0
-    misfit: Float64Array = _largest(bent / tolerance_m, size) + twist * _largest(1.0 / tolerance_m, size)
+    misfit: Float64Array = _block_maximum(bent / tolerance_m, size) + twist * _block_maximum(1.0 / tolerance_m, size)
     return misfit
 
 
-def _largest(values: Float64Array, size: int) -> Float64Array:
+def _block_maximum(values: Float64Array, size: int) -> Float64Array:
     """The largest of (I, J) values in each block, its border included."""
     for _ in range(2):
         values = np.maximum(values[:-1], values[1:]).T
@@ -166,7 +166,7 @@ def _largest(values: Float64Array, size: int) -> Float64Array:
     return values
 
 
-def _between(rows: Float64Array, share: Float64Array) -> Float64Array:
+def _interpolate_rows(rows: Float64Array, share: Float64Array) -> Float64Array:
     """Rows at shares between each and the next."""
     mixed = rows[:-1, None] * (1.0 - share[:, None]) + rows[1:, None] * share[:, None]
     return mixed.reshape(-1, rows.shape[1])

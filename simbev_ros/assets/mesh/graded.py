@@ -8,18 +8,18 @@ from simbev_ros.assets.mesh.mesh import Mesh
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Graded:
+class GradedMesh:
     """A thing and its stand-in.
 
     Attributes:
-        mesh: What is seen from nearby, hit by rays and labelled.
-        coarse: What cameras see from afar: of about the same outline, colours and tags.
+        mesh: What is seen from nearby, hit by rays and labeled.
+        coarse: What cameras see from afar: of about the same outline, colors and tags.
     """
 
     mesh: Mesh
     coarse: Mesh
 
     @classmethod
-    def merged(cls, parts: Sequence["Graded"]) -> Self:
+    def merge(cls, parts: Sequence["GradedMesh"]) -> Self:
         """One thing of several parts."""
-        return cls(Mesh.merged([part.mesh for part in parts]), Mesh.merged([part.coarse for part in parts]))
+        return cls(Mesh.merge([part.mesh for part in parts]), Mesh.merge([part.coarse for part in parts]))

@@ -13,10 +13,10 @@ from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles with per-vertex attributes; the three corners of a triangle share material, tag, colour and part.
+    """Triangles with per-vertex attributes; the three corners of a triangle share material, tag, color and part.
 
     Attributes:
-        vertices: (V, 3) float32, metres, in the mesh's own frame (z up).
+        vertices: (V, 3) float32, meters, in the mesh's own frame (z up).
         normals: (V, 3) float32, unit length, outward.
         uv: (V, 2) float32, surface coordinates; the meaning is the material's (see ``Material``).
         color: (V, 3) uint8, sRGB albedo.
@@ -49,7 +49,7 @@ class Mesh:
         """Flat-shaded mesh from loose triangles.
 
         Args:
-            corners: (T, 3, 3) triangle corners, metres, counter-clockwise seen from outside.
+            corners: (T, 3, 3) triangle corners, meters, counter-clockwise seen from outside.
             material: Material of all triangles.
             tag: Semantic tag of all triangles.
             color: sRGB albedo 0..255.
@@ -102,7 +102,7 @@ class Mesh:
         return cls.flat(np.zeros((0, 3, 3)), material=Material.PLAIN, tag=Tag.UNLABELED, color=(0, 0, 0))
 
     @classmethod
-    def merged(cls, meshes: Sequence["Mesh"]) -> Self:
+    def merge(cls, meshes: Sequence["Mesh"]) -> Self:
         """One mesh with the triangles of all, in order."""
         if not meshes:
             return cls.empty()
@@ -120,8 +120,8 @@ class Mesh:
             ),
         )
 
-    def transformed(self, target_from_mesh: Float64Array) -> "Mesh":
-        """The mesh moved by a (4, 4) rigid or scaling transform (normals are renormalised; uv stays)."""
+    def transform(self, target_from_mesh: Float64Array) -> "Mesh":
+        """The mesh moved by a (4, 4) rigid or scaling transform (normals are renormalized; uv stays)."""
         linear = target_from_mesh[:3, :3]
         (a, b, c), (d, e, f), (g, h, i) = linear.tolist()
         cofactors = np.array(
@@ -146,7 +146,7 @@ class Mesh:
 
         Args:
             target_from_mesh: Where the copies are.
-            tint: (N, 3) factors of the copies' colours; all ones when omitted.
+            tint: (N, 3) factors of the copies' colors; all ones when omitted.
         """
         linear = np.asarray(target_from_mesh, np.float64)[:, :3, :3]
         transposed = np.swapaxes(linear, 1, 2)
@@ -170,7 +170,7 @@ class Mesh:
 
     @property
     def bounds_m(self) -> Float64Array:
-        """(2, 3) smallest and largest corner, metres; zeros when empty."""
+        """(2, 3) smallest and largest corner, meters; zeros when empty."""
         if len(self.vertices) == 0:
             return np.zeros((2, 3))
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]).astype(np.float64)

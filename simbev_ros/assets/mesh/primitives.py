@@ -57,10 +57,10 @@ def solid(
 
     Args:
         finish: Of all triangles.
-        vertices: (V, 3) metres; coincident ones are joined.
+        vertices: (V, 3) meters; coincident ones are joined.
         triangles: (T, 3) counter-clockwise seen from outside; needles without area are dropped.
         crease_deg: Edges sharper than this stay sharp; 0 makes every face flat.
-        uv: (T, 3, 2) surface coordinates per corner. When omitted: x, y on level faces; on others metres along the
+        uv: (T, 3, 2) surface coordinates per corner. When omitted: x, y on level faces; on others meters along the
             surface's horizontal, and z.
     """
     if crease_deg == 0.0 and uv is None:
@@ -121,7 +121,7 @@ def box(finish: Finish, size_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), beve
 
 
 def boxes(finish: Finish, size_m: Float64Array, center_m: Float64Array) -> Mesh:
-    """Cuboids of one finish, (N, 3) sizes along x, y, z and (N, 3) centres, all in one step."""
+    """Cuboids of one finish, (N, 3) sizes along x, y, z and (N, 3) centers, all in one step."""
     size_m, center_m = np.asarray(size_m, np.float64), np.asarray(center_m, np.float64)
     corners = size_m[:, None] * _BOX_CORNERS + center_m[:, None]
     triangles = np.arange(0, 24 * len(size_m), 24)[:, None, None] + _BOX_TRIANGLES
@@ -163,7 +163,7 @@ def tube(
 
     Args:
         finish: Of all triangles.
-        path_m: (N, 3) centre line.
+        path_m: (N, 3) center line.
         radius_m: One radius, or (N,) radii.
         segments: Sides of its cross-section.
         crease_deg: As in ``solid``.
@@ -214,7 +214,7 @@ def ellipsoid(
     profile = np.stack([np.cos(latitudes), np.sin(latitudes)], axis=1)
     target_from_unit = np.diag([*radii_m, 1.0])
     target_from_unit[:3, 3] = center_m
-    return lathe(finish, profile, segments=segments, crease_deg=180.0).transformed(target_from_unit)
+    return lathe(finish, profile, segments=segments, crease_deg=180.0).transform(target_from_unit)
 
 
 def loft(finish: Finish, sections_m: Float64Array, *, crease_deg: float = 35.0, caps: bool = True) -> Mesh:
@@ -350,7 +350,7 @@ def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cos
 
 
 def _surface_coordinates(points: Float64Array, normals: Float64Array) -> Float64Array:
-    """(N, 2) x, y where the surface is nearly level; elsewhere metres along its horizontal, and z."""
+    """(N, 2) x, y where the surface is nearly level; elsewhere meters along its horizontal, and z."""
     x, y, z = normals.T
     along_m = (x * points[:, 1] - y * points[:, 0]) / np.maximum(np.hypot(x, y), 1e-12)
     uv = points[:, :2].copy()

@@ -15,7 +15,7 @@ _DISC_QUADRANT_SEGMENTS = 2
 
 
 class Claims:
-    """Footprints in plan, map frame, metres; found by the cells of a grid that their bounds touch."""
+    """Footprints in plan, map frame, meters; found by the cells of a grid that their bounds touch."""
 
     def __init__(self) -> None:
         self._footprints: list[BaseGeometry] = []
@@ -54,7 +54,7 @@ class Claims:
         """(N,) which of (N,) discs at (N, 2) places are free, the earlier before the later; those are claimed."""
         free = self._clear_of_claims(xy_m, radius_m)
         kept = np.flatnonzero(free)
-        free[kept] = _apart(xy_m[kept], radius_m[kept])
+        free[kept] = _keep_disjoint(xy_m[kept], radius_m[kept])
         chosen = np.flatnonzero(free)
         self.add(*shapely.buffer(shapely.points(xy_m[chosen]), radius_m[chosen], quad_segs=_DISC_QUADRANT_SEGMENTS))
         return free
@@ -78,7 +78,7 @@ def _query_discs(
     return disc, footprint
 
 
-def _apart(xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
+def _keep_disjoint(xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
     """(N,) which discs are kept if each in turn is kept unless it touches one kept before."""
     kept = np.full(len(xy_m), True)
     if len(xy_m) < 2:

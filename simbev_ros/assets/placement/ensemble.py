@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
@@ -26,7 +26,7 @@ class Base(Enum):
 class _Copies:
     """Of one mesh on one base: rows x, y, yaw, scale, red, green, blue, rise above the base."""
 
-    mesh: Mesh | Graded
+    mesh: Mesh | GradedMesh
     base: Base
     rows: list[Float64Array] = field(default_factory=list)
 
@@ -39,7 +39,7 @@ class Ensemble:
 
     def put(
         self,
-        mesh: Mesh | Graded,
+        mesh: Mesh | GradedMesh,
         xy_m: Sequence[float] | Float64Array,
         yaw_rad: float | Float64Array = 0.0,
         *,
@@ -56,7 +56,7 @@ class Ensemble:
             yaw_rad: Of its x axis.
             base: What it stands on.
             scale: Of its size.
-            tint: (3,) or (N, 3) factors of its colours.
+            tint: (3,) or (N, 3) factors of its colors.
             rise_m: So much above the base.
         """
         xy_m = np.asarray(xy_m, np.float64).reshape(-1, 2)

@@ -63,7 +63,7 @@ class RegionGround:
     _land: Raster
 
     @classmethod
-    def of(cls, network: RoadNetwork, region: Region, terrain: Terrain) -> "RegionGround":
+    def from_network(cls, network: RoadNetwork, region: Region, terrain: Terrain) -> "RegionGround":
         """The ground of a region; ``terrain`` is that of the network."""
         around = shapely.box(*shapely.buffer(region.area, MARGIN_M).bounds)
         streets = tuple(_streets(network, level, around) for level in network.layout.levels)
@@ -71,9 +71,9 @@ class RegionGround:
         low_m, high_m = (np.array(corner) for corner in (region.area.bounds[:2], region.area.bounds[2:]))
         patch = terrain.patch(low_m - TILE_M, high_m + TILE_M)
         if terrain.is_level:
-            land = Facets.level(region)
+            land = Facets.from_level_region(region)
         else:
-            land = Facets.of(patch.heights, np.where(patch.street, _STREET_TOLERANCE_M, _LAND_TOLERANCE_M))
+            land = Facets.from_raster(patch.heights, np.where(patch.street, _STREET_TOLERANCE_M, _LAND_TOLERANCE_M))
         decks = [
             _deck_facets(terrain, patch.heights, level) if street.area.intersects(region.area) else None
             for level, street in enumerate(streets[1:], start=1)
@@ -118,8 +118,8 @@ class RegionGround:
 
     def owns(self, xy_m: Float64Array) -> BoolArray:
         """(N,) which of (N, 2) places belong to this region and to no other."""
-        owned: BoolArray = (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
-        return owned
+        is_owned: BoolArray = (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
+        return is_owned
 
     def land_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of lawns and yards at (N, 2) points of the map frame, in or near the region."""
@@ -153,7 +153,7 @@ def _deck_facets(terrain: Terrain, like: Raster, level: int) -> Facets:
     """The plane of a level's carriageway at the places of another raster's nodes."""
     xy_m = places_m(like.origin_m, NODE_M, like.values.shape)
     height_m = terrain.elevation.height_m(xy_m.reshape(-1, 2), level).reshape(like.values.shape)
-    return Facets.of(Raster(like.origin_m, NODE_M, height_m), np.full(like.values.shape, _STREET_TOLERANCE_M))
+    return Facets.from_raster(Raster(like.origin_m, NODE_M, height_m), np.full(like.values.shape, _STREET_TOLERANCE_M))
 
 
 def _polygons(area: BaseGeometry) -> shapely.MultiPolygon:

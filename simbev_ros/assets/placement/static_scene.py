@@ -1,4 +1,4 @@
-"""The immobile part of the world: tiles of mesh, and the surfaces that are labelled but not seen."""
+"""The immobile part of the world: tiles of mesh, and the surfaces that are labeled but not seen."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class StreetLight:
-    """A lamp: position of its light source in the map frame, metres."""
+    """A lamp: position of its light source in the map frame, meters."""
 
     position_m: tuple[float, float, float]
 

@@ -24,7 +24,7 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
         region: Which one.
         terrain: The network's.
     """
-    ground = RegionGround.of(network, region, terrain)
+    ground = RegionGround.from_network(network, region, terrain)
     tiles, claims = TileBuilder(), Claims()
     lay_streets(tiles, ground)
     paint_markings(tiles, ground)
@@ -37,6 +37,6 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
     return RegionScene(
         tiles.finish(),
         furnishing.street_lights,
-        obstacles_on(streets.sidewalk, streets.road, tiles.placed),
-        plazas_of(furnishing.pavements, ground, tiles.placed),
+        obstacles_on(streets.sidewalk, streets.road, tiles.placed_objects),
+        plazas_of(furnishing.pavements, ground, tiles.placed_objects),
     )

@@ -100,17 +100,17 @@ def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: 
         inside = shapely.contains_xy(area, middle_m[:, 0], middle_m[:, 1])
         if surroundings.use != "farmland":
             woods = surroundings.use == "woods"
-            cover[inside] = _row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
+            cover[inside] = _finish_row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
             continue
         keys, which = np.unique(field[inside], axis=0, return_inverse=True)
         crops = [draw_crop(surroundings.plants, stream(seed, f"far_land.{i}.{j}")) for i, j in keys.tolist()]
-        cover[inside] = np.array([_row(crop, finishes) for crop in crops])[which.reshape(-1)]
+        cover[inside] = np.array([_finish_row(crop, finishes) for crop in crops])[which.reshape(-1)]
     for water in features.water:
         cover[shapely.contains_xy(water.area, middle_m[:, 0], middle_m[:, 1])] = 0
     return cover
 
 
-def _row(finish: Finish, finishes: list[Finish]) -> int:
+def _finish_row(finish: Finish, finishes: list[Finish]) -> int:
     if finish not in finishes:
         finishes.append(finish)
     return finishes.index(finish)
@@ -133,12 +133,12 @@ def _tile(far: FarLand, loaded: BoolArray, i: int, j: int) -> Tile:
         _quads(far.finish[row], corners_m[bare & (cover == row)], normals[bare & (cover == row)])
         for row in np.unique(cover[bare])
     ]
-    for side, neighbours in enumerate((loaded[1:-1, :-2], loaded[2:, 1:-1], loaded[1:-1, 2:], loaded[:-2, 1:-1])):
-        edge_m = corners_m[bare & neighbours[::step, ::step]][:, [side, (side + 1) % 4]]
+    for side, neighbors in enumerate((loaded[1:-1, :-2], loaded[2:, 1:-1], loaded[1:-1, 2:], loaded[:-2, 1:-1])):
+        edge_m = corners_m[bare & neighbors[::step, ::step]][:, [side, (side + 1) % 4]]
         if len(edge_m):
             meshes.append(_skirt(far.finish[cover[bare][0]], edge_m))
     center_m = np.array([*(np.array(far.first) + (np.array([i, j]) / _CELLS + 0.5)), 0.0]) * REGION_M
-    return Tile(center_m, Mesh.merged(meshes), {})
+    return Tile(center_m, Mesh.merge(meshes), {})
 
 
 def _corners(node: Float64Array) -> Float64Array:

@@ -135,7 +135,7 @@ def _mouths(network: RoadNetwork, plazas: Sequence[Plaza]) -> list[_Mouth]:
     lines = np.array([shapely.LineString(lane.centerline_m[:, :2]) for lane in lanes], object)
     tree, found = shapely.STRtree(lines), []
     for plaza in plazas:
-        for way_m in plaza.ways_m:
+        for way_m in plaza.paths_m:
             place = shapely.Point(way_m[0])
             row = int(tree.nearest(place))
             lane, s_m = lanes[row], float(lines[row].project(place))

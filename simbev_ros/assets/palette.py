@@ -1,4 +1,4 @@
-"""Colors of the surroundings, read from palettes.yaml."""
+"""Color palettes of the static world, read from palettes.yaml."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -11,12 +11,12 @@ Color = tuple[int, int, int]
 
 
 def pick_color(rng: np.random.Generator, name: str, variation: float = 0.05) -> Color:
-    """A random color of a palette, made lighter or darker by up to a share of ``variation``.
+    """Draw a color of a palette, and make it lighter or darker at random.
 
     Args:
-        rng: Drawn from.
-        name: Key of palettes.yaml; a dot goes a level down.
-        variation: Largest relative change of lightness.
+        rng: Random generator to draw from.
+        name: Key of palettes.yaml; dots separate nested keys.
+        variation: Maximum relative change of lightness.
     """
     entry: Any = _palettes()
     for key in name.split("."):
@@ -26,7 +26,7 @@ def pick_color(rng: np.random.Generator, name: str, variation: float = 0.05) -> 
 
 
 def shade_color(color: Color, factor: float) -> Color:
-    """A color made lighter (factor above 1) or darker."""
+    """Scale a color's brightness: a factor above 1 makes it lighter, below 1 darker."""
     red, green, blue = (min(255, max(0, round(channel * factor))) for channel in color)
     return red, green, blue
 

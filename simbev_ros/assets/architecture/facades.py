@@ -1,8 +1,8 @@
-"""Walls with windows, and what hangs on them: bands of stories, ledges, pilasters, balconies, doors, awnings.
+"""Walls with windows and their details: bands of stories, ledges, pilasters, balconies, doors, awnings.
 
-A building's frame: x along the street front, y away from the street (the front wall at y = 0), z up from the floor of
-the ground story. Windows are drawn by the material: ``uv`` grows by ``BAY_M`` from bay to bay and by ``STORY_M`` from
-floor to floor, whole numbers of both on every wall, whatever the wall's true measures; below v = 0 there are none.
+The frame of a building: x along the street front, y away from the street (the front wall at y = 0), z up from the
+ground floor. The material draws the windows: ``uv`` increases by ``BAY_M`` per bay and by ``STORY_M`` per floor, in
+whole numbers of both on every wall, whatever the wall's true size; below v = 0 there are no windows.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ _MIN_WINDOWED_M = 1.6
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Stories of one look: material, color, true height of one story, and how many."""
+    """Stories of the same appearance: material, color, true height of one story, and number of stories."""
 
     material: Material
     color: Color
@@ -38,17 +38,23 @@ class Band:
 
 
 def building_finish(material: Material, color: Color) -> Finish:
-    """Finish of a piece of a building."""
+    """Finish of a building part of a material and color, with the semantic tag of buildings."""
     return Finish(material, Tag.BUILDING, color)
 
 
 def rectangle(width_m: float, depth_m: float, inset_m: float = 0.0) -> shapely.Polygon:
-    """Plan of a building or ledge; a negative inset stands out."""
+    """Rectangular plan of a building or ledge; a negative inset makes it larger."""
     return shapely.box(inset_m - width_m / 2.0, inset_m, width_m / 2.0 - inset_m, depth_m - inset_m)
 
 
 def body(plan: shapely.Polygon, bands: Sequence[Band], roof: Color, base_m: float = 0.0) -> tuple[Mesh, float]:
-    """Closed block of stories on any plan, courtyards included.
+    """Build a closed block of stories on any plan, courtyards included.
+
+    Args:
+        plan: Plan of the walls, meters.
+        bands: Stories from the bottom up.
+        roof: Color of the flat roof.
+        base_m: Height at which the walls begin.
 
     Returns:
         The mesh, and the height of its flat roof.
@@ -66,12 +72,12 @@ def body(plan: shapely.Polygon, bands: Sequence[Band], roof: Color, base_m: floa
 
 
 def without_windows(mesh: Mesh) -> Mesh:
-    """The same, its walls without windows."""
+    """Copy of a mesh whose walls have no windows."""
     return replace(mesh, uv=mesh.uv + np.array([0.0, _BLANK_V_M], np.float32))
 
 
 def ledge(plan: shapely.Polygon, color: Color, bottom_m: float, height_m: float, out_m: float) -> Mesh:
-    """A band of plaster that stands out from front and back, and a little from the sides, where a neighbor may be."""
+    """Build a plaster band that projects at front and back, and less at the sides, where a neighbor may be."""
     left_m, near_m, right_m, far_m = plan.bounds
     side_m = min(out_m, PARTY_LEDGE_M)
     size_m = (right_m - left_m + 2.0 * side_m, far_m - near_m + 2.0 * out_m, height_m)
@@ -80,12 +86,12 @@ def ledge(plan: shapely.Polygon, color: Color, bottom_m: float, height_m: float,
 
 
 def plinth(plan: shapely.Polygon, foundation_m: float) -> Mesh:
-    """The foot of the walls, reaching into the ground."""
+    """Build the base of the walls, which reaches into the ground."""
     return ledge(plan, (112, 110, 106), -foundation_m, foundation_m + 0.25, 0.06)
 
 
 def parapet(plan: shapely.Polygon, color: Color, roof_m: float, height_m: float = 0.9) -> Mesh:
-    """A low wall around a flat roof."""
+    """Build a low wall around a flat roof."""
     outer = plan.buffer(0.02, join_style="mitre")
     ring = outer.difference(plan.buffer(-0.3, join_style="mitre"))
     walls = [part for part in shapely.get_parts(ring) if part.geom_type == "Polygon"]
@@ -94,7 +100,7 @@ def parapet(plan: shapely.Polygon, color: Color, roof_m: float, height_m: float 
 
 
 def pilasters(width_m: float, color: Color, bottom_m: float, top_m: float) -> Mesh:
-    """Upright strips between the bays of the front."""
+    """Build vertical strips between the bays of the front."""
     bays = max(1, round(width_m / BAY_M))
     height_m = top_m - bottom_m
     x_m = np.linspace(-width_m / 2.0 + 0.18, width_m / 2.0 - 0.18, bays + 1)
@@ -103,7 +109,7 @@ def pilasters(width_m: float, color: Color, bottom_m: float, top_m: float) -> Me
 
 
 def balconies(width_m: float, bays: Sequence[int], floors_m: Sequence[float], color: Color) -> list[Mesh]:
-    """A balcony on the front at each given bay and floor height."""
+    """Build a balcony on the front at each given bay and floor height."""
     count = max(1, round(width_m / BAY_M))
     x_m = ((np.asarray(bays) + 0.5) / count - 0.5) * width_m
     centers_m = np.array([(x, -0.6, z) for x in x_m for z in floors_m]).reshape(-1, 1, 3)
@@ -123,13 +129,13 @@ def balconies(width_m: float, bays: Sequence[int], floors_m: Sequence[float], co
 
 
 def door_x_m(width_m: float) -> float:
-    """Where the front door is: in the bay next to the middle, in place of a window."""
+    """x of the front door: in the bay next to the middle, in place of a window."""
     bays = max(1, round(width_m / BAY_M))
     return ((bays // 2 + 0.5) / bays - 0.5) * width_m
 
 
 def door(x_m: float, color: Color, trim: Color, foundation_m: float, canopy: bool = True) -> list[Mesh]:
-    """A front door with a step down to the ground and a small canopy."""
+    """Build a front door with a step down to the ground and a small canopy."""
     pieces = [
         box(building_finish(Material.WOOD, color), (1.2, 0.12, 2.2), (x_m, -0.03, 1.25)),
         box(building_finish(Material.PLASTER, trim), (1.6, 0.08, 2.45), (x_m, -0.02, 1.225)),
@@ -147,7 +153,7 @@ def door(x_m: float, color: Color, trim: Color, foundation_m: float, canopy: boo
 
 
 def gate(x_m: float, width_m: float, height_m: float, color: Color, frame: Color) -> list[Mesh]:
-    """A sectional door of a garage, barn or hall in its frame, its lower edge at the floor."""
+    """Build a framed sectional door of a garage, barn or hall, its lower edge at the floor."""
     steps_m = np.arange(0.0, height_m - 0.1, max(0.5, height_m / 6.0))
     slats = np.column_stack([np.full(len(steps_m), x_m), np.full(len(steps_m), -0.075), steps_m + 0.1])
     return [
@@ -162,7 +168,7 @@ def gate(x_m: float, width_m: float, height_m: float, color: Color, frame: Color
 
 
 def awning(x_m: float, width_m: float, color: Color, top_m: float) -> Mesh:
-    """A sloping cloth over a shop window."""
+    """Build a sloping cloth awning over a shop window."""
     profile = shapely.Polygon([(0.02, top_m), (-1.15, top_m - 0.55), (-1.15, top_m - 0.75), (0.02, top_m - 0.08)])
     cloth = extrusion(
         building_finish(Material.CLOTH, color), profile, x_m - width_m / 2.0, x_m + width_m / 2.0, crease_deg=0.0
@@ -171,20 +177,20 @@ def awning(x_m: float, width_m: float, color: Color, top_m: float) -> Mesh:
 
 
 def lay_along_front(profile: Mesh) -> Mesh:
-    """A solid drawn out along z from a profile in (x, y), laid so that the profile is in (y, z) and it runs along x."""
+    """Rotate a solid extruded along z from a profile in (x, y), so that it runs along x and the profile is in (y, z)."""
     cyclic = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     return profile.transform(cyclic)
 
 
 def move_mesh(mesh: Mesh, x_m: float, y_m: float, quarter_turns: int = 0) -> Mesh:
-    """The mesh turned counter-clockwise about z, then shifted."""
+    """Copy of a mesh, turned counter-clockwise about z by quarter turns, then shifted in the ground plane."""
     cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarter_turns % 4]
     pose = np.array([[cosine, -sine, 0, x_m], [sine, cosine, 0, y_m], [0, 0, 1, 0], [0, 0, 0, 1]], np.float64)
     return mesh.transform(pose)
 
 
 def _underside(ceiling: Mesh, z_m: float) -> Mesh:
-    """A flat roof's plate seen from below, at a height."""
+    """Downward-facing copy of a flat roof's plate, at a height."""
     vertices = ceiling.vertices.copy()
     vertices[:, 2] = z_m
     triangles = np.ascontiguousarray(ceiling.triangles[:, ::-1])
@@ -193,7 +199,7 @@ def _underside(ceiling: Mesh, z_m: float) -> Mesh:
 
 
 def _walls(finish: Finish, ring: Float64Array, z_m: tuple[float, float], v: tuple[float, float]) -> Mesh:
-    """Upright quads along an (N, 2) ring, land to its right, a whole number of bays in u on each."""
+    """Upright quads along an (N, 2) ring with the outside on its right; u spans a whole number of bays on each quad."""
     ends = np.roll(ring, -1, axis=0)
     along = ends - ring
     lengths = np.hypot(along[:, 0], along[:, 1])
@@ -216,7 +222,7 @@ def _walls(finish: Finish, ring: Float64Array, z_m: tuple[float, float], v: tupl
 
 
 def _quad(starts: Float64Array, ends: Float64Array, z_m: tuple[float, float]) -> tuple[tuple[Float64Array, float], ...]:
-    """Corners in plan and their heights, counter-clockwise from outside."""
+    """Corners of wall quads in plan and their heights, counter-clockwise seen from outside."""
     return (starts, z_m[0]), (ends, z_m[0]), (ends, z_m[1]), (starts, z_m[1])
 
 

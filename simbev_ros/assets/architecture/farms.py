@@ -22,7 +22,7 @@ from simbev_ros.assets.palette import pick_color
 
 
 def barn(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A barn of boards with a big door to the yard, and one at the end."""
+    """Build a wooden barn with a big door to the yard and another one at the end."""
     roof = pick_color(rng, "barn_roofs")
     plan = rectangle(plot.width_m, plot.depth_m)
     eaves_m = float(np.clip(plot.height_m, 3.6, 5.0))
@@ -41,7 +41,7 @@ def barn(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def shed(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A long low shed of sheet metal with gates."""
+    """Build a long low shed of sheet metal with gates."""
     roof = pick_color(rng, "barn_roofs")
     plan = rectangle(plot.width_m, plot.depth_m)
     sheets = Wall("metal", Material.METAL_FACADE, pick_color(rng, "walls.metal"))
@@ -56,7 +56,7 @@ def shed(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def silo(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A pair of round silos with domed or conical tops."""
+    """Build one or two round silos with conical tops."""
     count = 2 if plot.width_m > 8.0 else 1
     radius_m = min(0.45 * plot.width_m / count, 3.0)
     top_m = float(rng.uniform(8.0, 13.0))
@@ -76,7 +76,7 @@ def silo(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def _barn_door(width_m: float, height_m: float) -> Mesh:
-    """Two leaves of boards in a white frame with crosses."""
+    """Double barn door of boards in a white frame."""
     white, board = building_finish(Material.WOOD, (222, 217, 206)), building_finish(Material.WOOD, (112, 58, 46))
     uprights = np.array([(x, -0.06, height_m / 2.0) for x in (-width_m / 2.0, 0.0, width_m / 2.0)])
     levels = np.array([(0.0, -0.06, z) for z in (0.1, height_m / 2.0, height_m - 0.05)])

@@ -23,7 +23,7 @@ from simbev_ros.assets.mesh.primitives import box, boxes
 from simbev_ros.assets.palette import Color, pick_color, shade_color
 
 GARAGE_M = 4.2
-"""Width of a house's garage, part of its plot's width."""
+"""Width of a house's garage, included in the width of its plot."""
 
 _STORY_M = 2.8
 _GARAGE_BACK_M, _GARAGE_DEPTH_M, _GARAGE_EAVES_M = 1.2, 6.0, 2.5
@@ -31,7 +31,7 @@ _PORCH_M = 1.7
 
 
 def villa(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A detached family house, one or two stories."""
+    """Build a detached family house of one or two stories."""
     roof, trim = pick_color(rng, "pitched_roofs"), pick_color(rng, "trims")
     width_m = house_width_m(plot)
     stories = 1 + (plot.height_m > 4.5)
@@ -51,24 +51,24 @@ def villa(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def house_width_m(plot: Plot) -> float:
-    """Width of the house itself."""
+    """Width of the house without its garage."""
     return plot.width_m - GARAGE_M * abs(plot.garage)
 
 
 def house_x_m(plot: Plot) -> float:
-    """Middle of the house itself; its garage is beside it."""
+    """x of the center of the house without its garage."""
     return -plot.garage * GARAGE_M / 2.0
 
 
 def garage_x_m(plot: Plot) -> float:
-    """Middle of the garage."""
+    """x of the center of the garage."""
     return plot.garage * (plot.width_m - GARAGE_M) / 2.0
 
 
 def _front(
     plot: Plot, wall: Wall, eaves_m: float, style: tuple[float, Color, Color], rng: np.random.Generator
 ) -> list[Mesh]:
-    """Front door with a porch, and beside it perhaps a wing with a gable to the street."""
+    """Front door with a porch, and sometimes a wing beside it with its gable to the street."""
     pitch, roof, trim = style
     width_m = house_width_m(plot)
     door_m = door_x_m(width_m)
@@ -84,7 +84,7 @@ def _front(
 
 
 def _porch(x_m: float, foundation_m: float, roof: Color, trim: Color) -> list[Mesh]:
-    """A floor, two posts and a small roof before the door."""
+    """A floor, two posts and a small roof in front of the door."""
     deck_m = 0.12 + foundation_m
     posts = np.array([[x_m - 1.15, 0.12 - _PORCH_M, 1.3], [x_m + 1.15, 0.12 - _PORCH_M, 1.3]])
     cover = cross_gable(2.6, _PORCH_M, 2.6, 0.35, roof, Wall("plaster", Material.FACADE, trim), 0.1)
@@ -116,7 +116,7 @@ def _back_door(width_m: float, plot: Plot, trim: Color) -> Mesh:
 
 
 def _garage(plot: Plot, wall: Wall, style: tuple[float, Color, Color], rng: np.random.Generator) -> Mesh:
-    """A garage beside the house, set back a little; its roof pitched as the house's, or flat where that is 0."""
+    """A garage beside the house, set back a little; its roof has the house's pitch, or is flat for a pitch of 0."""
     pitch, roof, trim = style
     width_m = GARAGE_M - 0.1
     plan = rectangle(width_m, _GARAGE_DEPTH_M)
@@ -133,5 +133,5 @@ def _garage(plot: Plot, wall: Wall, style: tuple[float, Color, Color], rng: np.r
 
 
 def _over(eaves_m: float) -> tuple[float, float, float]:
-    """Center of a garage's flat roof."""
+    """Center of the garage's flat roof."""
     return 0.0, _GARAGE_DEPTH_M / 2.0, eaves_m + 0.1

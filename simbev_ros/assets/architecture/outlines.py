@@ -1,4 +1,4 @@
-"""Buildings that a map prescribes: any outline drawn up to its height. Frame: map axes, z up from the ground floor."""
+"""Buildings on outlines that a map prescribes, extruded to their height. Frame: map axes, z up from the ground floor."""
 
 import numpy as np
 import shapely
@@ -24,16 +24,16 @@ _CUT_CORNERS_M = 0.15
 def building_on_outline(
     outline: shapely.Polygon, height_m: float, foundation_m: float, wall: Wall, rng: np.random.Generator
 ) -> Mesh:
-    """A building on a prescribed outline, courtyards included, with windows by stories and a door.
+    """Build a building on a prescribed outline, courtyards included, with rows of windows and a door.
 
-    Small rectangular ones have hipped roofs, all others flat ones with a parapet.
+    Small rectangular buildings get hipped roofs, all others flat roofs with a parapet.
 
     Args:
-        outline: In the frame of the mesh, meters.
-        height_m: Of the whole building.
-        foundation_m: How far its foot reaches below z = 0.
-        wall: Of what.
-        rng: For colors.
+        outline: Outline in the frame of the mesh, meters.
+        height_m: Height of the whole building.
+        foundation_m: Depth of its foundation below z = 0.
+        wall: Material and color of its walls.
+        rng: Random generator for colors.
     """
     plan = _polygon(shapely.orient_polygons(outline.simplify(_CUT_CORNERS_M)))
     frame = _polygon(plan.minimum_rotated_rectangle)
@@ -50,7 +50,7 @@ def building_on_outline(
 
 
 def _polygon(geometry: BaseGeometry) -> shapely.Polygon:
-    """What is known to be a polygon, for the type checker too."""
+    """Check that a geometry is a polygon, also for the type checker."""
     if not isinstance(geometry, shapely.Polygon):
         raise TypeError(f"a building's outline must be a polygon, not a {geometry.geom_type}")
     return geometry
@@ -96,6 +96,6 @@ def _step(foundation_m: float) -> Mesh:
 
 
 def _facing(position_m: Float64Array, along: Float64Array) -> Float64Array:
-    """(4, 4) pose of what has its front along a direction, its middle at a place."""
+    """(4, 4) pose of an object whose front runs along a direction and is centered at a position."""
     yaw_rad = float(np.arctan2(along[1], along[0]))
     return matrices_from_xyz_rpy(np.array([*position_m, 0.0]), np.array([0.0, 0.0, yaw_rad]))

@@ -26,7 +26,7 @@ _TOWER_M = 5.0
 
 
 def lecture_block(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A long building of a campus: large windows in brick or concrete, a glazed entrance, flat roof."""
+    """Build a long campus building: large windows in brick or concrete, a glazed entrance, a flat roof."""
     roof, trim = pick_color(rng, "flat_roofs"), pick_color(rng, "trims")
     plan = rectangle(plot.width_m, plot.depth_m)
     stories = int(np.clip(round(plot.height_m / _STORY_M), 2, 6))
@@ -38,7 +38,7 @@ def lecture_block(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def school(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """Two stories of classrooms under a hipped roof."""
+    """Build a school: two stories of classrooms under a hipped roof."""
     roof = pick_color(rng, "pitched_roofs")
     plan = rectangle(plot.width_m, plot.depth_m)
     mesh, eaves_m = body(plan, [Band(wall.material, wall.color, 3.5, 2)], roof)
@@ -48,7 +48,7 @@ def school(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def church(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A nave with its gable to the street and a tower with a spire before it."""
+    """Build a church: a nave with its gable to the street, and a tower with a spire in front of it."""
     roof, stone = pick_color(rng, "pitched_roofs"), wall.color
     masonry = Wall(wall.style, Material.BRICK_FACADE if wall.style == "brick" else Material.FACADE, stone)
     nave = shapely.box(-plot.width_m / 2.0, _TOWER_M - 0.5, plot.width_m / 2.0, plot.depth_m)

@@ -1,4 +1,4 @@
-"""Roofs and what stands on them. Frame and conventions as in ``facades``."""
+"""Roofs, chimneys and rooftop equipment of buildings. Frame and conventions as in ``facades``."""
 
 from dataclasses import replace
 
@@ -35,9 +35,9 @@ def gabled_roof(
     verge_m: float = PARTY_LEDGE_M,
     overhang_m: float = OVERHANG_M,
 ) -> Mesh:
-    """Two slopes, the ridge along x, and the gable walls below them.
+    """Build two slopes with the ridge along x, and the gable walls below them.
 
-    ``pitch`` is rise over run; ``verge_m`` is how far the slopes stand out from the gables.
+    ``pitch`` is rise over run; ``verge_m`` is the overhang of the slopes at the gables, ``overhang_m`` at the eaves.
     """
     middle_m, rise_m = depth_m / 2.0, pitch * depth_m / 2.0
     profile = [(0.0, eaves_m), (middle_m, eaves_m + rise_m), (depth_m, eaves_m)]
@@ -45,7 +45,7 @@ def gabled_roof(
 
 
 def gambrel_roof(width_m: float, depth_m: float, eaves_m: float, roof: Color, wall: Wall) -> Mesh:
-    """A barn's roof: steep below, flatter above; the ridge along x."""
+    """Build a barn roof, steep below and flatter above, with the ridge along x."""
     knee_m, top_m = 0.22 * depth_m, eaves_m + 0.42 * depth_m
     knee = eaves_m + 0.27 * depth_m
     profile = [(0.0, eaves_m), (knee_m, knee), (depth_m / 2.0, top_m), (depth_m - knee_m, knee), (depth_m, eaves_m)]
@@ -55,14 +55,14 @@ def gambrel_roof(width_m: float, depth_m: float, eaves_m: float, roof: Color, wa
 def cross_gable(
     width_m: float, depth_m: float, eaves_m: float, pitch: float, roof: Color, wall: Wall, verge_m: float = 0.3
 ) -> Mesh:
-    """As ``gabled_roof``, the ridge along y."""
+    """Build a roof like ``gabled_roof``, with the ridge along y."""
     return move_mesh(
         gabled_roof(depth_m, width_m, eaves_m, pitch, roof, wall, verge_m), width_m / 2.0, depth_m / 2.0, 1
     )
 
 
 def hipped_roof(width_m: float, depth_m: float, eaves_m: float, pitch: float, roof: Color) -> Mesh:
-    """Four slopes that meet in a ridge along the longer side."""
+    """Build four slopes that meet in a ridge along the longer side."""
     x_m, near_m, far_m = width_m / 2.0 + OVERHANG_M, -OVERHANG_M, depth_m + OVERHANG_M
     half_m = min(x_m, (far_m - near_m) / 2.0)
     ridge = np.array([[half_m - x_m, near_m + half_m], [x_m - half_m, far_m - half_m]])
@@ -81,7 +81,7 @@ def hipped_roof(width_m: float, depth_m: float, eaves_m: float, pitch: float, ro
 
 
 def spire(x_m: float, y_m: float, side_m: float, bottom_m: float, top_m: float, roof: Color) -> Mesh:
-    """A pyramid on a square tower."""
+    """Build a pyramid on a square tower."""
     half_m = side_m / 2.0 + 0.25
     base = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half_m + [x_m, y_m]
     vertices = np.vstack([np.column_stack([base, np.full(4, bottom_m)]), [[x_m, y_m, top_m]]])
@@ -90,7 +90,7 @@ def spire(x_m: float, y_m: float, side_m: float, bottom_m: float, top_m: float, 
 
 
 def chimney(x_m: float, y_m: float, bottom_m: float, top_m: float, color: Color) -> Mesh:
-    """A brick chimney with a cap."""
+    """Build a brick chimney with a cap."""
     height_m = top_m - bottom_m
     return Mesh.merge(
         [
@@ -101,7 +101,7 @@ def chimney(x_m: float, y_m: float, bottom_m: float, top_m: float, color: Color)
 
 
 def flat_roof(rng: np.random.Generator, width_m: float, depth_m: float, roof_m: float, trim: Color) -> list[Mesh]:
-    """Parapet, stair head, air-conditioning boxes and vents on a flat roof."""
+    """Build the parapet, stair head, air-conditioning boxes and a vent of a flat roof."""
     pieces = [parapet(rectangle(width_m, depth_m), trim, roof_m)]
     stair_m = (2.8, 4.2, 2.6)
     x_m, y_m = rng.uniform(-0.25, 0.25) * width_m, rng.uniform(0.45, 0.6) * depth_m
@@ -115,7 +115,7 @@ def flat_roof(rng: np.random.Generator, width_m: float, depth_m: float, roof_m: 
 
 
 def roof_units(rng: np.random.Generator, count: int, width_m: float, depth_m: float, roof_m: float) -> Mesh:
-    """Air-conditioning boxes on a flat roof."""
+    """Build air-conditioning boxes on a flat roof."""
     sizes_m = rng.uniform((1.2, 1.0, 0.9), (2.4, 1.8, 1.5), (count, 3))
     x_m, y_m = rng.uniform(-0.4, 0.4, count) * (width_m - 3.0), rng.uniform(0.25, 0.75, count) * depth_m
     return boxes(
@@ -126,7 +126,7 @@ def roof_units(rng: np.random.Generator, count: int, width_m: float, depth_m: fl
 
 
 def with_tile_uv(roof: Mesh) -> Mesh:
-    """The roof with ``uv`` along its eaves and up its slopes, so that courses of tiles run level."""
+    """Copy of a roof with ``uv`` along its eaves and up its slopes, so that courses of tiles run level."""
     normals = roof.normals.astype(np.float64)
     run = np.hypot(normals[:, 0], normals[:, 1])
     along = np.column_stack([-normals[:, 1], normals[:, 0]]) / np.maximum(run, 1e-6)[:, None]
@@ -139,7 +139,7 @@ def with_tile_uv(roof: Mesh) -> Mesh:
 def _folded_roof(
     width_m: float, profile_m: Float64Array, pitch: float, roof: Color, wall: Wall, out_m: tuple[float, float]
 ) -> Mesh:
-    """Slopes along an (N, 2) profile of y and z drawn out along x, over gable walls; they stand out at verge, eaves."""
+    """Slopes extruded along x from an (N, 2) profile of y and z, over gable walls, with overhangs (verge, eaves)."""
     verge_m, overhang_m = out_m
     foot = np.array([overhang_m, pitch * overhang_m])
     line = np.vstack([profile_m[0] - foot, profile_m[1:-1], profile_m[-1] + foot * (1.0, -1.0)])
@@ -153,7 +153,7 @@ def _folded_roof(
 
 
 def _upright(gable: Mesh) -> Mesh:
-    """Its ``uv`` along the wall and up, as of walls."""
+    """Copy of a gable with ``uv`` along the wall and up, as walls have it."""
     normals = gable.normals
     along = np.einsum("ij,ij->i", np.column_stack([-normals[:, 1], normals[:, 0]]), gable.vertices[:, :2])
     return replace(gable, uv=np.column_stack([along, gable.vertices[:, 2]]).astype(np.float32))

@@ -33,7 +33,7 @@ _FLAT_STORY_M = 3.1
 
 
 def town_house(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A small house: one or two stories, pitched roof, chimney, front door."""
+    """Build a small house: one or two stories, pitched roof, chimney, front door."""
     roof, trim = pick_color(rng, "pitched_roofs"), pick_color(rng, "trims")
     stories = int(np.clip(round(plot.height_m / _HOUSE_STORY_M), 1, 2))
     plan = rectangle(plot.width_m, plot.depth_m)
@@ -51,7 +51,7 @@ def town_house(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def apartments(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A town house of three to eight stories, often with shops; cornice and flat roof, or a gabled one."""
+    """Build an apartment house of three to eight stories, often with shops; flat roof with a cornice, or gabled."""
     trim, shops = pick_color(rng, "trims"), rng.random() < 0.55
     stories = int(np.clip(round(plot.height_m / _FLAT_STORY_M), 3, 8)) - shops
     plan = rectangle(plot.width_m, plot.depth_m)
@@ -76,7 +76,7 @@ def apartments(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def office(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A tall block: shops or lobby below, curtain wall or windows above, sometimes a tower that steps back."""
+    """Build a tall block: shops or lobby below, curtain wall or windows above, sometimes a stepped-back tower."""
     trim = pick_color(rng, "frames")
     stories = max(4, round((plot.height_m - _SHOP_STORY_M) / _OFFICE_STORY_M))
     plan = rectangle(plot.width_m, plot.depth_m)
@@ -104,7 +104,7 @@ def office(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def shop(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A low shop or restaurant: display windows, awnings, flat roof; sometimes a story above."""
+    """Build a low shop or restaurant: display windows, awnings, flat roof; sometimes a story above."""
     trim = pick_color(rng, "trims")
     plan = rectangle(plot.width_m, plot.depth_m)
     bands = [_shop_band(rng)]
@@ -125,7 +125,7 @@ def _shop_band(rng: np.random.Generator) -> Band:
 def _front_relief(
     width_m: float, wall: Wall, trim: Color, first_m: float, eaves_m: float, rng: np.random.Generator
 ) -> list[Mesh]:
-    """Pilasters, balconies one above the other, or nothing."""
+    """Pilasters, columns of balconies, or nothing."""
     if wall.style != "concrete" and rng.random() < 0.35:
         return [pilasters(width_m, shade_color(wall.color, 0.9), first_m, eaves_m)]
     if rng.random() > 0.6:
@@ -147,7 +147,7 @@ def _street_floor(rng: np.random.Generator, plot: Plot, trim: Color, shops: bool
 
 
 def _fins(plan: shapely.Polygon, color: Color, bottom_m: float, top_m: float) -> Mesh:
-    """Slender uprights on the front and the back of a curtain wall."""
+    """Slender vertical fins on the front and the back of a curtain wall."""
     left_m, near_m, right_m, far_m = plan.bounds
     count, height_m = max(1, round((right_m - left_m) / BAY_M)), top_m - bottom_m
     x_m = np.tile(np.linspace(left_m + 0.06, right_m - 0.06, count + 1), 2)

@@ -28,7 +28,7 @@ _GATE_SPACING_M = 7.0
 
 
 def hall(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A workshop: blank sheet walls below a ribbon of windows, low gabled roof, gates to the street, an office."""
+    """Build a workshop: blank walls below a ribbon of windows, low gabled roof, gates to the street, an office."""
     roof, trim = pick_color(rng, "flat_roofs"), pick_color(rng, "signal_trims")
     plan = rectangle(plot.width_m, plot.depth_m)
     eaves_m = max(plot.height_m, 6.0)
@@ -46,7 +46,7 @@ def hall(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def warehouse(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A flat-roofed box of panels with a row of loading docks along the street, and an office at one end."""
+    """Build a flat-roofed warehouse with a row of loading docks along the street and an office at one end."""
     roof, trim = pick_color(rng, "flat_roofs"), pick_color(rng, "signal_trims")
     plan = rectangle(plot.width_m, plot.depth_m)
     eaves_m = max(plot.height_m, 7.0)
@@ -61,7 +61,7 @@ def warehouse(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def tanks(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """Upright tanks side by side with a pipe rack before them."""
+    """Build upright tanks side by side with a pipe rack in front of them."""
     count = max(2, int(plot.width_m / 7.5))
     radius_m, height_m = 0.4 * plot.width_m / count, max(plot.height_m, 6.0)
     steel, frame = (
@@ -89,7 +89,7 @@ def tanks(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 
 
 def _gates(plot: Plot, rng: np.random.Generator, dock_m: float) -> list[Mesh]:
-    """Gates along the front, at the floor or above a dock, and a door beside them."""
+    """Gates along the front, at floor level or above a loading dock."""
     color, frame = pick_color(rng, "garage_doors"), (96, 99, 102)
     room_m = plot.width_m - 12.0
     count = max(1, int(room_m / _GATE_SPACING_M))
@@ -113,7 +113,7 @@ def _gates(plot: Plot, rng: np.random.Generator, dock_m: float) -> list[Mesh]:
 
 
 def _office(plot: Plot, rng: np.random.Generator, wall: Wall) -> Mesh:
-    """Two stories of rooms with windows before one end of the front."""
+    """An office annex with windows in front of one end of the building."""
     width_m, depth_m = 2 * BAY_M, BAY_M
     plan = rectangle(width_m, depth_m)
     band = Band(Material.METAL_FACADE, shade_color(wall.color, 1.1), _OFFICE_STORY_M, 1 + (plot.height_m > 7.0))

@@ -1,4 +1,4 @@
-"""Bushes, hedges, cacti and thickets. Frame: origin at the foot, z up."""
+"""Generates meshes of bushes, hedges, cacti and thickets. Frame: origin at the foot, z up."""
 
 import numpy as np
 
@@ -13,12 +13,12 @@ from simbev_ros.types import Float64Array
 
 
 def bush(rng: np.random.Generator) -> GradedMesh:
-    """A bush, about 1.2 m high."""
+    """Generate a bush, about 1.2 m high."""
     return _shrub(rng, "hedges", np.array([0.95, 0.8, 0.75]))
 
 
 def oleander(rng: np.random.Generator) -> GradedMesh:
-    """A taller bush of warm lands, about 2 m high, some in flower."""
+    """Generate a taller bush of warm climates, about 2 m high; some are in flower."""
     radii_m = np.array([1.25, 1.1, 1.15])
     leafage = _shrub(rng, "olive_leaves", radii_m)
     if rng.random() < 0.65:
@@ -28,12 +28,12 @@ def oleander(rng: np.random.Generator) -> GradedMesh:
 
 
 def scrub(rng: np.random.Generator) -> GradedMesh:
-    """A low gray shrub of dry lands, about 0.8 m high."""
+    """Generate a low gray shrub of dry climates, about 0.8 m high."""
     return _shrub(rng, "dry_leaves", np.array([0.75, 0.65, 0.5]))
 
 
 def cactus(rng: np.random.Generator) -> Mesh:
-    """A column cactus with arms, about 3.5 m high."""
+    """Generate a columnar cactus with arms, about 3.5 m high."""
     flesh = Finish(Material.PLAIN, Tag.VEGETATION, pick_color(rng, "cacti", 0.1))
     height_m = rng.uniform(2.4, 4.2)
     profile = [[0.2, ROOT_M], [0.26, 0.6], [0.25, height_m - 0.3], [0.14, height_m - 0.06], [0.0, height_m]]
@@ -46,7 +46,7 @@ def cactus(rng: np.random.Generator) -> Mesh:
 
 
 def agave(rng: np.random.Generator) -> Mesh:
-    """A rosette of stiff leaves, about 0.9 m high."""
+    """Generate a rosette of stiff leaves, about 0.9 m high."""
     flesh = Finish(Material.PLAIN, Tag.VEGETATION, pick_color(rng, "cacti", 0.12))
     turns = np.arange(9) * 2.4 + rng.uniform(0.0, 6.0)
     pieces = []
@@ -57,7 +57,7 @@ def agave(rng: np.random.Generator) -> Mesh:
 
 
 def thicket(rng: np.random.Generator) -> Mesh:
-    """A piece of a distant wood, about 10 m high and 12 m wide: to be seen from afar only."""
+    """Generate a patch of distant forest, about 10 m high and 12 m wide, for distant views only."""
     color = pick_color(rng, "needles" if rng.random() < 0.3 else "broad_leaves", 0.1)
     sizes = rng.uniform((3.0, 3.0, 4.0), (5.0, 5.0, 7.5), (3, 3))
     centers = np.column_stack([rng.uniform(-4.5, 4.5, (3, 2)), sizes[:, 2] * rng.uniform(0.5, 0.8, 3)])
@@ -71,7 +71,7 @@ def thicket(rng: np.random.Generator) -> Mesh:
 
 
 def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> GradedMesh:
-    """A clipped hedge along x from 0, 0.7 m wide, its top uneven."""
+    """Generate a clipped hedge along x from 0, 0.7 m wide, with an uneven top."""
     stations = np.linspace(0.0, length_m, round(length_m / 0.4) + 1)
     outline = [[-0.33, -0.3], [0.33, -0.3], [0.36, 0.6], [0.3, 0.9], [0.0, 1.0], [-0.3, 0.9], [-0.36, 0.6]]
     sections = np.empty((len(stations), len(outline), 3))
@@ -84,7 +84,7 @@ def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> G
 
 
 def _shrub(rng: np.random.Generator, palette: str, radii_m: Float64Array) -> GradedMesh:
-    """A ball of leaves that sits on the ground."""
+    """A ball of leaves on the ground."""
     radii_m = radii_m * rng.uniform(0.85, 1.15, 3)
     middle_m = np.array([0.0, 0.0, 0.75 * radii_m[2]])
     return crown(rng, middle_m, radii_m, 44, pick_color(rng, palette, 0.15), lobes=2, cover=0.4, coarse_detail=0)

@@ -1,4 +1,4 @@
-"""What plants are made of: trunks, and irregular balls of leaves. Frame: origin at the foot, z up."""
+"""Building blocks of plants: trunks, branches, and irregular balls of leaves. Frame: origin at the foot, z up."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -14,12 +14,12 @@ from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Int32Array, Int64Array
 
 ROOT_M = -0.4
-"""Trunks begin so much below the ground."""
+"""Height at which trunks begin, below the ground."""
 
 _THREE_SIDED = 1.21
-"""A triangle that turns is on average as wide as a circle of its circumscribed one's radius over this."""
+"""Factor of the radius by which a triangular cross-section is on average as wide as a circular one."""
 _ENVELOPE_COSINES = 0.85, 0.93
-_SPRIG_SHAPE = np.array([[-0.42, -0.42], [-0.42, 0.42], [0.6, 0.0]])  # along and across it, in its length
+_SPRIG_SHAPE = np.array([[-0.42, -0.42], [-0.42, 0.42], [0.6, 0.0]])  # along and across the sprig, over its length
 _SPRIG_AREA = 0.43
 
 
@@ -31,9 +31,9 @@ def leaves(color: Color) -> Finish:
 def trunk(
     rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float, segments: int = 6
 ) -> GradedMesh:
-    """A stem along an (N, 3) spine that grows thinner from radius ``start_m`` to ``end_m``; it flares at the root.
+    """Build a stem along an (N, 3) spine that tapers from radius ``start_m`` to ``end_m`` and flares at the root.
 
-    One of three ``segments`` is so simple that it stands for itself from afar.
+    A stem of three ``segments`` is simple enough to be its own coarse stand-in.
     """
     finish = Finish(Material.BARK, Tag.VEGETATION, pick_color(rng, "barks"))
     foot_m, onward = spine_m[0] * [1.0, 1.0, 0.0], spine_m[1:]
@@ -50,7 +50,7 @@ def trunk(
 def branches(
     rng: np.random.Generator, fork_m: Float64Array, tips_m: Float64Array, radius_m: float, bark: Color
 ) -> GradedMesh:
-    """Bare three-sided branches from a fork, one to each of (N, 3) tips, bent upwards; not seen from afar."""
+    """Build bare three-sided branches, bent upward, from a fork to (N, 3) tips; the coarse mesh leaves them out."""
     finish = Finish(Material.BARK, Tag.VEGETATION, bark)
     bends_m = (fork_m + tips_m) / 2.0 + (tips_m - fork_m) * [0.12, 0.12, -0.08]
     starts_m = fork_m - np.array([0.0, 0.0, 1.0]) * rng.uniform(0.0, 0.5, (len(tips_m), 1))
@@ -70,17 +70,17 @@ def crown(
     cover: float = 0.40,
     coarse_detail: int = 1,
 ) -> GradedMesh:
-    """A big ball of leaves with lobes: sprigs before a core, darker between the lobes.
+    """Build a large crown of several lobes: sprigs on solid cores, darker between the lobes.
 
     Args:
-        rng: Drawn from.
-        middle_m: (3,) of the crown.
-        radii_m: (3,) of its envelope.
-        sprigs: How many.
-        color: Of the leaves.
-        lobes: Smaller balls that it is made of.
-        cover: Area of the sprigs, of the envelope's.
-        coarse_detail: See ``envelope``.
+        rng: Random generator to draw from.
+        middle_m: (3,) center of the crown.
+        radii_m: (3,) radii of its envelope.
+        sprigs: Number of sprigs.
+        color: Color of the leaves.
+        lobes: Number of smaller balls that form the crown.
+        cover: Total area of the sprigs over the envelope's area.
+        coarse_detail: Detail of the coarse mesh, see ``envelope``.
     """
     sizes = rng.uniform(0.38, 0.52, lobes) * (9.0 / lobes) ** 0.33
     lobe_centers = _spread_directions(rng, lobes) * (rng.uniform(0.94, 1.06, lobes) - sizes)[:, None]
@@ -104,7 +104,7 @@ def crown(
 
 
 def _remove_hidden(mesh: Mesh, position: Float64Array, lobe_centers: Float64Array, sizes: Float64Array) -> Mesh:
-    """A mesh without the triangles whose corners, by their (V, 3) places, are all in balls."""
+    """Copy of a mesh without the triangles whose corners, at (V, 3) positions, are all inside balls."""
     inside = (np.linalg.norm(position[:, None] - lobe_centers, axis=2) < sizes).any(axis=1)
     return replace(mesh, triangles=mesh.triangles[~inside[mesh.triangles].all(axis=1)])
 
@@ -112,7 +112,7 @@ def _remove_hidden(mesh: Mesh, position: Float64Array, lobe_centers: Float64Arra
 def _lobe_surface(
     outward: Float64Array, lobe_centers: Float64Array, sizes: Float64Array
 ) -> tuple[Float64Array, Int64Array]:
-    """(N, 3) where rays from the origin leave the union of balls, and (N,) the ball that each leaves last."""
+    """(N, 3) points where rays from the origin leave a union of balls, and (N,) index of the ball left last."""
     along = outward @ lobe_centers.T
     inside = sizes**2 - np.sum(lobe_centers**2, axis=1) + along**2
     reach = np.where(inside > 0.0, along + np.sqrt(np.maximum(inside, 0.0)), 0.3)
@@ -131,18 +131,18 @@ def ball(
     cover: float = 0.35,
     coarse_detail: int = 1,
 ) -> GradedMesh:
-    """A ball of leaves of few triangles: sprigs on a core.
+    """Build a ball of leaves with few triangles: sprigs on one core.
 
     Args:
-        rng: Drawn from.
-        center_m: (3,) of the ball.
-        radii_m: (3,) of the ball.
-        crown_center_m: (3,) of the crown that it is a part of.
-        sprigs: How many.
-        color: Of the leaves.
-        rise: Slope of the sprigs, negative where they hang.
-        cover: Their area, of the core's.
-        coarse_detail: See ``envelope``.
+        rng: Random generator to draw from.
+        center_m: (3,) center of the ball.
+        radii_m: (3,) radii of the ball.
+        crown_center_m: (3,) center of the crown that the ball is a part of.
+        sprigs: Number of sprigs.
+        color: Color of the leaves.
+        rise: Slope of the sprigs, negative if they hang.
+        cover: Total area of the sprigs over the core's area.
+        coarse_detail: Detail of the coarse mesh, see ``envelope``.
     """
     outward = _spread_directions(rng, sprigs)
     core = clump(rng, center_m, radii_m * 0.93, crown_center_m, shade_color(color, 0.85), irregularity=0.16)
@@ -154,13 +154,13 @@ def ball(
 
 
 def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85, detail: int = 1) -> Mesh:
-    """What stands for leaves from afar: a closed surface around them, of their mean color.
+    """Build the coarse stand-in of leaves: a closed, star-shaped surface around them in their mean color.
 
     Args:
-        leafage: The leaves.
-        middle_m: (3,) a place among them from where all are seen.
-        reach_quantile: So many of the vertices lie inside.
-        detail: Of the surface: 20 triangles, or 80.
+        leafage: Mesh of the leaves.
+        middle_m: (3,) center of the surface, among the leaves.
+        reach_quantile: Share of the vertices that lie inside of the surface.
+        detail: Subdivisions of the surface: 0 gives 20 triangles, 1 gives 80.
     """
     sphere, faces = _icosphere(detail)
     from_middle_m = leafage.vertices - middle_m
@@ -176,7 +176,7 @@ def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85
 
 
 def blossom(rng: np.random.Generator, middle_m: Float64Array, radii_m: Float64Array, count: int, color: Color) -> Mesh:
-    """Flowers on the upper half of a crown."""
+    """Build flowers on the upper half of a crown."""
     outward = _spread_directions(rng, count, min_z=0.1)
     positions_m = middle_m + 0.92 * outward * radii_m
     return foliage(rng, positions_m, outward, _sprig_directions(rng, outward, 0.2, 0.0), middle_m, 0.16, color)
@@ -192,17 +192,17 @@ def foliage(
     color: Color,
     tone: float | Float64Array = 1.0,
 ) -> Mesh:
-    """Sprigs: pointed triangles, each of a shade of its own.
+    """Build sprigs: pointed triangles, each with its own shade.
 
     Args:
-        rng: Drawn from.
-        positions_m: (N, 3) where they are.
-        outward: (N, 3) unit vectors off what they grow on.
-        along: (N, 3) unit vectors towards their tips.
-        crown_center_m: (3,) what the normals lean away from, so that the crown shades as one.
-        length_m: Of the sprigs, on average; or (N,) of each.
-        color: Of the crown.
-        tone: Lightness, or (N,) of each: less in hollows, where less light comes.
+        rng: Random generator to draw from.
+        positions_m: (N, 3) positions of the sprigs.
+        outward: (N, 3) unit normals of the surface that they grow on.
+        along: (N, 3) unit vectors toward their tips.
+        crown_center_m: (3,) point that the normals lean away from, so that the crown is shaded as a whole.
+        length_m: Mean length of the sprigs, or (N,) mean length of each.
+        color: Color of the crown.
+        tone: Lightness, or (N,) lightness of each: less in hollows, which receive less light.
     """
     count = len(positions_m)
     across = _unit(np.cross(outward, along))
@@ -215,7 +215,7 @@ def foliage(
 
 
 def blades(rng: np.random.Generator, corners_m: Float64Array, away_from_m: Float64Array, color: Color) -> Mesh:
-    """(N, 3, 3) corners of leaves, lit as if all faced away from a point."""
+    """Build leaves from (N, 3, 3) corners, shaded as if all faced away from a point."""
     normals = _unit(corners_m - away_from_m)
     return _leafage(rng, corners_m, normals, color, rng.normal(1.0, 0.06, len(corners_m)))
 
@@ -223,7 +223,7 @@ def blades(rng: np.random.Generator, corners_m: Float64Array, away_from_m: Float
 def _leafage(
     rng: np.random.Generator, corners_m: Float64Array, normals: Float64Array, color: Color, shade: Float64Array
 ) -> Mesh:
-    """Triangles of (N, 3, 3) corners and normals, each of a color of its own, (N,) times as light."""
+    """Triangles from (N, 3, 3) corners and normals, each with its own color, scaled by (N,) shades."""
     count = len(corners_m)
     mesh = Mesh.indexed(
         corners_m.reshape(-1, 3),
@@ -239,14 +239,14 @@ def _leafage(
 
 
 def _sprig_directions(rng: np.random.Generator, outward: Float64Array, lean: float, rise: float) -> Float64Array:
-    """(N, 3) unit vectors along sprigs that lie like shingles on leaves below, tips out."""
+    """(N, 3) unit vectors along sprigs that overlap like shingles, with their tips outward."""
     along = rng.normal(0.0, 0.8, outward.shape)
     along -= 0.6 * np.sum(along * outward, axis=1, keepdims=True) * outward
     return _unit(along + lean * outward + [0.0, 0.0, rise])
 
 
 def _sprig_length_m(radii_m: Float64Array, sprigs: int, cover: float) -> float:
-    """So long that sprigs cover an ellipsoid (area after Knud Thomsen) by a factor."""
+    """Mean length of sprigs whose total area is ``cover`` times that of an ellipsoid (Knud Thomsen's formula)."""
     a, b, c = radii_m**1.6
     area_m2 = 4.0 * np.pi * ((a * b + a * c + b * c) / 3.0) ** (1.0 / 1.6)
     return float(np.sqrt(cover * area_m2 / (_SPRIG_AREA * sprigs)))
@@ -261,7 +261,7 @@ def clump(
     detail: int = 0,
     irregularity: float = 0.22,
 ) -> Mesh:
-    """An irregular ball of leaves; normals lean away from the middle of the crown, so that the crown shades as one."""
+    """Build an irregular ball of leaves; normals lean away from the crown's center, so that it is shaded as a whole."""
     sphere, faces = _icosphere(detail)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     turn = turn * np.sign(np.linalg.det(turn))
@@ -273,7 +273,7 @@ def clump(
 
 
 def _spread_directions(rng: np.random.Generator, count: int, min_z: float = -1.0) -> Float64Array:
-    """(N, 3) directions spread evenly over the sphere above a height (Fibonacci lattice), turned and disturbed."""
+    """(N, 3) directions spread evenly over the sphere above a height: a randomly rotated and perturbed Fibonacci lattice."""
     index = np.arange(count) + 0.5
     z, turn = 1.0 - (1.0 - min_z) * index / count, index * np.pi * (1.0 + 5.0**0.5) + rng.uniform(0.0, 2.0 * np.pi)
     radius = np.sqrt(1.0 - z**2)
@@ -282,12 +282,12 @@ def _spread_directions(rng: np.random.Generator, count: int, min_z: float = -1.0
 
 
 def _unit(vectors: Float64Array) -> Float64Array:
-    """(…, 3) vectors made one long."""
+    """(…, 3) vectors normalized to unit length."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
 
 
 def _box_projected(corners_m: Float64Array) -> Float64Array:
-    """(T, 3, 2) surface coordinates: each (3, 3) triangle seen along the axis that it faces most."""
+    """(T, 3, 2) surface coordinates: each (3, 3) triangle projected along the axis that it faces most."""
     facing = np.abs(np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])).argmax(axis=1)
     others = np.array([[1, 2], [2, 0], [0, 1]])[facing]
     return np.take_along_axis(corners_m, others[:, None, :], axis=2)
@@ -295,7 +295,7 @@ def _box_projected(corners_m: Float64Array) -> Float64Array:
 
 @lru_cache(maxsize=4)
 def _icosphere(detail: int) -> tuple[Float64Array, Int32Array]:
-    """(V, 3) unit vectors and (T, 3) faces of an icosahedron, each face cut into 4 ``detail`` times."""
+    """(V, 3) unit vectors and (T, 3) faces of an icosahedron whose faces are subdivided ``detail`` times into 4."""
     phi = (1.0 + 5.0**0.5) / 2.0
     signs = np.array([[0, s, t * phi] for s in (-1.0, 1.0) for t in (-1.0, 1.0)])
     vertices = np.concatenate([np.roll(signs, shift, axis=1) for shift in range(3)])

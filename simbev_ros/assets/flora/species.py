@@ -1,4 +1,4 @@
-"""Species by name and by landscape, and the stock of ready-grown plants of each."""
+"""Plant species by name and by landscape, and the stock of ready meshes of each species."""
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -15,7 +15,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.random import stream
 
 VARIANTS = 4
-"""Plants in the stock of a species."""
+"""Number of different plants in the stock of a species."""
 
 _GROWERS: Mapping[str, Callable[[np.random.Generator], Mesh | GradedMesh]] = {
     "round": trees.round_tree,
@@ -43,19 +43,19 @@ _GROWERS: Mapping[str, Callable[[np.random.Generator], Mesh | GradedMesh]] = {
 
 
 class Species(Model):
-    """Room that a plant needs; explained in species.yaml."""
+    """Space that a plant of a species needs; species.yaml explains the fields."""
 
     room_m: float
 
 
 @lru_cache(maxsize=1)
 def load_species() -> Mapping[str, Species]:
-    """All species by name."""
+    """Load species.yaml: all species by name."""
     return {name: Species(**entry) for name, entry in _tables()["species"].items()}
 
 
 def draw_species(landscape: str, habitat: str, count: int, rng: np.random.Generator) -> list[str]:
-    """Names of ``count`` plants of a place (key of species.yaml's landscapes) in a landscape."""
+    """Draw the species of ``count`` plants for a habitat of a landscape (keys of species.yaml's ``landscapes``)."""
     weights: Mapping[str, float] = _tables()["landscapes"][landscape][habitat]
     share = np.array(list(weights.values()), np.float64)
     names = list(weights)
@@ -64,7 +64,7 @@ def draw_species(landscape: str, habitat: str, count: int, rng: np.random.Genera
 
 @lru_cache(maxsize=512)
 def stock(species: str, variant: int) -> GradedMesh:
-    """One of the ready-grown plants of a species, the same on every map."""
+    """One plant from the stock of a species, the same on every map."""
     plant = _GROWERS[species](stream(variant, f"flora.{species}"))
     return plant if isinstance(plant, GradedMesh) else GradedMesh(plant, plant)
 

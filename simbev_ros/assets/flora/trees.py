@@ -1,4 +1,4 @@
-"""Trees. Frame: origin at the foot, z up; ready to be turned and scaled into place."""
+"""Generates meshes of trees. Frame: origin at the foot, z up; copies may be turned and scaled."""
 
 import numpy as np
 
@@ -11,53 +11,53 @@ from simbev_ros.types import Float64Array
 
 _FRONDS, _LEAFLETS = 18, 7
 _CONE = 0.8
-"""Radius of the foot of a spruce's stand-in, of the reach of its branches."""
+"""Base radius of a spruce's coarse cone, over the reach of its branches."""
 
 
 def round_tree(rng: np.random.Generator) -> GradedMesh:
-    """A broad-leaved street tree, about 9 m high."""
+    """Generate a broad-leaved street tree, about 9 m high."""
     return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=400)
 
 
 def tall_tree(rng: np.random.Generator) -> GradedMesh:
-    """A tall, slender broad-leaved tree, about 13 m high."""
+    """Generate a tall, slender broad-leaved tree, about 13 m high."""
     return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=410)
 
 
 def small_tree(rng: np.random.Generator) -> GradedMesh:
-    """A young or ornamental tree, about 5 m high."""
+    """Generate a young or ornamental tree, about 5 m high."""
     return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.8, radius_m=1.65, sprigs=310)
 
 
 def birch(rng: np.random.Generator) -> GradedMesh:
-    """A light-leaved tree, about 10 m high."""
+    """Generate a birch with light leaves, about 10 m high."""
     color = pick_color(rng, "light_leaves", 0.1)
     return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=280)
 
 
 def olive(rng: np.random.Generator) -> GradedMesh:
-    """A gnarled tree with gray-green leaves, about 4.5 m high."""
+    """Generate an olive tree with gray-green leaves, about 4.5 m high."""
     color = pick_color(rng, "olive_leaves", 0.1)
     return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=330, stoutness=0.045)
 
 
 def spruce(rng: np.random.Generator) -> GradedMesh:
-    """A spruce, about 11 m high: tiers of drooping branches around a straight trunk."""
+    """Generate a spruce, about 11 m high: tiers of drooping branches around a straight trunk."""
     return _spruce(rng, height_m=rng.uniform(9.5, 12.5), reach_m=2.6, tiers=12, sprigs=300, cover=10.5)
 
 
 def pine(rng: np.random.Generator) -> GradedMesh:
-    """A pine with a bare red trunk and a crown high up, about 12 m high."""
+    """Generate a pine with a bare trunk and a high crown, about 12 m high."""
     return _high_crowned(rng, 0.1, (10.5, 13.5), 0.77, (0.22, 0.1), (2.1, 2.1, 2.7), 260)
 
 
 def stone_pine(rng: np.random.Generator) -> GradedMesh:
-    """An umbrella pine, about 9 m high."""
+    """Generate an umbrella pine, about 9 m high."""
     return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.2), 300)
 
 
 def cypress(rng: np.random.Generator) -> GradedMesh:
-    """A slender dark column, about 9 m high."""
+    """Generate a cypress, a slender dark column, about 9 m high."""
     color, height_m = pick_color(rng, "needles", 0.1), rng.uniform(7.5, 11.0)
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.2]]), 0.14, 0.12, segments=3)
     middle, radii = np.array([0.0, 0.0, 0.5 + height_m / 2.0]), np.array([0.8, 0.8, height_m / 2.0])
@@ -65,7 +65,7 @@ def cypress(rng: np.random.Generator) -> GradedMesh:
 
 
 def palm(rng: np.random.Generator) -> GradedMesh:
-    """A palm, about 8 m high, its fronds drooping."""
+    """Generate a palm with drooping fronds, about 8 m high."""
     height_m, lean = rng.uniform(6.0, 9.5), rng.normal(0.0, 0.35, 2)
     spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.3, height_m * 0.5], [*lean, height_m]])
     color, top = pick_color(rng, "palm_leaves", 0.1), np.array([*lean, height_m])
@@ -78,7 +78,7 @@ def palm(rng: np.random.Generator) -> GradedMesh:
 
 
 def acacia(rng: np.random.Generator) -> GradedMesh:
-    """A flat-topped tree of dry lands, about 5 m high, on forked stems."""
+    """Generate a flat-topped tree of dry climates on forked stems, about 5 m high."""
     color, height_m = pick_color(rng, "dry_leaves", 0.1), rng.uniform(4.5, 6.0)
     pieces = []
     for turn in rng.uniform(0.0, 2.0 * np.pi) + np.arange(3) * 2.1:
@@ -94,22 +94,22 @@ def acacia(rng: np.random.Generator) -> GradedMesh:
 
 
 def light_broad_leaved(rng: np.random.Generator) -> GradedMesh:
-    """A broad-leaved tree of few triangles, to be seen from afar or behind others, about 10 m high."""
+    """Generate a low-polygon broad-leaved tree for distant or hidden positions, about 10 m high."""
     return _light_tree(rng, _leaf_color(rng), np.array([3.0, 3.0, 3.9]), rng.uniform(9.0, 11.0))
 
 
 def light_spruce(rng: np.random.Generator) -> GradedMesh:
-    """A spruce of few triangles, about 11 m high."""
+    """Generate a low-polygon spruce, about 11 m high."""
     return _spruce(rng, height_m=rng.uniform(9.5, 13.5), reach_m=2.4, tiers=8, sprigs=50, cover=7.0)
 
 
 def light_olive(rng: np.random.Generator) -> GradedMesh:
-    """An olive or holm oak of few triangles, about 5 m high."""
+    """Generate a low-polygon olive or holm oak, about 5 m high."""
     return _light_tree(rng, pick_color(rng, "olive_leaves", 0.12), np.array([2.0, 2.0, 1.7]), rng.uniform(4.4, 6.0))
 
 
 def light_acacia(rng: np.random.Generator) -> GradedMesh:
-    """A tree of dry lands of few triangles, about 4.5 m high."""
+    """Generate a low-polygon tree of dry climates, about 4.5 m high."""
     return _light_tree(rng, pick_color(rng, "dry_leaves", 0.12), np.array([2.1, 2.1, 0.9]), rng.uniform(3.8, 5.2))
 
 
@@ -150,14 +150,14 @@ def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, h
 def _spruce(
     rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float
 ) -> GradedMesh:
-    """A cone of needles, and tiers of sprigs, of an area of about half ``cover`` times the reach times the height."""
+    """A cone of needles and tiers of sprigs, whose total area is about half of ``cover`` · reach · height."""
     color, low_m = pick_color(rng, "needles", 0.1), rng.uniform(0.9, 1.3)
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, low_m + 0.5]]), 0.2, 0.18, segments=3)
     profile = np.array([[0.0, low_m + 0.5], [0.6 * reach_m, low_m + 0.3], [0.0, 0.97 * height_m]])
     core = lathe(leaves(shade_color(color, 0.6)), profile, segments=5, crease_deg=80.0)
     turn_rad = np.arange(sprigs) * np.pi * (3.0 - 5.0**0.5) + rng.uniform(0.0, 0.5, sprigs)
     around = np.stack([np.cos(turn_rad), np.sin(turn_rad)], axis=1)
-    rise = 1.0 - np.sqrt((np.arange(sprigs) + 0.5) / sprigs)  # evenly over the cone, then gathered into tiers
+    rise = 1.0 - np.sqrt((np.arange(sprigs) + 0.5) / sprigs)  # uniform over the cone, then grouped into tiers
     rise = (np.floor(rise * tiers) + rng.uniform(0.15, 0.75, sprigs)) / tiers
     out_m = (reach_m * (1.0 - rise) * rng.uniform(0.6, 0.85, sprigs))[:, None]
     positions_m = np.column_stack([around * out_m, low_m + (height_m - low_m) * rise])
@@ -172,7 +172,7 @@ def _spruce(
 
 
 def _frond(rng: np.random.Generator, color: Color, turn_rad: float, rise: float, root_m: Float64Array) -> Mesh:
-    """A palm leaf: an arching rib, and leaflets that hang from it on both sides, their bases joined."""
+    """A palm frond: an arching rib with leaflets that hang from it on both sides."""
     out = np.array([np.cos(turn_rad), np.sin(turn_rad), 0.0])
     side = np.array([-out[1], out[0], 0.0])
     share = np.linspace(0.0, 1.0, _LEAFLETS + 1)[:, None]
@@ -194,7 +194,7 @@ def _high_crowned(
     crown_m: tuple[float, float, float],
     sprigs: int,
 ) -> GradedMesh:
-    """A needle tree with a leaning bare trunk of two radii, and its crown around a share of its height."""
+    """A conifer with a leaning bare trunk (bottom and top radius) and a crown centered at a fraction of its height."""
     color, height_m = pick_color(rng, "needles", variety), rng.uniform(*heights_m)
     lean = rng.normal(0.0, 0.3, 2)
     spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.5, height_m * 0.5], [*lean, height_m * (crown_at + 0.01)]])

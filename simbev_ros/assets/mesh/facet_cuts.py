@@ -1,4 +1,4 @@
-"""Areas in plan, cut into pieces that each lie on one flat facet of the ground."""
+"""Cuts areas in plan into pieces that each lie on one flat facet of the ground; ``drape`` turns them into meshes."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ _MIN_PIECE_M2 = 1e-6
 
 
 class Cut(NamedTuple):
-    """An area in pieces: (P,) polygons, and the facet that each lies on."""
+    """An area cut into (P,) polygons, with the (P,) facet that each lies on."""
 
     pieces: Rings
     facet: Int64Array
@@ -22,7 +22,7 @@ class Cut(NamedTuple):
 
 
 def cut_to_facets(area: BaseGeometry, facets: Facets) -> Cut:
-    """The pieces of an area, down the quadtree of facets; what they do not cover is left out."""
+    """Cut an area into pieces by descending the quadtree of facets; parts outside of all facets are dropped."""
     parts, tile = _cut_to_tiles(_polygons(shapely.get_parts(area))[0])
     parts, origin = without_holes(parts)
     pieces, leaf = _cut_to_leaves(Rings.from_polygons(parts), tile[origin], facets)
@@ -32,14 +32,14 @@ def cut_to_facets(area: BaseGeometry, facets: Facets) -> Cut:
 
 
 def _cut_to_tiles(parts: AnyArray) -> tuple[AnyArray, Int64Array]:
-    """(N,) polygons cut along the tiles' borders, and the (N, 2) tile of each."""
+    """Cut (N,) polygons along the tiles' borders; returns the pieces and the (M, 2) tile of each."""
     columns, column, _ = _cut_along(parts[shapely.area(parts) > 0.0], axis=0)
     pieces, row, origin = _cut_along(columns, axis=1)
     return pieces, np.stack([column[origin], row], axis=1)
 
 
 def _cut_along(parts: AnyArray, axis: int) -> tuple[AnyArray, Int64Array, Int64Array]:
-    """(N,) polygons cut where an axis crosses the tiles' borders; of each its number on the axis and its polygon's."""
+    """Cut (N,) polygons where an axis crosses tile borders; returns pieces, their tile indices and polygon indices."""
     bounds_m = shapely.bounds(parts).reshape(-1, 4)
     low = np.floor(bounds_m[:, axis] / TILE_M).astype(np.int64)
     count = np.maximum(np.ceil(bounds_m[:, axis + 2] / TILE_M).astype(np.int64) - low, 1)
@@ -54,7 +54,7 @@ def _cut_along(parts: AnyArray, axis: int) -> tuple[AnyArray, Int64Array, Int64A
 
 
 def _polygons(areas: AnyArray) -> tuple[AnyArray, Int64Array]:
-    """The polygons of areas, without what is thinner, and the number of the area of each."""
+    """The polygons of areas, without points and lines, and the index of each one's area."""
     plain = shapely.get_type_id(areas) == shapely.GeometryType.POLYGON
     parts, origin = shapely.get_parts(areas[~plain], return_index=True)
     kept = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
@@ -63,7 +63,7 @@ def _polygons(areas: AnyArray) -> tuple[AnyArray, Int64Array]:
 
 
 def _cut_to_leaves(pieces: Rings, tile: Int64Array, facets: Facets) -> tuple[Rings, Int64Array]:
-    """Pieces of (N, 2) tiles halved both ways until each lies in one leaf, and the number of that."""
+    """Halve pieces of (N, 2) tiles in both directions until each lies in one leaf; returns them and their leaves."""
     block = tile - facets.first_tile
     inside = np.asarray(((block >= 0) & (block < facets.leaf_at[0].shape)).all(axis=1))
     pieces, block = pieces.take(inside), block[inside]
@@ -86,7 +86,7 @@ def _cut_to_leaves(pieces: Rings, tile: Int64Array, facets: Facets) -> tuple[Rin
 
 
 def _cut_in_leaves(pieces: Rings, leaf: Int64Array, facets: Facets) -> tuple[Rings, Int64Array]:
-    """Pieces of (N,) leaves cut along the lines between their facets, and the facet of each."""
+    """Cut pieces of (N,) leaves along the lines between the leaves' facets; returns them and the facet of each."""
     sectors, middle_m = facets.sectors[leaf, :, 0], facets.middle_m[leaf]
     pieces, origin, north_west = split_along_lines(
         pieces, _lines_through(middle_m, [-1.0, 1.0], sectors[:, 1] != sectors[:, 2])

@@ -1,8 +1,8 @@
-"""The ground as flat facets: a triangulation of a region that follows a raster of heights as closely as is needed.
+"""The ground as flat facets: an adaptive triangulation that follows a raster of heights within a tolerance.
 
-Leaves of a balanced quadtree (neighbors differ by one step at most), each cut into triangles that meet its neighbors'
-corners, so the surface is continuous (Von Herzen and Barr 1987). Which leaves there are depends only on heights within
-a tile's side of them, so regions that are built apart meet exactly.
+The facets are the leaves of a balanced quadtree (neighbors differ by one step at most), each cut into triangles that
+meet its neighbors' corners, so the surface is continuous (Von Herzen and Barr 1987). Which leaves exist depends only
+on heights within a tile's side of them, so regions that are built separately meet exactly.
 """
 
 from dataclasses import dataclass
@@ -14,25 +14,27 @@ from simbev_ros.maps.region import Region
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 TILE_M = 64.0
-"""Side of the largest facets, and of the tiles that meshes are cut into."""
+"""Edge length of the largest facets, and of the tiles that meshes are cut into."""
 
 
 @dataclass(frozen=True, slots=True)
 class Facets:
-    """Convex polygons that cover a region and overlap nowhere, none across the border of a tile.
+    """Convex polygons that cover a region without overlap, none of them across the border of a tile.
 
-    Each is a leaf, a square, or a part of one. Diagonals divide a leaf into four sectors, the southern one first, then
-    counter-clockwise, and the line from a leaf's middle to that of its side divides a sector into two halves.
+    A facet is a whole leaf (a square of the quadtree) or a part of one. Diagonals divide a leaf into four sectors, the
+    southern one first, then counter-clockwise; the line from a leaf's center to the middle of a side divides a sector
+    into two halves.
 
     Attributes:
         corners_m: (F, K, 2) corners, counter-clockwise, map frame.
-        planes: (F, 3, 3) rows: height, its slope to the east, its slope to the north; each the weights of x, y, 1. The
-            slopes are the smooth surface's, for shading.
-        tile: (F, 2) column and row of the tile that each lies in.
-        first_tile: (2,) column and row of the south-western one.
-        leaf_at: For squares with sides of a tile, half of one and so on: (I, J) the leaf, -1 where it is none.
-        middle_m: (L, 2) middles of the leaves.
-        sectors: (L, 4, 2) facet of each half of their sectors.
+        planes: (F, 3, 3) weights of x, y, 1 that give, row by row, the height and its slopes to the east and to the
+            north. The slopes are those of the smooth surface, for shading.
+        tile: (F, 2) column and row of each facet's tile.
+        first_tile: (2,) column and row of the south-western tile.
+        leaf_at: For squares with sides of one tile, half a tile and so on: (I, J) index of the leaf, -1 where the
+            square is no leaf.
+        middle_m: (L, 2) centers of the leaves.
+        sectors: (L, 4, 2) facet of each half of the leaves' sectors.
     """
 
     corners_m: Float64Array
@@ -45,7 +47,7 @@ class Facets:
 
     @classmethod
     def from_level_region(cls, region: Region) -> "Facets":
-        """A region at height 0: a square per tile."""
+        """Create facets of a flat region at height 0: one square per tile."""
         first, end = np.round(np.reshape(region.area.bounds, (2, 2)) / TILE_M).astype(np.int64)
         leaf_at = np.arange(np.prod(end - first)).reshape(end - first)
         tile = first + np.stack(np.unravel_index(leaf_at.reshape(-1), leaf_at.shape), axis=1)
@@ -55,7 +57,12 @@ class Facets:
 
     @classmethod
     def from_raster(cls, raster: Raster, tolerance_m: Float64Array) -> "Facets":
-        """Facets of all but a tile's width around a raster of heights; ``tolerance_m`` at each of its nodes."""
+        """Create facets for a raster of heights without its outermost tile width.
+
+        Args:
+            raster: Heights of the ground.
+            tolerance_m: Maximum error of the height at each node of the raster.
+        """
         corner, spacing_m = raster.origin_m, raster.spacing_m
         leaf_at, center, triangles, sectors = _leaves(raster.values, tolerance_m, margin=round(TILE_M / spacing_m))
         index = np.stack(np.unravel_index(triangles, raster.values.shape), axis=-1)
@@ -67,7 +74,7 @@ class Facets:
         return cls(xy_m, _planes(xy_m, values), tile, first, leaf_at, center * spacing_m + corner, sectors)
 
     def heights_and_slopes(self, facet: Int64Array, xy_m: Float64Array) -> Float64Array:
-        """(N, 3) height and slopes at (N, 2) points, each on the facet of an (N,) index."""
+        """(N, 3) height and slopes (east, north) at (N, 2) points of the map frame on (N,) facets."""
         values: Float64Array = np.einsum("nij,nj->ni", self.planes[facet], np.column_stack([xy_m, np.ones(len(xy_m))]))
         return values
 
@@ -82,10 +89,10 @@ def _planes(xy_m: Float64Array, values: Float64Array) -> Float64Array:
 def _leaves(
     node_m: Float64Array, tolerance_m: Float64Array, margin: int
 ) -> tuple[tuple[Int64Array, ...], Float64Array, Int64Array, Int64Array]:
-    """Leaves over all but a margin of (I, J) heights.
+    """Leaves over (I, J) heights without a margin.
 
     Returns:
-        ``Facets.leaf_at``, the (L, 2) middles of leaves in nodes, the (F, 3) nodes of triangles, ``Facets.sectors``.
+        ``Facets.leaf_at``, the (L, 2) centers of leaves in nodes, the (F, 3) nodes of triangles, ``Facets.sectors``.
     """
     shape, merged = node_m.shape, _merged_blocks(node_m, tolerance_m, round(np.log2(margin)))
     leaf_at, middles, nodes, is_first, total = [], [], [], [], 0
@@ -112,10 +119,10 @@ def _leaves(
 def _leaf_triangles(
     i: Int64Array, j: Int64Array, size: int, finer: BoolArray, shape: tuple[int, ...]
 ) -> tuple[Int64Array, BoolArray]:
-    """Triangles of leaves, from their south-western nodes and (N, 4) which neighbors, from the south on, are finer.
+    """Triangles of leaves, from their south-western nodes and (N, 4) whether each neighbor (south first) is finer.
 
     Returns:
-        (N, 4, 2, 3) nodes of the triangle of each half of a sector, and which of them are not the one before.
+        (N, 4, 2, 3) nodes of the triangle of each half of a sector, and (N, 4, 2) whether it differs from the previous.
     """
 
     def node(east: int, north: int) -> Int64Array:
@@ -136,7 +143,7 @@ def _leaf_triangles(
 
 
 def _merged_blocks(node_m: Float64Array, tolerance_m: Float64Array, steps: int) -> list[BoolArray]:
-    """For block sides of 1, 2, 4 … 2^steps nodes: which blocks may be one leaf."""
+    """Per block size of 1, 2, 4 … 2^steps nodes: whether each block may be one leaf."""
     merged = [np.full((node_m.shape[0] - 1, node_m.shape[1] - 1), True)]
     for step in range(1, steps + 1):
         can_merge = np.pad(merged[-1], 1, constant_values=True)
@@ -147,7 +154,7 @@ def _merged_blocks(node_m: Float64Array, tolerance_m: Float64Array, steps: int) 
 
 
 def _misfit_in_tolerances(node_m: Float64Array, tolerance_m: Float64Array, size: int) -> Float64Array:
-    """Per block: how far its nodes lie off two triangles over its corners, at most about, in tolerances."""
+    """Per block: upper estimate of its nodes' distance from two triangles over its corners, in units of tolerance."""
     corners = node_m[::size, ::size]
     share = np.arange(size) / size
     rows = np.concatenate([_interpolate_rows(corners, share), corners[-1:]])
@@ -158,7 +165,7 @@ def _misfit_in_tolerances(node_m: Float64Array, tolerance_m: Float64Array, size:
 
 
 def _block_maximum(values: Float64Array, size: int) -> Float64Array:
-    """The largest of (I, J) values in each block, its border included."""
+    """Maximum of (I, J) values in each block, including its border."""
     for _ in range(2):
         values = np.maximum(values[:-1], values[1:]).T
     for _ in range(2 * size.bit_length() - 2):
@@ -167,6 +174,6 @@ def _block_maximum(values: Float64Array, size: int) -> Float64Array:
 
 
 def _interpolate_rows(rows: Float64Array, share: Float64Array) -> Float64Array:
-    """Rows at shares between each and the next."""
+    """Rows interpolated at fractions between each row and the next."""
     mixed = rows[:-1, None] * (1.0 - share[:, None]) + rows[1:, None] * share[:, None]
     return mixed.reshape(-1, rows.shape[1])

@@ -1,4 +1,4 @@
-"""Things in two grades: exact, and with fewer triangles for cameras far away."""
+"""Meshes in two levels of detail: exact, and with fewer triangles for distant cameras."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from simbev_ros.assets.mesh.mesh import Mesh
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GradedMesh:
-    """A thing and its stand-in.
+    """Exact mesh of an object and its simplified stand-in.
 
     Attributes:
-        mesh: What is seen from nearby, hit by rays and labeled.
-        coarse: What cameras see from afar: of about the same outline, colors and tags.
+        mesh: Mesh that nearby cameras see, rays hit and labels describe.
+        coarse: Mesh that distant cameras see: about the same outline, colors and tags.
     """
 
     mesh: Mesh
@@ -21,5 +21,5 @@ class GradedMesh:
 
     @classmethod
     def merge(cls, parts: Sequence["GradedMesh"]) -> Self:
-        """One thing of several parts."""
+        """Merge several parts into one object."""
         return cls(Mesh.merge([part.mesh for part in parts]), Mesh.merge([part.coarse for part in parts]))

@@ -1,4 +1,4 @@
-"""Cuts the world into tiles: objects go whole into the tile of their origin, ground is cut at the tiles' borders."""
+"""Collects meshes into tiles: objects go whole into the tile of their origin; the ground is cut at tile borders."""
 
 import math
 from collections import defaultdict
@@ -16,21 +16,21 @@ from simbev_ros.assets.placement.static_scene import Tile
 from simbev_ros.types import Float64Array
 
 _Key = tuple[int, int, int]
-"""Level, column, row."""
+"""Level, column and row of a tile."""
 
 
 def upright_pose(place_m: Sequence[float] | Float64Array, height_m: float, yaw_rad: float = 0.0) -> Float64Array:
-    """(4, 4) pose of something upright at x, y of the map."""
+    """(4, 4) pose, map frame, of an upright object at a position in plan, a height and a heading."""
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
     rows = [cosine, -sine, 0.0, place_m[0]], [sine, cosine, 0.0, place_m[1]], [0.0, 0.0, 1.0, height_m]
     return np.array([*rows, [0.0, 0.0, 0.0, 1.0]])
 
 
 class TileBuilder:
-    """Collects meshes by tile.
+    """Collects meshes by tile while a region is built; ``finish`` returns the tiles.
 
     Attributes:
-        placed_objects: Objects of level 0, and the (N, 4, 4) poses of their copies, map frame.
+        placed_objects: Meshes of objects of level 0, and the (N, 4, 4) poses of their copies, map frame.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class TileBuilder:
         self._surfaces: dict[_Key, dict[str, list[Mesh]]] = defaultdict(lambda: defaultdict(list))
 
     def place(self, mesh: Mesh, map_from_mesh: Float64Array, level: int = 0) -> None:
-        """Add an object by its (4, 4) pose; the tile is that of the pose's origin."""
+        """Add an object at a (4, 4) pose, map frame; it goes into the tile of the pose's origin."""
         key = (level, math.floor(map_from_mesh[0, 3] / TILE_M), math.floor(map_from_mesh[1, 3] / TILE_M))
         tile_from_mesh = map_from_mesh.copy()
         tile_from_mesh[:3, 3] -= _origin(key)
@@ -58,11 +58,11 @@ class TileBuilder:
         """Add copies of an object.
 
         Args:
-            thing: The object.
-            map_from_mesh: (N, 4, 4) poses.
+            thing: Mesh of the object.
+            map_from_mesh: (N, 4, 4) poses, map frame.
             tint: (N, 3) factors of the copies' colors.
-            follow_m: From (M, 2) places to heights that are added to those of the vertices there; long things follow
-                the ground so.
+            follow_m: Function from (M, 2) points to heights that are added to those of the vertices there, so that
+                long objects follow the ground.
         """
         index = np.floor(map_from_mesh[:, :2, 3] / TILE_M).astype(int)
         origin_m = (index + 0.5) * TILE_M
@@ -83,14 +83,14 @@ class TileBuilder:
     def drape(
         self, area: BaseGeometry, facets: Facets, *builders: Callable[[Cut], ByTile], surface: str = "", level: int = 0
     ) -> None:
-        """Cut an area, which the facets cover, and add what each ``builders`` builds of the pieces.
+        """Cut an area to facets, and add the meshes that each builder makes of the pieces.
 
         Args:
-            area: Map frame, meters.
-            facets: The ground that it lies on.
-            builders: From pieces to their meshes.
-            surface: Name of the surface that is labeled only; empty for what is seen.
-            level: That of the roads it belongs to.
+            area: Area, map frame, meters.
+            facets: Facets of the ground, which cover the area.
+            builders: Functions from pieces to their meshes.
+            surface: Name of a label-only surface; empty for visible meshes.
+            level: Level of the roads that the area belongs to.
         """
         cut = cut_to_facets(area, facets)
         for build in builders:
@@ -103,7 +103,7 @@ class TileBuilder:
         return tuple(self._tile(key) for key in sorted({*self._seen, *self._graded, *self._surfaces}))
 
     def _tile(self, key: _Key) -> Tile:
-        """A tile, what has a stand-in last."""
+        """A tile, objects with a coarse stand-in last."""
         graded = GradedMesh.merge(self._graded[key])
         return Tile(
             _origin(key),
@@ -122,7 +122,7 @@ def _tile_copies(
     tint: Float64Array | None,
     follow_m: Callable[[Float64Array], Float64Array] | None,
 ) -> list[Mesh]:
-    """Copies as of ``TileBuilder.place_copies``, each relative to its tile, one of (N, 2) places."""
+    """Copies as in ``TileBuilder.place_copies``, each relative to its tile's (N, 2) origin."""
     copies = mesh.copies(tile_from_mesh, tint)
     if follow_m is not None:
         xy_m = np.stack([copy.vertices[:, :2] for copy in copies]) + origin_m[:, None]
@@ -133,5 +133,5 @@ def _tile_copies(
 
 
 def _origin(key: _Key) -> Float64Array:
-    """(3,) middle of a tile, map frame."""
+    """(3,) origin of a tile: its center at height 0, map frame."""
     return np.array([(key[1] + 0.5) * TILE_M, (key[2] + 0.5) * TILE_M, 0.0])

@@ -1,4 +1,7 @@
-"""The exception tree. The command line maps each branch to an exit code and prints the message without a traceback."""
+"""Exception classes of the whole project.
+
+The command line turns each class into an exit code and prints the message without a traceback.
+"""
 
 import struct
 import tokenize
@@ -9,11 +12,11 @@ NPZ_DAMAGE = (
     *(ValueError, LookupError, OSError, EOFError, RuntimeError, MemoryError, SyntaxError, TypeError),
     *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
 )
-"""What numpy raises on NPY and NPZ files that are damaged, wherever the damage is."""
+"""Exceptions that numpy raises when it reads a damaged NPY or NPZ file, depending on which bytes are damaged."""
 
 
 class SimbevError(Exception):
-    """Something failed although the input was good. Exit code 1."""
+    """Base of all errors; raised itself when something fails although the input is valid. Exit code 1."""
 
     exit_code = 1
 
@@ -35,20 +38,20 @@ class InputError(SimbevError):
 
 
 class GraphError(SimbevError):
-    """A node died, fell silent or could not start; the message names it. Exit code 1."""
+    """A node died, stopped responding or could not start; the message names it. Exit code 1."""
 
 
 class SimulationError(SimbevError):
-    """The traffic simulation could not start or go on. Exit code 1."""
+    """The traffic simulation could not start or continue. Exit code 1."""
 
 
 class DiskError(SimbevError):
-    """The disk is full, or nearly, or fails: nothing more can be recorded. Exit code 1."""
+    """The disk is full, nearly full or failing, so recording cannot continue. Exit code 1."""
 
 
 class RenderError(InputError):
-    """This machine, as it is set up, cannot draw what is asked for; the message says what to do. Exit code 2."""
+    """This machine, as configured, cannot render what was requested; the message says what to do. Exit code 2."""
 
 
 class BagError(InputError):
-    """A bag is missing, damaged, or not one of ours. Exit code 2."""
+    """A bag is missing, damaged, or was not written by this project. Exit code 2."""

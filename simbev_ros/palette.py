@@ -1,4 +1,4 @@
-"""Colours to look at labels with, read from palette.yaml."""
+"""Display colors of labels (semantic tags, BEV classes, boxes, traffic lights), read from palette.yaml."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -12,29 +12,29 @@ from simbev_ros.types import UInt8Array, UInt16Array
 
 
 def semantic_color(tags: UInt8Array) -> UInt8Array:
-    """(…, 3) sRGB of (…) semantic tags, in CARLA's colours."""
+    """(…, 3) sRGB colors, 0..255, of (…) semantic tags; the colors are CARLA's."""
     return _semantic_table()[tags]
 
 
 def bev_color(labels: UInt16Array) -> UInt8Array:
-    """(…, 3) sRGB of (…) bird's-eye-view labels; of several classes in a cell the uppermost is seen."""
+    """(…, 3) sRGB colors, 0..255, of (…) bird's-eye-view labels; the topmost class of a cell determines its color."""
     return _bev_table()[labels]
 
 
 def class_color(name: str) -> tuple[int, int, int]:
-    """Colour (sRGB) of a box class: that of the bird's-eye view, or of the semantic tag where the view lacks it."""
+    """Color (sRGB, 0..255) of a box class: its BEV color, or its semantic tag's color if it is not a BEV class."""
     palette = _palette()
     return _channels(palette["bev"].get(name) or palette["semantic"][name.upper()])
 
 
 def signal_color(state: str) -> tuple[int, int, int]:
-    """Colour (sRGB) of a traffic light's state."""
+    """Color (sRGB, 0..255) of a traffic-light state."""
     return _channels(_palette()["signal"][state])
 
 
 @lru_cache(maxsize=1)
 def _semantic_table() -> UInt8Array:
-    """(256, 3) colour per tag; black where there is no such tag."""
+    """(256, 3) color per tag; black for unused tag numbers."""
     table = np.zeros((256, 3), np.uint8)
     for tag in Tag:
         table[tag] = _rgb(_palette()["semantic"][tag.name])
@@ -43,7 +43,7 @@ def _semantic_table() -> UInt8Array:
 
 @lru_cache(maxsize=1)
 def _bev_table() -> UInt8Array:
-    """(2^classes, 3) colour per combination of classes."""
+    """(2^classes, 3) color per combination of classes."""
     labels = np.arange(1 << len(BEV_CLASSES))
     table = np.tile(_rgb(_palette()["bev_background"]), (len(labels), 1))
     for name, code in _palette()["bev"].items():

@@ -1,10 +1,10 @@
-"""Semantic tags (CARLA's numbering), BEV classes and box classes: the label vocabulary of the whole system."""
+"""Label vocabulary of the whole system: semantic tags (CARLA's numbering), BEV classes and box classes."""
 
 from enum import IntEnum
 
 
 class Tag(IntEnum):
-    """Semantic tag of a surface, CARLA 0.9.14+ numbering."""
+    """Semantic tag of a surface, with the numbering of CARLA 0.9.14 and later."""
 
     UNLABELED = 0
     ROAD = 1
@@ -53,7 +53,7 @@ BEV_CLASSES: tuple[str, ...] = (
     "rider",
     "pedestrian",
 )
-"""BEV classes in bit order: class ``k`` is bit ``k`` of a label cell."""
+"""Bird's-eye-view classes in bit order: class ``k`` is bit ``k`` of a label cell."""
 
 BOX_CLASSES: tuple[str, ...] = (
     "car",
@@ -67,10 +67,10 @@ BOX_CLASSES: tuple[str, ...] = (
     "traffic_cone",
     "barrier",
 )
-"""Detection classes. ``truck`` holds trucks, vans and HGVs."""
+"""Classes of 3-D detection boxes; ``truck`` includes vans and HGVs."""
 
 DIFFICULTIES: tuple[str, ...] = ("easy", "medium", "hard")
-"""Of detecting a box."""
+"""Difficulty levels of detecting a box."""
 
 SIGN_TYPES: tuple[str, ...] = ("", "stop", "yield", "speed_limit", "works", "accident")
-"""Of no sign, of those of the map, and of those that warn of hazards."""
+"""Sign types: no sign, signs that are part of the map, and signs that warn of hazards."""

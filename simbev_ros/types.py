@@ -1,4 +1,4 @@
-"""Array aliases used throughout: the name gives the dtype, docstrings give shape, unit and frame."""
+"""Type aliases for numpy arrays: the alias names the dtype; docstrings give shape, unit and frame."""
 
 from typing import Any
 
@@ -14,5 +14,5 @@ Int64Array = npt.NDArray[np.int64]
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Table = npt.NDArray[np.void]
-"""A structured array: one row per actor, signal, point or box; the dtype is documented where it is defined."""
+"""Structured array with one row per actor, signal, point or box; each dtype is documented where it is defined."""
 AnyArray = npt.NDArray[Any]

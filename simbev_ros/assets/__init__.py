@@ -1,1 +1,1 @@
-"""Meshes as numpy arrays: the static surroundings, vehicles, people, and the catalogue of models."""
+"""Builds all geometry as triangle meshes: the static world, and the catalogue of vehicle and pedestrian models."""

@@ -1,4 +1,4 @@
-"""Surface materials: what a triangle is made of. Shaders and lidar look their properties up in materials.yaml."""
+"""Surface materials of triangles, and their properties for shaders and lidar, which materials.yaml lists."""
 
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -12,13 +12,13 @@ from simbev_ros.types import Float32Array
 
 
 class Material(IntEnum):
-    """Material of a triangle. ``uv`` is in metres along the surface unless said otherwise."""
+    """Material of a triangle. ``uv`` is in meters along the surface unless stated otherwise."""
 
     PLAIN = 0
     ASPHALT = 1
     MARKING = 2
     PAVING = 3  # sidewalk slabs; uv = map x, y
-    CONCRETE = 4  # curbs, poles' feet, parapets
+    CONCRETE = 4  # curbs, pole bases, parapets
     GRASS = 5
     SOIL = 6
     BRICK = 7
@@ -30,14 +30,14 @@ class Material(IntEnum):
     WOOD = 13
     METAL = 14
     GLASS = 15
-    CAR_PAINT = 16  # its albedo is the actor's colour
+    CAR_PAINT = 16  # its albedo is the actor's color
     RUBBER = 17
     CHROME = 18
     PLASTIC = 19
     FOLIAGE = 20
     BARK = 21
     CLOTH = 22
-    CLOTH_TINTED = 23  # its albedo is the actor's colour
+    CLOTH_TINTED = 23  # its albedo is the actor's color
     SKIN = 24
     HAIR = 25
     WATER = 26
@@ -52,7 +52,7 @@ class Material(IntEnum):
     SIGNAL_YELLOW = 35
     SIGNAL_GREEN = 36
     STREET_LAMP = 37  # uv[0] = index of the street light
-    BRICK_FACADE = 38  # this and the following three: as FACADE
+    BRICK_FACADE = 38  # this and the next three: windows as in FACADE
     TIMBER_FACADE = 39
     CONCRETE_FACADE = 40
     METAL_FACADE = 41
@@ -61,7 +61,7 @@ class Material(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class MaterialTable:
-    """Properties, each (len(Material),) float32 and indexed by ``Material``; explained in materials.yaml."""
+    """Properties of all materials: (len(Material),) float32 arrays indexed by ``Material``; see materials.yaml."""
 
     roughness: Float32Array
     metallic: Float32Array
@@ -76,7 +76,7 @@ _WITHOUT = {"lidar_retroreflection": 0.0, "lidar_retroreflection_fall": 0.0}
 
 @lru_cache(maxsize=1)
 def load_materials() -> MaterialTable:
-    """The table of materials.yaml."""
+    """Load materials.yaml."""
     entries = yaml.safe_load(files("simbev_ros.assets").joinpath("materials.yaml").read_text(encoding="utf-8"))
 
     def column(name: str) -> Float32Array:

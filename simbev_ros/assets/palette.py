@@ -1,4 +1,4 @@
-"""Colours of the surroundings, read from palettes.yaml."""
+"""Color palettes of the static world, read from palettes.yaml."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -11,22 +11,22 @@ Color = tuple[int, int, int]
 
 
 def pick_color(rng: np.random.Generator, name: str, variation: float = 0.05) -> Color:
-    """A random colour of a palette, made lighter or darker by up to a share of ``variation``.
+    """Draw a color of a palette, and make it lighter or darker at random.
 
     Args:
-        rng: Drawn from.
-        name: Key of palettes.yaml; a dot goes a level down.
-        variation: Largest relative change of lightness.
+        rng: Random generator to draw from.
+        name: Key of palettes.yaml; dots separate nested keys.
+        variation: Maximum relative change of lightness.
     """
     entry: Any = _palettes()
     for key in name.split("."):
         entry = entry[key]
     code = int(entry[int(rng.integers(len(entry)))])
-    return shaded((code >> 16, code >> 8 & 255, code & 255), 1.0 + rng.uniform(-variation, variation))
+    return shade_color((code >> 16, code >> 8 & 255, code & 255), 1.0 + rng.uniform(-variation, variation))
 
 
-def shaded(color: Color, factor: float) -> Color:
-    """A colour made lighter (factor above 1) or darker."""
+def shade_color(color: Color, factor: float) -> Color:
+    """Scale a color's brightness: a factor above 1 makes it lighter, below 1 darker."""
     red, green, blue = (min(255, max(0, round(channel * factor))) for channel in color)
     return red, green, blue
 

@@ -174,7 +174,7 @@ class _Sensors:
         place_m = vector(state.ego, "x y z")
         origin_m, directions = self._lidar_rays(state)
         fresh = StaticTriangles(self._static)
-        self.watch.run(_REBUILT, lambda: fresh.around(place_m, self._reach_m))
+        self.watch.run(_REBUILT, lambda: fresh.triangles_around(place_m, self._reach_m))
         self._alone.update(state, place_m, self._reach_m, set(state.actors["id"].tolist()))
         self.watch.run(_STATIC, lambda: self._alone.cast(origin_m[None], directions))
         self.watch.run(_PLACED, lambda: self._update(state))

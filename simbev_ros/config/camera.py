@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from simbev_ros.config.optics import Optics
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.errors import InputError
-from simbev_ros.geometry.camera import WIDEST_RAD, LensCamera, PinholeCamera
+from simbev_ros.geometry.camera import MAX_RAY_ANGLE_RAD, LensCamera, PinholeCamera
 
 Modality = Literal["rgb", "semantic", "instance", "depth", "flow"]
 MODALITIES: tuple[Modality, ...] = ("rgb", "semantic", "instance", "depth", "flow")
@@ -65,7 +65,7 @@ class Camera(Sensor, Optics):
         except InputError as error:
             raise ValueError(str(error)) from None
         edges = camera.rays(np.array([[-0.5, -0.5], [self.width_px - 0.5, self.height_px - 0.5]]))[:, :2]
-        if np.abs(edges).max() > math.tan(WIDEST_RAD):
+        if np.abs(edges).max() > math.tan(MAX_RAY_ANGLE_RAD):
             raise ValueError(
                 f"fx_px {camera.fx_px:g}, fy_px {camera.fy_px:g}: a pixel of an image of {self.width_px} x "
                 f"{self.height_px} would look more than 85° away from the optical axis; take a greater focal length"

@@ -1,1 +1,1 @@
-"""Pure maths: transforms, camera model, grids, geodesy."""
+"""Geometry shared by all packages: rigid transforms, camera models, BEV and voxel grids, geodesy. Pure functions."""

@@ -1,7 +1,7 @@
-"""Map frame ↔ WGS84, through pyproj.
+"""Conversion between the map frame and WGS84 coordinates, through pyproj.
 
 The map frame is a transverse Mercator plane of scale 1 that touches the ellipsoid at the map's origin, unless the map
-brings a projection of its own.
+defines its own projection.
 """
 
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ from simbev_ros.types import Float64Array
 
 @dataclass(frozen=True)
 class MapDatum:
-    """Where the map frame lies on Earth.
+    """Position and orientation of the map frame on Earth.
 
     Attributes:
-        latitude_deg: Of its origin.
-        longitude_deg: Of its origin.
-        altitude_m: Of its origin.
-        projection: Projection of the plane that the map lies in, in any form that PROJ reads; empty: map x points east,
-            y north, in the transverse Mercator plane that touches the ellipsoid at the origin.
+        latitude_deg: Latitude of the map's origin.
+        longitude_deg: Longitude of the map's origin.
+        altitude_m: Altitude of the map's origin.
+        projection: Projection of the plane that the map lies in, in any form that PROJ reads. If empty, map x points
+            east and y north in the transverse Mercator plane that touches the ellipsoid at the origin.
         false_easting_m: x of the map's origin in that projection.
-        false_northing_m: y of it.
+        false_northing_m: y of the map's origin in that projection.
         heading_rad: Direction of map x in that projection.
     """
 
@@ -39,7 +39,7 @@ class MapDatum:
 
     @property
     def proj_string(self) -> str:
-        """The projection, as written into an OpenDRIVE geoReference."""
+        """Projection as a PROJ string, as written into an OpenDRIVE geoReference."""
         return self.projection or (
             f"+proj=tmerc +lat_0={self.latitude_deg!r} +lon_0={self.longitude_deg!r} +k=1 "
             "+x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
@@ -50,19 +50,19 @@ class MapDatum:
         return Transformer.from_crs(self.proj_string, "EPSG:4326", always_xy=True)
 
     def geodetic_from_map(self, xyz_map: Float64Array | Sequence[float]) -> tuple[float, float, float]:
-        """Latitude °, longitude °, altitude m of one (3,) point in metres, map frame."""
+        """Latitude in °, longitude in ° and altitude in m of one (3,) point in meters, map frame."""
         x, y = float(xyz_map[0]), float(xyz_map[1])
-        forth, aside = cos(self.heading_rad), sin(self.heading_rad)
+        cosine, sine = cos(self.heading_rad), sin(self.heading_rad)
         longitude, latitude = self._transformer.transform(
-            self.false_easting_m + forth * x - aside * y, self.false_northing_m + aside * x + forth * y
+            self.false_easting_m + cosine * x - sine * y, self.false_northing_m + sine * x + cosine * y
         )
         return latitude, longitude, self.altitude_m + float(xyz_map[2])
 
     def map_from_geodetic(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
     ) -> tuple[float, float, float]:
-        """x, y, z in metres, map frame."""
+        """x, y, z in meters, map frame, of a WGS84 position."""
         east, north = self._transformer.transform(longitude_deg, latitude_deg, direction="INVERSE")
         east, north = east - self.false_easting_m, north - self.false_northing_m
-        forth, aside = cos(self.heading_rad), sin(self.heading_rad)
-        return forth * east + aside * north, forth * north - aside * east, altitude_m - self.altitude_m
+        cosine, sine = cos(self.heading_rad), sin(self.heading_rad)
+        return cosine * east + sine * north, cosine * north - sine * east, altitude_m - self.altitude_m

@@ -1,6 +1,6 @@
-"""Rigid transforms as (4, 4) float64 matrices, named target_from_source.
+"""Rigid transforms as (4, 4) float64 matrices, and their conversion from and to roll-pitch-yaw and quaternions.
 
-Angles follow REP-103: right-handed, roll pitch yaw about the fixed axes x y z.
+Matrices are named target_from_source. Angles follow REP-103: right-handed, roll pitch yaw about the fixed axes x y z.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ def rotations_from_rpy(rpy_rad: Float64Array) -> Float64Array:
 
 
 def matrices_from_xyz_rpy(xyz_m: Float64Array, rpy_rad: Float64Array) -> Float64Array:
-    """(…, 4, 4) transforms, parent from child, of (…, 3) positions in metres and (…, 3) roll, pitch, yaw in radians."""
+    """(…, 4, 4) transforms, parent from child, of (…, 3) positions in meters and (…, 3) roll, pitch, yaw in radians."""
     xyz_m = np.asarray(xyz_m, np.float64)
     matrices = np.zeros((*xyz_m.shape[:-1], 4, 4))
     matrices[..., :3, :3] = rotations_from_rpy(rpy_rad)
@@ -33,7 +33,7 @@ def matrices_from_xyz_rpy(xyz_m: Float64Array, rpy_rad: Float64Array) -> Float64
 
 
 def inverse(target_from_source: Float64Array) -> Float64Array:
-    """(…, 4, 4) source from target, of rigid (…, 4, 4) transforms."""
+    """(…, 4, 4) inverses (source from target) of (…, 4, 4) rigid transforms."""
     rotation_t = np.swapaxes(target_from_source[..., :3, :3], -1, -2)
     result = np.zeros_like(target_from_source)
     result[..., :3, :3] = rotation_t
@@ -43,7 +43,7 @@ def inverse(target_from_source: Float64Array) -> Float64Array:
 
 
 def apply(target_from_source: Float64Array, points_source: Float64Array) -> Float64Array:
-    """(N, 3) points in the target frame of (N, 3) points in the source frame."""
+    """Transform (N, 3) points from the source frame to the target frame."""
     return points_source @ target_from_source[:3, :3].T + target_from_source[:3, 3]
 
 
@@ -63,7 +63,7 @@ def quaternion_from_rpy(rpy_rad: Float64Array) -> Float64Array:
 
 
 def matrices_from_xyz_quaternion(xyz_m: Float64Array, xyzw: Float64Array) -> Float64Array:
-    """(…, 4, 4) transforms, parent from child, of (…, 3) positions in metres and (…, 4) unit quaternions x y z w."""
+    """(…, 4, 4) transforms, parent from child, of (…, 3) positions in meters and (…, 4) unit quaternions x y z w."""
     xyz_m, xyzw = np.asarray(xyz_m, np.float64), np.asarray(xyzw, np.float64)
     x, y, z, w = np.moveaxis(xyzw, -1, 0)
     matrices = np.zeros((*xyz_m.shape[:-1], 4, 4))
@@ -76,7 +76,7 @@ def matrices_from_xyz_quaternion(xyz_m: Float64Array, xyzw: Float64Array) -> Flo
 
 
 def rpy_from_rotation(rotation: Float64Array) -> Float64Array:
-    """(…, 3) roll, pitch, yaw in radians of (…, 3, 3) rotations; pitch in [-π/2, π/2]."""
+    """(…, 3) roll, pitch, yaw in radians of (…, 3, 3) rotation matrices; pitch is in [-π/2, π/2]."""
     return np.stack(
         [
             np.arctan2(rotation[..., 2, 1], rotation[..., 2, 2]),
@@ -90,4 +90,4 @@ def rpy_from_rotation(rotation: Float64Array) -> Float64Array:
 SENSOR_FROM_OPTICAL = np.array(
     [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
-"""Camera body (x forward, y left, z up) from optical frame (x right, y down, z forward), REP-103."""
+"""(4, 4) camera body frame (x forward, y left, z up) from optical frame (x right, y down, z forward), REP-103."""

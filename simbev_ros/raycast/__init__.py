@@ -1,1 +1,1 @@
-"""Embree: the only package that imports Open3D."""
+"""Ray casting against the static world and moving actors, with Embree. The only package that imports Open3D."""

@@ -1,4 +1,4 @@
-"""The border to Embree, through Open3D: triangles go in once, rays go in as often as wanted."""
+"""Interface to Embree through Open3D: a set of triangles is built once and then hit by any number of rays."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,7 @@ class TriangleHits:
     """First hits of (N,) rays.
 
     Attributes:
-        range_m: (N,) float32, inf where nothing was hit.
+        range_m: (N,) float32 range, inf where nothing was hit.
         triangle: (N,) int32 index of the triangle, -1 where nothing was hit.
         normal: (N, 3) float32 unit normal by the triangle's winding, zeros where nothing was hit.
     """
@@ -28,12 +28,12 @@ class TriangleHits:
 
 @dataclass(frozen=True, slots=True)
 class Crossings:
-    """All places where rays go through triangles, in no particular order.
+    """All intersections of rays with triangles, in no particular order.
 
     Attributes:
         ray: (K,) int64 index of the ray.
-        triangle: (K,) int64.
-        range_m: (K,) float32.
+        triangle: (K,) int64 index of the triangle.
+        range_m: (K,) float32 range of the intersection.
     """
 
     ray: Int64Array
@@ -42,7 +42,7 @@ class Crossings:
 
 
 class TriangleSet:
-    """An immutable bounding volume hierarchy of (T, 3) triangles over (V, 3) float32 vertices in metres."""
+    """Immutable bounding volume hierarchy of (T, 3) triangles over (V, 3) float32 vertices in meters."""
 
     def __init__(self, vertices_m: Float32Array, triangles: Int32Array) -> None:
         self._scene = _OPEN3D.t.geometry.RaycastingScene()
@@ -51,11 +51,11 @@ class TriangleSet:
             self._scene.add_triangles(_tensor(vertices_m), _tensor(triangles.astype(np.uint32)))
 
     def build(self) -> None:
-        """Do now what the first cast would otherwise have to do."""
+        """Build the hierarchy now; otherwise the first cast does."""
         self.cast(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]], np.float32))
 
     def cast(self, rays: Float32Array) -> TriangleHits:
-        """First hits of (N, 6) float32 rays: origin in metres, unit direction."""
+        """Find the first hits of (N, 6) float32 rays: origin in meters, unit direction."""
         found = self._scene.cast_rays(_tensor(rays))
         return TriangleHits(
             found["t_hit"].numpy(),
@@ -64,7 +64,7 @@ class TriangleSet:
         )
 
     def crossings(self, rays: Float32Array) -> Crossings:
-        """Where (N, 6) float32 rays, as in ``cast``, go through any triangle, from either side."""
+        """Find all intersections of (N, 6) float32 rays, as in ``cast``, with triangles, from either side."""
         if self._is_empty or not len(rays):
             return Crossings(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.float32))
         found = self._scene.list_intersections(_tensor(rays))

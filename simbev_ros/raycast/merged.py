@@ -1,4 +1,4 @@
-"""The plain way to cast rays, to compare with: one Embree scene of one merged mesh, built for each tick."""
+"""Baseline for benchmarks of ray casting: one Embree scene of one merged mesh, rebuilt for each tick."""
 
 from collections.abc import Sequence, Set
 
@@ -14,22 +14,22 @@ from simbev_ros.types import Float32Array, Float64Array
 
 
 class MergedScene:
-    """The same triangles as a ``RayScene``, without its ways to save time.
+    """The same triangles as in ``RayScene``, without its optimizations.
 
     Attributes:
-        triangles: How many were built.
+        triangles: Number of triangles of the last build.
     """
 
     def __init__(
         self, static: StaticScene, models: Sequence[ActorModel], center_m: Float64Array, radius_m: float
     ) -> None:
-        """Takes the static triangles near a place, once."""
+        """Collect the static triangles around a point of the map frame, once."""
         self._models = models
         self._static, self._origin_m = StaticTriangles(static).mesh_around(center_m, radius_m)
         self.triangles = 0
 
     def build(self, state: WorldState, hidden_ids: Set[int]) -> None:
-        """Poses all actors but the hidden ones, merges them with what is static, and builds the scene."""
+        """Pose all actors except the hidden ones, merge them with the static triangles, and build the scene."""
         actors = state.actors[~np.isin(state.actors["id"], sorted(hidden_ids))]
         posed = pose_actors(self._models, actors, self._origin_m)
         vertices = np.concatenate([self._static.vertices, posed.vertices])
@@ -39,7 +39,7 @@ class MergedScene:
         self._scene.build()
 
     def ranges_m(self, origin_m: Float64Array, directions: Float32Array) -> Float32Array:
-        """(N,) ranges at which (N, 3) rays from one point hit first, inf where they do not."""
+        """(N,) ranges of the first hits of rays in (N, 3) directions from one point, inf where nothing is hit."""
         rays = np.empty((len(directions), 6), np.float32)
         rays[:, :3] = origin_m - self._origin_m
         rays[:, 3:] = directions

@@ -1,4 +1,4 @@
-"""The rigid parts of all actor models in one immutable Embree scene."""
+"""Rigid parts of all actor models in one immutable Embree scene, built once and shared by all ticks."""
 
 from collections.abc import Sequence
 
@@ -9,24 +9,24 @@ from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array
 
 _SKIN_M = 0.01
-"""Bounding boxes and spheres are so much larger than what they hold: a ray can start at them, outside of the part."""
+"""Margin of bounding boxes and spheres around a part, so that a ray can start on them outside of the part."""
 
 
 class PartStack:
     """Every part of every model once, in its rest pose, stacked along z so that no bounding sphere meets another part.
 
-    Arrays are per part, (P,), unless said otherwise; the parts of a model follow each other.
+    Arrays are per part, (P,), unless stated otherwise; the parts of a model are consecutive.
 
     Attributes:
-        first: (M + 1,) first part of each model.
+        first: (M + 1,) index of each model's first part, and the number of parts at the end.
         part: Index of the part in its model.
-        center_m: (P, 3) centre of its bounding box and sphere, actor frame.
+        center_m: (P, 3) center of the part's bounding box and sphere, actor frame.
         half_m: (P, 3) half sizes of the box.
         radius_m: Radius of the sphere.
-        height_m: Where along z the centre lies in the stack.
-        triangles: All of them, each part shifted to its place.
-        triangle_part: (T,) the part that a triangle belongs to.
-        triangle_material: (T,) its material.
+        height_m: Position of the center in the stack, along z.
+        triangles: Triangles of all parts, each part shifted to its position in the stack.
+        triangle_part: (T,) part of each triangle.
+        triangle_material: (T,) material of each triangle.
     """
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
@@ -56,13 +56,13 @@ class PartStack:
         self.height_m -= self.height_m[-1:] / 2.0
         self.triangle_part = np.repeat(np.arange(len(part)), [len(each) for each in triangles])
         self.triangle_material = np.concatenate([*material, np.zeros(0, np.uint8)])
-        self.triangles = TriangleSet(*_stacked(vertices, triangles, self.height_m))
+        self.triangles = TriangleSet(*_stack_meshes(vertices, triangles, self.height_m))
 
 
-def _stacked(
+def _stack_meshes(
     vertices: Sequence[Float64Array], triangles: Sequence[Int64Array], height_m: Float32Array
 ) -> tuple[Float32Array, Int32Array]:
-    """(V, 3) vertices and (T, 3) triangles of all parts, each raised to its place in the stack."""
+    """(V, 3) vertices and (T, 3) triangles of all parts, each raised to its height in the stack."""
     starts = np.cumsum([0, *(len(each) for each in vertices)])[: len(triangles)]
     points = [each + np.array([0.0, 0.0, height]) for each, height in zip(vertices, height_m, strict=True)]
     corners = [each + start for each, start in zip(triangles, starts, strict=True)]

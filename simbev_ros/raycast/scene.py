@@ -1,4 +1,7 @@
-"""What rays hit: the static tiles near a place and the actors of one tick, or of the time up to it."""
+"""Ray casting scene: static tiles around the sensor and the actors of one tick, or of the ticks up to it.
+
+Lidars, radars and labels update a ``RayScene`` with world states and cast rays into it.
+"""
 
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
@@ -23,13 +26,13 @@ class Hits:
     """First hits of (N,) rays.
 
     Attributes:
-        range_m: (N,) float32, inf where nothing was hit; the other fields are 0 there.
+        range_m: (N,) float32 range, inf where nothing was hit; unless stated otherwise other fields are 0 there.
         object_id: (N,) uint32 id of the actor, 0 on static surfaces.
         row: (N,) int32 row of the actor in ``RayScene.actors``, -1 on static surfaces and where nothing was hit.
         part: (N,) int32 rigid part of the actor that was hit, an index into its model's parts; -1 as ``row``.
         tag: (N,) uint8 semantic tag.
         material: (N,) uint8 material.
-        normal: (N, 3) float32 unit normal of the triangle on the side that the ray comes from, map axes.
+        normal: (N, 3) float32 unit normal of the triangle on the side of the ray's origin, map axes.
         cos_angle: (N,) float32 cosine of the angle between the ray and the normal, 0 grazing, 1 perpendicular.
     """
 
@@ -44,14 +47,14 @@ class Hits:
 
 
 class RayScene:
-    """Geometry for rays. Its hits are a function of the world states alone; a replay repeats them to the bit.
+    """Scene that rays are cast into. Hits depend on the world states alone; a replay repeats them bit by bit.
 
     Attributes:
-        actors: (A,) ``ACTOR_DTYPE`` rows of those that rays can hit, at the tick.
+        actors: (A,) ``ACTOR_DTYPE`` rows, at the tick, of the actors that rays can hit.
     """
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
-        """Takes the immobile scene and the catalogue's models, indexed by blueprint."""
+        """Create the scene from the static world and the catalogue's models, indexed by blueprint."""
         self._skeletons = Skeletons(models)
         self._static = StaticTriangles(static)
         self._actors = ActorTriangles(models, self._skeletons)
@@ -64,26 +67,26 @@ class RayScene:
         hidden_ids: Set[int] = frozenset(),
         earlier: Sequence[WorldState] = (),
     ) -> None:
-        """Moves to a tick.
+        """Update the scene to a tick.
 
         Args:
-            state: The world now.
-            center_m: (3,) map frame: where rays start, or the middle of it.
-            radius_m: Everything nearer than this to the centre is there (in the ground plane).
-            hidden_ids: Actors that rays pass through, such as the one that carries the sensor.
-            earlier: The world at the ticks before, as far back as rays are cast; none: all are cast at the tick.
+            state: World state now.
+            center_m: (3,) origin of the rays, or the center of their origins, map frame.
+            radius_m: Distance from the center, in the ground plane, up to which the scene is complete.
+            hidden_ids: Ids of actors that rays pass through, such as the one that carries the sensor.
+            earlier: World states at the preceding ticks, as far back as rays are cast; empty if all are cast now.
         """
         course = ActorHistory.of(state, earlier)
-        near = np.any([_within(actors, center_m, radius_m) for actors in course.tables], axis=0)
+        near = np.any([_are_near(actors, center_m, radius_m) for actors in course.tables], axis=0)
         course = course.only(near & ~np.isin(state.actors["id"], sorted(hidden_ids)))
         self.actors: Table = course.now
         self._stamp_ns = state.stamp_ns
-        self._near = self._static.around(np.asarray(center_m, np.float64), radius_m)
+        self._near = self._static.triangles_around(np.asarray(center_m, np.float64), radius_m)
         self._actors.update(course, np.asarray(center_m, np.float64))
 
     def build_ahead(self, center_m: Float64Array, radius_m: float) -> None:
-        """Gets the static triangles ready for a place that will soon be the centre of an ``update``."""
-        self._static.around(np.asarray(center_m, np.float64), radius_m)
+        """Prepare the static triangles around a point that will soon be the center of an ``update``."""
+        self._static.triangles_around(np.asarray(center_m, np.float64), radius_m)
 
     def cast(
         self,
@@ -91,12 +94,12 @@ class RayScene:
         directions: Float32Array | Float64Array,
         lag_s: Float64Array | None = None,
     ) -> Hits:
-        """First hit of each ray.
+        """Find the first hit of each ray.
 
         Args:
             origins_m: (N, 3) float64 in the map frame, or (1, 3) for rays that start at one point.
             directions: (N, 3) unit vectors, map axes.
-            lag_s: (N,) how long before the tick each ray is cast, when actors were elsewhere; None: at the tick.
+            lag_s: (N,) time before the tick at which each ray is cast; None: all at the tick.
         """
         directions = np.ascontiguousarray(directions, np.float32)
         near = self._near
@@ -120,27 +123,29 @@ class RayScene:
         """Velocities of the points that were hit: zero on static surfaces and where nothing was hit.
 
         Args:
-            hits: (N,) what ``cast`` has found since the last ``update``.
-            points_m: (N, 3) where that is, map frame; not finite where nothing was hit.
-            previous: The world one tick ago. With it wheels, steering and limbs move as they have since then; without
-                it (None) every point moves with the body of its actor.
+            hits: (N,) hits from ``cast`` since the last ``update``.
+            points_m: (N, 3) points that were hit, map frame; ignored where nothing was hit.
+            previous: World state one tick ago, for the motion of wheels, steering and limbs since then. If None, every
+                point moves with the body of its actor.
 
         Returns:
             (N, 3) m/s, map axes.
         """
         velocity_mps = np.zeros((len(hits.row), 3))
         moving = np.flatnonzero(hits.row >= 0)
-        row, part, place_m = hits.row[moving], hits.part[moving], np.asarray(points_m, np.float64)[moving]
-        velocity_mps[moving] = body_velocities(self.actors[row], place_m)
+        row, part, position_m = hits.row[moving], hits.part[moving], np.asarray(points_m, np.float64)[moving]
+        velocity_mps[moving] = body_velocities(self.actors[row], position_m)
         if previous is not None and len(moving):
             before = earlier_rows(self.actors, previous.actors)
             elapsed_s = (self._stamp_ns - previous.stamp_ns) / _NS_PER_S
-            velocity_mps[moving] += part_velocities(self._skeletons, before, self.actors, elapsed_s, row, part, place_m)
+            velocity_mps[moving] += part_velocities(
+                self._skeletons, before, self.actors, elapsed_s, row, part, position_m
+            )
         return velocity_mps
 
 
-def _within(actors: Table, center_m: Float64Array, radius_m: float) -> BoolArray:
-    """(N,) actors of which a part may be so near to a place."""
+def _are_near(actors: Table, center_m: Float64Array, radius_m: float) -> BoolArray:
+    """(N,) whether any part of an actor may be within a radius of a point in the ground plane."""
     reach_m = radius_m + np.hypot(actors["length"], actors["width"])
     near: BoolArray = np.hypot(actors["x"] - center_m[0], actors["y"] - center_m[1]) < reach_m
     return near

@@ -52,7 +52,7 @@ class Lenses:
         k1, k2, p1, p2, k3 = camera.distortion
         program = screen_pass.program
         program["lens_intrinsics"] = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
-        program["lens_radial"] = k1, k2, k3, camera.widest
+        program["lens_radial"] = k1, k2, k3, camera.max_radius2
         program["lens_tangential"] = p1, p2
         self._bind_rays(camera)
         screen_pass.draw(target)

@@ -1,1 +1,1 @@
-"""Pure sensor models: world state in, samples out."""
+"""Sensor models (lidar, radar, IMU, GNSS) as pure functions of the world state, without ROS."""

@@ -1,4 +1,4 @@
-"""GNSS receiver: world state in, position on Earth out. No ROS."""
+"""GNSS receiver model: turns the world state at a tick into a WGS84 position with errors and drop-outs. No ROS."""
 
 import math
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from simbev_ros.types import Float64Array
 
 _SEMI_MAJOR_M = 6378137.0
 _FLATTENING = 1.0 / 298.257223563
-"""WGS84."""
+"""Semi-major axis and flattening of the WGS84 ellipsoid."""
 
 
 @dataclass(frozen=True, slots=True)
 class GnssFix:
-    """One fix, or that there is none.
+    """Result of one GNSS measurement, with or without a fix.
 
     Attributes:
-        latitude_deg: WGS84; NaN, as the next two, without a fix.
-        longitude_deg: WGS84.
-        altitude_m: Above the ellipsoid.
-        covariance_m2: (3, 3) of the errors: east, north, up; None without a fix.
+        latitude_deg: WGS84 latitude; NaN without a fix.
+        longitude_deg: WGS84 longitude; NaN without a fix.
+        altitude_m: Altitude above the ellipsoid; NaN without a fix.
+        covariance_m2: (3, 3) covariance of the errors east, north, up; None without a fix.
     """
 
     latitude_deg: float
@@ -37,21 +37,21 @@ class GnssFix:
 
 
 NO_FIX = GnssFix(math.nan, math.nan, math.nan, None)
-"""What a receiver says during a drop-out."""
+"""Result of a measurement during a drop-out."""
 
 
 class GnssModel:
-    """One receiver through one scene."""
+    """A GNSS receiver that measures throughout one scene."""
 
     def __init__(self, gnss: Gnss, datum: MapDatum, seed: int, tick_ns: int, period_ticks: int = 1) -> None:
-        """At tick 0.
+        """Create the receiver at tick 0.
 
         Args:
-            gnss: Its configuration.
-            datum: Where the map lies on Earth.
-            seed: The scene's.
+            gnss: Configuration of the receiver.
+            datum: Position of the map on Earth.
+            seed: Seed of the scene.
             tick_ns: Length of a tick.
-            period_ticks: It measures at every so many ticks.
+            period_ticks: Number of ticks between measurements.
         """
         self._gnss, self._datum, self._seed, self._period_ticks = gnss, datum, seed, period_ticks
         step_s = tick_ns / NS_PER_S * period_ticks
@@ -63,19 +63,19 @@ class GnssModel:
         self._dropouts = Outages(rng, gnss.dropout_share, gnss.dropout_mean_s, step_s)
 
     def is_due(self, tick: int) -> bool:
-        """Whether there is something to measure at a tick."""
+        """Whether the receiver measures at a tick."""
         return tick >= 0 and tick % self._period_ticks == 0
 
     def measure(self, state: WorldState) -> GnssFix:
-        """The fix at a tick that is due; ticks rise from call to call."""
+        """Measure at a tick that is due; ticks must increase from call to call."""
         index = state.tick // self._period_ticks
-        walk_m = self._walk_m.until(index)[0]
-        if self._dropouts.at(index):
+        walk_m = self._walk_m.values_until(index)[0]
+        if self._dropouts.is_off(index):
             return NO_FIX
         gnss = self._gnss
         antenna_m = map_from_sensor(gnss.pose, state)[:3, 3]
         latitude_deg, longitude_deg, altitude_m = self._datum.geodetic_from_map(antenna_m)
-        east_m, north_m = metres_per_degree(latitude_deg, altitude_m)
+        east_m, north_m = meters_per_degree(latitude_deg, altitude_m)
         noise = stream(self._seed, f"gnss.{gnss.name}", state.tick).standard_normal(3)  # north, east, up
         sigma_m = [
             gnss.longitude_noise_sigma_deg * east_m,
@@ -91,8 +91,8 @@ class GnssModel:
         )
 
 
-def metres_per_degree(latitude_deg: float, altitude_m: float) -> tuple[float, float]:
-    """Length of one degree of longitude (eastward) and of latitude (northward), by WGS84's radii of curvature."""
+def meters_per_degree(latitude_deg: float, altitude_m: float) -> tuple[float, float]:
+    """Length in meters of one degree of longitude (east) and of latitude (north), by WGS84's radii of curvature."""
     eccentricity2 = _FLATTENING * (2.0 - _FLATTENING)
     sine, cosine = np.sin(np.radians(latitude_deg)), np.cos(np.radians(latitude_deg))
     root = np.sqrt(1.0 - eccentricity2 * sine**2)

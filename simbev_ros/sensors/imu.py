@@ -1,6 +1,6 @@
-"""Inertial measurement unit: world states in, specific force, angular rate and orientation out. No ROS.
+"""IMU model: turns the world states of two ticks into specific force, angular rate and orientation. No ROS.
 
-By REP-145 the accelerometer measures specific force: at rest and level it reads +g along z.
+As REP-145 demands, the accelerometer measures specific force: at rest and level it reads +g along z.
 """
 
 from dataclasses import dataclass
@@ -17,24 +17,24 @@ from simbev_ros.sensors.tick_motion import motion_within_tick
 from simbev_ros.types import Float64Array, Int64Array
 
 GRAVITY_MPS2 = 9.81
-"""As in CARLA."""
+"""Gravitational acceleration, as in CARLA."""
 
-_LEAST_VARIANCE = 1e-12
-"""Of what is exact up to rounding, (m/s²)², (rad/s)² and rad²: a covariance of zeros would mean "unknown"."""
+_MIN_VARIANCE = 1e-12
+"""Variance reported for noise-free values, (m/s²)², (rad/s)² and rad²: a covariance of zeros would mean "unknown"."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImuSamples:
-    """S measurements, in the sensor frame.
+    """Batch of S IMU measurements, in the sensor frame.
 
     Attributes:
-        stamps_ns: (S,) ascending.
+        stamps_ns: (S,) time stamps, ascending.
         linear_acceleration_mps2: (S, 3) specific force.
-        angular_velocity_radps: (S, 3).
+        angular_velocity_radps: (S, 3) angular velocity.
         orientation_xyzw: (S, 4) unit quaternions, map from sensor.
-        linear_acceleration_covariance: (3, 3) of the white noise, (m/s²)².
-        angular_velocity_covariance: (3, 3) of the white noise, (rad/s)²; biases are in neither.
-        orientation_covariance: (3, 3), rad².
+        linear_acceleration_covariance: (3, 3) covariance of the white noise, (m/s²)².
+        angular_velocity_covariance: (3, 3) of the white noise, (rad/s)². Neither covariance includes the biases.
+        orientation_covariance: (3, 3) of the orientation, rad².
     """
 
     stamps_ns: Int64Array
@@ -47,17 +47,17 @@ class ImuSamples:
 
 
 class ImuModel:
-    """One IMU through one scene. It measures at its own place, i.e. with the lever arm to the ego's origin."""
+    """An IMU that measures throughout one scene, at its mounting position (with the lever arm to the ego's origin)."""
 
     def __init__(self, imu: Imu, seed: int, tick_ns: int, period_ticks: int = 1, samples: int = 1) -> None:
-        """At tick 0.
+        """Create the IMU at tick 0.
 
         Args:
-            imu: Its configuration.
-            seed: The scene's.
+            imu: Configuration of the IMU.
+            seed: Seed of the scene.
             tick_ns: Length of a tick.
-            period_ticks: It measures at every so many ticks,
-            samples: and so often per tick; one of both is 1.
+            period_ticks: Number of ticks between measurements; 1 if there are several samples per tick.
+            samples: Number of samples per tick; 1 if there are several ticks between measurements.
         """
         self._imu, self._seed, self._tick_ns = imu, seed, tick_ns
         self._period_ticks, self._samples = period_ticks, samples
@@ -71,15 +71,15 @@ class ImuModel:
         )
 
     def is_due(self, tick: int) -> bool:
-        """Whether there is something to measure at a tick."""
+        """Whether the IMU measures at a tick."""
         return tick >= 0 and tick % self._period_ticks == 0
 
     def measure(self, state: WorldState, previous: WorldState | None) -> ImuSamples:
-        """The samples since the tick before; at tick 0, where measuring begins, one.
+        """Measure all samples since the previous tick; at tick 0, where measuring begins, there is one.
 
         Args:
-            state: The world at a tick that is due; ticks rise from call to call.
-            previous: The world one tick ago, None if it is not known.
+            state: World state at a tick that is due; ticks must increase from call to call.
+            previous: World state one tick ago; None if unknown.
         """
         imu, count = self._imu, self._samples if state.tick else 1
         motion = motion_within_tick(imu.pose, state, previous, self._tick_ns / NS_PER_S, self._samples)
@@ -97,19 +97,19 @@ class ImuModel:
         )
 
     def _stamps_ns(self, state: WorldState, count: int) -> Int64Array:
-        """(count,) whole nanoseconds, counted from tick 0."""
+        """(count,) time stamps, at equal steps since tick 0 rounded down to whole nanoseconds."""
         last = state.tick * self._samples
         since_ns = np.arange(last - count + 1, last + 1, dtype=np.int64) * self._tick_ns // self._samples
         return state.stamp_ns - state.tick * self._tick_ns + since_ns
 
     def _errors(self, tick: int, count: int) -> tuple[Float64Array, Float64Array]:
-        """(count, 3) of specific force and of angular rate: constant bias, its walk, white noise."""
+        """(count, 3) errors of specific force and of angular rate: constant bias, bias walk and white noise."""
         imu = self._imu
         rng = stream(self._seed, f"imu.{imu.name}", tick)
         force_noise, rate_noise = np.moveaxis(rng.standard_normal((self._samples, 2, 3))[-count:], 1, 0)
         index = tick // self._period_ticks * self._samples
-        force_bias = self._force_walk.until(index, count) + np.array(imu.accelerometer_bias_mps2)
-        rate_bias = self._rate_walk.until(index, count) + np.array(imu.gyroscope_bias_radps)
+        force_bias = self._force_walk.values_until(index, count) + np.array(imu.accelerometer_bias_mps2)
+        rate_bias = self._rate_walk.values_until(index, count) + np.array(imu.gyroscope_bias_radps)
         return (
             force_bias + imu.accelerometer_noise_sigma_mps2 * force_noise,
             rate_bias + imu.gyroscope_noise_sigma_radps * rate_noise,
@@ -117,5 +117,5 @@ class ImuModel:
 
 
 def _covariance(sigma: float) -> Float64Array:
-    """(3, 3) of equal and independent components."""
-    return np.eye(3) * max(sigma**2, _LEAST_VARIANCE)
+    """(3, 3) covariance of equal and independent components."""
+    return np.eye(3) * max(sigma**2, _MIN_VARIANCE)

@@ -1,10 +1,10 @@
-"""Rotating lidar and semantic lidar: world states and rays in, two clouds out. No ROS.
+"""Rotating lidar model: casts the rays of one turn into the scene and returns a point cloud and a semantic one. No ROS.
 
-Which way the rays go is said in ``lidar_pattern``, how strong echoes are in ``lidar_echo``, what rain and fog do in
-``lidar_weather``. By default all rays of a turn are cast at the stamp and from the pose at the stamp, as in CARLA: the
-cloud is already compensated for the motion during the turn, and ``time`` must not be used to do so again. A rolling
-scan casts each column at its own ``time``, with the sensor and all actors where they were then, and its points are in
-the sensor's frame of that time, as a real lidar's.
+``lidar_pattern`` defines the ray directions, ``lidar_echo`` the strength of echoes, ``lidar_weather`` the effects of
+rain and fog. By default all rays of a turn are cast at the time stamp, from the pose at the time stamp, as in CARLA:
+the cloud is already motion-compensated, and ``time`` must not be used to do so again. A rolling scan casts each column
+at its own ``time``, with the sensor and all actors at their poses of that time; its points are in the sensor frame of
+that time, as those of a real lidar.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from simbev_ros.random import stream
 from simbev_ros.raycast.scene import Hits, RayScene
 from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.sensors.lidar_echo import echo_strength, intensity, lost_for_weakness
+from simbev_ros.sensors.lidar_echo import echo_strength, intensity, is_lost_at_low_intensity
 from simbev_ros.sensors.lidar_pattern import ScanPattern
 from simbev_ros.sensors.lidar_weather import LidarWeather
 from simbev_ros.sensors.mount import map_from_sensor
@@ -29,7 +29,7 @@ POINT_DTYPE = np.dtype(
         ("y", "<f4"),
         ("z", "<f4"),
         ("intensity", "<f4"),  # 0..1
-        ("ring", "<u2"),  # channel, 0 is the lowest unless listed otherwise
+        ("ring", "<u2"),  # channel, 0 is the lowest unless configured otherwise
         ("time", "<f4"),  # s from the stamp, ≤ 0
     ]
 )
@@ -40,7 +40,7 @@ SEMANTIC_POINT_DTYPE = np.dtype(
         ("x", "<f4"),  # m, sensor frame
         ("y", "<f4"),
         ("z", "<f4"),
-        ("cos_angle", "<f4"),  # between the ray and the surface's normal, 0 grazing, 1 perpendicular
+        ("cos_angle", "<f4"),  # cosine of the angle between ray and surface normal, 0 grazing, 1 perpendicular
         ("object_id", "<u4"),  # id of the actor, 0 on static surfaces
         ("tag", "<u4"),  # semantic tag
         ("time", "<f4"),  # s from the stamp, ≤ 0
@@ -51,7 +51,7 @@ SEMANTIC_POINT_DTYPE = np.dtype(
 
 @dataclass(frozen=True, slots=True)
 class LidarScan:
-    """One turn; rows in firing order. What the lidar does not publish is None.
+    """Point clouds of one turn, rows in firing order; a cloud that the lidar does not publish is None.
 
     Attributes:
         points: (M,) ``POINT_DTYPE``.
@@ -64,7 +64,7 @@ class LidarScan:
 
 @dataclass(frozen=True, slots=True)
 class _Rays:
-    """(N,) rays in the map frame; ``origins_m`` is (1, 3) and ``lag_s`` None when all are cast at the stamp."""
+    """(N,) rays in the map frame; if all are cast at the time stamp, ``origins_m`` is (1, 3) and ``lag_s`` None."""
 
     origins_m: Float64Array
     directions: Float32Array
@@ -73,7 +73,7 @@ class _Rays:
 
 @dataclass(frozen=True, slots=True)
 class _Echoes:
-    """(M,) echoes: their rays, ascending, their ranges, and how strong they are (``lidar_echo``)."""
+    """(M,) echoes: ray indices, ascending, ranges, and strengths as defined in ``lidar_echo``."""
 
     ray: Int64Array
     range_m: Float32Array
@@ -81,28 +81,28 @@ class _Echoes:
 
 
 class LidarModel:
-    """A lidar of the rig."""
+    """A lidar of the sensor rig, as configured."""
 
     def __init__(self, lidar: Lidar, seed: int, turn_s: float) -> None:
-        """Prepares the rays.
+        """Precompute the ray pattern.
 
         Args:
-            lidar: Its configuration.
-            seed: The scene's seed.
+            lidar: Configuration of the lidar.
+            seed: Seed of the scene.
             turn_s: Duration of a turn, from one cloud to the next.
         """
         self._lidar = lidar
         self._seed = seed
-        self.pattern = ScanPattern.of(lidar, turn_s)
+        self.pattern = ScanPattern.from_lidar(lidar, turn_s)
         self._time_s = self.pattern.time_s.astype(np.float32)
 
     def scan(self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState] = ()) -> LidarScan:
-        """The clouds of one tick.
+        """Scan one turn that ends at a tick.
 
         Args:
-            scene: Updated with the same states.
-            state: The world at the stamp.
-            earlier: The world at the ticks of the turn before; only a rolling scan needs them.
+            scene: Ray scene, already updated with the same states.
+            state: World state at the time stamp.
+            earlier: World states at the preceding ticks of the turn; only a rolling scan needs them.
         """
         lidar = self._lidar
         rays = self._rolling_rays(state, earlier) if lidar.rolling else self._rays(state)
@@ -130,56 +130,56 @@ class LidarModel:
 
     def _semantic_points(self, hits: Hits, returned: Int64Array) -> Table:
         cloud = np.empty(len(returned), SEMANTIC_POINT_DTYPE)
-        self._place(cloud, returned, hits.range_m[returned])
+        self._write_positions(cloud, returned, hits.range_m[returned])
         cloud["cos_angle"] = hits.cos_angle[returned]
         cloud["object_id"] = hits.object_id[returned]
         cloud["tag"] = hits.tag[returned]
         return cloud
 
     def _points(self, hits: Hits, returned: Int64Array, rays: _Rays, state: WorldState) -> Table:
-        """Returns that are not lost. Every ray has its own draws, whether it returns or not."""
+        """Returns that are not lost. Every ray has its own random numbers, whether it returns or not."""
         lidar, count = self._lidar, len(self._time_s)
         strength = echo_strength(hits.material[returned], hits.cos_angle[returned])
         echoes = _Echoes(returned, hits.range_m[returned], strength)
         air = LidarWeather(lidar, state.weather, float(rays.origins_m[-1, 2]))
         if not air.is_clear:
-            echoes = self._through(air, echoes, hits, rays, state.tick)
-        lottery, noise = self._stream("drop_off", state.tick), self._stream("range_noise", state.tick)
-        kept = lottery.random(count, np.float32)[echoes.ray] >= lidar.drop_off
-        brightness = intensity(lidar, echoes.strength, echoes.range_m)
+            echoes = self._apply_weather(air, echoes, hits, rays, state.tick)
+        drop_off_rng, noise_rng = self._stream("drop_off", state.tick), self._stream("range_noise", state.tick)
+        kept = drop_off_rng.random(count, np.float32)[echoes.ray] >= lidar.drop_off
+        intensities = intensity(lidar, echoes.strength, echoes.range_m)
         if lidar.drop_off_at_zero_intensity > 0.0:
-            weakness = self._stream("intensity_drop_off", state.tick).random(count, np.float32)
-            kept &= ~lost_for_weakness(lidar, brightness, weakness[echoes.ray])
+            uniform = self._stream("intensity_drop_off", state.tick).random(count, np.float32)
+            kept &= ~is_lost_at_low_intensity(lidar, intensities, uniform[echoes.ray])
         ray = echoes.ray[kept]
-        noise_m = noise.standard_normal(count, np.float32)[ray] * np.float32(lidar.range_noise_sigma_m)
+        noise_m = noise_rng.standard_normal(count, np.float32)[ray] * np.float32(lidar.range_noise_sigma_m)
         cloud = np.empty(len(ray), POINT_DTYPE)
-        self._place(cloud, ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0))
-        cloud["intensity"] = brightness[kept]
+        self._write_positions(cloud, ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0))
+        cloud["intensity"] = intensities[kept]
         cloud["ring"] = self.pattern.ring[ray]
         return cloud
 
-    def _through(self, air: LidarWeather, echoes: _Echoes, hits: Hits, rays: _Rays, tick: int) -> _Echoes:
-        """The strongest echo of each ray in rain or fog: what is left of the target's, or the air's own."""
+    def _apply_weather(self, air: LidarWeather, echoes: _Echoes, hits: Hits, rays: _Rays, tick: int) -> _Echoes:
+        """The strongest echo of each ray in rain or fog: the weakened echo of the target, or that of the air."""
         rng, count = self._stream("weather", tick), len(self._time_s)
-        lottery = rng.random(count, np.float32)
-        left = air.share_left(echoes.range_m, rays.directions[echoes.ray, 2])
-        detected = air.detected(echoes.strength, left, echoes.range_m, lottery[echoes.ray])
+        uniform = rng.random(count, np.float32)
+        transmission = air.two_way_transmission(echoes.range_m, rays.directions[echoes.ray, 2])
+        is_detected = air.are_detected(echoes.strength, transmission, echoes.range_m, uniform[echoes.ray])
         strength, range_m = np.zeros(count, np.float32), hits.range_m.copy()
-        strength[echoes.ray] = np.where(detected, echoes.strength * left, 0.0)
-        of_air = air.from_air(count, rng)
-        ahead = (of_air.range_m < range_m) & (of_air.range_m >= self._lidar.min_range_m)
-        # Received power falls with the square of the range; what is farther away than the range was never received.
+        strength[echoes.ray] = np.where(is_detected, echoes.strength * transmission, 0.0)
+        echoes_of_air = air.air_echoes(count, rng)
+        ahead = (echoes_of_air.range_m < range_m) & (echoes_of_air.range_m >= self._lidar.min_range_m)
+        # Received power falls with the square of the range. Targets beyond the lidar's range were never received.
         near = np.flatnonzero(ahead)
         power = strength[near] / np.square(range_m[near])
-        wins = near[of_air.strength[near] / np.square(of_air.range_m[near]) > power]
-        strength[wins], range_m[wins] = of_air.strength[wins], of_air.range_m[wins]
+        wins = near[echoes_of_air.strength[near] / np.square(echoes_of_air.range_m[near]) > power]
+        strength[wins], range_m[wins] = echoes_of_air.strength[wins], echoes_of_air.range_m[wins]
         ray = np.flatnonzero(strength > 0.0)
         return _Echoes(ray, range_m[ray], strength[ray])
 
     def _stream(self, name: str, tick: int) -> np.random.Generator:
         return stream(self._seed, f"lidar.{self._lidar.name}.{name}", tick)
 
-    def _place(self, cloud: Table, ray: Int64Array, range_m: Float32Array) -> None:
-        """Write where points are, and when."""
+    def _write_positions(self, cloud: Table, ray: Int64Array, range_m: Float32Array) -> None:
+        """Write positions and times of points into a cloud."""
         cloud["x"], cloud["y"], cloud["z"] = (self.pattern.directions[ray] * range_m[:, None]).T
         cloud["time"] = self._time_s[ray]

@@ -1,10 +1,10 @@
-"""Which way a rotating lidar's rays go, and when.
+"""Scan pattern of a rotating lidar: direction, ring and firing time of every ray of one turn.
 
-A turn starts behind the sensor (-x) and runs clockwise seen from above: behind, left, ahead, right; with a narrower
+A turn starts behind the sensor (-x) and runs clockwise seen from above: behind, left, ahead, right. With a narrower
 horizontal field of view it runs from left to right through ahead. Column c of C looks at azimuth
 fov / 2 - fov (c + ½) / C and is fired (c + 1 - C) / C of the sweep after the stamp, i.e. the last column at the stamp.
-The sweep takes the share of a turn that the field of view is. Rings are numbered as the channels are listed, in uniform
-patterns and in presets from the lowest up (as Velodyne's ROS driver does).
+The duration of the sweep is the turn's times fov / 360°. Rings are numbered in the order of the configured channels;
+uniform patterns and presets list them from the lowest up (as Velodyne's ROS driver does).
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from simbev_ros.types import Float32Array, Float64Array, UInt16Array
 
 @dataclass(frozen=True, slots=True)
 class ScanPattern:
-    """The rays of one turn, in firing order: column by column, in each by ring. N is columns · channels.
+    """Rays of one turn, in firing order: column by column, within a column by ring. N is columns · channels.
 
     Attributes:
         directions: (N, 3) unit vectors, sensor frame.
-        ring: (N,) channel.
-        column_time_s: (C,) when each column is fired, from the stamp, ascending to 0.
-        time_s: (N,) when each ray is fired.
+        ring: (N,) channel of each ray.
+        column_time_s: (C,) firing time of each column relative to the stamp, ascending to 0.
+        time_s: (N,) firing time of each ray relative to the stamp.
     """
 
     directions: Float32Array
@@ -32,8 +32,8 @@ class ScanPattern:
     time_s: Float64Array
 
     @classmethod
-    def of(cls, lidar: Lidar, turn_s: float) -> "ScanPattern":
-        """The pattern of a lidar that turns once in ``turn_s``."""
+    def from_lidar(cls, lidar: Lidar, turn_s: float) -> "ScanPattern":
+        """Create the pattern of a lidar that turns once in ``turn_s``."""
         elevation = np.radians(channel_elevations_deg(lidar))
         offset = np.radians(lidar.azimuth_offsets_deg or np.zeros(lidar.channels))
         field_of_view = np.radians(lidar.horizontal_fov_deg)
@@ -54,7 +54,7 @@ class ScanPattern:
 
 
 def channel_elevations_deg(lidar: Lidar) -> Float64Array:
-    """(channels,) elevations by ring."""
+    """(channels,) elevations by ring, in degrees."""
     if lidar.elevations_deg is not None:
         return np.array(lidar.elevations_deg)
     return np.linspace(lidar.lower_fov_deg, lidar.upper_fov_deg, lidar.channels)

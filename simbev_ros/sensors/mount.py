@@ -1,4 +1,4 @@
-"""Where a sensor is: its pose and motion in the map frame, from those of the vehicle that carries it."""
+"""Pose of a mounted sensor in the map frame, from the state of the vehicle that carries it."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from simbev_ros.types import Float64Array, Table
 
 
 def map_from_sensor(pose: Pose, state: WorldState) -> Float64Array:
-    """(4, 4) transform of a sensor on the ego, whose body frame is x forward, y left, z up."""
+    """(4, 4) transform, map from sensor, of a sensor mounted on the ego; sensor frame x forward, y left, z up."""
     matrix: Float64Array = map_from_actors(state.ego) @ pose.ego_from_sensor
     return matrix
 
 
 def vector(row: Table, names: str) -> Float64Array:
-    """(3,) float64 vector of three columns of one row, such as ``vector(ego, "vx vy vz")``."""
+    """(3,) float64 vector from three columns of one table row, such as ``vector(ego, "vx vy vz")``."""
     return np.array([row[name] for name in names.split()], np.float64)

@@ -1,9 +1,9 @@
-"""Radars: world state and rays in, one cloud of detections per radar out. No ROS.
+"""Radar model: casts random rays into the scene and returns one cloud of detections per radar. No ROS.
 
-Every scan sends new random rays into the field of view, and each that hits something within range is one detection, as
-in CARLA (whose rays end on a plane at that range, so that those off the axis see farther). A detection is a point of a
-surface: its range and angles, how fast it moves along the ray relative to the radar, and how much of the power it
-returns. What is measured of that, with all errors, is the work of ``radar_errors``.
+Every scan casts new random rays into the field of view, and each ray that hits something within range gives one
+detection, as in CARLA (whose rays end on a plane at that range, so that off-axis rays reach further). A detection
+describes a surface point by its range and angles, its relative velocity along the ray, and the returned power.
+``radar_errors`` then adds the errors of a real radar.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from simbev_ros.raycast.scene import Hits, RayScene
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import map_from_sensor, vector
 from simbev_ros.sensors.radar_amplitude import amplitude_db, load_cross_sections, rain_loss_db_per_m
-from simbev_ros.sensors.radar_errors import with_errors
+from simbev_ros.sensors.radar_errors import apply_errors
 from simbev_ros.sensors.radar_rays import random_rays
 from simbev_ros.types import Float64Array, Int64Array, Table
 
@@ -30,27 +30,34 @@ RADAR_POINT_DTYPE = np.dtype(
         ("azimuth", "<f4"),  # rad, 0 ahead, left positive (REP-103)
         ("elevation", "<f4"),  # rad above the sensor's x-y plane
         ("doppler_velocity", "<f4"),  # m/s along the ray, relative to the radar: positive recedes, negative approaches
-        ("amplitude", "<f4"),  # dB of what 1 m² returns from the radar's reference range
+        ("amplitude", "<f4"),  # dB relative to the return of 1 m² at the radar's reference range
     ]
 )
-"""One row per detection, 32 bytes. From ``range`` on names, units and signs are those of radar_msgs/RadarReturn; that
-positive speeds recede is said by its authors (github.com/ros-perception/radar_msgs/issues/11), and is so in CARLA."""
+"""One row per detection, 32 bytes. From ``range`` on, names, units and signs are those of radar_msgs/RadarReturn. Its
+authors define positive speeds as receding (github.com/ros-perception/radar_msgs/issues/11), and so does CARLA."""
 
-_DRAWS = 5  # per ray, for the noise
+_DRAWS_PER_RAY = 5
+"""Number of normal random numbers per ray that the noise needs."""
 
 
 class RadarModel:
-    """A radar of the rig."""
+    """A radar of the sensor rig, as configured; ``scan_radars`` runs one or more of them."""
 
     def __init__(self, radar: Radar, seed: int, scan_s: float) -> None:
-        """For a radar with its configuration, the scene's seed and the time from one scan to the next."""
+        """Create the model.
+
+        Args:
+            radar: Configuration of the radar.
+            seed: Seed of the scene.
+            scan_s: Time from one scan to the next.
+        """
         self.radar = radar
         self.rays = max(1, round(radar.points_per_second * scan_s))
         self._seed = seed
         self._cross_sections = load_cross_sections()
 
     def directions(self, tick: int) -> Float64Array:
-        """(rays, 3) unit vectors of a tick's rays, sensor frame."""
+        """(rays, 3) unit vectors, sensor frame, of the random rays of a tick."""
         return random_rays(self.radar, self.rays, self._stream("rays", tick))
 
     def detections(
@@ -61,62 +68,62 @@ class RadarModel:
         velocity_mps: Float64Array,
         state: WorldState,
     ) -> Table:
-        """What is measured where rays hit something within range.
+        """Detections of one scan: the hits within range, with their velocities, amplitudes and errors.
 
         Args:
-            map_from_radar: (4, 4) where the radar is.
-            directions: (rays, 3) as given by ``directions``.
-            hits: What these rays hit.
-            velocity_mps: (rays, 3) of the points that they hit, map axes.
-            state: The world now.
+            map_from_radar: (4, 4) pose of the radar, map frame.
+            directions: (rays, 3) unit vectors from ``directions``.
+            hits: (rays,) hits of these rays.
+            velocity_mps: (rays, 3) velocities of the hit points, map axes.
+            state: World state now.
 
         Returns:
             (N,) ``RADAR_POINT_DTYPE``, in the order of the rays.
         """
         radar = self.radar
         ray = np.flatnonzero((hits.range_m >= radar.min_range_m) & (hits.range_m <= radar.range_m))
-        hits, directions = _taken(hits, ray), directions[ray]
-        along = directions @ map_from_radar[:3, :3].T
+        hits, directions = _select_hits(hits, ray), directions[ray]
+        directions_map = directions @ map_from_radar[:3, :3].T
         range_m = hits.range_m.astype(np.float64)
         table = np.zeros(len(ray), RADAR_POINT_DTYPE)
         table["range"] = range_m
         table["azimuth"] = np.arctan2(directions[:, 1], directions[:, 0])
         table["elevation"] = np.arcsin(np.clip(directions[:, 2], -1.0, 1.0))
         table["doppler_velocity"] = np.einsum(
-            "ni,ni->n", velocity_mps[ray] - _own_velocity(map_from_radar, state), along
+            "ni,ni->n", velocity_mps[ray] - _own_velocity(map_from_radar, state), directions_map
         )
         table["amplitude"] = self._amplitude_db(hits, range_m, state)
-        table = with_errors(radar, table, ray, lambda: self._noise(state.tick))
+        table = apply_errors(radar, table, ray, lambda: self._noise(state.tick))
         _fill_xyz(table)
         return table
 
     def _amplitude_db(self, hits: Hits, range_m: Float64Array, state: WorldState) -> Float64Array:
-        cross_section_m2 = self._cross_sections.at(hits.material, hits.tag, hits.cos_angle.astype(np.float64))
+        cross_section_m2 = self._cross_sections.at_incidence(hits.material, hits.tag, hits.cos_angle.astype(np.float64))
         clear_db = amplitude_db(cross_section_m2, range_m, self.radar.reference_range_m)
         if not self.radar.rain_attenuation:
             return clear_db
         return clear_db - rain_loss_db_per_m(state.weather) * range_m
 
     def _noise(self, tick: int) -> Float64Array:
-        return self._stream("noise", tick).standard_normal((self.rays, _DRAWS))
+        return self._stream("noise", tick).standard_normal((self.rays, _DRAWS_PER_RAY))
 
-    def _stream(self, what: str, tick: int) -> np.random.Generator:
-        return stream(self._seed, f"radar.{self.radar.name}.{what}", tick)
+    def _stream(self, purpose: str, tick: int) -> np.random.Generator:
+        return stream(self._seed, f"radar.{self.radar.name}.{purpose}", tick)
 
 
 def scan_radars(
     models: Sequence[RadarModel], scene: RayScene, state: WorldState, previous: WorldState | None
 ) -> list[Table]:
-    """The detections of each radar, from one cast of all their rays.
+    """Scan with all radars at once, casting their rays in one batch.
 
     Args:
-        models: The radars.
-        scene: Updated with ``state``.
-        state: The world now.
-        previous: The world one tick ago; None: wheels and limbs move with the bodies.
+        models: Radars of the rig.
+        scene: Ray scene, already updated with ``state``.
+        state: World state now.
+        previous: World state one tick ago; if None, wheels and limbs move with their bodies.
 
     Returns:
-        Per radar (N,) ``RADAR_POINT_DTYPE``.
+        Per radar, (N,) ``RADAR_POINT_DTYPE`` detections.
     """
     if not models:
         return []
@@ -124,26 +131,28 @@ def scan_radars(
     counts = [model.rays for model in models]
     directions = [model.directions(state.tick) for model in models]
     origins_m = np.repeat([pose[:3, 3] for pose in poses], counts, axis=0)
-    along = np.concatenate([each @ pose[:3, :3].T for each, pose in zip(directions, poses, strict=True)])
-    hits = scene.cast(origins_m, along)
-    points_m = origins_m + along * np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)[:, None]
+    directions_map = np.concatenate([each @ pose[:3, :3].T for each, pose in zip(directions, poses, strict=True)])
+    hits = scene.cast(origins_m, directions_map)
+    points_m = origins_m + directions_map * np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)[:, None]
     velocity_mps = scene.velocities(hits, points_m)
-    with_parts = np.flatnonzero(np.repeat([model.radar.micro_doppler for model in models], counts))
-    if previous is not None and len(with_parts):
-        velocity_mps[with_parts] = scene.velocities(_taken(hits, with_parts), points_m[with_parts], previous)
-    mine = np.split(np.arange(len(along)), np.cumsum(counts)[:-1])
+    micro_doppler_rays = np.flatnonzero(np.repeat([model.radar.micro_doppler for model in models], counts))
+    if previous is not None and len(micro_doppler_rays):
+        velocity_mps[micro_doppler_rays] = scene.velocities(
+            _select_hits(hits, micro_doppler_rays), points_m[micro_doppler_rays], previous
+        )
+    rays_of_model = np.split(np.arange(len(directions_map)), np.cumsum(counts)[:-1])
     return [
-        model.detections(pose, each, _taken(hits, rays), velocity_mps[rays], state)
-        for model, pose, each, rays in zip(models, poses, directions, mine, strict=True)
+        model.detections(pose, each, _select_hits(hits, rays), velocity_mps[rays], state)
+        for model, pose, each, rays in zip(models, poses, directions, rays_of_model, strict=True)
     ]
 
 
-def _taken(hits: Hits, ray: Int64Array) -> Hits:
+def _select_hits(hits: Hits, ray: Int64Array) -> Hits:
     return Hits(*(getattr(hits, field.name)[ray] for field in fields(hits)))
 
 
 def _own_velocity(map_from_radar: Float64Array, state: WorldState) -> Float64Array:
-    """(3,) m/s, map axes, of a sensor on the ego, with the lever arm to the ego's origin."""
+    """(3,) velocity of the radar, m/s, map axes, including the ego's rotation about its origin."""
     arm_m = map_from_radar[:3, 3] - vector(state.ego, "x y z")
     velocity_mps: Float64Array = vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
     return velocity_mps

@@ -1,6 +1,6 @@
-"""How much of a radar's power comes back: cross-sections of what was hit, the radar equation, rain.
+"""Amplitude of radar detections: radar cross-sections of the surfaces that were hit, the radar equation, loss in rain.
 
-Left out: the antenna's pattern (the field of view ends sharply), paths with more than one reflection, fading.
+Not modeled: the antenna pattern (the field of view ends sharply), multipath propagation, fading.
 """
 
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from simbev_ros.sensors.lidar_weather import drop_slope_per_m
 from simbev_ros.types import Float64Array, UInt8Array
 
 _RAIN_K, _RAIN_ALPHA = 1.13, 0.712
-"""Attenuation k · rate^alpha in dB/km for rain in mm/h: ITU-R P.838-3 at 77 GHz, mean of both polarisations."""
+"""Attenuation k · rate^alpha in dB/km for rain in mm/h: ITU-R P.838-3 at 77 GHz, mean of both polarizations."""
 _DROP_SLOPE_PER_M, _DROP_SLOPE_POWER = 4100.0, -0.21
-"""Of the sizes of drops in rain of 1 mm/h, and how that changes with the rate: Marshall and Palmer, 1948."""
+"""Slope of drop sizes in rain of 1 mm/h, and its exponent of the rain rate: Marshall and Palmer, 1948."""
 _KM_PER_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class CrossSections:
-    """Cross-sections in m², explained in radar_surfaces.yaml.
+    """Radar cross-sections in m² by material and tag; radar_surfaces.yaml explains the model.
 
     Attributes:
-        diffuse_m2, exponent, specular_m2, spread: (len(Material),) by material.
+        diffuse_m2, exponent, specular_m2, spread: (len(Material),) parameters by material.
         kind: (256,) factor by semantic tag.
     """
 
@@ -39,8 +39,8 @@ class CrossSections:
     spread: Float64Array
     kind: Float64Array
 
-    def at(self, material: UInt8Array, tag: UInt8Array, cos_angle: Float64Array) -> Float64Array:
-        """(N,) m² of surfaces seen under (N,) cosines of the angle of incidence."""
+    def at_incidence(self, material: UInt8Array, tag: UInt8Array, cos_angle: Float64Array) -> Float64Array:
+        """(N,) cross-sections in m² of (N,) surfaces at (N,) cosines of the angle of incidence."""
         cosine = np.clip(cos_angle, 1e-6, 1.0)
         slope = np.sqrt(1.0 - cosine**2) / cosine / self.spread[material]
         diffuse_m2 = self.diffuse_m2[material] * cosine ** self.exponent[material]
@@ -50,7 +50,7 @@ class CrossSections:
 
 @lru_cache(maxsize=1)
 def load_cross_sections() -> CrossSections:
-    """The tables of radar_surfaces.yaml, in which each material is named once."""
+    """Load the tables of radar_surfaces.yaml, in which each material is named once."""
     data = yaml.safe_load(files("simbev_ros.sensors").joinpath("radar_surfaces.yaml").read_text(encoding="utf-8"))
     surface_of = {material: surface for surface in data["surfaces"].values() for material in surface["materials"]}
 
@@ -70,22 +70,22 @@ def load_cross_sections() -> CrossSections:
 
 
 def amplitude_db(cross_section_m2: Float64Array, range_m: Float64Array, reference_range_m: float) -> Float64Array:
-    """Radar equation: power falls with the fourth power of the range.
+    """Received power by the radar equation: it decreases with the fourth power of the range.
 
     Returns:
-        (N,) dB of the power that 1 m² returns from the reference range.
+        (N,) dB relative to the return of 1 m² at the reference range.
     """
     ratio: Float64Array = reference_range_m / np.maximum(range_m, 1e-3)
     return 10.0 * np.log10(cross_section_m2) + 40.0 * np.log10(ratio)
 
 
 def rain_loss_db_per_m(weather: Weather) -> float:
-    """Loss per metre of range, there and back, at 77 GHz, in the rain that cameras and lidars see. Fog: none."""
+    """Two-way loss per meter of range at 77 GHz, in the same rain that cameras and lidars see; fog causes none."""
     return float(2.0 * _RAIN_K * rain_rate_mmph(weather) ** _RAIN_ALPHA * _KM_PER_M)
 
 
 def rain_rate_mmph(weather: Weather) -> float:
-    """The rate at which rain has the weather's extinction of light; 15 mm/h at precipitation 100."""
+    """Rain rate in mm/h that causes the weather's extinction of light; 15 mm/h at precipitation 100."""
     extinction_per_m = rain_halvings_per_m(weather) * np.log(2.0)
     if extinction_per_m == 0.0:
         return 0.0
@@ -93,6 +93,6 @@ def rain_rate_mmph(weather: Weather) -> float:
 
 
 def from_db(value_db: Float64Array) -> Float64Array:
-    """Ratio of powers."""
+    """Power ratio of a value in dB."""
     ratio: Float64Array = 10.0 ** (value_db / 10.0)
     return ratio

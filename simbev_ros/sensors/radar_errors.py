@@ -1,4 +1,4 @@
-"""What a real radar does to ideal detections: noise, threshold, ambiguous speeds, cells of finite resolution."""
+"""Errors of a real radar, applied to ideal detections: noise, threshold, ambiguous speeds, finite resolution cells."""
 
 from collections.abc import Callable
 
@@ -10,14 +10,14 @@ from simbev_ros.types import Float64Array, Int64Array, Table
 _CELL_COLUMNS = ["range", "doppler_velocity", "azimuth", "elevation"]
 
 
-def with_errors(radar: Radar, table: Table, ray: Int64Array, draw: Callable[[], Float64Array]) -> Table:
-    """The detections that are left, in order, as they are measured.
+def apply_errors(radar: Radar, table: Table, ray: Int64Array, draw: Callable[[], Float64Array]) -> Table:
+    """Apply all configured errors and return the remaining detections, in order.
 
     Args:
-        radar: Says which errors there are; each is off by default.
-        table: (N,) ``RADAR_POINT_DTYPE`` without x, y, z; it is changed.
-        ray: (N,) the ray of each detection.
-        draw: Gives (rays, 5) standard normal numbers: each ray has its own, whether it returns or not.
+        radar: Configuration that turns errors on; each is off by default.
+        table: (N,) ``RADAR_POINT_DTYPE`` detections without x, y, z; modified in place.
+        ray: (N,) ray index of each detection.
+        draw: Returns (rays, 5) standard normal numbers: each ray has its own, whether it returns or not.
     """
     sigmas = {
         "range": radar.range_noise_sigma_m,
@@ -41,7 +41,7 @@ def with_errors(radar: Radar, table: Table, ray: Int64Array, draw: Callable[[], 
 
 
 def _round_to_cells(radar: Radar, table: Table) -> None:
-    """Middles of cells instead of values. The first range cell begins at 0; a speed or angle of 0 is a middle."""
+    """Round values to cell centers. The first range cell begins at 0; cells of speed and angle are centered on 0."""
     if (cell_m := radar.range_resolution_m) is not None:
         table["range"] = (np.floor(table["range"].astype(np.float64) / cell_m) + 0.5) * cell_m
     for name, cell in (
@@ -54,7 +54,7 @@ def _round_to_cells(radar: Radar, table: Table) -> None:
 
 
 def _strongest_of_cells(table: Table) -> Table:
-    """One detection of each cell, in the order of the rays."""
+    """The strongest detection of each cell, in the order of the rays."""
     cells = np.stack([table[name] for name in _CELL_COLUMNS])
     order = np.lexsort((-table["amplitude"], *cells))  # by cell, then the strongest first
     first = np.ones(len(table), bool)

@@ -1,4 +1,4 @@
-"""Where the random rays of a radar go."""
+"""Random ray directions within a radar's field of view."""
 
 from collections.abc import Callable, Mapping
 
@@ -9,13 +9,13 @@ from simbev_ros.types import Float64Array
 
 
 def random_rays(radar: Radar, count: int, rng: np.random.Generator) -> Float64Array:
-    """(count, 3) unit vectors in the sensor frame: x ahead, y left, z up."""
+    """Draw (count, 3) unit vectors, sensor frame: x ahead, y left, z up."""
     half_rad = np.radians([radar.horizontal_fov_deg, radar.vertical_fov_deg]) / 2.0
     return _PATTERNS[radar.ray_pattern](half_rad, rng.random((2, count)))
 
 
 def _cone(half_rad: Float64Array, draws: Float64Array) -> Float64Array:
-    """Even over radius and angle of an ellipse before the sensor, as in CARLA: its inner quarter gets half of them."""
+    """Uniform over radius and angle of an ellipse, as in CARLA: the inner quarter of its area gets half of the rays."""
     radius, angle_rad = draws[0], 2.0 * np.pi * draws[1]
     left, up = np.tan(half_rad)[:, None] * radius * [np.cos(angle_rad), np.sin(angle_rad)]
     vectors: Float64Array = np.stack([np.ones_like(left), left, up], axis=1)
@@ -24,7 +24,7 @@ def _cone(half_rad: Float64Array, draws: Float64Array) -> Float64Array:
 
 
 def _even(half_rad: Float64Array, draws: Float64Array) -> Float64Array:
-    """As many in every part of the field of view of the same solid angle: even over azimuth and sine of elevation."""
+    """Uniform over solid angle: uniform over azimuth and over the sine of elevation."""
     azimuth_rad = half_rad[0] * (2.0 * draws[0] - 1.0)
     sine = np.sin(half_rad[1]) * (2.0 * draws[1] - 1.0)
     level = np.sqrt(1.0 - sine**2)

@@ -1,17 +1,17 @@
-"""The motion of a place on the ego within one tick, for sensors that measure more often than the world moves.
+"""Motion of a point on the ego within one tick, for sensors with a higher rate than the simulation (the IMU).
 
-The world tells poses at ticks, and their central differences as velocities, accelerations and rates (``world.motion``).
-So at tick k the pose of tick k + 1 is known too. Between two ticks
+World states hold poses at ticks, and central differences of the poses as velocities, accelerations and rates
+(``world.motion``), so that the state of tick k also determines the pose of tick k + 1. Between two ticks
 
-* the place moves along the uniform cubic B-spline whose control points are its positions at the four ticks around. Its
-  acceleration is linear in time and at the ticks the second difference of the positions, its velocity there the central
-  one. It passes the positions at a distance of h² a / 6 (h: a tick, a: acceleration), 2 mm at 5 m/s² and 20 Hz, which
-  does not add up. A curve through them with the same velocities would swing back and forth within every tick;
-* the orientation follows a cubic on SO(3), R₀ exp(θ(t)), from the one attitude and rate exactly to the other: a tilt of
-  a hundredth of a degree would be 0.2 m after 16 s under gravity.
+* the point moves along the uniform cubic B-spline whose control points are its positions at the four nearest ticks. At
+  a tick, its acceleration is the second difference of the positions and its velocity the central difference; in
+  between, the acceleration is linear in time. The spline misses the positions by h² a / 6 (h: tick length, a:
+  acceleration), 2 mm at 5 m/s² and 20 Hz, which does not accumulate. A curve through the positions with the same
+  velocities would oscillate within every tick;
+* the orientation follows a cubic on SO(3), R₀ exp(θ(t)), exactly from one attitude and rate to the next: under gravity,
+  a tilt error of a hundredth of a degree would become 0.2 m after 16 s.
 
-The trapezoidal rule, with which strapdown integration begins, then finds the way back from samples to attitude,
-velocity and position.
+A strapdown integration by the trapezoidal rule thus recovers attitude, velocity and position from the samples.
 """
 
 from dataclasses import dataclass
@@ -29,12 +29,12 @@ from simbev_ros.types import Float64Array
 
 @dataclass(frozen=True, slots=True)
 class TickMotion:
-    """The motion at S moments at equal distances, the last of which is the tick.
+    """Motion of the sensor at S equally spaced times, the last of which is the tick.
 
     Attributes:
         map_from_sensor: (S, 3, 3) rotations.
-        acceleration_mps2: (S, 3) of the sensor's place, map frame.
-        angular_velocity_radps: (S, 3) sensor frame.
+        acceleration_mps2: (S, 3) acceleration of the sensor's origin, map frame.
+        angular_velocity_radps: (S, 3) angular velocity, sensor frame.
     """
 
     map_from_sensor: Float64Array
@@ -54,29 +54,29 @@ class _Ego(NamedTuple):
 def motion_within_tick(
     pose: Pose, state: WorldState, previous: WorldState | None, tick_s: float, samples: int = 1
 ) -> TickMotion:
-    """The motion after 1, 2, … S equal parts of the tick that ends with a state.
+    """Motion of a sensor at S equally spaced times within the tick that ends with a state.
 
     Args:
-        pose: Of the sensor on the ego.
-        state: The world now.
-        previous: The world one tick ago. If it is not known (None, or an older one in a graph that dropped ticks), the
-            ego is taken to have moved with the acceleration and the rates that it has now.
+        pose: Mounting pose of the sensor on the ego.
+        state: World state now.
+        previous: World state one tick ago. If it is unknown (None, or an older one in a graph that dropped ticks), the
+            ego is assumed to have moved with its present acceleration and rates.
         tick_s: Length of a tick.
-        samples: S.
+        samples: Number S of times.
     """
     now = _ego(state)
     if previous is not None and previous.tick == state.tick - 1:
         before = _ego(previous)
     else:
         before = now._replace(rpy_rad=now.rpy_rad - tick_s * now.rpy_rates_radps)
-    share = np.arange(1, samples + 1)[:, None] / samples
-    map_from_ego, rates = _turning(before, now, tick_s, share)
+    fraction = np.arange(1, samples + 1)[:, None] / samples
+    map_from_ego, rates = _interpolate_attitude(before, now, tick_s, fraction)
     ego_from_sensor = pose.ego_from_sensor
     first, last = _arm_accelerations(before, now, tick_s, ego_from_sensor[:3, 3])
     first, last = before.acceleration_mps2 + first, now.acceleration_mps2 + last
     return TickMotion(
         map_from_ego @ ego_from_sensor[:3, :3],
-        first + share * (last - first),
+        first + fraction * (last - first),
         rates @ ego_from_sensor[:3, :3],
     )
 
@@ -87,15 +87,17 @@ def _ego(state: WorldState) -> _Ego:
 
 
 def _rpy_rates(rpy_rad: Float64Array, spin: Float64Array) -> Float64Array:
-    """(3,) rates of roll, pitch, yaw (Rz Ry Rx) of an angular velocity in the parent frame; pitch is not ±90°."""
+    """(3,) rates of roll, pitch, yaw (Rz Ry Rx) for an angular velocity in the parent frame; pitch is not ±90°."""
     _, pitch, yaw = rpy_rad
     ahead = np.cos(yaw) * spin[0] + np.sin(yaw) * spin[1]
-    aside = np.cos(yaw) * spin[1] - np.sin(yaw) * spin[0]
-    return np.array([ahead / np.cos(pitch), aside, spin[2] + np.tan(pitch) * ahead])
+    sideward = np.cos(yaw) * spin[1] - np.sin(yaw) * spin[0]
+    return np.array([ahead / np.cos(pitch), sideward, spin[2] + np.tan(pitch) * ahead])
 
 
-def _turning(before: _Ego, now: _Ego, tick_s: float, share: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """(S, 3, 3) map from ego and (S, 3) angular velocity in the ego frame, after (S, 1) shares of a tick."""
+def _interpolate_attitude(
+    before: _Ego, now: _Ego, tick_s: float, fraction: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """(S, 3, 3) map from ego and (S, 3) angular velocity in the ego frame, at (S, 1) fractions of a tick."""
     start, end = rotations_from_rpy(np.stack([before.rpy_rad, now.rpy_rad]))
     first, last = before.angular_velocity_radps @ start, now.angular_velocity_radps @ end
     turn = Rotation.from_matrix(start.T @ end).as_rotvec()
@@ -103,21 +105,23 @@ def _turning(before: _Ego, now: _Ego, tick_s: float, share: Float64Array) -> tup
     last_slope = last + np.cross(turn, last) / 2.0 + np.cross(turn, np.cross(turn, last)) / 12.0
     bulge = mean - (first + last_slope) / 2.0
     angle = tick_s * (
-        first * (share - share**2 / 2.0) + last_slope * share**2 / 2.0 + bulge * (3.0 * share**2 - 2.0 * share**3)
+        first * (fraction - fraction**2 / 2.0)
+        + last_slope * fraction**2 / 2.0
+        + bulge * (3.0 * fraction**2 - 2.0 * fraction**3)
     )
-    slope = first + share * (last_slope - first) + 6.0 * share * (1.0 - share) * bulge
+    slope = first + fraction * (last_slope - first) + 6.0 * fraction * (1.0 - fraction) * bulge
     rates = slope - np.cross(angle, slope) / 2.0 + np.cross(angle, np.cross(angle, slope)) / 6.0
-    # By the trapezoidal rule the integral of a quadratic lacks 1/12 of its second derivative times the step squared.
-    rates += share[0] ** 2 * (mean - (first + last) / 2.0)
+    # Corrects the trapezoidal rule, whose error for a quadratic is 1/12 of its second derivative times step².
+    rates += fraction[0] ** 2 * (mean - (first + last) / 2.0)
     return start @ Rotation.from_rotvec(angle).as_matrix(), rates
 
 
 def _arm_accelerations(
     before: _Ego, now: _Ego, tick_s: float, arm_m: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """(3,) acceleration relative to the ego's origin, map frame, of a place in the ego frame, at both ends of a tick.
+    """(3,) accelerations of a point of the ego relative to the ego's origin, map frame, at both ends of a tick.
 
-    They are second differences, of which the outer attitudes follow from the rates at both ends.
+    They are second differences of positions; the rates at both ends extrapolate the outer two attitudes.
     """
     ahead_rad = before.rpy_rad + 2.0 * tick_s * now.rpy_rates_radps
     behind_rad = now.rpy_rad - 2.0 * tick_s * before.rpy_rates_radps

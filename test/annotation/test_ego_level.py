@@ -74,10 +74,10 @@ def crossing() -> tuple[Levels, BevAnnotator]:
     deck += [mesh(sheet(*dash, HEIGHT_M), Tag.ROAD_LINE) for dash in DASHES if abs(dash[0][0] + 1.5) < DECK_M]
     origin_m = np.zeros(3)
     surfaces = [
-        {name: Mesh.merged([mesh(sheet(*each), Tag.ROAD) for each in areas[level]]) for name, areas in SURFACES.items()}
+        {name: Mesh.merge([mesh(sheet(*each), Tag.ROAD) for each in areas[level]]) for name, areas in SURFACES.items()}
         for level in (0, 1)
     ]
-    tiles = Tile(origin_m, Mesh.merged(ground), surfaces[0]), Tile(origin_m, Mesh.merged(deck), surfaces[1], level=1)
+    tiles = Tile(origin_m, Mesh.merge(ground), surfaces[0]), Tile(origin_m, Mesh.merge(deck), surfaces[1], level=1)
     return Levels(layout), BevAnnotator(StaticScene(tiles, ()), MODELS)
 
 

@@ -38,7 +38,7 @@ def surface_points(mesh: Mesh, count: int) -> Float64Array:
 
 
 def open_edges(mesh: Mesh) -> Float64Array:
-    """(E, 2, 3) edges that no neighbour runs along the other way."""
+    """(E, 2, 3) edges that no neighbor runs along the other way."""
     places, joined = np.unique(np.round(mesh.vertices.astype(np.float64), 5), axis=0, return_inverse=True)
     start, end = joined.reshape(-1)[mesh.triangles][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).T
     is_open = np.isin(start * len(places) + end, end * len(places) + start, invert=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.assets.mesh.clipping import Rings, parted, without_holes
+from simbev_ros.assets.mesh.clipping import Rings, split_along_lines, without_holes
 from simbev_ros.assets.mesh.facet_cuts import cut_to_facets
 from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.maps.land.membrane import Raster, node_positions_m
@@ -35,7 +35,7 @@ def half(polygon: shapely.Polygon, line: Float64Array) -> shapely.Geometry:
 
 
 def assert_parted(polygons: AnyArray, lines: Float64Array) -> None:
-    parts, origin, above = parted(Rings.of(polygons), lines)
+    parts, origin, above = split_along_lines(Rings.from_polygons(polygons), lines)
     pieces = parts.polygons
     assert shapely.is_valid(pieces).all()
     assert (parts.area_m2 > -1e-9).all()
@@ -79,7 +79,7 @@ def bumpy_facets(region: Region) -> Facets:
     xy_m = node_positions_m(low_m, 2.0, (321, 321))
     away_m = np.linalg.norm(xy_m - low_m - [250.0, 330.0], axis=2)
     height_m = 20.0 * np.exp(-((away_m / 60.0) ** 2))
-    return Facets.of(Raster(low_m, 2.0, height_m), np.full(height_m.shape, 0.05))
+    return Facets.from_raster(Raster(low_m, 2.0, height_m), np.full(height_m.shape, 0.05))
 
 
 def test_facets_cover_their_region_once() -> None:
@@ -92,7 +92,7 @@ def test_facets_cover_their_region_once() -> None:
     assert shapely.symmetric_difference(shapely.union_all(polygons), region.area).area < 1e-6
 
 
-@pytest.mark.parametrize("make", [bumpy_facets, Facets.level])
+@pytest.mark.parametrize("make", [bumpy_facets, Facets.from_level_region])
 def test_pieces_are_the_intersections_with_facets(make: type) -> None:
     region = Region(-1, 2)
     facets = make(region)

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 from simbev_ros.assets.flora.species import VARIANTS, load_species, reach_m, stock
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
-from simbev_ros.assets.placement.tiles import TileBuilder, standing
+from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
 from simbev_ros.assets.street.barriers import panel
 from simbev_ros.semantics import Tag
 from simbev_ros.types import UInt8Array
@@ -82,7 +82,7 @@ def test_a_stand_in_has_the_colours_of_its_plant() -> None:
 
 def test_hedges_join_without_gaps_in_both_grades() -> None:
     hedge = panel("hedge", 0)
-    assert isinstance(hedge, Graded)
+    assert isinstance(hedge, GradedMesh)
     for mesh in (hedge.mesh, hedge.coarse):
         ends = [mesh.vertices[np.isclose(mesh.vertices[:, 0], x_m)][:, 1:] for x_m in (0.0, 2.4)]
         first, last = (np.unique(np.round(end, 4), axis=0) for end in ends)
@@ -92,7 +92,9 @@ def test_hedges_join_without_gaps_in_both_grades() -> None:
 
 def test_a_tile_ends_with_what_has_a_stand_in() -> None:
     tiles, plain, tree = TileBuilder(), stock("agave", 0).mesh, stock("birch", 0)
-    poses = np.stack([standing((10.0, 10.0), 2.0), standing((20.0, 5.0), 3.0, 1.0), standing((-10.0, 5.0), 0.0)])
+    poses = np.stack(
+        [upright_pose((10.0, 10.0), 2.0), upright_pose((20.0, 5.0), 3.0, 1.0), upright_pose((-10.0, 5.0), 0.0)]
+    )
     tiles.place_copies(tree, poses)
     tiles.place_copies(plain, poses[:1])
     west, east = tiles.finish()
@@ -100,7 +102,7 @@ def test_a_tile_ends_with_what_has_a_stand_in() -> None:
     assert len(east.mesh.triangles) == east.detail + len(plain.triangles)
     assert len(east.coarse.triangles) == 2 * len(tree.coarse.triangles)
     corners = east.mesh.vertices[east.mesh.triangles[-len(tree.mesh.triangles) :]]
-    alone = tree.mesh.transformed(standing(poses[1, :2, 3] - east.origin_m[:2], 3.0, 1.0))
+    alone = tree.mesh.transform(upright_pose(poses[1, :2, 3] - east.origin_m[:2], 3.0, 1.0))
     assert np.allclose(corners, alone.vertices[alone.triangles], atol=1e-4)
     middle_m = [mesh.vertices.mean(axis=0) for mesh in (west.mesh, west.coarse)]
     assert np.hypot(*(middle_m[0] - middle_m[1])[:2]) < 0.3

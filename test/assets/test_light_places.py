@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbev_ros.assets.street.curbs import STATION_M, CurbLine
-from simbev_ros.assets.street.light_places import Lanes, light_places
+from simbev_ros.assets.street.light_places import Lanes, light_positions
 from simbev_ros.maps.region import REGION_M, Region
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
@@ -37,11 +37,11 @@ def lights_m(column: int, y_m: float) -> Float64Array:
     ground = SimpleNamespace(region=region, network=SimpleNamespace(layout=street()), owns=owns)
     x0, _, x1, _ = region.area.bounds
     x_m = np.arange(max(x0, 50.0) + 1.3, min(x1, 950.0) - 1.0, STATION_M)
-    place_m = np.column_stack([x_m, np.full(len(x_m), y_m)])
-    curb = CurbLine(place_m, np.zeros(len(x_m)), SurroundingsRecipe(use="residential"), walk=True)
-    lanes = Lanes.of(ground, 0)  # type: ignore[arg-type]
-    places = light_places(ground, curb, lanes, _SPACING_M)  # type: ignore[arg-type]
-    return np.array([x_m[choice[0]] for choice in places])
+    position_m = np.column_stack([x_m, np.full(len(x_m), y_m)])
+    curb = CurbLine(position_m, np.zeros(len(x_m)), SurroundingsRecipe(use="residential"), walk=True)
+    lanes = Lanes.of_level(ground, 0)  # type: ignore[arg-type]
+    candidates = light_positions(ground, curb, lanes, _SPACING_M)  # type: ignore[arg-type]
+    return np.array([x_m[choice[0]] for choice in candidates])
 
 
 def test_lights_are_evenly_spaced_across_the_border_of_two_regions() -> None:

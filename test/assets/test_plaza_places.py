@@ -34,6 +34,6 @@ def test_plazas_come_back_as_they_were_stored() -> None:
         assert len(again) == len(stored)
         for one, other in zip(stored, again, strict=True):
             assert one.free.equals_exact(other.free)
-            np.testing.assert_array_equal(one.ways_m, other.ways_m)
+            np.testing.assert_array_equal(one.paths_m, other.paths_m)
             np.testing.assert_array_equal(one.ground.values, other.ground.values)
             np.testing.assert_array_equal(one.ground.origin_m, other.ground.origin_m)

@@ -44,7 +44,7 @@ def triangles_of(mesh: Mesh, chosen: np.ndarray) -> Mesh:
 @lru_cache(maxsize=8)
 def built(make: Callable[[], RoadNetwork], region: Region = HOME) -> Built:
     network = make()
-    ground = RegionGround.of(network, region, Terrain(network))
+    ground = RegionGround.from_network(network, region, Terrain(network))
     tiles = ground_tiles(ground)
     return Built(network, ground, tiles, merged(tiles))
 
@@ -126,8 +126,8 @@ def test_regions_meet_without_a_step() -> None:
 def test_a_region_is_the_same_whatever_else_was_built() -> None:
     network = hilly_road()
     terrain = Terrain(network)
-    RegionGround.of(network, Region(-1, 0), terrain)
-    again = merged(ground_tiles(RegionGround.of(network, HOME, terrain)))
+    RegionGround.from_network(network, Region(-1, 0), terrain)
+    again = merged(ground_tiles(RegionGround.from_network(network, HOME, terrain)))
     assert again.vertices.tobytes() == built(hilly_road).mesh.vertices.tobytes()
 
 

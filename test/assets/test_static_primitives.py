@@ -3,11 +3,11 @@ import pytest
 import shapely
 
 from simbev_ros.assets.architecture.kinds import build, load_kinds
-from simbev_ros.assets.architecture.outlines import outlined
+from simbev_ros.assets.architecture.outlines import building_on_outline
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.walls import STYLES, draw_wall
 from simbev_ros.assets.materials import Material, load_materials
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, ellipsoid, extrusion, lathe, plate, tube
 from simbev_ros.assets.street.barriers import PANEL_M, panel
@@ -105,7 +105,7 @@ def test_a_plate_covers_its_polygon_and_faces_up() -> None:
 def test_many_boxes_are_the_same_as_one_by_one() -> None:
     sizes_m, centers_m = np.array([[1.0, 2, 3], [4, 5, 6]]), np.array([[0.0, 0, 0], [9, 8, 7]])
     together = boxes(FINISH, sizes_m, centers_m)
-    alone = Mesh.merged(
+    alone = Mesh.merge(
         [box(FINISH, tuple(size), tuple(center)) for size, center in zip(sizes_m, centers_m, strict=True)]
     )
     assert is_closed(together)
@@ -122,7 +122,7 @@ def test_copies_are_what_transforming_one_by_one_gives() -> None:
     mirrored = np.diag([-2.0, 2.0, 2.0, 1.0])
     copies = mesh.copies(np.stack([turned, mirrored]), tint=np.array([[1.0, 1, 1], [0.5, 2.0, 100.0]]))
     for copy, pose in zip(copies, (turned, mirrored), strict=True):
-        expected = mesh.transformed(pose)
+        expected = mesh.transform(pose)
         np.testing.assert_allclose(copy.vertices, expected.vertices, atol=1e-5)
         np.testing.assert_allclose(copy.normals, expected.normals, atol=1e-5)
         assert faces_agree_with_normals(copy)
@@ -168,7 +168,7 @@ COURT = shapely.box(0, 0, 40, 30).difference(shapely.box(10, 8, 28, 20))
 @pytest.mark.parametrize("outline", [COURT, shapely.box(0, 0, 12, 9), shapely.Point(0, 0).buffer(15, quad_segs=3)])
 def test_a_prescribed_building_fills_its_outline_to_its_height(outline: shapely.Polygon) -> None:
     rng = np.random.default_rng(1)
-    mesh = outlined(outline, 12.0, 0.8, draw_wall("brick", rng), rng)
+    mesh = building_on_outline(outline, 12.0, 0.8, draw_wall("brick", rng), rng)
     assert is_closed(mesh)
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     plan = shapely.union_all([shapely.Polygon(triangle[:, :2]).buffer(1e-6) for triangle in corners])
@@ -186,7 +186,7 @@ def test_furniture_is_closed() -> None:
     yard = [trailer(color), container(color), dumpster(color), wheelie_bin(color), pallets(), hay_bale(), wood_pile()]
     panels = [panel(kind, 0) for kind in PANEL_M]
     for thing in (*street, *poles, *signs, *yard, *panels):
-        mesh = thing.mesh if isinstance(thing, Graded) else thing
+        mesh = thing.mesh if isinstance(thing, GradedMesh) else thing
         assert is_closed(mesh)
         assert faces_agree_with_normals(mesh)
 

@@ -65,7 +65,7 @@ class Recorder(TileBuilder):
 
     def place(self, mesh: Mesh, map_from_mesh: Float64Array, level: int = 0) -> None:
         super().place(mesh, map_from_mesh, level)
-        self.objects.append(Placed(mesh.transformed(map_from_mesh), map_from_mesh[:3, 3], False))
+        self.objects.append(Placed(mesh.transform(map_from_mesh), map_from_mesh[:3, 3], False))
 
     def place_copies(self, thing, map_from_mesh, tint=None, follow_m=None) -> None:  # type: ignore[no-untyped-def]
         super().place_copies(thing, map_from_mesh, tint, follow_m)
@@ -85,7 +85,7 @@ class Town(NamedTuple):
 
     @property
     def mesh(self) -> Mesh:
-        return Mesh.merged([placed.mesh for placed in self.objects])
+        return Mesh.merge([placed.mesh for placed in self.objects])
 
     def of_tag(self, tag: Tag) -> list[Placed]:
         return [placed for placed in self.objects if (placed.mesh.tag == tag).all()]
@@ -101,7 +101,7 @@ def features(use: str, **changes: object) -> MapFeatures:
 
 
 def furnished(network: RoadNetwork, region: Region = HOME) -> Town:
-    ground = RegionGround.of(network, region, Terrain(network))
+    ground = RegionGround.from_network(network, region, Terrain(network))
     recorder = Recorder()
     return Town(ground, recorder.objects, furnish_region(recorder, Claims(), ground))
 
@@ -158,7 +158,7 @@ def test_buildings_stand_apart_and_nothing_passes_through_them(use: str) -> None
     first, second = tree.query(buildings, predicate="intersects")
     assert (first == second).all()
     others = [placed for placed in built.objects if not (placed.mesh.tag == Tag.BUILDING).any()]
-    mesh = Mesh.merged([placed.mesh for placed in others])
+    mesh = Mesh.merge([placed.mesh for placed in others])
     inside, _ = tree.query(shapely.points(mesh.vertices[:, :2].astype(np.float64)), predicate="within")
     assert not [Tag(tag) for tag in np.unique(mesh.tag[inside])]
 

@@ -30,7 +30,7 @@ def network() -> RoadNetwork:
 
 @pytest.fixture(scope="module")
 def ground(network: RoadNetwork) -> Mesh:
-    return merged(ground_tiles(RegionGround.of(network, Region(0, 0), Terrain(network))))
+    return merged(ground_tiles(RegionGround.from_network(network, Region(0, 0), Terrain(network))))
 
 
 def stretches(network: RoadNetwork, lane: str) -> list[Strip]:

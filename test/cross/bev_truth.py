@@ -23,7 +23,7 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES, Tag
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-SAMPLES = 8  # along each side of a cell; the fifth one is at its centre
+SAMPLES = 8  # along each side of a cell; the fifth one is at its center
 CENTER = SAMPLES // 2
 ROADSIDE_M = 5.0  # what lies so far beside a road belongs to it
 APART_M = 2.5  # roads with more height between them pass above each other
@@ -40,7 +40,7 @@ class Truth:
         self._roads = None if members is None else Roads(town.graph, members, town.layout)
         self.told_apart = self._roads is not None and not self._roads.all_count
         fine = BevGrid(grid.rows * SAMPLES, grid.columns * SAMPLES, grid.cell_m / SAMPLES)
-        # The samples' grid is half a sample further ahead and left, so that one of a cell's is at its centre.
+        # The samples' grid is half a sample further ahead and left, so that one of a cell's is at its center.
         samples_ego = fine.centers_ego.reshape(-1, 2) + fine.cell_m / 2.0
         c, s = np.cos(float(state.ego["yaw"])), np.sin(float(state.ego["yaw"]))
         self._rays = np.zeros((len(samples_ego), 6), np.float32)
@@ -49,7 +49,7 @@ class Truth:
         self._meshes = _merged([*self._static(town.static), *self._hazards(town.hazards), *self._actors(state)])
 
     def samples(self) -> Iterator[tuple[str, BoolArray, BoolArray | None]]:
-        """Classes that occur: name, (rows, columns) whether the centre is covered, and (rows, columns) whether half is.
+        """Classes that occur: name, (rows, columns) whether the center is covered, and (rows, columns) whether half is.
 
         Shares are not known where roads have to be told apart.
         """

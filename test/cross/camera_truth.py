@@ -1,6 +1,6 @@
 """What a camera must show, found without OpenGL: Embree rays through its pixels, and the meshes' motion.
 
-Embree finds the triangle that a pixel's centre shows; where on it the ray arrives is then worked out in float64. Rays
+Embree finds the triangle that a pixel's center shows; where on it the ray arrives is then worked out in float64. Rays
 through the pixels' corners tell which pixels lie on a silhouette.
 """
 
@@ -22,12 +22,12 @@ from simbev_ros.semantics import Tag
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
 
 _JUMP = 0.01
-"""Of the depth: a corner that is so far off the plane of what the pixel's centre shows lies beyond a silhouette."""
+"""Of the depth: a corner that is so far off the plane of what the pixel's center shows lies beyond a silhouette."""
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """Labelled triangles, relative to an origin in the map frame, and their places one frame before.
+    """Labeled triangles, relative to an origin in the map frame, and their places one frame before.
 
     Attributes:
         vertices_m: (V, 3) float64.

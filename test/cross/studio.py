@@ -71,7 +71,7 @@ def random_views(state: WorldState, camera: PinholeCamera, count: int, seed: int
 
 
 def _looking_at(actor: np.void, rng: np.random.Generator) -> Float64Array:
-    """(4, 4) map from a camera some metres away from an actor."""
+    """(4, 4) map from a camera some meters away from an actor."""
     yaw, distance_m, height_m = rng.uniform([-np.pi, 3.0, 0.5], [np.pi, 9.0, 2.5])
     away_m = distance_m * np.array([np.cos(yaw), np.sin(yaw)])
     eye_m = np.array([actor["x"] + away_m[0], actor["y"] + away_m[1], actor["z"] + height_m])

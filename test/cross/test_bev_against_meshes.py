@@ -1,6 +1,6 @@
 """Every class of the bird's-eye view against vertical rays through the meshes, 8 × 8 a cell, on frames of six towns.
 
-A cell counts for a class if the sample at its centre lies below or above the class's mesh on the ego's level, and so
+A cell counts for a class if the sample at its center lies below or above the class's mesh on the ego's level, and so
 the annotator says; the rule of most samples, in which a cell counts if half of it is covered, differs at borders only.
 """
 
@@ -33,7 +33,7 @@ class Tally:
 
 
 def tallies(town: Town, grids: tuple[BevGrid, ...]) -> tuple[Tally, Tally, list[bool]]:
-    """By cells' centres, by halves of cells, and whether roads had to be told apart in each frame."""
+    """By cells' centers, by halves of cells, and whether roads had to be told apart in each frame."""
     centers, halves, told_apart = Tally(), Tally(), []
     for grid, state in zip(grids, places(town, len(grids), seed=len(grids)), strict=True):
         found, truth = town.labels(state, grid), Truth(town, state, grid)

@@ -1,4 +1,4 @@
-"""Semantic, instance, depth and flow images of simulated towns against Embree rays through the pixels' centres.
+"""Semantic, instance, depth and flow images of simulated towns against Embree rays through the pixels' centers.
 
 The truth is that of the exact meshes. What is drawn from afar in their stead has to pass for them.
 """

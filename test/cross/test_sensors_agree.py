@@ -115,7 +115,7 @@ def _depth_of(hits: Hits, camera: Camera) -> Float64Array:
 
 
 def _off_silhouettes(moment: Moment, index: int) -> BoolArray:
-    """(H, W) pixels whose neighbours lie on the same smooth surface, in depth and in labels, for both sensors."""
+    """(H, W) pixels whose neighbors lie on the same smooth surface, in depth and in labels, for both sensors."""
     images, hits = moment.images[index], moment.hits[index]
     assert images.depth is not None and images.semantic is not None and images.instance is not None
     shape = images.depth.shape
@@ -274,7 +274,7 @@ def test_the_roof_lidar_agrees_with_depth_images_where_the_camera_sees_its_point
 
 
 def test_bev_cells_are_the_projection_of_the_meshes(moments: list[Moment], static_scene: StaticScene) -> None:
-    """Against a point-in-triangle test of every cell centre with every triangle, on a part of the grid's cells."""
+    """Against a point-in-triangle test of every cell center with every triangle, on a part of the grid's cells."""
     grid = BevGrid(120, 120, 0.5)
     annotator = BevAnnotator(static_scene, load_models())
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Where Town04's motorway crosses itself: roads, cars and people of each level are labelled on their level only.
+"""Where Town04's motorway crosses itself: roads, cars and people of each level are labeled on their level only.
 
 The truth is told by height alone: near the crossing the upper road lies far above the lower one, on its ramps too.
 """
@@ -97,7 +97,7 @@ def crossing() -> Crossing:
 
 
 def dense_m(strip: Strip, place_m: tuple[float, float] = REACH.center_m, near_m: float = 70.0) -> Float64Array:
-    """(N, 3) places along the middle of a strip, a metre apart, of those near the crossing."""
+    """(N, 3) places along the middle of a strip, a meter apart, of those near the crossing."""
     center_m = strip.center_m
     way_m = np.cumsum([0.0, *np.linalg.norm(np.diff(center_m, axis=0), axis=1)])
     at_m = np.arange(0.5, way_m[-1], 1.0)
@@ -151,13 +151,13 @@ def state_of(crossing: Crossing, place: str) -> WorldState:
     else:
         index = beneath(under, crossing.deck) - (0 if place == "beneath the deck" else 30)
         ego = on(under, index, "vehicle.sedan", EGO_ID)
-    ego["yaw"] += 0.07  # so that no line runs along between the centres of cells
+    ego["yaw"] += 0.07  # so that no line runs along between the centers of cells
     free = np.hypot(crossing.others["x"] - ego["x"], crossing.others["y"] - ego["y"]) > 5.0
     return world(ego, crossing.others[free])
 
 
 def centers_m(state: WorldState, grid: BevGrid = GRID) -> Float64Array:
-    """(rows, columns, 2) cell centres in the map frame."""
+    """(rows, columns, 2) cell centers in the map frame."""
     c, s = np.cos(float(state.ego["yaw"])), np.sin(float(state.ego["yaw"]))
     return grid.centers_ego @ np.array([[c, s], [-s, c]]) + [state.ego["x"], state.ego["y"]]
 

@@ -30,11 +30,11 @@ def test_quaternions_equal_scipys_up_to_sign() -> None:
     assert np.allclose(np.abs(dots), 1, atol=1e-12)
 
 
-def test_transforms_of_quaternions_are_those_of_their_angles() -> None:
-    places_m = RPY * 7.0
-    from_quaternions = matrices_from_xyz_quaternion(places_m, quaternion_from_rpy(RPY))
-    assert np.allclose(from_quaternions, matrices_from_xyz_rpy(places_m, RPY), atol=1e-12)
-    assert np.allclose(from_quaternions[3], matrices_from_xyz_quaternion(places_m[3], quaternion_from_rpy(RPY[3])))
+def test_transforms_from_quaternions_equal_those_from_their_angles() -> None:
+    positions_m = RPY * 7.0
+    from_quaternions = matrices_from_xyz_quaternion(positions_m, quaternion_from_rpy(RPY))
+    assert np.allclose(from_quaternions, matrices_from_xyz_rpy(positions_m, RPY), atol=1e-12)
+    assert np.allclose(from_quaternions[3], matrices_from_xyz_quaternion(positions_m[3], quaternion_from_rpy(RPY[3])))
 
 
 def test_inverse_undoes_a_transform() -> None:
@@ -43,7 +43,7 @@ def test_inverse_undoes_a_transform() -> None:
     assert np.allclose(apply(inverse(transform), apply(transform, points)), points)
 
 
-def test_what_is_ahead_of_the_sensor_is_on_the_optical_z_axis_and_left_is_minus_x() -> None:
+def test_a_point_ahead_of_the_sensor_is_on_the_optical_z_axis_and_left_is_minus_x() -> None:
     optical_from_sensor = inverse(SENSOR_FROM_OPTICAL)
     assert np.allclose(
         apply(optical_from_sensor, np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])), [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]

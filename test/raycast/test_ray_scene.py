@@ -19,7 +19,7 @@ MODELS = (cart_model(), box_model(Tag.PEDESTRIAN, (0.4, 0.6, 1.8), Material.CLOT
 def first_triangles(
     origins: Float64Array, directions: Float64Array, corners: Float64Array
 ) -> tuple[Float64Array, Int64Array, Float64Array]:
-    """Range, triangle and distance to the next edge (barycentric), by Möller and Trumbore's test of all pairs."""
+    """First hits by brute force (Möller and Trumbore): ranges, triangles, and barycentric distances to an edge."""
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = np.cross(directions[:, None], edge2)
     determinant = np.einsum("rti,ti->rt", p, edge1)
@@ -43,24 +43,24 @@ def unit_vectors(rng: np.random.Generator, count: int, flatness: float = 1.0) ->
 
 
 @pytest.mark.parametrize("shared_origin", [True, False])
-def test_hits_equal_those_of_a_test_of_all_pairs(shared_origin: bool) -> None:
+def test_hits_equal_those_of_brute_force(shared_origin: bool) -> None:
     rng = np.random.default_rng(1)
-    place = np.array([8000.0, -9000.0, 30.0])
+    position_m = np.array([8000.0, -9000.0, 30.0])
     soup = rng.uniform(-20, 20, (60, 1, 3)) + rng.uniform(-2, 2, (60, 3, 3))
-    rows = [actor(MODELS[0], id=EGO_ID, x=place[0], y=place[1], z=place[2])]
+    rows = [actor(MODELS[0], id=EGO_ID, x=position_m[0], y=position_m[1], z=position_m[2])]
     for index in range(1, 9):
-        x, y = rng.uniform(-12, 12, 2) + place[:2]
+        x, y = rng.uniform(-12, 12, 2) + position_m[:2]
         pose = dict(zip(("yaw", "pitch", "steer", "wheel"), rng.uniform(-1, 1, 4), strict=True))
-        rows.append(actor(MODELS[index % 2], index % 2, id=100 - index, x=x, y=y, z=place[2], **pose))
+        rows.append(actor(MODELS[index % 2], index % 2, id=100 - index, x=x, y=y, z=position_m[2], **pose))
     state = world(*rows)
-    scene = RayScene(static_scene(mesh(soup, Tag.VEGETATION, Material.FOLIAGE), origin_m=place), MODELS)
-    scene.update(state, place, 100.0)
+    scene = RayScene(static_scene(mesh(soup, Tag.VEGETATION, Material.FOLIAGE), origin_m=position_m), MODELS)
+    scene.update(state, position_m, 100.0)
     count = 6000
     offsets = np.tile([[0.1, 0.2, 2.5]], (count, 1)) if shared_origin else rng.uniform(-8, 8, (count, 3))
     directions = unit_vectors(rng, count, 0.3)
-    hits = scene.cast(place + (offsets[:1] if shared_origin else offsets), directions)
+    hits = scene.cast(position_m + (offsets[:1] if shared_origin else offsets), directions)
 
-    posed = pose_actors(MODELS, state.actors, place)
+    posed = pose_actors(MODELS, state.actors, position_m)
     corners = np.concatenate([soup, posed.vertices.astype(np.float64)[posed.triangles]])
     range_m, first, margin = first_triangles(offsets, directions, corners)
     clear = margin > 1e-4
@@ -81,11 +81,11 @@ def test_hits_equal_those_of_a_test_of_all_pairs(shared_origin: bool) -> None:
     assert np.abs(hits.normal[both] - normal / np.linalg.norm(normal, axis=1, keepdims=True)).max() < 1e-3
 
 
-def test_rays_at_the_tips_of_parts_hit_these_from_all_sides() -> None:
+def test_rays_aimed_at_vertices_of_parts_hit_them_from_all_sides() -> None:
     rng = np.random.default_rng(4)
     parts = (Part("body"), Part("left", opening_rad=0.2), Part("right", door=1, opening_rad=-0.2))
     posts = [mesh(box([0, 0.4 * index, 1.0], [0.1, 0.1, 1.0]), Tag.OTHER, part=index) for index in range(3)]
-    model = ActorModel("posts", Tag.OTHER, "", Mesh.merged(posts), (0.1, 0.9, 1.5), parts, 0.0)
+    model = ActorModel("posts", Tag.OTHER, "", Mesh.merge(posts), (0.1, 0.9, 1.5), parts, 0.0)
     state = world(actor(model, x=6.0, yaw=0.4, doors=3))
     posed = pose_actors([model], state.actors, ORIGIN)
     corners = posed.vertices.astype(np.float64)[posed.triangles]
@@ -105,17 +105,17 @@ def test_rays_at_the_tips_of_parts_hit_these_from_all_sides() -> None:
 
 
 def test_ranges_on_a_large_map_are_exact_to_a_tenth_of_a_millimetre() -> None:
-    place = np.array([9876.5, -9876.25, 123.0])
+    position_m = np.array([9876.5, -9876.25, 123.0])
     ground = mesh(sheet([-50, -50], [50, 50]), Tag.ROAD, Material.ASPHALT)
-    scene = RayScene(static_scene(ground, origin_m=place), MODELS)
-    scene.update(world(actor(MODELS[0], x=place[0], y=place[1], z=500.0)), place, 60.0)
-    hits = scene.cast(place + np.array([[3.25, 1.5, 1.8]]), np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]]))
+    scene = RayScene(static_scene(ground, origin_m=position_m), MODELS)
+    scene.update(world(actor(MODELS[0], x=position_m[0], y=position_m[1], z=500.0)), position_m, 60.0)
+    hits = scene.cast(position_m + np.array([[3.25, 1.5, 1.8]]), np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]]))
     assert hits.range_m == pytest.approx([1.8, 2.25], abs=1e-4)
     assert hits.normal == pytest.approx(np.array([[0, 0, 1], [0, 0, 1]]))
     assert list(hits.material) == [Material.ASPHALT] * 2
 
 
-def test_rays_pass_through_hidden_actors_and_hit_what_is_behind() -> None:
+def test_rays_pass_through_hidden_actors_and_hit_the_wall_behind() -> None:
     wall = mesh(box([10, 0, 0], [1, 20, 20]), Tag.BUILDING, Material.BRICK)
     pedestrian = actor(MODELS[1], 1, id=9, x=4.0)
     state = world(actor(MODELS[0], x=-20.0), pedestrian)
@@ -131,7 +131,7 @@ def test_rays_pass_through_hidden_actors_and_hit_what_is_behind() -> None:
     assert seen.range_m[0] == pytest.approx(9.5)
 
 
-def test_hits_do_not_depend_on_where_the_scene_was_before() -> None:
+def test_hits_do_not_depend_on_earlier_updates() -> None:
     rng = np.random.default_rng(2)
     tiles = []
     for x in range(-400, 400, 50):
@@ -144,8 +144,8 @@ def test_hits_do_not_depend_on_where_the_scene_was_before() -> None:
     directions = unit_vectors(rng, 20_000, 0.2)
     origin = np.array([[151.0, 1.0, 2.0]])
     fresh, travelled = RayScene(static, MODELS), RayScene(static, MODELS)
-    for place_m in (-300.0, 20.0, 90.0, 149.0):
-        travelled.update(state, np.array([place_m, 0.0, 0.0]), 80.0)
+    for x_m in (-300.0, 20.0, 90.0, 149.0):
+        travelled.update(state, np.array([x_m, 0.0, 0.0]), 80.0)
         travelled.cast(origin, directions[:10])
     for scene in (fresh, travelled):
         scene.update(state, origin[0], 80.0)
@@ -154,7 +154,7 @@ def test_hits_do_not_depend_on_where_the_scene_was_before() -> None:
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
 
-def test_an_empty_world_is_hit_nowhere() -> None:
+def test_rays_hit_nothing_in_an_empty_world() -> None:
     scene = RayScene(StaticScene((), ()), MODELS)
     scene.update(world(actor(MODELS[0])), ORIGIN, 50.0, hidden_ids={EGO_ID})
     hits = scene.cast(np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]))
@@ -162,7 +162,7 @@ def test_an_empty_world_is_hit_nowhere() -> None:
     assert not hits.object_id.any()
 
 
-def test_rays_of_the_past_hit_actors_where_they_were() -> None:
+def test_rays_cast_before_the_tick_hit_actors_at_their_earlier_poses() -> None:
     rng = np.random.default_rng(6)
     states = []
     for tick in (-2, -1, 0):
@@ -181,19 +181,19 @@ def test_rays_of_the_past_hit_actors_where_they_were() -> None:
     hits = scene.cast(origins, directions, lag_s)
     course = ActorHistory.of(now, states[:-1])
     for lag in lags_s:
-        mine = lag_s == lag
+        at_lag = lag_s == lag
         posed = pose_actors(MODELS, course.at(np.array([1, 2]), np.full(2, lag)), ORIGIN)
         corners = posed.vertices.astype(np.float64)[posed.triangles]
-        range_m, first, margin = first_triangles(origins[mine], directions[mine], corners)
+        range_m, first, margin = first_triangles(origins[at_lag], directions[at_lag], corners)
         clear, hit = margin > 1e-4, np.isfinite(range_m)
         assert 200 < hit.sum() < 800
-        assert np.array_equal(np.isfinite(hits.range_m[mine])[clear], hit[clear])
+        assert np.array_equal(np.isfinite(hits.range_m[at_lag])[clear], hit[clear])
         both = clear & hit
-        assert np.abs(hits.range_m[mine][both] - range_m[both]).max() < 2e-4
-        assert np.array_equal(hits.object_id[mine][both], np.array([8, 9])[posed.triangle_row[first[both]]])
+        assert np.abs(hits.range_m[at_lag][both] - range_m[both]).max() < 2e-4
+        assert np.array_equal(hits.object_id[at_lag][both], np.array([8, 9])[posed.triangle_row[first[both]]])
 
 
-def test_between_ticks_angles_take_the_short_way_and_wheels_the_long_one() -> None:
+def test_between_ticks_headings_turn_the_shorter_way_and_wheels_roll_on() -> None:
     before = actor(MODELS[0], yaw=3.1, gait=6.2, wheel=100.0, x=2.0)
     after = actor(MODELS[0], yaw=-3.1, gait=0.1, wheel=105.0, x=4.0, doors=1)
     row = interpolate_actors(before, after, 0.25)[0]
@@ -204,7 +204,7 @@ def test_between_ticks_angles_take_the_short_way_and_wheels_the_long_one() -> No
     assert row["doors"] == 1
 
 
-def test_an_actor_that_was_not_there_before_stands_still() -> None:
+def test_an_actor_without_an_earlier_state_stands_still() -> None:
     now = world(actor(MODELS[0]), actor(MODELS[1], 1, id=9, x=5.0, vx=2.0), tick=1)
     course = ActorHistory.of(now, [world(actor(MODELS[0], x=-3.0))])
     assert list(course.at(np.array([0, 1]), np.array([0.025, 0.025]))["x"]) == [-1.5, 5.0]

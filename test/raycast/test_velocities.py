@@ -18,7 +18,7 @@ MODELS = (cart_model(), box_model(Tag.PEDESTRIAN, (0.4, 0.6, 1.8), Material.CLOT
 TICK_S = TICK_NS * 1e-9
 
 
-def test_points_of_a_turning_body_move_with_it_and_static_ones_do_not() -> None:
+def test_points_on_a_rotating_body_move_with_it_and_static_points_do_not() -> None:
     wall = mesh(box([0, 40, 0], [80, 1, 20]), Tag.BUILDING)
     scene = RayScene(static_scene(wall), MODELS)
     state = world(actor(MODELS[0], x=-30.0), actor(MODELS[1], 1, id=9, x=10.0, vx=3.0, vy=1.0, vz=0.5, wz=2.0))
@@ -41,15 +41,15 @@ def hits_with_motion(
     directions = rng.normal(size=(60_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     scene = RayScene(static_scene(mesh(box([0, 0, -50], [1, 1, 1]), Tag.ROAD)), models)
-    place_m = np.array([now.actors["x"][1], now.actors["y"][1], 0.8])
-    scene.update(now, place_m, 50.0, now.ego_ids)
-    origins_m = place_m - 6.0 * directions
+    position_m = np.array([now.actors["x"][1], now.actors["y"][1], 0.8])
+    scene.update(now, position_m, 50.0, now.ego_ids)
+    origins_m = position_m - 6.0 * directions
     hits = scene.cast(origins_m, directions)
     return scene, hits, origins_m + directions * np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)[:, None]
 
 
 @pytest.mark.parametrize("blueprint", ["vehicle.sedan", "pedestrian"])
-def test_velocities_of_wheels_and_limbs_are_the_change_of_their_points(blueprint: str) -> None:
+def test_velocities_of_wheels_and_limbs_equal_the_finite_differences_of_their_vertices(blueprint: str) -> None:
     models = load_models()
     index = next(k for k, model in enumerate(models) if blueprint in model.blueprint)
     speed_mps = 12.0 if blueprint.startswith("vehicle") else 1.5
@@ -69,10 +69,10 @@ def test_velocities_of_wheels_and_limbs_are_the_change_of_their_points(blueprint
     motion_mps = (late - early) / (0.04 * TICK_S)
     part_of_vertex = models[index].mesh.part
     for part in np.unique(hits.part[hit]):
-        mine = part_of_vertex == part
-        # A rigid part's velocity is linear in the place: fit it to the vertices.
-        design = np.column_stack([mid[mine], np.ones(mine.sum())])
-        fit, *_ = np.linalg.lstsq(design, motion_mps[mine], rcond=None)
+        of_part = part_of_vertex == part
+        # A rigid part's velocity is linear in the position: fit it to the vertices.
+        design = np.column_stack([mid[of_part], np.ones(of_part.sum())])
+        fit, *_ = np.linalg.lstsq(design, motion_mps[of_part], rcond=None)
         here = hits.part[hit] == part
         expected = np.column_stack([points_m[hit][here], np.ones(here.sum())]) @ fit
         assert np.abs(found[here] - expected).max() < 0.05

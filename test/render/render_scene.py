@@ -72,8 +72,8 @@ def scene(offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> StaticScene
     tree = ball((18, -8, 3), 2.5, Tag.VEGETATION)
     origin = np.array(offset_m)
     tiles = (
-        Tile(origin, Mesh.merged([ground, house]), {}),
-        Tile(origin + np.array([10.0, 0.0, 0.0]), tree.transformed(_shift(-10)), {}),
+        Tile(origin, Mesh.merge([ground, house]), {}),
+        Tile(origin + np.array([10.0, 0.0, 0.0]), tree.transform(_shift(-10)), {}),
     )
     return StaticScene(tiles, (StreetLight((15.0 + offset_m[0], -5.0 + offset_m[1], 8.0 + offset_m[2])),))
 
@@ -95,7 +95,7 @@ def car() -> ActorModel:
         for y in (-0.85, 0.85):
             meshes.append(box((x - 0.3, y - 0.1, 0.0), (x + 0.3, y + 0.1, 0.6), Tag.CAR, Material.RUBBER, len(parts)))
             parts.append(Part("wheel", pivot_m=(x, y, 0.3), spins=True, steers=x > 0))
-    return ActorModel("vehicle.test", Tag.CAR, "car", Mesh.merged(meshes), (4.45, 1.9, 1.5), tuple(parts), 0.3)
+    return ActorModel("vehicle.test", Tag.CAR, "car", Mesh.merge(meshes), (4.45, 1.9, 1.5), tuple(parts), 0.3)
 
 
 def actors(*rows: dict[str, float]) -> Table:

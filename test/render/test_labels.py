@@ -100,7 +100,7 @@ def test_labels_and_depth_agree_with_brute_force_rays(renderer: Renderer) -> Non
 
 
 def test_depth_of_a_wall_50_m_ahead_is_exact_to_a_millimeter() -> None:
-    wall = plane(60.0, 0.0, Tag.WALL, Material.CONCRETE).transformed(
+    wall = plane(60.0, 0.0, Tag.WALL, Material.CONCRETE).transform(
         matrices_from_xyz_rpy(np.array([50.0, 0.0, 0.0]), np.array([0.0, -np.pi / 2, 0.0]))
     )
     view = CameraView(CAMERA, np.eye(4), ("depth",))

@@ -39,7 +39,7 @@ def renderer() -> Iterator[Renderer]:
     wall = box((WALL_X_M, -12.0, 0.0), (WALL_X_M + 1.0, 12.0, 6.0), Tag.BUILDING)
     deck = box((DECK_X_M - 8.0, -30.0, DECK_Z_M - 1.0), (DECK_X_M + 8.0, 30.0, DECK_Z_M), Tag.ROAD, Material.CONCRETE)
     lamp = StreetLight((DECK_X_M, 0.0, DECK_Z_M + 7.8))
-    mesh = Mesh.merged([ground, wall, deck])
+    mesh = Mesh.merge([ground, wall, deck])
     renderer = Renderer(StaticScene((Tile(np.zeros(3), mesh, {}),), (lamp,)), [car()])
     yield renderer
     renderer.close()
@@ -191,7 +191,7 @@ def test_a_shop_front_lights_the_pavement_in_front_of_it() -> None:
     ground = plane(60.0, 0.0, Tag.SIDEWALK, Material.PAVING)
     corners = np.array([[0.0, y, z] for y, z in ((-6, 0), (6, 0), (6, 3), (-6, 3))])[[[0, 1, 2], [0, 2, 3]]]
     front = Mesh.flat(corners[:, ::-1], material=Material.SHOPFRONT, tag=Tag.BUILDING, color=(90, 90, 90))
-    renderer = Renderer(StaticScene((Tile(np.zeros(3), Mesh.merged([ground, front]), {}),), ()), [car()])
+    renderer = Renderer(StaticScene((Tile(np.zeros(3), Mesh.merge([ground, front]), {}),), ()), [car()])
     eye_m, facing = (0.0, 0.0, 20.0), float(np.sign(front.normals[0, 0]))
     before_m, behind_m = (2.0 * facing, 0.0, 0.0), (-2.0 * facing, 0.0, 0.0)
     before, behind = sample_colors(photograph(renderer, at_night(), eye_m, DOWN), eye_m, DOWN, before_m, behind_m)

@@ -48,7 +48,7 @@ def renderer() -> Iterator[Renderer]:
         replace(wall, uv=np.column_stack([y_m - wall.vertices[:, 1], wall.vertices[:, 2]]).astype(np.float32))
     )
     lights = tuple(StreetLight((x, y, z)) for x, y, z in LAMPS_M.tolist())
-    renderer = Renderer(StaticScene((Tile(np.zeros(3), Mesh.merged(pieces), {}),), lights), [car()])
+    renderer = Renderer(StaticScene((Tile(np.zeros(3), Mesh.merge(pieces), {}),), lights), [car()])
     yield renderer
     renderer.close()
 

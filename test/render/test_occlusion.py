@@ -96,13 +96,13 @@ def town() -> StaticScene:
         box((8, 6, 0), (60, 9, 7), Tag.WALL),
         box((4, -12, 0), (60, -8, 6), Tag.WALL),
     ]
-    tiles = [Tile(np.zeros(3), Mesh.merged(street), {})]
+    tiles = [Tile(np.zeros(3), Mesh.merge(street), {})]
     for x in (40.0, 80.0, 140.0, 220.0):
         for y in (-40.0, 0.0, 40.0):
             corners = rng.uniform([-18, -25, 0], [18, 25, 0.5], (60, 3))
             corners = corners[np.argsort(corners[:, 1])]  # so that a piece is a compact part of the tile
             houses = [box(tuple(c), tuple(c + rng.uniform(1, 6, 3)), Tag.BUILDING, Material.BRICK) for c in corners]
-            tiles.append(Tile(np.array([x, y, 0.0]), Mesh.merged(houses), {}))
+            tiles.append(Tile(np.array([x, y, 0.0]), Mesh.merge(houses), {}))
     return StaticScene(tuple(tiles), ())
 
 

@@ -39,7 +39,7 @@ def renderer() -> Renderer:
     tower = box((-1, -1, 0), (1, 1, 6), Tag.BUILDING)
     ground = plane(100.0, 0.0, Tag.ROAD, Material.CONCRETE)
     lamp = StreetLight((0.0, -9.0, 7.5))
-    return Renderer(StaticScene((Tile(np.zeros(3), Mesh.merged([ground, tower]), {}),), (lamp,)), [car()])
+    return Renderer(StaticScene((Tile(np.zeros(3), Mesh.merge([ground, tower]), {}),), (lamp,)), [car()])
 
 
 def photograph(renderer: Renderer, state: WorldState, pose: Float64Array = DOWN) -> UInt8Array:

@@ -9,7 +9,7 @@ from simbev_ros.assets.flora.species import stock
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, Tile
-from simbev_ros.assets.placement.tiles import TileBuilder, standing
+from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
@@ -27,12 +27,12 @@ def draw_trees(nearest_m: float, *, exact: bool) -> CameraImages:
     builder = TileBuilder()
     for k, name in enumerate(("round", "tall", "birch", "spruce", "pine", "bush")):
         positions_m = [(nearest_m + 15.0 * row, 16.0 * k - 40.0 + 5.0 * row) for row in range(4)]
-        builder.place_copies(stock(name, 0), np.stack([standing(position_m, 0.0) for position_m in positions_m]))
+        builder.place_copies(stock(name, 0), np.stack([upright_pose(position_m, 0.0) for position_m in positions_m]))
     tiles = builder.finish()
     assert all(tile.detail for tile in tiles)
     if exact:
         tiles = tuple(Tile(tile.origin_m, tile.mesh, {}) for tile in tiles)
-    ground = Tile(np.zeros(3), Mesh.merged([plane(600.0, 0.0, Tag.TERRAIN, Material.GRASS)]), {})
+    ground = Tile(np.zeros(3), Mesh.merge([plane(600.0, 0.0, Tag.TERRAIN, Material.GRASS)]), {})
     renderer = Renderer(StaticScene((ground, *tiles), ()), [car()])
     [images] = renderer.render([VIEW], RenderFrame(world({"id": 1})))
     renderer.close()

@@ -117,7 +117,7 @@ def test_puddles_reflect_objects_behind_them() -> None:
     weather = NOON.model_copy(update={"cloudiness": 100.0, "precipitation_deposits": 100.0})
     below = []
     for pieces in ([], [wall]):
-        tile = Tile(np.zeros(3), Mesh.merged([plane(300.0, 0.0, Tag.ROAD, Material.ASPHALT), *pieces]), {})
+        tile = Tile(np.zeros(3), Mesh.merge([plane(300.0, 0.0, Tag.ROAD, Material.ASPHALT), *pieces]), {})
         renderer = Renderer(StaticScene((tile,), ()), [car()])
         [images] = renderer.render([CameraView(camera, pose, ("rgb",))], RenderFrame(world({"id": 1}, weather=weather)))
         renderer.close()

@@ -24,28 +24,28 @@ def gnss(**properties: object) -> Gnss:
 
 
 def fixes(sensor: Gnss, ticks: range, seed: int = 1) -> list[GnssFix]:
-    """Of an ego that stands at (10, 20)."""
+    """Fixes of an ego that stands at (10, 20)."""
     model = GnssModel(sensor, DATUM, seed, TICK_NS)
     return [model.measure(world(actor(CAR, x=10.0, y=20.0), tick=tick)) for tick in ticks]
 
 
 def errors_m(found: list[GnssFix]) -> np.ndarray:
-    """(N, 3) east, north, up."""
-    places = [DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m) for fix in found]
-    return np.array(places) - [10.0, 20.0, 0.0]
+    """(N, 3) errors east, north, up of fixes from ``fixes``."""
+    positions = [DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m) for fix in found]
+    return np.array(positions) - [10.0, 20.0, 0.0]
 
 
 def test_fix_without_noise_converts_back_to_the_antenna() -> None:
     sensor = gnss(pose=Pose(x_m=2.0, y_m=0.5, z_m=1.0), **SILENT)
     state = world(actor(CAR, x=300.0, y=-120.0, z=4.0, yaw=np.pi / 2))
     fix = GnssModel(sensor, DATUM, 1, TICK_NS).measure(state)
-    place_m = DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
-    assert place_m == pytest.approx((299.5, -118.0, 5.0), abs=1e-5)
+    position_m = DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+    assert position_m == pytest.approx((299.5, -118.0, 5.0), abs=1e-5)
     assert fix.covariance_m2 is not None and not fix.covariance_m2.any()
 
 
-def pipeline(datum: MapDatum) -> Transformer:
-    """Longitude and latitude of the map frame, in PROJ's own words."""
+def map_lon_lat_pipeline(datum: MapDatum) -> Transformer:
+    """Conversion from the map frame to longitude and latitude, written as a PROJ pipeline."""
     if datum.projection:
         turn = f"+step +proj=affine +s11={math.cos(datum.heading_rad)!r} +s12={-math.sin(datum.heading_rad)!r} "
         turn += f"+s21={math.sin(datum.heading_rad)!r} +s22={math.cos(datum.heading_rad)!r} "
@@ -68,23 +68,23 @@ def pipeline(datum: MapDatum) -> Transformer:
     ],
     ids=["blocks", "north", "south", "utm", "turned"],
 )
-@pytest.mark.parametrize("place_m", [(3.0, -2.0, 0.5), (850.0, -400.0, 12.0), (9000.0, 7000.0, 80.0)])
-def test_fix_without_noise_is_the_ego_in_projs_own_words(datum: MapDatum, place_m: tuple[float, float, float]) -> None:
-    x, y, z = place_m
+@pytest.mark.parametrize("position_m", [(3.0, -2.0, 0.5), (850.0, -400.0, 12.0), (9000.0, 7000.0, 80.0)])
+def test_fix_without_noise_agrees_with_a_proj_pipeline(datum: MapDatum, position_m: tuple[float, float, float]) -> None:
+    x, y, z = position_m
     fix = GnssModel(gnss(**SILENT), datum, 1, TICK_NS).measure(world(actor(CAR, x=x, y=y, z=z)))
-    back_m = pipeline(datum).transform(fix.longitude_deg, fix.latitude_deg, direction="INVERSE")
+    back_m = map_lon_lat_pipeline(datum).transform(fix.longitude_deg, fix.latitude_deg, direction="INVERSE")
     assert math.dist(back_m, (x, y)) < 1e-3
     assert fix.altitude_m == pytest.approx(datum.altitude_m + z)
 
 
-def test_errors_have_the_variances_of_the_covariance() -> None:
+def test_errors_have_the_variances_that_the_covariance_reports() -> None:
     sensor = gnss(latitude_noise_sigma_deg=2e-6, longitude_noise_sigma_deg=6e-6, altitude_noise_sigma_m=0.7)
     found = fixes(sensor, range(2000))
-    told = found[0].covariance_m2
-    assert told is not None
-    assert np.diag(told) == pytest.approx(np.var(errors_m(found), axis=0), rel=0.1)
-    assert told[0, 0] ** 0.5 == pytest.approx(6e-6 * 55800, rel=2e-3)  # a degree at 60° north: 55.80 km
-    assert told[1, 1] ** 0.5 == pytest.approx(2e-6 * 111412, rel=2e-3)  # … of latitude: 111.41 km
+    covariance = found[0].covariance_m2
+    assert covariance is not None
+    assert np.diag(covariance) == pytest.approx(np.var(errors_m(found), axis=0), rel=0.1)
+    assert covariance[0, 0] ** 0.5 == pytest.approx(6e-6 * 55800, rel=2e-3)  # a degree at 60° north: 55.80 km
+    assert covariance[1, 1] ** 0.5 == pytest.approx(2e-6 * 111412, rel=2e-3)  # … of latitude: 111.41 km
     assert np.mean(errors_m(found), axis=0) == pytest.approx([0, 0, 0], abs=0.05)
 
 
@@ -94,18 +94,18 @@ def test_noise_repeats_for_a_tick_and_differs_between_receivers() -> None:
     assert here[0].latitude_deg != fixes(gnss(name="spare"), range(4, 5))[0].latitude_deg
 
 
-def test_a_bias_that_walks_is_in_the_covariance_and_changes_slowly() -> None:
+def test_the_bias_walk_is_in_the_covariance_and_changes_slowly() -> None:
     walk = {"bias_walk_horizontal_sigma_m": 2.0, "bias_walk_vertical_sigma_m": 5.0, "bias_walk_time_s": 30.0}
     found = fixes(gnss(**SILENT, **walk), range(200))
     errors = errors_m(found)
     assert np.ptp(errors[:, 0]) > 0.05 and np.abs(np.diff(errors, axis=0)).max() < 1.5
-    told = found[0].covariance_m2
-    assert told is not None and np.diag(told) == pytest.approx([4.0, 4.0, 25.0])
+    covariance = found[0].covariance_m2
+    assert covariance is not None and np.diag(covariance) == pytest.approx([4.0, 4.0, 25.0])
     starts = [errors_m(fixes(gnss(**SILENT, **walk), range(1), seed))[0] for seed in range(200)]
     assert np.std(starts, axis=0) == pytest.approx([2.0, 2.0, 5.0], rel=0.15)
 
 
-def test_without_a_fix_there_is_neither_a_place_nor_a_covariance() -> None:
+def test_without_a_fix_there_is_neither_a_position_nor_a_covariance() -> None:
     found = fixes(gnss(dropout_share=0.5, dropout_mean_s=0.2), range(100))
     lost = [fix for fix in found if fix.covariance_m2 is None]
     assert 20 < len(lost) < 80
@@ -113,14 +113,14 @@ def test_without_a_fix_there_is_neither_a_place_nor_a_covariance() -> None:
     assert not any(math.isnan(fix.latitude_deg) for fix in found if fix.covariance_m2 is not None)
 
 
-def test_walk_and_drop_outs_go_on_over_ticks_that_were_dropped() -> None:
+def test_bias_walk_and_drop_outs_continue_over_ticks_that_were_dropped() -> None:
     sensor = gnss(bias_walk_horizontal_sigma_m=2.0, dropout_share=0.3, dropout_mean_s=0.4)
     whole, thinned = fixes(sensor, range(200)), fixes(sensor, range(0, 200, 7))
-    places = [np.array([[fix.latitude_deg, fix.longitude_deg] for fix in each]) for each in (whole[::7], thinned)]
-    assert np.array_equal(*places, equal_nan=True)
-    assert np.isnan(places[1]).any() and not np.isnan(places[1]).all()
+    positions = [np.array([[fix.latitude_deg, fix.longitude_deg] for fix in each]) for each in (whole[::7], thinned)]
+    assert np.array_equal(*positions, equal_nan=True)
+    assert np.isnan(positions[1]).any() and not np.isnan(positions[1]).all()
 
 
-def test_a_slower_receiver_is_due_at_its_ticks() -> None:
+def test_a_receiver_with_a_longer_period_is_due_at_every_nth_tick() -> None:
     model = GnssModel(gnss(), DATUM, 1, TICK_NS, period_ticks=4)
     assert [model.is_due(tick) for tick in (-4, 0, 1, 4)] == [False, True, False, True]

@@ -1,4 +1,4 @@
-"""A strapdown integration of the samples of simulated traffic must end where the vehicle is."""
+"""Strapdown integration of IMU samples from simulated traffic ends at the vehicle's pose."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,12 +24,12 @@ from simbev_ros.world.simulation import Simulation
 TICK_S = 0.05
 CORNER = Pose(x_m=1.5, y_m=0.6, z_m=1.0, roll_deg=180.0, yaw_deg=-40.0)
 GRAVITY = np.array([0.0, 0.0, 9.81])
-SHARE = 1e-3  # of the travelled distance
+MAX_ERROR_PER_PATH = 1e-3
 
 
 @pytest.fixture(scope="module")
 def states() -> list[WorldState]:
-    """Tick -1 and the 321 from tick 0 on: 16 s."""
+    """World states of tick -1 and of the 321 ticks from tick 0 on: 16 s."""
     scenario = load_scenario("demo")
     traffic = scenario.traffic.model_copy(update={"vehicles": 40, "pedestrians": 0})
     time = scenario.time.model_copy(update={"duration_s": 16.05})
@@ -41,25 +41,25 @@ def states() -> list[WorldState]:
         return [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)][spec.warm_up_ticks - 1 :]
 
 
-def integrated(
+def integrate(
     force: Float64Array, rate: Float64Array, step_s: float, start: Float64Array, velocity: Float64Array
 ) -> Float64Array:
-    """(4, 4) pose after (N, 3) samples in the sensor frame, by the trapezoidal rule from a (4, 4) pose on."""
-    rotation, place = Rotation.from_matrix(start[:3, :3]), start[:3, 3]
+    """(4, 4) pose after (N, 3) samples in the sensor frame, integrated from a (4, 4) pose by the trapezoidal rule."""
+    rotation, position = Rotation.from_matrix(start[:3, :3]), start[:3, 3]
     acceleration = rotation.apply(force[0]) - GRAVITY
     for index in range(1, len(force)):
         rotation = rotation * Rotation.from_rotvec(step_s * (rate[index - 1] + rate[index]) / 2)
         latest = rotation.apply(force[index]) - GRAVITY
         faster = velocity + step_s * (acceleration + latest) / 2
-        place = place + step_s * (velocity + faster) / 2
+        position = position + step_s * (velocity + faster) / 2
         acceleration, velocity = latest, faster
     end = np.eye(4)
-    end[:3, :3], end[:3, 3] = rotation.as_matrix(), place
+    end[:3, :3], end[:3, 3] = rotation.as_matrix(), position
     return end
 
 
-def misses(states: Sequence[WorldState], samples: int, pose: Pose) -> tuple[float, float, float]:
-    """Metres travelled by an IMU on the ego, metres missed, degrees missed."""
+def integration_errors(states: Sequence[WorldState], samples: int, pose: Pose) -> tuple[float, float, float]:
+    """Path length of an IMU on the ego in m, and errors of the integrated pose in m and degrees."""
     imu = Imu(
         type="imu",
         name="imu",
@@ -76,32 +76,36 @@ def misses(states: Sequence[WorldState], samples: int, pose: Pose) -> tuple[floa
     ego = states[1].ego
     arm_m = rotations_from_rpy(vector(ego, "roll pitch yaw")) @ pose.ego_from_sensor[:3, 3]
     velocity = vector(ego, "vx vy vz") + np.cross(vector(ego, "wx wy wz"), arm_m)
-    end = integrated(force, rate, TICK_S / samples, poses[0], velocity)
-    way_m = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum()
+    end = integrate(force, rate, TICK_S / samples, poses[0], velocity)
+    path_m = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum()
     turn_rad = Rotation.from_matrix(end[:3, :3].T @ poses[-1, :3, :3]).magnitude()
-    return float(way_m), float(np.linalg.norm(end[:3, 3] - poses[-1, :3, 3])), float(np.degrees(turn_rad))
+    return float(path_m), float(np.linalg.norm(end[:3, 3] - poses[-1, :3, 3])), float(np.degrees(turn_rad))
 
 
 @pytest.mark.parametrize("pose", [Pose(), CORNER], ids=["origin", "corner"])
-@pytest.mark.parametrize(("samples", "share"), [(1, SHARE), (5, SHARE / 10)])
-def test_it_ends_where_the_vehicle_is(states: list[WorldState], pose: Pose, samples: int, share: float) -> None:
+@pytest.mark.parametrize(("samples", "max_error_per_path"), [(1, MAX_ERROR_PER_PATH), (5, MAX_ERROR_PER_PATH / 10)])
+def test_integration_ends_at_the_pose_of_the_vehicle(
+    states: list[WorldState], pose: Pose, samples: int, max_error_per_path: float
+) -> None:
     actors = states[0].actors
     vehicles = actors["id"][np.isin(actors["tag"], [Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.MOTORCYCLE, Tag.BICYCLE])]
     driven = 0
     for vehicle in vehicles[:8]:
-        way_m, missed_m, missed_deg = misses([replace(state, ego_id=int(vehicle)) for state in states], samples, pose)
-        if way_m > 20.0:  # 16 s of gravity along an axis that is 0.001° off are 2 cm
+        path_m, error_m, error_deg = integration_errors(
+            [replace(state, ego_id=int(vehicle)) for state in states], samples, pose
+        )
+        if path_m > 20.0:  # 16 s of gravity along an axis that is 0.001° off are 2 cm
             driven += 1
-            assert missed_m < share * way_m, f"actor {vehicle} after {way_m:.0f} m"
-            assert missed_deg < 0.02 / samples
+            assert error_m < max_error_per_path * path_m, f"actor {vehicle} after {path_m:.0f} m"
+            assert error_deg < 0.02 / samples
     assert driven >= 4
 
 
-def test_a_vehicle_that_stands_tilted_does_not_drift(states: list[WorldState]) -> None:
+def test_integration_does_not_drift_for_a_stationary_tilted_vehicle(states: list[WorldState]) -> None:
     actors = states[0].actors.copy()
     for name in ("vx", "vy", "vz", "ax", "ay", "az", "wx", "wy", "wz"):
         actors[name] = 0
     standing = [replace(state, actors=actors) for state in states]
     assert actors["roll"][0] != 0
-    _, missed_m, missed_deg = misses(standing, 5, CORNER)
-    assert missed_m < 1e-9 and missed_deg < 1e-9
+    _, error_m, error_deg = integration_errors(standing, 5, CORNER)
+    assert error_m < 1e-9 and error_deg < 1e-9

@@ -36,7 +36,7 @@ def xyz(cloud: Table) -> Float64Array:
     return np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=1).astype(np.float64)
 
 
-def test_tables_have_the_offsets_that_consumers_expect() -> None:
+def test_point_dtypes_have_the_offsets_that_consumers_expect() -> None:
     fields, semantic_fields = POINT_DTYPE.fields, SEMANTIC_POINT_DTYPE.fields
     assert fields is not None
     assert semantic_fields is not None
@@ -74,7 +74,7 @@ def test_points_are_in_the_frame_of_the_mounted_sensor() -> None:
     wall = mesh(box([10.0, 3.0, 2.0], [2.0, 2.0, 8.0]), Tag.WALL)
     mount = Pose(x_m=1.0, y_m=0.5, z_m=2.0, yaw_deg=90.0)
     cloud = scan(lidar(pose=mount), static_scene(wall), world(actor(MODELS[0], x=5.0))).semantic_points
-    # The wall's near face is 3 m ahead of the sensor's place, and the sensor looks left: ahead is its -y.
+    # The wall's near face is 3 m ahead of the sensor, and the sensor looks left: ahead is its -y.
     assert cloud["y"].max() == pytest.approx(-3.0, abs=1e-4)
     assert cloud["x"].min() > 1.5 - 1e-3
     assert cloud["x"].max() < 3.5 + 1e-3
@@ -127,7 +127,7 @@ def test_the_configured_share_of_returns_is_lost() -> None:
     assert len(everything_lost.points) == 0
 
 
-def test_noise_repeats_for_a_tick_and_is_each_rays_own() -> None:
+def test_noise_repeats_for_a_tick_and_every_ray_has_its_own() -> None:
     static, ego = static_scene(GROUND), actor(MODELS[0])
     first = scan(lidar(), static, world(ego, tick=3)).points
     again = scan(lidar(), static, world(ego, tick=3)).points
@@ -140,7 +140,7 @@ def test_noise_repeats_for_a_tick_and_is_each_rays_own() -> None:
 
 
 def test_intensity_is_reflectance_times_cosine_times_attenuation() -> None:
-    wall = Mesh.merged([mesh(box([21.0, 0.0, 2.0], [2.0, 200.0, 100.0]), Tag.WALL, Material.PLASTER)])
+    wall = Mesh.merge([mesh(box([21.0, 0.0, 2.0], [2.0, 200.0, 100.0]), Tag.WALL, Material.PLASTER)])
     sensor = lidar(channels=1, columns=3600, lower_fov_deg=0.0, upper_fov_deg=0.0, drop_off=0.0)
     found = scan(sensor, static_scene(wall), world(actor(MODELS[0])))
     semantic = found.semantic_points
@@ -151,7 +151,7 @@ def test_intensity_is_reflectance_times_cosine_times_attenuation() -> None:
     assert found.points["intensity"] == pytest.approx(expected, rel=1e-4)
 
 
-def test_retroreflective_plates_are_bright_from_all_angles_and_markings_where_rays_are_flat() -> None:
+def test_retroreflective_plates_are_bright_from_all_angles_and_markings_at_grazing_rays() -> None:
     plate = mesh(box([21.0, 0.0, 2.0], [2.0, 120.0, 100.0]), Tag.TRAFFIC_SIGN, Material.PLATE)
     sensor = lidar(channels=1, columns=3600, lower_fov_deg=0.0, upper_fov_deg=0.0, drop_off=0.0, attenuation_per_m=0.0)
     cloud = scan(sensor, static_scene(plate), world(actor(MODELS[0]))).points
@@ -165,7 +165,7 @@ def test_retroreflective_plates_are_bright_from_all_angles_and_markings_where_ra
     )
 
 
-def test_weak_returns_are_lost_with_the_share_of_their_intensity() -> None:
+def test_weak_returns_are_lost_with_a_probability_that_depends_on_intensity() -> None:
     limits = {"drop_off_at_zero_intensity": 0.4, "drop_off_intensity_limit": 0.2, "attenuation_per_m": 0.0}
     sensor = lidar(channels=64, columns=2048, lower_fov_deg=-60.0, upper_fov_deg=-2.0, drop_off=0.0, **limits)
     found = scan(sensor, static_scene(GROUND), world(actor(MODELS[0])))
@@ -177,12 +177,12 @@ def test_weak_returns_are_lost_with_the_share_of_their_intensity() -> None:
     assert lost.mean() == pytest.approx(share.mean(), abs=0.004)
 
 
-def test_returns_nearer_than_the_least_range_are_missing() -> None:
+def test_returns_nearer_than_the_minimum_range_are_missing() -> None:
     cloud = scan(lidar(min_range_m=5.0), static_scene(GROUND), world(actor(MODELS[0]))).semantic_points
     assert np.linalg.norm(xyz(cloud), axis=1).min() >= 5.0
 
 
-def test_its_own_vehicle_is_hit_only_if_asked_for() -> None:
+def test_the_lidars_own_vehicle_is_hit_only_if_configured() -> None:
     rider = actor(MODELS[1], 1, id=8, parent=EGO_ID, x=-1.0)
     cloud = scan(lidar(hits_own_vehicle=True), static_scene(GROUND), world(actor(MODELS[0]), rider)).semantic_points
     assert set(cloud["object_id"]) == {0, EGO_ID, 8}
@@ -200,7 +200,7 @@ def test_two_lidars_share_a_scene_and_neither_changes_the_other() -> None:
         assert found.semantic_points.tobytes() == alone.semantic_points.tobytes()
 
 
-def test_what_is_not_published_is_not_made() -> None:
+def test_a_cloud_that_is_not_published_is_not_computed() -> None:
     found = scan(lidar(semantic_points=False), static_scene(GROUND), world(actor(MODELS[0])))
     assert found.semantic_points is None
     assert len(found.points)

@@ -1,4 +1,4 @@
-"""Every noiseless point lies on the mesh whose id it carries; noise and loss are as configured, in a real town."""
+"""In a real town, every noise-free point lies on the mesh of its object id, and noise and loss are as configured."""
 
 from functools import cache
 
@@ -31,7 +31,7 @@ STAMP_NS = 3_600_123_456_789
 
 
 @cache
-def moment() -> tuple[StaticScene, WorldState]:
+def static_scene_and_state() -> tuple[StaticScene, WorldState]:
     scenario = load_scenario("demo").model_copy(
         update={"seed": 92, "traffic": Traffic(vehicles=36, pedestrians=60, spawn_radius_m=100)}
     )
@@ -43,7 +43,7 @@ def moment() -> tuple[StaticScene, WorldState]:
 
 
 def scan(sensor: Lidar) -> LidarScan:
-    static, state = moment()
+    static, state = static_scene_and_state()
     scene = RayScene(static, load_models())
     ego_m = np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
     scene.update(state, ego_m, sensor.range_m + 5.0, state.ego_ids)
@@ -59,8 +59,8 @@ def xyz(cloud: Table) -> Float64Array:
     return np.column_stack([cloud["x"], cloud["y"], cloud["z"]]).astype(np.float64)
 
 
-def test_every_point_lies_on_the_mesh_of_its_object_within_a_millimetre() -> None:
-    static, state = moment()
+def test_every_point_lies_on_the_mesh_of_its_object_within_a_millimeter() -> None:
+    static, state = static_scene_and_state()
     sensor = lidar(channels=64, columns=1024)
     cloud = scan(sensor).semantic_points
     assert cloud is not None
@@ -81,13 +81,13 @@ def test_every_point_lies_on_the_mesh_of_its_object_within_a_millimetre() -> Non
     nearest_m = np.full(len(chosen), np.inf)
     for tile in static.tiles:
         low, high = (tile.mesh.bounds_m + tile.origin_m)[:, :2] + [[-0.1], [0.1]]
-        place = points[chosen, :2]
-        here = np.flatnonzero(((place > low) & (place < high)).all(axis=1))
+        position_m = points[chosen, :2]
+        here = np.flatnonzero(((position_m > low) & (position_m < high)).all(axis=1))
         corners = tile.mesh.vertices[tile.mesh.triangles].astype(np.float64)
         for tag in np.unique(cloud["tag"][chosen[here]]):
-            mine = here[cloud["tag"][chosen[here]] == tag]
-            found_m = distances_m(points[chosen[mine]] - tile.origin_m, corners[tile.mesh.triangle_tag == tag])
-            nearest_m[mine] = np.minimum(nearest_m[mine], found_m)
+            of_tag = here[cloud["tag"][chosen[here]] == tag]
+            found_m = distances_m(points[chosen[of_tag]] - tile.origin_m, corners[tile.mesh.triangle_tag == tag])
+            nearest_m[of_tag] = np.minimum(nearest_m[of_tag], found_m)
     assert nearest_m.max() < 1e-3
 
 

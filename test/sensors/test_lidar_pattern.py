@@ -17,7 +17,7 @@ def angles_deg(pattern: ScanPattern) -> tuple[Float64Array, Float64Array]:
 
 
 def test_a_partial_field_of_view_is_swept_from_left_to_right_in_its_share_of_the_turn() -> None:
-    pattern = ScanPattern.of(
+    pattern = ScanPattern.from_lidar(
         lidar(channels=1, columns=4, horizontal_fov_deg=120, lower_fov_deg=0, upper_fov_deg=0), 0.1
     )
     azimuth, elevation = angles_deg(pattern)
@@ -29,7 +29,7 @@ def test_a_partial_field_of_view_is_swept_from_left_to_right_in_its_share_of_the
 def test_listed_channels_have_their_elevations_and_azimuth_offsets_by_ring() -> None:
     listed = lidar(elevations_deg=[5.0, -1.0, -10.5], azimuth_offsets_deg=[0.0, 2.0, -3.0], columns=2)
     assert (listed.channels, listed.lower_fov_deg, listed.upper_fov_deg) == (3, -10.5, 5.0)
-    pattern = ScanPattern.of(listed, 0.1)
+    pattern = ScanPattern.from_lidar(listed, 0.1)
     azimuth, elevation = angles_deg(pattern)
     assert list(pattern.ring) == [0, 1, 2] * 2
     assert elevation == pytest.approx([5.0, -1.0, -10.5] * 2, abs=1e-5)
@@ -37,9 +37,9 @@ def test_listed_channels_have_their_elevations_and_azimuth_offsets_by_ring() -> 
 
 
 @pytest.mark.parametrize("name", load_lidar_presets())
-def test_presets_are_whole_and_ascend_by_ring(name: str) -> None:
+def test_presets_are_complete_and_ascend_by_ring(name: str) -> None:
     sensor = lidar(preset=name)
-    pattern = ScanPattern.of(sensor, 1.0 / sensor.rate_hz)
+    pattern = ScanPattern.from_lidar(sensor, 1.0 / sensor.rate_hz)
     _, elevation = angles_deg(pattern)
     assert (np.diff(elevation[: sensor.channels]) > 0).all()
     assert len(pattern.directions) == sensor.channels * sensor.columns
@@ -56,7 +56,7 @@ def test_presets_are_whole_and_ascend_by_ring(name: str) -> None:
         ("OS1-128", 128, 2.62e6, (-22.5, 22.5)),
     ],
 )
-def test_presets_fire_as_often_as_their_data_sheets_say(
+def test_presets_have_the_point_rates_of_their_data_sheets(
     name: str, channels: int, points_per_second: float, extent_deg: tuple[float, float]
 ) -> None:
     sensor = lidar(preset=name)
@@ -65,7 +65,7 @@ def test_presets_fire_as_often_as_their_data_sheets_say(
     assert (sensor.lower_fov_deg, sensor.upper_fov_deg) == pytest.approx(extent_deg, abs=0.01)
 
 
-def test_a_rig_has_its_way_before_a_preset() -> None:
+def test_values_of_the_rig_override_those_of_the_preset() -> None:
     assert lidar(preset="VLP-16", range_m=60).range_m == 60
     assert lidar(preset="VLP-16", rate_hz=20).columns == 900
     assert lidar(preset="VLP-16", rate_hz=20, columns=600).columns == 600
@@ -104,6 +104,6 @@ def test_columns_follow_from_points_per_second() -> None:
         ({"horizontal_fov_deg": 0}, "greater than 0"),
     ],
 )
-def test_what_does_not_fit_is_refused_by_name(properties: dict[str, object], message: str) -> None:
+def test_inconsistent_properties_are_rejected_by_name(properties: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message.replace("(", r"\(")):
         lidar(**properties)

@@ -52,7 +52,7 @@ def test_without_rain_and_fog_nothing_changes() -> None:
     assert len(barely) == pytest.approx(len(without), rel=1e-4)
 
 
-def test_semantic_points_know_no_weather() -> None:
+def test_semantic_points_ignore_the_weather() -> None:
     clear, foggy = (
         scan(lidar(), state(fog_density=density, precipitation=density)).semantic_points for density in (0, 100)
     )
@@ -86,25 +86,25 @@ def test_fog_weakens_by_the_square_of_its_transmission() -> None:
     )
 
 
-def test_thicker_fog_loses_more_and_gives_more_echoes_near_the_sensor() -> None:
+def test_denser_fog_loses_more_targets_and_gives_more_echoes_near_the_sensor() -> None:
     lost, near = [], []
     truth = len(scan(lidar(), state()).points)
     for density in (40.0, 70.0, 100.0):
         cloud = scan(lidar(), state(fog_density=density)).points
-        of_air = cloud["z"] > -1.999
-        lost.append(1.0 - (len(cloud) - of_air.sum()) / truth)
-        near.append(of_air.sum() / (32 * 1024))
-        assert np.median(ranges_m(cloud)[of_air]) < 10.0
+        is_air_echo = cloud["z"] > -1.999
+        lost.append(1.0 - (len(cloud) - is_air_echo.sum()) / truth)
+        near.append(is_air_echo.sum() / (32 * 1024))
+        assert np.median(ranges_m(cloud)[is_air_echo]) < 10.0
     assert 0.0 <= lost[0] < lost[1] < lost[2] < 1.0
     assert near[0] < near[1] < near[2]
     assert near[2] > 0.2
 
 
-def test_fog_that_begins_far_away_gives_no_echoes_before() -> None:
+def test_fog_gives_no_echoes_before_the_distance_where_it_begins() -> None:
     cloud = scan(lidar(), state(fog_density=100.0, fog_distance_m=30.0)).points
-    of_air = cloud["z"] > -1.999
-    assert of_air.any()
-    assert ranges_m(cloud)[of_air].min() > 30.0
+    is_air_echo = cloud["z"] > -1.999
+    assert is_air_echo.any()
+    assert ranges_m(cloud)[is_air_echo].min() > 30.0
 
 
 def test_rain_gives_a_few_echoes_of_drops_near_the_sensor() -> None:
@@ -126,26 +126,26 @@ def test_drops_have_the_extinction_that_their_sizes_are_derived_from() -> None:
     assert 8.0 < (4.1e3 / slope) ** (1 / 0.21) < 25.0  # Λ = 4.1 R^-0.21 per mm: heavy rain, mm/h
 
 
-def test_the_number_of_drops_is_that_of_the_beams_volume() -> None:
-    # With a beam so wide and drops so close that nearly every larger drop counts, by brute integration.
+def test_the_number_of_drop_echoes_follows_from_the_beams_volume() -> None:
+    # The beam is so wide and drops are so dense that nearly every larger drop counts; expectation by plain integration.
     sensor, sky = lidar(range_m=100.0), weather(precipitation=100.0)
     count = 400_000
-    echoes = LidarWeather(sensor, sky, 0.0).from_air(count, np.random.default_rng(0))
+    echoes = LidarWeather(sensor, sky, 0.0).air_echoes(count, np.random.default_rng(0))
     _, rain = extinction_per_m(sky, 0.0)
     slope = drop_slope_per_m(rain)
 
     def per_m(r: float) -> float:
         beam = 3e-3 * r
-        least = max(0.1 * (r / 100.0) ** 2, 1e-3)
-        smallest = beam * np.sqrt(least / ((0.33 / 2.33) ** 2 * np.exp(-2.0 * rain * r)))
+        threshold = max(0.1 * (r / 100.0) ** 2, 1e-3)
+        min_diameter = beam * np.sqrt(threshold / ((0.33 / 2.33) ** 2 * np.exp(-2.0 * rain * r)))
         # Drops wider than the beam fill it; where even these are too weak none are seen.
-        return 8e6 / slope * np.exp(-slope * smallest) * np.pi / 4.0 * beam**2 * (smallest < beam)
+        return 8e6 / slope * np.exp(-slope * min_diameter) * np.pi / 4.0 * beam**2 * (min_diameter < beam)
 
     expected = 1.0 - np.exp(-quad(per_m, 1.0, 100.0, limit=200)[0])
     assert np.isfinite(echoes.range_m).mean() == pytest.approx(expected, rel=0.05)
 
 
-def test_no_fog_is_too_thick_to_be_computed() -> None:
+def test_very_dense_fog_still_gives_finite_values() -> None:
     deep = state(fog_density=100.0, fog_falloff=1e4, precipitation=100.0)
     low = WorldState(deep.stamp_ns, deep.tick, deep.ego_id, deep.actors.copy(), deep.signals, deep.weather)
     low.actors["z"] = -50.0
@@ -154,7 +154,7 @@ def test_no_fog_is_too_thick_to_be_computed() -> None:
     assert np.isfinite(cloud["intensity"]).all()
 
 
-def test_a_lidar_above_the_fog_sees_less_of_what_is_in_it() -> None:
+def test_a_lidar_above_the_fog_gets_weaker_echoes_from_inside_it() -> None:
     clear, foggy = (
         scan(lidar(pose=Pose(z_m=18.0)), state(fog_density=density, fog_falloff=20.0)).points for density in (0, 100)
     )

@@ -31,10 +31,10 @@ def radar(**properties: object) -> Radar:
 def scan(
     sensor: Radar, static: StaticScene, state: WorldState, previous: WorldState | None = None, seed: int = 5
 ) -> Table:
-    return scan_radars([RadarModel(sensor, seed, SCAN_S)], updated(static, state), state, previous)[0]
+    return scan_radars([RadarModel(sensor, seed, SCAN_S)], updated_scene(static, state), state, previous)[0]
 
 
-def updated(static: StaticScene, state: WorldState) -> RayScene:
+def updated_scene(static: StaticScene, state: WorldState) -> RayScene:
     scene = RayScene(static, MODELS)
     scene.update(state, np.array([state.ego["x"], state.ego["y"], state.ego["z"]]), 130.0, state.ego_ids)
     return scene
@@ -56,7 +56,7 @@ def test_fields_are_those_of_radar_return_after_x_y_z() -> None:
     assert all(RADAR_POINT_DTYPE[name] == np.float32 for name in names)
 
 
-def test_the_papers_four_radars_are_default_ones() -> None:
+def test_the_papers_four_radars_have_default_properties() -> None:
     radars = load_scenario("paper").rig.of_type(Radar)
     poses = {each.name: (each.pose.x_m, each.pose.y_m, each.pose.z_m, each.pose.yaw_deg) for each in radars}
     assert poses == {
@@ -89,7 +89,7 @@ def test_range_and_angles_are_those_of_points_on_the_surfaces() -> None:
     assert np.arcsin(cloud["z"] / range_m) == pytest.approx(elevation, abs=1e-6)
 
 
-def test_only_what_is_within_range_is_detected_and_what_is_too_near_hides() -> None:
+def test_only_hits_within_range_are_detected_and_too_near_ones_occlude() -> None:
     cloud = scan(radar(range_m=40.0, min_range_m=25.0), GROUND, world(actor(MODELS[0])))
     assert 25.0 <= cloud["range"].min() < 27.0
     assert 37.0 < cloud["range"].max() <= 40.0
@@ -117,7 +117,7 @@ def test_even_rays_fill_the_field_of_view_evenly_in_solid_angle() -> None:
 
 def test_a_scan_repeats_for_a_tick_and_each_tick_and_radar_has_its_own_rays() -> None:
     noisy = {"range_noise_sigma_m": 0.1, "doppler_noise_sigma_mps": 0.1}
-    scene, state = updated(GROUND, world(actor(MODELS[0]), tick=3)), world(actor(MODELS[0]), tick=3)
+    scene, state = updated_scene(GROUND, world(actor(MODELS[0]), tick=3)), world(actor(MODELS[0]), tick=3)
     front, other = radar(**noisy), radar(name="other", **noisy)
     [first] = scan_radars([RadarModel(front, 5, SCAN_S)], scene, state, None)
     beside, again = scan_radars([RadarModel(other, 5, SCAN_S), RadarModel(front, 5, SCAN_S)], scene, state, None)
@@ -132,7 +132,7 @@ def test_nothing_hit_gives_an_empty_cloud_without_warnings() -> None:
     for options in ({}, {"range_noise_sigma_m": 1.0, "threshold_db": -50.0, "max_doppler_mps": 10.0}):
         cloud = scan(radar(**options), NOTHING, state)
         assert (len(cloud), cloud.dtype) == (0, RADAR_POINT_DTYPE)
-    assert scan_radars([], updated(NOTHING, state), state, None) == []
+    assert scan_radars([], updated_scene(NOTHING, state), state, None) == []
 
 
 def test_values_are_finite_where_some_rays_hit_nothing() -> None:
@@ -141,26 +141,26 @@ def test_values_are_finite_where_some_rays_hit_nothing() -> None:
     assert all(np.isfinite(cloud[name]).all() for name in cloud.dtype.names or ())
 
 
-def speeds_by_differences(sensor: Radar, state: WorldState, cloud: Table, row: Table | None) -> Float64Array:
-    """Rates of the distances between the radar and points fixed to an actor (None: to the map), by moving both."""
-    ways = []
+def range_rates_by_differences(sensor: Radar, state: WorldState, cloud: Table, row: Table | None) -> Float64Array:
+    """Range rates of points fixed to an actor (None: to the map) as seen from the radar, by moving both a little."""
+    distances_m = []
     for seconds in (-1e-4, 1e-4):
-        then = world(*(moved(each[None], seconds) for each in state.actors))
-        radar_m = map_from_sensor(sensor.pose, then)[:3, 3]
+        moved_state = world(*(advance_row(each[None], seconds) for each in state.actors))
+        radar_m = map_from_sensor(sensor.pose, moved_state)[:3, 3]
         points_m = apply(map_from_sensor(sensor.pose, state), xyz(cloud))
         if row is not None:
             local = apply(np.linalg.inv(map_from_actors(row)), points_m)
-            points_m = apply(map_from_actors(moved(row[None], seconds)[0]), local)
-        ways.append(np.linalg.norm(points_m - radar_m, axis=1))
-    return (ways[1] - ways[0]) / 2e-4
+            points_m = apply(map_from_actors(advance_row(row[None], seconds)[0]), local)
+        distances_m.append(np.linalg.norm(points_m - radar_m, axis=1))
+    return (distances_m[1] - distances_m[0]) / 2e-4
 
 
-def moved(row: Table, seconds: float) -> Table:
-    """By its velocity and, about the vertical, by its angular velocity; in double precision."""
+def advance_row(row: Table, seconds: float) -> Table:
+    """Move an actor by its velocity and, about the vertical, by its angular velocity; in double precision."""
     wide = np.dtype([(name, "f8" if row.dtype[name].kind == "f" else row.dtype[name].str) for name in row.dtype.names])
     row = row.astype(wide)
-    for place, rate in (("x", "vx"), ("y", "vy"), ("z", "vz"), ("yaw", "wz")):
-        row[place] += row[rate] * seconds
+    for coordinate, rate in (("x", "vx"), ("y", "vy"), ("z", "vz"), ("yaw", "wz")):
+        row[coordinate] += row[rate] * seconds
     return row
 
 
@@ -186,7 +186,7 @@ def test_doppler_is_the_rate_of_the_distance_to_the_hit_point(ego: dict[str, flo
     on_target = apply(map_from_sensor(MOUNT, state), xyz(cloud))[:, 2] > 0.01
     assert on_target.sum() > 200
     for chosen, carrier in ((cloud[on_target], row[0]), (cloud[~on_target], None)):
-        expected_mps = speeds_by_differences(sensor, state, chosen, carrier)
+        expected_mps = range_rates_by_differences(sensor, state, chosen, carrier)
         assert chosen["doppler_velocity"] == pytest.approx(expected_mps, abs=2e-3)
 
 
@@ -197,7 +197,7 @@ def test_receding_is_positive_and_approaching_negative() -> None:
         assert cloud["doppler_velocity"] == pytest.approx(np.full(len(cloud), speed_mps), rel=1e-3)
 
 
-def test_a_flank_that_turns_recedes_at_one_end_and_approaches_at_the_other() -> None:
+def test_a_rotating_side_recedes_at_one_end_and_approaches_at_the_other() -> None:
     state = world(actor(MODELS[0]), actor(MODELS[1], 1, id=9, x=20.0, wz=0.5))
     cloud = scan(radar(horizontal_fov_deg=20.0), NOTHING, state)
     # The point (19, y) turns about (20, 0) with the velocity 0.5 · (-y, -1).

@@ -1,4 +1,4 @@
-"""What the radar's amplitudes, noise, threshold and cells do to a wall whose truth is known."""
+"""Amplitude, noise, threshold and resolution cells of the radar, checked on a wall at a known distance."""
 
 import numpy as np
 import pytest
@@ -44,8 +44,8 @@ def scan(sensor: Radar, static: StaticScene, state: WorldState | None = None) ->
     return scan_radars([RadarModel(sensor, 5, 1.0)], scene, state, None)[0]
 
 
-def differences(sensor: Radar, static: StaticScene) -> tuple[Table, dict[str, Float64Array]]:
-    """Ideal detections, and those of a sensor that detects as many minus them."""
+def errors_of(sensor: Radar, static: StaticScene) -> tuple[Table, dict[str, Float64Array]]:
+    """Detections of a sensor, and their differences from the ideal ones of the same rays."""
     ideal, measured = scan(radar(), static), scan(sensor, static)
     names = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
     return measured, {name: measured[name].astype(float) - ideal[name] for name in names}
@@ -74,28 +74,30 @@ def test_amplitude_follows_the_cross_section_under_the_angle_of_incidence() -> N
     assert cloud["amplitude"] == pytest.approx(expected_db, abs=0.02)
 
 
-def test_metal_outshines_people_and_these_the_road_at_grazing_incidence() -> None:
+def test_metal_returns_more_than_pedestrians_and_these_more_than_the_road_at_grazing_incidence() -> None:
     sections = radar_amplitude.load_cross_sections()
     materials = np.array([Material.CAR_PAINT, Material.CLOTH, Material.FOLIAGE, Material.ASPHALT], np.uint8)
     tags = np.array([Tag.CAR, Tag.PEDESTRIAN, Tag.VEGETATION, Tag.ROAD], np.uint8)
-    dbsm = 10.0 * np.log10(sections.at(materials, tags, np.array([0.95, 0.95, 0.95, 0.05])))
+    dbsm = 10.0 * np.log10(sections.at_incidence(materials, tags, np.array([0.95, 0.95, 0.95, 0.05])))
     assert 8.0 < dbsm[0] < 16.0
     assert -8.0 < dbsm[1] < 0.0
     assert -15.0 < dbsm[2] < 0.0
     assert dbsm[3] < -25.0
-    lorry, car = sections.at(materials[[0, 0]], np.array([Tag.TRUCK, Tag.CAR], np.uint8), np.array([0.5, 0.5]))
+    lorry, car = sections.at_incidence(
+        materials[[0, 0]], np.array([Tag.TRUCK, Tag.CAR], np.uint8), np.array([0.5, 0.5])
+    )
     assert lorry / car == pytest.approx(10.0)
 
 
-def test_edge_on_surfaces_return_little_and_not_nothing() -> None:
+def test_edge_on_surfaces_return_little_but_more_than_zero() -> None:
     sections = radar_amplitude.load_cross_sections()
     materials = np.arange(len(Material), dtype=np.uint8)
     for cosine in (0.0, -1e-7, 1.0):
-        m2 = sections.at(materials, np.zeros(len(materials), np.uint8), np.full(len(materials), cosine))
+        m2 = sections.at_incidence(materials, np.zeros(len(materials), np.uint8), np.full(len(materials), cosine))
         assert (m2 > 0.0).all() and np.isfinite(m2).all()
 
 
-def test_rain_weakens_by_the_way_there_and_back() -> None:
+def test_rain_attenuates_over_twice_the_range() -> None:
     state = driving(precipitation=100.0)
     dry, wet = scan(radar(), wall(60.0), state), scan(radar(rain_attenuation=True), wall(60.0), state)
     loss_db = (dry["amplitude"] - wet["amplitude"]).astype(float)
@@ -116,7 +118,7 @@ def test_noise_has_the_configured_sigmas_and_xyz_follow_it() -> None:
         doppler_noise_sigma_mps=0.1,
         amplitude_noise_sigma_db=1.5,
     )
-    cloud, errors = differences(sensor, wall(30.0))
+    cloud, errors = errors_of(sensor, wall(30.0))
     assert len(cloud) == RAYS
     sigmas = [0.2, np.radians(0.5), np.radians(0.8), 0.1, 1.5]
     for error, sigma in zip(errors.values(), sigmas, strict=True):
@@ -130,7 +132,7 @@ def test_noise_has_the_configured_sigmas_and_xyz_follow_it() -> None:
     assert cloud["z"] == pytest.approx(np.sin(cloud["elevation"]) * cloud["range"], abs=1e-4)
 
 
-def test_noise_is_each_rays_own_whatever_else_returns() -> None:
+def test_every_ray_has_its_own_noise_whatever_else_returns() -> None:
     sensor = radar(range_noise_sigma_m=0.2, points_per_second=4000)
     free = scan(sensor, wall(30.0))
     obstructed = scan(sensor, wall(30.0), world(actor(EGO, vx=20.0), actor(LORRY, 1, id=9, x=10.0)))
@@ -138,28 +140,28 @@ def test_noise_is_each_rays_own_whatever_else_returns() -> None:
     assert (obstructed["range"] < 12.0).any()
 
 
-def test_what_is_weaker_than_the_threshold_is_lost() -> None:
+def test_detections_below_the_threshold_are_lost() -> None:
     ideal = scan(radar(), wall(20.0))
     kept = scan(radar(threshold_db=30.0), wall(20.0))
     assert 0 < len(kept) < len(ideal)
     assert kept.tobytes() == ideal[ideal["amplitude"] >= 30.0].tobytes()
 
 
-def test_speeds_beyond_the_unambiguous_one_are_aliased() -> None:
-    cloud, error = differences(radar(max_doppler_mps=8.0), wall(30.0))
+def test_speeds_beyond_the_unambiguous_range_are_aliased() -> None:
+    cloud, error = errors_of(radar(max_doppler_mps=8.0), wall(30.0))
     assert np.abs(cloud["doppler_velocity"]).max() <= 8.0
-    turns = error["doppler_velocity"] / 16.0
-    assert turns == pytest.approx(np.round(turns), abs=1e-5)
-    assert set(np.round(turns)) == {1.0}, "all are between -20 and -12.8 m/s"
-    assert differences(radar(max_doppler_mps=25.0), wall(30.0))[1]["doppler_velocity"] == pytest.approx(np.zeros(RAYS))
+    wraps = error["doppler_velocity"] / 16.0
+    assert wraps == pytest.approx(np.round(wraps), abs=1e-5)
+    assert set(np.round(wraps)) == {1.0}, "all are between -20 and -12.8 m/s"
+    assert errors_of(radar(max_doppler_mps=25.0), wall(30.0))[1]["doppler_velocity"] == pytest.approx(np.zeros(RAYS))
 
 
-def test_values_are_the_middles_of_their_cells() -> None:
+def test_values_are_the_centers_of_their_cells() -> None:
     cells = {"range": 0.4, "doppler_velocity": 0.25, "azimuth": np.radians(2.0), "elevation": np.radians(3.0)}
     sensor = radar(
         range_resolution_m=0.4, doppler_resolution_mps=0.25, azimuth_resolution_deg=2.0, elevation_resolution_deg=3.0
     )
-    cloud, errors = differences(sensor, wall(30.0))
+    cloud, errors = errors_of(sensor, wall(30.0))
     for name, cell in cells.items():
         number = cloud[name] / cell - (0.5 if name == "range" else 0.0)
         assert number == pytest.approx(np.round(number), abs=1e-4)
@@ -182,8 +184,8 @@ def test_one_per_cell_keeps_the_strongest_in_the_order_of_the_rays() -> None:
         strongest[row[:4]] = max(row[4], strongest.get(row[:4], -np.inf))
     assert 50 < len(single) < len(everything) / 10
     assert {row[:4]: row[4] for row in single[[*columns, "amplitude"]].tolist()} == strongest
-    places = [int(np.flatnonzero(everything == row)[0]) for row in single]
-    assert places == sorted(places)
+    rows = [int(np.flatnonzero(everything == row)[0]) for row in single]
+    assert rows == sorted(rows)
 
 
 @pytest.mark.parametrize(
@@ -196,12 +198,12 @@ def test_one_per_cell_keeps_the_strongest_in_the_order_of_the_rays() -> None:
         ({"ray_pattern": "spiral"}, "'cone' or 'even'"),
     ],
 )
-def test_what_cannot_be_is_refused(bad: dict[str, object], words: str) -> None:
+def test_invalid_properties_are_rejected(bad: dict[str, object], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         radar(**bad)
 
 
-def test_the_ground_is_faint_and_its_cloud_reaches_as_far_as_the_range() -> None:
+def test_the_ground_is_faint_and_is_detected_up_to_the_maximum_range() -> None:
     ground = static_scene(mesh(sheet([-300, -300], [300, 300]), Tag.ROAD, Material.ASPHALT))
     cloud = scan(radar(), ground)
     far = cloud["range"] > 60.0

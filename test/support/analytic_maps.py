@@ -102,8 +102,8 @@ def merged(tiles: Sequence[Tile]) -> Mesh:
     for tile in tiles:
         map_from_tile = np.eye(4)
         map_from_tile[:3, 3] = tile.origin_m
-        meshes.append(tile.mesh.transformed(map_from_tile))
-    return Mesh.merged(meshes)
+        meshes.append(tile.mesh.transform(map_from_tile))
+    return Mesh.merge(meshes)
 
 
 def _bridge(

@@ -34,7 +34,7 @@ _TINT = {
 
 @dataclass(frozen=True)
 class Street:
-    """(N, 3) lower and upper corners of boxes in the map frame, metres; (N,) tags and ids."""
+    """(N, 3) lower and upper corners of boxes in the map frame, meters; (N,) tags and ids."""
 
     low: Float64Array
     high: Float64Array

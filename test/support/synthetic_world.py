@@ -62,12 +62,12 @@ def cart_model() -> ActorModel:
         for y in (0.9, -0.9):
             meshes.append(mesh(box([x, y, 0.4], [0.6, 0.2, 0.6]), Tag.CAR, Material.RUBBER, len(parts)))
             parts.append(Part("wheel", pivot_m=(x, y, 0.4), spins=True, steers=x > 0))
-    return ActorModel("cart", Tag.CAR, "car", Mesh.merged(meshes), (4.0, 2.0, 1.6), tuple(parts), 0.3)
+    return ActorModel("cart", Tag.CAR, "car", Mesh.merge(meshes), (4.0, 2.0, 1.6), tuple(parts), 0.3)
 
 
 def static_scene(*meshes: Mesh, origin_m: Sequence[float] = (0.0, 0.0, 0.0), **surfaces: Mesh) -> StaticScene:
     """One tile."""
-    return StaticScene((Tile(np.array(origin_m, np.float64), Mesh.merged(meshes), surfaces),), ())
+    return StaticScene((Tile(np.array(origin_m, np.float64), Mesh.merge(meshes), surfaces),), ())
 
 
 def actor(model: ActorModel, blueprint: int = 0, **columns: float) -> Table:

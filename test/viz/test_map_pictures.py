@@ -27,7 +27,7 @@ def sheet(x_m: float, y_m: float, half_m: float, z_m: float, color: tuple[int, i
 def test_an_orthophoto_shows_the_topmost_surface_where_it_is() -> None:
     origin_m = np.array([1000.0, 2000.0, 5.0])
     meshes = [sheet(0, 0, 50, 0, (0, 90, 0)), sheet(20, 30, 6, 0.5, (90, 0, 0)), sheet(20, 30, 9, 0.2, (0, 0, 90))]
-    picture = orthophoto([Tile(origin_m, Mesh.merged(meshes), {})], origin_m[:2], 100.0, 200)
+    picture = orthophoto([Tile(origin_m, Mesh.merge(meshes), {})], origin_m[:2], 100.0, 200)
     # 2 pixels a metre, row 0 in the north, column 0 in the west
     strongest = {
         (row, column): int(np.argmax(picture[row, column])) for row, column in ((40, 140), (40, 156), (100, 100))
@@ -39,7 +39,7 @@ def test_an_orthophoto_shows_the_topmost_surface_where_it_is() -> None:
 
 def test_an_orthophoto_has_shadows_on_the_side_away_from_the_sun() -> None:
     meshes = [sheet(0, 0, 50, 0, (90, 90, 90)), sheet(0, 0, 5, 10, (90, 90, 90))]
-    picture = orthophoto([Tile(np.zeros(3), Mesh.merged(meshes), {})], np.zeros(2), 100.0, 200).astype(int)
+    picture = orthophoto([Tile(np.zeros(3), Mesh.merge(meshes), {})], np.zeros(2), 100.0, 200).astype(int)
     south_east, north_west = picture[114, 112].sum(), picture[86, 88].sum()
     assert south_east < 0.75 * north_west
     assert picture[5, 5].sum() == pytest.approx(north_west, abs=3)

@@ -52,7 +52,7 @@ def _interpolate(start: Float64Array, end: Float64Array, share: Float64Array) ->
 
 def _through_lens(points: Float64Array, camera: LensCamera) -> Float64Array:
     """(2, N) points on the plane z = 1 after distortion by the lens."""
-    scale = np.maximum(np.hypot(*points) / (np.sqrt(camera.widest) * _DOMAIN_SHARE), 1.0)
+    scale = np.maximum(np.hypot(*points) / (np.sqrt(camera.max_radius2) * _DOMAIN_SHARE), 1.0)
     pixels = camera.project(np.stack([*(points / scale), np.ones_like(scale)], axis=1)).T
     distorted: Float64Array = (pixels - [[camera.cx_px], [camera.cy_px]]) / [[camera.fx_px], [camera.fy_px]] * scale
     return distorted
@@ -62,7 +62,7 @@ def _canvas_radius(camera: LensCamera) -> float:
     """Maximum distance from the principal point, on the plane z = 1, of anything that appears on the canvas."""
     size_px = np.array([camera.width_px, camera.height_px])
     corners = (np.array([-size_px, 2 * size_px]) - [camera.cx_px, camera.cy_px]) / [camera.fx_px, camera.fy_px]
-    widest = np.sqrt(camera.widest)
+    widest = np.sqrt(camera.max_radius2)
     rim = _through_lens(widest * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]]), camera)
     max_radius = np.hypot(*np.abs(corners).max(axis=0))
     return float(widest * max(1.0, max_radius / np.hypot(*rim).min()))

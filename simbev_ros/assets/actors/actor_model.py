@@ -49,7 +49,7 @@ class Cycle:
     turn_rad: Float64Array
     rise_m: Float64Array
 
-    def at(self, speed_mps: Float64Array, gait_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def interpolate(self, speed_mps: Float64Array, gait_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
         """(A, P) turns and (A,) rises of A people."""
         count, steps = self.rise_m.shape
         row = np.interp(speed_mps, self.speed_mps, np.arange(count))
@@ -90,8 +90,8 @@ class ActorModel:
         blueprint: Its name, e.g. ``vehicle.sedan``.
         tag: Semantic tag of all its triangles.
         box_class: Detection class, or "" if it has none (riders).
-        mesh: Rest pose, actor frame: x forward, y left, z up, origin at the centre of the ground plane of its box.
-        size_m: Length, width, height: the mesh's extent in rest pose; the box is centred on the origin in x and y.
+        mesh: Rest pose, actor frame: x forward, y left, z up, origin at the center of the ground plane of its box.
+        size_m: Length, width, height: the mesh's extent in rest pose; the box is centered on the origin in x and y.
         parts: Part 0 is the body; a part comes after its parent.
         wheel_radius_m: For turning distance into the ``wheel`` angle; 0 without wheels.
         cycle: How a person moves.

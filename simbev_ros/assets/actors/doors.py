@@ -81,7 +81,7 @@ def insides(panel: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 
 def _is_border(edges: Float64Array) -> BoolArray:
-    """(E,) which of (E, 2, 3) directed edges no neighbour runs along the other way."""
+    """(E,) which of (E, 2, 3) directed edges no neighbor runs along the other way."""
     _, joined = np.unique(np.round(edges.reshape(-1, 3), 6), axis=0, return_inverse=True)
     start, end = joined.reshape(-1, 2).astype(np.int64).T
     count = joined.max() + 1

@@ -18,13 +18,13 @@ class Figure(Model):
     """A person.
 
     Attributes:
-        height: Standing, metres; the blueprint's size has the last word.
+        height: Standing, meters; the blueprint's size has the last word.
         girth: Thickness of trunk and limbs over that of a slim adult.
         shoulders: Half the distance of the shoulders over the height.
         head: Size of the head over an adult's, relative to the height.
         belly: How far the waist comes forward, over the height.
-        skin: Colour, RRGGBB.
-        hair: Colour, RRGGBB.
+        skin: Color, RRGGBB.
+        hair: Color, RRGGBB.
         hairstyle: Or what the person wears on the head.
         top: Finish of the upper garment.
         hem: How far the upper garment reaches below the hip joints, over the height.
@@ -69,7 +69,7 @@ _SHOULDERS = 0.112
 
 
 def figure_pose(figure: Figure, tall_m: float) -> Pose:
-    """The pose in which the figure, of a height of ``tall_m`` with its hair, is modelled."""
+    """The pose in which the figure, of a height of ``tall_m`` with its hair, is modeled."""
     if figure.seat:
         return seated_pose(figure.seat, figure.height, figure.shoulders)
     x, half = load_body().shoe[0][1:3]
@@ -242,7 +242,7 @@ def _limb(
 def _rings(
     rows: Iterable[Ring], height: float, girth: float = 1.0
 ) -> tuple[tuple[float, float, float, float, float], ...]:
-    """Rings in metres from rows of proportions."""
+    """Rings in meters from rows of proportions."""
     return tuple(
         (x * height, 0.0, z * height, depth * height * girth, width * height * girth) for z, x, depth, width in rows
     )

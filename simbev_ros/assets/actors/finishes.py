@@ -17,10 +17,10 @@ def _finishes() -> dict[str, tuple[Material, tuple[int, int, int]]]:
 
 
 def finish_named(name: str, tag: Tag, part: int = 0) -> Finish:
-    """The finish of this name in finishes.yaml, or ``cloth #RRGGBB`` and the like: a material with a colour.
+    """The finish of this name in finishes.yaml, or ``cloth #RRGGBB`` and the like: a material with a color.
 
     Args:
-        name: Key of finishes.yaml, or a material's lower-case name and a colour.
+        name: Key of finishes.yaml, or a material's lower-case name and a color.
         tag: Semantic tag of what gets the finish.
         part: Rigid part that moves it.
 

@@ -59,13 +59,13 @@ def _leg(
         return np.full(len(phase), THIGH + SHIN + ANKLE), *np.zeros((3, len(phase)))
     down = np.linspace(0.0, gait.stance, _FINE)
     pitch = _stance_pitch(gait, down / gait.stance)
-    ankle = _rolled(pitch, sole) - np.outer(down, [length, 0.0])
+    ankle = _rolled_ankle(pitch, sole) - np.outer(down, [length, 0.0])
     ahead, mean = _touch_down(gait, down, ankle)
     share = np.clip((phase - gait.stance) / (1.0 - gait.stance), 0.0, 1.0)
-    foot = _onward(phase, down, pitch, (gait.lift_at, np.radians(gait.tuck)))
-    x = _onward(phase, down, ankle[:, 0] + ahead)
+    foot = _interpolate_stride(phase, down, pitch, (gait.lift_at, np.radians(gait.tuck)))
+    x = _interpolate_stride(phase, down, ankle[:, 0] + ahead)
     hip = _hip(gait, mean, phase)
-    z = _rolled(foot, sole)[:, 1] + gait.lift * _hump(share, gait.lift_at) - hip
+    z = _rolled_ankle(foot, sole)[:, 1] + gait.lift * _hump(share, gait.lift_at) - hip
     thigh, shin = bend(np.column_stack([x, np.zeros_like(x), z]), THIGH, SHIN, forward=True)
     return hip, thigh, shin - thigh, foot - shin
 
@@ -77,7 +77,7 @@ def _stance_pitch(gait: Gait, share: Float64Array) -> Float64Array:
     return np.radians(gait.strike * setting + gait.toe_off * rising)
 
 
-def _rolled(pitch: Float64Array, sole: tuple[float, float]) -> Float64Array:
+def _rolled_ankle(pitch: Float64Array, sole: tuple[float, float]) -> Float64Array:
     """(N, 2) x, z of the ankle of a foot that rolls about its heel or toes, from where it is when the foot is flat."""
     pivot_x = np.where(pitch < 0.0, sole[0], sole[1])
     x, z = -pivot_x, ANKLE
@@ -100,7 +100,9 @@ def _touch_down(gait: Gait, down: Float64Array, ankle: Float64Array) -> tuple[fl
     return float(ahead[best]), float(height[best].min())
 
 
-def _onward(phase: Float64Array, down: Float64Array, stance: Float64Array, *knots: tuple[float, float]) -> Float64Array:
+def _interpolate_stride(
+    phase: Float64Array, down: Float64Array, stance: Float64Array, *knots: tuple[float, float]
+) -> Float64Array:
     """A quantity over the stride: given on the ground, led smoothly through (share of the swing, value) in the air."""
     start, step = down[-1], down[1] - down[0]
     leaving, landing = ((stance[k] - stance[k - 2]) / (2.0 * step) for k in (-1, 2))

@@ -20,19 +20,24 @@ def build_shell(shell: Shell, tag: Tag, part_index: dict[str, int], detail: Deta
     wall = _wall_quads(np.concatenate([grid.half, mirrored], axis=1))
     base = _cap_quads(level_points(grid.half[0], np.array([-1.0, 1.0])))[:, ::-1]
     quads = np.concatenate([wall, _cap_quads(grid.cap), base])
-    finishes, parts = _in_order(grid.finishes, shell.base, len(base)), _in_order(grid.parts, "body", len(base))
-    meshes = [_patched(quads, finishes, parts, tag, part_index, shell.crease_deg)]
+    finishes, parts = (
+        _flatten_names(grid.finishes, shell.base, len(base)),
+        _flatten_names(grid.parts, "body", len(base)),
+    )
+    meshes = [_mesh_from_quads(quads, finishes, parts, tag, part_index, shell.crease_deg)]
     for part in sorted(set(parts.tolist()) - {"body"}) if detail.insides else ():
         is_door = parts == part
         leaf, niche = insides(quads[is_door])
         skin = np.where(finishes[is_door] == "glass", "glass", "lining")
         lining = np.full(len(leaf) - len(skin), "lining")
-        meshes.append(_patched(leaf, np.concatenate([skin, lining]), np.full(len(leaf), part), tag, part_index))
-        meshes.append(_patched(niche, np.full(len(niche), "lining"), np.full(len(niche), "body"), tag, part_index))
+        meshes.append(_mesh_from_quads(leaf, np.concatenate([skin, lining]), np.full(len(leaf), part), tag, part_index))
+        meshes.append(
+            _mesh_from_quads(niche, np.full(len(niche), "lining"), np.full(len(niche), "body"), tag, part_index)
+        )
     return meshes
 
 
-def _patched(
+def _mesh_from_quads(
     quads: Float64Array,
     finishes: AnyArray,
     parts: AnyArray,
@@ -63,7 +68,7 @@ def _cap_quads(cap: Float64Array) -> Float64Array:
     return np.stack([cap[:-1, :-1], cap[:-1, 1:], cap[1:, 1:], cap[1:, :-1]], axis=2).reshape(-1, 4, 3)
 
 
-def _in_order(names: tuple[AnyArray, AnyArray, AnyArray], below: str, count: int) -> AnyArray:
+def _flatten_names(names: tuple[AnyArray, AnyArray, AnyArray], below: str, count: int) -> AnyArray:
     """(Q,) names of the quads of wall, cap and base."""
     left, right, cap = names
     wall = np.concatenate([left, right[:, ::-1]], axis=1)

@@ -1,4 +1,4 @@
-"""Poses: where a figure's joints are when it is modelled, and how its limbs turn when it walks, runs or pedals."""
+"""Poses: where a figure's joints are when it is modeled, and how its limbs turn when it walks, runs or pedals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ _STANDING = THIGH + SHIN + ANKLE
 
 
 class Seat(Model):
-    """How a rider sits; metres, frame of the vehicle.
+    """How a rider sits; meters, frame of the vehicle.
 
     Attributes:
         hip: x, z of the hip joints.
@@ -54,12 +54,12 @@ class Seat(Model):
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """The pose in which a figure is modelled, and its turns from there at M speeds and N equal steps of ``gait``.
+    """The pose in which a figure is modeled, and its turns from there at M speeds and N equal steps of ``gait``.
 
     Attributes:
         hip: (3,) middle of the hip joints.
         neck: (3,) lower end of the neck.
-        head: (3,) centre of the head.
+        head: (3,) center of the head.
         lean_deg: Pitch of the trunk.
         joints: Side → joint → (3,).
         foot_pitch_rad: Pitch of the feet, toes down.

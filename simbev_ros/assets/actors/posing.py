@@ -17,10 +17,10 @@ class PosedActors:
     """Merged triangles of several actors.
 
     Attributes:
-        vertices: (V, 3) float32, metres, map axes, relative to the origin asked for.
+        vertices: (V, 3) float32, meters, map axes, relative to the origin asked for.
         triangles: (T, 3) int32.
         triangle_row: (T,) uint32, row of the actor in the table that was posed.
-        vertex_model: (V,) int32, index of the vertex in its model's mesh (for material, colour, normal).
+        vertex_model: (V,) int32, index of the vertex in its model's mesh (for material, color, normal).
     """
 
     vertices: Float32Array
@@ -50,20 +50,20 @@ def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Ar
     for blueprint in np.unique(actors["blueprint"]):
         mesh = meshes[blueprint]
         rows = np.flatnonzero(actors["blueprint"] == blueprint)
-        posed = _posed(models[blueprint], actors[rows], origin_from_actor[rows])
+        posed = _pose_vertices(models[blueprint], actors[rows], origin_from_actor[rows])
         indices = np.arange(len(mesh.vertices), dtype=np.int32)
         for row, row_vertices in zip(rows, posed, strict=True):
-            place = slice(first_vertex[row], first_vertex[row] + len(mesh.vertices))
-            vertices[place] = row_vertices
-            vertex_model[place] = indices
-            place = slice(first_triangle[row], first_triangle[row] + len(mesh.triangles))
-            np.add(mesh.triangles, first_vertex[row], out=triangles[place], casting="same_kind")
+            target = slice(first_vertex[row], first_vertex[row] + len(mesh.vertices))
+            vertices[target] = row_vertices
+            vertex_model[target] = indices
+            target = slice(first_triangle[row], first_triangle[row] + len(mesh.triangles))
+            np.add(mesh.triangles, first_vertex[row], out=triangles[target], casting="same_kind")
     return PosedActors(
         vertices, triangles, np.repeat(np.arange(len(actors), dtype=np.uint32), triangle_counts), vertex_model
     )
 
 
-def _posed(model: ActorModel, actors: Table, origin_from_actor: Float64Array) -> Float32Array:
+def _pose_vertices(model: ActorModel, actors: Table, origin_from_actor: Float64Array) -> Float32Array:
     """(N, V, 3) vertices of actors that share a model; (N, 4, 4) transforms put the actors in their places."""
     origin_from_part = (origin_from_actor[:, None] @ part_poses(model, actors)).astype(np.float32)
     rotations = origin_from_part[..., :3, :3].swapaxes(-1, -2)

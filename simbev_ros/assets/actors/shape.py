@@ -48,7 +48,7 @@ class Shape(Model):
 
     Attributes:
         shells: Smooth bodies.
-        wheels: Wheels with tyres, of vehicles with two sides.
+        wheels: Wheels with tires, of vehicles with two sides.
         doors: Pairs of doors, front to rear.
         parts: Rigid parts besides the body, the wheels and the doors; a parent comes first.
         figure: A person.
@@ -100,7 +100,7 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
         solids += figure_solids(shape.figure, pose)
     for entry in shape.parts:
         parts.append(_part(entry, [part.name for part in parts]))
-    index = {part.name: place for place, part in enumerate(parts)}
+    index = {part.name: index_in_parts for index_in_parts, part in enumerate(parts)}
     build = partial(_build, shape, tuple(solids), blueprint.tag, index)
     model = ActorModel(
         blueprint=blueprint.name,
@@ -114,13 +114,13 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     )
     bounds_m = model.mesh.bounds_m
     if model.cycle and blueprint.on_foot:
-        walks_mps = transition_mps(blueprint.size_m[2])
-        bounds_m = stride_bounds(model, walks_mps if blueprint.runs_as else model.cycle.speed_mps[-1])
+        max_walk_mps = transition_mps(blueprint.size_m[2])
+        bounds_m = stride_bounds(model, max_walk_mps if blueprint.runs_as else model.cycle.speed_mps[-1])
     fitted = _fit(blueprint, bounds_m)
     return replace(
         model,
-        mesh=model.mesh.transformed(fitted),
-        parts=tuple(replace(part, pivot_m=_moved(fitted, part.pivot_m)) for part in parts),
+        mesh=model.mesh.transform(fitted),
+        parts=tuple(replace(part, pivot_m=_transform_point(fitted, part.pivot_m)) for part in parts),
         build_coarser=partial(_coarser, build, fitted),
     )
 
@@ -132,13 +132,13 @@ def _build(shape: Shape, solids: tuple[Solid, ...], tag: Tag, part_index: dict[s
         meshes += build_wheels(shape.wheels, tag, 1, detail)
     spinning = {part.name for part in shape.parts if part.spins}
     for solid in (*solids, *(seats(shape.doors) if detail.insides else ())):
-        meshes += build_solid(solid, tag, part_index, detail.of_spinning if solid.part in spinning else detail)
-    return _by_part(Mesh.merged(meshes))
+        meshes += build_solid(solid, tag, part_index, detail.for_spinning_parts if solid.part in spinning else detail)
+    return _by_part(Mesh.merge(meshes))
 
 
 def _coarser(build: Callable[[Detail], Mesh], fitted: Float64Array) -> tuple[CoarserMesh, ...]:
     """See ``ActorModel.build_coarser``."""
-    return tuple(CoarserMesh(build(detail).transformed(fitted), detail.error_m) for detail in COARSER)
+    return tuple(CoarserMesh(build(detail).transform(fitted), detail.error_m) for detail in COARSER)
 
 
 def stride_bounds(model: ActorModel, top_mps: float) -> Float64Array:
@@ -157,17 +157,17 @@ def stride_bounds(model: ActorModel, top_mps: float) -> Float64Array:
         bounds.append([posed.min(axis=(0, 1)), posed.max(axis=(0, 1))])
     extremes = np.array(bounds)
     low_m, high_m = extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)
-    low_m[2] = model.mesh.bounds_m[0, 2]  # who runs sinks in by a millimetre
+    low_m[2] = model.mesh.bounds_m[0, 2]  # who runs sinks in by a millimeter
     return np.stack([low_m, high_m])
 
 
 def _by_part(mesh: Mesh) -> Mesh:
     """The mesh with the vertices, and the triangles, of a part together."""
     order = np.argsort(mesh.part, kind="stable")
-    place = np.argsort(order).astype(np.int32)
+    index_in_parts = np.argsort(order).astype(np.int32)
     triangles = mesh.triangles[np.argsort(mesh.part[mesh.triangles[:, 0]], kind="stable")]
     columns = {name: getattr(mesh, name)[order] for name in _VERTEX_COLUMNS}
-    return Mesh(**columns, triangles=place[triangles])
+    return Mesh(**columns, triangles=index_in_parts[triangles])
 
 
 def _part(entry: ShapePart, names: list[str]) -> Part:
@@ -194,7 +194,7 @@ def _fit(blueprint: Blueprint, bounds_m: Float64Array) -> Float64Array:
     return fit
 
 
-def _moved(transform: Float64Array, point_m: Vector) -> Vector:
+def _transform_point(transform: Float64Array, point_m: Vector) -> Vector:
     """A point under a transform."""
     x, y, z = (transform[:3, :3] @ np.array(point_m) + transform[:3, 3]).tolist()
     return x, y, z

@@ -14,7 +14,7 @@ Curve = float | tuple[tuple[float, float], ...]
 
 
 class Loop(Model):
-    """One waterline; metres, actor frame.
+    """One waterline; meters, actor frame.
 
     Attributes:
         name: By which patches name it.

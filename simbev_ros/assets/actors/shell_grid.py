@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from simbev_ros.assets.actors.detail import Detail, needed
+from simbev_ros.assets.actors.detail import Detail, select_lines
 from simbev_ros.assets.actors.doors import door_part
 from simbev_ros.assets.actors.finishes import mirrored_name
 from simbev_ros.assets.actors.shell import Arch, Area, Curve, Loop, Seam, Shell
@@ -78,26 +78,26 @@ def _coarser(grid: Grid, error_m: float) -> Grid:
     over = np.swapaxes(cap, 1, 2)
     beside = np.concatenate([wall.reshape(-1, wall.shape[2]), over.reshape(-1, over.shape[2])])
     across = np.concatenate([np.swapaxes(grid.half, 0, 1), grid.cap], axis=1)
-    column, cells = needed(across, _borders(beside), error_m)
+    column, cells = select_lines(across, _borders(beside), error_m)
     upward = np.swapaxes(wall[..., cells], 1, 2).reshape(-1, wall.shape[1])
-    row, levels = needed(grid.half[:, column], _borders(upward), error_m)
+    row, levels = select_lines(grid.half[:, column], _borders(upward), error_m)
     sideward = cap[:, cells].reshape(-1, cap.shape[2])
-    lateral, strips = needed(np.swapaxes(grid.cap[column], 0, 1), _borders(sideward), error_m)
+    lateral, strips = select_lines(np.swapaxes(grid.cap[column], 0, 1), _borders(sideward), error_m)
 
-    def thinned(names: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray, AnyArray]:
+    def select_cells(names: tuple[AnyArray, AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray, AnyArray]:
         left, right, cap = names
         return left[np.ix_(levels, cells)], right[np.ix_(levels, cells)], cap[np.ix_(cells, strips)]
 
     return Grid(
         half=grid.half[row][:, column],
         cap=grid.cap[column][:, lateral],
-        finishes=thinned(grid.finishes),
-        parts=thinned(grid.parts),
+        finishes=select_cells(grid.finishes),
+        parts=select_cells(grid.parts),
     )
 
 
 def _borders(names: AnyArray) -> BoolArray:
-    """(N + 1,) whether something changes between (M, N) neighbouring cells."""
+    """(N + 1,) whether something changes between (M, N) neighboring cells."""
     return np.concatenate([[True], (names[:, 1:] != names[:, :-1]).any(axis=0), [True]])
 
 
@@ -118,17 +118,17 @@ def _seam_area(shell: Shell, seam: Seam, width_m: float) -> Area:
     """The cells of a seam."""
     if not seam.rows:
         return Area(rows=(_under(seam), seam.below), front=seam.front, side=seam.side, rear=seam.rear, only=seam.only)
-    return Area(rows=seam.rows, only=seam.only, **_seam_places(shell, seam, width_m))
+    return Area(rows=seam.rows, only=seam.only, **_seam_ranges(shell, seam, width_m))
 
 
-def _seam_places(shell: Shell, seam: Seam, width_m: float) -> dict[str, tuple[float, ...]]:
+def _seam_ranges(shell: Shell, seam: Seam, width_m: float) -> dict[str, tuple[float, ...]]:
     """Ranges of an upright seam around its places."""
     loop = shell.loops[len(shell.loops) // 2]
     half_width = float(_curve(loop.half)(shell.sides[0]))
     front_m, rear_m = half_width + loop.front - shell.sides[0], half_width + shell.sides[-1] - loop.rear
     return {
-        name: tuple(edge for place in places for edge in (place - step, place + step))
-        for name, places, step in (
+        name: tuple(edge for target in x_breaks for edge in (target - step, target + step))
+        for name, x_breaks, step in (
             ("front", seam.front, 0.6 * width_m / front_m),
             ("side", seam.side, -0.5 * width_m),
             ("rear", seam.rear, 0.6 * width_m / rear_m),
@@ -155,22 +155,22 @@ def _columns(shell: Shell, seams: Sequence[Area]) -> Float64Array:
         2.0 + np.array([value for area in (*shell.patches, *seams) for value in area.rear]),
     ]
     wanted = np.unique(np.round(np.concatenate(columns), 6))
-    asked = np.unique(np.round(np.concatenate([*columns[3:], [0.0, 1.0, 2.0, 3.0]]), 6))
-    distance = np.abs(wanted[:, None] - asked[None, :]).min(axis=1)
+    required = np.unique(np.round(np.concatenate([*columns[3:], [0.0, 1.0, 2.0, 3.0]]), 6))
+    distance = np.abs(wanted[:, None] - required[None, :]).min(axis=1)
     return np.asarray(wanted[(distance == 0.0) | (distance > 0.02)])
 
 
 def _half_loop(shell: Shell, loop: Loop, columns: Float64Array) -> Float64Array:
     """(K, 3) points of the left half of a loop, front to rear."""
-    places = loop.sides or shell.sides
-    start, end = places[0], places[-1]
+    x_breaks = loop.sides or shell.sides
+    start, end = x_breaks[0], x_breaks[-1]
     half_width = _curve(loop.half)
     xy = np.empty((len(columns), 2))
     front, rear = columns <= 1.0, columns >= 2.0
     side = ~front & ~rear
     xy[front] = _corner(loop.front, start, float(half_width(start)), loop.nose, columns[front])
     x = shell.sides[0] + (columns[side] - 1.0) * (shell.sides[-1] - shell.sides[0])
-    xy[side, 0] = np.interp(-x, -np.array(shell.sides), np.array(places))
+    xy[side, 0] = np.interp(-x, -np.array(shell.sides), np.array(x_breaks))
     xy[side, 1] = half_width(xy[side, 0])
     xy[rear] = _corner(loop.rear, end, float(half_width(end)), loop.tail, 3.0 - columns[rear])
     return np.column_stack([xy, _curve(loop.z)(xy[:, 0])])
@@ -273,9 +273,9 @@ def _names(
             cap[np.ix_(inside, across & (middle >= 0.0))] = name
             cap[np.ix_(inside, across & (middle < 0.0))] = mirrored_name(name)
             continue
-        place = slice(rows.index(area.rows[0]), rows.index(area.rows[1]))
+        target = slice(rows.index(area.rows[0]), rows.index(area.rows[1]))
         if area.only != "right":
-            left[place, inside] = name
+            left[target, inside] = name
         if area.only != "left":
-            right[place, inside] = mirrored_name(name)
+            right[target, inside] = mirrored_name(name)
     return left, right, cap

@@ -52,9 +52,9 @@ class Skeletons:
             if cycle is not None:
                 alike = np.flatnonzero(actors["blueprint"] == blueprint)
                 speed_mps = np.hypot(actors["vx"][alike], actors["vy"][alike]).astype(np.float64)
-                turn_rad, rise_m[alike] = cycle.at(speed_mps, actors["gait"][alike].astype(np.float64))
+                turn_rad, rise_m[alike] = cycle.interpolate(speed_mps, actors["gait"][alike].astype(np.float64))
                 angle_y[body[alike, None] + np.arange(turn_rad.shape[1])] += turn_rad
-        poses = _turns_about(self._pivot_m[part], angle_y, angle_z)
+        poses = _rotations_about(self._pivot_m[part], angle_y, angle_z)
         poses[body, 2, 3] += rise_m
         depth = self._depth[part]
         for level in range(1, int(depth.max(initial=0)) + 1):
@@ -81,7 +81,7 @@ def _depth(parts: Sequence[Part], index: int) -> int:
     return 0 if parent < 0 else 1 + _depth(parts, parent)
 
 
-def _turns_about(pivots_m: Float64Array, angle_y_rad: Float64Array, angle_z_rad: Float64Array) -> Float64Array:
+def _rotations_about(pivots_m: Float64Array, angle_y_rad: Float64Array, angle_z_rad: Float64Array) -> Float64Array:
     """(R, 4, 4) rotations Rz Ry about (R, 3) fixed points."""
     cy, sy, cz, sz = np.cos(angle_y_rad), np.sin(angle_y_rad), np.cos(angle_z_rad), np.sin(angle_z_rad)
     turns = np.zeros((len(pivots_m), 4, 4))

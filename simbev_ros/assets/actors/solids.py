@@ -19,7 +19,7 @@ Vector = tuple[float, float, float]
 
 
 class Solid(Model):
-    """What all solids have; metres and degrees, actor frame.
+    """What all solids have; meters and degrees, actor frame.
 
     Attributes:
         finish: See finishes.yaml.
@@ -46,7 +46,7 @@ class Solid(Model):
 
 
 class Box(Solid):
-    """A cuboid about its centre."""
+    """A cuboid about its center."""
 
     shape: Literal["box"]
     size: Vector
@@ -63,7 +63,7 @@ class Box(Solid):
 
 
 class Ellipsoid(Solid):
-    """An ellipsoid about its centre; ``size`` is its three diameters."""
+    """An ellipsoid about its center; ``size`` is its three diameters."""
 
     shape: Literal["ellipsoid"]
     size: Vector
@@ -79,7 +79,7 @@ class Ellipsoid(Solid):
         """See ``Solid``."""
         x, y, z = self.size
         segments = detail.segments(self.segments, max(x, y) / 2)
-        rings = (detail.segments(2 * self.rings, z / 2, least=6) + 1) // 2
+        rings = (detail.segments(2 * self.rings, z / 2, minimum=6) + 1) // 2
         return ellipsoid(finish, (x / 2, y / 2, z / 2), segments=segments, rings=rings)
 
 
@@ -119,7 +119,7 @@ class Rings(Solid):
 
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
-        segments = detail.segments(self.segments, self.thickness_m / 2.0, least=5)
+        segments = detail.segments(self.segments, self.thickness_m / 2.0, minimum=5)
         angles = (np.arange(segments) + 0.5) * (2.0 * np.pi / segments)
         cosine, sine = np.cos(angles), np.sin(angles)
         exponent = 2.0 / self.squareness
@@ -149,11 +149,11 @@ class Lathe(Solid):
         """See ``Solid``."""
         segments = detail.segments(self.segments, self.thickness_m / 2.0)
         upright = lathe(finish, np.array(self.profile), segments=segments, caps=self.profile[0] != self.profile[-1])
-        return upright.transformed(_turned((-90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        return upright.transform(_pose((-90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
 
 class Spokes(Solid):
-    """Bars across a wheel about y, through its centre."""
+    """Bars across a wheel about y, through its center."""
 
     shape: Literal["spokes"]
     radius: float
@@ -167,8 +167,8 @@ class Spokes(Solid):
 
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
-        turns = [_turned((0.0, 180.0 / self.count * k, 0.0), (0.0, 0.0, 0.0)) for k in range(self.count)]
-        return Mesh.merged([box(finish, (2.0 * self.radius, *self.size)).transformed(turn) for turn in turns])
+        turns = [_pose((0.0, 180.0 / self.count * k, 0.0), (0.0, 0.0, 0.0)) for k in range(self.count)]
+        return Mesh.merge([box(finish, (2.0 * self.radius, *self.size)).transform(turn) for turn in turns])
 
 
 class Profile(Solid):
@@ -187,7 +187,7 @@ class Profile(Solid):
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
         flat = extrusion(finish, shapely.Polygon(self.polygon), -self.width / 2.0, self.width / 2.0)
-        return flat.transformed(_turned((90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        return flat.transform(_pose((90.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
 
 AnySolid = Annotated[Box | Ellipsoid | Tube | Rings | Lathe | Spokes | Profile, Field(discriminator="shape")]
@@ -199,15 +199,15 @@ def build_solid(solid: Solid, tag: Tag, part_index: dict[str, int], detail: Deta
     """The solid in its place, and its mirror image if it has one; nothing if it is too thin to show."""
     if not detail.shows(solid.thickness_m):
         return []
-    place = _turned(solid.turn, solid.at)
+    pose = _pose(solid.turn, solid.at)
     finish = finish_named(solid.finish, tag, part_index[solid.part])
-    meshes = [solid.mesh(finish, detail).transformed(place)]
+    meshes = [solid.mesh(finish, detail).transform(pose)]
     if solid.mirrored:
         other = finish_named(mirrored_name(solid.finish), tag, part_index[mirrored_name(solid.part)])
-        meshes.append(solid.mesh(other, detail).transformed(_MIRROR @ place))
+        meshes.append(solid.mesh(other, detail).transform(_MIRROR @ pose))
     return meshes
 
 
-def _turned(turn_deg: Vector, at_m: Vector) -> Float64Array:
+def _pose(turn_deg: Vector, at_m: Vector) -> Float64Array:
     """(4, 4) transform that turns by roll, pitch, yaw and then moves."""
     return matrices_from_xyz_rpy(np.array(at_m), np.radians(turn_deg))

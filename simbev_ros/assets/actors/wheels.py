@@ -19,14 +19,14 @@ class Wheels(Model):
     """The wheels of a vehicle with two sides; the first axle steers.
 
     Attributes:
-        radius: Of the tyre, metres.
-        width: Of the tyre.
+        radius: Of the tire, meters.
+        width: Of the tire.
         axles: x of the axles, front to rear.
-        half_track: y of the outer face of the tyres.
-        rim: Radius of the rim over that of the tyre.
+        half_track: y of the outer face of the tires.
+        rim: Radius of the rim over that of the tire.
         spokes: Number of spokes; none for a plain steel disc.
         finish: Of the spokes or disc.
-        twin: The tyres of the rear axle are two side by side.
+        twin: The tires of the rear axle are two side by side.
     """
 
     radius: float
@@ -62,44 +62,44 @@ def wheel_parts(wheels: Wheels) -> list[Part]:
 def build_wheels(wheels: Wheels, tag: Tag, first_part: int, detail: Detail) -> list[Mesh]:
     """Meshes of all wheels; those of wheel k move with part ``first_part + k``."""
     meshes = []
-    detail = detail.of_spinning
+    detail = detail.for_spinning_parts
     single = twin = _wheel(wheels, tag, detail)
     if wheels.twin:
         inner = np.eye(4)
         inner[2, 3] = -1.15 * wheels.width
-        twin = Mesh.merged([single, _tyre(wheels, tag, detail).transformed(inner)])
+        twin = Mesh.merge([single, _tire(wheels, tag, detail).transform(inner)])
     for index, part in enumerate(wheel_parts(wheels)):
         x, y, z = part.pivot_m
         place = matrices_from_xyz_rpy(np.array([x, y, z]), np.array([-np.copysign(np.pi / 2.0, y), 0.0, 0.0]))
-        wheel = (twin if index >= 2 else single).transformed(place)
+        wheel = (twin if index >= 2 else single).transform(place)
         meshes.append(replace(wheel, part=np.full_like(wheel.part, first_part + index)))
     return meshes
 
 
 def _wheel(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
-    """A wheel about its centre, its axle along z, its outer face up."""
+    """A wheel about its center, its axle along z, its outer face up."""
     face = wheels.width / 2.0
     rim = wheels.radius * wheels.rim
     metal = finish_named(wheels.finish, tag)
-    meshes = [_tyre(wheels, tag, detail)]
-    segments = detail.segments(_SEGMENTS, wheels.radius, least=6)
+    meshes = [_tire(wheels, tag, detail)]
+    segments = detail.segments(_SEGMENTS, wheels.radius, minimum=6)
     if not (wheels.spokes and detail.shows(_SPOKE_M)):
         dished = [(rim, 0.3 * face), (rim, 0.8 * face), (0.75 * rim, 0.5 * face), (0.45 * rim, 0.9 * face)]
         plain = [(rim, 0.5 * face), (rim, 0.85 * face), (0.9 * rim, 0.7 * face)]
         disc = [*plain, (0.0, 0.66 * face)] if wheels.spokes else [*dished, (0.0, 0.95 * face)]
-        return Mesh.merged([*meshes, lathe(metal, np.array(disc), segments=segments)])
+        return Mesh.merge([*meshes, lathe(metal, np.array(disc), segments=segments)])
     dark = finish_named("black", tag)
     meshes.append(lathe(dark, np.array([(rim, 0.5 * face), (0.0, 0.55 * face)]), segments=segments))
     meshes.append(_ring([(rim, 0.5 * face), (1.01 * rim, 0.93 * face), (0.9 * rim, 0.8 * face)], metal, segments))
     meshes.append(lathe(metal, np.array([(0.2 * rim, 0.5 * face), (0.15 * rim, 0.85 * face)]), segments=6))
     for angle in np.arange(wheels.spokes) * (2.0 * np.pi / wheels.spokes):
         spoke = box(metal, (0.86 * rim, 0.22 * rim, 0.26 * face), (0.52 * rim, 0.0, 0.62 * face))
-        meshes.append(spoke.transformed(matrices_from_xyz_rpy(np.zeros(3), np.array([0.0, 0.0, angle]))))
-    return Mesh.merged(meshes)
+        meshes.append(spoke.transform(matrices_from_xyz_rpy(np.zeros(3), np.array([0.0, 0.0, angle]))))
+    return Mesh.merge(meshes)
 
 
-def _tyre(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
-    """A tyre about its centre."""
+def _tire(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
+    """A tire about its center."""
     face = wheels.width / 2.0
     rim, radius = wheels.radius * wheels.rim, wheels.radius
     rubber = finish_named("rubber", tag)
@@ -110,7 +110,7 @@ def _tyre(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
         (0.94 * radius, face),
         (rim, 0.9 * face),
     ]
-    return _ring(profile, rubber, detail.segments(_SEGMENTS, radius, least=6))
+    return _ring(profile, rubber, detail.segments(_SEGMENTS, radius, minimum=6))
 
 
 def _ring(profile: list[tuple[float, float]], finish: Finish, segments: int) -> Mesh:

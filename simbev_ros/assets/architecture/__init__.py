@@ -1,1 +1,1 @@
-"""Buildings: facades, roofs, and the kinds of building that are made of them."""
+"""Builds meshes of buildings: walls, roofs and details, and the kinds of building that combine them."""

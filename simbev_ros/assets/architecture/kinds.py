@@ -1,4 +1,4 @@
-"""The catalogue of building kinds: what each needs of its place, and the function that builds it."""
+"""Catalogue of building kinds: the space that each kind needs (kinds.yaml), and the function that builds it."""
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -38,7 +38,7 @@ _BUILDERS: Mapping[str, Callable[[Plot, Wall, np.random.Generator], Mesh]] = {
 
 
 class Kind(Model):
-    """A kind of building; explained in kinds.yaml."""
+    """Properties of a building kind; kinds.yaml explains the fields."""
 
     width: tuple[int, int]
     depth: tuple[int, int]
@@ -52,7 +52,7 @@ class Kind(Model):
     height_m: tuple[float, float] | None = None
 
     def draw_wall(self, style: str, rng: np.random.Generator) -> Wall:
-        """Walls of a recipe's style if they suit, otherwise of one that does."""
+        """Draw walls of a recipe's style if the kind supports it, otherwise of one of the kind's own styles."""
         if style not in self.walls:
             weights = np.array(list(self.walls.values()))
             style = list(self.walls)[int(rng.choice(len(weights), p=weights / weights.sum()))]
@@ -60,12 +60,12 @@ class Kind(Model):
 
 
 def build(kind: str, plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
-    """A building, closed, in the frame of ``facades``."""
+    """Build the closed mesh of a building of a kind, in the frame of ``facades``."""
     return _BUILDERS[kind](plot, wall, rng)
 
 
 @lru_cache(maxsize=1)
 def load_kinds() -> Mapping[str, Kind]:
-    """All kinds by name."""
+    """Load kinds.yaml: all building kinds by name."""
     text = files("simbev_ros.assets.architecture").joinpath("kinds.yaml").read_text(encoding="utf-8")
     return {name: Kind(**entry) for name, entry in yaml.safe_load(text).items()}

@@ -1,18 +1,18 @@
-"""Room for a building."""
+"""Plot of land that a building has to fit."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """What a building has to fit.
+    """Size that a building has to fit.
 
     Attributes:
-        width_m: Along the street.
-        depth_m: Away from it.
-        height_m: Wanted height of the eaves.
-        foundation_m: How far its foot reaches below the floor of the ground storey.
-        garage: Side of a detached house that its garage is on, seen from the street: -1 left, 1 right, 0 none.
+        width_m: Width along the street.
+        depth_m: Depth away from the street.
+        height_m: Desired height of the eaves.
+        foundation_m: Depth of the foundation below the ground floor.
+        garage: Side of a detached house where its garage is, seen from the street: -1 left, 1 right, 0 none.
     """
 
     width_m: float

@@ -1,4 +1,4 @@
-"""Of what walls are built: the styles of a recipe, and the material and colour that each stands for."""
+"""Wall styles of building recipes, and the material and palette of each."""
 
 from dataclasses import dataclass
 
@@ -16,12 +16,12 @@ _MATERIALS = {
     "glass": Material.OFFICE_GLASS,
 }
 STYLES = tuple(_MATERIALS)
-"""Names of all styles but ``mixed``."""
+"""Names of all styles except ``mixed``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """A building's walls: style, material and colour."""
+    """Style, material and color of a building's walls."""
 
     style: str
     material: Material
@@ -29,5 +29,5 @@ class Wall:
 
 
 def draw_wall(style: str, rng: np.random.Generator) -> Wall:
-    """Walls of a style in a random colour of it."""
+    """Draw walls of a style in a random color of the style's palette."""
     return Wall(style, _MATERIALS[style], pick_color(rng, f"walls.{style}"))

@@ -1,1 +1,1 @@
-"""Plants: how they are grown, which species a landscape has, and stocks of them to plant from."""
+"""Plants: generators of trees and bushes, species by landscape, and a stock of ready meshes to plant from."""

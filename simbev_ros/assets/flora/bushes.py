@@ -1,39 +1,39 @@
-"""Bushes, hedges, cacti and thickets. Frame: origin at the foot, z up."""
+"""Generates meshes of bushes, hedges, cacti and thickets. Frame: origin at the foot, z up."""
 
 import numpy as np
 
 from simbev_ros.assets.flora.crowns import ROOT_M, blossom, clump, crown, leaves
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, lathe, loft, tube
-from simbev_ros.assets.palette import pick_color, shaded
+from simbev_ros.assets.palette import pick_color, shade_color
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
 
-def bush(rng: np.random.Generator) -> Graded:
-    """A bush, about 1.2 m high."""
+def bush(rng: np.random.Generator) -> GradedMesh:
+    """Generate a bush, about 1.2 m high."""
     return _shrub(rng, "hedges", np.array([0.95, 0.8, 0.75]))
 
 
-def oleander(rng: np.random.Generator) -> Graded:
-    """A taller bush of warm lands, about 2 m high, some in flower."""
+def oleander(rng: np.random.Generator) -> GradedMesh:
+    """Generate a taller bush of warm climates, about 2 m high; some are in flower."""
     radii_m = np.array([1.25, 1.1, 1.15])
     leafage = _shrub(rng, "olive_leaves", radii_m)
     if rng.random() < 0.65:
         return leafage
     middle_m, color = np.array([0.0, 0.0, 0.85 * radii_m[2]]), pick_color(rng, "flowers", 0.15)
-    return Graded.merged([leafage, Graded(blossom(rng, middle_m, radii_m, 40, color), Mesh.empty())])
+    return GradedMesh.merge([leafage, GradedMesh(blossom(rng, middle_m, radii_m, 40, color), Mesh.empty())])
 
 
-def scrub(rng: np.random.Generator) -> Graded:
-    """A low grey shrub of dry lands, about 0.8 m high."""
+def scrub(rng: np.random.Generator) -> GradedMesh:
+    """Generate a low gray shrub of dry climates, about 0.8 m high."""
     return _shrub(rng, "dry_leaves", np.array([0.75, 0.65, 0.5]))
 
 
 def cactus(rng: np.random.Generator) -> Mesh:
-    """A column cactus with arms, about 3.5 m high."""
+    """Generate a columnar cactus with arms, about 3.5 m high."""
     flesh = Finish(Material.PLAIN, Tag.VEGETATION, pick_color(rng, "cacti", 0.1))
     height_m = rng.uniform(2.4, 4.2)
     profile = [[0.2, ROOT_M], [0.26, 0.6], [0.25, height_m - 0.3], [0.14, height_m - 0.06], [0.0, height_m]]
@@ -42,36 +42,36 @@ def cactus(rng: np.random.Generator) -> Mesh:
         out, low_m = np.array([np.cos(turn), np.sin(turn)]), height_m * rng.uniform(0.35, 0.5)
         path = [[0.0, 0.0, low_m], [*out * 0.6, low_m + 0.1], [*out * 0.75, low_m + height_m * 0.32]]
         pieces.append(tube(flesh, np.array(path), np.array([0.13, 0.15, 0.12]), segments=6))
-    return Mesh.merged(pieces)
+    return Mesh.merge(pieces)
 
 
 def agave(rng: np.random.Generator) -> Mesh:
-    """A rosette of stiff leaves, about 0.9 m high."""
+    """Generate a rosette of stiff leaves, about 0.9 m high."""
     flesh = Finish(Material.PLAIN, Tag.VEGETATION, pick_color(rng, "cacti", 0.12))
     turns = np.arange(9) * 2.4 + rng.uniform(0.0, 6.0)
     pieces = []
     for turn, rise_m in zip(turns, rng.uniform(0.3, 0.9, len(turns)), strict=True):
         out = np.array([np.cos(turn), np.sin(turn)]) * (1.05 - 0.6 * rise_m)
         pieces.append(tube(flesh, np.array([[0.0, 0.0, 0.0], [*out, rise_m]]), np.array([0.13, 0.01]), segments=3))
-    return Mesh.merged(pieces)
+    return Mesh.merge(pieces)
 
 
 def thicket(rng: np.random.Generator) -> Mesh:
-    """A piece of a distant wood, about 10 m high and 12 m wide: to be seen from afar only."""
+    """Generate a patch of distant forest, about 10 m high and 12 m wide, for distant views only."""
     color = pick_color(rng, "needles" if rng.random() < 0.3 else "broad_leaves", 0.1)
     sizes = rng.uniform((3.0, 3.0, 4.0), (5.0, 5.0, 7.5), (3, 3))
-    spots = np.column_stack([rng.uniform(-4.5, 4.5, (3, 2)), sizes[:, 2] * rng.uniform(0.5, 0.8, 3)])
+    centers = np.column_stack([rng.uniform(-4.5, 4.5, (3, 2)), sizes[:, 2] * rng.uniform(0.5, 0.8, 3)])
     roots = np.array([0.0, 0.0, -4.0])
     tones = rng.uniform(0.75, 1.0, 3)
     balls = [
-        clump(rng, spot, size, roots, shaded(color, tone), irregularity=0.18)
-        for spot, size, tone in zip(spots, sizes, tones, strict=True)
+        clump(rng, center, size, roots, shade_color(color, tone), irregularity=0.18)
+        for center, size, tone in zip(centers, sizes, tones, strict=True)
     ]
-    return Mesh.merged(balls)
+    return Mesh.merge(balls)
 
 
-def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> Graded:
-    """A clipped hedge along x from 0, 0.7 m wide, its top uneven."""
+def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> GradedMesh:
+    """Generate a clipped hedge along x from 0, 0.7 m wide, with an uneven top."""
     stations = np.linspace(0.0, length_m, round(length_m / 0.4) + 1)
     outline = [[-0.33, -0.3], [0.33, -0.3], [0.36, 0.6], [0.3, 0.9], [0.0, 1.0], [-0.3, 0.9], [-0.36, 0.6]]
     sections = np.empty((len(stations), len(outline), 3))
@@ -80,11 +80,11 @@ def hedge(rng: np.random.Generator, length_m: float, height_m: float = 1.3) -> G
     finish = leaves(pick_color(rng, "hedges", 0.1))
     coarse = loft(finish, sections[[0, -1]], crease_deg=60.0)
     sections[1:-1, 2:] += rng.normal(0.0, 0.045, (len(stations) - 2, len(outline) - 2, 3))
-    return Graded(loft(finish, sections, crease_deg=60.0), coarse)
+    return GradedMesh(loft(finish, sections, crease_deg=60.0), coarse)
 
 
-def _shrub(rng: np.random.Generator, palette: str, radii_m: Float64Array) -> Graded:
-    """A ball of leaves that sits on the ground."""
+def _shrub(rng: np.random.Generator, palette: str, radii_m: Float64Array) -> GradedMesh:
+    """A ball of leaves on the ground."""
     radii_m = radii_m * rng.uniform(0.85, 1.15, 3)
     middle_m = np.array([0.0, 0.0, 0.75 * radii_m[2]])
     return crown(rng, middle_m, radii_m, 44, pick_color(rng, palette, 0.15), lobes=2, cover=0.4, coarse_detail=0)

@@ -1,4 +1,4 @@
-"""Species by name and by landscape, and the stock of ready-grown plants of each."""
+"""Plant species by name and by landscape, and the stock of ready meshes of each species."""
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -9,15 +9,15 @@ import numpy as np
 import yaml
 
 from simbev_ros.assets.flora import bushes, trees
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
 from simbev_ros.random import stream
 
 VARIANTS = 4
-"""Plants in the stock of a species."""
+"""Number of different plants in the stock of a species."""
 
-_GROWN: Mapping[str, Callable[[np.random.Generator], Mesh | Graded]] = {
+_GROWERS: Mapping[str, Callable[[np.random.Generator], Mesh | GradedMesh]] = {
     "round": trees.round_tree,
     "tall": trees.tall_tree,
     "small": trees.small_tree,
@@ -43,30 +43,30 @@ _GROWN: Mapping[str, Callable[[np.random.Generator], Mesh | Graded]] = {
 
 
 class Species(Model):
-    """Room that a plant needs; explained in species.yaml."""
+    """Space that a plant of a species needs; species.yaml explains the fields."""
 
     room_m: float
 
 
 @lru_cache(maxsize=1)
 def load_species() -> Mapping[str, Species]:
-    """All species by name."""
+    """Load species.yaml: all species by name."""
     return {name: Species(**entry) for name, entry in _tables()["species"].items()}
 
 
-def draw_species(landscape: str, place: str, count: int, rng: np.random.Generator) -> list[str]:
-    """Names of ``count`` plants of a place (key of species.yaml's landscapes) in a landscape."""
-    weights: Mapping[str, float] = _tables()["landscapes"][landscape][place]
+def draw_species(landscape: str, habitat: str, count: int, rng: np.random.Generator) -> list[str]:
+    """Draw the species of ``count`` plants for a habitat of a landscape (keys of species.yaml's ``landscapes``)."""
+    weights: Mapping[str, float] = _tables()["landscapes"][landscape][habitat]
     share = np.array(list(weights.values()), np.float64)
     names = list(weights)
     return [names[k] for k in rng.choice(len(names), count, p=share / share.sum())]
 
 
 @lru_cache(maxsize=512)
-def stock(species: str, variant: int) -> Graded:
-    """One of the ready-grown plants of a species, the same on every map."""
-    plant = _GROWN[species](stream(variant, f"flora.{species}"))
-    return plant if isinstance(plant, Graded) else Graded(plant, plant)
+def stock(species: str, variant: int) -> GradedMesh:
+    """One plant from the stock of a species, the same on every map."""
+    plant = _GROWERS[species](stream(variant, f"flora.{species}"))
+    return plant if isinstance(plant, GradedMesh) else GradedMesh(plant, plant)
 
 
 @lru_cache(maxsize=128)

@@ -1,71 +1,71 @@
-"""Trees. Frame: origin at the foot, z up; ready to be turned and scaled into place."""
+"""Generates meshes of trees. Frame: origin at the foot, z up; copies may be turned and scaled."""
 
 import numpy as np
 
 from simbev_ros.assets.flora.crowns import ROOT_M, ball, blades, branches, crown, foliage, leaves, trunk
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import lathe
-from simbev_ros.assets.palette import Color, pick_color, shaded
+from simbev_ros.assets.palette import Color, pick_color, shade_color
 from simbev_ros.types import Float64Array
 
 _FRONDS, _LEAFLETS = 18, 7
 _CONE = 0.8
-"""Radius of the foot of a spruce's stand-in, of the reach of its branches."""
+"""Base radius of a spruce's coarse cone, over the reach of its branches."""
 
 
-def round_tree(rng: np.random.Generator) -> Graded:
-    """A broad-leaved street tree, about 9 m high."""
+def round_tree(rng: np.random.Generator) -> GradedMesh:
+    """Generate a broad-leaved street tree, about 9 m high."""
     return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=400)
 
 
-def tall_tree(rng: np.random.Generator) -> Graded:
-    """A tall, slender broad-leaved tree, about 13 m high."""
+def tall_tree(rng: np.random.Generator) -> GradedMesh:
+    """Generate a tall, slender broad-leaved tree, about 13 m high."""
     return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=410)
 
 
-def small_tree(rng: np.random.Generator) -> Graded:
-    """A young or ornamental tree, about 5 m high."""
+def small_tree(rng: np.random.Generator) -> GradedMesh:
+    """Generate a young or ornamental tree, about 5 m high."""
     return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.8, radius_m=1.65, sprigs=310)
 
 
-def birch(rng: np.random.Generator) -> Graded:
-    """A light-leaved tree, about 10 m high."""
+def birch(rng: np.random.Generator) -> GradedMesh:
+    """Generate a birch with light leaves, about 10 m high."""
     color = pick_color(rng, "light_leaves", 0.1)
     return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=280)
 
 
-def olive(rng: np.random.Generator) -> Graded:
-    """A gnarled tree with grey-green leaves, about 4.5 m high."""
+def olive(rng: np.random.Generator) -> GradedMesh:
+    """Generate an olive tree with gray-green leaves, about 4.5 m high."""
     color = pick_color(rng, "olive_leaves", 0.1)
     return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=330, stoutness=0.045)
 
 
-def spruce(rng: np.random.Generator) -> Graded:
-    """A spruce, about 11 m high: tiers of drooping branches around a straight trunk."""
+def spruce(rng: np.random.Generator) -> GradedMesh:
+    """Generate a spruce, about 11 m high: tiers of drooping branches around a straight trunk."""
     return _spruce(rng, height_m=rng.uniform(9.5, 12.5), reach_m=2.6, tiers=12, sprigs=300, cover=10.5)
 
 
-def pine(rng: np.random.Generator) -> Graded:
-    """A pine with a bare red trunk and a crown high up, about 12 m high."""
+def pine(rng: np.random.Generator) -> GradedMesh:
+    """Generate a pine with a bare trunk and a high crown, about 12 m high."""
     return _high_crowned(rng, 0.1, (10.5, 13.5), 0.77, (0.22, 0.1), (2.1, 2.1, 2.7), 260)
 
 
-def stone_pine(rng: np.random.Generator) -> Graded:
-    """An umbrella pine, about 9 m high."""
+def stone_pine(rng: np.random.Generator) -> GradedMesh:
+    """Generate an umbrella pine, about 9 m high."""
     return _high_crowned(rng, 0.12, (8.0, 10.5), 0.86, (0.24, 0.13), (3.2, 3.2, 1.2), 300)
 
 
-def cypress(rng: np.random.Generator) -> Graded:
-    """A slender dark column, about 9 m high."""
+def cypress(rng: np.random.Generator) -> GradedMesh:
+    """Generate a cypress, a slender dark column, about 9 m high."""
     color, height_m = pick_color(rng, "needles", 0.1), rng.uniform(7.5, 11.0)
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, 1.2]]), 0.14, 0.12, segments=3)
     middle, radii = np.array([0.0, 0.0, 0.5 + height_m / 2.0]), np.array([0.8, 0.8, height_m / 2.0])
-    return Graded.merged([stem, ball(rng, middle, radii, middle * [1.0, 1.0, 0.0], 200, color, rise=1.5, cover=0.9)])
+    return GradedMesh.merge([stem, ball(rng, middle, radii, middle * [1.0, 1.0, 0.0], 200, color, rise=1.5, cover=0.9)])
 
 
-def palm(rng: np.random.Generator) -> Graded:
-    """A palm, about 8 m high, its fronds drooping."""
+def palm(rng: np.random.Generator) -> GradedMesh:
+    """Generate a palm with drooping fronds, about 8 m high."""
     height_m, lean = rng.uniform(6.0, 9.5), rng.normal(0.0, 0.35, 2)
     spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.3, height_m * 0.5], [*lean, height_m]])
     color, top = pick_color(rng, "palm_leaves", 0.1), np.array([*lean, height_m])
@@ -73,12 +73,12 @@ def palm(rng: np.random.Generator) -> Graded:
     fronds = [
         _frond(rng, color, turn, rise, top) for turn, rise in zip(turns, np.linspace(-0.5, 1.1, _FRONDS), strict=True)
     ]
-    leafage = Mesh.merged(fronds)
-    return Graded.merged([trunk(rng, spine, 0.2, 0.15, segments=7), Graded(leafage, leafage)])
+    leafage = Mesh.merge(fronds)
+    return GradedMesh.merge([trunk(rng, spine, 0.2, 0.15, segments=7), GradedMesh(leafage, leafage)])
 
 
-def acacia(rng: np.random.Generator) -> Graded:
-    """A flat-topped tree of dry lands, about 5 m high, on forked stems."""
+def acacia(rng: np.random.Generator) -> GradedMesh:
+    """Generate a flat-topped tree of dry climates on forked stems, about 5 m high."""
     color, height_m = pick_color(rng, "dry_leaves", 0.1), rng.uniform(4.5, 6.0)
     pieces = []
     for turn in rng.uniform(0.0, 2.0 * np.pi) + np.arange(3) * 2.1:
@@ -90,26 +90,26 @@ def acacia(rng: np.random.Generator) -> Graded:
         pieces.append(
             ball(rng, top, size_m, np.array([0.0, 0.0, height_m * 0.6]), 70, color, cover=0.7, coarse_detail=0)
         )
-    return Graded.merged(pieces)
+    return GradedMesh.merge(pieces)
 
 
-def light_broad_leaved(rng: np.random.Generator) -> Graded:
-    """A broad-leaved tree of few triangles, to be seen from afar or behind others, about 10 m high."""
+def light_broad_leaved(rng: np.random.Generator) -> GradedMesh:
+    """Generate a low-polygon broad-leaved tree for distant or hidden positions, about 10 m high."""
     return _light_tree(rng, _leaf_color(rng), np.array([3.0, 3.0, 3.9]), rng.uniform(9.0, 11.0))
 
 
-def light_spruce(rng: np.random.Generator) -> Graded:
-    """A spruce of few triangles, about 11 m high."""
+def light_spruce(rng: np.random.Generator) -> GradedMesh:
+    """Generate a low-polygon spruce, about 11 m high."""
     return _spruce(rng, height_m=rng.uniform(9.5, 13.5), reach_m=2.4, tiers=8, sprigs=50, cover=7.0)
 
 
-def light_olive(rng: np.random.Generator) -> Graded:
-    """An olive or holm oak of few triangles, about 5 m high."""
+def light_olive(rng: np.random.Generator) -> GradedMesh:
+    """Generate a low-polygon olive or holm oak, about 5 m high."""
     return _light_tree(rng, pick_color(rng, "olive_leaves", 0.12), np.array([2.0, 2.0, 1.7]), rng.uniform(4.4, 6.0))
 
 
-def light_acacia(rng: np.random.Generator) -> Graded:
-    """A tree of dry lands of few triangles, about 4.5 m high."""
+def light_acacia(rng: np.random.Generator) -> GradedMesh:
+    """Generate a low-polygon tree of dry climates, about 4.5 m high."""
     return _light_tree(rng, pick_color(rng, "dry_leaves", 0.12), np.array([2.1, 2.1, 0.9]), rng.uniform(3.8, 5.2))
 
 
@@ -125,7 +125,7 @@ def _broad_leaved(
     radius_m: float,
     sprigs: int,
     stoutness: float = 0.018,
-) -> Graded:
+) -> GradedMesh:
     """Trunk, branches, and a crown of lobes."""
     height_m *= rng.uniform(0.9, 1.15)
     middle = np.array([*rng.normal(0.0, 0.15, 2), (height_m + trunk_m) / 2.0])
@@ -137,40 +137,42 @@ def _broad_leaved(
     tips = middle + np.column_stack([np.cos(turn), np.sin(turn), rng.uniform(-0.5, 0.1, 3)]) * radii * 0.7
     red, green, blue = stem.mesh.color[0].tolist()
     limbs = branches(rng, spine[1] * [1, 1, 1.5], tips, 0.4 * thickness_m, (red, green, blue))
-    return Graded.merged([stem, limbs, crown(rng, middle, radii, sprigs, color)])
+    return GradedMesh.merge([stem, limbs, crown(rng, middle, radii, sprigs, color)])
 
 
-def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, height_m: float) -> Graded:
+def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, height_m: float) -> GradedMesh:
     """A three-sided stem and a crown of few lobes."""
     middle = np.array([*rng.normal(0.0, 0.2, 2), height_m - radii_m[2]])
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], middle]), 0.2, 0.12, segments=3)
-    return Graded.merged([stem, crown(rng, middle, radii_m, 34, color, lobes=2, cover=0.13, coarse_detail=0)])
+    return GradedMesh.merge([stem, crown(rng, middle, radii_m, 34, color, lobes=2, cover=0.13, coarse_detail=0)])
 
 
-def _spruce(rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float) -> Graded:
-    """A cone of needles, and tiers of sprigs, of an area of about half ``cover`` times the reach times the height."""
+def _spruce(
+    rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float
+) -> GradedMesh:
+    """A cone of needles and tiers of sprigs, whose total area is about half of ``cover`` · reach · height."""
     color, low_m = pick_color(rng, "needles", 0.1), rng.uniform(0.9, 1.3)
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, low_m + 0.5]]), 0.2, 0.18, segments=3)
     profile = np.array([[0.0, low_m + 0.5], [0.6 * reach_m, low_m + 0.3], [0.0, 0.97 * height_m]])
-    core = lathe(leaves(shaded(color, 0.6)), profile, segments=5, crease_deg=80.0)
+    core = lathe(leaves(shade_color(color, 0.6)), profile, segments=5, crease_deg=80.0)
     turn_rad = np.arange(sprigs) * np.pi * (3.0 - 5.0**0.5) + rng.uniform(0.0, 0.5, sprigs)
     around = np.stack([np.cos(turn_rad), np.sin(turn_rad)], axis=1)
-    rise = 1.0 - np.sqrt((np.arange(sprigs) + 0.5) / sprigs)  # evenly over the cone, then gathered into tiers
+    rise = 1.0 - np.sqrt((np.arange(sprigs) + 0.5) / sprigs)  # uniform over the cone, then grouped into tiers
     rise = (np.floor(rise * tiers) + rng.uniform(0.15, 0.75, sprigs)) / tiers
     out_m = (reach_m * (1.0 - rise) * rng.uniform(0.6, 0.85, sprigs))[:, None]
-    spots_m = np.column_stack([around * out_m, low_m + (height_m - low_m) * rise])
+    positions_m = np.column_stack([around * out_m, low_m + (height_m - low_m) * rise])
     outward, hanging = (np.column_stack([around, np.full(sprigs, rise)]) / np.hypot(1.0, rise) for rise in (0.6, -0.6))
     length_m = np.sqrt(cover * reach_m * height_m / sprigs) * (1.2 - rise)
     middle_m = np.array([0.0, 0.0, low_m])
-    leafage = Mesh.merged([core, foliage(rng, spots_m, outward, hanging, middle_m, length_m, color)])
+    leafage = Mesh.merge([core, foliage(rng, positions_m, outward, hanging, middle_m, length_m, color)])
     outline_m = np.array([[0.0, low_m - 0.1], [_CONE * reach_m, low_m - 0.1], [0.0, 1.01 * height_m]])
     red, green, blue = leafage.color.mean(axis=0).round().astype(int).tolist()
     cone = lathe(leaves((red, green, blue)), outline_m, segments=6, crease_deg=80.0)
-    return Graded.merged([stem, Graded(leafage, cone)])
+    return GradedMesh.merge([stem, GradedMesh(leafage, cone)])
 
 
 def _frond(rng: np.random.Generator, color: Color, turn_rad: float, rise: float, root_m: Float64Array) -> Mesh:
-    """A palm leaf: an arching rib, and leaflets that hang from it on both sides, their bases joined."""
+    """A palm frond: an arching rib with leaflets that hang from it on both sides."""
     out = np.array([np.cos(turn_rad), np.sin(turn_rad), 0.0])
     side = np.array([-out[1], out[0], 0.0])
     share = np.linspace(0.0, 1.0, _LEAFLETS + 1)[:, None]
@@ -191,10 +193,10 @@ def _high_crowned(
     trunk_m: tuple[float, float],
     crown_m: tuple[float, float, float],
     sprigs: int,
-) -> Graded:
-    """A needle tree with a leaning bare trunk of two radii, and its crown around a share of its height."""
+) -> GradedMesh:
+    """A conifer with a leaning bare trunk (bottom and top radius) and a crown centered at a fraction of its height."""
     color, height_m = pick_color(rng, "needles", variety), rng.uniform(*heights_m)
     lean = rng.normal(0.0, 0.3, 2)
     spine = np.array([[0.0, 0.0, ROOT_M], [*lean * 0.5, height_m * 0.5], [*lean, height_m * (crown_at + 0.01)]])
     middle = np.array([*lean, height_m * crown_at])
-    return Graded.merged([trunk(rng, spine, *trunk_m), crown(rng, middle, np.array(crown_m), sprigs, color)])
+    return GradedMesh.merge([trunk(rng, spine, *trunk_m), crown(rng, middle, np.array(crown_m), sprigs, color)])

@@ -13,14 +13,14 @@ from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import BoolArray, Float64Array
 
-_SPECK_M2, _SMALLEST_M2 = 0.01, 40.0
-_STRAIGHT_M, _SHORTEST_SIDE_M = 0.35, 6.0
+_MIN_PART_M2, _MIN_AREA_M2 = 0.01, 40.0
+_STRAIGHT_M, _MIN_SIDE_M = 0.35, 6.0
 _BEND_RAD = np.radians(22.0)
 _NEAR_M = 0.7
 _FAST_MPS, _FAST_M = 22.3, 22.0
 _WALK_SHARE = 0.2
 _BEYOND_M = 14.0
-_LARGEST_ISLAND_M2 = 8000.0
+_MAX_ISLAND_M2 = 8000.0
 
 Zones = Sequence[tuple[SurroundingsRecipe, BaseGeometry]]
 """Characters of the land and where they hold, together the whole region."""
@@ -31,7 +31,7 @@ class Frontage:
     """A line along a street, without corners, the land to its left.
 
     Attributes:
-        line: Map frame, metres.
+        line: Map frame, meters.
         walk: Whether the street has a sidewalk here.
         beyond: Whether it lies across the region's border, but so close that only this side has room for buildings.
     """
@@ -47,22 +47,22 @@ class Frontage:
 
     def chord(self, start_m: float, length_m: float) -> tuple[Float64Array, Float64Array]:
         """(2,) place at a distance along the line, and the (2,) unit direction to the place ``length_m`` farther on."""
-        places, along = self.chords(np.array([start_m]), length_m)
-        return places[0], along[0]
+        positions, along = self.chords(np.array([start_m]), length_m)
+        return positions[0], along[0]
 
     def chords(self, start_m: Float64Array, length_m: float) -> tuple[Float64Array, Float64Array]:
         """As ``chord``, of (N,) distances."""
-        at_m = np.concatenate([start_m, start_m + length_m])
-        places, ends = np.split(shapely.get_coordinates(shapely.line_interpolate_point(self.line, at_m)), 2)
-        step = ends - places
-        return places, step / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
+        distances_m = np.concatenate([start_m, start_m + length_m])
+        positions, ends = np.split(shapely.get_coordinates(shapely.line_interpolate_point(self.line, distances_m)), 2)
+        step = ends - positions
+        return positions, step / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
 
     def stations(self, spacing_m: float, from_m: float = 0.0) -> tuple[Float64Array, Float64Array]:
         """(N, 2) places a spacing apart, and the (N, 2) unit directions there."""
-        at_m = np.arange(from_m, self.length_m - 1.0, spacing_m)
-        places = shapely.get_coordinates(shapely.line_interpolate_point(self.line, at_m))
-        onward = shapely.get_coordinates(shapely.line_interpolate_point(self.line, at_m + 1.0))
-        return places, onward - places
+        distances_m = np.arange(from_m, self.length_m - 1.0, spacing_m)
+        positions = shapely.get_coordinates(shapely.line_interpolate_point(self.line, distances_m))
+        onward = shapely.get_coordinates(shapely.line_interpolate_point(self.line, distances_m + 1.0))
+        return positions, onward - positions
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Block:
     """Land of one use that streets, water, other uses or the region's border enclose.
 
     Attributes:
-        land: Map frame, metres.
+        land: Map frame, meters.
         recipe: What stands on it.
         frontage: Where it fronts streets that buildings may stand along.
     """
@@ -82,7 +82,7 @@ class Block:
     @property
     def is_island(self) -> bool:
         """Whether it is a small piece of land amid streets that nobody walks to, such as the middle of a roundabout."""
-        return self.land.area < _LARGEST_ISLAND_M2 and not any(line.walk for line in self.frontage)
+        return self.land.area < _MAX_ISLAND_M2 and not any(line.walk for line in self.frontage)
 
     @property
     def name(self) -> str:
@@ -139,16 +139,18 @@ def blocks_of(ground: RegionGround, zones: Zones, fast: BaseGeometry) -> tuple[B
     """
     around = shapely.buffer(ground.region.area, _BEYOND_M, join_style="mitre")
     wide = shapely.difference(around, shapely.union_all([ground.streets[0].area, *(w.area for w in ground.water)]))
-    open_lands = [shapely.orient_polygons(part) for part in shapely.get_parts(wide) if part.area > _SMALLEST_M2]
+    open_lands = [shapely.orient_polygons(part) for part in shapely.get_parts(wide) if part.area > _MIN_AREA_M2]
     lines = [_frontage(land, ground, fast) for land in open_lands]
     blocks = []
     tree = shapely.STRtree(open_lands)
     for recipe, area in zones:
         parts = shapely.get_parts(shapely.intersection(ground.land, area, grid_size=0.001))
-        for part in parts[shapely.area(parts) > _SPECK_M2]:
+        for part in parts[shapely.area(parts) > _MIN_PART_M2]:
             around_it = tree.query(part.representative_point(), predicate="within")
-            own = lines[around_it[0]] if len(around_it) and part.area > _SMALLEST_M2 else ()
-            blocks.append(Block(shapely.orient_polygons(part), recipe, _usual(_clipped(own, part, ground))))
+            own = lines[around_it[0]] if len(around_it) and part.area > _MIN_AREA_M2 else ()
+            blocks.append(
+                Block(shapely.orient_polygons(part), recipe, _preferred_frontage(_clip_frontage(own, part, ground)))
+            )
     return tuple(sorted(blocks, key=lambda block: block.land.representative_point().coords[0]))
 
 
@@ -168,13 +170,13 @@ def _frontage(land: shapely.Polygon, ground: RegionGround, fast: BaseGeometry) -
         starts, ends = corners[:-1], corners[1:]
         middles = shapely.points((starts + ends) / 2.0)
         fronts: BoolArray = np.asarray(shapely.dwithin(street, middles, _NEAR_M)) & ~shapely.intersects(fast, middles)
-        fronts &= np.hypot(*(ends - starts).T) >= _SHORTEST_SIDE_M
+        fronts &= np.hypot(*(ends - starts).T) >= _MIN_SIDE_M
         walks: BoolArray = np.asarray(shapely.dwithin(walk, middles, _NEAR_M))
         lines += [Frontage(line, bool(walks[first])) for first, line in _chains(corners, fronts, walks)]
     return tuple(lines)
 
 
-def _clipped(lines: Sequence[Frontage], land: shapely.Polygon, ground: RegionGround) -> Iterator[Frontage]:
+def _clip_frontage(lines: Sequence[Frontage], land: shapely.Polygon, ground: RegionGround) -> Iterator[Frontage]:
     """The stretches of lines along a block, and those just beyond the region's border that only it can front."""
     square = ground.region.area
     beside = shapely.buffer(land, _NEAR_M, quad_segs=2)
@@ -184,14 +186,14 @@ def _clipped(lines: Sequence[Frontage], land: shapely.Polygon, ground: RegionGro
         for reach, beyond in ((shapely.intersection(beside, square), False), (opposite, True)):
             stretch = shapely.line_merge(shapely.intersection(line.line, reach))
             for part in shapely.get_parts(stretch):
-                if part.geom_type == "LineString" and part.length > _SHORTEST_SIDE_M:
+                if part.geom_type == "LineString" and part.length > _MIN_SIDE_M:
                     onward = line.line.project(shapely.Point(part.coords[0])) < line.line.project(
                         shapely.Point(part.coords[-1])
                     )
                     yield Frontage(part if onward else part.reverse(), line.walk, beyond)
 
 
-def _usual(lines: Iterable[Frontage]) -> tuple[Frontage, ...]:
+def _preferred_frontage(lines: Iterable[Frontage]) -> tuple[Frontage, ...]:
     """Those with sidewalks, or all where there are hardly any."""
     every = tuple(lines)
     walks = tuple(line for line in every if line.walk)
@@ -204,8 +206,8 @@ def _chains(corners: Float64Array, kept: BoolArray, walks: BoolArray) -> Iterato
     heading = np.arctan2(*np.diff(corners, axis=0).T[::-1])
     run: list[int] = []
     for side in range(len(kept)):
-        goes_on = bool(run) and _straight_on(heading[side] - heading[side - 1]) and walks[side] == walks[side - 1]
-        if run and not (kept[side] and goes_on):
+        continues = bool(run) and _straight_on(heading[side] - heading[side - 1]) and walks[side] == walks[side - 1]
+        if run and not (kept[side] and continues):
             yield run[0], shapely.LineString(corners[run[0] : run[-1] + 2])
             run = []
         if kept[side]:

@@ -54,40 +54,40 @@ def _inner_buildings(yard: Yard, block: Block, rng: np.random.Generator) -> list
     sites = []
     for x_m in np.arange(x0 + 20.0, x1, _INNER_SPACING_M):
         for y_m in np.arange(y0 + 20.0, y1, _INNER_SPACING_M):
-            place_m = np.array([x_m, y_m]) + rng.uniform(0.0, 20.0, 2)
-            turned = left_of(along) if rng.random() < 0.5 else along
+            position_m = np.array([x_m, y_m]) + rng.uniform(0.0, 20.0, 2)
+            direction = left_of(along) if rng.random() < 0.5 else along
             height_m = sample(block.recipe.building_height_m, rng)
-            site = site_at("lecture_block", place_m, turned, block.recipe, rng, 0.0, height_m)
+            site = site_at("lecture_block", position_m, direction, block.recipe, rng, 0.0, height_m)
             fits = inner.contains(site.footprint) and yard.inside.contains(site.footprint)
             if rng.random() < block.recipe.building_density and fits and yard.claims.is_free(site.footprint):
-                built = erect(yard, site, block.recipe, rng)
-                sites += [built] if built is not None else []
+                erected = erect(yard, site, block.recipe, rng)
+                sites += [erected] if erected is not None else []
     return sites
 
 
 def _pave(yard: Yard, block: Block, site: Site) -> Pavement:
     """A plaza before the entrance, and a path from it to the street."""
     edge_m = site.street_m - 0.3
-    ways = [site.quad((-_PATH_M / 2.0, _PATH_M / 2.0), (edge_m, -_PLAZA_M + 0.5))] if edge_m < -_PLAZA_M else []
-    ways.append(site.quad((-8.0, 8.0), (max(edge_m, -_PLAZA_M), -0.2)))
-    way_m = np.stack([site.place(0.0, site.street_m), site.place(0.0, max(edge_m, -_PLAZA_M) + _ON_PLAZA_M)])
-    yard.claims.add(shapely.LineString(way_m).buffer(_PATH_M / 2.0))
-    return Pavement(shapely.intersection(shapely.union_all(ways), block.land), way_m[None])
+    areas = [site.quad((-_PATH_M / 2.0, _PATH_M / 2.0), (edge_m, -_PLAZA_M + 0.5))] if edge_m < -_PLAZA_M else []
+    areas.append(site.quad((-8.0, 8.0), (max(edge_m, -_PLAZA_M), -0.2)))
+    path_m = np.stack([site.map_point(0.0, site.street_m), site.map_point(0.0, max(edge_m, -_PLAZA_M) + _ON_PLAZA_M)])
+    yard.claims.add(shapely.LineString(path_m).buffer(_PATH_M / 2.0))
+    return Pavement(shapely.intersection(shapely.union_all(areas), block.land), path_m[None])
 
 
 def _furnish(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
     """Benches and racks beside the entrance, a hedge along the front."""
     front_m = max(-4.5, site.street_m + 1.2)
     for mesh, x_m in ((bench(), 6.5), (bench(), -6.5), (bicycle_rack(), 10.5)):
-        place_m = site.place(x_m, front_m)
-        room = shapely.Point(place_m).buffer(1.9, quad_segs=2)
+        position_m = site.map_point(x_m, front_m)
+        room = shapely.Point(position_m).buffer(1.9, quad_segs=2)
         if rng.random() < 1.4 * block.recipe.furniture_density and yard.claim(room, block.land):
-            yard.ensemble.put(mesh, place_m, site.yaw_rad - np.pi / 2.0)
+            yard.ensemble.put(mesh, position_m, site.yaw_rad - np.pi / 2.0)
     if rng.random() < 0.8 * block.recipe.fence_density:
         half_m = site.plot.width_m / 2.0
         for start_m, end_m in ((-half_m, -9.0), (9.0, half_m)):
             if end_m - start_m > 5.0:
-                fence_line(yard, "hedge", site.place(start_m, -2.0), site.place(end_m, -2.0), block.land, rng)
+                fence_line(yard, "hedge", site.map_point(start_m, -2.0), site.map_point(end_m, -2.0), block.land, rng)
 
 
 def _put_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
@@ -96,7 +96,7 @@ def _put_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
         width_m = min(60.0, 0.35 * line.length_m)
         if width_m < 20.0 or rng.random() < 0.4:
             continue
-        place_m, along = line.chord(0.08 * line.length_m, width_m)
-        drive_m = place_m + left_of(along) * 3.0
+        position_m, along = line.chord(0.08 * line.length_m, width_m)
+        drive_m = position_m + left_of(along) * 3.0
         if parking_lot(yard, drive_m, along, width_m, 2 * MODULE_M + 1.6, block.land):
             return

@@ -25,7 +25,7 @@ class Cover:
     """A piece of ground.
 
     Attributes:
-        area: Map frame, metres. Covers that do not rise share borders and nothing else, and cover all of the land.
+        area: Map frame, meters. Covers that do not rise share borders and nothing else, and cover all of the land.
         finish: Of what.
         rise_m: So much above the land: what lies on other covers.
         yaw_rad: Of the surface coordinates' first axis, along which crops grow.
@@ -38,7 +38,7 @@ class Cover:
 
 
 def finish_of(name: str, landscape: str) -> Finish:
-    """A finish of covers.yaml in the colours of a landscape."""
+    """A finish of covers.yaml in the colors of a landscape."""
     entry = _tables()["finishes"][name]
     color = entry["color"]
     code = int(color[landscape] if isinstance(color, dict) else color)

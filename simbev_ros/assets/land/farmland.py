@@ -7,7 +7,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.assets.land.blocks import Block, Frontage, left_of
 from simbev_ros.assets.land.covers import PATH_RISE_M, draw_crop
 from simbev_ros.assets.land.fencing import fence_along
-from simbev_ros.assets.land.planting import plant_mixed, random_places, scatter
+from simbev_ros.assets.land.planting import plant_mixed, random_positions, scatter
 from simbev_ros.assets.land.rows import Site, erect, site_at
 from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.street.furniture import mailbox
@@ -17,7 +17,7 @@ from simbev_ros.types import Float64Array
 
 _FIELD_M = (150.0, 210.0)
 _MARGIN_M, _VERGE_M = 1.2, 3.2
-_SMALLEST_M2 = 300.0
+_MIN_AREA_M2 = 300.0
 _HEDGEROW_SHARE, _TREE_SPACING_M = 0.3, 4.5
 _FARM_SPACING_M, _FARM_LENGTH_M = 420.0, 64.0
 _AVENUE_SHARE, _AVENUE_SPACING_M = 0.3, 11.0
@@ -69,15 +69,15 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
             y_m = low_m[1] + np.array([_MARGIN_M, _FIELD_M[1] - _MARGIN_M])
             whole = quad(np.zeros(2), along, tuple(x_m), tuple(y_m))
             plan = shapely.intersection(soil, whole)
-            if plan.area > _SMALLEST_M2 or (plan.area > 0.0 and not yard.inside.contains(whole)):
+            if plan.area > _MIN_AREA_M2 or (plan.area > 0.0 and not yard.inside.contains(whole)):
                 fields.append(plan)
                 yard.cover(plan, crop, yaw_rad=angle_rad + (np.pi / 2.0) * (split < 1.0))
                 _put_bales(yard, plan, rng)
         if rng.random() < _HEDGEROW_SHARE:
             side = shapely.get_coordinates(cell)[:2]
             share = np.arange(0.0, _FIELD_M[0], _TREE_SPACING_M) / _FIELD_M[0]
-            places = side[0] + share[:, None] * (side[1] - side[0]) + rng.normal(0.0, 1.3, (len(share), 2))
-            rows.append(places[shapely.contains_xy(soil, places)])
+            positions = side[0] + share[:, None] * (side[1] - side[0]) + rng.normal(0.0, 1.3, (len(share), 2))
+            rows.append(positions[shapely.contains_xy(soil, positions)])
     return fields, rows
 
 
@@ -93,26 +93,26 @@ def _put_bales(yard: Yard, field: BaseGeometry, rng: np.random.Generator) -> Non
     """Round bales on a mown field now and then."""
     if rng.random() > _BALED_SHARE:
         return
-    places = random_places(field.buffer(-4.0), _M2_PER_BALE, rng)
-    places = places[shapely.contains_xy(yard.inside.buffer(-1.0), places)]
-    free = yard.claims.claim_discs(places, np.full(len(places), 1.0))
-    yard.ensemble.put(hay_bale(), places[free], rng.uniform(0.0, np.pi, int(free.sum())))
+    positions = random_positions(field.buffer(-4.0), _M2_PER_BALE, rng)
+    positions = positions[shapely.contains_xy(yard.inside.buffer(-1.0), positions)]
+    free = yard.claims.claim_discs(positions, np.full(len(positions), 1.0))
+    yard.ensemble.put(hay_bale(), positions[free], rng.uniform(0.0, np.pi, int(free.sum())))
 
 
-def _plant_rows(yard: Yard, block: Block, places: Float64Array, rng: np.random.Generator) -> None:
+def _plant_rows(yard: Yard, block: Block, positions: Float64Array, rng: np.random.Generator) -> None:
     """Trees of few triangles and bushes; full-grown ones are seen near roads only."""
-    places = places[rng.random(len(places)) < 0.4 + 0.6 * block.recipe.plant_density]
-    big = rng.random(len(places)) < 0.45
-    plant_mixed(yard, places[big], block.recipe.plants, "deep", rng)
-    plant_mixed(yard, places[~big], block.recipe.plants, "low", rng)
+    positions = positions[rng.random(len(positions)) < 0.4 + 0.6 * block.recipe.plant_density]
+    big = rng.random(len(positions)) < 0.45
+    plant_mixed(yard, positions[big], block.recipe.plants, "deep", rng)
+    plant_mixed(yard, positions[~big], block.recipe.plants, "low", rng)
 
 
 def _plant_avenue(yard: Yard, block: Block, line: Frontage, rng: np.random.Generator) -> None:
     """A row of full-grown trees along a road, with gaps."""
-    places, along = line.stations(_AVENUE_SPACING_M, from_m=3.0)
-    places = places + left_of(along) * rng.uniform(4.0, 5.0, (len(places), 1))
-    places = places[rng.random(len(places)) < 0.85]
-    plant_mixed(yard, places[shapely.contains_xy(block.land, places)], block.recipe.plants, "street", rng)
+    positions, along = line.stations(_AVENUE_SPACING_M, from_m=3.0)
+    positions = positions + left_of(along) * rng.uniform(4.0, 5.0, (len(positions), 1))
+    positions = positions[rng.random(len(positions)) < 0.85]
+    plant_mixed(yard, positions[shapely.contains_xy(block.land, positions)], block.recipe.plants, "street", rng)
 
 
 def _put_farmsteads(yard: Yard, block: Block, rng: np.random.Generator) -> None:
@@ -127,9 +127,11 @@ def _put_farmsteads(yard: Yard, block: Block, rng: np.random.Generator) -> None:
         at_m -= line.length_m
 
 
-def _farmstead(yard: Yard, block: Block, place_m: Float64Array, along: Float64Array, rng: np.random.Generator) -> None:
+def _farmstead(
+    yard: Yard, block: Block, position_m: Float64Array, along: Float64Array, rng: np.random.Generator
+) -> None:
     """House, barn, shed and silo around a gravel yard with a drive to the road."""
-    middle_m = place_m + along * _FARM_LENGTH_M / 2.0
+    middle_m = position_m + along * _FARM_LENGTH_M / 2.0
     yard_plan = quad(middle_m, along, (-30.0, 30.0), (7.0, 58.0))
     land = block.land.buffer(-1.0)
     if not (land.contains(yard_plan) and yard.inside.contains(yard_plan) and yard.claims.is_free(yard_plan)):
@@ -138,10 +140,10 @@ def _farmstead(yard: Yard, block: Block, place_m: Float64Array, along: Float64Ar
     sites = []
     for kind, x_m, y_m, height_m in _FARMSTEAD:
         site = site_at(kind, middle_m + along * x_m, along, block.recipe, rng, y_m, height_m)
-        site = site.shifted(-site.plot.width_m / 2.0)
+        site = site.shift_along_front(-site.plot.width_m / 2.0)
         if land.contains(site.footprint) and yard.claims.is_free(site.footprint):
-            built = erect(yard, site, block.recipe, rng)
-            sites += [built] if built is not None else []
+            erected = erect(yard, site, block.recipe, rng)
+            sites += [erected] if erected is not None else []
     if not sites:
         return
     gravel = quad(middle_m, along, (-8.0, 24.0), (12.0, 34.0))
@@ -164,6 +166,6 @@ def _furnish(
     """What lies about in the yard, and the mailbox at the road."""
     things = ((pallets(), 6.0, 30.0, 1.0), (wood_pile(), -12.0, 32.0, 1.8), (mailbox(), -4.2, 0.9, 0.3))
     for mesh, x_m, y_m, room_m in things:
-        place_m = middle_m + along * x_m + left_of(along) * y_m
-        if yard.claim(shapely.Point(place_m).buffer(room_m, quad_segs=2), block.land):
-            yard.ensemble.put(mesh, place_m, house.yaw_rad - np.pi / 2.0)
+        position_m = middle_m + along * x_m + left_of(along) * y_m
+        if yard.claim(shapely.Point(position_m).buffer(room_m, quad_segs=2), block.land):
+            yard.ensemble.put(mesh, position_m, house.yaw_rad - np.pi / 2.0)

@@ -27,12 +27,12 @@ def fence_line(
         return
     along, half_m = step / length_m, _HALF_WIDTH_M.get(kind, _THIN_M)
     first_m = start_m + along * (length_m - count * PANEL_M[kind]) / 2.0
-    places = first_m + np.outer(np.arange(count) * PANEL_M[kind], along)
-    footprints = [quad(place, along, (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m)) for place in places]
+    positions = first_m + np.outer(np.arange(count) * PANEL_M[kind], along)
+    footprints = [quad(place, along, (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m)) for place in positions]
     fit = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
     kept = [k for k in np.flatnonzero(fit).tolist() if yard.claims.is_free(footprints[k])]
     yard.claims.add(*(footprints[k] for k in kept))
-    yard.ensemble.put(panel(kind, variant), places[kept], yaw_of(along), base=Base.ALONG_LAND)
+    yard.ensemble.put(panel(kind, variant), positions[kept], yaw_of(along), base=Base.ALONG_LAND)
 
 
 def fence_along(yard: Yard, kind: str, line: shapely.LineString, land: BaseGeometry, rng: np.random.Generator) -> None:

@@ -33,7 +33,7 @@ from simbev_ros.assets.street.streetscape import (
     put_street_trees,
 )
 
-_LAID_OUT: Mapping[str, Callable[[Yard, Block], None]] = {
+_LAYOUTS: Mapping[str, Callable[[Yard, Block], None]] = {
     "downtown": lay_out_town,
     "residential": lay_out_town,
     "suburb": lay_out_suburb,
@@ -77,7 +77,7 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
         build_prescribed(yard, prescribed, zones)
     for block in blocks:
         built_on = block.recipe.use not in _OPEN_USES
-        lay_out = lay_out_island if built_on and block.is_island else _LAID_OUT[block.recipe.use]
+        lay_out = lay_out_island if built_on and block.is_island else _LAYOUTS[block.recipe.use]
         lay_out(yard, block)
     put_name_signs(yard, curbs)
     put_street_trees(yard, curbs)

@@ -8,7 +8,7 @@ from simbev_ros.assets.land.blocks import Block, Frontage, left_of
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.parking import MODULE_M, parking_lot
-from simbev_ros.assets.land.planting import random_places, scatter
+from simbev_ros.assets.land.planting import random_positions, scatter
 from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -51,17 +51,19 @@ def _put_gates(yard: Yard, block: Block, line: Frontage, rng: np.random.Generato
     gates = np.arange(_GATE_SPACING_M / 2.0, line.length_m - _GATE_M, _GATE_SPACING_M)
     fenced, edges = rng.random() < 1.4 * block.recipe.fence_density, [0.0]
     for at_m in gates.tolist():
-        place_m, along = line.chord(at_m, _GATE_M)
-        drive = quad(place_m, along, (0.0, _GATE_M), (-0.3, _VERGE_M + 0.6))
+        position_m, along = line.chord(at_m, _GATE_M)
+        drive = quad(position_m, along, (0.0, _GATE_M), (-0.3, _VERGE_M + 0.6))
         yard.cover(shapely.intersection(drive, block.land), "concrete", rise_m=PATH_RISE_M)
         yard.claims.add(drive)
         edges += [at_m, at_m + _GATE_M]
     edges.append(line.length_m)
     for start_m, end_m in zip(edges[::2], edges[1::2], strict=True):
         if fenced and end_m - start_m > 3.0:
-            place_m, along = line.chord(start_m, end_m - start_m)
+            position_m, along = line.chord(start_m, end_m - start_m)
             inset_m = left_of(along) * (_VERGE_M - 0.7)
-            fence_line(yard, "bars", place_m + inset_m, place_m + inset_m + along * (end_m - start_m), block.land, rng)
+            fence_line(
+                yard, "bars", position_m + inset_m, position_m + inset_m + along * (end_m - start_m), block.land, rng
+            )
 
 
 def _fill_yard(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
@@ -69,15 +71,17 @@ def _fill_yard(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -
     share, half_m = block.recipe.furniture_density, site.plot.width_m / 2.0
     for x_m in np.arange(4.0 - half_m, half_m - 9.0, 7.0):
         if site.kind == "warehouse" and rng.random() < 0.7 * share:
-            _stand(yard, block, trailer(pick_color(rng, "trailers", 0.0)), site, (x_m, -8.2), (12.2, 2.6), -np.pi / 2)
+            _put_thing(
+                yard, block, trailer(pick_color(rng, "trailers", 0.0)), site, (x_m, -8.2), (12.2, 2.6), -np.pi / 2
+            )
     x_m = rng.uniform(-0.3, 0.3) * site.plot.width_m
     if rng.random() < share:
-        _stand(yard, block, dumpster(pick_color(rng, "bins", 0.0)), site, (x_m, -2.6), (1.4, 2.0), np.pi / 2)
+        _put_thing(yard, block, dumpster(pick_color(rng, "bins", 0.0)), site, (x_m, -2.6), (1.4, 2.0), np.pi / 2)
     if rng.random() < share:
-        _stand(yard, block, pallets(), site, (x_m + 4.0, -2.4), (1.4, 1.0), 0.0)
+        _put_thing(yard, block, pallets(), site, (x_m + 4.0, -2.4), (1.4, 1.0), 0.0)
 
 
-def _stand(
+def _put_thing(
     yard: Yard,
     block: Block,
     mesh: Mesh,
@@ -91,24 +95,24 @@ def _stand(
     x_m, y_m = at_m
     footprint = site.quad((x_m - length_m / 2.0, x_m + length_m / 2.0), (y_m - width_m / 2.0, y_m + width_m / 2.0))
     if yard.claim(footprint, block.land):
-        yard.ensemble.put(mesh, site.place(x_m, y_m), site.yaw_rad + turn_rad)
+        yard.ensemble.put(mesh, site.map_point(x_m, y_m), site.yaw_rad + turn_rad)
 
 
 def _put_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
     """A lot beside the buildings, where a street leaves room."""
     for line in block.frontage:
         for at_m in np.arange(4.0, line.length_m - 32.0, 24.0):
-            place_m, along = line.chord(float(at_m), 30.0)
+            position_m, along = line.chord(float(at_m), 30.0)
             if rng.random() < 0.5 and parking_lot(
-                yard, place_m + left_of(along) * (_VERGE_M + 1.5), along, 30.0, MODULE_M + 1.6, block.land
+                yard, position_m + left_of(along) * (_VERGE_M + 1.5), along, 30.0, MODULE_M + 1.6, block.land
             ):
                 break
 
 
 def _scatter_stock(yard: Yard, paved: BaseGeometry, share: float, rng: np.random.Generator) -> None:
     """Containers in the back corners of the yards."""
-    for place_m in random_places(paved, _M2_PER_CONTAINER / max(share, 0.05), rng):
+    for position_m in random_positions(paved, _M2_PER_CONTAINER / max(share, 0.05), rng):
         yaw_rad = float(rng.uniform(0.0, np.pi))
         along = np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-        if yard.claim(quad(place_m, along, (-3.3, 3.3), (-1.5, 1.5)), paved):
-            yard.ensemble.put(container(pick_color(rng, "containers", 0.0)), place_m, yaw_rad)
+        if yard.claim(quad(position_m, along, (-3.3, 3.3), (-1.5, 1.5)), paved):
+            yard.ensemble.put(container(pick_color(rng, "containers", 0.0)), position_m, yaw_rad)

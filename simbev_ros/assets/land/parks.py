@@ -12,15 +12,15 @@ from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, extrusion, plate
-from simbev_ros.assets.placement.tiles import standing
+from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.furniture import bench
 from simbev_ros.semantics import Tag
 
 _PATH_M, _PLAZA_RADIUS_M, _ON_PLAZA_M = 2.6, 7.0, 1.5
 _BENCH_SPACING_M, _BENCH_ROOM_M = 14.0, 0.95
-_SHORTEST_SIDE_M = 30.0
+_MIN_SIDE_M = 30.0
 _M2_PER_PLANT = 75.0
-_SMALLEST_M2 = 900.0
+_MIN_AREA_M2 = 900.0
 _WATER_RISE_M, _LEVEL_M = 0.02, 0.25
 _WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 _RIM = Finish(Material.CONCRETE, Tag.STATIC, (142, 138, 130))
@@ -31,7 +31,7 @@ def lay_out_park(yard: Yard, block: Block) -> None:
     rng = yard.ground.stream(f"park.{block.name}")
     landscape = block.recipe.plants
     yard.cover(block.land, "lawn", landscape)
-    if block.land.area > _SMALLEST_M2:
+    if block.land.area > _MIN_AREA_M2:
         spokes = _lay_paths(yard, block)
         _dig_pond(yard, block, rng)
         for spoke in spokes:
@@ -47,7 +47,7 @@ def lay_out_park(yard: Yard, block: Block) -> None:
 def _lay_paths(yard: Yard, block: Block) -> list[shapely.LineString]:
     """Paths from the middle of each side to a round place, where they are inside."""
     middle = block.land.representative_point() if not block.land.contains(block.land.centroid) else block.land.centroid
-    sides = [line for line in block.frontage if line.length_m > _SHORTEST_SIDE_M]
+    sides = [line for line in block.frontage if line.length_m > _MIN_SIDE_M]
     gates = [line.line.interpolate(0.5, normalized=True) for line in sides]
     spokes = [shapely.LineString([gate, middle]) for gate in gates]
     spokes = [spoke for spoke in spokes if block.land.buffer(0.5).contains(spoke) and spoke.length > _PLAZA_RADIUS_M]
@@ -60,8 +60,8 @@ def _lay_paths(yard: Yard, block: Block) -> list[shapely.LineString]:
         ends_m = [(spoke.length - _PLAZA_RADIUS_M + _ON_PLAZA_M) for spoke in spokes]
         inner_m = shapely.line_interpolate_point(spokes, ends_m)
         outer_m = shapely.line_interpolate_point(spokes, 0.0)
-        ways_m = np.stack([shapely.get_coordinates(each) for each in (outer_m, inner_m)], axis=1)
-        yard.pavements.append(Pavement(paths, ways_m))
+        paths_m = np.stack([shapely.get_coordinates(each) for each in (outer_m, inner_m)], axis=1)
+        yard.pavements.append(Pavement(paths, paths_m))
     return spokes
 
 
@@ -71,9 +71,9 @@ def _put_benches(yard: Yard, block: Block, spoke: shapely.LineString) -> None:
     along = (end - start) / spoke.length
     left = left_of(along)
     for s_m in np.arange(6.0, spoke.length - _PLAZA_RADIUS_M, _BENCH_SPACING_M):
-        place_m = start + along * s_m + left * (_PATH_M / 2.0 + 1.2)
-        if yard.claim(shapely.Point(place_m).buffer(_BENCH_ROOM_M, quad_segs=3), block.land):
-            yard.ensemble.put(bench(), place_m, yaw_of(-left))
+        position_m = start + along * s_m + left * (_PATH_M / 2.0 + 1.2)
+        if yard.claim(shapely.Point(position_m).buffer(_BENCH_ROOM_M, quad_segs=3), block.land):
+            yard.ensemble.put(bench(), position_m, yaw_of(-left))
 
 
 def _dig_pond(yard: Yard, block: Block, rng: np.random.Generator) -> None:
@@ -88,10 +88,10 @@ def _dig_pond(yard: Yard, block: Block, rng: np.random.Generator) -> None:
     heights_m = yard.ground.land_m(center + ring * 1.045)
     if np.ptp(heights_m) > _LEVEL_M or not yard.claim(outline.buffer(1.0), block.land.buffer(-2.0)):
         return
-    yard.tiles.place(_pond(shapely.Polygon(ring)), standing(center, float(heights_m.max())))
+    yard.tiles.place(_pond(shapely.Polygon(ring)), upright_pose(center, float(heights_m.max())))
 
 
 def _pond(outline: shapely.Polygon) -> Mesh:
     """Water level with the lawn, in a rim of stone."""
     rim = shapely.Polygon(np.asarray(outline.exterior.coords) * 1.045, [outline.exterior])
-    return Mesh.merged([plate(_WATER, outline, _WATER_RISE_M), extrusion(_RIM, rim, -0.6, 0.16, crease_deg=0.0)])
+    return Mesh.merge([plate(_WATER, outline, _WATER_RISE_M), extrusion(_RIM, rim, -0.6, 0.16, crease_deg=0.0)])

@@ -12,14 +12,14 @@ from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 _SEEN_WELL_M, _TREE_M = 24.0, 1.8
-_SMALLEST, _LARGEST = 0.8, 1.15  # of the stock's size
+_MIN_SCALE, _MAX_SCALE = 0.8, 1.15  # of the stock's size
 
 
 def plant(yard: Yard, species: str, xy_m: Float64Array, rng: np.random.Generator, base: Base = Base.LAND) -> None:
     """Put plants of a species at (N, 2) places: turned, scaled and tinted copies of the stock."""
     count = len(xy_m)
     variant = rng.integers(VARIANTS, size=count)
-    turn_rad, scale = rng.uniform(0.0, 2.0 * np.pi, count), rng.uniform(_SMALLEST, _LARGEST, count)
+    turn_rad, scale = rng.uniform(0.0, 2.0 * np.pi, count), rng.uniform(_MIN_SCALE, _MAX_SCALE, count)
     tint = 1.0 + rng.uniform(-0.1, 0.1, (count, 1)) + rng.uniform(-0.04, 0.04, (count, 3))
     for number in range(VARIANTS):
         own = variant == number
@@ -30,19 +30,19 @@ def plant(yard: Yard, species: str, xy_m: Float64Array, rng: np.random.Generator
 
 
 def scatter(
-    yard: Yard, area: BaseGeometry, m2_per_plant: float, landscape: str, place: str, rng: np.random.Generator
+    yard: Yard, area: BaseGeometry, m2_per_plant: float, landscape: str, habitat: str, rng: np.random.Generator
 ) -> None:
     """Plant an area at random, so densely on average before those that have no room are left out."""
-    xy_m = random_places(area, m2_per_plant, rng)
-    plant_mixed(yard, xy_m, landscape, place, rng)
+    xy_m = random_positions(area, m2_per_plant, rng)
+    plant_mixed(yard, xy_m, landscape, habitat, rng)
 
 
-def plant_mixed(yard: Yard, xy_m: Float64Array, landscape: str, place: str, rng: np.random.Generator) -> None:
+def plant_mixed(yard: Yard, xy_m: Float64Array, landscape: str, habitat: str, rng: np.random.Generator) -> None:
     """Plant at those of (N, 2) places that are free, of the species of a kind of place."""
-    names = np.array(draw_species(landscape, place, len(xy_m), rng), object)
-    hidden = _is_far_from_streets(yard, xy_m) & (_reaches_m(names) >= _TREE_M)
+    names = np.array(draw_species(landscape, habitat, len(xy_m), rng), object)
+    hidden = _are_far_from_streets(yard, xy_m) & (_crown_radii_m(names) >= _TREE_M)
     names[hidden] = draw_species(landscape, "deep", int(hidden.sum()), rng)
-    clear = has_room(yard, xy_m, _reaches_m(names))
+    clear = has_room(yard, xy_m, _crown_radii_m(names))
     room_m = np.array([load_species()[name].room_m for name in names])
     xy_m, names, room_m = xy_m[clear], names[clear], room_m[clear]
     free = yard.claims.claim_discs(xy_m, room_m)
@@ -57,19 +57,19 @@ def has_room(yard: Yard, xy_m: Float64Array, crown_m: Float64Array, *, beside_st
     """
     points = np.array(shapely.points(xy_m)).reshape(-1)
     low_m, high_m = (np.array(corner) for corner in (yard.inside.bounds[:2], yard.inside.bounds[2:]))
-    clear: BoolArray = np.minimum(xy_m - low_m, high_m - xy_m).min(axis=1, initial=np.inf) >= _LARGEST * crown_m
-    for tree, extra_m in yard.keep_off_trees()[: 2 if beside_street else 3]:
-        near, _ = tree.query(points, predicate="dwithin", distance=_LARGEST * crown_m + extra_m)
+    clear: BoolArray = np.minimum(xy_m - low_m, high_m - xy_m).min(axis=1, initial=np.inf) >= _MAX_SCALE * crown_m
+    for tree, extra_m in yard.crown_obstacles()[: 2 if beside_street else 3]:
+        near, _ = tree.query(points, predicate="dwithin", distance=_MAX_SCALE * crown_m + extra_m)
         clear[near] = False
     return clear
 
 
-def _reaches_m(names: Sequence[str] | AnyArray) -> Float64Array:
+def _crown_radii_m(names: Sequence[str] | AnyArray) -> Float64Array:
     """(N,) reach of plants by their species' names."""
     return np.array([reach_m(name) for name in names], np.float64)
 
 
-def _is_far_from_streets(yard: Yard, xy_m: Float64Array) -> BoolArray:
+def _are_far_from_streets(yard: Yard, xy_m: Float64Array) -> BoolArray:
     """(N,) where trees of few triangles do."""
     far = np.full(len(xy_m), True)
     near, _ = yard.edges.query(np.array(shapely.points(xy_m)).reshape(-1), predicate="dwithin", distance=_SEEN_WELL_M)
@@ -77,22 +77,22 @@ def _is_far_from_streets(yard: Yard, xy_m: Float64Array) -> BoolArray:
     return far
 
 
-def random_places(area: BaseGeometry, m2_per_plant: float, rng: np.random.Generator) -> Float64Array:
+def random_positions(area: BaseGeometry, m2_per_plant: float, rng: np.random.Generator) -> Float64Array:
     """(N, 2) places evenly at random in an area."""
     if area.is_empty:
         return np.empty((0, 2))
     x0, y0, x1, y1 = area.bounds
-    places = rng.uniform((x0, y0), (x1, y1), (int((x1 - x0) * (y1 - y0) / m2_per_plant), 2))
+    positions = rng.uniform((x0, y0), (x1, y1), (int((x1 - x0) * (y1 - y0) / m2_per_plant), 2))
     shapely.prepare(area)
-    return np.asarray(places[shapely.contains_xy(area, places)])
+    return np.asarray(positions[shapely.contains_xy(area, positions)])
 
 
-def lattice_places(area: BaseGeometry, spacing_m: float, rng: np.random.Generator) -> Float64Array:
+def lattice_positions(area: BaseGeometry, spacing_m: float, rng: np.random.Generator) -> Float64Array:
     """(N, 2) places of an area on a disturbed square lattice."""
     if area.is_empty:
         return np.empty((0, 2))
     x0, y0, x1, y1 = area.bounds
     nodes = np.stack(np.meshgrid(np.arange(x0, x1, spacing_m), np.arange(y0, y1, spacing_m)), axis=-1).reshape(-1, 2)
-    places = nodes + rng.uniform(0.1, 0.9, nodes.shape) * spacing_m
+    positions = nodes + rng.uniform(0.1, 0.9, nodes.shape) * spacing_m
     shapely.prepare(area)
-    return np.asarray(places[shapely.contains_xy(area, places)])
+    return np.asarray(positions[shapely.contains_xy(area, positions)])

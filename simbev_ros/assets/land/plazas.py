@@ -10,13 +10,13 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import RegionGround
-from simbev_ros.assets.street.obstacles import standing_m
+from simbev_ros.assets.street.obstacles import obstacle_corners_m
 from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.types import AnyArray, Float64Array
 
 _BODY_M = 0.5  # half of a person's width, and some air
 _MOUTH_M, _SIDEWALK_M = 1.0, 5.0  # a path ends so near to a sidewalk; so much of that is part of the way
-_SEAM_M = 0.05  # closes what lies between areas on millimetre grids
+_SEAM_M = 0.05  # closes what lies between areas on millimeter grids
 _MARGIN_M = 4.0
 
 
@@ -26,11 +26,11 @@ class Pavement:
 
     Attributes:
         area: The plaza and its paths, map frame.
-        ways_m: (W, 2, 2) lines from the street's edge, along the middle of a path, to the plaza.
+        paths_m: (W, 2, 2) lines from the street's edge, along the middle of a path, to the plaza.
     """
 
     area: BaseGeometry
-    ways_m: Float64Array
+    paths_m: Float64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,56 +40,56 @@ class Plaza:
     Attributes:
         free: Where their middles may be: on the plaza, its paths and the sidewalks beside these, clear of all that
             stands there; map frame.
-        ways_m: (W, 2, 2) lines from the sidewalk, along the middle of a path, to the plaza.
+        paths_m: (W, 2, 2) lines from the sidewalk, along the middle of a path, to the plaza.
         ground: Heights of the paving.
     """
 
     free: BaseGeometry
-    ways_m: Float64Array
+    paths_m: Float64Array
     ground: Raster
 
 
 def plazas_of(
-    pavements: Sequence[Pavement], ground: RegionGround, placed: Sequence[tuple[Mesh, Float64Array]]
+    pavements: Sequence[Pavement], ground: RegionGround, placed_objects: Sequence[tuple[Mesh, Float64Array]]
 ) -> tuple[Plaza, ...]:
     """Those of a region that one can walk to from a sidewalk.
 
     Args:
         pavements: What has been paved.
         ground: The region.
-        placed: Meshes, upright, and the (N, 4, 4) poses of their copies, map frame: what may stand in the way.
+        placed_objects: Meshes, upright, and the (N, 4, 4) poses of their copies, map frame: what may stand in the way.
     """
     sidewalk = ground.streets[0].sidewalk
-    reached = []
+    reachable = []
     for pavement in pavements:
-        mouths = shapely.points(pavement.ways_m[:, 0])
-        ways_m = pavement.ways_m[shapely.dwithin(mouths, sidewalk, _MOUTH_M) & ground.owns(pavement.ways_m[:, 0])]
-        if len(ways_m):
-            beside = shapely.intersection(sidewalk, shapely.MultiPoint(ways_m[:, 0]).buffer(_SIDEWALK_M))
+        mouths = shapely.points(pavement.paths_m[:, 0])
+        paths_m = pavement.paths_m[shapely.dwithin(mouths, sidewalk, _MOUTH_M) & ground.owns(pavement.paths_m[:, 0])]
+        if len(paths_m):
+            beside = shapely.intersection(sidewalk, shapely.MultiPoint(paths_m[:, 0]).buffer(_SIDEWALK_M))
             seamless = shapely.buffer([pavement.area, beside], _SEAM_M)
-            reached.append((shapely.buffer(shapely.union_all(seamless), -_SEAM_M - _BODY_M), ways_m))
-    grounds = [_ground(ground, area) for area, _ in reached]
-    standing = _standing([area for area, _ in reached], grounds, placed)
+            reachable.append((shapely.buffer(shapely.union_all(seamless), -_SEAM_M - _BODY_M), paths_m))
+    grounds = [_ground(ground, area) for area, _ in reachable]
+    obstacles = _obstacles([area for area, _ in reachable], grounds, placed_objects)
     return tuple(
-        Plaza(shapely.difference(area, things), ways_m, heights)
-        for (area, ways_m), heights, things in zip(reached, grounds, standing, strict=True)
+        Plaza(shapely.difference(area, things), paths_m, heights)
+        for (area, paths_m), heights, things in zip(reachable, grounds, obstacles, strict=True)
         if not area.is_empty
     )
 
 
-def _standing(
-    areas: Sequence[BaseGeometry], grounds: Sequence[Raster], placed: Sequence[tuple[Mesh, Float64Array]]
+def _obstacles(
+    areas: Sequence[BaseGeometry], grounds: Sequence[Raster], placed_objects: Sequence[tuple[Mesh, Float64Array]]
 ) -> list[BaseGeometry]:
     """For each area: what people keep clear of there."""
     found: list[list[BaseGeometry]] = [[] for _ in areas]
     tree = shapely.STRtree(list(areas))
-    for mesh, poses in placed if areas else ():
+    for mesh, poses in placed_objects if areas else ():
         reach_m = float(np.linalg.norm(mesh.vertices[:, :2], axis=1).max(initial=0.0)) + _BODY_M
         scale = np.linalg.norm(poses[:, :3, 0], axis=1)
         near, area = tree.query(shapely.points(poses[:, :2, 3]), predicate="dwithin", distance=reach_m * scale)
         for pose, index in zip(poses[near], area.tolist(), strict=True):
             above_m = pose[2, 3] - grounds[index].linear(pose[None, :2, 3])[0]
-            plan_m = standing_m(mesh, above_m)[:, :2] @ pose[:2, :2].T + pose[:2, 3]
+            plan_m = obstacle_corners_m(mesh, above_m)[:, :2] @ pose[:2, :2].T + pose[:2, 3]
             found[index].append(shapely.convex_hull(shapely.MultiPoint(plan_m)))
     return [shapely.buffer(shapely.union_all(hulls), _BODY_M, quad_segs=3) for hulls in found]
 
@@ -104,8 +104,8 @@ def _ground(ground: RegionGround, area: BaseGeometry) -> Raster:
 def plaza_arrays(plazas: Sequence[Plaza]) -> Iterator[tuple[str, AnyArray]]:
     """Plazas as arrays with names, end to end."""
     yield "plaza_free", np.array([shapely.to_wkb(plaza.free, hex=True) for plaza in plazas], np.bytes_)
-    yield "plaza_ways", np.array([len(plaza.ways_m) for plaza in plazas], np.int64)
-    yield "plaza_way_m", np.concatenate([np.empty((0, 2, 2)), *(plaza.ways_m for plaza in plazas)])
+    yield "plaza_ways", np.array([len(plaza.paths_m) for plaza in plazas], np.int64)
+    yield "plaza_way_m", np.concatenate([np.empty((0, 2, 2)), *(plaza.paths_m for plaza in plazas)])
     grounds = [plaza.ground for plaza in plazas]
     yield "plaza_lattice", np.array([(*each.origin_m, each.spacing_m) for each in grounds]).reshape(-1, 3)
     yield "plaza_nodes", np.array([each.values.shape for each in grounds], np.int64).reshape(-1, 2)
@@ -114,10 +114,10 @@ def plaza_arrays(plazas: Sequence[Plaza]) -> Iterator[tuple[str, AnyArray]]:
 
 def plazas_from(arrays: Mapping[str, AnyArray]) -> tuple[Plaza, ...]:
     """What ``plaza_arrays`` was given."""
-    ways_m = np.split(arrays["plaza_way_m"], np.cumsum(arrays["plaza_ways"])[:-1])
+    paths_m = np.split(arrays["plaza_way_m"], np.cumsum(arrays["plaza_ways"])[:-1])
     nodes = arrays["plaza_nodes"]
     heights_m = np.split(arrays["plaza_height_m"], np.cumsum(nodes.prod(axis=1))[:-1])
-    each = zip(arrays["plaza_free"].tolist(), ways_m, arrays["plaza_lattice"], nodes, heights_m, strict=False)
+    each = zip(arrays["plaza_free"].tolist(), paths_m, arrays["plaza_lattice"], nodes, heights_m, strict=False)
     return tuple(
         Plaza(shapely.from_wkb(free), own_m, Raster(lattice[:2], float(lattice[2]), height_m.reshape(shape)))
         for free, own_m, lattice, shape, height_m in each

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from simbev_ros.assets.architecture.outlines import outlined
+from simbev_ros.assets.architecture.outlines import building_on_outline
 from simbev_ros.assets.architecture.walls import draw_wall
 from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
-from simbev_ros.assets.placement.tiles import standing
+from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
@@ -56,8 +56,10 @@ def _build(yard: Yard, building: Footprint, zones: Zones) -> None:
     recipe = next((recipe for recipe, area in zones if area.intersects(building.outline)), zones[-1][0])
     local = shapely.transform(building.outline, lambda xy: xy - middle_m)
     foundation_m = float(np.ptp(heights_m)) + _FOOT_M
-    mesh = outlined(local, building.height_m, foundation_m, draw_wall(_style(building, recipe, rng), rng), rng)
-    yard.tiles.place(mesh, standing(middle_m, float(heights_m.max())))
+    mesh = building_on_outline(
+        local, building.height_m, foundation_m, draw_wall(_style(building, recipe, rng), rng), rng
+    )
+    yard.tiles.place(mesh, upright_pose(middle_m, float(heights_m.max())))
 
 
 def _around_m(yard: Yard, outline: shapely.Polygon) -> Float64Array:

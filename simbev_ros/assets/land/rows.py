@@ -14,13 +14,13 @@ from simbev_ros.assets.architecture.kinds import Kind, build, load_kinds
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.land.blocks import Block, Frontage, left_of
 from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
-from simbev_ros.assets.placement.tiles import standing
+from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.config.draw import sample
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 _STEP_M = 1.5
-_AT_ONCE = 12  # places, most rows have room within so many
+_BATCH_SIZE = 12  # places, most rows have room within so many
 _BACK_ROOM_M = 0.6
 _BEYOND_M = 3.0
 _PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # back from a street across the region's border, into the region
@@ -56,11 +56,11 @@ class Site:
         """A rectangle given in the building's frame."""
         return quad(self.origin_m, self.along, x_m, y_m)
 
-    def place(self, x_m: float, y_m: float) -> Float64Array:
+    def map_point(self, x_m: float, y_m: float) -> Float64Array:
         """(2,) place in the map frame of one in the building's."""
         return np.asarray(self.origin_m + self.along * x_m + left_of(self.along) * y_m)
 
-    def shifted(self, along_m: float) -> "Site":
+    def shift_along_front(self, along_m: float) -> "Site":
         """The same site farther on along its front."""
         step_m = self.along * along_m
         footprint = shapely.transform(self.footprint, lambda xy: xy + step_m)
@@ -104,13 +104,13 @@ def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Gen
     mesh = build(site.kind, plot, kind.draw_wall(recipe.building_style, rng), rng)
     yard.claims.add(site.footprint)
     yard.walls.append(site.footprint)
-    yard.tiles.place(mesh, standing(site.origin_m, high_m, site.yaw_rad))
+    yard.tiles.place(mesh, upright_pose(site.origin_m, high_m, site.yaw_rad))
     return replace(site, plot=plot)
 
 
 def site_at(
     kind_name: str,
-    place_m: Float64Array,
+    position_m: Float64Array,
     along: Float64Array,
     recipe: SurroundingsRecipe,
     rng: np.random.Generator,
@@ -122,7 +122,7 @@ def site_at(
     width_m, depth_m = (BAY_M * int(rng.integers(*span, endpoint=True)) for span in (kind.width, kind.depth))
     garage = int(rng.choice([-1, 1])) if kind_name in _GARAGE_KINDS and rng.random() < 0.75 else 0
     width_m += GARAGE_M * abs(garage)
-    origin_m = place_m + along * width_m / 2.0 + left_of(along) * (setback_m + kind.front_m)
+    origin_m = position_m + along * width_m / 2.0 + left_of(along) * (setback_m + kind.front_m)
     plot = Plot(width_m, depth_m, height_m, garage=garage)
     footprint = _footprints(kind, plot, origin_m[None], along[None])[0]
     return Site(kind_name, plot, origin_m, along, footprint, setback_m)
@@ -166,22 +166,22 @@ def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: Base
     pushed_m = _PUSHES_M if line.beyond else (0.0,)
     for candidate, push_m in product((site, narrow), pushed_m):
         candidate = replace(candidate, setback_m=site.setback_m + push_m)
-        found = _first_place(yard, line, candidate, from_m, land)
+        found = _first_free_position(yard, line, candidate, from_m, land)
         too_far = candidate.plot is site.plot and found is not None and found[0] - from_m > kind.width[0] * BAY_M
         if found is not None and not too_far:  # else a narrow one would leave less of the street empty
             return found
     return None
 
 
-def _first_place(
+def _first_free_position(
     yard: Yard, line: Frontage, site: Site, from_m: float, land: BaseGeometry
 ) -> tuple[float, Site] | None:
     """Where along a line a site has room first, and the site there."""
     kind, width_m = load_kinds()[site.kind], site.plot.width_m
     all_m = np.arange(from_m, line.length_m + _BEYOND_M - width_m, _STEP_M)
-    for s_m in np.split(all_m, np.arange(_AT_ONCE, len(all_m), _AT_ONCE)):
-        places, along = line.chords(s_m, width_m)
-        origins_m = places + along * width_m / 2.0 + left_of(along) * (site.setback_m + kind.front_m)
+    for s_m in np.split(all_m, np.arange(_BATCH_SIZE, len(all_m), _BATCH_SIZE)):
+        positions, along = line.chords(s_m, width_m)
+        origins_m = positions + along * width_m / 2.0 + left_of(along) * (site.setback_m + kind.front_m)
         footprints = _footprints(kind, site.plot, origins_m, along)
         fits = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
         for k in np.flatnonzero(fits).tolist():
@@ -202,8 +202,8 @@ def _land_range_m(yard: Yard, site: Site) -> tuple[float, float]:
     """Lowest and highest land under the walls of a site."""
     half_m, depth_m = site.plot.width_m / 2.0, site.plot.depth_m
     x_m, y_m = np.meshgrid(np.linspace(-half_m, half_m, 5), np.linspace(-0.5, depth_m, 4))
-    places = site.origin_m + np.outer(x_m, site.along) + np.outer(y_m, left_of(site.along))
-    height_m = yard.ground.land_m(places)
+    positions = site.origin_m + np.outer(x_m, site.along) + np.outer(y_m, left_of(site.along))
+    height_m = yard.ground.land_m(positions)
     return float(height_m.min()), float(height_m.max())
 
 

@@ -31,8 +31,8 @@ def lay_out_suburb(yard: Yard, block: Block) -> None:
     yard.cover(block.land, "lawn", block.recipe.plants)
     sites = build_rows(yard, block, _kind, rng)
     shapely.prepare(block.land)
-    ways = [way for site in sites for way in _ways(yard, site)]
-    yard.cover(shapely.intersection(shapely.union_all(ways), block.land), "drive", rise_m=PATH_RISE_M)
+    paths = [path for site in sites for path in _claim_paths(yard, site)]
+    yard.cover(shapely.intersection(shapely.union_all(paths), block.land), "drive", rise_m=PATH_RISE_M)
     for site in sites:
         if site.kind == "villa":
             _garden(yard, block, site, rng)
@@ -46,18 +46,18 @@ def _kind(height_m: float, rng: np.random.Generator) -> str:
     return "villa" if draw > 0.012 else ("church" if draw < 0.005 else "school")
 
 
-def _ways(yard: Yard, site: Site) -> list[shapely.Polygon]:
+def _claim_paths(yard: Yard, site: Site) -> list[shapely.Polygon]:
     """Driveway and path to the door, claimed."""
     front_m = site.street_m - 0.3
     door_m = door_x_m(house_width_m(site.plot)) + house_x_m(site.plot)
-    ways = [site.quad((door_m - _PATH_M / 2.0, door_m + _PATH_M / 2.0), (front_m, -0.3))]
+    paths = [site.quad((door_m - _PATH_M / 2.0, door_m + _PATH_M / 2.0), (front_m, -0.3))]
     if site.kind != "villa":
-        ways = [site.quad((-2.5, 2.5), (front_m, -0.3))]
+        paths = [site.quad((-2.5, 2.5), (front_m, -0.3))]
     elif site.plot.garage:
         x_m = garage_x_m(site.plot)
-        ways.append(site.quad((x_m - _DRIVE_M / 2.0, x_m + _DRIVE_M / 2.0), (front_m, 1.2)))
-    yard.claims.add(*ways)
-    return ways
+        paths.append(site.quad((x_m - _DRIVE_M / 2.0, x_m + _DRIVE_M / 2.0), (front_m, 1.2)))
+    yard.claims.add(*paths)
+    return paths
 
 
 def _garden(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
@@ -66,21 +66,25 @@ def _garden(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> N
     edge_m = site.street_m
     if rng.random() < block.recipe.fence_density:
         kind = _FRONT_BARRIERS[int(rng.integers(len(_FRONT_BARRIERS)))]
-        fence_line(yard, kind, site.place(-half_m, edge_m + 0.7), site.place(half_m, edge_m + 0.7), block.land, rng)
+        fence_line(
+            yard, kind, site.map_point(-half_m, edge_m + 0.7), site.map_point(half_m, edge_m + 0.7), block.land, rng
+        )
     if rng.random() < 1.3 * block.recipe.fence_density:
         kind = _BACK_BARRIERS[int(rng.integers(len(_BACK_BARRIERS)))]
-        corners = [site.place(x, y) for x, y in ((-half_m, 2.0), (-half_m, depth_m), (half_m, depth_m), (half_m, 2.0))]
+        corners = [
+            site.map_point(x, y) for x, y in ((-half_m, 2.0), (-half_m, depth_m), (half_m, depth_m), (half_m, 2.0))
+        ]
         for start_m, end_m in pairwise(corners):
             fence_line(yard, kind, start_m, end_m, block.land, rng)
     furnished = block.recipe.furniture_density
-    spots = (
+    things = (
         (mailbox(), rng.choice([-1.0, 1.0]) * 1.1 + house_x_m(site.plot), edge_m + 0.8, 0.35, -np.pi / 2.0),
         (wheelie_bin(pick_color(rng, "bins", 0.0)), 0.5 - half_m + 1.3, 3.0, 0.45, np.pi),
         (wood_pile(), 0.0, site.plot.depth_m + 2.6, 1.7, 0.0),
     )
-    for (mesh, x_m, y_m, room_m, turn_rad), share in zip(spots, (1.2, 1.0, 0.3), strict=True):
-        place_m = site.place(x_m, y_m)
+    for (mesh, x_m, y_m, room_m, turn_rad), share in zip(things, (1.2, 1.0, 0.3), strict=True):
+        position_m = site.map_point(x_m, y_m)
         if rng.random() < share * furnished and yard.claim(
-            shapely.Point(place_m).buffer(room_m, quad_segs=2), block.land
+            shapely.Point(position_m).buffer(room_m, quad_segs=2), block.land
         ):
-            yard.ensemble.put(mesh, place_m, site.yaw_rad + turn_rad)
+            yard.ensemble.put(mesh, position_m, site.yaw_rad + turn_rad)

@@ -16,19 +16,19 @@ from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import dumpster
 
-_HIGHEST_HOUSE_M, _HIGHEST_APARTMENTS_M = 7.5, 24.0
+_MAX_HOUSE_HEIGHT_M, _MAX_APARTMENTS_HEIGHT_M = 7.5, 24.0
 _YARD_DEPTH_M = 27.0
-_PARK_SHARE, _LARGEST_PARK_M2 = 0.13, 30_000.0
-_PATH_M, _GATE_M, _SHORTEST_BARRIER_M = 1.3, 1.1, 1.5
+_PARK_SHARE, _MAX_PARK_M2 = 0.13, 30_000.0
+_PATH_M, _GATE_M, _MIN_BARRIER_M = 1.3, 1.1, 1.5
 _GARDEN_M2, _COURT_M2, _PLAZA_M2 = 230.0, 200.0, 260.0
-_LARGEST_COURT_M2 = 40_000.0
+_MAX_COURT_M2 = 40_000.0
 
 
 def lay_out_town(yard: Yard, block: Block) -> None:
     """Lay out a downtown or residential block; now and then a park."""
     rng = yard.ground.stream(f"town.{block.name}")
     downtown = block.recipe.use == "downtown"
-    if not downtown and block.frontage and block.land.area < _LARGEST_PARK_M2 and rng.random() < _PARK_SHARE:
+    if not downtown and block.frontage and block.land.area < _MAX_PARK_M2 and rng.random() < _PARK_SHARE:
         lay_out_park(yard, block)
         return
     court = _court(yard, block, _YARD_DEPTH_M) if downtown else block.land
@@ -42,7 +42,7 @@ def lay_out_town(yard: Yard, block: Block) -> None:
             _fence_in(yard, block, site, rng)
         elif rng.random() < block.recipe.furniture_density:
             _put_waste(yard, block, site, rng)
-    if downtown and block.land.area < _LARGEST_COURT_M2 and rng.random() < 0.5:
+    if downtown and block.land.area < _MAX_COURT_M2 and rng.random() < 0.5:
         _court_parking(yard, block, rng)
     density = block.recipe.plant_density
     if density > 0.0:
@@ -59,15 +59,15 @@ def _court(yard: Yard, block: Block, depth_m: float) -> BaseGeometry:
 
 
 def _downtown_kind(height_m: float, rng: np.random.Generator) -> str:
-    if height_m > _HIGHEST_APARTMENTS_M:
+    if height_m > _MAX_APARTMENTS_HEIGHT_M:
         return "office"
-    return "shop" if height_m < _HIGHEST_HOUSE_M else "apartments"
+    return "shop" if height_m < _MAX_HOUSE_HEIGHT_M else "apartments"
 
 
 def _residential_kind(height_m: float, rng: np.random.Generator) -> str:
-    if height_m > _HIGHEST_APARTMENTS_M:
+    if height_m > _MAX_APARTMENTS_HEIGHT_M:
         return "office"
-    if height_m < _HIGHEST_HOUSE_M + 3.0 * rng.random():
+    if height_m < _MAX_HOUSE_HEIGHT_M + 3.0 * rng.random():
         return "town_house" if rng.random() < 0.8 else "shop"
     return "church" if rng.random() < 0.02 else "apartments"
 
@@ -95,16 +95,16 @@ def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) ->
     y_m = site.street_m + 0.55
     door_m, half_m = door_x_m(site.plot.width_m), site.plot.width_m / 2.0 + 0.5
     for start_m, end_m in ((-half_m, door_m - _GATE_M), (door_m + _GATE_M, half_m)):
-        if end_m - start_m > _SHORTEST_BARRIER_M:
-            fence_line(yard, kind, site.place(start_m, y_m), site.place(end_m, y_m), block.land, rng)
+        if end_m - start_m > _MIN_BARRIER_M:
+            fence_line(yard, kind, site.map_point(start_m, y_m), site.map_point(end_m, y_m), block.land, rng)
 
 
 def _put_waste(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
     """A waste container behind a building."""
-    place_m = site.place(rng.uniform(-0.3, 0.3) * site.plot.width_m, site.plot.depth_m + 1.7)
-    if yard.claim(shapely.Point(place_m).buffer(1.1, quad_segs=3), block.land):
+    position_m = site.map_point(rng.uniform(-0.3, 0.3) * site.plot.width_m, site.plot.depth_m + 1.7)
+    if yard.claim(shapely.Point(position_m).buffer(1.1, quad_segs=3), block.land):
         color = pick_color(rng, "bins", 0.0)
-        yard.ensemble.put(dumpster(color), place_m, yaw_of(site.along) + np.pi / 2.0)
+        yard.ensemble.put(dumpster(color), position_m, yaw_of(site.along) + np.pi / 2.0)
 
 
 def _court_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:

@@ -3,7 +3,7 @@
 import shapely
 
 from simbev_ros.assets.land.blocks import Block
-from simbev_ros.assets.land.planting import lattice_places, plant_mixed
+from simbev_ros.assets.land.planting import lattice_positions, plant_mixed
 from simbev_ros.assets.land.yard import Yard
 
 _EDGE_M, _FRONT_M, _DEEP_M, _SEEN_M = 2.5, 8.5, 42.0, 110.0
@@ -21,13 +21,13 @@ def lay_out_woods(yard: Yard, block: Block) -> None:
         return
     thin = 1.0 / (2.0 * min(density, 1.0)) ** 0.5
     rest = shapely.difference(block.land, shapely.union(yard.near_streets(_EDGE_M), yard.fast))
-    for reach_m, spacing_m, place in (
+    for reach_m, spacing_m, habitat in (
         (_FRONT_M, _FRONT_SPACING_M, "wild"),
         (_DEEP_M, _DEEP_SPACING_M, "deep"),
         (_SEEN_M, _FAR_SPACING_M, "deep"),
     ):
         near = yard.near_streets(reach_m)
-        places = lattice_places(shapely.intersection(rest, near), spacing_m * thin, rng)
-        plant_mixed(yard, places, landscape, place, rng)
+        positions = lattice_positions(shapely.intersection(rest, near), spacing_m * thin, rng)
+        plant_mixed(yard, positions, landscape, habitat, rng)
         rest = shapely.difference(rest, near)
-    plant_mixed(yard, lattice_places(rest, 2.0 * _FAR_SPACING_M * thin, rng), landscape, "far", rng)
+    plant_mixed(yard, lattice_positions(rest, 2.0 * _FAR_SPACING_M * thin, rng), landscape, "far", rng)

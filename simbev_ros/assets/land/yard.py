@@ -73,17 +73,19 @@ class Yard:
             self._near_streets[distance_m] = shapely.buffer(street, distance_m, quad_segs=4)
         return self._near_streets[distance_m]
 
-    def keep_off_trees(self) -> tuple[tuple[shapely.STRtree, float], ...]:
-        """What crowns keep clear of: buildings, signals and the edges of streets, each with an extra distance, metres.
+    def crown_obstacles(self) -> tuple[tuple[shapely.STRtree, float], ...]:
+        """What crowns keep clear of: buildings, signals and the edges of streets, each with an extra distance, meters.
 
         To be asked for when all buildings of the land in question stand.
         """
         return (shapely.STRtree(self.walls), 0.0), (self.signals, SIGNAL_CLEARANCE_M), (self.edges, 0.0)
 
-    def cover(self, area: BaseGeometry, finish: Finish | str, landscape: str = "temperate", **how: float) -> None:
+    def cover(self, area: BaseGeometry, finish: Finish | str, landscape: str = "temperate", **options: float) -> None:
         """Cover an area with a finish, or the one of a name."""
         if not area.is_empty:
-            self.covers.append(Cover(area, finish_of(finish, landscape) if isinstance(finish, str) else finish, **how))
+            self.covers.append(
+                Cover(area, finish_of(finish, landscape) if isinstance(finish, str) else finish, **options)
+            )
 
     def claim(self, footprint: shapely.Polygon, land: BaseGeometry) -> bool:
         """Claim a footprint that must lie on a piece of land within the region."""

@@ -1,1 +1,1 @@
-"""The mesh type and the geometry that builds meshes: primitives, clipping, draping over the ground."""
+"""Mesh type and the tools that build meshes: primitive solids, polygon clipping, draping areas over the ground."""

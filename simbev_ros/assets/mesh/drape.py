@@ -1,7 +1,7 @@
-"""Meshes that follow the ground, from areas that are cut into pieces of which each lies on one flat facet.
+"""Builds meshes that follow the ground from areas that ``facet_cuts`` has cut into pieces, each on one flat facet.
 
-What lies on one facet is flat, so pieces may be triangulated in any way, and neighbours need not share their vertices:
-along a border both are straight.
+The meshes come back by tile. As a piece is flat, it may be triangulated in any way, and neighboring pieces need not
+share vertices: both are straight along their common border.
 """
 
 from collections.abc import Callable
@@ -19,18 +19,18 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
-_SPECK_M2 = 1e-6
-_ON_EDGE_M = 0.002  # plans lie on a millimetre grid, and what is cut from them too
-_BITS = 21  # enough for places in a tile, in tenths of a millimetre
+_MIN_TRIANGLE_M2 = 1e-6
+_EDGE_TOLERANCE_M = 0.002  # areas and the pieces cut from them lie on a millimeter grid
+_KEY_BITS = 21  # enough for positions in a tile, in tenths of a millimeter
 
 Ceiling = Callable[[Float64Array], Float64Array]
-"""(N,) heights that nothing is to exceed at (N, 2) points of the map frame."""
+"""Function that returns (N,) maximum heights at (N, 2) points of the map frame."""
 
 ByTile = dict[tuple[int, int], Mesh]
-"""By column and row of tiles: a mesh in the frame of the tile's middle, at height 0."""
+"""Meshes by column and row of their tile, each in the frame of the tile's center at height 0."""
 
 
-def sheet(
+def cover_mesh(
     cut: Cut,
     finish: Finish,
     rise_m: float,
@@ -39,24 +39,24 @@ def sheet(
     ceiling_m: Ceiling | None = None,
     yaw_rad: float = 0.0,
 ) -> ByTile:
-    """A one-sided cover of all pieces.
+    """Build a one-sided cover of all pieces, such as asphalt or a lawn.
 
     Args:
-        cut: What to cover.
-        finish: Of all of it.
-        rise_m: So much above the ground.
-        downward: To be seen from below.
-        ceiling_m: Of the height.
-        yaw_rad: Of the first axis of ``uv``, which are metres in plan.
+        cut: Pieces to cover.
+        finish: Finish of the whole cover.
+        rise_m: Height above the ground.
+        downward: Whether the cover faces down, to be seen from below.
+        ceiling_m: Maximum height.
+        yaw_rad: Direction of the first axis of ``uv``, which are meters in plan.
     """
-    triangles = _triangulated(cut.pieces)
+    triangles = _triangulate(cut.pieces)
     if len(triangles) == 0:
         return {}
     facet, xy_m = cut.facet[cut.pieces.owner], cut.pieces.xy_m
     tile = cut.facets.tile[facet]
-    _, first, joined = np.unique(_key(xy_m, tile), return_index=True, return_inverse=True)
+    _, first, joined = np.unique(_vertex_keys(xy_m, tile), return_index=True, return_inverse=True)
     facet, xy_m, tile, triangles = facet[first], xy_m[first], tile[first], joined[triangles]
-    height_m, east, north = cut.facets.at(facet, xy_m).T
+    height_m, east, north = cut.facets.heights_and_slopes(facet, xy_m).T
     height_m = height_m + rise_m
     if ceiling_m is not None:
         height_m = np.minimum(height_m, ceiling_m(xy_m))
@@ -71,21 +71,24 @@ def sheet(
         color=finish.color,
         uv=xy_m @ np.array([[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]),
     )
-    return _by_tile(mesh, tile)
+    return _split_by_tile(mesh, tile)
 
 
-def faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m: float) -> ByTile:
-    """Upright faces, outward, where rims of pieces lie on ``edges``, from one height above the ground to another."""
+def edge_faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m: float) -> ByTile:
+    """Build upright outward faces where rims of pieces lie on ``edges``, between two heights above the ground."""
     pieces, rim = cut.pieces, ~cut.pieces.is_cut
     starts, ends, piece = pieces.xy_m[rim], pieces.xy_m[pieces.following[rim]], pieces.owner[rim]
     shapely.prepare(edges)
-    kept = shapely.dwithin(edges, shapely.points((starts + ends) / 2.0), _ON_EDGE_M)
+    kept = shapely.dwithin(edges, shapely.points((starts + ends) / 2.0), _EDGE_TOLERANCE_M)
     if not kept.any():
         return {}
     tile = cut.facets.tile[cut.facet[piece]]
     order = np.flatnonzero(kept)[np.lexsort(tile[kept].T)]
     starts, ends, tile, facet = starts[order], ends[order], tile[order], cut.facet[piece[order]]
-    start_m, end_m = cut.facets.at(facet, starts)[:, 0], cut.facets.at(facet, ends)[:, 0]
+    start_m, end_m = (
+        cut.facets.heights_and_slopes(facet, starts)[:, 0],
+        cut.facets.heights_and_slopes(facet, ends)[:, 0],
+    )
     along = np.cumsum(np.linalg.norm(ends - starts, axis=1))
     before = np.concatenate([[0.0], along[:-1]])
     starts, ends = starts - (tile + 0.5) * TILE_M, ends - (tile + 0.5) * TILE_M
@@ -100,11 +103,11 @@ def faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m:
         tag=finish.tag,
         color=finish.color,
     )
-    return _by_tile(mesh, np.repeat(tile, 6, axis=0))
+    return _split_by_tile(mesh, np.repeat(tile, 6, axis=0))
 
 
-def _by_tile(mesh: Mesh, tile: Int64Array) -> ByTile:
-    """A mesh of which (V, 2) vertices are sorted by their tile, apart."""
+def _split_by_tile(mesh: Mesh, tile: Int64Array) -> ByTile:
+    """Split a mesh whose vertices are sorted by (V, 2) tile."""
     starts = np.flatnonzero(np.append(True, (tile[1:] != tile[:-1]).any(axis=1)))
     of_triangle = np.searchsorted(starts, mesh.triangles[:, 0], side="right") - 1
     order = np.argsort(of_triangle, kind="stable")
@@ -119,8 +122,8 @@ def _by_tile(mesh: Mesh, tile: Int64Array) -> ByTile:
     return meshes
 
 
-def _triangulated(pieces: Rings) -> Int64Array:
-    """(T, 3) counter-clockwise triangles, those of convex pieces all at once."""
+def _triangulate(pieces: Rings) -> Int64Array:
+    """(T, 3) counter-clockwise triangles; convex pieces are triangulated in one step."""
     first, count, owner = pieces.first, pieces.count, pieces.owner
     convex = _are_convex(pieces)
     here = np.arange(len(owner))
@@ -134,12 +137,12 @@ def _triangulated(pieces: Rings) -> Int64Array:
     a, b, c = (pieces.xy_m[found[:, k]] for k in range(3))
     area_m2 = cross(b - a, c - a)
     found[area_m2 < 0.0] = found[area_m2 < 0.0][:, ::-1]
-    real: Int64Array = found[np.abs(area_m2) > _SPECK_M2]
-    return real
+    non_degenerate: Int64Array = found[np.abs(area_m2) > _MIN_TRIANGLE_M2]
+    return non_degenerate
 
 
 def _are_convex(pieces: Rings) -> BoolArray:
-    """(P,) which rings of vertices never turn right."""
+    """(P,) whether a ring is convex, i.e. never turns right."""
     step_m = pieces.xy_m[pieces.following] - pieces.xy_m
     turns_right = cross(step_m, step_m[pieces.following]) < -1e-9
     right_turns = np.bincount(pieces.owner[turns_right], minlength=len(pieces.count))
@@ -147,9 +150,9 @@ def _are_convex(pieces: Rings) -> BoolArray:
     return convex
 
 
-def _key(xy_m: Float64Array, tile: Int64Array) -> Int64Array:
-    """(N,) ascending by (N, 2) tile, and the same for points of one tile and place, to a tenth of a millimetre."""
+def _vertex_keys(xy_m: Float64Array, tile: Int64Array) -> Int64Array:
+    """(N,) keys, ascending by (N, 2) tile, equal for points of a tile with equal positions to 0.1 mm."""
     column, row = (tile - tile.min(axis=0)).T
     x, y = np.round((xy_m - (tile - 0.5) * TILE_M) * 1e4).astype(np.int64).T
-    key: Int64Array = ((column * (1 + row.max()) + row << _BITS) + x << _BITS) + y
+    key: Int64Array = ((column * (1 + row.max()) + row << _KEY_BITS) + x << _KEY_BITS) + y
     return key

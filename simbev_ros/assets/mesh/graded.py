@@ -1,4 +1,4 @@
-"""Things in two grades: exact, and with fewer triangles for cameras far away."""
+"""Meshes in two levels of detail: exact, and with fewer triangles for distant cameras."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ from simbev_ros.assets.mesh.mesh import Mesh
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Graded:
-    """A thing and its stand-in.
+class GradedMesh:
+    """Exact mesh of an object and its simplified stand-in.
 
     Attributes:
-        mesh: What is seen from nearby, hit by rays and labelled.
-        coarse: What cameras see from afar: of about the same outline, colours and tags.
+        mesh: Mesh that nearby cameras see, rays hit and labels describe.
+        coarse: Mesh that distant cameras see: about the same outline, colors and tags.
     """
 
     mesh: Mesh
     coarse: Mesh
 
     @classmethod
-    def merged(cls, parts: Sequence["Graded"]) -> Self:
-        """One thing of several parts."""
-        return cls(Mesh.merged([part.mesh for part in parts]), Mesh.merged([part.coarse for part in parts]))
+    def merge(cls, parts: Sequence["GradedMesh"]) -> Self:
+        """Merge several parts into one object."""
+        return cls(Mesh.merge([part.mesh for part in parts]), Mesh.merge([part.coarse for part in parts]))

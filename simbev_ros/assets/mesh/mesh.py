@@ -1,4 +1,4 @@
-"""The one mesh type. Cameras, lidar and labels all read these arrays, so they agree by construction."""
+"""Triangle mesh with per-vertex attributes. Cameras, lidar and labels all read its arrays, so they agree."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,12 +13,12 @@ from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles with per-vertex attributes; the three corners of a triangle share material, tag, colour and part.
+    """Triangles with per-vertex attributes; the three corners of a triangle share material, tag, color and part.
 
     Attributes:
-        vertices: (V, 3) float32, metres, in the mesh's own frame (z up).
+        vertices: (V, 3) float32, meters, in the mesh's own frame (z up).
         normals: (V, 3) float32, unit length, outward.
-        uv: (V, 2) float32, surface coordinates; the meaning is the material's (see ``Material``).
+        uv: (V, 2) float32, surface coordinates, whose meaning depends on the material (see ``Material``).
         color: (V, 3) uint8, sRGB albedo.
         material: (V,) uint8, a ``Material``.
         tag: (V,) uint8, a semantic ``Tag``.
@@ -46,10 +46,10 @@ class Mesh:
         uv: Float64Array | None = None,
         part: int = 0,
     ) -> Self:
-        """Flat-shaded mesh from loose triangles.
+        """Create a flat-shaded mesh from separate triangles.
 
         Args:
-            corners: (T, 3, 3) triangle corners, metres, counter-clockwise seen from outside.
+            corners: (T, 3, 3) triangle corners, meters, counter-clockwise seen from outside.
             material: Material of all triangles.
             tag: Semantic tag of all triangles.
             color: sRGB albedo 0..255.
@@ -83,7 +83,18 @@ class Mesh:
         uv: Float64Array | None = None,
         part: int = 0,
     ) -> Self:
-        """Mesh of one material from shared vertices: (V, 3) positions, (T, 3) indices, (V, 3) unit normals."""
+        """Create a mesh of one material from shared vertices.
+
+        Args:
+            vertices: (V, 3) positions, meters.
+            triangles: (T, 3) vertex indices, counter-clockwise seen from outside.
+            normals: (V, 3) unit normals.
+            material: Material of all triangles.
+            tag: Semantic tag of all triangles.
+            color: sRGB albedo 0..255.
+            uv: (V, 2) surface coordinates; x, y of the vertices when omitted.
+            part: Rigid part of all vertices.
+        """
         count = len(vertices)
         return cls(
             vertices=np.ascontiguousarray(vertices, np.float32),
@@ -98,12 +109,12 @@ class Mesh:
 
     @classmethod
     def empty(cls) -> Self:
-        """A mesh without triangles."""
+        """Create a mesh without triangles."""
         return cls.flat(np.zeros((0, 3, 3)), material=Material.PLAIN, tag=Tag.UNLABELED, color=(0, 0, 0))
 
     @classmethod
-    def merged(cls, meshes: Sequence["Mesh"]) -> Self:
-        """One mesh with the triangles of all, in order."""
+    def merge(cls, meshes: Sequence["Mesh"]) -> Self:
+        """Merge meshes into one that has the triangles of all, in order."""
         if not meshes:
             return cls.empty()
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
@@ -120,8 +131,8 @@ class Mesh:
             ),
         )
 
-    def transformed(self, target_from_mesh: Float64Array) -> "Mesh":
-        """The mesh moved by a (4, 4) rigid or scaling transform (normals are renormalised; uv stays)."""
+    def transform(self, target_from_mesh: Float64Array) -> "Mesh":
+        """Copy of the mesh under a (4, 4) rigid or scaling transform (normals are renormalized; uv stays)."""
         linear = target_from_mesh[:3, :3]
         (a, b, c), (d, e, f), (g, h, i) = linear.tolist()
         cofactors = np.array(
@@ -142,11 +153,11 @@ class Mesh:
         )
 
     def copies(self, target_from_mesh: Float64Array, tint: Float64Array | None = None) -> list["Mesh"]:
-        """One moved copy for each of (N, 4, 4) rigid, mirroring or uniformly scaling transforms, in one step.
+        """Transformed copies of the mesh, all in one step.
 
         Args:
-            target_from_mesh: Where the copies are.
-            tint: (N, 3) factors of the copies' colours; all ones when omitted.
+            target_from_mesh: (N, 4, 4) rigid, mirroring or uniformly scaling transforms.
+            tint: (N, 3) factors of the copies' colors; all ones when omitted.
         """
         linear = np.asarray(target_from_mesh, np.float64)[:, :3, :3]
         transposed = np.swapaxes(linear, 1, 2)
@@ -170,7 +181,7 @@ class Mesh:
 
     @property
     def bounds_m(self) -> Float64Array:
-        """(2, 3) smallest and largest corner, metres; zeros when empty."""
+        """(2, 3) minimum and maximum corner, meters; zeros if the mesh is empty."""
         if len(self.vertices) == 0:
             return np.zeros((2, 3))
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Many meshes as flat arrays, and back."""
+"""Converts lists of meshes to named flat arrays for NPZ files, and back."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
@@ -10,7 +10,7 @@ from simbev_ros.types import AnyArray
 
 
 def mesh_arrays(meshes: Sequence[Mesh]) -> Iterator[tuple[str, AnyArray]]:
-    """All columns of one or more meshes, end to end, and how long each mesh's are."""
+    """Named arrays of one or more meshes: each column of all meshes concatenated, and its length per mesh."""
     for field in fields(Mesh):
         columns = [getattr(mesh, field.name) for mesh in meshes]
         yield field.name, np.concatenate(columns)
@@ -18,7 +18,7 @@ def mesh_arrays(meshes: Sequence[Mesh]) -> Iterator[tuple[str, AnyArray]]:
 
 
 def meshes_from(arrays: Mapping[str, AnyArray]) -> list[Mesh]:
-    """The meshes, from an open file that has the arrays.
+    """Meshes from an open NPZ file with the arrays of ``mesh_arrays``.
 
     Raises:
         One of ``errors.NPZ_DAMAGE``: The file is damaged.

@@ -1,4 +1,4 @@
-"""Solids of simple form, the building blocks of all models: each function returns a closed, outward-facing ``Mesh``."""
+"""Primitive solids that all models are built from; unless stated otherwise, meshes are closed and face outward."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from simbev_ros.types import BoolArray, Float64Array, Int32Array, Int64Array
 Vector = tuple[float, float, float]
 
 _MIN_HEIGHT_M = 2e-6
-"""Triangles thinner than this would have no area once they are float32."""
+"""Minimum height of a triangle; thinner ones would have no area in float32."""
 
 _BOX_NORMALS = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
 _BOX_CORNERS = 0.5 * np.array(
@@ -37,7 +37,7 @@ _BOX_UV_FROM_CORNER = np.array(  # as ``_surface_coordinates`` has it
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """What a solid is made of: material, semantic tag, sRGB albedo 0..255, and the rigid part that moves it."""
+    """Surface of a solid: material, semantic tag, sRGB albedo 0..255, and the rigid part that moves it."""
 
     material: Material
     tag: Tag
@@ -53,18 +53,18 @@ def solid(
     crease_deg: float = 35.0,
     uv: Float64Array | None = None,
 ) -> Mesh:
-    """Mesh with normals that are smooth where faces meet at less than the crease angle, and sharp elsewhere.
+    """Build a mesh whose normals are smooth where faces meet at less than the crease angle, and sharp elsewhere.
 
     Args:
-        finish: Of all triangles.
-        vertices: (V, 3) metres; coincident ones are joined.
-        triangles: (T, 3) counter-clockwise seen from outside; needles without area are dropped.
+        finish: Finish of all triangles.
+        vertices: (V, 3) positions, meters; coincident ones are joined.
+        triangles: (T, 3) vertex indices, counter-clockwise seen from outside; triangles without area are dropped.
         crease_deg: Edges sharper than this stay sharp; 0 makes every face flat.
-        uv: (T, 3, 2) surface coordinates per corner. When omitted: x, y on level faces; on others metres along the
+        uv: (T, 3, 2) surface coordinates per corner. When omitted: x, y on level faces; elsewhere meters along the
             surface's horizontal, and z.
     """
     if crease_deg == 0.0 and uv is None:
-        return _faceted(finish, np.asarray(vertices, np.float64)[np.asarray(triangles).reshape(-1, 3)])
+        return _flat_shaded(finish, np.asarray(vertices, np.float64)[np.asarray(triangles).reshape(-1, 3)])
     return patchwork([finish], np.zeros(len(triangles), np.int64), vertices, triangles, crease_deg=crease_deg, uv=uv)
 
 
@@ -77,12 +77,21 @@ def patchwork(
     crease_deg: float = 35.0,
     uv: Float64Array | None = None,
 ) -> Mesh:
-    """Like ``solid``, with (T,) a finish for every triangle; normals are smooth across borders of finishes."""
+    """Build a mesh like ``solid``, with one of several finishes per triangle; normals are smooth across finishes.
+
+    Args:
+        finishes: Finishes to choose from.
+        finish_of_triangle: (T,) index of each triangle's finish.
+        vertices: As in ``solid``.
+        triangles: As in ``solid``.
+        crease_deg: As in ``solid``.
+        uv: As in ``solid``.
+    """
     _, first, joined = np.unique(np.round(vertices, 6), axis=0, return_index=True, return_inverse=True)
     triangles = joined.reshape(-1).astype(np.int32)[np.asarray(triangles).reshape(-1, 3)]
     positions = np.asarray(vertices, np.float64)[first]
     corners = positions[triangles]
-    kept = _is_no_needle(corners)
+    kept = _has_area(corners)
     triangles = triangles[kept]
     normals = _corner_normals(triangles.reshape(-1), corners[kept], np.cos(np.radians(crease_deg)))
     points = positions[triangles.reshape(-1)]
@@ -104,7 +113,7 @@ def patchwork(
 
 
 def box(finish: Finish, size_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), bevel_m: float = 0.0) -> Mesh:
-    """A cuboid of the given size along x, y, z; ``bevel_m`` cuts its edges off."""
+    """Build a cuboid of a size along x, y, z; ``bevel_m`` is the width of its beveled edges."""
     if not bevel_m:
         return boxes(finish, np.array([size_m]), np.array([center_m]))
     hx, hy, hz = (side / 2.0 for side in size_m)
@@ -121,7 +130,7 @@ def box(finish: Finish, size_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), beve
 
 
 def boxes(finish: Finish, size_m: Float64Array, center_m: Float64Array) -> Mesh:
-    """Cuboids of one finish, (N, 3) sizes along x, y, z and (N, 3) centres, all in one step."""
+    """Build cuboids of one finish in one step, from (N, 3) sizes along x, y, z and (N, 3) centers."""
     size_m, center_m = np.asarray(size_m, np.float64), np.asarray(center_m, np.float64)
     corners = size_m[:, None] * _BOX_CORNERS + center_m[:, None]
     triangles = np.arange(0, 24 * len(size_m), 24)[:, None, None] + _BOX_TRIANGLES
@@ -146,7 +155,7 @@ def cylinder(
     end_radius_m: float | None = None,
     segments: int = 12,
 ) -> Mesh:
-    """A cylinder between two points, or a (truncated) cone if the radius at the end differs."""
+    """Build a cylinder between two points, or a (truncated) cone if the radius at the end differs."""
     end_radius_m = radius_m if end_radius_m is None else end_radius_m
     return tube(finish, np.array([start_m, end_m]), np.array([radius_m, end_radius_m]), segments=segments)
 
@@ -159,13 +168,13 @@ def tube(
     segments: int = 8,
     crease_deg: float = 50.0,
 ) -> Mesh:
-    """A round bar along a path.
+    """Build a round bar along a path.
 
     Args:
-        finish: Of all triangles.
-        path_m: (N, 3) centre line.
+        finish: Finish of all triangles.
+        path_m: (N, 3) center line.
         radius_m: One radius, or (N,) radii.
-        segments: Sides of its cross-section.
+        segments: Number of sides of the cross-section.
         crease_deg: As in ``solid``.
     """
     path_m = np.asarray(path_m, np.float64)
@@ -188,14 +197,14 @@ def tube(
 def lathe(
     finish: Finish, profile_m: Float64Array, *, segments: int = 12, crease_deg: float = 40.0, caps: bool = True
 ) -> Mesh:
-    """A solid of revolution about z.
+    """Build a solid of revolution about z.
 
     Args:
-        finish: Of all triangles.
+        finish: Finish of all triangles.
         profile_m: (N, 2) radius and z, from the bottom up the outside; radius 0 closes an end in a point.
-        segments: Sides.
+        segments: Number of sides.
         crease_deg: As in ``solid``.
-        caps: Close both ends; not wanted if the profile is itself closed, as a ring's is.
+        caps: Whether to close both ends; False if the profile is closed itself, as for a ring.
     """
     angles = np.arange(segments) * (2.0 * np.pi / segments)
     profile_m = np.asarray(profile_m, np.float64)
@@ -209,22 +218,22 @@ def lathe(
 def ellipsoid(
     finish: Finish, radii_m: Vector, center_m: Vector = (0.0, 0.0, 0.0), *, segments: int = 12, rings: int = 6
 ) -> Mesh:
-    """An ellipsoid with its axes along x, y, z; poles on z."""
+    """Build an ellipsoid with its axes along x, y, z and its poles on z."""
     latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, rings + 1)
     profile = np.stack([np.cos(latitudes), np.sin(latitudes)], axis=1)
     target_from_unit = np.diag([*radii_m, 1.0])
     target_from_unit[:3, 3] = center_m
-    return lathe(finish, profile, segments=segments, crease_deg=180.0).transformed(target_from_unit)
+    return lathe(finish, profile, segments=segments, crease_deg=180.0).transform(target_from_unit)
 
 
 def loft(finish: Finish, sections_m: Float64Array, *, crease_deg: float = 35.0, caps: bool = True) -> Mesh:
-    """A solid through successive cross-sections.
+    """Build a solid through successive cross-sections.
 
     Args:
-        finish: Of all triangles.
-        sections_m: (N, M, 3) rings of M points each, counter-clockwise when they come towards the viewer.
+        finish: Finish of all triangles.
+        sections_m: (N, M, 3) rings of M points each, counter-clockwise for a viewer that they approach.
         crease_deg: As in ``solid``.
-        caps: Close the first and the last ring, which must then be convex.
+        caps: Whether to close the first and the last ring, which must then be convex.
     """
     count, around = sections_m.shape[:2]
     here = np.arange(around)
@@ -240,7 +249,7 @@ def loft(finish: Finish, sections_m: Float64Array, *, crease_deg: float = 35.0, 
 def extrusion(
     finish: Finish, polygon: shapely.Polygon, bottom_m: float, top_m: float, *, crease_deg: float = 35.0
 ) -> Mesh:
-    """A polygon (holes allowed) in x and y, drawn out from one height to another."""
+    """Build a solid by extruding a polygon in x and y (holes allowed) from one height to another."""
     flat, faces = triangulate(polygon)
     count = len(flat)
     ends = np.cumsum([len(ring.coords) - 1 for ring in (polygon.exterior, *polygon.interiors)])
@@ -256,7 +265,7 @@ def extrusion(
 
 
 def plate(finish: Finish, polygon: shapely.Polygon, z_m: float) -> Mesh:
-    """A level, one-sided polygon that faces up; ``uv`` = x, y."""
+    """Build a level, one-sided polygon that faces up; ``uv`` = x, y."""
     flat, faces = triangulate(polygon)
     return Mesh.indexed(
         np.column_stack([flat, np.full(len(flat), z_m)]),
@@ -270,7 +279,7 @@ def plate(finish: Finish, polygon: shapely.Polygon, z_m: float) -> Mesh:
 
 
 def triangulate(polygon: shapely.Polygon) -> tuple[Float64Array, Int32Array]:
-    """(V, 2) vertices (exterior counter-clockwise, then holes clockwise) and (T, 3) counter-clockwise triangles."""
+    """Triangulate a polygon into (V, 2) vertices (exterior counter-clockwise, holes clockwise) and (T, 3) triangles."""
     polygon = shapely.orient_polygons(polygon)
     rings = [np.asarray(ring.coords, np.float64)[:-1, :2] for ring in (polygon.exterior, *polygon.interiors)]
     vertices = np.concatenate(rings)
@@ -282,9 +291,9 @@ def triangulate(polygon: shapely.Polygon) -> tuple[Float64Array, Int32Array]:
     return vertices, faces[area != 0]
 
 
-def _faceted(finish: Finish, corners: Float64Array) -> Mesh:
-    """(T, 3, 3) triangles, every face flat; needles are dropped."""
-    corners = corners[_is_no_needle(corners)]
+def _flat_shaded(finish: Finish, corners: Float64Array) -> Mesh:
+    """Flat-shaded mesh of (T, 3, 3) triangles; triangles without area are dropped."""
+    corners = corners[_has_area(corners)]
     area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.repeat(area_normals / _length(area_normals)[:, None], 3, axis=0)
     points = corners.reshape(-1, 3)
@@ -300,8 +309,8 @@ def _faceted(finish: Finish, corners: Float64Array) -> Mesh:
     )
 
 
-def _is_no_needle(corners: Float64Array) -> BoolArray:
-    """(T,) which of (T, 3, 3) triangles keep an area as float32."""
+def _has_area(corners: Float64Array) -> BoolArray:
+    """(T,) whether (T, 3, 3) triangles keep an area in float32."""
     area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     longest = _length(corners - corners[:, [2, 0, 1]]).max(axis=1)
     kept: BoolArray = _length(area_normals) > _MIN_HEIGHT_M * longest
@@ -309,7 +318,7 @@ def _is_no_needle(corners: Float64Array) -> BoolArray:
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
-    """Cross product along the last axis, without ``np.cross``'s overhead, which tells on small meshes."""
+    """Cross product along the last axis, without the overhead of ``np.cross``, which matters for small meshes."""
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
     cross = np.empty((*ax.shape, 3))
     cross[..., 0], cross[..., 1], cross[..., 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -323,15 +332,15 @@ def _length(vectors: Float64Array) -> Float64Array:
 
 
 def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cosine: float) -> Float64Array:
-    """(3T, 3) per corner: mean of the faces at its vertex that lie within the crease angle of its own.
+    """(3T, 3) normals per corner: mean over the faces at its vertex that are within the crease angle of its own.
 
-    Faces weigh by their angle at the vertex, so that it does not matter how a quad was cut into triangles.
+    Faces are weighted by their angle at the vertex, so that the way a quad was cut into triangles does not matter.
     """
     area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     unit = area_normals / _length(area_normals)[:, None]
-    onward, back = corners[:, [1, 2, 0]] - corners, corners[:, [2, 0, 1]] - corners
-    cosine = np.einsum("tki,tki->tk", onward, back)
-    angle = np.arctan2(_length(_cross(onward, back)), cosine).reshape(-1, 1)
+    to_next, to_previous = corners[:, [1, 2, 0]] - corners, corners[:, [2, 0, 1]] - corners
+    cosine = np.einsum("tki,tki->tk", to_next, to_previous)
+    angle = np.arctan2(_length(_cross(to_next, to_previous)), cosine).reshape(-1, 1)
     weighted = np.repeat(unit, 3, axis=0) * angle
     order = np.argsort(corner_vertex, kind="stable")
     counts = np.bincount(corner_vertex)
@@ -350,7 +359,7 @@ def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cos
 
 
 def _surface_coordinates(points: Float64Array, normals: Float64Array) -> Float64Array:
-    """(N, 2) x, y where the surface is nearly level; elsewhere metres along its horizontal, and z."""
+    """(N, 2) surface coordinates: x, y on nearly level surfaces, elsewhere meters along their horizontal, and z."""
     x, y, z = normals.T
     along_m = (x * points[:, 1] - y * points[:, 0]) / np.maximum(np.hypot(x, y), 1e-12)
     uv = points[:, :2].copy()

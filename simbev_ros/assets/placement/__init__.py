@@ -1,1 +1,1 @@
-"""Where things stand in a region: the ground below, claimed footprints, and the tiles that hold the meshes."""
+"""Placement of objects in a region: the ground they stand on, claimed footprints, and the tiles that hold meshes."""

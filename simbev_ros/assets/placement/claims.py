@@ -1,4 +1,4 @@
-"""Who stands where: each object claims its footprint, and none may overlap one claimed before."""
+"""Registry of occupied footprints: each object claims its footprint, and none may overlap an earlier claim."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ _DISC_QUADRANT_SEGMENTS = 2
 
 
 class Claims:
-    """Footprints in plan, map frame, metres; found by the cells of a grid that their bounds touch."""
+    """Claimed footprints in plan, map frame, meters, indexed by the grid cells that their bounds touch."""
 
     def __init__(self) -> None:
         self._footprints: list[BaseGeometry] = []
@@ -23,7 +23,7 @@ class Claims:
         self._cells: dict[tuple[int, int], list[int]] = defaultdict(list)
 
     def is_free(self, footprint: BaseGeometry) -> bool:
-        """Whether nothing claimed overlaps or touches it."""
+        """Whether a footprint neither overlaps nor touches any claimed one."""
         x0, y0, x1, y1 = footprint.bounds
         near = set()
         for cell in _cells(footprint.bounds):
@@ -34,7 +34,7 @@ class Claims:
         return not any(self._footprints[k].intersects(footprint) for k in sorted(near))
 
     def add(self, *footprints: BaseGeometry) -> None:
-        """Claim unasked."""
+        """Claim footprints unconditionally, even if they overlap others."""
         for footprint in footprints:
             if footprint.is_empty:
                 continue
@@ -44,23 +44,23 @@ class Claims:
             self._bounds.append(footprint.bounds)
 
     def claim(self, footprint: BaseGeometry) -> bool:
-        """Claim it if it is free, and say whether it was."""
+        """Claim a footprint if it is free; return whether it was."""
         free = self.is_free(footprint)
         if free:
             self.add(footprint)
         return free
 
     def claim_discs(self, xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
-        """(N,) which of (N,) discs at (N, 2) places are free, the earlier before the later; those are claimed."""
+        """Claim those of (N,) discs at (N, 2) positions that are free, earlier ones first; return which, (N,)."""
         free = self._clear_of_claims(xy_m, radius_m)
         kept = np.flatnonzero(free)
-        free[kept] = _apart(xy_m[kept], radius_m[kept])
+        free[kept] = _keep_disjoint(xy_m[kept], radius_m[kept])
         chosen = np.flatnonzero(free)
         self.add(*shapely.buffer(shapely.points(xy_m[chosen]), radius_m[chosen], quad_segs=_DISC_QUADRANT_SEGMENTS))
         return free
 
     def _clear_of_claims(self, xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
-        """(N,) which discs touch nothing that is claimed already."""
+        """(N,) whether each disc touches no claimed footprint."""
         free = np.full(len(xy_m), True)
         if len(xy_m) == 0 or not self._footprints:
             return free
@@ -72,14 +72,14 @@ class Claims:
 def _query_discs(
     footprints: Sequence[BaseGeometry], xy_m: Float64Array, radius_m: Float64Array
 ) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    """Pairs of disc and footprint that touch."""
+    """Index pairs of discs and footprints that touch."""
     tree = shapely.STRtree(np.array(footprints, object))
     disc, footprint = tree.query(shapely.points(xy_m), predicate="dwithin", distance=radius_m)
     return disc, footprint
 
 
-def _apart(xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
-    """(N,) which discs are kept if each in turn is kept unless it touches one kept before."""
+def _keep_disjoint(xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
+    """(N,) greedy selection of disjoint discs: each is kept unless it touches one kept before."""
     kept = np.full(len(xy_m), True)
     if len(xy_m) < 2:
         return kept
@@ -94,6 +94,6 @@ def _apart(xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:
 
 
 def _cells(bounds_m: tuple[float, float, float, float]) -> list[tuple[int, int]]:
-    """Cells of the grid that bounds touch."""
+    """Grid cells that bounds touch."""
     i0, j0, i1, j1 = (int(value // _CELL_M) for value in bounds_m)
     return [(i, j) for i in range(i0, i1 + 1) for j in range(j0, j1 + 1)]

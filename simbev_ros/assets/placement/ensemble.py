@@ -1,4 +1,4 @@
-"""Things to be put on the ground, collected first and placed together: heights and copies are made in one step."""
+"""Batches objects that stand on the ground: they are collected first, then heights and copies are made in one step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
@@ -15,31 +15,31 @@ from simbev_ros.types import Float64Array
 
 
 class Base(Enum):
-    """What a thing stands on."""
+    """Surface that an object stands on."""
 
     LAND = "land"
     SIDEWALK = "sidewalk"
-    ALONG_LAND = "along land"  # every vertex follows the land: for what is long
+    ALONG_LAND = "along land"  # every vertex follows the land: for long objects
 
 
 @dataclass(slots=True)
 class _Copies:
-    """Of one mesh on one base: rows x, y, yaw, scale, red, green, blue, rise above the base."""
+    """Copies of one mesh on one base; rows are x, y, yaw, scale, red, green, blue, rise above the base."""
 
-    mesh: Mesh | Graded
+    mesh: Mesh | GradedMesh
     base: Base
     rows: list[Float64Array] = field(default_factory=list)
 
 
 class Ensemble:
-    """Collects things by mesh. The same mesh object again is a copy."""
+    """Collects objects by mesh; putting the same mesh object again adds copies of it."""
 
     def __init__(self) -> None:
         self._copies: dict[tuple[int, Base], _Copies] = {}
 
     def put(
         self,
-        mesh: Mesh | Graded,
+        mesh: Mesh | GradedMesh,
         xy_m: Sequence[float] | Float64Array,
         yaw_rad: float | Float64Array = 0.0,
         *,
@@ -48,16 +48,16 @@ class Ensemble:
         tint: Float64Array | None = None,
         rise_m: float | Float64Array = 0.0,
     ) -> None:
-        """Add a thing, or (N,) copies of it.
+        """Add an object, or (N,) copies of it.
 
         Args:
-            mesh: Its frame has the origin at the foot, z up.
-            xy_m: (2,) or (N, 2) places, map frame.
-            yaw_rad: Of its x axis.
-            base: What it stands on.
-            scale: Of its size.
-            tint: (3,) or (N, 3) factors of its colours.
-            rise_m: So much above the base.
+            mesh: Mesh of the object, with the origin at its foot, z up.
+            xy_m: (2,) or (N, 2) positions, map frame.
+            yaw_rad: Heading of the object's x axis.
+            base: Surface that it stands on.
+            scale: Factor of its size.
+            tint: (3,) or (N, 3) factors of its colors.
+            rise_m: Height above the base.
         """
         xy_m = np.asarray(xy_m, np.float64).reshape(-1, 2)
         rows = np.empty((len(xy_m), 8))
@@ -67,7 +67,7 @@ class Ensemble:
             self._copies.setdefault((id(mesh), base), _Copies(mesh, base)).rows.append(rows)
 
     def place_all(self, tiles: TileBuilder, ground: RegionGround) -> None:
-        """Put everything into the tiles, in the order in which meshes were first added."""
+        """Put all objects into the tiles, in the order in which their meshes were first added."""
         if not self._copies:
             return
         entries = list(self._copies.values())

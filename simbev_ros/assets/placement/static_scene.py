@@ -1,4 +1,4 @@
-"""The immobile part of the world: tiles of mesh, and the surfaces that are labelled but not seen."""
+"""The static world: tiles of meshes, label-only surfaces, and street lights."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,11 +13,11 @@ class Tile:
 
     Attributes:
         origin_m: (3,) float64, map frame; the mesh's vertices are relative to it.
-        mesh: Everything that is seen and hit in this tile. An object lies wholly in one tile.
-        surfaces: Class name ("crosswalk", "hazard") → mesh that counts in labels but is neither seen nor hit.
-        level: That of the roads in it; what lies on structures has tiles of its own (``layout.Strip.level``).
-        coarse: What cameras far away see instead of the last ``detail`` triangles of the mesh.
-        detail: How many triangles of the mesh that are.
+        mesh: Everything in the tile that cameras see and rays hit. Each object lies wholly in one tile.
+        surfaces: Class name ("crosswalk", "hazard") → mesh that appears in labels only, neither seen nor hit.
+        level: Level of the roads in the tile; streets on structures have separate tiles (``layout.Strip.level``).
+        coarse: Mesh that distant cameras see instead of the last ``detail`` triangles of ``mesh``.
+        detail: Number of triangles at the end of ``mesh`` that ``coarse`` replaces.
     """
 
     origin_m: Float64Array
@@ -30,14 +30,14 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class StreetLight:
-    """A lamp: position of its light source in the map frame, metres."""
+    """A street lamp, given by the position of its light source in the map frame, meters."""
 
     position_m: tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True)
 class StaticScene:
-    """Tiles and street lights of a map, or of its regions around a place; deterministic from (map, seed)."""
+    """Tiles and street lights of a map, or of its regions around a point; determined by map and seed."""
 
     tiles: tuple[Tile, ...]
     street_lights: tuple[StreetLight, ...]

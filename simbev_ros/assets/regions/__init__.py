@@ -1,1 +1,1 @@
-"""Builds, stores and loads the static world region by region."""
+"""Builds, caches and loads the static world region by region."""

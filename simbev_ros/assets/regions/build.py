@@ -1,4 +1,4 @@
-"""Builds what does not move, region by region: the ground, structures, then all that stands on it."""
+"""Builds the static world of one region: first the ground, then bridges, then everything that stands on them."""
 
 from simbev_ros.assets.land.furnish import furnish_region
 from simbev_ros.assets.land.plazas import plazas_of
@@ -17,14 +17,14 @@ from simbev_ros.maps.region import Region
 
 
 def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> RegionScene:
-    """Build one region, from the map, its seed and the region alone.
+    """Build one region; the result depends on the map, its seed and the region alone.
 
     Args:
-        network: The roads.
-        region: Which one.
-        terrain: The network's.
+        network: Roads of the map.
+        region: Region to build.
+        terrain: Terrain of the map.
     """
-    ground = RegionGround.of(network, region, terrain)
+    ground = RegionGround.from_network(network, region, terrain)
     tiles, claims = TileBuilder(), Claims()
     lay_streets(tiles, ground)
     paint_markings(tiles, ground)
@@ -37,6 +37,6 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
     return RegionScene(
         tiles.finish(),
         furnishing.street_lights,
-        obstacles_on(streets.sidewalk, streets.road, tiles.placed),
-        plazas_of(furnishing.pavements, ground, tiles.placed),
+        obstacles_on(streets.sidewalk, streets.road, tiles.placed_objects),
+        plazas_of(furnishing.pavements, ground, tiles.placed_objects),
     )

@@ -1,4 +1,4 @@
-"""The land beyond what is loaded: coarse, so that no road ends in nothing."""
+"""Coarse land around the loaded regions and beyond the map, so that cameras see ground up to the horizon."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
 _CELLS = round(REGION_M / TILE_M)
 _FIELD_CELLS = 4
 _HORIZON = 5
-"""So many regions around those that are loaded."""
+"""Number of regions of coarse land around the loaded ones."""
 _SKIRT_M = 10.0
 _WOODS = Finish(Material.GRASS, Tag.TERRAIN, (56, 68, 42))
 _WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
@@ -33,13 +33,13 @@ _WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 
 @dataclass(frozen=True, slots=True)
 class FarLand:
-    """A map and its environs in cells as large as tiles.
+    """Coarse land of a map and its surroundings, in cells as large as tiles.
 
     Attributes:
         first: South-western region.
         height_m: (I + 1, J + 1) heights of the cells' corners; the first index runs east, the second north.
-        cover: (I, J) each cell's row of ``finish``.
-        finish: (F, 5) material, tag, red, green, blue.
+        cover: (I, J) row of each cell in ``finish``.
+        finish: (F, 5) material, tag, red, green, blue of each ground cover.
     """
 
     first: Region
@@ -49,7 +49,7 @@ class FarLand:
 
 
 def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
-    """All land of a map."""
+    """Compute the coarse land of a whole map."""
     columns_rows = np.array(regions_of(network.layout))
     first = Region(*(columns_rows.min(axis=0) - _HORIZON).tolist())
     count = (np.ptp(columns_rows, axis=0) + 1 + 2 * _HORIZON) * _CELLS
@@ -63,7 +63,7 @@ def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
 
 
 def cells_of(far: FarLand, tiles: Iterable[Tile]) -> BoolArray:
-    """(I, J) cells that the tiles of regions lie in."""
+    """(I, J) whether any of the regions' tiles lies in each cell."""
     cells = np.full(far.cover.shape, False)
     places_m = np.array([tile.origin_m[:2] for tile in tiles]).reshape(-1, 2) - np.array(far.first) * REGION_M
     cells[tuple(np.floor(places_m / TILE_M).astype(int).T)] = True
@@ -71,11 +71,11 @@ def cells_of(far: FarLand, tiles: Iterable[Tile]) -> BoolArray:
 
 
 def far_tiles(far: FarLand, loaded: BoolArray) -> Iterator[Tile]:
-    """Tiles of a region's size around what is loaded, with faces down along its border.
+    """Build tiles of a region's size around the loaded cells, with faces down along the loaded area's border.
 
     Args:
-        far: All land.
-        loaded: (I, J) cells of it that are there in detail, at least one.
+        far: Coarse land of the map.
+        loaded: (I, J) whether each cell is loaded in detail; at least one is.
     """
     regions = np.argwhere(loaded) // _CELLS
     first = np.maximum(regions.min(axis=0) - _HORIZON, 0)
@@ -89,7 +89,7 @@ def far_tiles(far: FarLand, loaded: BoolArray) -> Iterator[Tile]:
 
 
 def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: list[Finish]) -> Int64Array:
-    """(N,) index into ``finishes``, which grows, of the cover at (N, 2) places."""
+    """(N,) index into ``finishes`` of the cover at (N, 2) points; new finishes are appended."""
     field = np.floor(middle_m / (_FIELD_CELLS * TILE_M)).astype(np.int64)
     cover = np.zeros(len(middle_m), np.int64)
     everywhere = shapely.box(*middle_m.min(axis=0) - 1.0, *middle_m.max(axis=0) + 1.0)
@@ -100,24 +100,24 @@ def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: 
         inside = shapely.contains_xy(area, middle_m[:, 0], middle_m[:, 1])
         if surroundings.use != "farmland":
             woods = surroundings.use == "woods"
-            cover[inside] = _row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
+            cover[inside] = _finish_row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
             continue
         keys, which = np.unique(field[inside], axis=0, return_inverse=True)
         crops = [draw_crop(surroundings.plants, stream(seed, f"far_land.{i}.{j}")) for i, j in keys.tolist()]
-        cover[inside] = np.array([_row(crop, finishes) for crop in crops])[which.reshape(-1)]
+        cover[inside] = np.array([_finish_row(crop, finishes) for crop in crops])[which.reshape(-1)]
     for water in features.water:
         cover[shapely.contains_xy(water.area, middle_m[:, 0], middle_m[:, 1])] = 0
     return cover
 
 
-def _row(finish: Finish, finishes: list[Finish]) -> int:
+def _finish_row(finish: Finish, finishes: list[Finish]) -> int:
     if finish not in finishes:
         finishes.append(finish)
     return finishes.index(finish)
 
 
 def _tile(far: FarLand, loaded: BoolArray, i: int, j: int) -> Tile:
-    """The bare cells of the region that begins at cell i, j; ``loaded`` has one more cell on every side."""
+    """The cells that are not loaded of the region from cell i, j on; ``loaded`` has one more cell on every side."""
     cells, nodes = (slice(i, i + _CELLS), slice(j, j + _CELLS)), (slice(i, i + _CELLS + 1), slice(j, j + _CELLS + 1))
     cover, height_m = far.cover[cells], far.height_m[nodes]
     plain = not loaded.any() and not np.ptp(cover) and not np.ptp(height_m)
@@ -133,21 +133,21 @@ def _tile(far: FarLand, loaded: BoolArray, i: int, j: int) -> Tile:
         _quads(far.finish[row], corners_m[bare & (cover == row)], normals[bare & (cover == row)])
         for row in np.unique(cover[bare])
     ]
-    for side, neighbours in enumerate((loaded[1:-1, :-2], loaded[2:, 1:-1], loaded[1:-1, 2:], loaded[:-2, 1:-1])):
-        edge_m = corners_m[bare & neighbours[::step, ::step]][:, [side, (side + 1) % 4]]
+    for side, neighbors in enumerate((loaded[1:-1, :-2], loaded[2:, 1:-1], loaded[1:-1, 2:], loaded[:-2, 1:-1])):
+        edge_m = corners_m[bare & neighbors[::step, ::step]][:, [side, (side + 1) % 4]]
         if len(edge_m):
             meshes.append(_skirt(far.finish[cover[bare][0]], edge_m))
     center_m = np.array([*(np.array(far.first) + (np.array([i, j]) / _CELLS + 0.5)), 0.0]) * REGION_M
-    return Tile(center_m, Mesh.merged(meshes), {})
+    return Tile(center_m, Mesh.merge(meshes), {})
 
 
 def _corners(node: Float64Array) -> Float64Array:
-    """(I, J, 4, 3) values at the corners of cells, counter-clockwise from the south-west, of those at nodes."""
+    """(I, J, 4, 3) values at the corners of cells, counter-clockwise from the south-west, from values at nodes."""
     return np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], axis=2)
 
 
 def _skirt(finish: UInt8Array, edge_m: Float64Array) -> Mesh:
-    """Faces down from (N, 2, 3) edges, to be seen from their right."""
+    """Faces down from (N, 2, 3) edges, visible from the right of the edges."""
     quads_m = np.concatenate([edge_m - [0.0, 0.0, _SKIRT_M], edge_m[:, ::-1]], axis=1)
     along = edge_m[0, 1] - edge_m[0, 0]
     outward = np.array([along[1], -along[0], 0.0]) / np.hypot(along[0], along[1])
@@ -155,7 +155,7 @@ def _skirt(finish: UInt8Array, edge_m: Float64Array) -> Mesh:
 
 
 def _quads(finish: UInt8Array, corners_m: Float64Array, normals: Float64Array) -> Mesh:
-    """(N, 4, 3) corners with their normals."""
+    """Mesh of quads with (N, 4, 3) corners and normals."""
     material, tag, red, green, blue = finish.tolist()
     return Mesh.indexed(
         corners_m.reshape(-1, 3),

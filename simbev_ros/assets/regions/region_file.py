@@ -1,4 +1,4 @@
-"""A region's scene as flat arrays in one file, and back."""
+"""Reads and writes the scene of one region as an NPZ file of flat arrays."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,12 +16,12 @@ _COARSE = "seen from afar"
 
 
 def write_region(path: Path, scene: RegionScene) -> None:
-    """Write a scene of at least one tile."""
+    """Write a scene with at least one tile to an NPZ file."""
     np.savez(path, allow_pickle=False, **dict(_arrays(scene)))
 
 
 def read_region(path: Path) -> RegionScene:
-    """Read it again, the same to the byte.
+    """Read a scene from a file that ``write_region`` wrote; arrays are identical.
 
     Raises:
         One of ``errors.NPZ_DAMAGE``: The file is damaged.
@@ -48,13 +48,13 @@ def read_region(path: Path) -> RegionScene:
 
 
 def read_streetside(path: Path) -> Streetside:
-    """A region's part of it, without reading the rest; raises as ``read_region``."""
+    """Read only the roadside data of a region, without the meshes; raises like ``read_region``."""
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         return Streetside(arrays["street_light_m"], arrays["obstacle"], plazas_from(arrays))
 
 
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
-    """All meshes end to end, and where each one belongs."""
+    """Named arrays of a scene: all meshes concatenated, and the tile and name of each."""
     meshes = [(row, name, mesh) for row, tile in enumerate(scene.tiles) for name, mesh in _named(tile)]
     yield "origin_m", np.array([tile.origin_m for tile in scene.tiles])
     yield "level", np.array([tile.level for tile in scene.tiles])
@@ -68,7 +68,7 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
 
 
 def _named(tile: Tile) -> Iterator[tuple[str, Mesh]]:
-    """What is seen, without a name, what stands for it from afar, then the surfaces."""
+    """Meshes of a tile by name: the visible mesh (empty name), the coarse mesh, then the label-only surfaces."""
     yield "", tile.mesh
     yield _COARSE, tile.coarse
     yield from tile.surfaces.items()

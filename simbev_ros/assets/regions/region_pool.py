@@ -1,4 +1,4 @@
-"""Builds the regions that scenes need and nobody has built yet, on all cores."""
+"""Builds the regions that are missing in the cache, in parallel on all cores."""
 
 import gc
 import multiprocessing
@@ -21,17 +21,17 @@ _ENDED = 1
 
 
 def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | None, built: Callable[[], None]) -> None:
-    """Fill the cache. Whatever ends this early, an interrupt too, ends the work on all cores and leaves nothing half.
+    """Build regions into the cache. Any error or interrupt stops all workers and leaves no partial files.
 
     Args:
-        spec: The map.
-        regions: What to build of it.
-        cache_dir: Of maps and regions; None: the default.
-        built: Called after each region.
+        spec: Specification of the map.
+        regions: Regions to build.
+        cache_dir: Cache directory of maps and regions; None for the default.
+        built: Called after each region that has been built.
 
     Raises:
         InputError: The cache cannot be written.
-        SimulationError: A process was killed, as happens when memory runs out.
+        SimulationError: A worker process was killed, as happens when memory runs out.
     """
     workers = min(len(regions), os.cpu_count() or 1)
     if workers <= 1:
@@ -51,15 +51,15 @@ def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | No
                 worker.terminate()
             if isinstance(error, BrokenProcessPool):
                 raise SimulationError(
-                    f"map {spec.name}: a process that built its surroundings was killed; is there memory enough? "
-                    "What was built before is kept"
+                    f"map {spec.name}: a process that built its surroundings was killed; is there enough memory? "
+                    "Regions that were already built are kept"
                 ) from None
             raise
 
 
 def _set_up_worker() -> None:
-    """Ctrl-C is the parent's business; SIGTERM ends it, and so does the parent's death."""
-    gc.disable()  # arrays and polygons make no cycles, and looking for some takes an eighth of the time
+    """Set up a worker process: it ignores Ctrl-C, which the parent handles, and ends on SIGTERM or with the parent."""
+    gc.disable()  # arrays and polygons form no reference cycles, and searching for them takes an eighth of the time
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -77,17 +77,17 @@ def _end_with_parent() -> None:
 
 
 def _build_in_worker(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:
-    """While there are files to tidy up, SIGTERM lets that happen first; else it ends the process at once."""
+    """Build one region in a worker: SIGTERM cleans up temporary files first if there may be any, else ends at once."""
     try:
         signal.signal(signal.SIGTERM, _end)
         _build(spec, region, cache_dir)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
     except SystemExit:
-        os._exit(_ENDED)  # a pool would go on with the next region
+        os._exit(_ENDED)  # the pool would continue with the next region
 
 
 def _build(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:
-    """Build one region, in whatever process."""
+    """Build one region in the current process."""
     try:
         _cache(spec, cache_dir).region(region)
     except Exception as error:

@@ -1,4 +1,4 @@
-"""What is built and stored of one region, and what of it those need who do not look at it."""
+"""Data of one built region: its complete static scene, and the roadside subset that the simulation needs."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,13 +10,13 @@ from simbev_ros.types import Float64Array, Table
 
 @dataclass(frozen=True, slots=True)
 class RegionScene:
-    """A region's part of it; the lamps' indices, in ``uv``, count the region's own street lights.
+    """Static scene of one region; lamp indices in ``uv`` count the region's own street lights.
 
     Attributes:
-        tiles: The meshes.
-        street_lights: Lamps.
-        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE``; what people on sidewalks walk around.
-        plazas: Those that people visit.
+        tiles: Meshes by tile.
+        street_lights: Street lights of the region.
+        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE`` obstacles that pedestrians on sidewalks walk around.
+        plazas: Plazas that pedestrians visit.
     """
 
     tiles: tuple[Tile, ...]
@@ -26,12 +26,12 @@ class RegionScene:
 
 
 class Streetside(NamedTuple):
-    """What the simulation needs to know of the immobile world.
+    """Roadside data of the static world that the simulation needs, without meshes.
 
     Attributes:
-        light_m: (L, 3) places of the street lights, in their order.
-        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE``; what people on sidewalks walk around.
-        plazas: Those that people visit.
+        light_m: (L, 3) positions of the street lights, map frame, in their order.
+        obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE`` obstacles that pedestrians on sidewalks walk around.
+        plazas: Plazas that pedestrians visit.
     """
 
     light_m: Float64Array

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh.drape import faces, sheet
+from simbev_ros.assets.mesh.drape import cover_mesh, edge_faces
 from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.claims import Claims
@@ -24,7 +24,7 @@ _PARAPET_M = 0.8
 _RAIL_M, _RAIL_DEPTH_M, _RAIL_WIDTH_M = 1.14, 0.07, 0.1  # a handrail on the parapets
 _POST_SPACING_M, _POST_M = 2.4, 0.045
 _SLIVER_M = 0.5
-_SMALLEST_M2 = 1.5  # less is no parapet but a gap between surfaces
+_MIN_AREA_M2 = 1.5  # less is no parapet but a gap between surfaces
 _SAME_PLACE_M = 0.6
 _SEAM_M = 0.01
 _ABUTMENT_AT_M, _ABUTMENT_DEPTH_M, _ABUTMENT_HEIGHT_M = 2.2, 0.8, 9.0
@@ -79,19 +79,19 @@ def _build_deck(
     region, deck = ground.region.area, ground.streets[level].area
     across = shapely.buffer(shapely.union(landings, seams), DECK_OVERHANG_M + 0.01, cap_style="flat")
     rims = shapely.get_parts(shapely.difference(ground.decks[level], shapely.union(deck, across)))
-    parapet = shapely.union_all(rims[shapely.area(rims) > _SMALLEST_M2])
+    parapet = shapely.union_all(rims[shapely.area(rims) > _MIN_AREA_M2])
     slab = shapely.union(deck, parapet)
     onward = shapely.buffer(seams, 2.0 * _GIRDER_INSET_M, cap_style="flat")
     girder: BaseGeometry = shapely.buffer(shapely.union(slab, onward), -_GIRDER_INSET_M, join_style="mitre")
     girder = shapely.intersection(girder, slab)
-    walls = partial(faces, finish=_CONCRETE, edges=parapet.boundary, bottom_m=-_SLAB_M, top_m=_PARAPET_M)
+    walls = partial(edge_faces, finish=_CONCRETE, edges=parapet.boundary, bottom_m=-_SLAB_M, top_m=_PARAPET_M)
     beside = shapely.difference(girder.boundary, shapely.buffer(seams, _SEAM_M))
-    sides = partial(faces, finish=_UNDERSIDE, edges=beside, bottom_m=-DECK_DEPTH_M, top_m=-_SLAB_M)
-    ends = partial(faces, finish=_UNDERSIDE, edges=landings, bottom_m=-DECK_DEPTH_M, top_m=0.0)
+    sides = partial(edge_faces, finish=_UNDERSIDE, edges=beside, bottom_m=-DECK_DEPTH_M, top_m=-_SLAB_M)
+    ends = partial(edge_faces, finish=_UNDERSIDE, edges=landings, bottom_m=-DECK_DEPTH_M, top_m=0.0)
     for area, makes in (
-        (parapet, [partial(sheet, finish=_CONCRETE, rise_m=_PARAPET_M), walls]),
-        (shapely.difference(slab, girder), [partial(sheet, finish=_UNDERSIDE, rise_m=-_SLAB_M, downward=True)]),
-        (girder, [partial(sheet, finish=_UNDERSIDE, rise_m=-DECK_DEPTH_M, downward=True), sides]),
+        (parapet, [partial(cover_mesh, finish=_CONCRETE, rise_m=_PARAPET_M), walls]),
+        (shapely.difference(slab, girder), [partial(cover_mesh, finish=_UNDERSIDE, rise_m=-_SLAB_M, downward=True)]),
+        (girder, [partial(cover_mesh, finish=_UNDERSIDE, rise_m=-DECK_DEPTH_M, downward=True), sides]),
         (shapely.intersection(deck, across), [ends]),
     ):
         tiles.drape(shapely.intersection(area, region), facets, *makes)
@@ -105,14 +105,16 @@ def _build_rail(
     middle = shapely.buffer(deck, DECK_OVERHANG_M / 2.0, join_style="mitre").boundary
     lines = shapely.get_parts(shapely.line_merge(shapely.intersection(middle, parapet)))
     lines = lines[shapely.length(lines) > _POST_SPACING_M]
-    places = [shapely.line_interpolate_point(line, np.arange(0.6, line.length, _POST_SPACING_M)) for line in lines]
-    posts = shapely.union_all([square for some in places for square in shapely.buffer(some, _POST_M, quad_segs=1)])
+    positions = [shapely.line_interpolate_point(line, np.arange(0.6, line.length, _POST_SPACING_M)) for line in lines]
+    posts = shapely.union_all(
+        [square for line_positions in positions for square in shapely.buffer(line_positions, _POST_M, quad_segs=1)]
+    )
     rail = shapely.union_all(shapely.buffer(lines, _RAIL_WIDTH_M / 2.0, cap_style="flat", join_style="mitre"))
     under_m = _RAIL_M - _RAIL_DEPTH_M
-    top = partial(sheet, finish=_RAIL, rise_m=_RAIL_M)
-    bottom = partial(sheet, finish=_RAIL, rise_m=under_m, downward=True)
-    sides = partial(faces, finish=_RAIL, edges=rail.boundary, bottom_m=under_m, top_m=_RAIL_M)
-    stems = partial(faces, finish=_RAIL, edges=posts.boundary, bottom_m=_PARAPET_M, top_m=under_m)
+    top = partial(cover_mesh, finish=_RAIL, rise_m=_RAIL_M)
+    bottom = partial(cover_mesh, finish=_RAIL, rise_m=under_m, downward=True)
+    sides = partial(edge_faces, finish=_RAIL, edges=rail.boundary, bottom_m=under_m, top_m=_RAIL_M)
+    stems = partial(edge_faces, finish=_RAIL, edges=posts.boundary, bottom_m=_PARAPET_M, top_m=under_m)
     for area, makes in ((rail, [top, bottom, sides]), (posts, [stems])):
         tiles.drape(shapely.intersection(area, region), facets, *makes)
 
@@ -129,5 +131,5 @@ def _build_abutments(
         at_m = float(np.clip(np.nan_to_num(room_m, nan=np.inf), 0.05, _ABUTMENT_AT_M))
         far, near = (shapely.buffer(joint, reach_m, cap_style="flat") for reach_m in (at_m + _ABUTMENT_DEPTH_M, at_m))
         wall = shapely.intersection(shapely.difference(far, near), slab)
-        sides = partial(faces, finish=_ABUTMENT, edges=wall.boundary, bottom_m=-_ABUTMENT_HEIGHT_M, top_m=-_SLAB_M)
+        sides = partial(edge_faces, finish=_ABUTMENT, edges=wall.boundary, bottom_m=-_ABUTMENT_HEIGHT_M, top_m=-_SLAB_M)
         tiles.drape(shapely.intersection(wall, ground.region.area), facets, sides)

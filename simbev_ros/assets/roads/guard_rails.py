@@ -12,7 +12,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, boxes, loft
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import RegionGround
-from simbev_ros.assets.placement.tiles import TileBuilder, standing
+from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.semantics import Tag
@@ -21,7 +21,7 @@ from simbev_ros.types import BoolArray, Float64Array
 _FAST_MPS = 80.0 / 3.6
 _FROM_STREET_M = 0.5
 _DROP_M, _DROP_WITHIN_M = 2.5, 8.0  # a drop is land so much lower so far beside the street
-_SHORTEST_M = 8.0
+_MIN_LENGTH_M = 8.0
 _STEP_M, _POST_SPACING_M = 2.0, 4.0
 _TOP_M = 0.75
 _ROOM_M = 0.35
@@ -40,8 +40,8 @@ def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) ->
         rail = _rail(ground, line)
         middle_m = shapely.get_coordinates(line.interpolate(0.5, normalized=True))[0]
         claims.add(shapely.buffer(line, _ROOM_M, cap_style="flat"))
-        pose = standing(middle_m, 0.0)
-        tiles.place(rail.transformed(standing(-middle_m, 0.0)), pose)
+        pose = upright_pose(middle_m, 0.0)
+        tiles.place(rail.transform(upright_pose(-middle_m, 0.0)), pose)
 
 
 def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
@@ -56,19 +56,19 @@ def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
     for tile in shapely.box(*corners_m.T, *(corners_m + TILE_M).T):
         inside = shapely.line_merge(shapely.difference(shapely.intersection(edge, tile), taken))
         for part in shapely.get_parts(inside):
-            if part.geom_type == "LineString" and part.length >= _SHORTEST_M:
-                yield from _needed(ground, part, fast)
+            if part.geom_type == "LineString" and part.length >= _MIN_LENGTH_M:
+                yield from _rail_stretches(ground, part, fast)
 
 
-def _needed(ground: RegionGround, line: shapely.LineString, fast: BaseGeometry) -> Iterator[shapely.LineString]:
+def _rail_stretches(ground: RegionGround, line: shapely.LineString, fast: BaseGeometry) -> Iterator[shapely.LineString]:
     """The stretches of a line where there should be a rail."""
     stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
-    place_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
-    wanted = shapely.contains_xy(fast, place_m[:, 0], place_m[:, 1]) | _beside_drops(ground, place_m)
+    position_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
+    wanted = shapely.contains_xy(fast, position_m[:, 0], position_m[:, 1]) | _beside_drops(ground, position_m)
     changes = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
     for start, end in changes.reshape(-1, 2):
-        if stations_m[end - 1] - stations_m[start] >= _SHORTEST_M:
-            yield shapely.LineString(place_m[start:end])
+        if stations_m[end - 1] - stations_m[start] >= _MIN_LENGTH_M:
+            yield shapely.LineString(position_m[start:end])
 
 
 def _beside_fast_roads(ground: RegionGround) -> BaseGeometry:
@@ -82,13 +82,13 @@ def _beside_fast_roads(ground: RegionGround) -> BaseGeometry:
     return shapely.difference(near, walks)
 
 
-def _beside_drops(ground: RegionGround, place_m: Float64Array) -> BoolArray:
+def _beside_drops(ground: RegionGround, position_m: Float64Array) -> BoolArray:
     """(N,) whether the land falls away on the right of a line through (N, 2) places."""
-    along = np.gradient(place_m, axis=0)
+    along = np.gradient(position_m, axis=0)
     right = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(
         np.linalg.norm(along, axis=1, keepdims=True), 1e-9
     )
-    drop: BoolArray = ground.land_m(place_m) - ground.land_m(place_m + _DROP_WITHIN_M * right) > _DROP_M
+    drop: BoolArray = ground.land_m(position_m) - ground.land_m(position_m + _DROP_WITHIN_M * right) > _DROP_M
     return drop
 
 
@@ -107,4 +107,4 @@ def _rail(ground: RegionGround, line: shapely.LineString) -> Mesh:
     post = slice(0, None, round(_POST_SPACING_M / _STEP_M))
     center_m = np.column_stack([(xy_m + 0.12 * right)[post], height_m[post] + _TOP_M / 2.0 - 0.3])
     posts = boxes(_STEEL, np.tile([0.1, 0.1, _TOP_M + 0.5], (len(center_m), 1)), center_m)
-    return Mesh.merged([loft(_STEEL, sections, caps=False), posts])
+    return Mesh.merge([loft(_STEEL, sections, caps=False), posts])

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh.drape import sheet
+from simbev_ros.assets.mesh.drape import cover_mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
@@ -46,6 +46,6 @@ def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
             tiles.drape(
                 shapely.GeometryCollection(list(paint)),
                 facets,
-                partial(sheet, finish=finish, rise_m=DECAL_HEIGHT_M),
+                partial(cover_mesh, finish=finish, rise_m=DECAL_HEIGHT_M),
                 level=level,
             )

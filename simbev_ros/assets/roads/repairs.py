@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh.drape import sheet
+from simbev_ros.assets.mesh.drape import cover_mesh
 from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
@@ -34,14 +34,14 @@ def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facet
     repairs = _repairs(ground, level)
     rest = shapely.difference(road, shapely.MultiPolygon([part for _, area in repairs for part in area.geoms]))
     for finish, area in ((_ASPHALT, rest), *((finish, shapely.intersection(road, area)) for finish, area in repairs)):
-        tiles.drape(area, facets, partial(sheet, finish=finish, rise_m=0.0), level=level)
+        tiles.drape(area, facets, partial(cover_mesh, finish=finish, rise_m=0.0), level=level)
 
 
 def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, shapely.MultiPolygon]]:
     """Areas of other looks that do not overlap."""
     rng = ground.stream(f"ground.repairs.{level}")
-    patches = _rectangles(*_places(ground, level, _PATCH_SPACING_M, rng), rng)
-    covers, _ = _places(ground, level, _COVER_SPACING_M, rng)
+    patches = _rectangles(*_random_positions(ground, level, _PATCH_SPACING_M, rng), rng)
+    covers, _ = _random_positions(ground, level, _COVER_SPACING_M, rng)
     discs = np.asarray(shapely.buffer(shapely.points(covers), _COVER_RADIUS_M, quad_segs=3), object)
     newer = rng.random(len(patches)) < 0.6
     inside = shapely.box(*(np.array(ground.region.area.bounds) + _FROM_BORDER_M * np.array([1, 1, -1, -1])))
@@ -56,7 +56,7 @@ def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, shapely.Mul
     ]
 
 
-def _places(
+def _random_positions(
     ground: RegionGround, level: int, spacing_m: float, rng: np.random.Generator
 ) -> tuple[Float64Array, Float64Array]:
     """(N, 2) random places on driving lanes in the region, and the (N, 2) unit direction of the lane there."""
@@ -66,18 +66,23 @@ def _places(
     count = rng.poisson(lengths_m / spacing_m)
     lines, lengths_m = lines.repeat(count), lengths_m.repeat(count)
     s_m = lengths_m * rng.random(len(lines))
-    place_m = shapely.get_coordinates(shapely.line_interpolate_point(lines, s_m)).reshape(-1, 2)
+    position_m = shapely.get_coordinates(shapely.line_interpolate_point(lines, s_m)).reshape(-1, 2)
     ahead_m = shapely.get_coordinates(shapely.line_interpolate_point(lines, s_m - 0.1)).reshape(-1, 2)
-    direction = place_m - ahead_m
+    direction = position_m - ahead_m
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
-    return place_m + rng.uniform(-0.9, 0.9, (len(s_m), 1)) * direction[:, ::-1] * [-1.0, 1.0], direction
+    return position_m + rng.uniform(-0.9, 0.9, (len(s_m), 1)) * direction[:, ::-1] * [-1.0, 1.0], direction
 
 
 def _rectangles(
-    place_m: Float64Array, direction: Float64Array, rng: np.random.Generator
+    position_m: Float64Array, direction: Float64Array, rng: np.random.Generator
 ) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
     """Patches of random size along the lanes."""
-    along = direction * rng.uniform(*_PATCH_LENGTH_M, (len(place_m), 1)) / 2.0
-    across = direction[:, ::-1] * [-1.0, 1.0] * rng.uniform(*_PATCH_WIDTH_M, (len(place_m), 1)) / 2.0
-    corners_m = [place_m - along - across, place_m + along - across, place_m + along + across, place_m - along + across]
+    along = direction * rng.uniform(*_PATCH_LENGTH_M, (len(position_m), 1)) / 2.0
+    across = direction[:, ::-1] * [-1.0, 1.0] * rng.uniform(*_PATCH_WIDTH_M, (len(position_m), 1)) / 2.0
+    corners_m = [
+        position_m - along - across,
+        position_m + along - across,
+        position_m + along + across,
+        position_m - along + across,
+    ]
     return np.asarray(shapely.polygons(np.stack(corners_m, axis=1)), object)

@@ -18,7 +18,7 @@ STATION_M = 0.5
 _FROM_CURB_M, _FROM_EDGE_M, _ON_RIM_M = 0.55, 1.5, 0.2
 _KEEP_FROM_CROSSING_M = 2.0
 _KEEP_FROM_CORNER_M = 1.0
-_SHORTEST_M = 6.0
+_MIN_LENGTH_M = 6.0
 _KEEP_FROM_WALK_M = 4.0
 
 
@@ -27,14 +27,14 @@ class CurbLine:
     """A stretch of such a line.
 
     Attributes:
-        place_m: (N, 2) places ``STATION_M`` apart.
+        position_m: (N, 2) places ``STATION_M`` apart.
         yaw_rad: (N,) towards the road.
         recipe: What the land here is like.
         walk: Whether it lies on a sidewalk.
         level: Of the road.
     """
 
-    place_m: Float64Array
+    position_m: Float64Array
     yaw_rad: Float64Array
     recipe: SurroundingsRecipe
     walk: bool
@@ -81,17 +81,17 @@ def _stretches(
     shapely.prepare(road)
     for recipe, area in zones:
         merged = shapely.line_merge(shapely.intersection(lines, area))
-        parts = [part for part in shapely.get_parts(merged) if part.length > _SHORTEST_M]
+        parts = [part for part in shapely.get_parts(merged) if part.length > _MIN_LENGTH_M]
         for part in sorted(parts, key=lambda part: part.coords[0]):
             stations = np.arange(_KEEP_FROM_CORNER_M, part.length - _KEEP_FROM_CORNER_M, STATION_M)
             corners_m = shapely.get_coordinates(part)
             corner_at_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners_m, axis=0).T)))
-            places, onward = (
+            positions, onward = (
                 np.column_stack([np.interp(at_m, corner_at_m, axis_m) for axis_m in corners_m.T])
                 for at_m in (stations, stations + STATION_M)
             )
-            left = left_of(onward - places)
-            half_way = len(places) // 2
-            sides = shapely.points(places[half_way] + np.array([[1.0], [-1.0]]) * left[half_way])
-            towards = left if np.argmin(shapely.distance(road, sides)) == 0 else -left
-            yield CurbLine(places, np.arctan2(towards[:, 1], towards[:, 0]), recipe, walk, level)
+            left = left_of(onward - positions)
+            half_way = len(positions) // 2
+            sides = shapely.points(positions[half_way] + np.array([[1.0], [-1.0]]) * left[half_way])
+            toward_road = left if np.argmin(shapely.distance(road, sides)) == 0 else -left
+            yield CurbLine(positions, np.arctan2(toward_road[:, 1], toward_road[:, 0]), recipe, walk, level)

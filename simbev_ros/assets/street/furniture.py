@@ -23,7 +23,7 @@ def bench() -> Mesh:
     back = np.array([[-0.27, 0.0, 0.62], [-0.29, 0.0, 0.79]])
     legs = np.array([[0.0, -0.7, 0.215 - FOOT_M / 2.0], [0.0, 0.7, 0.215 - FOOT_M / 2.0]])
     posts = np.array([[-0.27, -0.7, 0.65], [-0.27, 0.7, 0.65]])
-    return Mesh.merged(
+    return Mesh.merge(
         [
             boxes(wood, np.tile((0.13, 1.8, 0.04), (3, 1)), planks),
             boxes(wood, np.tile((0.04, 1.8, 0.12), (2, 1)), back),
@@ -48,7 +48,7 @@ def hydrant() -> Mesh:
     profile = np.array([[0.19, -FOOT_M], [0.19, 0.0], [0.12, 0.08], [0.12, 0.55], [0.16, 0.6], [0.06, 0.76]])
     outlets = [cylinder(red, (0.0, -0.22, 0.42), (0.0, 0.22, 0.42), 0.06, segments=6)]
     outlets.append(cylinder(red, (0.0, 0.0, 0.4), (0.21, 0.0, 0.4), 0.08, segments=8))
-    return Mesh.merged([lathe(red, profile, segments=8), *outlets])
+    return Mesh.merge([lathe(red, profile, segments=8), *outlets])
 
 
 @lru_cache(maxsize=1)
@@ -58,7 +58,7 @@ def bus_shelter() -> Mesh:
     posts = np.array([[x, y, 1.2] for x in (-0.7, 0.6) for y in (-1.95, 1.95)])
     sides = np.array([[-0.05, -1.95, 1.2], [-0.05, 1.95, 1.2]])
     feet = np.array([[-0.42, -1.3, 0.225], [-0.42, 1.3, 0.225]])
-    return Mesh.merged(
+    return Mesh.merge(
         [
             box(Finish(Material.CONCRETE, Tag.STATIC, (140, 137, 130)), (1.8, 4.2, 0.62), (-0.05, 0.0, -0.29)),
             box(steel, (1.7, 4.2, 0.12), (-0.05, 0.0, 2.46), bevel_m=0.04),
@@ -77,7 +77,7 @@ def mailbox() -> Mesh:
     """A mailbox on a post, 1.2 m high, its flap towards x."""
     wood, tin = Finish(Material.WOOD, Tag.STATIC, (116, 92, 66)), Finish(Material.METAL, Tag.STATIC, (86, 94, 104))
     flag = Finish(Material.METAL, Tag.STATIC, (186, 44, 36))
-    return Mesh.merged(
+    return Mesh.merge(
         [
             box(wood, (0.1, 0.1, 1.0 + FOOT_M), (0.0, 0.0, 0.5 - FOOT_M / 2.0)),
             box(tin, (0.48, 0.2, 0.24), (0.0, 0.0, 1.1), bevel_m=0.05),
@@ -91,7 +91,7 @@ def cabinet() -> Mesh:
     """A cabinet of telephone or power, 1.2 m high."""
     shell = Finish(Material.METAL, Tag.OTHER, (142, 148, 142))
     foot = Finish(Material.CONCRETE, Tag.OTHER, (128, 126, 120))
-    return Mesh.merged(
+    return Mesh.merge(
         [
             box(foot, (0.4, 0.95, 0.12 + FOOT_M), (0.0, 0.0, 0.06 - FOOT_M / 2.0)),
             box(shell, (0.36, 0.9, 1.05), (0.0, 0.0, 0.64), bevel_m=0.02),
@@ -112,7 +112,7 @@ def bicycle_rack() -> Mesh:
         boxes(steel, np.tile((0.05, 0.75, 0.05), (2, 1)), rails),
     ]
     bicycles = [_parked_bicycle(y, color) for y, color in zip(y_m, ((38, 60, 96), (120, 36, 34)), strict=True)]
-    return Mesh.merged([*hoops, *bicycles])
+    return Mesh.merge([*hoops, *bicycles])
 
 
 def _parked_bicycle(y_m: float, color: Color) -> Mesh:
@@ -121,7 +121,7 @@ def _parked_bicycle(y_m: float, color: Color) -> Mesh:
     x_m = -0.14
     tire = np.array([[0.29, 0.0], [0.33, -0.02], [0.35, 0.0], [0.33, 0.02], [0.29, 0.0]])
     wheels = [
-        lathe(rubber, tire, segments=12, caps=False).transformed(_along_x(x_m, y_m + side, 0.34))
+        lathe(rubber, tire, segments=12, caps=False).transform(_along_x(x_m, y_m + side, 0.34))
         for side in (-0.52, 0.52)
     ]
     bars = [
@@ -137,7 +137,7 @@ def _parked_bicycle(y_m: float, color: Color) -> Mesh:
         for (start, low), (end, high) in bars
     ]
     saddle = box(rubber, (0.14, 0.26, 0.06), (x_m, y_m - 0.18, 0.9))
-    return Mesh.merged([*wheels, *tubes, saddle, box(frame, (0.46, 0.05, 0.04), (x_m, y_m + 0.4, 0.98))])
+    return Mesh.merge([*wheels, *tubes, saddle, box(frame, (0.46, 0.05, 0.04), (x_m, y_m + 0.4, 0.98))])
 
 
 def _along_x(x_m: float, y_m: float, z_m: float) -> Float64Array:

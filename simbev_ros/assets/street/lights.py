@@ -9,9 +9,9 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.placement.static_scene import StreetLight
-from simbev_ros.assets.placement.tiles import standing
+from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.curbs import CurbLine
-from simbev_ros.assets.street.light_places import Lanes, light_places
+from simbev_ros.assets.street.light_places import Lanes, light_positions
 from simbev_ros.assets.street.poles import MAST_LAMP_AT_M, STREET_LAMP_AT_M, mast, street_light, with_lamp_index
 from simbev_ros.geometry.transforms import apply
 from simbev_ros.types import Float64Array, Int64Array
@@ -31,23 +31,23 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Ite
         fast: Where motorways are.
     """
     occupied = np.empty((0, 3))
-    lanes = [Lanes.of(yard.ground, level) for level in range(len(yard.ground.streets))]
+    lanes = [Lanes.of_level(yard.ground, level) for level in range(len(yard.ground.streets))]
     shapely.prepare(fast)
     for curb in curbs:
         spacing_m = curb.recipe.street_light_spacing_m
-        if spacing_m == 0.0 or len(curb.place_m) == 0:
+        if spacing_m == 0.0 or len(curb.position_m) == 0:
             continue
-        is_fast = bool(shapely.intersects_xy(fast, *curb.place_m[len(curb.place_m) // 2]))
+        is_fast = bool(shapely.intersects_xy(fast, *curb.position_m[len(curb.position_m) // 2]))
         mesh, lamp_at_m = (mast(), MAST_LAMP_AT_M) if is_fast else (street_light(), STREET_LAMP_AT_M)
         spacing_m *= _MAST_SPACING if is_fast else 1.0
-        for choice in light_places(yard.ground, curb, lanes[curb.level], _SPACING_OF_A_SIDE * spacing_m):
+        for choice in light_positions(yard.ground, curb, lanes[curb.level], _SPACING_OF_A_SIDE * spacing_m):
             k = _first_free(yard, curb, choice, occupied[occupied[:, 2] == curb.level, :2], _APART * spacing_m)
             if k is None:
                 continue
-            place_m = curb.place_m[k]
-            pose = standing(place_m, _foot_m(yard, curb, place_m), float(curb.yaw_rad[k]))
+            position_m = curb.position_m[k]
+            pose = upright_pose(position_m, _foot_m(yard, curb, position_m), float(curb.yaw_rad[k]))
             yard.tiles.place(with_lamp_index(mesh, (Material.STREET_LAMP,), len(occupied)), pose, curb.level)
-            occupied = np.concatenate([occupied, [[*place_m, curb.level]]])
+            occupied = np.concatenate([occupied, [[*position_m, curb.level]]])
             x_m, y_m, z_m = apply(pose, np.array([lamp_at_m]))[0]
             yield StreetLight((float(x_m), float(y_m), float(z_m)))
 
@@ -55,17 +55,17 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Ite
 def _first_free(yard: Yard, curb: CurbLine, choice: Int64Array, occupied_m: Float64Array, apart_m: float) -> int | None:
     """The first of some places of a curb that has room, and is as far as wanted from all lights before."""
     for k in choice.tolist():
-        place_m = curb.place_m[k]
-        if np.any(np.hypot(*(occupied_m - place_m).T) < apart_m):
+        position_m = curb.position_m[k]
+        if np.any(np.hypot(*(occupied_m - position_m).T) < apart_m):
             continue
-        if curb.level or yard.claims.claim(shapely.Point(place_m).buffer(_ROOM_M, quad_segs=2)):
+        if curb.level or yard.claims.claim(shapely.Point(position_m).buffer(_ROOM_M, quad_segs=2)):
             return int(k)
     return None
 
 
-def _foot_m(yard: Yard, curb: CurbLine, place_m: Float64Array) -> float:
+def _foot_m(yard: Yard, curb: CurbLine, position_m: Float64Array) -> float:
     """Height of what a light stands on."""
-    ground, xy_m = yard.ground, place_m[None]
+    ground, xy_m = yard.ground, position_m[None]
     if curb.level:
         return float(ground.road_m(xy_m, curb.level)[0])
     return float((ground.sidewalk_m(xy_m) if curb.walk else ground.land_m(xy_m))[0])

@@ -21,24 +21,26 @@ OBSTACLE_DTYPE = np.dtype(
 )
 
 _ANKLE_M, _KNEE_M = 0.12, 0.6
-_WIDEST_M = 1.2  # what is wider closes a sidewalk rather than stand on it
-_MOST_DISCS = 5
+_MAX_WIDTH_M = 1.2  # what is wider closes a sidewalk rather than stand on it
+_MAX_DISCS = 5
 
 
-def obstacles_on(sidewalk: BaseGeometry, road: BaseGeometry, placed: Sequence[tuple[Mesh, Float64Array]]) -> Table:
+def obstacles_on(
+    sidewalk: BaseGeometry, road: BaseGeometry, placed_objects: Sequence[tuple[Mesh, Float64Array]]
+) -> Table:
     """Discs around what stands on sidewalks.
 
     Args:
         sidewalk: Map frame, plan.
         road: The carriageways.
-        placed: Meshes, upright, and the (N, 4, 4) poses of their copies, map frame.
+        placed_objects: Meshes, upright, and the (N, 4, 4) poses of their copies, map frame.
 
     Returns:
         (K,) ``OBSTACLE_DTYPE``; what is long is covered by several discs.
     """
     shapely.prepare(sidewalk)
     discs = [np.empty((0, 4))]
-    for mesh, poses in placed:
+    for mesh, poses in placed_objects:
         here = poses[shapely.contains_xy(sidewalk, poses[:, :2, 3])]
         if len(here):
             own = _discs(mesh)
@@ -48,33 +50,35 @@ def obstacles_on(sidewalk: BaseGeometry, road: BaseGeometry, placed: Sequence[tu
     every = np.concatenate(discs)
     result = np.zeros(len(every), OBSTACLE_DTYPE)
     if len(every) and not road.is_empty:
-        ways = shapely.get_coordinates(shapely.shortest_line(road, shapely.points(every[:, :2]))).reshape(-1, 2, 2)
-        away_m = ways[:, 1] - ways[:, 0]
+        shortest_m = shapely.get_coordinates(shapely.shortest_line(road, shapely.points(every[:, :2]))).reshape(
+            -1, 2, 2
+        )
+        away_m = shortest_m[:, 1] - shortest_m[:, 0]
         result["away_x"], result["away_y"] = (away_m / np.maximum(np.hypot(*away_m.T), 1e-9)[:, None]).T
     result["x"], result["y"], result["z"], result["radius"] = every.T
     return result
 
 
-def standing_m(mesh: Mesh, above_m: float = 0.0) -> Float64Array:
+def obstacle_corners_m(mesh: Mesh, above_m: float = 0.0) -> Float64Array:
     """(N, 3) corners of the triangles that people run into, of an upright mesh ``above_m`` the ground, in its frame."""
     corner_m = mesh.vertices[mesh.triangles].astype(np.float64)
     low_m, high_m = corner_m[..., 2].min(axis=1), corner_m[..., 2].max(axis=1)
-    stands_m: Float64Array = corner_m[(low_m < _KNEE_M - above_m) & (high_m > _ANKLE_M - above_m)].reshape(-1, 3)
-    return stands_m
+    hit_corners_m: Float64Array = corner_m[(low_m < _KNEE_M - above_m) & (high_m > _ANKLE_M - above_m)].reshape(-1, 3)
+    return hit_corners_m
 
 
 def _discs(mesh: Mesh) -> Float64Array:
     """(K, 4) middles and radii of discs that cover what of a mesh stands between ankles and head; none if too wide."""
-    stands = standing_m(mesh)
-    if not len(stands):
+    corners_m = obstacle_corners_m(mesh)
+    if not len(corners_m):
         return np.empty((0, 4))
-    low, high = stands[:, :2].min(axis=0), stands[:, :2].max(axis=0)
+    low, high = corners_m[:, :2].min(axis=0), corners_m[:, :2].max(axis=0)
     size_m = high - low
     along = int(size_m[1] > size_m[0])
-    if size_m.min() > _WIDEST_M:
+    if size_m.min() > _MAX_WIDTH_M:
         return np.empty((0, 4))
     half_width_m, length_m = max(float(size_m.min()) / 2.0, 0.03), float(size_m.max())
-    count = min(max(1, round(length_m / (2.0 * half_width_m))), _MOST_DISCS)
+    count = min(max(1, round(length_m / (2.0 * half_width_m))), _MAX_DISCS)
     discs = np.zeros((count, 4))
     discs[:, :2] = (low + high) / 2.0
     discs[:, along] = low[along] + size_m[along] * (np.arange(count) + 0.5) / count

@@ -48,12 +48,12 @@ def with_lamp_index(mesh: Mesh, lamps: tuple[Material, ...], index: int) -> Mesh
 def utility_pole() -> Mesh:
     """A wooden pole with a cross-arm and insulators; cables run along y."""
     wood, glass = Finish(Material.WOOD, Tag.POLE, (104, 84, 64)), Finish(Material.GLASS, Tag.POLE, (120, 140, 136))
-    spots = np.array([(x, 0.0, CABLE_AT_M - 0.08) for x in _CABLE_OUT_M])
-    return Mesh.merged(
+    centers_m = np.array([(x, 0.0, CABLE_AT_M - 0.08) for x in _CABLE_OUT_M])
+    return Mesh.merge(
         [
             cylinder(wood, (0.0, 0.0, _ROOT_M), (0.0, 0.0, 8.4), 0.15, end_radius_m=0.1, segments=6),
             box(wood, (2.0, 0.12, 0.12), (0.0, 0.0, CABLE_AT_M - 0.2)),
-            boxes(glass, np.tile((0.09, 0.09, 0.16), (2, 1)), spots),
+            boxes(glass, np.tile((0.09, 0.09, 0.16), (2, 1)), centers_m),
         ]
     )
 
@@ -76,7 +76,7 @@ def cables(foot_m: Float64Array, next_foot_m: Float64Array, across: Float64Array
     cable = tube(black, line, 0.02, segments=3, crease_deg=180.0)
     poses = np.tile(np.eye(4), (len(_CABLE_OUT_M), 1, 1))
     poses[:, :2, 3] = np.outer(_CABLE_OUT_M, across)
-    return Mesh.merged(cable.copies(poses))
+    return Mesh.merge(cable.copies(poses))
 
 
 def _light(lamp_at_m: tuple[float, float, float], radius_m: float) -> Mesh:
@@ -85,7 +85,7 @@ def _light(lamp_at_m: tuple[float, float, float], radius_m: float) -> Mesh:
     bend = np.column_stack([0.55 * (1.0 - np.cos(_BEND_RAD)), np.zeros(3), z_m - 0.42 + 0.5 * np.sin(_BEND_RAD)])
     path = np.concatenate([[[0.0, 0.0, 0.0]], bend, [[x_m - 0.25, 0.0, z_m + 0.13]]])
     foot = np.array([[radius_m + 0.065, _ROOT_M], [radius_m + 0.065, 0.7], [radius_m, 0.9]])
-    return Mesh.merged(
+    return Mesh.merge(
         [
             lathe(pole, foot, segments=6),
             tube(pole, path, radius_m * np.array([1.0, 0.7, 0.65, 0.6, 0.53]), segments=6),

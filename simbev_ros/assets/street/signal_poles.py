@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import shapely
 
-from simbev_ros.assets.architecture.facades import along_front
+from simbev_ros.assets.architecture.facades import lay_along_front
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, cylinder, extrusion, lathe, tube
@@ -43,8 +43,8 @@ def signal_poles(ground: RegionGround) -> Iterator[tuple[Mesh, Float64Array]]:
         pieces = _carrier([signal for _, signal in members])
         for row, signal in members:
             pose = matrices_from_xyz_rpy(signal.position_m - foot_m, np.array([0.0, 0.0, signal.yaw_rad]))
-            pieces.append(with_lamp_index(head, tuple(lamp for lamp, _ in _LAMPS), row).transformed(pose))
-        yield Mesh.merged(pieces), matrices_from_xyz_rpy(foot_m, np.zeros(3))
+            pieces.append(with_lamp_index(head, tuple(lamp for lamp, _ in _LAMPS), row).transform(pose))
+        yield Mesh.merge(pieces), matrices_from_xyz_rpy(foot_m, np.zeros(3))
 
 
 def _carrier(signals: Sequence[Signal]) -> list[Mesh]:
@@ -54,7 +54,7 @@ def _carrier(signals: Sequence[Signal]) -> list[Mesh]:
     holds_m = heads_m - np.sum(heads_m * facing, axis=1, keepdims=True) * facing
     reaches_m = np.hypot(holds_m[:, 0], holds_m[:, 1])
     brackets = [
-        box(_POLE, (0.3, 0.06, 0.05)).transformed(matrices_from_xyz_rpy(middle_m, np.array([0.0, 0.0, signal.yaw_rad])))
+        box(_POLE, (0.3, 0.06, 0.05)).transform(matrices_from_xyz_rpy(middle_m, np.array([0.0, 0.0, signal.yaw_rad])))
         for signal, middle_m in zip(signals, (heads_m + holds_m) / 2.0, strict=True)
     ]
     foot = lathe(_POLE, np.array([[0.2, -0.5], [0.2, 0.25], [0.13, 0.35]]), segments=8)
@@ -70,7 +70,7 @@ def _carrier(signals: Sequence[Signal]) -> list[Mesh]:
 
 @lru_cache(maxsize=1)
 def signal_head() -> Mesh:
-    """Housing with three lamps, red uppermost, and visors; lamps shine along x; origin at its centre."""
+    """Housing with three lamps, red uppermost, and visors; lamps shine along x; origin at its center."""
     front_m = _HEAD_M[0] / 2.0
     arc = np.linspace(-0.15, np.pi + 0.15, 7)
     rim = np.column_stack([np.cos(arc), np.sin(arc)])
@@ -80,5 +80,5 @@ def signal_head() -> Mesh:
         finish = Finish(lamp, Tag.TRAFFIC_LIGHT, color)
         pieces.append(cylinder(finish, (front_m - 0.01, 0.0, z_m), (front_m + 0.02, 0.0, z_m), _LAMP_RADIUS_M))
         shell = shapely.Polygon(visor + np.array([0.0, z_m]))
-        pieces.append(along_front(extrusion(_HOUSING, shell, front_m - 0.01, front_m + 0.2)))
-    return Mesh.merged(pieces)
+        pieces.append(lay_along_front(extrusion(_HOUSING, shell, front_m - 0.01, front_m + 0.2)))
+    return Mesh.merge(pieces)

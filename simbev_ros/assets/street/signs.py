@@ -37,7 +37,7 @@ def speed_sign(limit_kmh: int) -> Mesh:
     width_m = 0.2 if len(digits) < 3 else 0.16
     figures = [_figure(digit, (k - (len(digits) - 1) / 2.0) * width_m, width_m / 0.2) for k, digit in enumerate(digits)]
     circle = shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=4)
-    return Mesh.merged(
+    return Mesh.merge(
         [
             _post(),
             _plate(_BACK, circle, 0.31, 0),
@@ -54,7 +54,7 @@ def stop_sign() -> Mesh:
     turn = (np.arange(8) + 0.5) * np.pi / 4.0
     octagon = shapely.Polygon(np.column_stack([np.cos(turn), np.sin(turn)]))
     plates = [_plate(_BACK, octagon, 0.4, 0), _plate(_WHITE, octagon, 0.42, 1), _plate(_RED, octagon, 0.385, 2)]
-    return Mesh.merged([_post(), *plates, *_word("STOP")])
+    return Mesh.merge([_post(), *plates, *_word("STOP")])
 
 
 @lru_cache(maxsize=1)
@@ -62,7 +62,7 @@ def yield_sign() -> Mesh:
     """A white triangle on its tip in a red rim."""
     turn = np.array([-0.5, 1.0 / 6.0, 5.0 / 6.0]) * np.pi
     triangle = shapely.Polygon(np.column_stack([np.cos(turn), np.sin(turn)]))
-    return Mesh.merged(
+    return Mesh.merge(
         [_post(), _plate(_BACK, triangle, 0.45, 0), _plate(_RED, triangle, 0.47, 1), _plate(_WHITE, triangle, 0.29, 2)]
     )
 
@@ -72,7 +72,7 @@ def street_name_sign(color: Color) -> Mesh:
     """Two name plates across each other on a post."""
     plate_, letters = (Finish(Material.PLATE, Tag.TRAFFIC_SIGN, shade) for shade in (color, (232, 232, 228)))
     strokes = np.array([(0.14 + 0.11 * k, 0.0, 2.75) for k in range(6)])
-    return Mesh.merged(
+    return Mesh.merge(
         [
             cylinder(_POLE, (0.0, 0.0, _ROOT_M), (0.0, 0.0, 2.9), 0.035, segments=6),
             box(plate_, (0.95, 0.02, 0.2), (0.42, 0.0, 2.75)),
@@ -91,8 +91,8 @@ def _plate(finish: Finish, outline: shapely.Polygon, size_m: float, layer: int) 
     """A flat plate of an outline of unit radius, each layer before the last."""
     scaled = shapely.transform(outline, lambda xy: xy * size_m)
     near_m = 0.03 + layer * _LAYER_M
-    raised = extrusion(finish, scaled, near_m, near_m + _LAYER_M + 0.006, crease_deg=0.0).transformed(_LOOKS_ALONG_X)
-    return raised.transformed(_at_face())
+    raised = extrusion(finish, scaled, near_m, near_m + _LAYER_M + 0.006, crease_deg=0.0).transform(_LOOKS_ALONG_X)
+    return raised.transform(_at_face())
 
 
 def _at_face() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -104,7 +104,7 @@ def _at_face() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 def _figure(value: int, y_m: float, scale: float) -> Mesh:
     """Seven-segment figure 0.28 m high, read from x; the reader's right is +y."""
     upright, level = (0.006, 0.03, 0.14), (0.006, 0.12 * scale, 0.03)
-    spots = {
+    strokes = {
         "a": (level, 0.0, 0.125),
         "b": (upright, 0.05 * scale, 0.065),
         "c": (upright, 0.05 * scale, -0.065),
@@ -113,7 +113,7 @@ def _figure(value: int, y_m: float, scale: float) -> Mesh:
         "f": (upright, -0.05 * scale, 0.065),
         "g": (level, 0.0, 0.0),
     }
-    chosen = [spots[segment] for segment in _SEGMENTS[value]]
+    chosen = [strokes[segment] for segment in _SEGMENTS[value]]
     x_m = 0.03 + 3 * _LAYER_M + 0.006
     centers = np.array([(x_m, y_m + side_m, _FACE_Z_M + up_m) for _, side_m, up_m in chosen])
     return boxes(_BLACK, np.array([size for size, _, _ in chosen]), centers)

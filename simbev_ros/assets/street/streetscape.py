@@ -15,7 +15,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.placement.ensemble import Base
-from simbev_ros.assets.placement.tiles import standing
+from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.curbs import STATION_M, CurbLine
 from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter, cabinet, hydrant, litter_bin
 from simbev_ros.assets.street.poles import cables, utility_pole
@@ -52,7 +52,7 @@ def put_signs(yard: Yard) -> None:
     levels = yard.ground.terrain.elevation.level_at(feet_m[owned])
     for row, level in zip(owned.tolist(), levels.tolist(), strict=True):
         yard.claims.add(shapely.Point(feet_m[row, :2]).buffer(0.35, quad_segs=2))
-        pose = standing(feet_m[row, :2], float(feet_m[row, 2]), signs[row].yaw_rad)
+        pose = upright_pose(feet_m[row, :2], float(feet_m[row, 2]), signs[row].yaw_rad)
         yard.tiles.place(sign_mesh(signs[row]), pose, level)
 
 
@@ -66,26 +66,28 @@ def put_bus_shelters(yard: Yard, blocks: Sequence[Block]) -> None:
             wanted = rng.random() < 2.0 * _SHELTERED_SHARE * block.recipe.furniture_density
             if not wanted or not line.walk or line.length_m < 60.0:
                 continue
-            place_m, along = line.chord(line.length_m * rng.uniform(0.25, 0.75), 4.0)
-            place_m = place_m + left_of(along) * 1.1
-            if yard.claim(shapely.Point(place_m).buffer(2.4, quad_segs=4), yard.inside):
-                yard.ensemble.put(bus_shelter(), place_m, yaw_of(-left_of(along)))
+            position_m, along = line.chord(line.length_m * rng.uniform(0.25, 0.75), 4.0)
+            position_m = position_m + left_of(along) * 1.1
+            if yard.claim(shapely.Point(position_m).buffer(2.4, quad_segs=4), yard.inside):
+                yard.ensemble.put(bus_shelter(), position_m, yaw_of(-left_of(along)))
 
 
 def put_name_signs(yard: Yard, curbs: Sequence[CurbLine]) -> None:
     """Name plates at one corner of each junction that has sidewalks."""
-    walks = [curb for curb in curbs if curb.walk and len(curb.place_m)]
+    walks = [curb for curb in curbs if curb.walk and len(curb.position_m)]
     centers_m = np.array([junction.center_m[:2] for junction in yard.ground.network.junctions.values()]).reshape(-1, 2)
     centers_m = centers_m[yard.ground.owns(centers_m)]
     if not walks or len(centers_m) == 0:
         return
-    places_m, yaws_rad = (np.concatenate([getattr(curb, name) for curb in walks]) for name in ("place_m", "yaw_rad"))
+    positions_m, yaws_rad = (
+        np.concatenate([getattr(curb, name) for curb in walks]) for name in ("position_m", "yaw_rad")
+    )
     template = street_name_sign((28, 92, 64))
     for center_m in centers_m:
-        distance_m = np.hypot(*(places_m - center_m).T)
+        distance_m = np.hypot(*(positions_m - center_m).T)
         for k in np.argsort(distance_m, kind="stable")[:12].tolist():
-            if distance_m[k] < 40.0 and yard.claims.claim(shapely.Point(places_m[k]).buffer(0.3, quad_segs=2)):
-                yard.ensemble.put(template, places_m[k], yaws_rad[k], base=Base.SIDEWALK)
+            if distance_m[k] < 40.0 and yard.claims.claim(shapely.Point(positions_m[k]).buffer(0.3, quad_segs=2)):
+                yard.ensemble.put(template, positions_m[k], yaws_rad[k], base=Base.SIDEWALK)
                 break
 
 
@@ -97,13 +99,13 @@ def put_street_trees(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         if not curb.walk or not lined or curb.recipe.tree_spacing_m == 0.0:
             continue
         species = draw_species(curb.recipe.plants, "street", 1, rng)[0]
-        chosen = np.arange(6, len(curb.place_m), max(1, round(curb.recipe.tree_spacing_m / STATION_M)))
+        chosen = np.arange(6, len(curb.position_m), max(1, round(curb.recipe.tree_spacing_m / STATION_M)))
         chosen = chosen[rng.random(len(chosen)) < 0.9]
         crown_m = np.full(len(chosen), reach_m(species))
-        chosen = chosen[has_room(yard, curb.place_m[chosen], crown_m, beside_street=True)]
-        chosen = chosen[yard.claims.claim_discs(curb.place_m[chosen], np.full(len(chosen), _TREE_ROOM_M))]
-        yard.ensemble.put(_PIT, curb.place_m[chosen], curb.yaw_rad[chosen], base=Base.SIDEWALK)
-        plant(yard, species, curb.place_m[chosen], rng, Base.SIDEWALK)
+        chosen = chosen[has_room(yard, curb.position_m[chosen], crown_m, beside_street=True)]
+        chosen = chosen[yard.claims.claim_discs(curb.position_m[chosen], np.full(len(chosen), _TREE_ROOM_M))]
+        yard.ensemble.put(_PIT, curb.position_m[chosen], curb.yaw_rad[chosen], base=Base.SIDEWALK)
+        plant(yard, species, curb.position_m[chosen], rng, Base.SIDEWALK)
 
 
 def put_median_trees(yard: Yard, zones: Zones) -> None:
@@ -119,12 +121,14 @@ def put_median_trees(yard: Yard, zones: Zones) -> None:
             if spacing_m == 0.0 or rng.random() > 2.0 * recipe.plant_density:
                 continue
             at_m = np.arange(_CLEAR_OF_END_M, line.length - _CLEAR_OF_END_M, spacing_m)
-            places = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
-            places = places[shapely.contains_xy(green, places) & shapely.contains_xy(area, places)]
+            positions = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
+            positions = positions[shapely.contains_xy(green, positions) & shapely.contains_xy(area, positions)]
             species = draw_species(recipe.plants, "street", 1, rng)[0]
-            places = places[has_room(yard, places, np.full(len(places), reach_m(species)), beside_street=True)]
-            free = yard.claims.claim_discs(places, np.full(len(places), 0.4 * spacing_m))
-            plant(yard, species, places[free], rng, Base.SIDEWALK)
+            positions = positions[
+                has_room(yard, positions, np.full(len(positions), reach_m(species)), beside_street=True)
+            ]
+            free = yard.claims.claim_discs(positions, np.full(len(positions), 0.4 * spacing_m))
+            plant(yard, species, positions[free], rng, Base.SIDEWALK)
 
 
 def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
@@ -141,13 +145,13 @@ def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         if not curb.walk or curb.recipe.use in ("farmland", "woods"):
             continue
         every = round(_SMALL_THINGS_M / STATION_M)
-        for start in range(0, len(curb.place_m), every):
+        for start in range(0, len(curb.position_m), every):
             mesh, radius_m, share = things[int(rng.integers(len(things)))]
-            k = min(start + int(rng.integers(every)), len(curb.place_m) - 1)
+            k = min(start + int(rng.integers(every)), len(curb.position_m) - 1)
             wanted = rng.random() < share * curb.recipe.furniture_density
-            room = shapely.Point(curb.place_m[k]).buffer(radius_m, quad_segs=3)
+            room = shapely.Point(curb.position_m[k]).buffer(radius_m, quad_segs=3)
             if wanted and yard.claim(room, yard.inside):
-                yard.ensemble.put(mesh, curb.place_m[k], curb.yaw_rad[k], base=Base.SIDEWALK)
+                yard.ensemble.put(mesh, curb.position_m[k], curb.yaw_rad[k], base=Base.SIDEWALK)
 
 
 def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
@@ -159,24 +163,30 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
     shapely.prepare(open_land)
     for curb in curbs:
         wanted = rng.random() < 0.75
-        if curb.walk or curb.level or curb.recipe.use not in _POLED_USES or len(curb.place_m) < 2 * every or not wanted:
+        if (
+            curb.walk
+            or curb.level
+            or curb.recipe.use not in _POLED_USES
+            or len(curb.position_m) < 2 * every
+            or not wanted
+        ):
             continue
         outward = -np.stack([np.cos(curb.yaw_rad), np.sin(curb.yaw_rad)], axis=1)
-        places_m, yaw_rad = (curb.place_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
-        if len(taken) and np.hypot(*(taken[:, None] - places_m).T).min() < _POLE_SPACING_M:
+        positions_m, yaw_rad = (curb.position_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
+        if len(taken) and np.hypot(*(taken[:, None] - positions_m).T).min() < _POLE_SPACING_M:
             continue  # the other side of the road has some
-        free = [yard.claim(shapely.Point(place).buffer(0.4, quad_segs=2), open_land) for place in places_m]
-        yard.ensemble.put(utility_pole(), places_m[free], yaw_rad[free])
-        taken = np.concatenate([taken, places_m[free]])
-        _hang(yard, places_m[free])
+        free = [yard.claim(shapely.Point(place).buffer(0.4, quad_segs=2), open_land) for place in positions_m]
+        yard.ensemble.put(utility_pole(), positions_m[free], yaw_rad[free])
+        taken = np.concatenate([taken, positions_m[free]])
+        _hang_cables(yard, positions_m[free])
 
 
-def _hang(yard: Yard, places_m: Float64Array) -> None:
+def _hang_cables(yard: Yard, positions_m: Float64Array) -> None:
     """Cables from each pole to the next one, where that is not too far."""
-    feet_m = np.column_stack([places_m, yard.ground.land_m(places_m)])
+    feet_m = np.column_stack([positions_m, yard.ground.land_m(positions_m)])
     for foot_m, next_m in pairwise(feet_m):
         step_m = next_m[:2] - foot_m[:2]
         length_m = float(np.hypot(*step_m))
         if length_m < 1.5 * _POLE_SPACING_M:
             mesh = cables(foot_m, next_m, left_of(step_m / length_m))
-            yard.tiles.place(mesh, standing(foot_m[:2], float(foot_m[2])))
+            yard.tiles.place(mesh, upright_pose(foot_m[:2], float(foot_m[2])))

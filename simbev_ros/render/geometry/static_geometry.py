@@ -61,7 +61,7 @@ class StaticGeometry:
     ) -> None:
         """Upload the tiles for use with ``programs``, whose instances have the position and the index of a tile."""
         nonempty = [tile for tile in tiles if len(tile.mesh.triangles)]
-        meshes = [Mesh.merged([tile.mesh, tile.coarse]) for tile in nonempty]
+        meshes = [Mesh.merge([tile.mesh, tile.coarse]) for tile in nonempty]
         self.store = TriangleStore(context, meshes, programs, _INSTANCE_DTYPE)
         self._origins_m = np.array([tile.origin_m for tile in nonempty], np.float64).reshape(-1, 3)
         self._tile_bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in nonempty]).reshape(-1, 2, 3)

@@ -152,7 +152,7 @@ def _find_entrances(network: RoadNetwork, plazas: Sequence[Plaza]) -> list[_Entr
     lines = np.array([shapely.LineString(lane.centerline_m[:, :2]) for lane in lanes], object)
     tree, found = shapely.STRtree(lines), []
     for plaza in plazas:
-        for path_m in plaza.ways_m:
+        for path_m in plaza.paths_m:
             start = shapely.Point(path_m[0])
             row = int(tree.nearest(start))
             lane, s_m = lanes[row], float(lines[row].project(start))

@@ -1,1 +1,1 @@
-"""Vehicles, riders and people: their shapes as data (shapes/*.yaml) and the code that turns them into meshes."""
+"""Builds models of vehicles, riders, pedestrians and props from shape descriptions (shapes/*.yaml)."""

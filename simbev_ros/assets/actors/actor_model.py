@@ -1,4 +1,4 @@
-"""An actor's shape: one mesh in its rest pose and the rigid parts (wheels, doors, limbs) that move."""
+"""Model of an actor: one mesh in its rest pose, and the rigid parts (wheels, doors, limbs) that move."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from simbev_ros.types import Float64Array
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A rigid part. Its pose is that of its parent, turned about ``pivot_m``.
+    """A rigid part of an actor. Its pose is that of its parent, rotated about ``pivot_m``.
 
     Attributes:
-        name: For people who read the model.
-        parent: Index of a part before it; -1 for the body.
-        pivot_m: Point that stays in place, actor frame, rest pose.
-        spins: Turns about y with the ``wheel`` angle (forward roll).
-        steers: Turns about z with the ``steer`` angle, before it spins.
-        cranks: Turns about y with the ``gait`` angle (pedals of a bicycle).
-        door: Bit of the ``doors`` column that opens it.
-        opening_rad: Turn about z when it is open.
+        name: Human-readable name.
+        parent: Index of the parent, which precedes the part; -1 for the body.
+        pivot_m: Fixed point of the rotation, actor frame, rest pose.
+        spins: Whether the part turns about y with the ``wheel`` angle (forward roll).
+        steers: Whether the part turns about z with the ``steer`` angle, before it spins.
+        cranks: Whether the part turns about y with the ``gait`` angle (pedals of a bicycle).
+        door: Bit of the ``doors`` column that opens the part.
+        opening_rad: Rotation about z of the open door.
     """
 
     name: str
@@ -37,12 +37,12 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """How a person's limbs turn, at M speeds and N equal steps of ``gait``; between these it is interpolated.
+    """Motion cycle of a pedestrian's or rider's limbs, sampled at M speeds and N equal steps of ``gait``.
 
     Attributes:
-        speed_mps: (M,) ascending.
-        turn_rad: (M, N, P) turn of every part about y.
-        rise_m: (M, N) rise of the body, and with it of all its parts.
+        speed_mps: (M,) speeds, ascending.
+        turn_rad: (M, N, P) rotation of every part about y.
+        rise_m: (M, N) rise of the body with all its parts.
     """
 
     speed_mps: Float64Array
@@ -50,7 +50,7 @@ class Cycle:
     rise_m: Float64Array
 
     def interpolate(self, speed_mps: Float64Array, gait_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """(A, P) turns and (A,) rises of A people."""
+        """(A, P) rotations and (A,) rises of A actors at (A,) speeds and gait angles, interpolated bilinearly."""
         count, steps = self.rise_m.shape
         row = np.interp(speed_mps, self.speed_mps, np.arange(count))
         slow = np.minimum(row.astype(np.int64), count - 2)
@@ -71,11 +71,11 @@ class Cycle:
 
 @dataclass(frozen=True, slots=True)
 class CoarserMesh:
-    """What cameras may draw instead of a model's mesh from afar, while all doors are shut.
+    """Simplified mesh that cameras may draw for a distant model while all its doors are shut.
 
     Attributes:
-        mesh: As in the model.
-        error_m: How far its surface is from that of the model at most; what is thinner than that may be missing.
+        mesh: Mesh with the same frame and parts as the model's.
+        error_m: Maximum distance of its surface from the model's; thinner details may be missing.
     """
 
     mesh: Mesh
@@ -84,18 +84,18 @@ class CoarserMesh:
 
 @dataclass(frozen=True, slots=True)
 class ActorModel:
-    """Shape of one blueprint.
+    """Model of one blueprint.
 
     Attributes:
-        blueprint: Its name, e.g. ``vehicle.sedan``.
-        tag: Semantic tag of all its triangles.
-        box_class: Detection class, or "" if it has none (riders).
-        mesh: Rest pose, actor frame: x forward, y left, z up, origin at the center of the ground plane of its box.
+        blueprint: Name of the blueprint, e.g. ``vehicle.sedan``.
+        tag: Semantic tag of all triangles.
+        box_class: Detection class, or "" for none (riders).
+        mesh: Mesh in rest pose, actor frame: x forward, y left, z up, origin at the center of the box's ground plane.
         size_m: Length, width, height: the mesh's extent in rest pose; the box is centered on the origin in x and y.
-        parts: Part 0 is the body; a part comes after its parent.
-        wheel_radius_m: For turning distance into the ``wheel`` angle; 0 without wheels.
-        cycle: How a person moves.
-        build_coarser: Makes its coarser meshes, by ascending error.
+        parts: Rigid parts; part 0 is the body, and every part comes after its parent.
+        wheel_radius_m: Wheel radius that converts distance into the ``wheel`` angle; 0 without wheels.
+        cycle: Motion cycle of the limbs, for pedestrians and riders.
+        build_coarser: Builds the coarser meshes, by ascending error.
     """
 
     blueprint: str

@@ -1,4 +1,4 @@
-"""The proportions that all figures share: body.yaml."""
+"""Body proportions that all human figures share, read from body.yaml."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -9,11 +9,11 @@ from simbev_ros.assets.actors.solids import Vector
 from simbev_ros.config.base import Model
 
 Ring = tuple[float, float, float, float]
-"""Height, x, half depth, half width."""
+"""Horizontal ring of a body part: height, x, half depth, half width."""
 
 
 class Lump(Model):
-    """A piece of face, hair or headgear: its finish, or ``skin`` or ``hair`` for the figure's own; size and place."""
+    """A piece of face, hair or headgear: finish (``skin`` and ``hair`` mean the figure's own), size and position."""
 
     finish: str
     size: Vector
@@ -21,7 +21,7 @@ class Lump(Model):
 
 
 class Body(Model):
-    """Proportions; lengths over the body's height. The fields are explained in body.yaml."""
+    """Body proportions, as lengths over the body height; body.yaml explains the fields."""
 
     hips: tuple[Ring, ...]
     waist: tuple[Ring, ...]
@@ -41,6 +41,6 @@ class Body(Model):
 
 @lru_cache(maxsize=1)
 def load_body() -> Body:
-    """The proportions."""
+    """Load body.yaml."""
     text = files("simbev_ros.assets.actors").joinpath("body.yaml").read_text()
     return Body.model_validate(yaml.safe_load(text))

@@ -1,4 +1,4 @@
-"""Levels of detail: how far a mesh may be from its exact form, and what may therefore be left out of it."""
+"""Levels of detail of actor meshes: the geometric error that each level allows, and what it may therefore omit."""
 
 from dataclasses import dataclass, replace
 
@@ -9,11 +9,11 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 @dataclass(frozen=True, slots=True)
 class Detail:
-    """How exactly an actor is modeled.
+    """Level of detail of an actor's mesh.
 
     Attributes:
-        error_m: How far the surface may be from the exact one; what is thinner may be missing.
-        insides: With what is behind doors; without it all doors must be shut.
+        error_m: Maximum distance of the surface from the exact one; thinner details may be missing.
+        insides: Whether the interior behind doors is built; without it all doors must be shut.
     """
 
     error_m: float = 0.0
@@ -21,36 +21,37 @@ class Detail:
 
     @property
     def for_spinning_parts(self) -> "Detail":
-        """What a wheel needs: between two pictures it turns so far that an error shows up to twice in its flow."""
+        """Stricter detail for wheels: they turn so far between two images that optical flow shows errors twice as large."""
         return replace(self, error_m=self.error_m / 3.0)
 
     def segments(self, wanted: int, radius_m: float, minimum: int = 4) -> int:
-        """Sides of a round thing that has ``wanted`` ones: as few as keep within the error of its circle."""
+        """Number of sides of a round object: the fewest that keep within the error, at most ``wanted``."""
         if self.error_m <= 0.0:
             return wanted
         half_angle = np.arccos(max(1.0 - self.error_m / max(radius_m, 1e-9), 0.0))
         return min(wanted, max(minimum, int(np.ceil(np.pi / half_angle))))
 
     def shows(self, thickness_m: float) -> bool:
-        """Whether a thing of this thickness is there."""
+        """Whether details of a thickness are built."""
         return thickness_m > self.error_m
 
 
 EXACT = Detail()
 COARSER = tuple(Detail(error_m, insides=False) for error_m in (0.0, 0.005, 0.017, 0.035, 0.07))
-"""What cameras may draw instead of the exact mesh where it is far enough away."""
+"""Levels of detail of the coarser meshes that cameras may draw for distant actors."""
 
 
 def select_lines(points_m: Float64Array, borders: BoolArray, error_m: float) -> tuple[BoolArray, Int64Array]:
-    """Which lines of a grid its surface needs to keep within an error.
+    """Select the lines of a grid that its surface needs to stay within an error.
 
     Args:
         points_m: (N, M, 3) points of N neighboring lines.
-        borders: (N,) lines that should stay, as long as they are a pixel apart.
-        error_m: How far a point may be from the straight way between its neighbors that stay: half a pixel.
+        borders: (N,) whether a line should be kept, provided that it is a pixel away from other kept ones.
+        error_m: Maximum distance of a point from the chord between its kept neighbors: half a pixel.
 
     Returns:
-        (N,) the lines that stay, the first and the last among them; the cell in the middle between each two of these.
+        (N,) whether each line is kept, with the first and the last; (K - 1,) the cell in the middle between each two
+        kept lines.
     """
     along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points_m, axis=0), axis=2).max(axis=1))])
     kept = np.zeros(len(points_m), bool)
@@ -69,7 +70,7 @@ def select_lines(points_m: Float64Array, borders: BoolArray, error_m: float) -> 
 
 
 def _worst_lines(points_m: Float64Array, kept: BoolArray, error_m: float) -> Int64Array:
-    """The line between each two of those kept that is farthest off the straight way, if by more than the error."""
+    """Between each two kept lines, the line that is farthest from their chord, if that exceeds the error."""
     index, kept_lines = np.arange(len(kept)), np.flatnonzero(kept)
     before = kept_lines[np.searchsorted(kept_lines, index, "right") - 1]
     after = kept_lines[np.searchsorted(kept_lines, index, "left")]

@@ -1,4 +1,4 @@
-"""Doors: hinged at their front edges, they are panels of the shells; behind them are dark niches with seats."""
+"""Doors of vehicles: panels of a shell, hinged at their front edges, with dark niches and seats behind them."""
 
 import numpy as np
 
@@ -17,9 +17,9 @@ class Door(Model):
     """A pair of doors, left and right.
 
     Attributes:
-        name: By which panels name it.
+        name: Name that panels refer to.
         hinge: x and y of the left hinge.
-        seat: x, y, z where back and cushion of the seat behind the left door meet; none for no seat.
+        seat: x, y, z where back and cushion of the seat behind the left door meet; None for no seat.
     """
 
     name: str
@@ -28,12 +28,12 @@ class Door(Model):
 
 
 def door_part(door: str, side: str) -> str:
-    """Name of the part that a door is."""
+    """Name of a door's rigid part."""
     return f"door {door} {side}"
 
 
 def door_parts(doors: tuple[Door, ...]) -> list[Part]:
-    """The parts of all doors, pair by pair, left then right: the order of the bits in the ``doors`` column."""
+    """Rigid parts of all doors, pair by pair, left then right: the order of the bits in the ``doors`` column."""
     return [
         Part(
             name=door_part(door.name, side),
@@ -61,10 +61,10 @@ def seats(doors: tuple[Door, ...]) -> list[Solid]:
 
 
 def insides(panel: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """What a door adds to its panel, and what is seen where it was.
+    """Surfaces that an open door reveals: its inner side, and the niche behind it.
 
     Args:
-        panel: (Q, 4, 3) cells of the door's outer surface, counter-clockwise from outside.
+        panel: (Q, 4, 3) cells of the door's outer surface, counter-clockwise seen from outside.
 
     Returns:
         (Q + E, 4, 3) the inner skin, cell by cell, then the door's edges; (Q + E, 4, 3) the walls of the niche.
@@ -81,7 +81,7 @@ def insides(panel: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 
 def _is_border(edges: Float64Array) -> BoolArray:
-    """(E,) which of (E, 2, 3) directed edges no neighbor runs along the other way."""
+    """(E,) whether no neighboring cell shares each of (E, 2, 3) directed edges in the opposite direction."""
     _, joined = np.unique(np.round(edges.reshape(-1, 3), 6), axis=0, return_inverse=True)
     start, end = joined.reshape(-1, 2).astype(np.int64).T
     count = joined.max() + 1

@@ -1,4 +1,4 @@
-"""People: what a figure looks like, as data, and the solids and parts of its body in a pose."""
+"""Human figures: their appearance as data, and the solids and rigid parts of the body in a pose."""
 
 from collections.abc import Iterable, Sequence
 from typing import Literal
@@ -15,28 +15,28 @@ from simbev_ros.types import Float64Array
 
 
 class Figure(Model):
-    """A person.
+    """Appearance and posture of a human figure.
 
     Attributes:
-        height: Standing, meters; the blueprint's size has the last word.
+        height: Standing height, meters; the model is scaled to the blueprint's size in the end.
         girth: Thickness of trunk and limbs over that of a slim adult.
-        shoulders: Half the distance of the shoulders over the height.
-        head: Size of the head over an adult's, relative to the height.
-        belly: How far the waist comes forward, over the height.
-        skin: Color, RRGGBB.
-        hair: Color, RRGGBB.
-        hairstyle: Or what the person wears on the head.
+        shoulders: Half the shoulder distance over the height.
+        head: Relative size of the head over an adult's.
+        belly: Forward extent of the waist over the height.
+        skin: Skin color, RRGGBB.
+        hair: Hair color, RRGGBB.
+        hairstyle: Hairstyle or headgear.
         top: Finish of the upper garment.
-        hem: How far the upper garment reaches below the hip joints, over the height.
-        short_sleeves: The forearms are bare.
-        short_trousers: The shins are bare.
+        hem: Length of the upper garment below the hip joints, over the height.
+        short_sleeves: Whether the forearms are bare.
+        short_trousers: Whether the shins are bare.
         bottom: Finish of the trousers.
         shoes: Finish of the shoes.
-        gloves: Black gloves.
-        seat: How a rider sits; everybody else is on foot.
-        stoop_deg: How far the trunk of somebody on foot leans forward besides.
-        elbow_deg: How far the elbows of somebody on foot are bent at least.
-        arm_swing: How far the arms of somebody on foot swing, over what is usual.
+        gloves: Whether the hands have black gloves.
+        seat: Sitting posture of a rider; None for a figure on foot.
+        stoop_deg: Additional forward lean of the trunk on foot.
+        elbow_deg: Minimum bend of the elbows on foot.
+        arm_swing: Swing of the arms on foot, relative to the usual one.
     """
 
     height: float
@@ -63,13 +63,13 @@ class Figure(Model):
 _SIDES = ("left", "right")
 _ROW_PARTS = 6
 _ROUND = np.array([0.45, 0.83])
-"""Radii towards the rounded end of a limb, over its own."""
+"""Radii toward the rounded end of a limb, over the limb's own radius."""
 _SHOULDERS = 0.112
-"""The shoulders for which body.yaml has the chest."""
+"""Value of ``Figure.shoulders`` that the chest in body.yaml is made for."""
 
 
 def figure_pose(figure: Figure, tall_m: float) -> Pose:
-    """The pose in which the figure, of a height of ``tall_m`` with its hair, is modeled."""
+    """Pose in which a figure is modeled; ``tall_m`` is its height including hair."""
     if figure.seat:
         return seated_pose(figure.seat, figure.height, figure.shoulders)
     x, half = load_body().shoe[0][1:3]
@@ -79,7 +79,7 @@ def figure_pose(figure: Figure, tall_m: float) -> Pose:
 
 
 def _own_gait(figure: Figure, gait: Gait) -> Gait:
-    """The gait with the figure's own posture."""
+    """Gait modified by the figure's own posture."""
     return gait.model_copy(
         update={
             "lean": gait.lean + figure.stoop_deg,
@@ -92,12 +92,12 @@ def _own_gait(figure: Figure, gait: Gait) -> Gait:
 
 
 def body_part(pose: Pose) -> Part:
-    """The trunk, which leans about the hips."""
+    """Rigid part of the trunk, which leans about the hips."""
     return Part("body", pivot_m=_vector(pose.hip))
 
 
 def figure_parts(pose: Pose, first: int) -> list[Part]:
-    """Thigh, shin, foot, upper arm and forearm of both sides; ``first`` is the index of the first of them."""
+    """Rigid parts of both sides: thigh, shin, foot, upper arm and forearm; ``first`` is the index of the first one."""
     parts: list[Part] = []
     for side in _SIDES:
         joints, thigh = pose.joints[side], first + len(parts)
@@ -112,7 +112,7 @@ def figure_parts(pose: Pose, first: int) -> list[Part]:
 
 
 def figure_cycle(pose: Pose, names: Sequence[str]) -> Cycle:
-    """How the parts with these names turn; body and limbs do."""
+    """Motion cycle of the parts with these names; only the body and limbs turn."""
     turns = {"body": pose.trunk_rad}
     turns |= {f"{limb} {side}": pose.turn_rad[side][limb] for side in _SIDES for limb in LIMBS}
     still = np.zeros_like(pose.trunk_rad)
@@ -120,7 +120,7 @@ def figure_cycle(pose: Pose, names: Sequence[str]) -> Cycle:
 
 
 def figure_solids(figure: Figure, pose: Pose) -> list[Solid]:
-    """The body, dressed, in its pose."""
+    """Solids of the dressed body in a pose."""
     solids = [*_trunk(figure, pose), *_head(figure, pose)]
     for side in _SIDES:
         solids += [*_leg(figure, pose, side), *_arm(figure, pose, side)]
@@ -130,7 +130,7 @@ def figure_solids(figure: Figure, pose: Pose) -> list[Solid]:
 def _trunk(figure: Figure, pose: Pose) -> list[Solid]:
     """Hips, upper garment and neck."""
     body, h, girth = load_body(), figure.height, figure.girth
-    flare = 0.25 * figure.hem + 0.4 * max(figure.hem - 0.06, 0.0)  # a coat leaves room for steps
+    flare = 0.25 * figure.hem + 0.4 * max(figure.hem - 0.06, 0.0)  # a coat flares to leave room for steps
     hem = [(-figure.hem, -0.003, 0.074 + flare, 0.104 + 0.15 * figure.hem), (0.0, -0.003, 0.074, 0.104)]
     waist = [(z, x + figure.belly, depth + figure.belly, width) for z, x, depth, width in body.waist]
     chest = [(z, x, depth, width * figure.shoulders / _SHOULDERS) for z, x, depth, width in body.chest]
@@ -185,7 +185,7 @@ def _leg(figure: Figure, pose: Pose, side: str) -> list[Solid]:
 
 
 def _shoe_girth(figure: Figure) -> float:
-    """Shoes differ less than their wearers."""
+    """Girth of the shoes, which vary less than bodies."""
     return 0.5 + 0.5 * figure.girth
 
 
@@ -215,7 +215,7 @@ def _lump(finish: str, part: str, size_m: Float64Array, at_m: Float64Array, pitc
 
 
 def _own(figure: Figure, finish: str) -> str:
-    """The finish, with the figure's own skin and hair."""
+    """Finish with ``skin`` and ``hair`` replaced by the figure's own colors."""
     return {"skin": f"skin #{figure.skin}", "hair": f"hair #{figure.hair}"}.get(finish, finish)
 
 
@@ -227,7 +227,7 @@ def _limb(
     radii: tuple[float, ...],
     rounded: bool = True,
 ) -> Tube:
-    """A limb from joint to joint with radii at equal distances; rounded ends reach past the joints."""
+    """A limb from joint to joint with radii at equal spacing; rounded ends extend past the joints."""
     start, end = joints
     share = np.linspace(0.0, 1.0, len(radii))
     radius = np.array(radii) * figure.height * figure.girth

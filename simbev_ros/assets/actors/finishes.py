@@ -1,4 +1,4 @@
-"""The finishes that shapes name: finishes.yaml as a lookup."""
+"""Looks up the finishes that shapes refer to by name, in finishes.yaml."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -17,12 +17,12 @@ def _finishes() -> dict[str, tuple[Material, tuple[int, int, int]]]:
 
 
 def finish_named(name: str, tag: Tag, part: int = 0) -> Finish:
-    """The finish of this name in finishes.yaml, or ``cloth #RRGGBB`` and the like: a material with a color.
+    """Finish by its name in finishes.yaml, or by material and color, such as ``cloth #RRGGBB``.
 
     Args:
         name: Key of finishes.yaml, or a material's lower-case name and a color.
-        tag: Semantic tag of what gets the finish.
-        part: Rigid part that moves it.
+        tag: Semantic tag of the surface.
+        part: Rigid part that moves the surface.
 
     Raises:
         KeyError: There is no such finish.
@@ -41,5 +41,5 @@ def _rgb(hexadecimal: str) -> tuple[int, int, int]:
 
 
 def mirrored_name(name: str) -> str:
-    """The name of the same thing on the other side: left becomes right."""
+    """Name of the mirrored counterpart: ``left`` becomes ``right``."""
     return name.replace("left", "right")

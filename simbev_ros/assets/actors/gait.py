@@ -1,7 +1,7 @@
-"""From gait.yaml to the turns of the joints: a foot on the ground stays where it is, a swinging leg swings freely.
+"""Converts gaits (gait.yaml) into joint angles: a foot on the ground stays in place, a swinging leg moves freely.
 
-Angles are absolute and about y: positive swings the lower end backward, or the toes down. Lengths are over the height;
-x is ahead of the hips, and the phase is a share of the stride since the foot touched the ground.
+Angles are absolute and about y: positive moves the lower end backward, or the toes down. Lengths are relative to the
+body height; x is measured forward from the hips, and the phase is the fraction of the stride since touchdown.
 """
 
 from collections.abc import Mapping
@@ -15,20 +15,20 @@ from simbev_ros.scene.gait import Gait
 from simbev_ros.types import Float64Array
 
 PHASES = 64
-"""Equal steps of a stride at which poses are worked out."""
+"""Number of equal steps of a stride at which poses are computed."""
 _FLAT = 0.12
-"""Of the stance: from then on the whole sole is on the ground."""
+"""Fraction of the stance after which the whole sole is on the ground."""
 _FINE = 128
 
 
 @dataclass(frozen=True, slots=True)
 class Stride:
-    """A stride of the left side; the right one is half a stride behind.
+    """A stride of the left side; the right side is half a stride behind.
 
     Attributes:
         hip: (PHASES,) height of the hips.
-        lean_rad: Of the trunk.
-        turn_rad: Limb → (PHASES,) turn against what it hangs on, from standing upright.
+        lean_rad: Lean of the trunk.
+        turn_rad: Limb → (PHASES,) rotation relative to the limb's parent, from standing upright.
     """
 
     hip: Float64Array
@@ -37,7 +37,7 @@ class Stride:
 
 
 def stride(gait: Gait, length: float, sole: tuple[float, float]) -> Stride:
-    """A stride of a ``length`` at one speed, of a foot from x = ``sole[0]`` to ``sole[1]`` off its ankle."""
+    """Compute a stride of a length, for a sole that extends from x = ``sole[0]`` to ``sole[1]`` off the ankle."""
     phase = np.arange(PHASES) / PHASES
     ahead = np.cos(2.0 * np.pi * phase)
     hip, thigh, knee, ankle = _leg(gait, length, sole, phase)
@@ -54,7 +54,7 @@ def stride(gait: Gait, length: float, sole: tuple[float, float]) -> Stride:
 def _leg(
     gait: Gait, length: float, sole: tuple[float, float], phase: Float64Array
 ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-    """Height of the hips, thigh against the vertical, knee and ankle at (P,) phases."""
+    """Height of the hips, angle of the thigh to the vertical, angles of knee and ankle, at (P,) phases."""
     if gait.stance == 1.0:
         return np.full(len(phase), THIGH + SHIN + ANKLE), *np.zeros((3, len(phase)))
     down = np.linspace(0.0, gait.stance, _FINE)
@@ -71,14 +71,14 @@ def _leg(
 
 
 def _stance_pitch(gait: Gait, share: Float64Array) -> Float64Array:
-    """Pitch of the foot over the stance: it is set down, lies flat, and rises from the heel."""
+    """Pitch of the foot over the stance: it touches down, lies flat, and rises from the heel."""
     setting = np.clip(1.0 - share / _FLAT, 0.0, 1.0) ** 1.5
     rising = np.clip((share - gait.rise) / max(1.0 - gait.rise, 1e-9), 0.0, 1.0) ** 1.8
     return np.radians(gait.strike * setting + gait.toe_off * rising)
 
 
 def _rolled_ankle(pitch: Float64Array, sole: tuple[float, float]) -> Float64Array:
-    """(N, 2) x, z of the ankle of a foot that rolls about its heel or toes, from where it is when the foot is flat."""
+    """(N, 2) x, z of the ankle of a foot that rolls about its heel or toes, relative to the ankle's x when flat."""
     pivot_x = np.where(pitch < 0.0, sole[0], sole[1])
     x, z = -pivot_x, ANKLE
     cosine, sine = np.cos(pitch), np.sin(pitch)
@@ -86,12 +86,12 @@ def _rolled_ankle(pitch: Float64Array, sole: tuple[float, float]) -> Float64Arra
 
 
 def _hip(gait: Gait, mean: float, phase: Float64Array) -> Float64Array:
-    """Height of the hips: with each step they rise and fall once."""
+    """Height of the hips, which rise and fall once per step."""
     return mean + gait.bob * np.cos(4.0 * np.pi * (phase - gait.stance / 2.0))
 
 
 def _touch_down(gait: Gait, down: Float64Array, ankle: Float64Array) -> tuple[float, float]:
-    """How far ahead the foot touches the ground so that the hips stay highest, and their mean height then."""
+    """Touchdown position of the foot ahead of the hips that keeps the hips highest, and the hips' mean height."""
     reach = gait.reach * (THIGH + SHIN)
     ahead = np.linspace(0.0, -ankle[-1, 0], 64)
     x = ankle[:, 0] + ahead[:, None]
@@ -103,7 +103,7 @@ def _touch_down(gait: Gait, down: Float64Array, ankle: Float64Array) -> tuple[fl
 def _interpolate_stride(
     phase: Float64Array, down: Float64Array, stance: Float64Array, *knots: tuple[float, float]
 ) -> Float64Array:
-    """A quantity over the stride: given on the ground, led smoothly through (share of the swing, value) in the air."""
+    """A quantity over the stride: given during the stance, interpolated smoothly through knots during the swing."""
     start, step = down[-1], down[1] - down[0]
     leaving, landing = ((stance[k] - stance[k - 2]) / (2.0 * step) for k in (-1, 2))
     at, values = zip((0.0, stance[-1]), *knots, (1.0, stance[0]), strict=True)
@@ -112,7 +112,7 @@ def _interpolate_stride(
 
 
 def _hump(share: Float64Array, top: float) -> Float64Array:
-    """0 at both ends, 1 and level where the share is ``top``."""
+    """Smooth bump over [0, 1]: 0 at both ends, maximum 1 at ``top``."""
     fall = 1.8
     up = fall * top / (1.0 - top)
     return (share / top) ** up * ((1.0 - share) / (1.0 - top)) ** fall

@@ -1,22 +1,29 @@
-"""The human body's joints: lengths of the limbs between them, and the angles that put a hand or foot somewhere."""
+"""Kinematics of human limbs: segment lengths, and joint angles that bring a hand or foot to a point."""
 
 import numpy as np
 
 from simbev_ros.types import Float64Array
 
-# Lengths over the body height: Drillis and Contini, "Body Segment Parameters", 1966.
+# Lengths relative to the body height: Drillis and Contini, "Body Segment Parameters", 1966.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.039
 UPPER_ARM, FOREARM = 0.172, 0.150
 HIP_HALF, SHOULDER_ABOVE_HIP, NECK_ABOVE_HIP, HEAD_ABOVE_HIP = 0.052, 0.252, 0.298, 0.400
 
 
 def down(angle_rad: float, length_m: float) -> Float64Array:
-    """(3,) a limb that hangs down, turned about y; positive swings its end backward."""
+    """(3,) vector along a hanging limb, rotated about y; positive angles move its end backward."""
     return np.array([-np.sin(angle_rad), 0.0, -np.cos(angle_rad)]) * length_m
 
 
 def bend(reach_m: Float64Array, upper_m: float, lower_m: float, *, forward: bool) -> tuple[Float64Array, Float64Array]:
-    """Angles of (upper, lower) limb against the vertical that reach (N, 3) points from the joint; forward: a knee."""
+    """Angles of upper and lower limb to the vertical that reach (N, 3) points from the joint.
+
+    Args:
+        reach_m: (N, 3) target points relative to the upper joint.
+        upper_m: Length of the upper limb.
+        lower_m: Length of the lower limb.
+        forward: Whether the joint bends forward, like a knee; otherwise backward, like an elbow.
+    """
     distance = np.minimum(np.hypot(reach_m[:, 0], reach_m[:, 2]), 0.999 * (upper_m + lower_m))
     along = np.arctan2(-reach_m[:, 0], -reach_m[:, 2])
     inner = np.arccos((upper_m**2 + distance**2 - lower_m**2) / (2.0 * upper_m * distance))

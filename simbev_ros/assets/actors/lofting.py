@@ -1,4 +1,4 @@
-"""Meshes of shells: see ``shell`` for loops, columns, patches and panels."""
+"""Builds the meshes of vehicle bodies from their shells; ``shell`` defines loops, columns, patches and panels."""
 
 import numpy as np
 
@@ -14,7 +14,14 @@ from simbev_ros.types import AnyArray, Float64Array
 
 
 def build_shell(shell: Shell, tag: Tag, part_index: dict[str, int], detail: Detail) -> list[Mesh]:
-    """The closed mesh of a shell, and what is behind its doors."""
+    """Build the closed mesh of a shell and the interior behind its doors.
+
+    Args:
+        shell: Shell of a vehicle.
+        tag: Semantic tag of all triangles.
+        part_index: Index of each rigid part by name.
+        detail: Level of detail.
+    """
     grid = shell_grid(shell, detail)
     mirrored = grid.half[:, -2:0:-1] * [1.0, -1.0, 1.0]
     wall = _wall_quads(np.concatenate([grid.half, mirrored], axis=1))
@@ -45,7 +52,7 @@ def _mesh_from_quads(
     part_index: dict[str, int],
     crease_deg: float = 33.0,
 ) -> Mesh:
-    """(Q, 4, 3) quads as a mesh, with (Q,) names of finishes and of parts."""
+    """Mesh of (Q, 4, 3) quads with (Q,) names of finishes and of parts."""
     kinds, index = np.unique(np.stack([finishes, parts]), axis=1, return_inverse=True)
     corners = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     return patchwork(
@@ -69,7 +76,7 @@ def _cap_quads(cap: Float64Array) -> Float64Array:
 
 
 def _flatten_names(names: tuple[AnyArray, AnyArray, AnyArray], below: str, count: int) -> AnyArray:
-    """(Q,) names of the quads of wall, cap and base."""
+    """(Q,) names of all quads, in the order wall, cap, base."""
     left, right, cap = names
     wall = np.concatenate([left, right[:, ::-1]], axis=1)
     return np.concatenate([wall.reshape(-1), cap.reshape(-1), [below] * count]).astype(str)

@@ -1,4 +1,4 @@
-"""The catalogue's models as flat arrays in files, and back. Files that are damaged raise what numpy raises."""
+"""Reads and writes the catalogue's models as NPZ files of flat arrays; damaged files raise ``errors.NPZ_DAMAGE``."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ from simbev_ros.scene.blueprints import Blueprint
 
 
 def write_models(path: Path, models: Sequence[ActorModel]) -> None:
-    """Write all but the coarser meshes."""
+    """Write models, without their coarser meshes, to an NPZ file."""
     parts = json.dumps([[asdict(part) for part in model.parts] for model in models])
     cycles = {
         f"{field.name}.{index}": getattr(model.cycle, field.name)
@@ -29,7 +29,7 @@ def write_models(path: Path, models: Sequence[ActorModel]) -> None:
 def read_models(
     path: Path, blueprints: Sequence[Blueprint], coarser: Callable[[int], tuple[CoarserMesh, ...]]
 ) -> tuple[ActorModel, ...]:
-    """The models of all blueprints; ``coarser`` gives the coarser meshes by index."""
+    """Read the models of all blueprints; ``coarser`` returns a model's coarser meshes by its index."""
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         parts, meshes = json.loads(str(arrays["parts"])), meshes_from(arrays)
         cycles = [
@@ -55,7 +55,7 @@ def read_models(
 
 
 def write_coarser(path: Path, coarser: Sequence[Sequence[CoarserMesh]]) -> None:
-    """Write the coarser meshes of all models."""
+    """Write the coarser meshes of all models to an NPZ file."""
     levels = [level for each in coarser for level in each]
     np.savez(
         path,
@@ -67,7 +67,7 @@ def write_coarser(path: Path, coarser: Sequence[Sequence[CoarserMesh]]) -> None:
 
 
 def read_coarser(path: Path) -> list[tuple[CoarserMesh, ...]]:
-    """Read them again."""
+    """Read the coarser meshes of all models from a file that ``write_coarser`` wrote."""
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         levels = map(CoarserMesh, meshes_from(arrays), arrays["error_m"].tolist())
         return [tuple(next(levels) for _ in range(count)) for count in arrays["levels"].tolist()]

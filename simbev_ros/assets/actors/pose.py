@@ -1,4 +1,4 @@
-"""Poses: where a figure's joints are when it is modeled, and how its limbs turn when it walks, runs or pedals."""
+"""Poses of human figures: joint positions in the modeled pose, and rotations of limbs in walking, running, pedaling."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,16 +31,16 @@ _STANDING = THIGH + SHIN + ANKLE
 
 
 class Seat(Model):
-    """How a rider sits; meters, frame of the vehicle.
+    """Sitting posture of a rider; meters, vehicle frame.
 
     Attributes:
         hip: x, z of the hip joints.
-        lean_deg: How far the trunk leans forward.
+        lean_deg: Forward lean of the trunk.
         hand: x, y, z of the left wrist.
-        foot: x, y, z of the left ankle; with ``crank`` that of the middle of its circle.
-        crank: Length of the crank; 0 for feet that rest.
-        foot_pitch_deg: Toes down.
-        push_deg: How far the arms swing, both at once, to push the rims of a wheelchair.
+        foot: x, y, z of the left ankle; with ``crank``, of the center of its circle.
+        crank: Length of the crank; 0 for resting feet.
+        foot_pitch_deg: Pitch of the feet, toes down.
+        push_deg: Swing of both arms that push the rims of a wheelchair.
     """
 
     hip: tuple[float, float]
@@ -54,19 +54,19 @@ class Seat(Model):
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """The pose in which a figure is modeled, and its turns from there at M speeds and N equal steps of ``gait``.
+    """Modeled pose of a figure, and rotations from that pose at M speeds and N equal steps of ``gait``.
 
     Attributes:
-        hip: (3,) middle of the hip joints.
+        hip: (3,) midpoint of the hip joints.
         neck: (3,) lower end of the neck.
         head: (3,) center of the head.
         lean_deg: Pitch of the trunk.
-        joints: Side → joint → (3,).
+        joints: Side → joint → (3,) position.
         foot_pitch_rad: Pitch of the feet, toes down.
-        speed_mps: (M,) ascending.
-        turn_rad: Side → limb → (M, N) turn against what it hangs on.
-        trunk_rad: (M, N) turn of the trunk about the hips.
-        rise_m: (M, N) of the whole body.
+        speed_mps: (M,) speeds, ascending.
+        turn_rad: Side → limb → (M, N) rotation relative to the limb's parent.
+        trunk_rad: (M, N) rotation of the trunk about the hips.
+        rise_m: (M, N) rise of the whole body.
     """
 
     hip: Float64Array
@@ -84,14 +84,14 @@ class Pose:
 def standing_pose(
     gaits: Sequence[Gait], height_m: float, tall_m: float, shoulders: float, sole: tuple[float, float]
 ) -> Pose:
-    """Somebody on foot, standing upright.
+    """Pose of a figure on foot, standing upright.
 
     Args:
-        gaits: How the person moves, by ascending speed.
-        height_m: What the limbs' lengths refer to.
-        tall_m: What the gaits' speeds and strides refer to.
-        shoulders: Half their distance, over the height.
-        sole: x of its ends from the ankle, over the height.
+        gaits: Gaits by ascending speed.
+        height_m: Height that the limbs' lengths refer to.
+        tall_m: Height that the gaits' speeds and strides refer to.
+        shoulders: Half the shoulder distance over the height.
+        sole: x of the sole's ends from the ankle, over the height.
     """
     hip = np.array([0.0, 0.0, _STANDING * height_m])
     joints = {}
@@ -125,7 +125,7 @@ def standing_pose(
 
 
 def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
-    """A rider at gait = 0: with cranks, the left pedal is at the bottom."""
+    """Pose of a rider at gait = 0; with cranks, the left pedal is at the bottom."""
     hip = np.array([seat.hip[0], 0.0, seat.hip[1]])
     lean = np.radians(seat.lean_deg)
     up = np.array([np.sin(lean), 0.0, np.cos(lean)])
@@ -175,5 +175,5 @@ def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:
 
 
 def _at_any_speed(turn_rad: Float64Array) -> Float64Array:
-    """(2, N) the same turns at rest and in motion."""
+    """(2, N) equal rotations at rest and in motion."""
     return np.stack([turn_rad, turn_rad])

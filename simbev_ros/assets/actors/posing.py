@@ -1,4 +1,4 @@
-"""Actors' meshes put where the world says: the moving half of the geometry that rays and labels read."""
+"""Poses actors' meshes as the world state prescribes and merges them, for ray casting and labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt
 
 @dataclass(frozen=True, slots=True)
 class PosedActors:
-    """Merged triangles of several actors.
+    """Merged triangles of several posed actors.
 
     Attributes:
-        vertices: (V, 3) float32, meters, map axes, relative to the origin asked for.
-        triangles: (T, 3) int32.
+        vertices: (V, 3) float32, meters, map axes, relative to the requested origin.
+        triangles: (T, 3) int32 vertex indices.
         triangle_row: (T,) uint32, row of the actor in the table that was posed.
         vertex_model: (V,) int32, index of the vertex in its model's mesh (for material, color, normal).
     """
@@ -30,11 +30,11 @@ class PosedActors:
 
 
 def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Array) -> PosedActors:
-    """Meshes of (N,) ``ACTOR_DTYPE`` rows, posed and merged in row order.
+    """Pose the meshes of (N,) ``ACTOR_DTYPE`` rows and merge them in row order.
 
     Args:
-        models: The catalogue's models, indexed by blueprint.
-        actors: Rows to pose.
+        models: Models of the catalogue, indexed by blueprint.
+        actors: (N,) ``ACTOR_DTYPE`` rows to pose.
         origin_m: (3,) point of the map frame that becomes the origin (keeps float32 exact on large maps).
     """
     meshes = [model.mesh for model in models]
@@ -64,7 +64,7 @@ def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Ar
 
 
 def _pose_vertices(model: ActorModel, actors: Table, origin_from_actor: Float64Array) -> Float32Array:
-    """(N, V, 3) vertices of actors that share a model; (N, 4, 4) transforms put the actors in their places."""
+    """(N, V, 3) vertices of actors that share a model, at (N, 4, 4) poses."""
     origin_from_part = (origin_from_actor[:, None] @ part_poses(model, actors)).astype(np.float32)
     rotations = origin_from_part[..., :3, :3].swapaxes(-1, -2)
     translations = origin_from_part[..., None, :3, 3]
@@ -77,6 +77,6 @@ def _pose_vertices(model: ActorModel, actors: Table, origin_from_actor: Float64A
 
 
 def _runs(part: UInt8Array) -> list[tuple[int, int]]:
-    """Ranges of consecutive vertices of one part; the catalogue keeps the vertices of a part together."""
+    """Ranges of consecutive vertices of the same part; models keep the vertices of a part together."""
     borders = [0, *(np.flatnonzero(np.diff(part)) + 1).tolist(), len(part)]
     return list(pairwise(borders)) if len(part) else []

@@ -1,4 +1,4 @@
-"""Shapes: what an actor looks like, as data (shapes/<blueprint>.yaml), and its model built from that."""
+"""Shapes of actors as data (shapes/<blueprint>.yaml), and the models that are built from them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,12 +28,12 @@ from simbev_ros.types import Float64Array
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _MAX_STRETCH = 0.03
-_PHASES = 48  # of strides, to find out how much room they take
+_PHASES = 48  # steps of a stride at which its extent is evaluated
 _VERTEX_COLUMNS = ("vertices", "normals", "uv", "color", "material", "tag", "part")
 
 
 class ShapePart(Model):
-    """A rigid part, as in ``Part``, with its parent by name."""
+    """Rigid part of a shape file: as ``Part``, with its parent given by name."""
 
     name: str
     parent: str = "body"
@@ -44,15 +44,15 @@ class ShapePart(Model):
 
 
 class Shape(Model):
-    """An actor's shape.
+    """Shape of an actor, as a shape file describes it.
 
     Attributes:
-        shells: Smooth bodies.
-        wheels: Wheels with tires, of vehicles with two sides.
+        shells: Smooth vehicle bodies.
+        wheels: Wheels with tires, for vehicles with two sides.
         doors: Pairs of doors, front to rear.
-        parts: Rigid parts besides the body, the wheels and the doors; a parent comes first.
-        figure: A person.
-        solids: Everything else.
+        parts: Rigid parts besides the body, the wheels and the doors; parents come first.
+        figure: Human figure, for pedestrians and riders.
+        solids: All other solids.
     """
 
     shells: tuple[Shell, ...] = ()
@@ -64,16 +64,16 @@ class Shape(Model):
 
 
 def load_shape(blueprint: str) -> Shape:
-    """The shape of a blueprint, from its file.
+    """Load the shape of a blueprint from its file.
 
-    A file may extend another one: then it adds its solids, and the k-th list of its ``patches`` to the k-th shell, and
-    what it says of the figure wins.
+    A file may extend another one: then its solids are added, the k-th list of its ``patches`` is added to the k-th
+    shell, and its fields of the figure override those of the base.
     """
     return Shape.model_validate(_read(blueprint))
 
 
 def _read(blueprint: str) -> dict[str, Any]:
-    """A shape's file, and those that it extends, as one."""
+    """Content of a shape's file, merged with the files that it extends."""
     text = files("simbev_ros.assets.actors").joinpath("shapes", f"{blueprint}.yaml").read_text()
     data: dict[str, Any] = yaml.load(text, Loader=_LOADER)
     if "extends" not in data:
@@ -86,7 +86,7 @@ def _read(blueprint: str) -> dict[str, Any]:
 
 
 def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
-    """The model of a blueprint: its shape, brought to exactly the blueprint's size.
+    """Build the model of a blueprint from its shape, scaled to exactly the blueprint's size.
 
     Raises:
         ValueError: The shape is more than 3 % larger or smaller than the blueprint along an axis.
@@ -126,7 +126,7 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
 
 
 def _build(shape: Shape, solids: tuple[Solid, ...], tag: Tag, part_index: dict[str, int], detail: Detail) -> Mesh:
-    """The mesh of a shape, as its file has it, in some detail."""
+    """Mesh of a shape in a level of detail, before it is scaled to its blueprint."""
     meshes = [mesh for shell in shape.shells for mesh in build_shell(shell, tag, part_index, detail)]
     if shape.wheels:
         meshes += build_wheels(shape.wheels, tag, 1, detail)
@@ -137,12 +137,12 @@ def _build(shape: Shape, solids: tuple[Solid, ...], tag: Tag, part_index: dict[s
 
 
 def _coarser(build: Callable[[Detail], Mesh], fitted: Float64Array) -> tuple[CoarserMesh, ...]:
-    """See ``ActorModel.build_coarser``."""
+    """Coarser meshes of a model, see ``ActorModel.build_coarser``."""
     return tuple(CoarserMesh(build(detail).transform(fitted), detail.error_m) for detail in COARSER)
 
 
 def stride_bounds(model: ActorModel, top_mps: float) -> Float64Array:
-    """(2, 3) bounds of somebody on foot over strides of all speeds in gait.yaml up to the highest."""
+    """(2, 3) bounds of a pedestrian over the strides of all speeds in gait.yaml up to a maximum."""
     speeds_mps = unit_mps(model.size_m[2]) * np.array([gait.speed for gait in load_gaits()])
     speed_mps, gait_rad = np.meshgrid(
         speeds_mps[speeds_mps < top_mps + 1e-6], np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False)
@@ -157,12 +157,12 @@ def stride_bounds(model: ActorModel, top_mps: float) -> Float64Array:
         bounds.append([posed.min(axis=(0, 1)), posed.max(axis=(0, 1))])
     extremes = np.array(bounds)
     low_m, high_m = extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)
-    low_m[2] = model.mesh.bounds_m[0, 2]  # who runs sinks in by a millimeter
+    low_m[2] = model.mesh.bounds_m[0, 2]  # running feet sink in by a millimeter
     return np.stack([low_m, high_m])
 
 
 def _by_part(mesh: Mesh) -> Mesh:
-    """The mesh with the vertices, and the triangles, of a part together."""
+    """Copy of a mesh with vertices and triangles sorted by part."""
     order = np.argsort(mesh.part, kind="stable")
     index_in_parts = np.argsort(order).astype(np.int32)
     triangles = mesh.triangles[np.argsort(mesh.part[mesh.triangles[:, 0]], kind="stable")]
@@ -171,7 +171,7 @@ def _by_part(mesh: Mesh) -> Mesh:
 
 
 def _part(entry: ShapePart, names: list[str]) -> Part:
-    """The part that an entry describes."""
+    """Rigid part from its entry in a shape file."""
     return Part(
         name=entry.name,
         parent=names.index(entry.parent),
@@ -195,6 +195,6 @@ def _fit(blueprint: Blueprint, bounds_m: Float64Array) -> Float64Array:
 
 
 def _transform_point(transform: Float64Array, point_m: Vector) -> Vector:
-    """A point under a transform."""
+    """Point transformed by a (4, 4) transform."""
     x, y, z = (transform[:3, :3] @ np.array(point_m) + transform[:3, 3]).tolist()
     return x, y, z

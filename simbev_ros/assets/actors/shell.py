@@ -1,8 +1,8 @@
-"""Shells: the smooth bodies of vehicles, lofted through waterlines from the sill to the roof, closed by a crowned cap.
+"""Data model of shells: smooth vehicle bodies, lofted through waterlines from sill to roof, closed by a crowned cap.
 
-A waterline is a loop at (nearly) one height, the same left and right. Half of it has three stretches: the front, from
-its middle to where the side starts; the side; and the rear, to its middle. A column is a point that all loops have, so
-that lamps, windows, grilles and seams are patches of the grid loops x columns.
+A waterline is a loop at (nearly) constant height, symmetric left and right. Half of it has three sections: the front,
+from the middle to the start of the side; the side; and the rear, to the middle. Columns are points that all loops
+have, so that lamps, windows, grilles and seams are patches of the grid loops x columns.
 """
 
 from typing import Literal
@@ -17,14 +17,14 @@ class Loop(Model):
     """One waterline; meters, actor frame.
 
     Attributes:
-        name: By which patches name it.
+        name: Name that patches refer to.
         z: Height.
         half: Half of the width.
-        front: x of its foremost point, in the middle.
-        rear: x of its rearmost point.
-        sides: Where this loop has the shell's ``sides``; the same places when omitted.
+        front: x of the foremost point, in the middle.
+        rear: x of the rearmost point.
+        sides: x values of this loop that correspond to the shell's ``sides``; equal to them when omitted.
         nose: Exponent of the front's superellipse: 2 is round, 6 is boxy.
-        tail: Exponent of the rear's.
+        tail: Exponent of the rear's superellipse.
     """
 
     name: str
@@ -38,15 +38,15 @@ class Loop(Model):
 
 
 class Area(Model):
-    """Cells of a shell.
+    """Set of cells of a shell.
 
     Attributes:
-        rows: The loops below and above, by name; none for the cap.
-        front: Ranges [from, to, from, to, ...] of the front stretch, 0 in the middle, 1 where the side starts.
-        side: Ranges of x, front to rear, as the shell's ``sides`` count it.
-        rear: Ranges of the rear stretch, 0 where the side ends, 1 in the middle.
+        rows: Names of the loops below and above; None for the cap.
+        front: Ranges [from, to, from, to, ...] of the front section: 0 in the middle, 1 at the start of the side.
+        side: Ranges of x, front to rear, in terms of the shell's ``sides``.
+        rear: Ranges of the rear section: 0 at the end of the side, 1 in the middle.
         lateral: Range of |y| over the half width, on the cap.
-        only: One side of the vehicle.
+        only: The only side of the vehicle that has the cells; None for both.
     """
 
     rows: tuple[str, str] | None = None
@@ -58,7 +58,7 @@ class Area(Model):
 
 
 class Patch(Area):
-    """Cells that get another finish, see finishes.yaml; ``turn_left`` becomes ``turn_right`` on the right."""
+    """Cells with another finish (see finishes.yaml); ``turn_left`` becomes ``turn_right`` on the right."""
 
     finish: str
 
@@ -67,8 +67,8 @@ class Panel(Area):
     """Cells that belong to a door, left and right.
 
     Attributes:
-        door: Its name.
-        rim: The cap above the panel belongs to the door beyond this share of the half width.
+        door: Name of the door.
+        rim: Share of the half width beyond which the cap above the panel belongs to the door.
     """
 
     door: str
@@ -76,15 +76,15 @@ class Panel(Area):
 
 
 class Seam(Model):
-    """A shut line: an upright one between two loops, or a level one below a loop.
+    """A shut line: vertical between two loops, or horizontal below a loop.
 
     Attributes:
-        rows: The loops between which it is upright; none for a level one.
-        below: The loop below which it is level.
-        front: Where it is upright, or ranges where it is level; see ``Area``.
-        side: See ``front``.
-        rear: See ``front``.
-        only: One side of the vehicle.
+        rows: Names of the loops that a vertical seam connects; None for a horizontal one.
+        below: Name of the loop below which a horizontal seam runs.
+        front: Positions of vertical seams, or ranges of a horizontal one, on the front section; see ``Area``.
+        side: As ``front``, on the side.
+        rear: As ``front``, on the rear section.
+        only: The only side of the vehicle that has the seam; None for both.
     """
 
     rows: tuple[str, str] | None = None
@@ -96,7 +96,7 @@ class Seam(Model):
 
 
 class Arch(Model):
-    """A wheel arch: the shell's lower edge rises to this circle."""
+    """Wheel arch: the lower edge of the shell rises to this circle."""
 
     x: float
     z: float
@@ -104,7 +104,7 @@ class Arch(Model):
 
 
 class Recess(Model):
-    """A sunken piece of the cap, such as a pickup's bed: from x to x, out to a share of the half width, down to z."""
+    """Recessed piece of the cap, such as a pickup's bed: range of x, share of the half width, and z of its floor."""
 
     x: tuple[float, float]
     lateral: float
@@ -112,23 +112,24 @@ class Recess(Model):
 
 
 class Shell(Model):
-    """A body; see the module.
+    """Smooth body of a vehicle; the module docstring explains the construction.
 
     Attributes:
-        loops: From the lowest up. With arches the first two are the floor's edge and the inner edge of the wheel wells.
-        patches: Later ones win.
-        panels: What of the shell belongs to doors.
+        loops: Loops from the bottom up. With arches, the first two are the edge of the floor and the inner edge of the
+            wheel wells.
+        patches: Cells with other finishes; later ones override earlier ones.
+        panels: Cells that belong to doors.
         seams: Shut lines.
-        sides: x where the side starts, of places between that loops may move, and where it ends.
-        finish: Where there is no patch.
-        front: Number of cells of the front stretch, besides those that patches ask for.
+        sides: x of the start of the side, of points in between that loops may move, and of the end of the side.
+        finish: Finish of cells without a patch.
+        front: Number of cells of the front section, besides those that patches require.
         side: Number of cells of the side.
-        rear: Number of cells of the rear.
-        crown: How much higher the cap is in the middle than at its widest edge.
+        rear: Number of cells of the rear section.
+        crown: Height of the cap's middle above its widest edge.
         cap: Finish of the cap.
         base: Finish of the closed bottom.
         arches: Wheel arches.
-        recess: A hole in the cap.
+        recess: Recessed piece of the cap.
         crease_deg: Edges sharper than this stay sharp.
     """
 

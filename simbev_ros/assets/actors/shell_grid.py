@@ -1,4 +1,4 @@
-"""The grid of a shell, loops x columns: where its points are, and what its cells are made of; see ``shell``."""
+"""Computes the grid of a shell, loops x columns: positions of its points, finishes and parts of its cells."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,20 +16,20 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array
 _CAP_CUTS = (0.45, 1.0)
 _LEDGE = 0.004
 _CROWN_RUN = 4.0
-"""How far in from its ends a cap reaches its crown, over the crown's height."""
+"""Distance from the ends of a cap within which it reaches its crown, over the crown's height."""
 _SEAM_WIDTHS = ((0.0, "seam", 0.018), (0.005, "soft_seam", 0.026))
-"""Up to which error seams have which finish and width: hardly thinner than a pixel, and fainter from afar."""
+"""Maximum error, finish and width of seams per level: about a pixel wide, and fainter in coarser levels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A shell's left half of the wall and its cap, cut along all loops and columns that something needs.
+    """Grid of a shell: the left half of its wall, and its cap, cut along all required loops and columns.
 
     Attributes:
         half: (L, K, 3) points of the wall, front to rear.
         cap: (K, F, 3) points of the cap, right to left.
-        finishes: Of the cells: (L - 1, K - 1) of the wall on the left, on the right, and (K - 1, F - 1) of the cap.
-        parts: Likewise.
+        finishes: Finishes of cells: (L - 1, K - 1) of the left wall, of the right wall, and (K - 1, F - 1) of the cap.
+        parts: Parts of cells, in the same layout.
     """
 
     half: Float64Array
@@ -39,7 +39,7 @@ class Grid:
 
 
 def shell_grid(shell: Shell, detail: Detail) -> Grid:
-    """The grid of a shell with what the detail shows."""
+    """Compute the grid of a shell in a level of detail."""
     seams, finish, width_m = _seams(shell, detail)
     areas = [_seam_area(shell, seam, width_m) for seam in seams]
     columns = _columns(shell, areas)
@@ -72,7 +72,7 @@ def shell_grid(shell: Shell, detail: Detail) -> Grid:
 
 
 def _coarser(grid: Grid, error_m: float) -> Grid:
-    """The grid without the loops and columns that only make it smoother."""
+    """Grid without the loops and columns that are not needed within an error."""
     left, right, cap = (np.stack(names) for names in zip(grid.finishes, grid.parts, strict=True))
     wall = np.concatenate([left, right])
     over = np.swapaxes(cap, 1, 2)
@@ -97,12 +97,12 @@ def _coarser(grid: Grid, error_m: float) -> Grid:
 
 
 def _borders(names: AnyArray) -> BoolArray:
-    """(N + 1,) whether something changes between (M, N) neighboring cells."""
+    """(N + 1,) whether any name changes between neighboring columns of (M, N) cells."""
     return np.concatenate([[True], (names[:, 1:] != names[:, :-1]).any(axis=0), [True]])
 
 
 def _seams(shell: Shell, detail: Detail) -> tuple[tuple[Seam, ...], str, float]:
-    """The seams, their finish and width; none where they are too fine to show."""
+    """Seams of a level of detail, with their finish and width; none if they are too fine to show."""
     for error_m, finish, width_m in _SEAM_WIDTHS:
         if detail.error_m <= error_m:
             return shell.seams, finish, width_m
@@ -110,19 +110,19 @@ def _seams(shell: Shell, detail: Detail) -> tuple[tuple[Seam, ...], str, float]:
 
 
 def _under(seam: Seam) -> str:
-    """Name of the loop at the lower edge of a level seam."""
+    """Name of the loop at the lower edge of a horizontal seam."""
     return f"under {seam.below}"
 
 
 def _seam_area(shell: Shell, seam: Seam, width_m: float) -> Area:
-    """The cells of a seam."""
+    """Cells of a seam."""
     if not seam.rows:
         return Area(rows=(_under(seam), seam.below), front=seam.front, side=seam.side, rear=seam.rear, only=seam.only)
     return Area(rows=seam.rows, only=seam.only, **_seam_ranges(shell, seam, width_m))
 
 
 def _seam_ranges(shell: Shell, seam: Seam, width_m: float) -> dict[str, tuple[float, ...]]:
-    """Ranges of an upright seam around its places."""
+    """Ranges of cells around the positions of a vertical seam."""
     loop = shell.loops[len(shell.loops) // 2]
     half_width = float(_curve(loop.half)(shell.sides[0]))
     front_m, rear_m = half_width + loop.front - shell.sides[0], half_width + shell.sides[-1] - loop.rear
@@ -137,7 +137,7 @@ def _seam_ranges(shell: Shell, seam: Seam, width_m: float) -> dict[str, tuple[fl
 
 
 def _columns(shell: Shell, seams: Sequence[Area]) -> Float64Array:
-    """(K,) ascending: 0..1 on the front, 1..2 on the side (share of its length), 2..3 on the rear."""
+    """(K,) ascending column parameters: 0..1 on the front, 1..2 on the side (share of its length), 2..3 on the rear."""
     start, end = shell.sides[0], shell.sides[-1]
     side_x: list[float] = [x for area in (*shell.patches, *shell.panels, *seams) for x in area.side]
     for arch in shell.arches:
@@ -177,7 +177,7 @@ def _half_loop(shell: Shell, loop: Loop, columns: Float64Array) -> Float64Array:
 
 
 def _cut(half: Float64Array, arch: Arch) -> None:
-    """Lift, in place, what is below an arch of (L, K, 3) loops to its circle on the surface."""
+    """Raise, in place, the points of (L, K, 3) loops below an arch to its circle on the surface."""
     x, y, z = np.moveaxis(half, 2, 0).copy()
     for column in np.flatnonzero(np.abs(x[2] - arch.x) <= arch.radius + 1e-6):
         top = arch.z + np.sqrt(max(arch.radius**2 - (x[2, column] - arch.x) ** 2, 0.0))
@@ -187,7 +187,7 @@ def _cut(half: Float64Array, arch: Arch) -> None:
 
 
 def _corner(tip: float, start: float, half_width: float, exponent: float, share: Float64Array) -> Float64Array:
-    """(N, 2) points of a superellipse quarter from the middle (share 0) to the side (share 1), by length along it."""
+    """(N, 2) points of a quarter superellipse at shares of its length, from the middle (0) to the side (1)."""
     angle = np.linspace(0.0, np.pi / 2.0, 400)
     x = start + (tip - start) * np.cos(angle) ** (2.0 / exponent)
     y = half_width * np.sin(angle) ** (2.0 / exponent)
@@ -198,7 +198,7 @@ def _corner(tip: float, start: float, half_width: float, exponent: float, share:
 
 @lru_cache(maxsize=4096)
 def _curve(curve: Curve) -> PchipInterpolator:
-    """A smooth function of x without overshoot, constant beyond its ends."""
+    """Smooth function of x without overshoot, constant beyond its ends."""
     points = np.array([(0.0, curve)] if isinstance(curve, float | int) else sorted(curve), np.float64)
     x, value = points.T
     return PchipInterpolator(
@@ -218,7 +218,7 @@ def _cap(shell: Shell, half: Float64Array, lateral: Float64Array) -> Float64Arra
     """(K, F, 3) points of the crowned cap."""
     cap = level_points(half, lateral)
     rise = (half[:, 1, None] ** 2 - cap[..., 1] ** 2) / half[:, 1].max() ** 2
-    inward = np.minimum(half[0, 0] - cap[..., 0], cap[..., 0] - half[-1, 0])  # no step where an end is nearly straight
+    inward = np.minimum(half[0, 0] - cap[..., 0], cap[..., 0] - half[-1, 0])  # avoids a step at nearly straight ends
     cap[..., 2] += shell.crown * np.minimum(rise, inward / (_CROWN_RUN * max(shell.crown, 1e-6)))
     if shell.recess:
         front, rear = shell.recess.x
@@ -228,7 +228,7 @@ def _cap(shell: Shell, half: Float64Array, lateral: Float64Array) -> Float64Arra
 
 
 def _laterals(shell: Shell) -> Float64Array:
-    """(F,) -1..1: where the cap is cut lengthwise."""
+    """(F,) shares of the half width, -1..1, where the cap is cut lengthwise."""
     cuts = [
         *_CAP_CUTS,
         *(v for p in shell.patches if p.rows is None for v in p.lateral),
@@ -240,7 +240,7 @@ def _laterals(shell: Shell) -> Float64Array:
 
 
 def _in_ranges(area: Area, shell: Shell, columns: Float64Array) -> BoolArray:
-    """(K - 1,) which cells between columns an area covers."""
+    """(K - 1,) whether an area covers each cell between columns."""
     start, end = shell.sides[0], shell.sides[-1]
     sides = 1.0 + (np.array(area.side) - start) / (end - start)
     bounds = np.concatenate([area.front, sides, 2.0 + np.array(area.rear)]).reshape(-1, 2)
@@ -250,7 +250,7 @@ def _in_ranges(area: Area, shell: Shell, columns: Float64Array) -> BoolArray:
 
 
 def _rim(area: Area, start: float, end: float) -> Area:
-    """The cap beside an area of the wall, between two shares of the half width."""
+    """Area of the cap beside an area of the wall, between two shares of the half width."""
     return Area(side=area.side, lateral=(start, end))
 
 
@@ -262,7 +262,7 @@ def _names(
     areas: Iterable[tuple[Area, str]],
     elsewhere: tuple[str, str],
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Names of the cells, as in ``Grid``; later areas win, ``elsewhere`` there is none: of the wall and of the cap."""
+    """Names of cells, in the layout of ``Grid``: later areas override; ``elsewhere`` names other wall and cap cells."""
     cells, middle = len(columns) - 1, (lateral[:-1] + lateral[1:]) / 2.0
     left = np.full((len(rows) - 1, cells), elsewhere[0], dtype=object)
     right, cap = left.copy(), np.full((cells, len(middle)), elsewhere[1], dtype=object)

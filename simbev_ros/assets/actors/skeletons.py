@@ -1,4 +1,4 @@
-"""Where the rigid parts of many actors of many models are, all at once."""
+"""Computes the poses of the rigid parts of many actors of many models in one vectorized step."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,13 @@ from simbev_ros.types import Float64Array, Int64Array, Table
 
 
 class Skeletons:
-    """How the parts of all models move.
+    """Kinematics of the rigid parts of all models.
 
-    A row is one part of one actor: the actors in their order, and their parts in that of the model.
+    A row is one part of one actor: actors in their order, and within an actor its parts in the order of the model.
     """
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
-        """For models, indexed by blueprint."""
+        """Collect the parts of models, indexed by blueprint."""
         counts = np.array([len(model.parts) for model in models], np.int64)
         self._cycles = [model.cycle for model in models]
         self._end = np.cumsum(counts)
@@ -31,14 +31,14 @@ class Skeletons:
         self._depth = np.array([_depth(model.parts, index) for model in models for index in range(len(model.parts))])
 
     def rows(self, actors: Table) -> tuple[Int64Array, Int64Array]:
-        """(R,) the actor and (R,) the part, counted through all models, of each row of (N,) ``ACTOR_DTYPE`` actors."""
+        """(R,) actor and (R,) part, numbered through all models, of each row, for (N,) ``ACTOR_DTYPE`` actors."""
         blueprint = actors["blueprint"].astype(np.int64)
         first, counts = self._first[blueprint], self._end[blueprint] - self._first[blueprint]
         actor = np.repeat(np.arange(len(actors)), counts)
         return actor, np.arange(len(actor)) - np.repeat(np.cumsum(counts) - counts - first, counts)
 
     def poses(self, actors: Table) -> Float64Array:
-        """(R, 4, 4) transforms actor from actor-at-rest: applied to rest-pose vertices they give posed ones."""
+        """(R, 4, 4) transforms that move each part's vertices from the rest pose to the actors' pose, actor frame."""
         actor, part = self.rows(actors)
         angle_y = self._spins[part] * actors["wheel"][actor] + self._cranks[part] * actors["gait"][actor].astype(
             np.float64
@@ -64,19 +64,19 @@ class Skeletons:
 
 
 def part_poses(model: ActorModel, actors: Table) -> Float64Array:
-    """(N, P, 4, 4) the ``Skeletons.poses`` of (N,) ``ACTOR_DTYPE`` actors that share a model."""
+    """(N, P, 4, 4) transforms as in ``Skeletons.poses``, for (N,) ``ACTOR_DTYPE`` actors that share a model."""
     alike = actors.copy()
     alike["blueprint"] = 0
     return Skeletons((model,)).poses(alike).reshape(len(actors), len(model.parts), 4, 4)
 
 
 def _numbers(part: Part) -> tuple[float, ...]:
-    """Everything that says how a part moves."""
+    """Kinematic parameters of a part as numbers."""
     return (*part.pivot_m, part.spins, part.steers, part.cranks, part.door, part.opening_rad)
 
 
 def _depth(parts: Sequence[Part], index: int) -> int:
-    """How many parents a part has."""
+    """Number of ancestors of a part."""
     parent = parts[index].parent
     return 0 if parent < 0 else 1 + _depth(parts, parent)
 

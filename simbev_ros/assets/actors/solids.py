@@ -1,4 +1,4 @@
-"""Solids: the things of simple form that complete a shape (mirrors, tubes, limbs), as data and as meshes."""
+"""Simple solids that complete a shape (mirrors, tubes, limbs): their data models and meshes."""
 
 from typing import Annotated, Literal
 
@@ -19,14 +19,14 @@ Vector = tuple[float, float, float]
 
 
 class Solid(Model):
-    """What all solids have; meters and degrees, actor frame.
+    """Base of all solids of a shape; meters and degrees, actor frame.
 
     Attributes:
-        finish: See finishes.yaml.
-        part: Name of the rigid part that moves it.
-        at: Its origin.
-        turn: Roll, pitch, yaw about its origin.
-        mirrored: There is a second one on the other side; "left" in names of finishes and parts becomes "right".
+        finish: Name of the finish, see finishes.yaml.
+        part: Name of the rigid part that moves the solid.
+        at: Position of the solid's origin.
+        turn: Roll, pitch, yaw about the origin.
+        mirrored: Whether there is a mirror image; "left" in its names of finish and part becomes "right".
     """
 
     finish: str
@@ -37,11 +37,11 @@ class Solid(Model):
 
     @property
     def thickness_m(self) -> float:
-        """Its second largest extent, or more."""
+        """Thickness that decides whether the solid is shown: its second largest extent, or more."""
         raise NotImplementedError
 
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
-        """The solid about its own origin."""
+        """Build the solid's mesh about its own origin in a level of detail."""
         raise NotImplementedError
 
 
@@ -93,7 +93,7 @@ class Tube(Solid):
 
     @property
     def thickness_m(self) -> float:
-        """Twice what it is: bars stand free, and are missed sooner."""
+        """Twice the actual thickness, because free-standing bars are missed sooner."""
         return 4.0 * max(point[3] if len(point) > 3 else self.radius for point in self.path)
 
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
@@ -104,7 +104,7 @@ class Tube(Solid):
 
 
 class Rings(Solid):
-    """A body through level, oval rings [x, y, z, half x, half y], bottom to top; ``squareness`` 2 is an ellipse."""
+    """A body through horizontal oval rings [x, y, z, half x, half y], bottom to top; ``squareness`` 2 is an ellipse."""
 
     shape: Literal["rings"]
     rings: tuple[tuple[float, float, float, float, float], ...]
@@ -134,7 +134,7 @@ class Rings(Solid):
 
 
 class Lathe(Solid):
-    """A body of revolution about y: [radius, y], from y minus to plus; a ring if the last point is the first again."""
+    """A solid of revolution about y: points [radius, y] by ascending y; a ring if the last point equals the first."""
 
     shape: Literal["lathe"]
     profile: tuple[tuple[float, float], ...]
@@ -172,7 +172,7 @@ class Spokes(Solid):
 
 
 class Profile(Solid):
-    """A side view, polygon [x, z], drawn out to ``width`` along y."""
+    """A polygon [x, z] of a side view, extruded to ``width`` along y."""
 
     shape: Literal["profile"]
     polygon: tuple[tuple[float, float], ...]
@@ -196,7 +196,7 @@ _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
 
 def build_solid(solid: Solid, tag: Tag, part_index: dict[str, int], detail: Detail) -> list[Mesh]:
-    """The solid in its place, and its mirror image if it has one; nothing if it is too thin to show."""
+    """Build a solid at its position, and its mirror image if it has one; nothing if it is too thin to show."""
     if not detail.shows(solid.thickness_m):
         return []
     pose = _pose(solid.turn, solid.at)
@@ -209,5 +209,5 @@ def build_solid(solid: Solid, tag: Tag, part_index: dict[str, int], detail: Deta
 
 
 def _pose(turn_deg: Vector, at_m: Vector) -> Float64Array:
-    """(4, 4) transform that turns by roll, pitch, yaw and then moves."""
+    """(4, 4) transform that rotates by roll, pitch, yaw and then translates."""
     return matrices_from_xyz_rpy(np.array(at_m), np.radians(turn_deg))

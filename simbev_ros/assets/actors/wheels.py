@@ -1,4 +1,4 @@
-"""Wheels of cars, trucks and buses: where they are, as data, and their meshes."""
+"""Wheels of cars, trucks and buses: their data model, rigid parts and meshes."""
 
 from dataclasses import replace
 from typing import Literal
@@ -19,14 +19,14 @@ class Wheels(Model):
     """The wheels of a vehicle with two sides; the first axle steers.
 
     Attributes:
-        radius: Of the tire, meters.
-        width: Of the tire.
+        radius: Radius of the tire, meters.
+        width: Width of the tire, meters.
         axles: x of the axles, front to rear.
         half_track: y of the outer face of the tires.
         rim: Radius of the rim over that of the tire.
-        spokes: Number of spokes; none for a plain steel disc.
-        finish: Of the spokes or disc.
-        twin: The tires of the rear axle are two side by side.
+        spokes: Number of spokes; 0 for a plain steel disc.
+        finish: Finish of the spokes or disc.
+        twin: Whether the rear wheels have twin tires.
     """
 
     radius: float
@@ -41,11 +41,11 @@ class Wheels(Model):
 
 _SEGMENTS = 20
 _SPOKE_M = 0.01
-"""How far spokes stand out."""
+"""Thickness of the spokes' relief."""
 
 
 def wheel_parts(wheels: Wheels) -> list[Part]:
-    """A part per wheel: axle by axle, left then right."""
+    """Rigid parts of all wheels: axle by axle, left then right."""
     return [
         Part(
             name=f"wheel {axle} {'left' if side > 0 else 'right'}",
@@ -60,7 +60,7 @@ def wheel_parts(wheels: Wheels) -> list[Part]:
 
 
 def build_wheels(wheels: Wheels, tag: Tag, first_part: int, detail: Detail) -> list[Mesh]:
-    """Meshes of all wheels; those of wheel k move with part ``first_part + k``."""
+    """Build the meshes of all wheels; wheel k moves with part ``first_part + k``."""
     meshes = []
     detail = detail.for_spinning_parts
     single = twin = _wheel(wheels, tag, detail)
@@ -114,5 +114,5 @@ def _tire(wheels: Wheels, tag: Tag, detail: Detail) -> Mesh:
 
 
 def _ring(profile: list[tuple[float, float]], finish: Finish, segments: int) -> Mesh:
-    """A closed ring: the profile (radius, z) runs round its cross-section."""
+    """A closed ring from the profile (radius, z) of its cross-section."""
     return lathe(finish, np.array([*profile, profile[0]]), segments=segments, caps=False)

@@ -21,7 +21,7 @@ from simbev_ros.types import Float64Array
 BAY_M = 3.0
 STORY_M = 3.0
 PARTY_LEDGE_M = 0.05
-"""Nothing stands out farther than this from the sides of a building that may have neighbors."""
+"""Maximum projection from the sides of a building that may have neighbors."""
 
 _BLANK_V_M = -300.0
 _MIN_WINDOWED_M = 1.6
@@ -177,7 +177,7 @@ def awning(x_m: float, width_m: float, color: Color, top_m: float) -> Mesh:
 
 
 def lay_along_front(profile: Mesh) -> Mesh:
-    """Rotate a solid extruded along z from a profile in (x, y), so that it runs along x and the profile is in (y, z)."""
+    """Rotate a solid extruded along z from a profile in (x, y): it then runs along x, the profile is in (y, z)."""
     cyclic = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     return profile.transform(cyclic)
 

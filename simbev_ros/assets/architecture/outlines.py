@@ -1,4 +1,4 @@
-"""Buildings on outlines that a map prescribes, extruded to their height. Frame: map axes, z up from the ground floor."""
+"""Buildings on outlines that a map prescribes, extruded to their height. Frame: map axes, z = 0 at the ground floor."""
 
 import numpy as np
 import shapely

@@ -273,7 +273,7 @@ def clump(
 
 
 def _spread_directions(rng: np.random.Generator, count: int, min_z: float = -1.0) -> Float64Array:
-    """(N, 3) directions spread evenly over the sphere above a height: a randomly rotated and perturbed Fibonacci lattice."""
+    """(N, 3) unit vectors, even over the sphere above a height: a randomly rotated and perturbed Fibonacci lattice."""
     index = np.arange(count) + 0.5
     z, turn = 1.0 - (1.0 - min_z) * index / count, index * np.pi * (1.0 + 5.0**0.5) + rng.uniform(0.0, 2.0 * np.pi)
     radius = np.sqrt(1.0 - z**2)

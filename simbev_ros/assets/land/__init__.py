@@ -1,1 +1,1 @@
-"""The land between the streets of one region: its division, what covers it, and what stands on it."""
+"""Lays out the land between the streets of one region: blocks by land use, ground covers, buildings and plants."""

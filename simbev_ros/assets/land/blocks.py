@@ -1,4 +1,4 @@
-"""Divides the land of a region into blocks: one use each, with the lines along which they front streets."""
+"""Divides the land of a region into blocks of one land use each, with the lines along which they front streets."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -23,17 +23,17 @@ _BEYOND_M = 14.0
 _MAX_ISLAND_M2 = 8000.0
 
 Zones = Sequence[tuple[SurroundingsRecipe, BaseGeometry]]
-"""Characters of the land and where they hold, together the whole region."""
+"""Recipes of the land and the areas where they apply; together the areas cover the whole region."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frontage:
-    """A line along a street, without corners, the land to its left.
+    """A line without corners along a street, with the land on its left.
 
     Attributes:
-        line: Map frame, meters.
+        line: The line, map frame, meters.
         walk: Whether the street has a sidewalk here.
-        beyond: Whether it lies across the region's border, but so close that only this side has room for buildings.
+        beyond: Whether the line lies just across the region's border, so that only this region can build along it.
     """
 
     line: shapely.LineString
@@ -42,23 +42,23 @@ class Frontage:
 
     @property
     def length_m(self) -> float:
-        """Of the line."""
+        """Length of the line."""
         return float(self.line.length)
 
     def chord(self, start_m: float, length_m: float) -> tuple[Float64Array, Float64Array]:
-        """(2,) place at a distance along the line, and the (2,) unit direction to the place ``length_m`` farther on."""
+        """(2,) point at a distance along the line, and the (2,) unit direction to the point ``length_m`` further on."""
         positions, along = self.chords(np.array([start_m]), length_m)
         return positions[0], along[0]
 
     def chords(self, start_m: Float64Array, length_m: float) -> tuple[Float64Array, Float64Array]:
-        """As ``chord``, of (N,) distances."""
+        """(N, 2) points and (N, 2) unit directions as in ``chord``, at (N,) distances."""
         distances_m = np.concatenate([start_m, start_m + length_m])
         positions, ends = np.split(shapely.get_coordinates(shapely.line_interpolate_point(self.line, distances_m)), 2)
         step = ends - positions
         return positions, step / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
 
     def stations(self, spacing_m: float, from_m: float = 0.0) -> tuple[Float64Array, Float64Array]:
-        """(N, 2) places a spacing apart, and the (N, 2) unit directions there."""
+        """(N, 2) points along the line at a spacing, and the (N, 2) unit directions there."""
         distances_m = np.arange(from_m, self.length_m - 1.0, spacing_m)
         positions = shapely.get_coordinates(shapely.line_interpolate_point(self.line, distances_m))
         onward = shapely.get_coordinates(shapely.line_interpolate_point(self.line, distances_m + 1.0))
@@ -67,12 +67,12 @@ class Frontage:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Land of one use that streets, water, other uses or the region's border enclose.
+    """Land of one use, enclosed by streets, water, other uses or the region's border.
 
     Attributes:
-        land: Map frame, meters.
-        recipe: What stands on it.
-        frontage: Where it fronts streets that buildings may stand along.
+        land: Area of the block, map frame, meters.
+        recipe: Recipe of what is built and planted there.
+        frontage: Lines along streets that buildings may front.
     """
 
     land: shapely.Polygon
@@ -81,24 +81,24 @@ class Block:
 
     @property
     def is_island(self) -> bool:
-        """Whether it is a small piece of land amid streets that nobody walks to, such as the middle of a roundabout."""
+        """Whether the block is small and without sidewalks, such as the middle of a roundabout."""
         return self.land.area < _MAX_ISLAND_M2 and not any(line.walk for line in self.frontage)
 
     @property
     def name(self) -> str:
-        """The same block has the same name whatever others there are."""
+        """Name of the block, derived from its position, so that it does not depend on other blocks."""
         x_m, y_m = self.land.representative_point().coords[0]
         return f"block.{x_m:.1f}.{y_m:.1f}"
 
 
 def left_of(direction: Float64Array) -> Float64Array:
-    """(…, 2) vectors turned by a right angle to the left."""
+    """(…, 2) vectors rotated by 90° to the left."""
     turned: Float64Array = direction[..., ::-1] * np.array([-1.0, 1.0])
     return turned
 
 
 def zones_of(ground: RegionGround) -> Zones:
-    """The zones' parts of a region; where zones overlap, the last one holds."""
+    """Intersect the map's zones with a region; where zones overlap, the last one applies."""
     rest: BaseGeometry = ground.region.area
     found = []
     for zone in reversed(ground.network.features.zones):
@@ -110,13 +110,13 @@ def zones_of(ground: RegionGround) -> Zones:
 
 
 def _polygons(area: BaseGeometry) -> shapely.MultiPolygon:
-    """Its two-dimensional parts: areas that share a border also meet in lines."""
+    """Polygons of an area, without the lines in which areas meet that share a border."""
     parts = shapely.get_parts(area)
     return shapely.MultiPolygon(list(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]))
 
 
 def fast_roads(ground: RegionGround) -> BaseGeometry:
-    """Motorways around a region, bridges included, with the land beside them that nobody builds on."""
+    """Area of motorways around a region, bridges included, with the land beside them that is kept free of buildings."""
     strips = ground.network.layout.near(ground.region.area, MARGIN_M).strips_of(LaneKind.DRIVING)
     abreast: dict[tuple[str, int, bool], set[int]] = {}
     for strip in strips:
@@ -130,12 +130,12 @@ def fast_roads(ground: RegionGround) -> BaseGeometry:
 
 
 def blocks_of(ground: RegionGround, zones: Zones, fast: BaseGeometry) -> tuple[Block, ...]:
-    """All blocks of a region, from west to east.
+    """Divide a region into blocks, sorted from west to east.
 
     Args:
-        ground: The region.
-        zones: ``zones_of`` it.
-        fast: ``fast_roads`` around it.
+        ground: Ground of the region.
+        zones: Zones of the region, from ``zones_of``.
+        fast: Motorways around the region, from ``fast_roads``.
     """
     around = shapely.buffer(ground.region.area, _BEYOND_M, join_style="mitre")
     wide = shapely.difference(around, shapely.union_all([ground.streets[0].area, *(w.area for w in ground.water)]))
@@ -155,12 +155,12 @@ def blocks_of(ground: RegionGround, zones: Zones, fast: BaseGeometry) -> tuple[B
 
 
 def _carriageway(strip: Strip) -> tuple[str, int, bool]:
-    """Lanes with the same one run side by side in one direction."""
+    """Key of a carriageway: lanes with equal keys run side by side in the same direction."""
     return strip.road, strip.section, strip.index > 0
 
 
 def _frontage(land: shapely.Polygon, ground: RegionGround, fast: BaseGeometry) -> tuple[Frontage, ...]:
-    """Lines of a piece of land along streets that are no motorways."""
+    """Lines of a piece of land along streets, except motorways."""
     street, walk = ground.streets[0].area, ground.streets[0].sidewalk
     for geometry in (street, walk, fast):
         shapely.prepare(geometry)
@@ -177,7 +177,7 @@ def _frontage(land: shapely.Polygon, ground: RegionGround, fast: BaseGeometry) -
 
 
 def _clip_frontage(lines: Sequence[Frontage], land: shapely.Polygon, ground: RegionGround) -> Iterator[Frontage]:
-    """The stretches of lines along a block, and those just beyond the region's border that only it can front."""
+    """Sections of lines along a block, and those just beyond the region's border that only this block can front."""
     square = ground.region.area
     beside = shapely.buffer(land, _NEAR_M, quad_segs=2)
     touches = land.distance(square.exterior) < _NEAR_M
@@ -194,7 +194,7 @@ def _clip_frontage(lines: Sequence[Frontage], land: shapely.Polygon, ground: Reg
 
 
 def _preferred_frontage(lines: Iterable[Frontage]) -> tuple[Frontage, ...]:
-    """Those with sidewalks, or all where there are hardly any."""
+    """Lines with sidewalks, or all lines if few have sidewalks."""
     every = tuple(lines)
     walks = tuple(line for line in every if line.walk)
     enough = sum(line.length_m for line in walks) > _WALK_SHARE * sum(line.length_m for line in every)
@@ -202,7 +202,7 @@ def _preferred_frontage(lines: Iterable[Frontage]) -> tuple[Frontage, ...]:
 
 
 def _chains(corners: Float64Array, kept: BoolArray, walks: BoolArray) -> Iterator[tuple[int, shapely.LineString]]:
-    """Runs of a ring's kept sides that follow each other without a bend, each with the number of its first side."""
+    """Runs of consecutive kept sides of a ring without a bend, each with the index of its first side."""
     heading = np.arctan2(*np.diff(corners, axis=0).T[::-1])
     run: list[int] = []
     for side in range(len(kept)):

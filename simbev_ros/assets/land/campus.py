@@ -1,4 +1,4 @@
-"""Campus blocks: long buildings on lawns, paths between them, plazas, parking lots, many trees."""
+"""Lays out campus blocks: long buildings on lawns, paths between them, plazas, parking lots, many trees."""
 
 import numpy as np
 import shapely
@@ -20,7 +20,7 @@ _INNER_SPACING_M = 70.0
 
 
 def lay_out_campus(yard: Yard, block: Block) -> None:
-    """Lay out a block of a campus: buildings along its streets, and more of them inside."""
+    """Lay out a campus block: buildings along its streets and in its interior."""
     rng = yard.ground.stream(f"campus.{block.name}")
     yard.cover(block.land, "lawn", block.recipe.plants)
     _put_parking(yard, block, rng)
@@ -43,7 +43,7 @@ def _kind(height_m: float, rng: np.random.Generator) -> str:
 
 
 def _inner_buildings(yard: Yard, block: Block, rng: np.random.Generator) -> list[Site]:
-    """Buildings away from the streets, turned as the longest one runs."""
+    """Buildings in the interior of a block, aligned with its longest street."""
     if not block.frontage:
         return []
     longest = max(block.frontage, key=lambda line: line.length_m)
@@ -66,7 +66,7 @@ def _inner_buildings(yard: Yard, block: Block, rng: np.random.Generator) -> list
 
 
 def _pave(yard: Yard, block: Block, site: Site) -> Pavement:
-    """A plaza before the entrance, and a path from it to the street."""
+    """A plaza in front of the entrance, and a path from it to the street."""
     edge_m = site.street_m - 0.3
     areas = [site.quad((-_PATH_M / 2.0, _PATH_M / 2.0), (edge_m, -_PLAZA_M + 0.5))] if edge_m < -_PLAZA_M else []
     areas.append(site.quad((-8.0, 8.0), (max(edge_m, -_PLAZA_M), -0.2)))
@@ -91,7 +91,7 @@ def _furnish(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> 
 
 
 def _put_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
-    """One lot for a block of some size, at one of its streets."""
+    """One parking lot for a sufficiently large block, at one of its streets."""
     for line in sorted(block.frontage, key=lambda line: -line.length_m)[:2]:
         width_m = min(60.0, 0.35 * line.length_m)
         if width_m < 20.0 or rng.random() < 0.4:

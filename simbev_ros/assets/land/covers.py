@@ -1,4 +1,4 @@
-"""What covers the land: areas with a finish, to be laid on the ground."""
+"""Ground covers: areas with a finish (covers.yaml) that ``roads.ground`` lays on the land."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.semantics import Tag
 
 PATH_RISE_M, PAINT_RISE_M = 0.012, 0.02
-"""Paths lie so much above what they cross, and paint on yards above that."""
+"""Height of paths and of paint on yards above the cover below."""
 
 BAY_LINE = Finish(Material.MARKING, Tag.GROUND, (214, 214, 208))
 
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """A piece of ground.
+    """A piece of covered ground.
 
     Attributes:
-        area: Map frame, meters. Covers that do not rise share borders and nothing else, and cover all of the land.
-        finish: Of what.
-        rise_m: So much above the land: what lies on other covers.
-        yaw_rad: Of the surface coordinates' first axis, along which crops grow.
+        area: Area, map frame, meters. Covers with a rise of 0 cover all of the land without overlap.
+        finish: Finish of the cover.
+        rise_m: Height above the land, for covers that lie on top of others.
+        yaw_rad: Direction of the first axis of ``uv``, along which crop rows run.
     """
 
     area: BaseGeometry
@@ -38,7 +38,7 @@ class Cover:
 
 
 def finish_of(name: str, landscape: str) -> Finish:
-    """A finish of covers.yaml in the colors of a landscape."""
+    """Finish by its name in covers.yaml, in the colors of a landscape."""
     entry = _tables()["finishes"][name]
     color = entry["color"]
     code = int(color[landscape] if isinstance(color, dict) else color)
@@ -46,7 +46,7 @@ def finish_of(name: str, landscape: str) -> Finish:
 
 
 def draw_crop(landscape: str, rng: np.random.Generator) -> Finish:
-    """What grows on a field of a landscape."""
+    """Draw the crop of a field in a landscape."""
     weights: Mapping[str, float] = _tables()["crops"][landscape]
     share = np.array(list(weights.values()), np.float64)
     return finish_of(list(weights)[int(rng.choice(len(weights), p=share / share.sum()))], landscape)

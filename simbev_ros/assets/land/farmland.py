@@ -1,4 +1,4 @@
-"""Farmland: fields of a lattice that spans the whole map, hedgerows between them, fences along roads, farmsteads."""
+"""Lays out farmland: fields on a lattice that spans the whole map, hedgerows, fences along roads, farmsteads."""
 
 import numpy as np
 import shapely
@@ -22,7 +22,7 @@ _HEDGEROW_SHARE, _TREE_SPACING_M = 0.3, 4.5
 _FARM_SPACING_M, _FARM_LENGTH_M = 420.0, 64.0
 _AVENUE_SHARE, _AVENUE_SPACING_M = 0.3, 11.0
 _BALED_SHARE, _M2_PER_BALE = 0.12, 900.0
-# Kind, place along the street and away from it of a farmstead's buildings.
+# Buildings of a farmstead: kind, position along the street and away from it, height.
 _FARMSTEAD = (
     ("farmhouse", -16.0, 8.0, 5.5),
     ("barn", 14.0, 15.0, 4.4),
@@ -32,7 +32,7 @@ _FARMSTEAD = (
 
 
 def lay_out_farmland(yard: Yard, block: Block) -> None:
-    """Lay out fields, farmsteads where streets are, and what stands between them."""
+    """Lay out a block of farmland: farmsteads along streets, fields, fences and trees."""
     rng = yard.ground.stream(f"farmland.{block.name}")
     _put_farmsteads(yard, block, rng)
     fields, rows = _plow(yard, block)
@@ -49,7 +49,7 @@ def lay_out_farmland(yard: Yard, block: Block) -> None:
 
 
 def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Array]]:
-    """Cover the block with fields; returns them, and (N, 2) places of the trees between them."""
+    """Cover the block with fields; returns them, and (N, 2) positions of trees between them."""
     angle_rad = float(stream(yard.ground.network.seed, "fields").uniform(0.0, np.pi / 2.0))
     along = np.array([np.cos(angle_rad), np.sin(angle_rad)])
     soil = shapely.difference(block.land, yard.near_streets(_VERGE_M))
@@ -82,7 +82,7 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
 
 
 def _cells(land: shapely.Polygon, along: Float64Array) -> list[tuple[int, int]]:
-    """Cells of the lattice that an area's bounds touch."""
+    """Lattice cells that an area's bounds touch."""
     corners = shapely.get_coordinates(shapely.box(*land.bounds))
     place = np.stack([corners @ along, corners @ left_of(along)], axis=1) / _FIELD_M
     low, high = np.floor(place.min(axis=0)).astype(int), np.floor(place.max(axis=0)).astype(int)
@@ -90,7 +90,7 @@ def _cells(land: shapely.Polygon, along: Float64Array) -> list[tuple[int, int]]:
 
 
 def _put_bales(yard: Yard, field: BaseGeometry, rng: np.random.Generator) -> None:
-    """Round bales on a mown field now and then."""
+    """Round bales on some fields."""
     if rng.random() > _BALED_SHARE:
         return
     positions = random_positions(field.buffer(-4.0), _M2_PER_BALE, rng)
@@ -100,7 +100,7 @@ def _put_bales(yard: Yard, field: BaseGeometry, rng: np.random.Generator) -> Non
 
 
 def _plant_rows(yard: Yard, block: Block, positions: Float64Array, rng: np.random.Generator) -> None:
-    """Trees of few triangles and bushes; full-grown ones are seen near roads only."""
+    """Low-polygon trees and bushes along fields; ``plant_mixed`` keeps detailed trees near roads."""
     positions = positions[rng.random(len(positions)) < 0.4 + 0.6 * block.recipe.plant_density]
     big = rng.random(len(positions)) < 0.45
     plant_mixed(yard, positions[big], block.recipe.plants, "deep", rng)
@@ -108,7 +108,7 @@ def _plant_rows(yard: Yard, block: Block, positions: Float64Array, rng: np.rando
 
 
 def _plant_avenue(yard: Yard, block: Block, line: Frontage, rng: np.random.Generator) -> None:
-    """A row of full-grown trees along a road, with gaps."""
+    """A row of detailed trees along a road, with gaps."""
     positions, along = line.stations(_AVENUE_SPACING_M, from_m=3.0)
     positions = positions + left_of(along) * rng.uniform(4.0, 5.0, (len(positions), 1))
     positions = positions[rng.random(len(positions)) < 0.85]
@@ -163,7 +163,7 @@ def _furnish(
     along: Float64Array,
     rng: np.random.Generator,
 ) -> None:
-    """What lies about in the yard, and the mailbox at the road."""
+    """Loose objects in the yard, and the mailbox at the road."""
     things = ((pallets(), 6.0, 30.0, 1.0), (wood_pile(), -12.0, 32.0, 1.8), (mailbox(), -4.2, 0.9, 0.3))
     for mesh, x_m, y_m, room_m in things:
         position_m = middle_m + along * x_m + left_of(along) * y_m

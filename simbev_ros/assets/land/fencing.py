@@ -1,4 +1,4 @@
-"""Fences, walls and hedges along lines: whole panels where there is room."""
+"""Puts fences, walls and hedges along lines, in whole panels where there is room."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ _THIN_M = 0.2
 def fence_line(
     yard: Yard, kind: str, start_m: Float64Array, end_m: Float64Array, land: BaseGeometry, rng: np.random.Generator
 ) -> None:
-    """Put panels of a kind in a straight line from one (2,) place to another, where they are free and on the land."""
+    """Put panels of a kind along a straight line between two (2,) points, where they are free and on the land."""
     step = end_m - start_m
     length_m = float(np.hypot(*step))
     count = int(length_m / PANEL_M[kind])
@@ -36,7 +36,7 @@ def fence_line(
 
 
 def fence_along(yard: Yard, kind: str, line: shapely.LineString, land: BaseGeometry, rng: np.random.Generator) -> None:
-    """The same along a bent line."""
+    """Put panels of a kind along a polyline, like ``fence_line`` along each of its segments."""
     corners = shapely.get_coordinates(line.simplify(0.3))
     for start_m, end_m in pairwise(corners):
         fence_line(yard, kind, start_m, end_m, land, rng)

@@ -1,4 +1,4 @@
-"""Everything that stands in a region, and what covers its land: streets first, then buildings, gardens, plants."""
+"""Furnishes a region: puts all objects into tiles, streets first, then buildings, gardens and plants."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -49,7 +49,7 @@ _OPEN_USES = ("farmland", "woods", "park")
 
 
 class Furnishing(NamedTuple):
-    """What ``furnish_region`` leaves to be done: covers to be laid, lights to be lit, plazas to be visited."""
+    """Results of ``furnish_region`` for later stages: ground covers to lay, street lights, and paved plazas."""
 
     covers: tuple[Cover, ...]
     street_lights: tuple[StreetLight, ...]
@@ -57,12 +57,12 @@ class Furnishing(NamedTuple):
 
 
 def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> Furnishing:
-    """Put everything that stands in a region into the tiles.
+    """Put all objects of a region into the tiles.
 
     Args:
         tiles: Receives the meshes.
-        claims: What is taken already, such as pillars and guard rails.
-        ground: What everything stands on.
+        claims: Footprints that are already occupied, such as those of guard rails.
+        ground: Ground of the region.
     """
     zones, fast = zones_of(ground), fast_roads(ground)
     yard = Yard(ground, tiles, claims, fast)

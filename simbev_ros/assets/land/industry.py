@@ -1,4 +1,4 @@
-"""Industrial blocks: halls and warehouses behind paved yards, fences with gates, trailers, containers, pallets."""
+"""Lays out industrial blocks: halls and warehouses behind paved yards, fences, trailers, containers, pallets."""
 
 import numpy as np
 import shapely
@@ -22,12 +22,12 @@ _M2_PER_PLANT, _M2_PER_CONTAINER = 420.0, 900.0
 
 
 def lay_out_industry(yard: Yard, block: Block) -> None:
-    """Lay out a block of works."""
+    """Lay out an industrial block."""
     rng = yard.ground.stream(f"industry.{block.name}")
     front = shapely.difference(yard.near_streets(_YARD_M), shapely.buffer(yard.fast, _YARD_M, quad_segs=4))
     paved = shapely.intersection(shapely.difference(block.land, yard.near_streets(_VERGE_M)), front)
     yard.cover(shapely.difference(block.land, paved), "lawn", block.recipe.plants)
-    # The same all over a map, for the border of a region may run through a yard.
+    # The same paving all over a map, because the border of a region may run through a yard.
     is_asphalt = stream(yard.ground.network.seed, "industry.paving").random() < 0.6
     yard.cover(paved, "asphalt" if is_asphalt else "concrete")
     for line in block.frontage:
@@ -47,7 +47,7 @@ def _kind(height_m: float, rng: np.random.Generator) -> str:
 
 
 def _put_gates(yard: Yard, block: Block, line: Frontage, rng: np.random.Generator) -> None:
-    """Drives across the verge, and a fence between them."""
+    """Driveways across the verge, and fences between them."""
     gates = np.arange(_GATE_SPACING_M / 2.0, line.length_m - _GATE_M, _GATE_SPACING_M)
     fenced, edges = rng.random() < 1.4 * block.recipe.fence_density, [0.0]
     for at_m in gates.tolist():
@@ -90,7 +90,7 @@ def _put_thing(
     size_m: tuple[float, float],
     turn_rad: float,
 ) -> None:
-    """Put a thing at a place in a building's frame, turned from its front, if there is room for its size."""
+    """Put an object at a position in a building's frame, turned relative to its front, if there is room for it."""
     length_m, width_m = size_m if turn_rad == 0.0 else size_m[::-1]
     x_m, y_m = at_m
     footprint = site.quad((x_m - length_m / 2.0, x_m + length_m / 2.0), (y_m - width_m / 2.0, y_m + width_m / 2.0))
@@ -99,7 +99,7 @@ def _put_thing(
 
 
 def _put_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
-    """A lot beside the buildings, where a street leaves room."""
+    """Parking lots beside the buildings, where there is room along a street."""
     for line in block.frontage:
         for at_m in np.arange(4.0, line.length_m - 32.0, 24.0):
             position_m, along = line.chord(float(at_m), 30.0)
@@ -110,7 +110,7 @@ def _put_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
 
 
 def _scatter_stock(yard: Yard, paved: BaseGeometry, share: float, rng: np.random.Generator) -> None:
-    """Containers in the back corners of the yards."""
+    """Containers scattered over the yards."""
     for position_m in random_positions(paved, _M2_PER_CONTAINER / max(share, 0.05), rng):
         yaw_rad = float(rng.uniform(0.0, np.pi))
         along = np.array([np.cos(yaw_rad), np.sin(yaw_rad)])

@@ -1,4 +1,4 @@
-"""Traffic islands: lawn with trees and bushes, no buildings."""
+"""Lays out traffic islands: lawn with trees and bushes, no buildings."""
 
 import shapely
 

@@ -1,4 +1,4 @@
-"""Parking lots: asphalt with painted bays."""
+"""Lays out parking lots: asphalt with painted bays."""
 
 import numpy as np
 import shapely
@@ -20,7 +20,7 @@ def parking_lot(
     """Lay out a lot on a rectangle, from a (2,) corner along its front and to the left of it, if all of it is free.
 
     Returns:
-        Whether it was.
+        Whether the rectangle was free.
     """
     area = quad(origin_m, along, (0.0, width_m), (0.0, depth_m))
     if not yard.claim(area, land):

@@ -1,4 +1,4 @@
-"""Parks: paths that meet in the middle, benches beside them, hedges along the streets, a pond, trees."""
+"""Lays out parks: paths that meet in the middle, benches beside them, hedges along the streets, a pond, trees."""
 
 import numpy as np
 import shapely
@@ -45,7 +45,7 @@ def lay_out_park(yard: Yard, block: Block) -> None:
 
 
 def _lay_paths(yard: Yard, block: Block) -> list[shapely.LineString]:
-    """Paths from the middle of each side to a round place, where they are inside."""
+    """Paths from the middle of each side to a round plaza, where they lie inside of the block."""
     middle = block.land.representative_point() if not block.land.contains(block.land.centroid) else block.land.centroid
     sides = [line for line in block.frontage if line.length_m > _MIN_SIDE_M]
     gates = [line.line.interpolate(0.5, normalized=True) for line in sides]
@@ -66,7 +66,7 @@ def _lay_paths(yard: Yard, block: Block) -> list[shapely.LineString]:
 
 
 def _put_benches(yard: Yard, block: Block, spoke: shapely.LineString) -> None:
-    """Benches on the left of a path, facing it."""
+    """Benches on the left of a path, facing the path."""
     start, end = np.asarray(spoke.coords)
     along = (end - start) / spoke.length
     left = left_of(along)
@@ -77,7 +77,7 @@ def _put_benches(yard: Yard, block: Block, spoke: shapely.LineString) -> None:
 
 
 def _dig_pond(yard: Yard, block: Block, rng: np.random.Generator) -> None:
-    """An irregular round of water on level land, between the middle of a park and one of its corners."""
+    """An irregular round pond on level land, between the middle of a park and one of its corners."""
     x0, y0, x1, y1 = block.land.bounds
     corner = np.array([(x0, x1)[int(rng.integers(2))], (y0, y1)[int(rng.integers(2))]])
     center = (np.array(block.land.centroid.coords[0]) + corner) / 2.0
@@ -92,6 +92,6 @@ def _dig_pond(yard: Yard, block: Block, rng: np.random.Generator) -> None:
 
 
 def _pond(outline: shapely.Polygon) -> Mesh:
-    """Water level with the lawn, in a rim of stone."""
+    """Water at the height of the lawn, in a rim of stone."""
     rim = shapely.Polygon(np.asarray(outline.exterior.coords) * 1.045, [outline.exterior])
     return Mesh.merge([plate(_WATER, outline, _WATER_RISE_M), extrusion(_RIM, rim, -0.6, 0.16, crease_deg=0.0)])

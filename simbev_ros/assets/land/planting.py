@@ -1,4 +1,4 @@
-"""Plants on the land: at random places that are free, crowns clear of buildings, signals and streets."""
+"""Plants trees and bushes at free positions, with crowns clear of buildings, traffic lights and streets."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 _SEEN_WELL_M, _TREE_M = 24.0, 1.8
-_MIN_SCALE, _MAX_SCALE = 0.8, 1.15  # of the stock's size
+_MIN_SCALE, _MAX_SCALE = 0.8, 1.15  # factors of the size in the stock
 
 
 def plant(yard: Yard, species: str, xy_m: Float64Array, rng: np.random.Generator, base: Base = Base.LAND) -> None:
-    """Put plants of a species at (N, 2) places: turned, scaled and tinted copies of the stock."""
+    """Put plants of a species at (N, 2) positions: randomly turned, scaled and tinted copies from the stock."""
     count = len(xy_m)
     variant = rng.integers(VARIANTS, size=count)
     turn_rad, scale = rng.uniform(0.0, 2.0 * np.pi, count), rng.uniform(_MIN_SCALE, _MAX_SCALE, count)
@@ -32,13 +32,13 @@ def plant(yard: Yard, species: str, xy_m: Float64Array, rng: np.random.Generator
 def scatter(
     yard: Yard, area: BaseGeometry, m2_per_plant: float, landscape: str, habitat: str, rng: np.random.Generator
 ) -> None:
-    """Plant an area at random, so densely on average before those that have no room are left out."""
+    """Plant an area at random with a mean density; plants without enough room are then left out."""
     xy_m = random_positions(area, m2_per_plant, rng)
     plant_mixed(yard, xy_m, landscape, habitat, rng)
 
 
 def plant_mixed(yard: Yard, xy_m: Float64Array, landscape: str, habitat: str, rng: np.random.Generator) -> None:
-    """Plant at those of (N, 2) places that are free, of the species of a kind of place."""
+    """Plant species of a habitat at those of (N, 2) positions that are free."""
     names = np.array(draw_species(landscape, habitat, len(xy_m), rng), object)
     hidden = _are_far_from_streets(yard, xy_m) & (_crown_radii_m(names) >= _TREE_M)
     names[hidden] = draw_species(landscape, "deep", int(hidden.sum()), rng)
@@ -51,9 +51,9 @@ def plant_mixed(yard: Yard, xy_m: Float64Array, landscape: str, habitat: str, rn
 
 
 def has_room(yard: Yard, xy_m: Float64Array, crown_m: Float64Array, *, beside_street: bool = False) -> BoolArray:
-    """(N,) whether crowns of (N,) radii keep clear of buildings, signals and the region's border.
+    """(N,) whether crowns with (N,) radii at (N, 2) positions are clear of buildings, traffic lights and streets.
 
-    And of streets, unless they stand ``beside_street`` on purpose.
+    Crowns must also stay inside of the region. Trees planted ``beside_street`` need not keep clear of streets.
     """
     points = np.array(shapely.points(xy_m)).reshape(-1)
     low_m, high_m = (np.array(corner) for corner in (yard.inside.bounds[:2], yard.inside.bounds[2:]))
@@ -65,12 +65,12 @@ def has_room(yard: Yard, xy_m: Float64Array, crown_m: Float64Array, *, beside_st
 
 
 def _crown_radii_m(names: Sequence[str] | AnyArray) -> Float64Array:
-    """(N,) reach of plants by their species' names."""
+    """(N,) crown radii of plants by their species' names."""
     return np.array([reach_m(name) for name in names], np.float64)
 
 
 def _are_far_from_streets(yard: Yard, xy_m: Float64Array) -> BoolArray:
-    """(N,) where trees of few triangles do."""
+    """(N,) whether positions are far enough from streets for low-polygon trees."""
     far = np.full(len(xy_m), True)
     near, _ = yard.edges.query(np.array(shapely.points(xy_m)).reshape(-1), predicate="dwithin", distance=_SEEN_WELL_M)
     far[near] = False
@@ -78,7 +78,7 @@ def _are_far_from_streets(yard: Yard, xy_m: Float64Array) -> BoolArray:
 
 
 def random_positions(area: BaseGeometry, m2_per_plant: float, rng: np.random.Generator) -> Float64Array:
-    """(N, 2) places evenly at random in an area."""
+    """Draw (N, 2) positions, uniformly at random in an area."""
     if area.is_empty:
         return np.empty((0, 2))
     x0, y0, x1, y1 = area.bounds
@@ -88,7 +88,7 @@ def random_positions(area: BaseGeometry, m2_per_plant: float, rng: np.random.Gen
 
 
 def lattice_positions(area: BaseGeometry, spacing_m: float, rng: np.random.Generator) -> Float64Array:
-    """(N, 2) places of an area on a disturbed square lattice."""
+    """Draw (N, 2) positions in an area, on a randomly perturbed square lattice."""
     if area.is_empty:
         return np.empty((0, 2))
     x0, y0, x1, y1 = area.bounds

@@ -1,4 +1,4 @@
-"""Plazas: paved places that people visit, with the paths that lead there from sidewalks."""
+"""Plazas: paved areas that pedestrians visit, with the paths that lead there from sidewalks."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,18 +14,21 @@ from simbev_ros.assets.street.obstacles import obstacle_corners_m
 from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.types import AnyArray, Float64Array
 
-_BODY_M = 0.5  # half of a person's width, and some air
-_MOUTH_M, _SIDEWALK_M = 1.0, 5.0  # a path ends so near to a sidewalk; so much of that is part of the way
-_SEAM_M = 0.05  # closes what lies between areas on millimeter grids
+_BODY_M = 0.5  # half of a pedestrian's width, and some clearance
+_MOUTH_M, _SIDEWALK_M = (
+    1.0,
+    5.0,
+)  # maximum gap between path and sidewalk; radius of the sidewalk around it that belongs to the plaza
+_SEAM_M = 0.05  # closes gaps between areas on millimeter grids
 _MARGIN_M = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Pavement:
-    """A plaza while its region is laid out.
+    """A paved plaza while its region is laid out; ``plazas_of`` turns reachable ones into ``Plaza``.
 
     Attributes:
-        area: The plaza and its paths, map frame.
+        area: Area of the plaza and its paths, map frame.
         paths_m: (W, 2, 2) lines from the street's edge, along the middle of a path, to the plaza.
     """
 
@@ -35,11 +38,11 @@ class Pavement:
 
 @dataclass(frozen=True, slots=True)
 class Plaza:
-    """A plaza as people see it.
+    """A plaza as the simulation of pedestrians uses it.
 
     Attributes:
-        free: Where their middles may be: on the plaza, its paths and the sidewalks beside these, clear of all that
-            stands there; map frame.
+        free: Area where the centers of pedestrians may be, map frame: the plaza, its paths and the sidewalks beside
+            them, clear of all obstacles.
         paths_m: (W, 2, 2) lines from the sidewalk, along the middle of a path, to the plaza.
         ground: Heights of the paving.
     """
@@ -52,12 +55,12 @@ class Plaza:
 def plazas_of(
     pavements: Sequence[Pavement], ground: RegionGround, placed_objects: Sequence[tuple[Mesh, Float64Array]]
 ) -> tuple[Plaza, ...]:
-    """Those of a region that one can walk to from a sidewalk.
+    """Plazas of a region that pedestrians can reach from a sidewalk.
 
     Args:
-        pavements: What has been paved.
-        ground: The region.
-        placed_objects: Meshes, upright, and the (N, 4, 4) poses of their copies, map frame: what may stand in the way.
+        pavements: Paved areas of the region.
+        ground: Ground of the region.
+        placed_objects: Possible obstacles: upright meshes, and the (N, 4, 4) poses of their copies, map frame.
     """
     sidewalk = ground.streets[0].sidewalk
     reachable = []
@@ -80,7 +83,7 @@ def plazas_of(
 def _obstacles(
     areas: Sequence[BaseGeometry], grounds: Sequence[Raster], placed_objects: Sequence[tuple[Mesh, Float64Array]]
 ) -> list[BaseGeometry]:
-    """For each area: what people keep clear of there."""
+    """For each area, the area around obstacles that pedestrians keep clear of."""
     found: list[list[BaseGeometry]] = [[] for _ in areas]
     tree = shapely.STRtree(list(areas))
     for mesh, poses in placed_objects if areas else ():
@@ -102,7 +105,7 @@ def _ground(ground: RegionGround, area: BaseGeometry) -> Raster:
 
 
 def plaza_arrays(plazas: Sequence[Plaza]) -> Iterator[tuple[str, AnyArray]]:
-    """Plazas as arrays with names, end to end."""
+    """Named flat arrays of plazas, for NPZ files."""
     yield "plaza_free", np.array([shapely.to_wkb(plaza.free, hex=True) for plaza in plazas], np.bytes_)
     yield "plaza_ways", np.array([len(plaza.paths_m) for plaza in plazas], np.int64)
     yield "plaza_way_m", np.concatenate([np.empty((0, 2, 2)), *(plaza.paths_m for plaza in plazas)])
@@ -113,7 +116,7 @@ def plaza_arrays(plazas: Sequence[Plaza]) -> Iterator[tuple[str, AnyArray]]:
 
 
 def plazas_from(arrays: Mapping[str, AnyArray]) -> tuple[Plaza, ...]:
-    """What ``plaza_arrays`` was given."""
+    """Plazas from the arrays of ``plaza_arrays``."""
     paths_m = np.split(arrays["plaza_way_m"], np.cumsum(arrays["plaza_ways"])[:-1])
     nodes = arrays["plaza_nodes"]
     heights_m = np.split(arrays["plaza_height_m"], np.cumsum(nodes.prod(axis=1))[:-1])

@@ -1,4 +1,4 @@
-"""Buildings that the map prescribes, on their outlines."""
+"""Builds the buildings that the map prescribes, on their outlines."""
 
 from collections.abc import Sequence
 
@@ -36,7 +36,7 @@ def build_prescribed(
     buildings: Sequence[Footprint],
     zones: Zones,
 ) -> None:
-    """Claim the outlines in and around a region, and build those whose middle it owns."""
+    """Claim the outlines in and around a region, and build those whose representative point the region owns."""
     if not buildings:
         return
     outlines = np.array([building.outline for building in buildings])
@@ -49,7 +49,7 @@ def build_prescribed(
 
 
 def _build(yard: Yard, building: Footprint, zones: Zones) -> None:
-    """Raise one building from the highest land along its walls."""
+    """Build one building, with its ground floor at the highest land along its walls."""
     middle_m = np.array(building.outline.centroid.coords[0])
     rng = yard.ground.stream(f"prescribed.{middle_m[0]:.1f}.{middle_m[1]:.1f}")
     heights_m = _around_m(yard, building.outline)
@@ -68,7 +68,7 @@ def _around_m(yard: Yard, outline: shapely.Polygon) -> Float64Array:
 
 
 def _style(building: Footprint, recipe: SurroundingsRecipe, rng: np.random.Generator) -> str:
-    """The recipe's style, or one that suits the building."""
+    """Style of the recipe, or one that suits the building if the recipe mixes styles."""
     if recipe.building_style != "mixed":
         return recipe.building_style
     choices = ("glass", "concrete") if building.height_m > _TALL_M else _WALLS.get(building.use, _USUAL)

@@ -1,4 +1,4 @@
-"""Buildings in rows along streets: each on a plot that is free, flat enough and inside its block."""
+"""Puts rows of buildings along streets: each on a plot that is free, flat enough and inside of its block."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -20,29 +20,29 @@ from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 _STEP_M = 1.5
-_BATCH_SIZE = 12  # places, most rows have room within so many
+_BATCH_SIZE = 12  # positions tested at once; most rows have room within one batch
 _BACK_ROOM_M = 0.6
 _BEYOND_M = 3.0
-_PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # back from a street across the region's border, into the region
+_PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # extra setbacks from a street across the region's border, into the region
 _PARTY_GAP_M = 0.12
 _FOOT_M = 0.3
 _GARAGE_KINDS = ("villa", "farmhouse")
 
 ChooseKind = Callable[[float, np.random.Generator], str]
-"""From the height that a recipe wants and a generator to a kind of building."""
+"""Function that chooses a kind of building, from the recipe's height and a random generator."""
 
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A building in its place.
+    """A building at its position.
 
     Attributes:
         kind: Key of kinds.yaml.
-        plot: Its measures.
+        plot: Size of the building.
         origin_m: (2,) middle of its front wall, map frame.
-        along: (2,) unit direction of its front, the building to its left.
-        footprint: Ledges, eaves and front room included.
-        setback_m: From the street's edge to the room before the front.
+        along: (2,) unit direction of its front, with the building on the left.
+        footprint: Footprint including ledges, eaves and the space in front.
+        setback_m: Distance from the street's edge to the space in front of the building.
     """
 
     kind: str
@@ -53,34 +53,34 @@ class Site:
     setback_m: float
 
     def quad(self, x_m: tuple[float, float], y_m: tuple[float, float]) -> shapely.Polygon:
-        """A rectangle given in the building's frame."""
+        """Rectangle in the map frame from ranges of x and y in the building's frame."""
         return quad(self.origin_m, self.along, x_m, y_m)
 
     def map_point(self, x_m: float, y_m: float) -> Float64Array:
-        """(2,) place in the map frame of one in the building's."""
+        """(2,) point in the map frame of a point in the building's frame."""
         return np.asarray(self.origin_m + self.along * x_m + left_of(self.along) * y_m)
 
     def shift_along_front(self, along_m: float) -> "Site":
-        """The same site farther on along its front."""
+        """Copy of the site, shifted along its front."""
         step_m = self.along * along_m
         footprint = shapely.transform(self.footprint, lambda xy: xy + step_m)
         return replace(self, origin_m=self.origin_m + step_m, footprint=footprint)
 
     @property
     def street_m(self) -> float:
-        """Where the street's edge is, along the y axis of the building's frame."""
+        """y of the street's edge in the building's frame."""
         return -(self.setback_m + load_kinds()[self.kind].front_m)
 
     @property
     def yaw_rad(self) -> float:
-        """Of its front."""
+        """Heading of the building's front."""
         return yaw_of(self.along)
 
 
 def build_rows(
     yard: Yard, block: Block, choose: ChooseKind, rng: np.random.Generator, *, density: float | None = None
 ) -> list[Site]:
-    """Fill the frontage of a block with buildings; those that stand are claimed and built."""
+    """Fill the frontage of a block with buildings; returns the sites that were claimed and built."""
     if yard.ground.network.features.buildings is not None:
         return []
     land = block.land.buffer(-0.15)
@@ -93,7 +93,11 @@ def build_rows(
 
 
 def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Generator) -> Site | None:
-    """Claim and build a site if the land is flat enough there, and the map does not prescribe its buildings."""
+    """Claim and build a site if the land is flat enough there and the map does not prescribe its buildings.
+
+    Returns:
+        The site with its foundation, or None if nothing was built.
+    """
     if yard.ground.network.features.buildings is not None:
         return None
     kind = load_kinds()[site.kind]
@@ -117,7 +121,7 @@ def site_at(
     setback_m: float,
     height_m: float,
 ) -> Site:
-    """A site whose plot begins at a place on the street's edge."""
+    """Draw a site of a building kind whose plot begins at a (2,) point on the street's edge."""
     kind = load_kinds()[kind_name]
     width_m, depth_m = (BAY_M * int(rng.integers(*span, endpoint=True)) for span in (kind.width, kind.depth))
     garage = int(rng.choice([-1, 1])) if kind_name in _GARAGE_KINDS and rng.random() < 0.75 else 0
@@ -160,7 +164,7 @@ def _row(
 
 
 def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: BaseGeometry) -> tuple[float, Site] | None:
-    """Where along a line a site has room first, or one as narrow as its kind can be, and the site there."""
+    """First distance along a line where a site, or its narrowest variant, has room; and the site there."""
     kind = load_kinds()[site.kind]
     narrow = replace(site, plot=replace(site.plot, width_m=kind.width[0] * BAY_M + GARAGE_M * abs(site.plot.garage)))
     pushed_m = _PUSHES_M if line.beyond else (0.0,)
@@ -168,7 +172,7 @@ def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: Base
         candidate = replace(candidate, setback_m=site.setback_m + push_m)
         found = _first_free_position(yard, line, candidate, from_m, land)
         too_far = candidate.plot is site.plot and found is not None and found[0] - from_m > kind.width[0] * BAY_M
-        if found is not None and not too_far:  # else a narrow one would leave less of the street empty
+        if found is not None and not too_far:  # otherwise a narrow building leaves less of the street empty
             return found
     return None
 
@@ -176,7 +180,7 @@ def _first_fit(yard: Yard, line: Frontage, site: Site, from_m: float, land: Base
 def _first_free_position(
     yard: Yard, line: Frontage, site: Site, from_m: float, land: BaseGeometry
 ) -> tuple[float, Site] | None:
-    """Where along a line a site has room first, and the site there."""
+    """First distance along a line where a site has room, and the site there."""
     kind, width_m = load_kinds()[site.kind], site.plot.width_m
     all_m = np.arange(from_m, line.length_m + _BEYOND_M - width_m, _STEP_M)
     for s_m in np.split(all_m, np.arange(_BATCH_SIZE, len(all_m), _BATCH_SIZE)):
@@ -193,13 +197,13 @@ def _first_free_position(
 def _footprints(
     kind: Kind, plot: Plot, origin_m: Float64Array, along: Float64Array
 ) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-    """(N,) footprints of a plot at (N, 2) places."""
+    """(N,) footprints of a plot at (N, 2) positions."""
     half_m = plot.width_m / 2.0 + kind.verge_m
     return quads(origin_m, along, (-half_m, half_m), (-kind.front_m, plot.depth_m + _BACK_ROOM_M))
 
 
 def _land_range_m(yard: Yard, site: Site) -> tuple[float, float]:
-    """Lowest and highest land under the walls of a site."""
+    """Minimum and maximum height of the land under a site."""
     half_m, depth_m = site.plot.width_m / 2.0, site.plot.depth_m
     x_m, y_m = np.meshgrid(np.linspace(-half_m, half_m, 5), np.linspace(-0.5, depth_m, 4))
     positions = site.origin_m + np.outer(x_m, site.along) + np.outer(y_m, left_of(site.along))
@@ -208,5 +212,5 @@ def _land_range_m(yard: Yard, site: Site) -> tuple[float, float]:
 
 
 def _gap_m(kind: Kind, rng: np.random.Generator) -> float:
-    """Room to the next building."""
+    """Gap to the next building."""
     return _PARTY_GAP_M if rng.random() < kind.party else float(rng.uniform(*kind.gap_m))

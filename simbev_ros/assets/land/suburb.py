@@ -1,4 +1,4 @@
-"""Suburban blocks: detached houses with garages and driveways, hedges and fences, gardens behind."""
+"""Lays out suburban blocks: detached houses with garages and driveways, hedges and fences, back gardens."""
 
 from itertools import pairwise
 
@@ -26,7 +26,7 @@ _BACK_BARRIERS = ("boards", "high_hedge", "picket")
 
 
 def lay_out_suburb(yard: Yard, block: Block) -> None:
-    """Lay out a block of detached houses; a school or church now and then."""
+    """Lay out a block of detached houses, with an occasional school or church."""
     rng = yard.ground.stream(f"suburb.{block.name}")
     yard.cover(block.land, "lawn", block.recipe.plants)
     sites = build_rows(yard, block, _kind, rng)
@@ -47,7 +47,7 @@ def _kind(height_m: float, rng: np.random.Generator) -> str:
 
 
 def _claim_paths(yard: Yard, site: Site) -> list[shapely.Polygon]:
-    """Driveway and path to the door, claimed."""
+    """Claim the driveway and the path to the door; returns their areas."""
     front_m = site.street_m - 0.3
     door_m = door_x_m(house_width_m(site.plot)) + house_x_m(site.plot)
     paths = [site.quad((door_m - _PATH_M / 2.0, door_m + _PATH_M / 2.0), (front_m, -0.3))]

@@ -1,4 +1,4 @@
-"""Downtown and residential blocks: rows of buildings, paved yards, front gardens, courtyards with trees or cars."""
+"""Lays out downtown and residential blocks: rows of buildings, paved yards, front gardens, courtyards."""
 
 import numpy as np
 import shapely
@@ -25,7 +25,7 @@ _MAX_COURT_M2 = 40_000.0
 
 
 def lay_out_town(yard: Yard, block: Block) -> None:
-    """Lay out a downtown or residential block; now and then a park."""
+    """Lay out a downtown or residential block; some residential blocks become parks."""
     rng = yard.ground.stream(f"town.{block.name}")
     downtown = block.recipe.use == "downtown"
     if not downtown and block.frontage and block.land.area < _MAX_PARK_M2 and rng.random() < _PARK_SHARE:
@@ -54,7 +54,7 @@ def lay_out_town(yard: Yard, block: Block) -> None:
 
 
 def _court(yard: Yard, block: Block, depth_m: float) -> BaseGeometry:
-    """The land so far from streets."""
+    """The land that is further than a depth from streets."""
     return shapely.difference(block.land, yard.near_streets(depth_m))
 
 
@@ -73,7 +73,7 @@ def _residential_kind(height_m: float, rng: np.random.Generator) -> str:
 
 
 def _pave_fronts(yard: Yard, block: Block, sites: list[Site]) -> None:
-    """Paving from the sidewalk to the front: a path to a house's door, a forecourt before all else."""
+    """Paving from the sidewalk to the front: a path to the door of a house, a forecourt for other buildings."""
     paths = []
     for site in sites:
         half_m = site.plot.width_m / 2.0
@@ -108,7 +108,7 @@ def _put_waste(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -
 
 
 def _court_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
-    """Cars' room in the middle of a large block."""
+    """A parking lot in the middle of a large block."""
     court = _court(yard, block, _YARD_DEPTH_M - 6.0)
     if court.is_empty or not block.frontage:
         return

@@ -1,4 +1,4 @@
-"""Woods: grown trees in the first rows along streets, trees of few triangles behind them, crowns only farther away."""
+"""Lays out woods: detailed trees in the first rows along streets, low-polygon trees behind, thickets further away."""
 
 import shapely
 
@@ -11,7 +11,7 @@ _FRONT_SPACING_M, _DEEP_SPACING_M, _FAR_SPACING_M = 5.8, 6.4, 12.0
 
 
 def lay_out_woods(yard: Yard, block: Block) -> None:
-    """Lay out a wood; the farther from streets, the sparser and simpler its trees."""
+    """Lay out a wood; trees become sparser and simpler with the distance from streets."""
     rng = yard.ground.stream(f"woods.{block.name}")
     landscape, density = block.recipe.plants, block.recipe.plant_density
     verge = shapely.intersection(block.land, yard.fast)

@@ -1,4 +1,4 @@
-"""What a region is laid out with: who stands where, what has been put, what has been covered."""
+"""Working state while a region is laid out: occupied footprints, placed objects, ground covers."""
 
 from dataclasses import dataclass, field
 
@@ -16,30 +16,30 @@ from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.types import Float64Array
 
 SIGNAL_CLEARANCE_M = 2.0
-"""Crowns keep so far from signal heads."""
+"""Minimum distance between crowns and signal heads."""
 
 BORDER_M = 0.3
-"""Nothing stands closer to a region's border, so that nothing built on its other side can overlap it."""
+"""Minimum distance of objects from a region's border, so that objects of neighboring regions cannot overlap."""
 
 _SIGNALS_M = 20.0
 
 
 @dataclass(slots=True)
 class Yard:
-    """A region while it is laid out.
+    """A region while it is laid out; layout functions put objects, claim footprints and cover land through it.
 
     Attributes:
-        ground: What everything stands on.
-        tiles: Where single meshes go.
-        claims: Who stands where.
-        ensemble: Where repeated things go.
-        covers: What has been covered so far.
+        ground: Ground of the region.
+        tiles: Receives single meshes.
+        claims: Occupied footprints.
+        ensemble: Receives repeated objects.
+        covers: Ground covers so far.
         pavements: Plazas.
-        fast: Where motorways are, with the land beside them that is kept open.
-        walls: Plans of buildings, which crowns keep clear of.
-        inside: The region without its border.
-        signals: Of the signal heads in and near the region.
-        edges: Of the pieces of the edges of streets and decks in the region.
+        fast: Area of motorways, with the land beside them that is kept open.
+        walls: Footprints of buildings, which crowns keep clear of.
+        inside: The region without a margin along its border.
+        signals: Search tree of the signal heads in and near the region.
+        edges: Search tree of the edge segments of streets and decks in the region.
     """
 
     ground: RegionGround
@@ -56,7 +56,7 @@ class Yard:
     _near_streets: dict[float, BaseGeometry] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Derive the rest."""
+        """Compute ``inside`` and the search trees."""
         ground = self.ground
         self.inside = shapely.box(*(np.array(ground.region.area.bounds) + BORDER_M * np.array([1, 1, -1, -1])))
         signals_m = np.array([signal.position_m[:2] for signal in ground.network.signals]).reshape(-1, 2)
@@ -66,7 +66,7 @@ class Yard:
         self.edges = shapely.STRtree(_segments(shapely.intersection(shapely.union_all(rims), self.inside)))
 
     def near_streets(self, distance_m: float) -> BaseGeometry:
-        """Streets on the ground and what lies within a distance of them, in the region."""
+        """Area of the region's streets on the ground, buffered by a distance; cached."""
         if distance_m not in self._near_streets:
             square = shapely.buffer(self.ground.region.area, distance_m, join_style="mitre")
             street = shapely.intersection(self.ground.streets[0].area, square)
@@ -74,28 +74,28 @@ class Yard:
         return self._near_streets[distance_m]
 
     def crown_obstacles(self) -> tuple[tuple[shapely.STRtree, float], ...]:
-        """What crowns keep clear of: buildings, signals and the edges of streets, each with an extra distance, meters.
+        """Search trees of what crowns keep clear of (buildings, signals, street edges), each with a distance in meters.
 
-        To be asked for when all buildings of the land in question stand.
+        Call this only after all buildings of the land in question have been placed.
         """
         return (shapely.STRtree(self.walls), 0.0), (self.signals, SIGNAL_CLEARANCE_M), (self.edges, 0.0)
 
     def cover(self, area: BaseGeometry, finish: Finish | str, landscape: str = "temperate", **options: float) -> None:
-        """Cover an area with a finish, or the one of a name."""
+        """Cover an area with a finish, given directly or by its name in covers.yaml."""
         if not area.is_empty:
             self.covers.append(
                 Cover(area, finish_of(finish, landscape) if isinstance(finish, str) else finish, **options)
             )
 
     def claim(self, footprint: shapely.Polygon, land: BaseGeometry) -> bool:
-        """Claim a footprint that must lie on a piece of land within the region."""
+        """Claim a footprint if it is free and lies on a piece of land within the region; return whether it did."""
         return bool(self.inside.contains(footprint) and land.contains(footprint) and self.claims.claim(footprint))
 
 
 def quad(
     origin: Float64Array, along: Float64Array, x_m: tuple[float, float], y_m: tuple[float, float]
 ) -> shapely.Polygon:
-    """A rectangle in the frame of a (2,) origin and the (2,) unit direction of its x axis."""
+    """Rectangle from ranges of x and y in a frame with a (2,) origin and the (2,) unit direction of its x axis."""
     rectangle: shapely.Polygon = quads(origin[None], along[None], x_m, y_m)[0]
     return rectangle
 
@@ -103,7 +103,7 @@ def quad(
 def quads(
     origins: Float64Array, along: Float64Array, x_m: tuple[float, float], y_m: tuple[float, float]
 ) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-    """(N,) rectangles alike, each in a frame as ``quad``'s."""
+    """(N,) equal rectangles, each in its own frame as in ``quad``."""
     x, y = np.array([[x_m[0], x_m[1], x_m[1], x_m[0]], [y_m[0], y_m[0], y_m[1], y_m[1]]])[:, None]
     corners_m = np.empty((len(origins), 4, 2))
     corners_m[..., 0] = origins[:, :1] + x * along[:, :1] - y * along[:, 1:]
@@ -112,12 +112,12 @@ def quads(
 
 
 def yaw_of(direction: Float64Array) -> float:
-    """Of a (2,) vector."""
+    """Heading of a (2,) vector in radians."""
     return float(np.arctan2(direction[1], direction[0]))
 
 
 def _segments(lines: BaseGeometry) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-    """The straight pieces that lines consist of."""
+    """Straight segments of lines."""
     parts = shapely.get_parts(lines)
     xy_m, part = shapely.get_coordinates(parts, return_index=True)
     onward = part[1:] == part[:-1]

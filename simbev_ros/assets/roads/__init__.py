@@ -1,1 +1,1 @@
-"""Roads as meshes: the ground of streets, markings, bridges, pillars and guard rails."""
+"""Builds meshes of roads: street surfaces, markings, bridges, pillars and guard rails."""

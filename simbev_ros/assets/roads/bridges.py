@@ -1,4 +1,4 @@
-"""Structures that carry roads: decks with parapets, girders, abutments, and pillars down to the land."""
+"""Builds the structures that carry roads: decks with parapets, girders, abutments, and pillars down to the land."""
 
 from functools import partial
 
@@ -24,7 +24,7 @@ _PARAPET_M = 0.8
 _RAIL_M, _RAIL_DEPTH_M, _RAIL_WIDTH_M = 1.14, 0.07, 0.1  # a handrail on the parapets
 _POST_SPACING_M, _POST_M = 2.4, 0.045
 _SLIVER_M = 0.5
-_MIN_AREA_M2 = 1.5  # less is no parapet but a gap between surfaces
+_MIN_AREA_M2 = 1.5  # smaller areas are gaps between surfaces, not parapets
 _SAME_PLACE_M = 0.6
 _SEAM_M = 0.01
 _ABUTMENT_AT_M, _ABUTMENT_DEPTH_M, _ABUTMENT_HEIGHT_M = 2.2, 0.8, 9.0
@@ -37,7 +37,7 @@ _ABUTMENT = Finish(Material.CONCRETE, Tag.WALL, (150, 147, 140))
 
 
 def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
-    """Add all structures of a region, and claim the land below them."""
+    """Build all structures of a region, and claim the land below them."""
     for level, facets in enumerate(ground.facets):
         if level == 0 or facets is None:
             continue
@@ -49,7 +49,7 @@ def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> N
 
 
 def _joints(ground: RegionGround, level: int, onto_ground: bool) -> BaseGeometry:
-    """Lines across, where a structure's lanes go on as lanes on the ground, or else on a structure of another level."""
+    """Lines across the road where a structure's lanes continue on the ground, or on a structure of another level."""
     around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
     own: list[Float64Array] = []
     other: list[Float64Array] = []
@@ -75,7 +75,7 @@ def _build_deck(
     landings: BaseGeometry,
     seams: BaseGeometry,
 ) -> None:
-    """Parapets along the edges, the slab below and the girder below that; at seams the next structure goes on."""
+    """Parapets along the edges, the slab and the girder below it; at seams the next structure continues."""
     region, deck = ground.region.area, ground.streets[level].area
     across = shapely.buffer(shapely.union(landings, seams), DECK_OVERHANG_M + 0.01, cap_style="flat")
     rims = shapely.get_parts(shapely.difference(ground.decks[level], shapely.union(deck, across)))
@@ -122,7 +122,7 @@ def _build_rail(
 def _build_abutments(
     tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets, joints: BaseGeometry
 ) -> None:
-    """Walls across below the ends of a structure, down into the slope; before any road that passes close by."""
+    """Walls below the ends of a structure, down into the slope, in front of any road that passes close by."""
     slab = ground.decks[level]
     below = [shapely.intersection(slab, streets.area) for streets in ground.streets[:level]]
     roads = shapely.buffer(shapely.buffer(shapely.union_all(below), -_SLIVER_M), _SLIVER_M)

@@ -1,4 +1,4 @@
-"""Lays the ground of a region: streets with their curbs, land, water; all of it follows the heights."""
+"""Builds the ground surfaces of a region: streets with curbs, land and water, all following the terrain."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ from simbev_ros.assets.roads.repairs import lay_road
 from simbev_ros.semantics import Tag
 
 _CURB_WIDTH_M = 0.15
-_GREEN_M = 0.9  # medians at least twice as wide are green
-_HELD_BY_STONE = ((0.8, 3.0), (1.3, 0.3))  # slopes, if the land is so steep over at least so many meters
+_GREEN_M = 0.9  # medians at least twice as wide as this are green
+_STONE_SLOPES = ((0.8, 3.0), (1.3, 0.3))  # slopes held by stone walls, each with the minimum width in meters
 _EMBANKMENT = (0.33, 2.5)
-_ROUNDED_M, _PATCH_M2 = 0.9, 15.0
-_RIM_M = 1.5  # so far the land goes on below the water's surface
+_ROUNDED_M, _MIN_PATCH_M2 = 0.9, 15.0
+_RIM_M = 1.5  # width of land that continues below the water's surface
 _CUT_TOLERANCE_M = 0.002  # plans lie on a millimeter grid, and what is cut from them too
 
 _SHOULDER = Finish(Material.ASPHALT, Tag.GROUND, (86, 86, 86))
@@ -37,46 +37,46 @@ _WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 _CROSSWALK = Finish(Material.PLAIN, Tag.ROAD, (255, 255, 255))
 
 LAWN = Finish(Material.GRASS, Tag.TERRAIN, (88, 104, 60))
-"""Green land."""
+"""Finish of green medians."""
 
 
 def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
-    """Add road, shoulders, medians and sidewalks of every level, and the surface ``crosswalk``."""
+    """Build road, shoulders, medians and sidewalks of every level, and the label-only surface ``crosswalk``."""
     for level, facets in enumerate(ground.facets):
         if facets is not None:
             _lay_level(tiles, ground, level, facets)
 
 
 def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
-    """Add what lies between the streets on the ground; on slopes grass, and stone where they are too steep for that."""
+    """Build the land between the streets on the ground: its covers, grass on slopes, and stone on very steep ones."""
     facets, decks = ground.land_facets, shapely.union_all(ground.decks)
-    walls = [_steeper_than(facets, slope, min_width_m) for slope, min_width_m in _HELD_BY_STONE]
+    walls = [_steeper_than(facets, slope, min_width_m) for slope, min_width_m in _STONE_SLOPES]
     stone = shapely.difference(shapely.union_all(walls), decks)
     grass = shapely.difference(_steeper_than(facets, *_EMBANKMENT), shapely.union(decks, stone))
     bare = shapely.union_all([decks, stone, grass])
     shapely.prepare([ground.land, bare])
-    for (finish, rise_m, yaw_rad), parts in _by_looks(covers).items():
+    for (finish, rise_m, yaw_rad), parts in _by_appearance(covers).items():
         parts[:] = [part if ground.land.covers(part) else part & ground.land for part in parts]
         parts[:] = [part - bare if bare.intersects(part) else part for part in parts]
-        lain = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M + rise_m, yaw_rad=yaw_rad)
-        tiles.drape(shapely.GeometryCollection(parts), facets, lain)
+        layer = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M + rise_m, yaw_rad=yaw_rad)
+        tiles.drape(shapely.GeometryCollection(parts), facets, layer)
     lawn = finish_of("lawn", ground.network.features.surroundings.plants)
     for area, finish, ceiling_m in ((stone, _STONE, None), (grass, lawn, None), (decks, _STONE, ground.soffit_m)):
-        lain = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
-        tiles.drape(shapely.intersection(ground.land, area), facets, lain)
+        layer = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
+        tiles.drape(shapely.intersection(ground.land, area), facets, layer)
     _lay_verges(tiles, ground, shapely.difference(ground.land, decks))
 
 
-def _by_looks(covers: Sequence[Cover]) -> dict[tuple[Finish, float, float], list[BaseGeometry]]:
-    """Areas of covers that look the same."""
-    by_looks = defaultdict(list)
+def _by_appearance(covers: Sequence[Cover]) -> dict[tuple[Finish, float, float], list[BaseGeometry]]:
+    """Areas of covers, grouped by equal appearance."""
+    by_appearance = defaultdict(list)
     for cover in covers:
-        by_looks[cover.finish, cover.rise_m, cover.yaw_rad].append(cover.area)
-    return by_looks
+        by_appearance[cover.finish, cover.rise_m, cover.yaw_rad].append(cover.area)
+    return by_appearance
 
 
 def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) -> None:
-    """Faces from the street up to the land, where there is no sidewalk that hides them."""
+    """Vertical faces from the street up to the land, where no sidewalk hides them."""
     street = shapely.difference(ground.streets[0].area, ground.streets[0].sidewalk)
     edges = shapely.intersection(land.boundary, shapely.buffer(street, _CUT_TOLERANCE_M))
     verge = partial(edge_faces, finish=_VERGE, edges=edges, bottom_m=0.0, top_m=LAND_HEIGHT_M)
@@ -84,7 +84,7 @@ def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) ->
 
 
 def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
-    """Add the surfaces of water, and the land below their edges."""
+    """Build the surfaces of water, and the land below their edges."""
     for water in ground.water:
         area = ground.within(water.area)
         tiles.drape(
@@ -95,15 +95,15 @@ def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
 
 
 def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
-    """The streets of one level; those on structures have tiles of their own."""
+    """The streets of one level; streets on structures go into separate tiles."""
     streets, region = ground.streets[level], ground.region.area
     shoulder, sidewalk, median, crosswalk = (
         ground.within(part) for part in (streets.shoulder, streets.sidewalk, streets.median, streets.crosswalk)
     )
     lay_road(tiles, ground, level, facets)
     tiles.drape(shoulder, facets, partial(cover_mesh, finish=_SHOULDER, rise_m=0.0), level=level)
-    marked = partial(cover_mesh, finish=_CROSSWALK, rise_m=0.0)
-    tiles.drape(crosswalk, facets, marked, surface="crosswalk", level=level)
+    markings = partial(cover_mesh, finish=_CROSSWALK, rise_m=0.0)
+    tiles.drape(crosswalk, facets, markings, surface="crosswalk", level=level)
     paved = shapely.buffer(shapely.union(streets.road, streets.shoulder), _CURB_WIDTH_M)
     green = shapely.buffer(shapely.buffer(streets.median, -_GREEN_M), _GREEN_M) if level == 0 else shapely.Polygon()
     raised = shapely.union(sidewalk, median)
@@ -117,10 +117,10 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
 
 
 def _steeper_than(facets: Facets, slope: float, min_width_m: float) -> BaseGeometry:
-    """Where facets are steeper than a slope, rounded off, without what is narrow or small."""
+    """Area where facets are steeper than a slope, rounded off, without narrow or small parts."""
     steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > slope
     area = shapely.buffer(shapely.union_all(shapely.polygons(facets.corners_m[steep])), _ROUNDED_M, quad_segs=3)
     inset_m = _ROUNDED_M + min_width_m / 2.0
     opened = shapely.buffer(shapely.buffer(area, -inset_m, quad_segs=3), inset_m - _ROUNDED_M / 2.0, quad_segs=3)
     parts = shapely.get_parts(opened)
-    return shapely.MultiPolygon(parts[shapely.area(parts) > _PATCH_M2].tolist())
+    return shapely.MultiPolygon(parts[shapely.area(parts) > _MIN_PATCH_M2].tolist())

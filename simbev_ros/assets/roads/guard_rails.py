@@ -1,4 +1,4 @@
-"""Guard rails: along fast roads, and where the land falls away beside any road."""
+"""Builds guard rails along fast roads, and where the land drops beside any road."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,7 @@ from simbev_ros.types import BoolArray, Float64Array
 
 _FAST_MPS = 80.0 / 3.6
 _FROM_STREET_M = 0.5
-_DROP_M, _DROP_WITHIN_M = 2.5, 8.0  # a drop is land so much lower so far beside the street
+_DROP_M, _DROP_WITHIN_M = 2.5, 8.0  # a drop: height difference within a distance beside the street
 _MIN_LENGTH_M = 8.0
 _STEP_M, _POST_SPACING_M = 2.0, 4.0
 _TOP_M = 0.75
@@ -28,14 +28,14 @@ _ROOM_M = 0.35
 _BESIDE_M = 4.5
 
 _STEEL = Finish(Material.METAL, Tag.GUARD_RAIL, (146, 150, 153))
-# Cross-section of a W-beam (EN 1317 type A) about its middle, from below: how far it stands back, and height.
+# Cross-section of a W-beam (EN 1317 type A) about its center, from the bottom up: distance from the front, and height.
 _BACK_M = np.array([0.0, 0.08, 0.08, 0.0, 0.0, 0.08, 0.08, 0.0])
 _UP_M = np.array([-0.155, -0.11, -0.06, -0.02, 0.02, 0.06, 0.11, 0.155])
 _THICKNESS_M = 0.012
 
 
 def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
-    """Add the guard rails of a region; they are open where roads join."""
+    """Build the guard rails of a region; they are open where roads join."""
     for line in _lines(ground):
         rail = _rail(ground, line)
         middle_m = shapely.get_coordinates(line.interpolate(0.5, normalized=True))[0]
@@ -45,7 +45,7 @@ def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) ->
 
 
 def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
-    """Where rails stand, the street on their left, each within one tile."""
+    """Lines of rails with the street on their left, each within one tile."""
     street = ground.streets[0].area
     edge = shapely.buffer(street, _FROM_STREET_M).boundary
     taken = shapely.union_all([shapely.buffer(street, 0.9 * _FROM_STREET_M), *ground.decks])
@@ -61,7 +61,7 @@ def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
 
 
 def _rail_stretches(ground: RegionGround, line: shapely.LineString, fast: BaseGeometry) -> Iterator[shapely.LineString]:
-    """The stretches of a line where there should be a rail."""
+    """Sections of a line that need a rail."""
     stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
     position_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
     wanted = shapely.contains_xy(fast, position_m[:, 0], position_m[:, 1]) | _beside_drops(ground, position_m)
@@ -72,7 +72,7 @@ def _rail_stretches(ground: RegionGround, line: shapely.LineString, fast: BaseGe
 
 
 def _beside_fast_roads(ground: RegionGround) -> BaseGeometry:
-    """What is near a fast road, and near no sidewalk."""
+    """Area near fast roads that is not near a sidewalk."""
     lanes = ground.network.layout.near(ground.region.area, _BESIDE_M).strips_of(LaneKind.DRIVING, level=0)
     fast = [strip for strip in lanes if strip.speed_mps >= _FAST_MPS and not strip.junction]
     near, walks = (
@@ -83,7 +83,7 @@ def _beside_fast_roads(ground: RegionGround) -> BaseGeometry:
 
 
 def _beside_drops(ground: RegionGround, position_m: Float64Array) -> BoolArray:
-    """(N,) whether the land falls away on the right of a line through (N, 2) places."""
+    """(N,) whether the land drops on the right of a line through (N, 2) points."""
     along = np.gradient(position_m, axis=0)
     right = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(
         np.linalg.norm(along, axis=1, keepdims=True), 1e-9

@@ -1,4 +1,4 @@
-"""Paint on the roads, as thin decals that follow the asphalt."""
+"""Builds road markings as thin decals that follow the asphalt."""
 
 from collections import defaultdict
 from functools import partial
@@ -16,7 +16,7 @@ from simbev_ros.maps.roads.markings import lane_markings
 from simbev_ros.semantics import Tag
 
 DECAL_HEIGHT_M = 0.005
-"""Paint lies so much above the asphalt, which goes on below it."""
+"""Height of paint above the asphalt, which continues below it."""
 
 _COLORS = {
     PaintColor.WHITE: (226, 226, 220),
@@ -29,7 +29,7 @@ _COLORS = {
 
 
 def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
-    """Add all paint to the tiles of its level."""
+    """Add the road markings of every level to its tiles."""
     for level, facets in enumerate(ground.facets):
         if facets is None:
             continue

@@ -1,4 +1,4 @@
-"""Pillars: rows of columns below a structure, from the land or a bed up to the girders, clear of all roads beneath."""
+"""Builds pillars: rows of columns below a structure, from the land up to the girders, clear of all roads beneath."""
 
 from collections.abc import Iterator
 
@@ -17,8 +17,8 @@ from simbev_ros.types import Float64Array
 
 _CONCRETE = Finish(Material.CONCRETE, Tag.BRIDGE, (154, 152, 146))
 _SPACING_M = 26.0  # along a structure
-_MIN_LENGTH_M = 14.0  # stretches of road shorter than that rest on their ends
-_ACROSS_M = 8.0  # a column for so much width
+_MIN_LENGTH_M = 14.0  # shorter sections of road rest on their ends
+_ACROSS_M = 8.0  # width of deck per column
 _RADIUS_M, _CLEARANCE_M = 0.55, 0.6
 _SHIFTS_M = (0.0, 3.0, -3.0, 6.0, -6.0, 9.0, -9.0)  # along the road, to where there is room
 _MIN_COLUMN_M = 1.5  # shorter columns are left out: the abutment carries the deck
@@ -27,7 +27,7 @@ _FOOT_M = 1.5  # into the ground
 
 
 def put_pillars(tiles: TileBuilder, ground: RegionGround, level: int) -> None:
-    """Add the pillars of a level that stand in the region."""
+    """Build the pillars of a level that stand in the region."""
     lower = shapely.union_all([streets.area for streets in ground.streets[:level]])
     taken = shapely.buffer(lower, _RADIUS_M + _CLEARANCE_M)
     shapely.prepare(taken)
@@ -44,7 +44,7 @@ def put_pillars(tiles: TileBuilder, ground: RegionGround, level: int) -> None:
 
 
 def _lines(ground: RegionGround, level: int) -> Iterator[shapely.LineString]:
-    """The innermost lane's left border of every road, in an order that does not depend on the region."""
+    """Left border of every road's innermost lane, in an order that does not depend on the region."""
     around = shapely.box(*shapely.buffer(ground.region.area, _SPACING_M).bounds)
     strips = ground.network.layout.near(around, 0.0).strips_of(LaneKind.DRIVING, level=level)
     lines = [shapely.LineString(strip.left_m[:, :2]) for strip in strips if abs(strip.index) == 1]
@@ -53,13 +53,13 @@ def _lines(ground: RegionGround, level: int) -> Iterator[shapely.LineString]:
 
 
 def _stations(length_m: float) -> Float64Array:
-    """Places of rows along a road."""
+    """Distances of rows along a road."""
     count = max(1, round(length_m / _SPACING_M))
     return (np.arange(count) + 0.5) * length_m / count
 
 
 def _row(line: shapely.LineString, s_m: float, deck: BaseGeometry, taken: BaseGeometry) -> Float64Array:
-    """(N, 2) places of columns side by side at a station, or near it if a road beneath is in the way; maybe none."""
+    """(N, 2) positions of columns side by side at a station, or near it if a road beneath is in the way; maybe none."""
     for shift_m in _SHIFTS_M:
         if not 0.0 < s_m + shift_m < line.length:
             continue
@@ -78,7 +78,7 @@ def _row(line: shapely.LineString, s_m: float, deck: BaseGeometry, taken: BaseGe
 
 
 def _put_columns(tiles: TileBuilder, ground: RegionGround, level: int, row_m: Float64Array) -> None:
-    """Columns at (N, 2) places."""
+    """Put columns at (N, 2) positions."""
     if len(row_m) == 0:
         return
     tops_m = ground.road_m(row_m, level) - DECK_DEPTH_M + 0.05

@@ -1,4 +1,4 @@
-"""The carriageway's asphalt, with what makes it look used: patches of other asphalt, and manhole covers."""
+"""Builds the carriageway's asphalt, with patches of other asphalt and manhole covers that make it look used."""
 
 from functools import partial
 
@@ -23,11 +23,11 @@ _COVER = Finish(Material.PLAIN, Tag.ROAD, (56, 53, 50))  # cast iron, dull with 
 _PATCH_SPACING_M, _COVER_SPACING_M = 110.0, 90.0  # along lanes, on average
 _PATCH_LENGTH_M, _PATCH_WIDTH_M = (1.5, 7.0), (0.8, 2.2)
 _COVER_RADIUS_M = 0.34
-_FROM_BORDER_M = 5.0  # nothing of it crosses a region's border
+_FROM_BORDER_M = 5.0  # repairs keep this distance from a region's border
 
 
 def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
-    """Add the carriageway of a level."""
+    """Build the carriageway of a level."""
     road = ground.within(ground.streets[level].road)
     if road.is_empty:
         return
@@ -38,7 +38,7 @@ def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facet
 
 
 def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, shapely.MultiPolygon]]:
-    """Areas of other looks that do not overlap."""
+    """Disjoint areas of patches and manhole covers, by finish."""
     rng = ground.stream(f"ground.repairs.{level}")
     patches = _rectangles(*_random_positions(ground, level, _PATCH_SPACING_M, rng), rng)
     covers, _ = _random_positions(ground, level, _COVER_SPACING_M, rng)
@@ -59,7 +59,7 @@ def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, shapely.Mul
 def _random_positions(
     ground: RegionGround, level: int, spacing_m: float, rng: np.random.Generator
 ) -> tuple[Float64Array, Float64Array]:
-    """(N, 2) random places on driving lanes in the region, and the (N, 2) unit direction of the lane there."""
+    """(N, 2) random positions on driving lanes in the region, and the (N, 2) unit directions of the lanes there."""
     strips = ground.network.layout.near(ground.region.area, 0.0).strips_of(LaneKind.DRIVING, level=level)
     lines = np.array([shapely.LineString(strip.center_m[:, :2]) for strip in strips], object)
     lengths_m = shapely.length(lines)

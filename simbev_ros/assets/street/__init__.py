@@ -1,1 +1,1 @@
-"""What stands along streets: furniture, barriers, lights, poles, signs and signals."""
+"""Objects along streets: furniture, barriers, lights, poles, signs and traffic lights."""

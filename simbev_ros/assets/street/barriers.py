@@ -1,4 +1,4 @@
-"""Fences, walls and hedges in panels. Frame: along x from 0, z up; all vertices of a panel follow the ground."""
+"""Panels of fences, walls and hedges. Frame: along x from 0, z up; all vertices of a panel follow the ground."""
 
 from functools import lru_cache
 
@@ -14,15 +14,15 @@ from simbev_ros.random import stream
 from simbev_ros.semantics import Tag
 
 VARIANTS = 3
-"""Panels of a kind differ in color."""
+"""Number of variants of a panel, which differ in color."""
 
 PANEL_M = {"picket": 2.2, "boards": 2.4, "wall": 2.4, "hedge": 2.4, "high_hedge": 2.4, "bars": 3.0, "field": 4.0}
-"""Kinds of barrier, and the length of one panel of each."""
+"""Length of one panel, by kind of barrier."""
 
 
 @lru_cache(maxsize=64)
 def panel(kind: str, variant: int) -> Mesh | GradedMesh:
-    """A panel of a kind in one of its colors."""
+    """Panel of a kind of barrier in one of its variants."""
     rng = stream(variant, f"barriers.{kind}")
     length_m = PANEL_M[kind]
     if kind == "hedge":
@@ -49,7 +49,7 @@ def _picket(rng: np.random.Generator) -> Mesh:
 
 
 def _boards(rng: np.random.Generator) -> Mesh:
-    """A tight board fence between gardens, 1.7 m high."""
+    """A closed board fence between gardens, 1.7 m high."""
     length_m = PANEL_M["boards"]
     wood = Finish(Material.WOOD, Tag.FENCE, pick_color(rng, "fences"))
     return Mesh.merge(
@@ -75,7 +75,7 @@ def _wall(rng: np.random.Generator) -> Mesh:
 
 
 def _bars(rng: np.random.Generator) -> Mesh:
-    """A fence of bars around works, 2 m high."""
+    """A bar fence around industrial sites, 2 m high."""
     length_m = PANEL_M["bars"]
     steel = Finish(Material.METAL, Tag.FENCE, (134, 140, 142))
     rails = np.array([(length_m / 2.0, 0.0, z) for z in (0.2, 1.85)])
@@ -90,7 +90,7 @@ def _bars(rng: np.random.Generator) -> Mesh:
 
 
 def _field(rng: np.random.Generator) -> Mesh:
-    """Posts and three wires or rails along fields, 1.1 m high."""
+    """Posts and rails along fields, 1.1 m high."""
     length_m = PANEL_M["field"]
     wood = Finish(Material.WOOD, Tag.FENCE, pick_color(rng, "fences"))
     rails = np.array([(length_m / 2.0, 0.05, z) for z in (0.45, 0.95)])

@@ -1,4 +1,4 @@
-"""Lines beside carriageways that things stand along: on sidewalks, on the verges of roads without them, on decks."""
+"""Lines beside carriageways for placing objects: on sidewalks, on verges of roads without sidewalks, on decks."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 STATION_M = 0.5
-"""Distance of the places along a line."""
+"""Spacing of the positions along a line."""
 
 _FROM_CURB_M, _FROM_EDGE_M, _ON_RIM_M = 0.55, 1.5, 0.2
 _KEEP_FROM_CROSSING_M = 2.0
@@ -24,14 +24,14 @@ _KEEP_FROM_WALK_M = 4.0
 
 @dataclass(frozen=True, slots=True)
 class CurbLine:
-    """A stretch of such a line.
+    """A line beside a carriageway that objects such as lights and trees are placed along.
 
     Attributes:
-        position_m: (N, 2) places ``STATION_M`` apart.
-        yaw_rad: (N,) towards the road.
-        recipe: What the land here is like.
-        walk: Whether it lies on a sidewalk.
-        level: Of the road.
+        position_m: (N, 2) positions, ``STATION_M`` apart, map frame.
+        yaw_rad: (N,) headings toward the road.
+        recipe: Recipe of the land beside the road.
+        walk: Whether the line lies on a sidewalk.
+        level: Level of the road.
     """
 
     position_m: Float64Array
@@ -42,7 +42,7 @@ class CurbLine:
 
 
 def curb_lines(yard: Yard, zones: Zones) -> tuple[CurbLine, ...]:
-    """All lines in a region, always in the same order."""
+    """Find all lines in a region, always in the same order."""
     ground, streets = yard.ground, yard.ground.streets[0]
     asphalt = shapely.union(streets.road, streets.shoulder)
     crossings = shapely.buffer(streets.crosswalk, _KEEP_FROM_CROSSING_M)
@@ -74,7 +74,7 @@ def _stretches(
     walk: bool,
     level: int,
 ) -> Iterator[CurbLine]:
-    """The lines within the region, zone by zone, as places."""
+    """Sections of lines within the region, zone by zone."""
     lines = shapely.intersection(lines, yard.inside)
     if lines.is_empty or road.is_empty:
         return

@@ -1,4 +1,4 @@
-"""Street furniture. Frame: origin at the foot, x towards the road, z up. Each is made once and copied."""
+"""Meshes of street furniture. Frame: origin at the foot, x toward the road, z up. Each is built once and copied."""
 
 from functools import lru_cache
 
@@ -12,12 +12,12 @@ from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
 FOOT_M = 0.25
-"""Feet reach so far into the ground, for slopes."""
+"""Depth to which feet reach into the ground, for slopes."""
 
 
 @lru_cache(maxsize=1)
 def bench() -> Mesh:
-    """A park bench, 1.8 m long, to be sat on facing x."""
+    """A park bench, 1.8 m long; its seat faces x."""
     wood, iron = Finish(Material.WOOD, Tag.STATIC, (124, 88, 56)), Finish(Material.METAL, Tag.STATIC, (52, 54, 56))
     planks = np.array([[-0.15, 0.0, 0.45], [0.0, 0.0, 0.45], [0.15, 0.0, 0.45]])
     back = np.array([[-0.27, 0.0, 0.62], [-0.29, 0.0, 0.79]])
@@ -88,7 +88,7 @@ def mailbox() -> Mesh:
 
 @lru_cache(maxsize=1)
 def cabinet() -> Mesh:
-    """A cabinet of telephone or power, 1.2 m high."""
+    """A telephone or power cabinet, 1.2 m high."""
     shell = Finish(Material.METAL, Tag.OTHER, (142, 148, 142))
     foot = Finish(Material.CONCRETE, Tag.OTHER, (128, 126, 120))
     return Mesh.merge(
@@ -116,7 +116,7 @@ def bicycle_rack() -> Mesh:
 
 
 def _parked_bicycle(y_m: float, color: Color) -> Mesh:
-    """A bicycle along y, beside its hoop, of few triangles."""
+    """A low-polygon bicycle along y, beside its hoop."""
     rubber, frame = Finish(Material.RUBBER, Tag.DYNAMIC, (28, 28, 30)), Finish(Material.METAL, Tag.DYNAMIC, color)
     x_m = -0.14
     tire = np.array([[0.29, 0.0], [0.33, -0.02], [0.35, 0.0], [0.33, 0.02], [0.29, 0.0]])
@@ -141,5 +141,5 @@ def _parked_bicycle(y_m: float, color: Color) -> Mesh:
 
 
 def _along_x(x_m: float, y_m: float, z_m: float) -> Float64Array:
-    """(4, 4) pose of something turned about z whose axis is to point along x."""
+    """(4, 4) pose that turns an object's z axis into x and moves it."""
     return np.array([[0.0, 0.0, 1.0, x_m], [1.0, 0.0, 0.0, y_m], [0.0, 1.0, 0.0, z_m], [0.0, 0.0, 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""Where street lights belong: at stations along the lanes beside a curb, so that they run on across regions."""
+"""Positions of street lights: at stations along the lanes beside a curb, so that rows continue across regions."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -14,19 +14,19 @@ from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import Float64Array, Int64Array
 
 _BESIDE_M = 14.0
-_MAX_OFFSET_M = 6.0  # a light may stand so far from its station along the curb, where that is taken
-_ON_THE_RIGHT, _ON_THE_LEFT = 0.25, 0.75  # of a spacing: lights of the two sides of a street are staggered
+_MAX_OFFSET_M = 6.0  # maximum distance of a light from its station along the curb, if the station is occupied
+_ON_THE_RIGHT, _ON_THE_LEFT = 0.25, 0.75  # in spacings: lights on the two sides of a street are staggered
 
 
 class Lanes(NamedTuple):
-    """Driving lanes of one level outside of junctions: their areas, and their lines in driving direction."""
+    """Driving lanes of one level outside of junctions: areas, and center lines in driving direction."""
 
     areas: shapely.STRtree
     lines: np.ndarray[tuple[int], np.dtype[np.object_]]
 
     @classmethod
     def of_level(cls, ground: RegionGround, level: int) -> "Lanes":
-        """Those in and near a region."""
+        """Collect the lanes of a level in and near a region."""
         reach_m = 2.0 * _BESIDE_M
         near = ground.network.layout.near(ground.region.area, reach_m).strips_of(LaneKind.DRIVING, level=level)
         strips = [strip for strip in near if not strip.junction]
@@ -36,13 +36,13 @@ class Lanes(NamedTuple):
 
 
 def light_positions(ground: RegionGround, curb: CurbLine, lanes: Lanes, spacing_m: float) -> Iterator[Int64Array]:
-    """For each light that the region should have along a curb: indices of the curb's places, the best one first.
+    """For each light of the region along a curb, yield indices of candidate positions of the curb, the best one first.
 
     Args:
-        ground: The region's; stations of other regions are left out.
-        curb: The line that lights stand on.
-        lanes: Of the curb's level.
-        spacing_m: Along one side of a street, about: each lane has a whole number of spacings.
+        ground: Ground of the region; stations of other regions are left out.
+        curb: Line that the lights stand on.
+        lanes: Lanes of the curb's level.
+        spacing_m: Approximate spacing on one side of a street; each lane has a whole number of spacings.
     """
     if len(lanes.lines) == 0:
         return
@@ -67,7 +67,7 @@ def light_positions(ground: RegionGround, curb: CurbLine, lanes: Lanes, spacing_
 def _is_left(
     line: np.ndarray[tuple[int], np.dtype[np.object_]], s_m: Float64Array, position_m: Float64Array
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(N,) whether (N, 2) places lie on the left of lines at stations."""
+    """(N,) whether (N, 2) points lie on the left of (N,) lines at stations."""
     behind_m, ahead_m = (
         shapely.get_coordinates(shapely.line_interpolate_point(line, np.maximum(s_m + step_m, 0.0))).reshape(-1, 2)
         for step_m in (-0.5, 0.5)

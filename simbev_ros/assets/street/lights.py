@@ -1,4 +1,4 @@
-"""Street lights along curbs and verges, masts along motorways; those on structures stand on the deck's rim."""
+"""Puts street lights along curbs and verges and masts along motorways; on structures they stand on the deck's rim."""
 
 from collections.abc import Iterator, Sequence
 
@@ -18,17 +18,17 @@ from simbev_ros.types import Float64Array, Int64Array
 
 _SPACING_OF_A_SIDE = 1.7  # the two sides of a street share its lights
 _MAST_SPACING = 1.6
-_APART = 0.6  # of the spacing: lights of other curbs may be so close
+_APART = 0.6  # in spacings: minimum distance from lights of other curbs
 _ROOM_M = 0.3
 
 
 def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Iterator[StreetLight]:
-    """Lights of a region, staggered on the two sides.
+    """Put the street lights of a region, staggered on the two sides of streets, and yield their light sources.
 
     Args:
-        yard: The region.
-        curbs: Its lines.
-        fast: Where motorways are.
+        yard: Region that is laid out.
+        curbs: Lines beside its carriageways.
+        fast: Area of motorways.
     """
     occupied = np.empty((0, 3))
     lanes = [Lanes.of_level(yard.ground, level) for level in range(len(yard.ground.streets))]
@@ -53,7 +53,7 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Ite
 
 
 def _first_free(yard: Yard, curb: CurbLine, choice: Int64Array, occupied_m: Float64Array, apart_m: float) -> int | None:
-    """The first of some places of a curb that has room, and is as far as wanted from all lights before."""
+    """First of several positions of a curb that is free and far enough from all earlier lights."""
     for k in choice.tolist():
         position_m = curb.position_m[k]
         if np.any(np.hypot(*(occupied_m - position_m).T) < apart_m):
@@ -64,7 +64,7 @@ def _first_free(yard: Yard, curb: CurbLine, choice: Int64Array, occupied_m: Floa
 
 
 def _foot_m(yard: Yard, curb: CurbLine, position_m: Float64Array) -> float:
-    """Height of what a light stands on."""
+    """Height of the surface that a light stands on."""
     ground, xy_m = yard.ground, position_m[None]
     if curb.level:
         return float(ground.road_m(xy_m, curb.level)[0])

@@ -1,4 +1,4 @@
-"""What stands in people's way on sidewalks: trunks, poles, benches. Found among all that a region's tiles hold."""
+"""Finds obstacles for pedestrians on sidewalks (trunks, poles, benches) among all objects of a region."""
 
 from collections.abc import Sequence
 
@@ -11,32 +11,32 @@ from simbev_ros.types import Float64Array, Table
 
 OBSTACLE_DTYPE = np.dtype(
     [
-        ("x", "<f8"),  # m, map frame: middle of a disc at the foot
+        ("x", "<f8"),  # m, map frame: center of a disc at the foot
         ("y", "<f8"),
         ("z", "<f8"),
         ("radius", "<f8"),  # m
-        ("away_x", "<f8"),  # unit vector away from the carriageway: the side on which people pass
+        ("away_x", "<f8"),  # unit vector away from the carriageway: the side on which pedestrians pass
         ("away_y", "<f8"),
     ]
 )
 
 _ANKLE_M, _KNEE_M = 0.12, 0.6
-_MAX_WIDTH_M = 1.2  # what is wider closes a sidewalk rather than stand on it
+_MAX_WIDTH_M = 1.2  # wider objects block a sidewalk instead of standing on it
 _MAX_DISCS = 5
 
 
 def obstacles_on(
     sidewalk: BaseGeometry, road: BaseGeometry, placed_objects: Sequence[tuple[Mesh, Float64Array]]
 ) -> Table:
-    """Discs around what stands on sidewalks.
+    """Discs around all objects on sidewalks.
 
     Args:
-        sidewalk: Map frame, plan.
-        road: The carriageways.
-        placed_objects: Meshes, upright, and the (N, 4, 4) poses of their copies, map frame.
+        sidewalk: Area of the sidewalks in plan, map frame.
+        road: Area of the carriageways.
+        placed_objects: Upright meshes, and the (N, 4, 4) poses of their copies, map frame.
 
     Returns:
-        (K,) ``OBSTACLE_DTYPE``; what is long is covered by several discs.
+        (K,) ``OBSTACLE_DTYPE``; long objects are covered by several discs.
     """
     shapely.prepare(sidewalk)
     discs = [np.empty((0, 4))]
@@ -60,7 +60,7 @@ def obstacles_on(
 
 
 def obstacle_corners_m(mesh: Mesh, above_m: float = 0.0) -> Float64Array:
-    """(N, 3) corners of the triangles that people run into, of an upright mesh ``above_m`` the ground, in its frame."""
+    """(N, 3) corners of triangles that pedestrians run into, mesh frame, of an upright mesh ``above_m`` the ground."""
     corner_m = mesh.vertices[mesh.triangles].astype(np.float64)
     low_m, high_m = corner_m[..., 2].min(axis=1), corner_m[..., 2].max(axis=1)
     hit_corners_m: Float64Array = corner_m[(low_m < _KNEE_M - above_m) & (high_m > _ANKLE_M - above_m)].reshape(-1, 3)
@@ -68,7 +68,7 @@ def obstacle_corners_m(mesh: Mesh, above_m: float = 0.0) -> Float64Array:
 
 
 def _discs(mesh: Mesh) -> Float64Array:
-    """(K, 4) middles and radii of discs that cover what of a mesh stands between ankles and head; none if too wide."""
+    """(K, 4) centers and radii of discs around the obstacle corners of a mesh; none if the mesh is too wide."""
     corners_m = obstacle_corners_m(mesh)
     if not len(corners_m):
         return np.empty((0, 4))

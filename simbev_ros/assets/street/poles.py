@@ -1,4 +1,4 @@
-"""Street lights, masts and utility poles. Frame: origin at the foot, x towards the road, z up."""
+"""Meshes of street lights, masts, utility poles and cables. Frame: origin at the foot, x toward the road, z up."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -12,9 +12,9 @@ from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
 STREET_LAMP_AT_M = (1.75, 0.0, 7.82)
-"""Light source of ``street_light``, its own frame."""
+"""Position of the light source of ``street_light``, in its own frame."""
 MAST_LAMP_AT_M = (2.6, 0.0, 11.82)
-"""Light source of ``mast``, its own frame."""
+"""Position of the light source of ``mast``, in its own frame."""
 CABLE_AT_M = 7.6
 """Height of the cables at a utility pole."""
 
@@ -27,18 +27,18 @@ _SAG = 0.02
 
 @lru_cache(maxsize=1)
 def street_light() -> Mesh:
-    """A street light, 8 m high, with an arm over the road; its lamp's ``uv`` is to be set with ``with_lamp_index``."""
+    """A street light, 8 m high, with an arm over the road; set its lamp's ``uv`` with ``with_lamp_index``."""
     return _light(STREET_LAMP_AT_M, 0.085)
 
 
 @lru_cache(maxsize=1)
 def mast() -> Mesh:
-    """A light of motorways, 12 m high, with a long arm."""
+    """A motorway light mast, 12 m high, with a long arm."""
     return _light(MAST_LAMP_AT_M, 0.11)
 
 
 def with_lamp_index(mesh: Mesh, lamps: tuple[Material, ...], index: int) -> Mesh:
-    """The same, its lamps of the given materials with an index in ``uv``."""
+    """Copy of a mesh whose lamps of the given materials have an index in ``uv``."""
     uv = mesh.uv.copy()
     uv[np.isin(mesh.material, lamps)] = (index, 0.0)
     return replace(mesh, uv=uv)
@@ -59,15 +59,15 @@ def utility_pole() -> Mesh:
 
 
 def cables(foot_m: Float64Array, next_foot_m: Float64Array, across: Float64Array) -> Mesh:
-    """Two cables that hang between utility poles.
+    """Build two cables that hang between utility poles.
 
     Args:
-        foot_m: (3,) foot of one, map frame.
-        next_foot_m: (3,) foot of the other.
+        foot_m: (3,) foot of one pole, map frame.
+        next_foot_m: (3,) foot of the other pole.
         across: (2,) unit direction of the cross-arms.
 
     Returns:
-        Their mesh relative to ``foot_m``.
+        Mesh of the cables relative to ``foot_m``.
     """
     black = Finish(Material.RUBBER, Tag.POLE, (34, 34, 36))
     share = np.linspace(0.0, 1.0, 6)

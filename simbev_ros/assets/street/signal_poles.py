@@ -1,4 +1,4 @@
-"""Traffic lights: posts and masts with arms, and the heads on them, each lamp linked to its row of signals."""
+"""Builds traffic lights: posts, masts with arms, and heads; each lamp refers to its row of the signals table."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -31,7 +31,7 @@ _HOUSING = Finish(Material.METAL, Tag.TRAFFIC_LIGHT, (34, 36, 36))
 
 
 def signal_poles(ground: RegionGround) -> Iterator[tuple[Mesh, Float64Array]]:
-    """Each pole of a region with all of its heads, in the frame of its foot, and its (4, 4) pose in the map frame."""
+    """Yield each pole of a region with all of its heads, in the frame of its foot, and its (4, 4) pose, map frame."""
     signals = ground.network.signals
     feet_m = np.array([signal.pole_m[:2] for signal in signals]).reshape(-1, 2)
     by_pole: dict[tuple[float, ...], list[tuple[int, Signal]]] = defaultdict(list)
@@ -48,7 +48,7 @@ def signal_poles(ground: RegionGround) -> Iterator[tuple[Mesh, Float64Array]]:
 
 
 def _carrier(signals: Sequence[Signal]) -> list[Mesh]:
-    """Post, or mast with an arm, and the brackets of the heads; origin at the foot."""
+    """Post, or mast with an arm, and brackets of the heads; origin at the foot."""
     heads_m = np.array([signal.position_m - signal.pole_m for signal in signals])
     facing = np.array([[np.cos(signal.yaw_rad), np.sin(signal.yaw_rad), 0.0] for signal in signals])
     holds_m = heads_m - np.sum(heads_m * facing, axis=1, keepdims=True) * facing
@@ -70,7 +70,7 @@ def _carrier(signals: Sequence[Signal]) -> list[Mesh]:
 
 @lru_cache(maxsize=1)
 def signal_head() -> Mesh:
-    """Housing with three lamps, red uppermost, and visors; lamps shine along x; origin at its center."""
+    """Housing with three lamps, red at the top, and visors; lamps shine along x; origin at its center."""
     front_m = _HEAD_M[0] / 2.0
     arc = np.linspace(-0.15, np.pi + 0.15, 7)
     rim = np.column_stack([np.cos(arc), np.sin(arc)])

@@ -1,4 +1,4 @@
-"""Traffic signs after the Vienna Convention, limits in km/h. Frame: origin at the foot, the face looks along x."""
+"""Meshes of traffic signs (Vienna Convention, limits in km/h). Frame: origin at the foot, the sign faces along x."""
 
 from functools import lru_cache
 
@@ -24,7 +24,7 @@ _LOOKS_ALONG_X = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0
 
 
 def sign_mesh(sign: Sign) -> Mesh:
-    """The sign on its post."""
+    """Mesh of a sign of the map, on its post."""
     if sign.kind is SignKind.SPEED_LIMIT:
         return speed_sign(round(sign.speed_mps * 3.6))
     return stop_sign() if sign.kind is SignKind.STOP else yield_sign()
@@ -32,7 +32,7 @@ def sign_mesh(sign: Sign) -> Mesh:
 
 @lru_cache(maxsize=32)
 def speed_sign(limit_kmh: int) -> Mesh:
-    """A speed limit: black figures on white in a red ring."""
+    """A speed limit sign: black digits on white in a red ring."""
     digits = [int(digit) for digit in str(limit_kmh)]
     width_m = 0.2 if len(digits) < 3 else 0.16
     figures = [_figure(digit, (k - (len(digits) - 1) / 2.0) * width_m, width_m / 0.2) for k, digit in enumerate(digits)]
@@ -50,7 +50,7 @@ def speed_sign(limit_kmh: int) -> Mesh:
 
 @lru_cache(maxsize=1)
 def stop_sign() -> Mesh:
-    """A red octagon with white letters."""
+    """A stop sign: a red octagon with white letters."""
     turn = (np.arange(8) + 0.5) * np.pi / 4.0
     octagon = shapely.Polygon(np.column_stack([np.cos(turn), np.sin(turn)]))
     plates = [_plate(_BACK, octagon, 0.4, 0), _plate(_WHITE, octagon, 0.42, 1), _plate(_RED, octagon, 0.385, 2)]
@@ -59,7 +59,7 @@ def stop_sign() -> Mesh:
 
 @lru_cache(maxsize=1)
 def yield_sign() -> Mesh:
-    """A white triangle on its tip in a red rim."""
+    """A yield sign: a white triangle on its tip with a red border."""
     turn = np.array([-0.5, 1.0 / 6.0, 5.0 / 6.0]) * np.pi
     triangle = shapely.Polygon(np.column_stack([np.cos(turn), np.sin(turn)]))
     return Mesh.merge(
@@ -69,7 +69,7 @@ def yield_sign() -> Mesh:
 
 @lru_cache(maxsize=4)
 def street_name_sign(color: Color) -> Mesh:
-    """Two name plates across each other on a post."""
+    """A street name sign: two plates at right angles on a post."""
     plate_, letters = (Finish(Material.PLATE, Tag.TRAFFIC_SIGN, shade) for shade in (color, (232, 232, 228)))
     strokes = np.array([(0.14 + 0.11 * k, 0.0, 2.75) for k in range(6)])
     return Mesh.merge(
@@ -88,7 +88,7 @@ def _post() -> Mesh:
 
 
 def _plate(finish: Finish, outline: shapely.Polygon, size_m: float, layer: int) -> Mesh:
-    """A flat plate of an outline of unit radius, each layer before the last."""
+    """A flat plate from an outline of unit radius; each layer lies in front of the previous one."""
     scaled = shapely.transform(outline, lambda xy: xy * size_m)
     near_m = 0.03 + layer * _LAYER_M
     raised = extrusion(finish, scaled, near_m, near_m + _LAYER_M + 0.006, crease_deg=0.0).transform(_LOOKS_ALONG_X)
@@ -102,7 +102,7 @@ def _at_face() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 def _figure(value: int, y_m: float, scale: float) -> Mesh:
-    """Seven-segment figure 0.28 m high, read from x; the reader's right is +y."""
+    """Seven-segment digit, 0.28 m high, read from +x; the reader's right is +y."""
     upright, level = (0.006, 0.03, 0.14), (0.006, 0.12 * scale, 0.03)
     strokes = {
         "a": (level, 0.0, 0.125),
@@ -120,7 +120,7 @@ def _figure(value: int, y_m: float, scale: float) -> Mesh:
 
 
 def _word(text: str) -> list[Mesh]:
-    """Letters of strokes, 0.2 m high."""
+    """Letters made of strokes, 0.2 m high."""
     x_m = 0.03 + 3 * _LAYER_M + 0.006
     pieces = []
     for k, letter in enumerate(text):

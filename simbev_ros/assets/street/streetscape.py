@@ -1,4 +1,4 @@
-"""Furnishes the streets of a region: signals, signs, lights, shelters, name plates, trees, small things, cables."""
+"""Furnishes the streets of a region: traffic lights, signs, bus shelters, name signs, trees, small objects, cables."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -36,7 +36,7 @@ _PIT = box(Finish(Material.SOIL, Tag.TERRAIN, (92, 76, 58)), (0.7, 1.4, 0.06), (
 
 
 def put_signals(yard: Yard) -> None:
-    """Add the signal poles that stand in the region."""
+    """Put the traffic lights that stand in the region."""
     elevation = yard.ground.terrain.elevation
     for mesh, map_from_pole in signal_poles(yard.ground):
         yard.claims.add(shapely.Point(map_from_pole[:2, 3]).buffer(0.8, quad_segs=4))
@@ -45,7 +45,7 @@ def put_signals(yard: Yard) -> None:
 
 
 def put_signs(yard: Yard) -> None:
-    """Add the traffic signs of the map that stand in the region."""
+    """Put the traffic signs of the map that stand in the region."""
     signs = yard.ground.network.layout.signs
     feet_m = np.array([sign.foot_m for sign in signs]).reshape(-1, 3)
     owned = np.flatnonzero(yard.ground.owns(feet_m[:, :2]))
@@ -57,7 +57,7 @@ def put_signs(yard: Yard) -> None:
 
 
 def put_bus_shelters(yard: Yard, blocks: Sequence[Block]) -> None:
-    """Shelters just behind the sidewalk, open to the street."""
+    """Put bus shelters just behind the sidewalk, open to the street."""
     for block in blocks:
         if block.recipe.use in ("farmland", "woods"):
             continue
@@ -73,7 +73,7 @@ def put_bus_shelters(yard: Yard, blocks: Sequence[Block]) -> None:
 
 
 def put_name_signs(yard: Yard, curbs: Sequence[CurbLine]) -> None:
-    """Name plates at one corner of each junction that has sidewalks."""
+    """Put street name signs at one corner of each junction that has sidewalks."""
     walks = [curb for curb in curbs if curb.walk and len(curb.position_m)]
     centers_m = np.array([junction.center_m[:2] for junction in yard.ground.network.junctions.values()]).reshape(-1, 2)
     centers_m = centers_m[yard.ground.owns(centers_m)]
@@ -92,7 +92,7 @@ def put_name_signs(yard: Yard, curbs: Sequence[CurbLine]) -> None:
 
 
 def put_street_trees(yard: Yard, curbs: Sequence[CurbLine]) -> None:
-    """Avenues: trees in pits, one species to a stretch of curb; crowns clear of buildings and signals."""
+    """Plant avenues: trees in pits, one species per curb line, with crowns clear of buildings and traffic lights."""
     for number, curb in enumerate(curbs):
         rng = yard.ground.stream(f"street_trees.{number}")
         lined = rng.random() < _TREE_LINED_SHARE * min(1.0, 2.0 * curb.recipe.plant_density)
@@ -109,7 +109,7 @@ def put_street_trees(yard: Yard, curbs: Sequence[CurbLine]) -> None:
 
 
 def put_median_trees(yard: Yard, zones: Zones) -> None:
-    """A row of trees along the middle of green medians, clear of their ends."""
+    """Plant a row of trees along the middle of green medians, clear of their ends."""
     ground = yard.ground
     green = shapely.buffer(ground.streets[0].median, -_MEDIAN_M / 2.0)
     shapely.prepare(green)
@@ -132,7 +132,7 @@ def put_median_trees(yard: Yard, zones: Zones) -> None:
 
 
 def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
-    """Bins, hydrants, benches, racks and cabinets in the room that is left on sidewalks."""
+    """Put bins, hydrants, benches, bicycle racks and cabinets where sidewalks still have room."""
     rng = yard.ground.stream("small_things")
     things: tuple[tuple[Mesh, float, float], ...] = (
         (litter_bin(pick_color(rng, "bins", 0.0)), 0.35, 0.8),
@@ -155,7 +155,7 @@ def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
 
 
 def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
-    """Utility poles with cables along one side of country roads."""
+    """Put utility poles with cables along one side of country roads."""
     rng = yard.ground.stream("cables")
     every = round(_POLE_SPACING_M / STATION_M)
     taken = np.empty((0, 2))
@@ -174,7 +174,7 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         outward = -np.stack([np.cos(curb.yaw_rad), np.sin(curb.yaw_rad)], axis=1)
         positions_m, yaw_rad = (curb.position_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
         if len(taken) and np.hypot(*(taken[:, None] - positions_m).T).min() < _POLE_SPACING_M:
-            continue  # the other side of the road has some
+            continue  # the other side of the road already has poles
         free = [yard.claim(shapely.Point(place).buffer(0.4, quad_segs=2), open_land) for place in positions_m]
         yard.ensemble.put(utility_pole(), positions_m[free], yaw_rad[free])
         taken = np.concatenate([taken, positions_m[free]])
@@ -182,7 +182,7 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
 
 
 def _hang_cables(yard: Yard, positions_m: Float64Array) -> None:
-    """Cables from each pole to the next one, where that is not too far."""
+    """Hang cables from each pole to the next one, if it is near enough."""
     feet_m = np.column_stack([positions_m, yard.ground.land_m(positions_m)])
     for foot_m, next_m in pairwise(feet_m):
         step_m = next_m[:2] - foot_m[:2]

@@ -1,4 +1,4 @@
-"""What stands about in yards. Frame: origin at the foot, x forward, z up. Each is made once and copied."""
+"""Meshes of objects in yards. Frame: origin at the foot, x forward, z up. Each is built once and copied."""
 
 from functools import lru_cache
 

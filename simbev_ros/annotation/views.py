@@ -31,8 +31,8 @@ VIEW_DTYPE = np.dtype(
         ("alone_px", "<u4"),  # the same if there were nothing else in the world; at least 1 and at least the visible
         ("visibility", "<f4"),  # visible_px / alone_px
         ("truncation", "<f4"),  # share of the object's silhouette on the canvas that is outside of the image
-        ("left", "<f4"),  # pixels, box around the visible pixels, centres of pixels at integers: a box around the
-        ("top", "<f4"),  # pixel in column 7 and row 3 alone is 6.5, 2.5, 7.5, 3.5. NaN where nothing is visible
+        ("left", "<f4"),  # pixels, box around the visible pixels; NaN where nothing is visible
+        ("top", "<f4"),
         ("right", "<f4"),
         ("bottom", "<f4"),
         ("amodal_left", "<f4"),  # box around the whole silhouette, whatever is before it, up to the canvas' borders
@@ -44,6 +44,7 @@ VIEW_DTYPE = np.dtype(
 )
 """One row per object that a camera would see if it were alone. Field names and order are those of /ego/<camera>/boxes.
 
+Centres of pixels are at integers: a box around the pixel in column 7 and row 3 alone is 6.5, 2.5, 7.5, 3.5.
 The canvas is the image with as much again on every side: columns -width … 2 width - 1, rows -height … 2 height - 1.
 Nothing nearer than the near plane (0.1 m along the optical axis) belongs to a silhouette, neither there nor in images.
 """

@@ -21,8 +21,8 @@ S = TypeVar("S", bound=Sensor)
 class Rig(Model):
     """The sensors of one agent."""
 
-    agent: Name = "ego"
-    sensors: tuple[AnySensor, ...]
+    agent: Name = Field("ego", description="first part of topics and frames")
+    sensors: tuple[AnySensor, ...] = Field(description="told apart by `type`")
 
     @model_validator(mode="after")
     def _names_once(self) -> Self:

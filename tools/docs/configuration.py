@@ -102,7 +102,7 @@ def documented_models() -> list[type[BaseModel]]:
 def _sections(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
     """Paths of all models below a model, depth first; ``weather.final`` repeats its parent and is left out."""
     for name, field in model.model_fields.items():
-        for nested in _models_in(field.annotation):
+        for nested in models_in(field.annotation):
             if nested is Distribution or issubclass(model, nested):
                 continue
             place = f"{path}.{name}".lstrip(".")
@@ -145,7 +145,7 @@ def _text(field: FieldInfo) -> str:
         return sentence(field.description)
     if field.annotation is not None and get_origin(field.annotation) is Literal:
         return "Kind of sensor"
-    models = _models_in(field.annotation)
+    models = models_in(field.annotation)
     if len(models) == 1 and models[0] is not Distribution:
         return sentence((inspect.getdoc(models[0]) or "").split("\n\n")[0])
     return ""
@@ -186,12 +186,12 @@ def _is_union(annotation: Any) -> bool:
     return get_origin(annotation) in (Union, types.UnionType)
 
 
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
+def models_in(annotation: Any) -> list[type[BaseModel]]:
     """All models that an annotation holds."""
     annotation, _ = _stripped(annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [model for each in get_args(annotation) for model in _models_in(each)]
+    return [model for each in get_args(annotation) for model in models_in(each)]
 
 
 def _type(annotation: Any, path: str, name: str) -> str:

@@ -12,7 +12,7 @@ _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _LINK = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\(([^()\s]+)\)")
 _INLINE_CODE = re.compile(r"`[^`\n]*`")
 _HEADING = re.compile(r"^#{1,6} (.+?)\s*$", re.MULTILINE)
-_NEW = "<!-- new file -->"
+_NEW = ("<!-- new file -->", "(new)")
 _PATH = re.compile(r"(?<![\w/.-])(?:simbev_ros|test|tools|config|docs)/[\w./-]*\w/?")
 
 
@@ -52,11 +52,11 @@ def headings(text: str) -> list[str]:
 def missing_paths(page: Path, root: Path) -> list[str]:
     """Paths of files of the repository that a page names in code, and that do not exist.
 
-    A path on a line with the comment ``<!-- new file -->`` is one that the reader creates.
+    A path on a line with ``(new)`` or with the comment ``<!-- new file -->`` is one that the reader creates.
     """
     text = page.read_text(encoding="utf-8")
     named = {path for span in _code(text) for path in _PATH.findall(span)}
-    new = {path for line in text.splitlines() if _NEW in line for path in _PATH.findall(line)}
+    new = {path for line in text.splitlines() if any(mark in line for mark in _NEW) for path in _PATH.findall(line)}
     return sorted(path for path in named - new if not (root / path).exists())
 
 

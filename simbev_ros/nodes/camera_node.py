@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import QUALITIES, Device, Quality, Rendering
 from simbev_ros.config.scenario import Recording
@@ -21,8 +21,8 @@ from simbev_ros.msgs.topics import Topic, camera_info_topic, compressed_topic, i
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode
-from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState

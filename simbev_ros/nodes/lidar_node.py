@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from sensor_msgs.msg import PointCloud2
 
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.topics import Topic

@@ -4,7 +4,7 @@ import math
 
 from sensor_msgs.msg import PointCloud2
 
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.radar import Radar
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.topics import Topic

@@ -12,8 +12,8 @@ from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from simbev_ros.assets.region_scene import Streetside
-from simbev_ros.assets.static_cache import load_streetside
+from simbev_ros.assets.regions.region_scene import Streetside
+from simbev_ros.assets.regions.static_cache import load_streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics

@@ -7,7 +7,6 @@ import ast
 import tokenize
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from importlib.resources import files
 from io import StringIO
 from pathlib import Path
 
@@ -125,7 +124,8 @@ def _legend() -> Iterator[str]:
 
 
 def _difficulty() -> str:
-    limits = yaml.safe_load(files("simbev_ros.annotation").joinpath("difficulty.yaml").read_text())
+    (path,) = Path(str(simbev_ros.__file__)).parent.rglob("difficulty.yaml")
+    limits = yaml.safe_load(path.read_text(encoding="utf-8"))
     rows = [
         (code(name), *(f"≥ {distance} m, or < {points} points" for distance, points in (each["hard"], each["medium"])))
         for name, each in limits.items()

@@ -98,6 +98,7 @@ setup(
         "carla": [
             "carla>=0.9.16; python_version < '3.13' and sys_platform == 'linux' and platform_machine == 'x86_64'",
         ],
+        "docs": ["mkdocs-material>=9.5"],
         "test": [
             "mypy>=1.15",
             "pytest>=8.3",

@@ -16,9 +16,9 @@ _RATE = "a divisor of the ticks' rate; none: at every tick"
 class Bev(Model):
     """The bird's-eye-view grid."""
 
-    rows: int = Field(360, ge=1, le=4096)
-    columns: int = Field(360, ge=1, le=4096)
-    cell_m: float = Field(0.4, gt=0, le=10)
+    rows: int = Field(360, ge=1, le=4096, description="along the ego's x axis; row 0 is ahead")
+    columns: int = Field(360, ge=1, le=4096, description="along its y axis; column 0 is left")
+    cell_m: float = Field(0.4, gt=0, le=10, description="side of a cell")
 
     @property
     def grid(self) -> BevGrid:
@@ -31,8 +31,8 @@ class Occupancy(Model):
 
     half_side_m: float = Field(64.0, gt=0, le=512, description="how far it reaches ahead, back, left and right")
     bottom_m: float = Field(-1.0, ge=-50, le=50, description="height of its lowest corner above the ego's ground")
-    top_m: float = Field(7.0, ge=-50, le=50)
-    voxel_m: float = Field(0.4, ge=0.1, le=4)
+    top_m: float = Field(7.0, ge=-50, le=50, description="height of its top above the ego's ground")
+    voxel_m: float = Field(0.4, ge=0.1, le=4, description="side of a voxel")
     rate_hz: float | None = Field(2.0, gt=0, le=1000, description=_RATE)
     ego: bool = Field(False, description="the ego's own voxels count too")
 
@@ -63,14 +63,14 @@ class VectorMapPatch(Model):
     """The roads around the ego as lines and outlines."""
 
     length_m: float = Field(60.0, gt=0, le=1000, description="half of it ahead of the ego")
-    width_m: float = Field(30.0, gt=0, le=1000)
+    width_m: float = Field(30.0, gt=0, le=1000, description="half of it to each side of the ego")
     rate_hz: float | None = Field(None, gt=0, le=1000, description=_RATE)
 
 
 class Annotation(Model):
     """What is annotated."""
 
-    box_radius_m: float = Field(120.0, gt=0, le=1000)
+    box_radius_m: float = Field(120.0, gt=0, le=1000, description="boxes are labeled up to this distance from the ego")
     views: bool = Field(True, description="2D boxes and visibility, of cameras that have instance images")
     bev: Bev = Bev()
     occupancy: Occupancy | None = None

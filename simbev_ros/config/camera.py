@@ -26,8 +26,8 @@ class Camera(Sensor, Optics):
     """
 
     type: Literal["camera"]
-    width_px: int = Field(1600, ge=16, le=8192)
-    height_px: int = Field(900, ge=16, le=8192)
+    width_px: int = Field(1600, ge=16, le=8192, description="image width")
+    height_px: int = Field(900, ge=16, le=8192, description="image height")
     horizontal_fov_deg: float | None = Field(
         None, gt=1, lt=170, description="from edge to edge, without distortion; 80 if fx_px is not set either"
     )
@@ -41,7 +41,7 @@ class Camera(Sensor, Optics):
         max_length=5,
         description="k1, k2, p1, p2, k3 of plumb_bob (sensor_msgs/CameraInfo, OpenCV)",
     )
-    modalities: tuple[Modality, ...] = Field(MODALITIES, min_length=1)
+    modalities: tuple[Modality, ...] = Field(MODALITIES, min_length=1, description="kinds of images that it publishes")
 
     @model_validator(mode="after")
     def _modalities_once(self) -> Self:

@@ -19,16 +19,16 @@ class Distribution(Model):
     lognormal [mean, sigma of the logarithm] and choice [values] is given.
     """
 
-    uniform: _Pair | None = None
-    integer: tuple[int, int] | None = None
-    beta: _Pair | None = None
-    normal: _Pair | None = None
-    lognormal: _Pair | None = None
-    choice: Annotated[list[float], Field(min_length=1)] | None = None
-    scale: float = 1.0
-    offset: float = 0.0
-    min: float | None = None
-    max: float | None = None
+    uniform: _Pair | None = Field(None, description="low, high")
+    integer: tuple[int, int] | None = Field(None, description="low, high, both included")
+    beta: _Pair | None = Field(None, description="a, b")
+    normal: _Pair | None = Field(None, description="mean, sigma")
+    lognormal: _Pair | None = Field(None, description="mean, sigma of the logarithm")
+    choice: Annotated[list[float], Field(min_length=1)] | None = Field(None, description="equally likely values")
+    scale: float = Field(1.0, description="factor on the drawn value")
+    offset: float = Field(0.0, description="added after scaling")
+    min: float | None = Field(None, description="lower clipping bound")
+    max: float | None = Field(None, description="upper clipping bound")
 
     @model_validator(mode="before")
     @classmethod

@@ -23,7 +23,7 @@ class Hazards(Model):
     taper_factor: float = Field(
         0.5, ge=0.2, le=1, description="length of the taper over that of the MUTCD, for which streets have little room"
     )
-    cone_spacing_m: float = Field(4.0, ge=1, le=20)
+    cone_spacing_m: float = Field(4.0, ge=1, le=20, description="distance between cones")
     cone_missing_probability: float = Field(0.32, ge=0, le=1, description="of each cone")
     workers: Annotated[Drawn, within(0, 20)] = Field(
         Distribution(uniform=(0.5, 3.5)), description="who stand in each work zone, as far as there is room"

@@ -35,10 +35,10 @@ class Lidar(Sensor):
         le=10**9,
         description="channels x columns x rate_hz; columns follow from it where they are not given",
     )
-    range_m: float = Field(120.0, gt=0, le=1000)
+    range_m: float = Field(120.0, gt=0, le=1000, description="maximum range")
     min_range_m: float = Field(0.0, ge=0, le=100, description="what is nearer gives no return")
-    upper_fov_deg: float = Field(10.67, ge=-90, le=90)
-    lower_fov_deg: float = Field(-30.67, ge=-90, le=90)
+    upper_fov_deg: float = Field(10.67, ge=-90, le=90, description="elevation of the highest channel")
+    lower_fov_deg: float = Field(-30.67, ge=-90, le=90, description="elevation of the lowest channel")
     horizontal_fov_deg: float = Field(360.0, gt=0, le=360, description="half of it to each side of ahead")
     elevations_deg: tuple[_Elevation, ...] | None = Field(
         None, min_length=1, max_length=1024, description="of the channels, in the order of their ring numbers"
@@ -51,7 +51,7 @@ class Lidar(Sensor):
     drop_off_at_zero_intensity: float = Field(
         0.0, ge=0, le=1, description="share of returns of no intensity that is lost, falling evenly to 0 at the limit"
     )
-    range_noise_sigma_m: float = Field(0.01, ge=0, le=10)
+    range_noise_sigma_m: float = Field(0.01, ge=0, le=10, description="standard deviation of measured ranges")
     attenuation_per_m: float = Field(0.004, ge=0, le=1, description="of the intensity, in clear air")
     weather_effects: bool = Field(True, description="rain and fog weaken returns, and drops give some of their own")
     beam_divergence_mrad: float = Field(3.0, gt=0, le=50, description="full angle; wider beams see fewer single drops")

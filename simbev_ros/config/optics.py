@@ -15,7 +15,7 @@ class Exposure(Model):
     """
 
     compensation_ev: float = Field(0.0, ge=-10, le=10, description="stops; positive is brighter")
-    f_number: float = Field(1.8, ge=0.5, le=64)
+    f_number: float = Field(1.8, ge=0.5, le=64, description="focal length over aperture")
     time_s: float | None = Field(None, ge=1e-6, le=60, description="with iso: a fixed exposure; None: by the light")
     iso: float | None = Field(None, ge=1, le=1e6, description="with time_s; None: by the light")
 

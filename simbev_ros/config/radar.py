@@ -20,10 +20,10 @@ class Radar(Sensor):
     """
 
     type: Literal["radar"]
-    range_m: float = Field(120.0, gt=0, le=1000)
+    range_m: float = Field(120.0, gt=0, le=1000, description="maximum range")
     min_range_m: float = Field(0.0, ge=0, le=1000, description="what is nearer is not detected, but hides what follows")
-    horizontal_fov_deg: float = Field(100.0, gt=0, lt=180)
-    vertical_fov_deg: float = Field(12.0, gt=0, lt=180)
+    horizontal_fov_deg: float = Field(100.0, gt=0, lt=180, description="full angle")
+    vertical_fov_deg: float = Field(12.0, gt=0, lt=180, description="full angle")
     points_per_second: int = Field(40_000, ge=1, le=_MOST_RAYS, description="rays; there is at least one per scan")
     ray_pattern: RayPattern = Field(
         "cone",
@@ -38,10 +38,10 @@ class Radar(Sensor):
     threshold_db: float | None = Field(None, ge=-300, le=300, description="what returns less amplitude is not detected")
     rain_attenuation: bool = Field(False, description="rain weakens what returns: 1.5 dB at 100 m in the heaviest")
 
-    range_noise_sigma_m: float = Field(0.0, ge=0, le=100)
-    azimuth_noise_sigma_deg: float = Field(0.0, ge=0, le=45)
-    elevation_noise_sigma_deg: float = Field(0.0, ge=0, le=45)
-    doppler_noise_sigma_mps: float = Field(0.0, ge=0, le=100)
+    range_noise_sigma_m: float = Field(0.0, ge=0, le=100, description="of each detection")
+    azimuth_noise_sigma_deg: float = Field(0.0, ge=0, le=45, description="of each detection")
+    elevation_noise_sigma_deg: float = Field(0.0, ge=0, le=45, description="of each detection")
+    doppler_noise_sigma_mps: float = Field(0.0, ge=0, le=100, description="of each detection")
     amplitude_noise_sigma_db: float = Field(0.0, ge=0, le=50, description="of each detection; before the threshold")
 
     max_doppler_mps: float | None = Field(

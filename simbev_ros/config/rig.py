@@ -30,8 +30,8 @@ SENSOR_KINDS: Final[Mapping[str, type[Sensor]]] = _models_by_kind()
 class Rig(Model):
     """The sensors of one agent."""
 
-    agent: Name = "ego"
-    sensors: tuple[AnySensor, ...]
+    agent: Name = Field("ego", description="first part of topics and frames")
+    sensors: tuple[AnySensor, ...] = Field(description="told apart by `type`")
 
     @model_validator(mode="after")
     def _names_once(self) -> Self:

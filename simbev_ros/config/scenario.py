@@ -28,15 +28,15 @@ class MapScenes(Model):
     """How many scenes of one map are wanted in each split."""
 
     map: str = Field(min_length=1, description="a town's name, or a file, relative to the configuration's folder")
-    train: int = Field(0, ge=0, le=100_000)
-    val: int = Field(0, ge=0, le=100_000)
-    test: int = Field(0, ge=0, le=100_000)
+    train: int = Field(0, ge=0, le=100_000, description="number of scenes in the training split")
+    val: int = Field(0, ge=0, le=100_000, description="number of scenes in the validation split")
+    test: int = Field(0, ge=0, le=100_000, description="number of scenes in the test split")
 
 
 class Timing(Model):
     """Lengths of time."""
 
-    tick_s: float = Field(0.05, ge=0.001, le=1)
+    tick_s: float = Field(0.05, ge=0.001, le=1, description="length of a simulation step")
     warm_up_s: float = Field(4.0, gt=0, le=600, description="simulated at first, not recorded")
     duration_s: Annotated[Drawn, within(_SHORTEST_S, 3000)] = Field(
         16.0, description="recorded; what is drawn is rounded to whole ticks"
@@ -74,16 +74,22 @@ def _slower(tick_hz: float) -> str:
 class WeatherParameters(Model):
     """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on others."""
 
-    cloudiness: _Percent = "paper"
-    precipitation: _Percent = "paper"
-    precipitation_deposits: _Percent = "paper"
-    wetness: _Percent = "paper"
-    wind_intensity: _Percent = "paper"
-    sun_azimuth_deg: Annotated[PaperOrDrawn, within(0, 360)] = "paper"
-    sun_altitude_deg: Annotated[PaperOrDrawn, within(-90, 90)] = "paper"
-    fog_density: _Percent = "paper"
-    fog_distance_m: Annotated[PaperOrDrawn, within(0)] = "paper"
-    fog_falloff: Annotated[PaperOrDrawn, within(0)] = "paper"
+    cloudiness: _Percent = Field("paper", description="cloud cover in percent")
+    precipitation: _Percent = Field("paper", description="intensity of the rain in percent")
+    precipitation_deposits: _Percent = Field("paper", description="area covered by puddles in percent")
+    wetness: _Percent = Field("paper", description="wetness of roads in percent")
+    wind_intensity: _Percent = Field("paper", description="in percent")
+    sun_azimuth_deg: Annotated[PaperOrDrawn, within(0, 360)] = Field(
+        "paper", description="counter-clockwise from the map's x axis"
+    )
+    sun_altitude_deg: Annotated[PaperOrDrawn, within(-90, 90)] = Field(
+        "paper", description="above the horizon; negative at night"
+    )
+    fog_density: _Percent = Field("paper", description="in percent")
+    fog_distance_m: Annotated[PaperOrDrawn, within(0)] = Field("paper", description="distance at which fog starts")
+    fog_falloff: Annotated[PaperOrDrawn, within(0)] = Field(
+        "paper", description="decrease of fog with height; 0: none, above 5: close to the ground"
+    )
 
 
 class WeatherConfig(WeatherParameters):
@@ -100,8 +106,8 @@ EgoDriverKind = Literal["traffic", "twist"]
 class SpawnPose(Model):
     """Where the ego may start: the middle of its footprint, map frame; it is put on the nearest lane."""
 
-    x_m: float = Field(ge=-1e6, le=1e6)
-    y_m: float = Field(ge=-1e6, le=1e6)
+    x_m: float = Field(ge=-1e6, le=1e6, description="map frame")
+    y_m: float = Field(ge=-1e6, le=1e6, description="map frame")
     z_m: float | None = Field(None, ge=-1e4, le=1e4, description="height of the road, which tells levels apart")
     yaw_deg: float | None = Field(None, ge=-360, le=360, description="tells directions apart")
 
@@ -109,30 +115,34 @@ class SpawnPose(Model):
 class Ego(Model):
     """The ego vehicle."""
 
-    blueprint: str = "vehicle.sedan"
+    blueprint: str = Field("vehicle.sedan", description="name of a vehicle in the catalogue")
     driver: EgoDriverKind = Field(
         "traffic", description="twist: geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s and angular.z in rad/s"
     )
     spawn: tuple[SpawnPose, ...] = Field((), description="one is drawn for each scene; none: anywhere on the map")
-    reckless_probability: _Probability = 0.01
+    reckless_probability: _Probability = Field(0.01, description="that the ego ignores lights, signs and others")
 
 
 class Traffic(Model):
     """Vehicles and pedestrians around the ego."""
 
-    vehicles: _Count = "paper"
-    pedestrians: _Count = "paper"
-    spawn_radius_m: float = Field(400.0, gt=0, le=10_000)
+    vehicles: _Count = Field("paper", description="number of vehicles besides the ego")
+    pedestrians: _Count = Field("paper", description="number of pedestrians")
+    spawn_radius_m: float = Field(400.0, gt=0, le=10_000, description="actors start within this distance of the ego")
     waypoint_spacing_m: float = Field(24.0, ge=12, le=500, description="between places where vehicles can start")
-    speed_factor: Annotated[Drawn, within(0.1, 4)] = Distribution(uniform=(0.8, 1.4))
-    min_gap_m: Annotated[Drawn, within(0.2, 20)] = Distribution(normal=(3.2, 1.0), min=0.5, max=10)
+    speed_factor: Annotated[Drawn, within(0.1, 4)] = Field(
+        Distribution(uniform=(0.8, 1.4)), description="desired speed over the speed limit"
+    )
+    min_gap_m: Annotated[Drawn, within(0.2, 20)] = Field(
+        Distribution(normal=(3.2, 1.0), min=0.5, max=10), description="gap to the front vehicle when stopped"
+    )
     headway_s: Annotated[Drawn, within(0.3, 10)] = Field(
         Distribution(normal=(1.2, 0.25), min=0.7, max=2.5), description="time behind the front vehicle when driving"
     )
     lane_change_eagerness: Annotated[Drawn, within(0, 20)] = Field(
         Distribution(lognormal=(0.0, 0.6), min=0.1, max=5), description="to change lanes for speed; 1 is usual"
     )
-    reckless_probability: _Probability = 0.01
+    reckless_probability: _Probability = Field(0.01, description="ignores lights, signs and others")
     distracted_probability: float = Field(0.02, ge=0, le=1, description="ignores lights and signs, but not others")
     emergency_lights_probability: float = Field(0.5, ge=0, le=1, description="of emergency vehicles: lights on")
     door_probability: float = Field(0.1, ge=0, le=1, description="that a vehicle that stands opens doors")
@@ -145,7 +155,9 @@ class Traffic(Model):
     plaza_probability: float = Field(
         0.5, ge=0, le=1, description="that somebody who walks visits the plazas on the way; runners go on"
     )
-    green_time_s: Annotated[Drawn, within(2, 300)] = Distribution(uniform=(4, 28))
+    green_time_s: Annotated[Drawn, within(2, 300)] = Field(
+        Distribution(uniform=(4, 28)), description="green time of a traffic-light program"
+    )
 
 
 class RecordedTopics(Model):

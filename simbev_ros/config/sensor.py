@@ -17,10 +17,10 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
 class Pose(Model):
     """Pose of a sensor in the ego frame: x forward, y left, z up, origin at the ground below the box's centre."""
 
-    x_m: float = Field(0.0, ge=-20, le=20)
-    y_m: float = Field(0.0, ge=-20, le=20)
-    z_m: float = Field(0.0, ge=-5, le=20)
-    roll_deg: float = Field(0.0, ge=-180, le=180)
+    x_m: float = Field(0.0, ge=-20, le=20, description="forward")
+    y_m: float = Field(0.0, ge=-20, le=20, description="left")
+    z_m: float = Field(0.0, ge=-5, le=20, description="up")
+    roll_deg: float = Field(0.0, ge=-180, le=180, description="positive tilts to the right")
     pitch_deg: float = Field(0.0, ge=-180, le=180, description="positive looks down (REP-103)")
     yaw_deg: float = Field(0.0, ge=-180, le=180, description="positive looks left (REP-103)")
 
@@ -36,6 +36,6 @@ class Pose(Model):
 class Sensor(Model):
     """What all sensors share."""
 
-    name: Name
+    name: Name = Field(description="part of topics and frames, unique in the rig")
     pose: Pose = Pose()
     rate_hz: float | None = Field(None, gt=0, le=1000, description="None: at every tick; a divisor of their rate")

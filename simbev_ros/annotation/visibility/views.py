@@ -32,8 +32,8 @@ VIEW_DTYPE = np.dtype(
         ("alone_px", "<u4"),  # pixels it would have alone in the world; at least 1 and at least visible_px
         ("visibility", "<f4"),  # visible_px / alone_px
         ("truncation", "<f4"),  # share of the object's silhouette on the canvas that is outside the image
-        ("left", "<f4"),  # pixels, box around the visible pixels, pixel centers at integers: the box of the
-        ("top", "<f4"),  # single pixel in column 7, row 3 is 6.5, 2.5, 7.5, 3.5. NaN if nothing is visible
+        ("left", "<f4"),  # pixels, box around the visible pixels; NaN where nothing is visible
+        ("top", "<f4"),
         ("right", "<f4"),
         ("bottom", "<f4"),
         ("amodal_left", "<f4"),  # box around the whole silhouette, occluded or not, up to the canvas borders
@@ -45,6 +45,7 @@ VIEW_DTYPE = np.dtype(
 )
 """One row per object that a camera would see if it were alone. Field names and order are those of /ego/<camera>/boxes.
 
+Pixel centers are at integers: the box around the single pixel in column 7 and row 3 is 6.5, 2.5, 7.5, 3.5.
 The canvas is the image with a margin of its own size on every side: columns -width … 2 width - 1, rows -height … 2
 height - 1. Nothing nearer than the near plane (0.1 m along the optical axis) belongs to a silhouette or appears in
 images.

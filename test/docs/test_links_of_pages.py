@@ -1,0 +1,60 @@
+"""Links, anchors and named paths of all Markdown pages lead somewhere."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tools.docs.links import anchors, broken_links, headings, missing_paths
+from tools.docs.markdown import slug
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+IDS = [str(page.relative_to(ROOT)) for page in PAGES]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    assert broken_links(page, ROOT) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_named_paths_exist(page: Path) -> None:
+    assert missing_paths(page, ROOT) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_headings_have_the_same_anchor_on_forges_and_on_the_site(page: Path) -> None:
+    for heading in headings(page.read_text()):
+        on_site = re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", heading.replace("`", "")).strip().lower())
+        assert slug(heading) == on_site
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    text = re.sub(r"!!python/name:\S+", "null", (ROOT / "mkdocs.yml").read_text())
+    listed = set(re.findall(r"[\w/-]+\.md", str(yaml.safe_load(text)["nav"])))
+    assert listed == {str(page.relative_to(ROOT / "docs")) for page in PAGES if page.is_relative_to(ROOT / "docs")}
+
+
+def test_broken_links_are_found(tmp_path: Path) -> None:
+    (tmp_path / "other.md").write_text("# A heading: with `code`\n\n```\n# no heading\n```\n")
+    page = tmp_path / "page.md"
+    page.write_text(
+        "[a](other.md) [b](other.md#a-heading-with-code) [c](https://example.org) `[d](none.md)`\n"
+        "[e](none.md) [f](other.md#no-heading) [g](../../none.md)\n"
+    )
+    assert broken_links(page, tmp_path) == [
+        "none.md: no such file",
+        "other.md#no-heading: no such heading",
+        "../../none.md: outside of the repository",
+    ]
+    assert anchors(tmp_path / "other.md") == ("a-heading-with-code",)
+
+
+def test_missing_paths_are_found(tmp_path: Path) -> None:
+    (tmp_path / "simbev_ros").mkdir()
+    (tmp_path / "simbev_ros" / "there.py").touch()
+    page = tmp_path / "page.md"
+    page.write_text("`simbev_ros/there.py` and `simbev_ros/none.py`; simbev_ros/prose.py is no code\n")
+    assert missing_paths(page, tmp_path) == ["simbev_ros/none.py"]

@@ -8,10 +8,10 @@ import numpy as np
 
 from simbev_ros.dataset.calibration import calibrations
 from simbev_ros.evaluation.evaluation import evaluation_of
-from simbev_ros.evaluation.figures import figures_of
+from simbev_ros.evaluation.figures import METHODS, figures_of
 from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, Books, OpenFrame
 from simbev_ros.evaluation.metrics.averages import known_mean
-from simbev_ros.evaluation.metrics.detection import DetectionTally, Method, detection_result, merge
+from simbev_ros.evaluation.metrics.detection import DetectionTally, detection_result, merge
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD, THRESHOLDS
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.predicted_boxes import MAP_FRAME, PredictedBoxes, Reference, in_map, joined
@@ -28,7 +28,6 @@ from simbev_ros.types import BoolArray, Float64Array, Table
 _FRAMES_TOGETHER = 64
 """So many are matched at once at most: it takes less time together, but they must be kept until then."""
 _PERCENTILES = (50, 90, 99)
-_METHODS: tuple[Method, ...] = ("iou", "distance")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +97,7 @@ class LiveEvaluation:
         if with_boxes:
             self._tallies[base] = [merge(self._tallies[base])]
             result = detection_result(self._tallies[base][0], self._options.detection)
-            for method in _METHODS:
+            for method in METHODS:
                 figures |= {f"mAP_{method}": result.mean_ap(method), f"SDS_{method}": result.sds(method)}
         if self._cells.classes:
             rows = [BEV_CLASSES.index(name) for name in self._options.bev_classes if name in self._cells.classes]

@@ -9,9 +9,9 @@ import yaml
 
 from simbev_ros.evaluation.evaluation import Evaluation
 from simbev_ros.evaluation.metrics.detection import Method
+from simbev_ros.evaluation.tables import METHOD_NAMES, Figures, at_table_threshold, measured_methods
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Float64Array
-from simbev_ros.viz.reports.evaluation_tables import METHODS, Figures, at_table_threshold, methods_of
 from simbev_ros.viz.reports.svg_charts import Series, figure, legend, words
 from simbev_ros.viz.reports.svg_drawing import Color, Size
 from simbev_ros.viz.reports.svg_lines import share_lines, share_profile
@@ -60,12 +60,12 @@ def condition_figures(key: str, boxes: Figures, cells: Figures) -> Iterator[str]
     boxes = {_short(name): row for name, row in boxes.items() if row["boxes"]}
     cells = {_short(name): row for name, row in cells.items() if row["frames"]}
     joined = key not in _UNORDERED
-    for method in methods_of(boxes):
+    for method in measured_methods(boxes.values()):
         classes = [name for name in BOX_CLASSES if any(name in row["classes"] for row in boxes.values())]
         values = {
             name: [row["classes"].get(name, {}).get(method, {}).get("AP") for row in boxes.values()] for name in classes
         }
-        yield _profile(f"AP, matched by {METHODS[method]}", "AP", [*boxes], values, joined=joined)
+        yield _profile(f"AP, matched by {METHOD_NAMES[method]}", "AP", [*boxes], values, joined=joined)
     if cells:
         classes = [*next(iter(cells.values()))["IoU_at"]]
         values = {name: [at_table_threshold(row["IoU_at"][name]) for row in cells.values()] for name in classes}

@@ -8,8 +8,8 @@ import numpy as np
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.tables import METHOD_NAMES, Figures, at_table_threshold, text_of
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
-from simbev_ros.viz.reports.evaluation_tables import METHODS, Figures, at_table_threshold, text_of
 from simbev_ros.viz.reports.svg_charts import words
 from simbev_ros.viz.reports.svg_drawing import number
 
@@ -17,7 +17,7 @@ from simbev_ros.viz.reports.svg_drawing import number
 def headline(figures: Figures) -> Iterator[tuple[str, str]]:
     """The few figures that are to be seen first, and what they are."""
     detection, frames = figures.get("detection", {}), figures["frames"]
-    for method, name in METHODS.items():
+    for method, name in METHOD_NAMES.items():
         if method in detection:
             yield text_of(detection[method]["mAP"]), f"mAP, {name}"
             yield text_of(detection[method]["SDS"]), f"SDS, {name}"

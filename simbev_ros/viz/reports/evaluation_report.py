@@ -9,7 +9,18 @@ from simbev_ros.evaluation.evaluation import Evaluation
 from simbev_ros.evaluation.figures import METHODS
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictionSet
 from simbev_ros.evaluation.scene_boxes import found_column
-from simbev_ros.viz.reports import evaluation_tables as tables
+from simbev_ros.evaluation.tables import (
+    METHOD_NAMES,
+    Figures,
+    condition_table,
+    conditions_of,
+    error_table,
+    nuscenes_table,
+    precision_table,
+    segmentation_table,
+    summary_table,
+    text_of,
+)
 from simbev_ros.viz.reports.evaluation_charts import (
     cell_figures,
     condition_figures,
@@ -19,7 +30,7 @@ from simbev_ros.viz.reports.evaluation_charts import (
 )
 from simbev_ros.viz.reports.evaluation_facts import facts, headline
 from simbev_ros.viz.reports.evaluation_frames import worst_frame_cards, worst_grid_cards
-from simbev_ros.viz.reports.evaluation_tables import Figures
+from simbev_ros.viz.reports.evaluation_tables import html_table, scene_table
 from simbev_ros.viz.reports.page import key_figures, page, section, sheet
 from simbev_ros.viz.reports.svg_charts import legend
 
@@ -70,9 +81,9 @@ def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "",
     sections = [
         _boxes(evaluation, detection),
         _cells(segmentation),
-        *_conditions(detection, segmentation),
+        *_conditions(figures),
         _nuscenes(figures.get("nuscenes", {})),
-        section("Scenes", tables.scene_table(evaluation), _SCENES_NOTE),
+        section("Scenes", scene_table(evaluation), _SCENES_NOTE),
         section("Frames that miss most boxes", boxes, _found_note(evaluation)),
         section("Frames with the least IoU of cells", cells, "Classes that are evaluated, at the table's threshold."),
     ]
@@ -85,12 +96,14 @@ def _boxes(evaluation: Evaluation, detection: Figures) -> str:
     """Tables and curves of detection."""
     if not detection:
         return ""
-    parts = [tables.summary_table(detection)]
+    parts = [html_table(summary_table(detection))]
     for method in METHODS:
         if method in detection:
-            parts.append(f"<h3>Matched by {tables.METHODS[method]}</h3>{tables.precision_table(detection, method)}")
+            table = html_table(precision_table(detection, method))
+            parts.append(f"<h3>Matched by {METHOD_NAMES[method]}</h3>{table}")
             parts.append(legend(threshold_colors(evaluation, method)))
             parts.append(sheet("small", precision_recall_figures(evaluation, detection, method)))
+    parts.append(f"<h3>Mean errors of matched boxes</h3>{html_table(error_table(detection))}")
     return section("Boxes", "".join(parts), _BOXES_NOTE)
 
 
@@ -98,28 +111,28 @@ def _found_note(evaluation: Evaluation) -> str:
     method, limit = evaluation.options.detection.thresholds[found_column(evaluation.options.detection)]
     return (
         f"Of each class only as many surest predictions are taken as the frame has boxes. Matched by "
-        f"{tables.METHODS[method]}, {threshold_name(method, limit)}. Point at a box to read what it is."
+        f"{METHOD_NAMES[method]}, {threshold_name(method, limit)}. Point at a box to read what it is."
     )
 
 
-def _conditions(detection: Figures, segmentation: Figures) -> Iterator[str]:
-    """A section for everything that tables are cut by."""
-    for key in dict.fromkeys(key for part in (detection, segmentation) for key in part if key.startswith("by_")):
-        name, boxes, cells = key.removeprefix("by_"), detection.get(key, {}), segmentation.get(key, {})
-        body = tables.condition_table(name, boxes, cells) + sheet("pair", condition_figures(name, boxes, cells))
-        yield section(f"By {name}", body)
+def _conditions(figures: Figures) -> Iterator[str]:
+    """A section for each condition by which tables are sliced."""
+    for condition in conditions_of(figures):
+        boxes, cells = (figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation"))
+        charts = sheet("pair", condition_figures(condition, boxes, cells))
+        yield section(f"By {condition}", html_table(condition_table(condition, figures, with_empty=True)) + charts)
 
 
 def _cells(segmentation: Figures) -> str:
     if not segmentation:
         return ""
-    body = tables.cell_table(segmentation) + sheet("pair", cell_figures(segmentation))
+    body = html_table(segmentation_table(segmentation)) + sheet("pair", cell_figures(segmentation))
     return section("Bird's-eye view", body, "IoU of cells by class, if a class is where its score is at least so high.")
 
 
 def _nuscenes(nuscenes: Figures) -> str:
     if not nuscenes:
         return ""
-    shown = [(tables.text_of(nuscenes[name]), name) for name in ("NDS", "mAP")]
-    body = key_figures(shown) + tables.nuscenes_table(nuscenes)
+    shown = [(text_of(nuscenes[name]), name) for name in ("NDS", "mAP")]
+    body = key_figures(shown) + html_table(nuscenes_table(nuscenes))
     return section("nuScenes", body, "Its own metrics, over its classes, ranges and keyframes.")

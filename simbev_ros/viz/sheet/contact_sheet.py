@@ -8,7 +8,7 @@ import numpy as np
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.canvas import ACCENT, BACKGROUND, BOLD, DIM, LINE, SURFACE, draw_label, draw_picture, draw_text
 from simbev_ros.viz.sheet import panels
-from simbev_ros.viz.sheet.frames import Frame
+from simbev_ros.viz.sheet.frames import SheetFrame
 from simbev_ros.viz.sheet.layout import Block, Column, Row, Tile, place_in_width
 from simbev_ros.viz.sheet.sheet_panels import LABEL_PANEL, PanelPainter
 from simbev_ros.viz.sheet.views import Views
@@ -41,6 +41,7 @@ class ContactSheet:
 
     Attributes:
         size_px: Width and height of the sheet, both even.
+        boxes: Where each picture lies on the sheet, by its topic or ``LABEL_PANEL``.
     """
 
     def __init__(
@@ -66,17 +67,17 @@ class ContactSheet:
         self._panels = list(PanelPainter(views, half_extent_m, self._scale).panels())
         self._margin = round(_MARGIN * self._scale)
         top, gap = round(_HEADER * self._scale), round(_GAP * self._scale)
-        self._boxes = place_in_width(_arrange(views, aspects), self._margin, top, width_px - 2 * self._margin, gap)
-        bottom = max(box.top + box.height for box in self._boxes.values()) + self._margin
+        self.boxes = place_in_width(_arrange(views, aspects), self._margin, top, width_px - 2 * self._margin, gap)
+        bottom = max(box.top + box.height for box in self.boxes.values()) + self._margin
         self.size_px = (width_px, bottom + bottom % 2)
 
-    def draw(self, frame: Frame) -> UInt8Array:
+    def draw(self, frame: SheetFrame) -> UInt8Array:
         """(H, W, 3) RGB picture of a frame; a topic without anything recent leaves its place empty."""
         width, height = self.size_px
         sheet = np.full((height, width, 3), BACKGROUND, np.uint8)
         self._draw_header(sheet, frame)
         for panel in self._panels:
-            box = self._boxes[panel.place]
+            box = self.boxes[panel.place]
             if any(topic in frame.arrays for topic in panel.topics):
                 picture, note = panel.paint(frame, box), panel.note
             else:
@@ -85,7 +86,7 @@ class ContactSheet:
             draw_label(sheet, box, panel.title, note, self._scale)
         return sheet
 
-    def _draw_header(self, sheet: UInt8Array, frame: Frame) -> None:
+    def _draw_header(self, sheet: UInt8Array, frame: SheetFrame) -> None:
         """Scene, facts and time, over a line that fills as the scene goes on."""
         scale, captions = self._scale, self._captions
         left, right = self._margin, self.size_px[0] - self._margin

@@ -8,7 +8,7 @@ from simbev_ros.errors import BagError
 from simbev_ros.geometry.transforms import inverse
 from simbev_ros.types import Float64Array, UInt8Array
 from simbev_ros.viz.sheet import overlay, panels
-from simbev_ros.viz.sheet.frames import Frame
+from simbev_ros.viz.sheet.frames import SheetFrame
 from simbev_ros.viz.sheet.layout import Box
 from simbev_ros.viz.sheet.truth import Truth
 from simbev_ros.viz.sheet.views import LabelledCamera, Views
@@ -16,7 +16,7 @@ from simbev_ros.viz.sheet.views import LabelledCamera, Views
 LABEL_PANEL = "labels"
 """The place of the picture with labels: that of no topic."""
 
-_Paint = Callable[[Frame, Box], UInt8Array]
+_Paint = Callable[[SheetFrame, Box], UInt8Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class PanelPainter:
             yield Panel(views.bev, [views.bev], "Bird's-eye view", "ground truth", self._bev(views.bev))
 
     def _camera(self, topic: str, labelled: LabelledCamera | None) -> _Paint:
-        def paint(frame: Frame, box: Box) -> UInt8Array:
+        def paint(frame: SheetFrame, box: Box) -> UInt8Array:
             rgb, truth = frame.arrays[topic], frame.truths.get(topic)
             if labelled is None or truth is None:
                 return rgb
@@ -90,7 +90,7 @@ class PanelPainter:
         return paint
 
     def _lidar(self, topic: str) -> _Paint:
-        def paint(frame: Frame, box: Box) -> UInt8Array:
+        def paint(frame: SheetFrame, box: Box) -> UInt8Array:
             points, pose = frame.arrays[topic], self.views.ego_from_lidar
             picture = panels.lidar_picture(points, pose, box.width, self.half_extent_m)
             if truth := frame.truths.get(topic):
@@ -99,7 +99,7 @@ class PanelPainter:
 
         return paint
 
-    def _radars(self, frame: Frame, box: Box) -> UInt8Array:
+    def _radars(self, frame: SheetFrame, box: Box) -> UInt8Array:
         clouds = [(frame.arrays[topic], pose) for topic, pose in self.views.radars.items() if topic in frame.arrays]
         picture = panels.radar_picture(clouds, box.width, self.half_extent_m)
         last = max((topic for topic in self.views.radars if topic in frame.arrays), key=frame.stamps_ns.__getitem__)
@@ -108,7 +108,7 @@ class PanelPainter:
         return picture
 
     def _bev(self, topic: str) -> _Paint:
-        def paint(frame: Frame, box: Box) -> UInt8Array:
+        def paint(frame: SheetFrame, box: Box) -> UInt8Array:
             picture = panels.bev_picture(frame.arrays[topic], box.width)
             if truth := frame.truths.get(topic):
                 self._add_boxes(picture, truth, truth.map_from_grid, "on_ego_level")

@@ -10,7 +10,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import Rig
 from simbev_ros.errors import BagError
-from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.types import Float64Array
 from simbev_ros.viz.sheet.layout import LabelPlace
 from simbev_ros.viz.sheet.truth import TruthTopics
@@ -88,7 +88,7 @@ class Views:
         return {*self.topics, *self.truth.names, *beside}
 
 
-def find_views(bag: SceneBag, labels: LabelPlace = "panel") -> Views:
+def find_views(bag: IndexedBag, labels: LabelPlace = "panel") -> Views:
     """Choose topics by the patterns of their names; raw images before compressed ones.
 
     Args:
@@ -98,8 +98,9 @@ def find_views(bag: SceneBag, labels: LabelPlace = "panel") -> Views:
     Raises:
         BagError: There is nothing to look at.
     """
-    names = [topic.name for topic in bag.topics.values() if len(topic.stamps_ns)]
-    rig = bag.spec.rig if bag.spec else None
+    names = sorted(name for name, topic in bag.topics.items() if len(topic.stamps_ns))
+    spec = bag.spec
+    rig = spec.rig if spec else None
     images: dict[tuple[str, str], str] = {}
     for name in sorted(names, key=len):
         if match := _IMAGE.fullmatch(name):
@@ -123,7 +124,7 @@ def find_views(bag: SceneBag, labels: LabelPlace = "panel") -> Views:
         _labelled(rig, labelled, images) if labels != "off" and truth.odometry else {},
     )
     if not views.topics:
-        raise BagError(f"{bag.path}: no images, semantic points or bird's-eye-view labels to show")
+        raise BagError(f"{bag.file}: no images, semantic points or bird's-eye-view labels to show")
     return views
 
 

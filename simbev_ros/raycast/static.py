@@ -55,7 +55,7 @@ class StaticTriangles:
         return near
 
     def mesh_around(self, center_m: Float64Array, radius_m: float) -> tuple[Mesh, Float64Array]:
-        """One mesh of the same tiles as ``triangles_around``, and the (3,) point of the map frame it is relative to."""
+        """Merged mesh of the tiles of ``triangles_around``, and the (3,) point of the map frame it is relative to."""
         cell = _cell(center_m)
         low = cell[:2] * _CELL_M - radius_m
         high = low + _CELL_M + 2.0 * radius_m

@@ -1,4 +1,4 @@
-"""The catalogue's models, posed as tests need them."""
+"""Access to the catalogue's models for tests, with vertices in any pose."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_bluepri
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Float64Array, Table
 
-PEOPLE = [entry for entry in load_blueprints() if entry.kind == "pedestrian"]
-ON_FOOT = [entry.name for entry in PEOPLE if entry.on_foot]
+PEDESTRIANS = [entry for entry in load_blueprints() if entry.kind == "pedestrian"]
+ON_FOOT = [entry.name for entry in PEDESTRIANS if entry.on_foot]
 GAIT = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
 
 
@@ -29,8 +29,8 @@ def rows(count: int, **fields: object) -> Table:
     return actors
 
 
-def posed(of: ActorModel, actors: Table, part: str | None = None) -> Float64Array:
-    """(N, V, 3) vertices, of one part or of all, in the actor's frame."""
+def pose_vertices(of: ActorModel, actors: Table, part: str | None = None) -> Float64Array:
+    """(N, V, 3) vertices of (N,) actors, actor frame, of one part or of all."""
     chosen = np.ones(len(of.mesh.part), bool)
     if part is not None:
         chosen = of.mesh.part == [entry.name for entry in of.parts].index(part)

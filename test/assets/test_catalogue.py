@@ -3,7 +3,7 @@ from dataclasses import fields, replace
 import numpy as np
 import open3d as o3d
 import pytest
-from catalogue_models import ON_FOOT, PEOPLE, blueprint, model, posed, rows
+from catalogue_models import ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
 
 from simbev_ros.assets.actors.actor_model import ActorModel, Cycle
 from simbev_ros.assets.actors.catalogue import load_models
@@ -25,13 +25,13 @@ EMERGENCY = [blueprint.name for blueprint in load_blueprints() if blueprint.emer
 DARK = [channel for name in ("lining", "seat", "glass", "black") for channel in finish_named(name, Tag.CAR).color]
 
 
-def test_there_is_a_model_for_every_blueprint_in_its_place() -> None:
+def test_there_is_a_model_for_every_blueprint_at_its_index() -> None:
     assert [entry.blueprint for entry in load_models()] == NAMES
     assert [entry.tag for entry in load_models()] == [entry.tag for entry in load_blueprints()]
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in ON_FOOT])
-def test_the_mesh_fills_its_box_to_a_millimetre(name: str) -> None:
+def test_the_mesh_fills_its_box_to_a_millimeter(name: str) -> None:
     length, width, height = blueprint(name).size_m
     expected = [[-length / 2, -width / 2, 0.0], [length / 2, width / 2, height]]
     np.testing.assert_allclose(model(name).mesh.bounds_m, expected, atol=1e-3)
@@ -89,8 +89,8 @@ def test_parts_come_after_their_parents_and_none_is_empty(name: str) -> None:
 def test_triangles_are_within_the_budget(name: str) -> None:
     budgets = {"pedestrian": (1000, 2500), "rider": (1000, 2500), "vehicle": (1000, 8000), "prop": (200, 600)}
     own = {"pedestrian.wheelchair": (1000, 4000), "prop.worker": (1000, 2500)}
-    least, most = own.get(name, budgets[blueprint(name).kind])
-    assert least < len(model(name).mesh.triangles) < most
+    min_count, max_count = own.get(name, budgets[blueprint(name).kind])
+    assert min_count < len(model(name).mesh.triangles) < max_count
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -98,13 +98,13 @@ def test_wheels_have_the_radius_of_the_blueprint_and_touch_the_ground_however_th
     of, radius_m = model(name), blueprint(name).wheel_radius_m
     actors = rows(8, wheel=np.linspace(0.0, 2.0, 8))
     for part in (part for part in of.parts if part.spins):
-        points = posed(of, actors, part.name)
+        points = pose_vertices(of, actors, part.name)
         center = np.asarray(part.pivot_m)
         reach = np.hypot(points[..., 0] - center[0], points[..., 2] - center[2]).max(axis=1)
         np.testing.assert_allclose(reach, radius_m, rtol=0.015)
         np.testing.assert_allclose(points[..., 2].min(axis=1), 0.0, atol=0.03 * radius_m)
-        moved = np.abs(points[1:] - points[:1]).max()
-        assert moved > radius_m
+        displacement_m = np.abs(points[1:] - points[:1]).max()
+        assert displacement_m > radius_m
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -163,7 +163,7 @@ def test_there_are_models_of_every_kind() -> None:
     assert tags.count(Tag.TRUCK) >= 5
     assert tags.count(Tag.BUS) >= 2
     assert tags.count(Tag.MOTORCYCLE) >= 2
-    assert any(entry.wheelchair for entry in PEOPLE)
+    assert any(entry.wheelchair for entry in PEDESTRIANS)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -177,7 +177,7 @@ def test_doors_of_the_blueprint_are_parts_of_the_model_in_the_order_of_their_bit
 @pytest.mark.parametrize("name", WITH_DOORS)
 def test_a_door_opens_outward_about_its_front_edge_and_moves_nothing_else(name: str) -> None:
     of, count = model(name), blueprint(name).doors
-    shut, every, *single = posed(of, rows(count + 2, doors=[0, 15, *(1 << k for k in range(count))]))
+    shut, every, *single = pose_vertices(of, rows(count + 2, doors=[0, 15, *(1 << k for k in range(count))]))
     for k, opened in enumerate(single):
         index = next(index for index, part in enumerate(of.parts) if part.door == k and part.opening_rad)
         moves = of.mesh.part == index
@@ -195,9 +195,9 @@ def test_a_door_opens_outward_about_its_front_edge_and_moves_nothing_else(name: 
 
 
 @pytest.mark.parametrize("name", WITH_DOORS)
-def test_through_an_open_door_one_sees_a_dark_inside_and_no_back_of_a_painted_triangle(name: str) -> None:
+def test_an_open_door_shows_a_dark_interior_and_no_back_of_a_painted_triangle(name: str) -> None:
     of = model(name)
-    shut, opened = posed(of, rows(2, doors=[0, 1]))
+    shut, opened = pose_vertices(of, rows(2, doors=[0, 1]))
     triangles = o3d.core.Tensor(of.mesh.triangles.astype(np.uint32))
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(o3d.core.Tensor(opened.astype(np.float32)), triangles)
@@ -219,14 +219,14 @@ def test_a_wheelchair_rolls_on_its_rims_and_its_user_pushes_them() -> None:
     of = model("pedestrian.wheelchair")
     assert of.tag == Tag.PEDESTRIAN
     assert [part.name for part in of.parts if part.spins] == ["wheel left", "wheel right"]
-    still, pushing = posed(of, rows(2, gait=np.pi / 2, wheel=[0.0, 1.0], vx=[0.0, 1.0]), "forearm left")
+    still, pushing = pose_vertices(of, rows(2, gait=np.pi / 2, wheel=[0.0, 1.0], vx=[0.0, 1.0]), "forearm left")
     assert 0.03 < np.linalg.norm(pushing - still, axis=1).max() < 0.25
-    wheel = posed(of, rows(8, wheel=np.linspace(0.0, 2.0, 8)), "wheel left")
+    wheel = pose_vertices(of, rows(8, wheel=np.linspace(0.0, 2.0, 8)), "wheel left")
     np.testing.assert_allclose(wheel[..., 2].min(axis=1), 0.0, atol=0.01)
 
 
 def seen_along_x(of: ActorModel, heading: float) -> Float64Array:
-    """Materials that level rays in the direction of x, or against it, hit first."""
+    """Materials that horizontal rays along +x or -x hit first."""
     y, z = np.meshgrid(np.linspace(-1.0, 1.0, 80), np.linspace(0.01, 1.6, 80))
     origins = np.stack([np.full(y.size, -9.0 * heading), y.ravel(), z.ravel()], axis=1)
     rays = np.concatenate([origins, np.tile([heading, 0.0, 0.0], (len(origins), 1))], axis=1).astype(np.float32)
@@ -237,7 +237,7 @@ def seen_along_x(of: ActorModel, heading: float) -> Float64Array:
 
 
 @pytest.mark.parametrize("name", PROPS)
-def test_a_prop_is_never_traffic_and_shows_reflective_sheeting_to_who_approaches(name: str) -> None:
+def test_a_prop_is_never_traffic_and_shows_reflective_sheeting_to_approaching_traffic(name: str) -> None:
     assert blueprint(name).frequency == 0.0
     assert blueprint(name).box_class in BOX_CLASSES
     assert np.mean(seen_along_x(model(name), 1.0) == Material.PLATE) > 0.05
@@ -250,7 +250,7 @@ def test_only_emergency_vehicles_have_beacons() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if "sign" not in name])
-def test_something_takes_the_colour_of_the_actor(name: str) -> None:
+def test_some_surfaces_take_the_color_of_the_actor(name: str) -> None:
     assert np.isin(model(name).mesh.material, [Material.CAR_PAINT, Material.CLOTH_TINTED]).any()
 
 
@@ -258,16 +258,16 @@ def test_something_takes_the_colour_of_the_actor(name: str) -> None:
 def test_a_riders_hands_hold_the_handlebar_and_the_rider_sits_above_the_ground(name: str) -> None:
     vehicle, rider = model(f"vehicle.{name}"), model(f"rider.{name}")
     seat = np.array(blueprint(f"vehicle.{name}").rider_seat_m)
-    bar = posed(vehicle, rows(1), "fork")[0]
+    bar = pose_vertices(vehicle, rows(1), "fork")[0]
     for side in ("left", "right"):
-        hand = posed(rider, rows(1), f"forearm {side}")[0] + seat
+        hand = pose_vertices(rider, rows(1), f"forearm {side}")[0] + seat
         assert np.linalg.norm(hand[:, None] - bar[None], axis=2).min() < 0.04
     assert seat[2] > 0.05
 
 
-def assert_same_arrays(mine: Mesh | Cycle, theirs: Mesh | Cycle) -> None:
-    for field in fields(mine):
-        np.testing.assert_array_equal(getattr(mine, field.name), getattr(theirs, field.name))
+def assert_same_arrays(first: Mesh | Cycle, second: Mesh | Cycle) -> None:
+    for field in fields(first):
+        np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
 
 
 @pytest.mark.parametrize("name", ["vehicle.ambulance", "rider.bicycle", "pedestrian.man"])
@@ -280,24 +280,24 @@ def test_models_from_the_cache_are_those_that_are_built(name: str) -> None:
     assert (cached.cycle is None) == (built.cycle is None)
     if cached.cycle and built.cycle:
         assert_same_arrays(cached.cycle, built.cycle)
-    for mine, theirs in zip(cached.build_coarser(), built.build_coarser(), strict=True):
-        assert mine.error_m == theirs.error_m
-        assert_same_arrays(mine.mesh, theirs.mesh)
+    for first, second in zip(cached.build_coarser(), built.build_coarser(), strict=True):
+        assert first.error_m == second.error_m
+        assert_same_arrays(first.mesh, second.mesh)
 
 
-def test_a_shape_that_is_far_from_its_blueprints_size_is_refused() -> None:
+def test_a_shape_that_is_far_from_its_blueprints_size_is_rejected() -> None:
     longer = blueprint("vehicle.sedan").model_copy(update={"size_m": (5.2, 2.08, 1.43)})
     with pytest.raises(ValueError, match=r"the shape of vehicle\.sedan is .* its blueprint says \(5\.2"):
         build_model(longer, load_shape("vehicle.sedan"))
 
 
-def test_an_unknown_finish_is_refused() -> None:
+def test_an_unknown_finish_is_rejected() -> None:
     shape = Shape.model_validate({"solids": [{"shape": "box", "finish": "marzipan", "size": [1, 1, 1]}]})
     with pytest.raises(KeyError, match="marzipan"):
         build_model(blueprint("vehicle.sedan"), shape)
 
 
-def test_a_finish_can_be_a_material_with_a_colour() -> None:
+def test_a_finish_can_be_a_material_with_a_color() -> None:
     finish = finish_named("cloth #102030", Tag.RIDER, part=3)
     assert (finish.material, finish.color, finish.part) == (Material.CLOTH, (16, 32, 48), 3)
     assert replace(finish, part=0) == finish_named("cloth #102030", Tag.RIDER)

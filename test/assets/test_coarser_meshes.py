@@ -28,7 +28,7 @@ def distances_m(points: Float64Array, mesh: Mesh) -> Float64Array:
 
 
 def surface_points(mesh: Mesh, count: int) -> Float64Array:
-    """Points spread evenly over a mesh."""
+    """(count, 3) points spread evenly over a mesh's surface."""
     random = np.random.default_rng(3)
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -38,21 +38,21 @@ def surface_points(mesh: Mesh, count: int) -> Float64Array:
 
 
 def open_edges(mesh: Mesh) -> Float64Array:
-    """(E, 2, 3) edges that no neighbor runs along the other way."""
-    places, joined = np.unique(np.round(mesh.vertices.astype(np.float64), 5), axis=0, return_inverse=True)
+    """(E, 2, 3) edges that no neighboring triangle shares in the opposite direction."""
+    positions, joined = np.unique(np.round(mesh.vertices.astype(np.float64), 5), axis=0, return_inverse=True)
     start, end = joined.reshape(-1)[mesh.triangles][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).T
-    is_open = np.isin(start * len(places) + end, end * len(places) + start, invert=True)
-    return places[np.stack([start[is_open], end[is_open]], axis=1)]
+    is_open = np.isin(start * len(positions) + end, end * len(positions) + start, invert=True)
+    return positions[np.stack([start[is_open], end[is_open]], axis=1)]
 
 
 @pytest.mark.parametrize("name", WITH_SHELLS)
 def test_bodies_have_no_gap_at_a_seam_in_any_detail(name: str) -> None:
     shape = load_shape(name)
-    index = {name: place for place, name in enumerate(["body", *(part.name for part in door_parts(shape.doors))])}
+    index = {name: number for number, name in enumerate(["body", *(part.name for part in door_parts(shape.doors))])}
     for shell in shape.shells:
         for detail in (EXACT, *COARSER):
             edges = open_edges(build_shell(shell, blueprint(name).tag, index, detail)[0])
-            # Where a box ends square, several points of the same straight edge face a single one: no gap either.
+            # At a square end of a box, several points of one straight edge face a single edge: no gap either.
             assert np.abs(np.ptp(edges[..., [0, 2]], axis=1)).max(initial=0.0) < 1e-4
 
 
@@ -72,12 +72,12 @@ def test_coarser_meshes_have_the_parts_and_nearly_the_extent_of_the_exact_one_an
     assert counts == sorted(counts, reverse=True)
     assert counts[-1] < 0.55 * counts[0] or counts[0] < 600
     assert [level.error_m for level in levels] == [detail.error_m for detail in COARSER]
-    for level in levels[: 4 if "cycle" in name else 5]:  # from very far away a handlebar is too thin to be there
+    for level in levels[: 4 if "cycle" in name else 5]:  # in the coarsest level a handlebar is too thin to be built
         assert set(level.mesh.part.tolist()) <= set(exact.part.tolist())
         np.testing.assert_allclose(level.mesh.bounds_m, exact.bounds_m, atol=2.0 * level.error_m + 1e-4)
 
 
-def test_a_round_thing_has_as_many_sides_as_its_error_needs() -> None:
+def test_a_round_object_has_as_many_sides_as_its_error_requires() -> None:
     sides = Detail(0.01).segments(64, 0.33)
     assert 0.33 * (1.0 - np.cos(np.pi / sides)) <= 0.01 < 0.33 * (1.0 - np.cos(np.pi / (sides - 1)))
     assert Detail(0.0).segments(20, 0.33) == 20

@@ -1,4 +1,4 @@
-"""Polygons parted along lines and cut to facets; the truth is shapely's intersection."""
+"""Polygons split along lines and cut to facets agree with shapely's intersections."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ HOLED = shapely.Point(300, 200).buffer(140).difference(shapely.MultiPoint([(260,
 
 
 def stars(count: int, rng: np.random.Generator) -> AnyArray:
-    """Polygons of 3 to 30 corners, mostly not convex, around places on the map."""
+    """Polygons with 3 to 30 corners, mostly not convex, around random points of the map."""
     found = []
     for corners in rng.integers(3, 31, count):
         angle = np.sort(rng.uniform(0.0, 2.0 * np.pi, corners))
@@ -26,7 +26,7 @@ def stars(count: int, rng: np.random.Generator) -> AnyArray:
 
 
 def half(polygon: shapely.Polygon, line: Float64Array) -> shapely.Geometry:
-    """What of a polygon lies where a x + b y > c."""
+    """The part of a polygon where a x + b y > c."""
     normal, along = line[:2], np.array([-line[1], line[0]])
     foot = np.array(polygon.centroid.coords[0])
     foot = foot - (foot @ normal - line[2]) * normal
@@ -34,7 +34,7 @@ def half(polygon: shapely.Polygon, line: Float64Array) -> shapely.Geometry:
     return shapely.intersection(polygon, shapely.Polygon(corners))
 
 
-def assert_parted(polygons: AnyArray, lines: Float64Array) -> None:
+def assert_split(polygons: AnyArray, lines: Float64Array) -> None:
     parts, origin, above = split_along_lines(Rings.from_polygons(polygons), lines)
     pieces = parts.polygons
     assert shapely.is_valid(pieces).all()
@@ -50,20 +50,20 @@ def assert_parted(polygons: AnyArray, lines: Float64Array) -> None:
     assert not (parts.is_cut & ~new & (np.hypot(*(ends - starts).T) > 1e-6)).any()
 
 
-def test_random_polygons_are_parted_as_shapely_parts_them() -> None:
+def test_random_polygons_are_split_as_shapely_splits_them() -> None:
     rng = np.random.default_rng(3)
     polygons = stars(300, rng)
     angle = rng.uniform(0.0, 2.0 * np.pi, len(polygons))
     normal = np.column_stack([np.cos(angle), np.sin(angle)])
     middle = shapely.get_coordinates(shapely.centroid(polygons)) + rng.uniform(-3.0, 3.0, (len(polygons), 2))
-    assert_parted(polygons, np.column_stack([normal, np.sum(normal * middle, axis=1)]))
+    assert_split(polygons, np.column_stack([normal, np.sum(normal * middle, axis=1)]))
 
 
 @pytest.mark.parametrize("y_m", [0.0, 1.0, 2.0, 3.0, 4.0, 6.0])
 @pytest.mark.parametrize("flip", [1.0, -1.0])
 def test_lines_through_corners_and_along_sides(y_m: float, flip: float) -> None:
-    assert_parted(np.array([COMB], object), flip * np.array([[0.0, 1.0, y_m]]))
-    assert_parted(np.array([COMB], object), flip * np.array([[1.0, 0.0, y_m + 1.0]]))
+    assert_split(np.array([COMB], object), flip * np.array([[0.0, 1.0, y_m]]))
+    assert_split(np.array([COMB], object), flip * np.array([[1.0, 0.0, y_m + 1.0]]))
 
 
 def test_polygons_with_holes_are_cut_through_them() -> None:
@@ -74,7 +74,7 @@ def test_polygons_with_holes_are_cut_through_them() -> None:
 
 
 def bumpy_facets(region: Region) -> Facets:
-    """Facets of all sizes."""
+    """Facets of a bumpy surface, of all sizes."""
     low_m = np.array(region.area.bounds[:2]) - 64.0
     xy_m = node_positions_m(low_m, 2.0, (321, 321))
     away_m = np.linalg.norm(xy_m - low_m - [250.0, 330.0], axis=2)

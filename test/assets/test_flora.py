@@ -12,7 +12,7 @@ from simbev_ros.types import UInt8Array
 
 PIXEL_M = 0.03
 LARGE = {"round", "tall", "small", "birch", "olive", "pine", "stone_pine"}
-HEIGHT_M = {  # lowest and highest of the stock, as the species' descriptions have it
+HEIGHT_M = {  # minimum and maximum in the stock, as the species' docstrings state
     "round": (8.0, 11.0),
     "tall": (11.5, 15.5),
     "small": (4.4, 6.0),
@@ -24,11 +24,11 @@ HEIGHT_M = {  # lowest and highest of the stock, as the species' descriptions ha
 
 
 def outline(mesh: Mesh, yaw_rad: float) -> UInt8Array:
-    """(H, W) what of a picture from the side the mesh covers, upside down."""
+    """(H, W) pixels that the mesh covers in a side view, upside down."""
     across_m = mesh.vertices[:, :2] @ np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-    place = np.round((np.stack([across_m + 9.0, mesh.vertices[:, 2] + 5.0], axis=1) / PIXEL_M) * 16.0).astype(np.int32)
+    pixel = np.round((np.stack([across_m + 9.0, mesh.vertices[:, 2] + 5.0], axis=1) / PIXEL_M) * 16.0).astype(np.int32)
     picture = np.zeros((round(22.0 / PIXEL_M), round(18.0 / PIXEL_M)), np.uint8)
-    for triangle in place[mesh.triangles]:
+    for triangle in pixel[mesh.triangles]:
         cv2.fillConvexPoly(picture, triangle, 1, shift=4)
     return picture
 
@@ -45,17 +45,17 @@ def test_a_plant_stands_upright_on_its_foot(name: str) -> None:
 
 @pytest.mark.parametrize("name", load_species())
 def test_plants_cost_few_triangles_and_fewer_from_afar(name: str) -> None:
-    most, most_coarse = (750, 100) if name in LARGE else (430, 300)
+    max_triangles, max_coarse_triangles = (750, 100) if name in LARGE else (430, 300)
     if name.startswith("light") or name in ("bush", "oleander", "scrub", "thicket"):
-        most, most_coarse = 180, 60
+        max_triangles, max_coarse_triangles = 180, 60
     for variant in range(VARIANTS):
         plant = stock(name, variant)
-        assert len(plant.mesh.triangles) <= most
-        assert len(plant.coarse.triangles) <= most_coarse
+        assert len(plant.mesh.triangles) <= max_triangles
+        assert len(plant.coarse.triangles) <= max_coarse_triangles
 
 
 @pytest.mark.parametrize(("name", "height_m"), HEIGHT_M.items())
-def test_a_species_has_its_size(name: str, height_m: tuple[float, float]) -> None:
+def test_plants_of_a_species_have_the_documented_height(name: str, height_m: tuple[float, float]) -> None:
     for variant in range(VARIANTS):
         assert height_m[0] < stock(name, variant).mesh.vertices[:, 2].max() < height_m[1]
 
@@ -72,7 +72,7 @@ def test_a_stand_in_has_the_outline_of_its_plant(name: str) -> None:
         assert 0.7 < coarse.sum() / exact.sum() < 1.25
 
 
-def test_a_stand_in_has_the_colours_of_its_plant() -> None:
+def test_a_stand_in_has_the_colors_of_its_plant() -> None:
     for name in LARGE:
         plant = stock(name, 0)
         exact, coarse = (mesh.color[mesh.triangles[:, 0]].mean(axis=0) for mesh in (plant.mesh, plant.coarse))
@@ -80,7 +80,7 @@ def test_a_stand_in_has_the_colours_of_its_plant() -> None:
         assert (plant.coarse.tag == Tag.VEGETATION).all()
 
 
-def test_hedges_join_without_gaps_in_both_grades() -> None:
+def test_hedges_join_without_gaps_in_both_levels_of_detail() -> None:
     hedge = panel("hedge", 0)
     assert isinstance(hedge, GradedMesh)
     for mesh in (hedge.mesh, hedge.coarse):
@@ -90,7 +90,7 @@ def test_hedges_join_without_gaps_in_both_grades() -> None:
     assert len(hedge.coarse.triangles) < 0.3 * len(hedge.mesh.triangles)
 
 
-def test_a_tile_ends_with_what_has_a_stand_in() -> None:
+def test_a_tile_ends_with_the_objects_that_have_a_stand_in() -> None:
     tiles, plain, tree = TileBuilder(), stock("agave", 0).mesh, stock("birch", 0)
     poses = np.stack(
         [upright_pose((10.0, 10.0), 2.0), upright_pose((20.0, 5.0), 3.0, 1.0), upright_pose((-10.0, 5.0), 0.0)]

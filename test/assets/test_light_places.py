@@ -24,14 +24,14 @@ def lane(name: str, start_m: Float64Array, end_m: Float64Array) -> Strip:
 
 
 def street() -> Layout:
-    """From x = 50 m to 950 m, the lane eastward in the south; the border of two regions is at 512 m."""
+    """A street from x = 50 m to 950 m, its eastbound lane in the south; the border of two regions is at 512 m."""
     west, east = np.array([50.0, 100.0, 0.0]), np.array([50.0 + _LENGTH_M, 100.0, 0.0])
     south = np.array([0.0, -1.75, 0.0])
     return Layout((lane("out", west + south, east + south), lane("back", east - south, west - south)), (), (), ())
 
 
 def lights_m(column: int, y_m: float) -> Float64Array:
-    """(N,) x of the lights on one side of the street in a region."""
+    """(N,) x of the lights on one side of the street, in one region."""
     region = Region(column, 0)
     owns = lambda xy_m: (np.floor(xy_m / REGION_M) == region).all(axis=-1)  # noqa: E731
     ground = SimpleNamespace(region=region, network=SimpleNamespace(layout=street()), owns=owns)

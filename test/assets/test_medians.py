@@ -1,4 +1,4 @@
-"""Green medians: no curb across them at a region's border, trees along their middle."""
+"""Green medians have no curb across them at a region's border, and trees along their middle."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def tiles(tmp_path_factory: pytest.TempPathFactory) -> list[Tile]:
 
 
 def triangles_m(tiles: list[Tile], tag: Tag) -> Float64Array:
-    """(T, 3, 3) of a tag, in the map, over the median."""
+    """(T, 3, 3) triangles of a tag over the median, map frame."""
     found = [tile.mesh.vertices[tile.mesh.triangles[tile.mesh.triangle_tag == tag]] + tile.origin_m for tile in tiles]
     corners_m: Float64Array = np.concatenate(found)
     middle_m = corners_m[..., :2].mean(axis=1)

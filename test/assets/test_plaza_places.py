@@ -1,4 +1,4 @@
-"""Plazas as they are stored, against the meshes themselves."""
+"""Plazas as stored in region files agree with the meshes of the region."""
 
 import numpy as np
 import shapely
@@ -9,7 +9,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
 
 
-def test_nothing_stands_where_people_may_walk() -> None:
+def test_no_object_stands_where_pedestrians_may_walk() -> None:
     spec = map_spec("Town15")
     network = load_network(spec)
     plazas = load_streetside(spec, network).plazas

@@ -23,31 +23,33 @@ def random_actors(count: int) -> Table:
     return actors
 
 
-def between(table: Float64Array, cycle: Cycle, speed_mps: float, gait_rad: float) -> float:
-    """A value of an (M, N) table of a cycle."""
+def interpolate_bilinearly(table: Float64Array, cycle: Cycle, speed_mps: float, gait_rad: float) -> float:
+    """Interpolated value of an (M, N) table of a cycle."""
     phases = np.arange(table.shape[1]) * (2.0 * np.pi / table.shape[1])
     at_speeds = [np.interp(gait_rad, phases, row, period=2.0 * np.pi) for row in table]
     return float(np.interp(speed_mps, cycle.speed_mps, at_speeds))
 
 
-def posed_slowly(model: ActorModel, actor: Table, vertex: int) -> Float64Array:
-    """One vertex, turned by its part, by its part's parent, and so on, then put in its place."""
+def pose_vertex_slowly(model: ActorModel, actor: Table, vertex: int) -> Float64Array:
+    """Position of one vertex: rotated with its part, its part's parent and so on, then moved with the actor."""
     point = model.mesh.vertices[vertex].astype(np.float64)
     index = int(model.mesh.part[vertex])
     gait, speed = float(actor["gait"]), float(np.hypot(actor["vx"], actor["vy"]))
     while index >= 0:
         part = model.parts[index]
-        swing = between(model.cycle.turn_rad[..., index], model.cycle, speed, gait) if model.cycle else 0.0
+        swing = (
+            interpolate_bilinearly(model.cycle.turn_rad[..., index], model.cycle, speed, gait) if model.cycle else 0.0
+        )
         about_y = swing + part.spins * float(actor["wheel"]) + part.cranks * gait
         is_open = int(actor["doors"]) >> part.door & 1
         about_z = part.steers * float(actor["steer"]) + is_open * part.opening_rad
         turn = Rotation.from_euler("ZY", [about_z, about_y])
         point = turn.apply(point - part.pivot_m) + part.pivot_m
         if index == 0 and model.cycle:
-            point[2] += between(model.cycle.rise_m, model.cycle, speed, gait)
+            point[2] += interpolate_bilinearly(model.cycle.rise_m, model.cycle, speed, gait)
         index = part.parent
-    place = Rotation.from_euler("xyz", [float(actor[field]) for field in ("roll", "pitch", "yaw")])
-    return place.apply(point) + [float(actor[field]) for field in "xyz"] - ORIGIN_M
+    rotation = Rotation.from_euler("xyz", [float(actor[field]) for field in ("roll", "pitch", "yaw")])
+    return rotation.apply(point) + [float(actor[field]) for field in "xyz"] - ORIGIN_M
 
 
 def test_actors_are_posed_as_a_slow_reference_poses_single_vertices() -> None:
@@ -58,7 +60,9 @@ def test_actors_are_posed_as_a_slow_reference_poses_single_vertices() -> None:
     for actor in actors:
         model = models[actor["blueprint"]]
         for vertex in chosen.integers(0, len(model.mesh.vertices), 25):
-            np.testing.assert_allclose(posed.vertices[start + vertex], posed_slowly(model, actor, vertex), atol=3e-5)
+            np.testing.assert_allclose(
+                posed.vertices[start + vertex], pose_vertex_slowly(model, actor, vertex), atol=3e-5
+            )
         start += len(model.mesh.vertices)
     assert start == len(posed.vertices)
 
@@ -78,7 +82,7 @@ def test_triangles_are_in_row_order_and_name_their_row_and_their_models_vertices
     assert first_triangle == len(posed.triangles) == len(posed.triangle_row)
 
 
-def test_an_actor_is_posed_to_the_same_bits_in_any_company() -> None:
+def test_an_actor_is_posed_to_the_same_bits_whatever_other_actors_there_are() -> None:
     actors, models = random_actors(40), load_models()
     together = pose_actors(models, actors, ORIGIN_M)
     for row in (0, 17, 39):

@@ -1,4 +1,4 @@
-"""Roads whose edge is the border of a region, as where a file's reference line runs along y = 0."""
+"""Roads whose edge is the border of a region, as in files whose reference line runs along y = 0."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Rays straight down and up against the ground's meshes; the truth is Elevation, Terrain and plan areas."""
+"""Vertical rays against the ground's meshes agree with Elevation, Terrain and the areas in plan."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ HOME = Region(0, 0)
 
 
 @dataclass
-class Built:
+class BuiltRegion:
     network: RoadNetwork
     ground: RegionGround
     tiles: tuple[Tile, ...]
@@ -42,15 +42,15 @@ def triangles_of(mesh: Mesh, chosen: np.ndarray) -> Mesh:
 
 
 @lru_cache(maxsize=8)
-def built(make: Callable[[], RoadNetwork], region: Region = HOME) -> Built:
+def build(make: Callable[[], RoadNetwork], region: Region = HOME) -> BuiltRegion:
     network = make()
     ground = RegionGround.from_network(network, region, Terrain(network))
     tiles = ground_tiles(ground)
-    return Built(network, ground, tiles, merged(tiles))
+    return BuiltRegion(network, ground, tiles, merged(tiles))
 
 
 def cast(mesh: Mesh, origin_m: Float64Array, direction: tuple[float, float, float]) -> tuple[Float64Array, UInt8Array]:
-    """(N,) distances, infinite where nothing is hit, and the tags that are hit."""
+    """(N,) distances, infinite where nothing is hit, and (N,) tags of the hits."""
     scene = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(mesh.vertices, mesh.triangles.astype(np.uint32))
     rays = np.column_stack([origin_m, np.tile(direction, (len(origin_m), 1))]).astype(np.float32)
@@ -62,13 +62,13 @@ def cast(mesh: Mesh, origin_m: Float64Array, direction: tuple[float, float, floa
 
 
 def top_of(mesh: Mesh, xy_m: Float64Array) -> tuple[Float64Array, UInt8Array]:
-    """(N,) heights and tags of what is seen from above."""
+    """(N,) heights and (N,) tags of the topmost surfaces."""
     distance_m, tags = cast(mesh, np.column_stack([xy_m, np.full(len(xy_m), 100.0)]), (0.0, 0.0, -1.0))
     return 100.0 - distance_m, tags
 
 
-def places(count: int = 40_000) -> Float64Array:
-    """Random places in the region, and many on the borders of tiles."""
+def random_positions(count: int = 40_000) -> Float64Array:
+    """(count, 2) random positions in the region, many of them on the borders of tiles."""
     xy_m = np.random.default_rng(7).uniform(1e-3, 512.0 - 1e-3, (count, 2))
     xy_m[: count // 4, 0] = np.round(xy_m[: count // 4, 0] / 64.0) * 64.0
     return np.clip(xy_m, 1e-3, 512.0 - 1e-3)
@@ -82,14 +82,14 @@ def inside(area: shapely.Geometry, xy_m: Float64Array, margin_m: float = 0.02) -
 
 @pytest.mark.parametrize("make", [hilly_road, crossing, river, level_street])
 def test_the_ground_has_no_holes(make: Callable[[], RoadNetwork]) -> None:
-    height_m, tags = top_of(built(make).of_tags(*GROUND), places())
+    height_m, tags = top_of(build(make).of_tags(*GROUND), random_positions())
     assert np.isfinite(height_m).all()
     assert np.isin(tags, GROUND).all()
 
 
 @pytest.mark.parametrize("make", [hilly_road, crossing, river])
 def test_streets_and_land_lie_at_the_heights_of_the_map(make: Callable[[], RoadNetwork]) -> None:
-    case, xy_m = built(make), places()
+    case, xy_m = build(make), random_positions()
     mesh, ground, terrain = case.of_tags(*GROUND), case.ground, case.ground.terrain
     seen_m, tags = top_of(mesh, xy_m)
     under = inside(shapely.union_all(ground.decks), xy_m, -0.02)
@@ -111,7 +111,7 @@ def test_streets_and_land_lie_at_the_heights_of_the_map(make: Callable[[], RoadN
 
 
 def test_regions_meet_without_a_step() -> None:
-    west, east = built(hilly_road, Region(-1, 0)), built(hilly_road, HOME)
+    west, east = build(hilly_road, Region(-1, 0)), build(hilly_road, HOME)
     y = np.random.default_rng(3).uniform(0.0, 512.0, 5000)
     both = [
         top_of(case.of_tags(*GROUND), np.column_stack([np.full(len(y), x), y]))[0]
@@ -128,11 +128,11 @@ def test_a_region_is_the_same_whatever_else_was_built() -> None:
     terrain = Terrain(network)
     RegionGround.from_network(network, Region(-1, 0), terrain)
     again = merged(ground_tiles(RegionGround.from_network(network, HOME, terrain)))
-    assert again.vertices.tobytes() == built(hilly_road).mesh.vertices.tobytes()
+    assert again.vertices.tobytes() == build(hilly_road).mesh.vertices.tobytes()
 
 
 def test_below_a_deck_there_is_its_clearance_and_no_pillar_on_the_road() -> None:
-    case = built(crossing)
+    case = build(crossing)
     y = np.linspace(236.0, 276.0, 400)
     lanes_m = np.concatenate([np.column_stack([np.full(len(y), 256.0 + side), y]) for side in (-3.3, -1.0, 1.0, 3.3)])
     up_m, tags = cast(case.mesh, np.column_stack([lanes_m, np.full(len(lanes_m), 0.05)]), (0.0, 0.0, 1.0))
@@ -145,7 +145,7 @@ def test_below_a_deck_there_is_its_clearance_and_no_pillar_on_the_road() -> None
 
 
 def test_a_deck_has_a_top_a_side_and_an_underside() -> None:
-    case = built(crossing)
+    case = build(crossing)
     xy_m = np.array([[x, 256.0 + side] for x in (240.0, 256.0, 270.0) for side in (-5.0, -2.9, 0.0, 2.9, 5.0)])
     top_m, _ = top_of(case.mesh, xy_m)
     below_m, _ = cast(case.mesh, np.column_stack([xy_m, case.ground.land_m(xy_m) + 0.5]), (0.0, 0.0, 1.0))
@@ -157,8 +157,8 @@ def test_a_deck_has_a_top_a_side_and_an_underside() -> None:
     assert distance_m[0] == pytest.approx(20.0 - 7.75 - 0.45, abs=0.02)
 
 
-def test_what_lies_on_a_structure_is_in_tiles_of_its_level() -> None:
-    case = built(crossing)
+def test_streets_on_a_structure_are_in_tiles_of_their_level() -> None:
+    case = build(crossing)
     for level in (0, 1):
         mesh = merged([tile for tile in case.tiles if tile.level == level])
         corners = mesh.vertices[mesh.triangles[mesh.triangle_tag == Tag.ROAD]].astype(np.float64)
@@ -168,7 +168,7 @@ def test_what_lies_on_a_structure_is_in_tiles_of_its_level() -> None:
 
 
 def test_water_lies_level_between_its_banks() -> None:
-    case = built(river)
+    case = build(river)
     water = case.of_tags(Tag.WATER)
     assert (water.vertices[np.unique(water.triangles), 2] == np.float32(-2.5)).all()
     y = np.array([60.0, 150.0, 400.0])
@@ -177,7 +177,7 @@ def test_water_lies_level_between_its_banks() -> None:
 
 
 def test_guard_rails_stand_beside_the_fast_road_and_not_on_it() -> None:
-    case = built(crossing)
+    case = build(crossing)
     rails = case.of_tags(Tag.GUARD_RAIL)
     xy_m = rails.vertices[np.unique(rails.triangles), :2].astype(np.float64)
     assert len(xy_m) > 500
@@ -188,7 +188,7 @@ def test_guard_rails_stand_beside_the_fast_road_and_not_on_it() -> None:
 
 
 def test_level_ground_is_not_cut_up() -> None:
-    case = built(level_street)
+    case = build(level_street)
     empty = [tile for tile in case.tiles if not (tile.mesh.tag == Tag.ROAD).any()]
     assert len(empty) == 48
     assert all(len(tile.mesh.triangles) == 2 for tile in empty)
@@ -196,7 +196,7 @@ def test_level_ground_is_not_cut_up() -> None:
 
 
 def test_no_gap_shows_between_loaded_land_and_the_land_beyond() -> None:
-    case = built(hilly_road)
+    case = build(hilly_road)
     near = [tile for tile in case.tiles if tile.origin_m[0] < 400.0]  # their border is not that of a region
     land = far_land(case.network, case.ground.terrain)
     mesh = merged([*near, *far_tiles(land, cells_of(land, near))])

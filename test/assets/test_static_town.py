@@ -1,4 +1,4 @@
-"""What stands in regions, against the streets in plan, the ground's meshes and each other."""
+"""Objects in regions are consistent with the streets in plan, the ground's meshes and each other."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -48,8 +48,8 @@ UPRIGHT_TAGS = (Tag.TERRAIN, Tag.GROUND, Tag.WATER)
 SLENDER_TAGS = (Tag.POLE, Tag.TRAFFIC_LIGHT, Tag.TRAFFIC_SIGN)
 
 
-class Placed(NamedTuple):
-    """An object: its mesh in the map frame and the foot that it was placed by."""
+class PlacedObject(NamedTuple):
+    """A placed object: its mesh in the map frame, and the position of its foot."""
 
     mesh: Mesh
     foot_m: Float64Array
@@ -57,15 +57,15 @@ class Placed(NamedTuple):
 
 
 class Recorder(TileBuilder):
-    """Notes every object by itself."""
+    """Tile builder that also records every object separately."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.objects: list[Placed] = []
+        self.objects: list[PlacedObject] = []
 
     def place(self, mesh: Mesh, map_from_mesh: Float64Array, level: int = 0) -> None:
         super().place(mesh, map_from_mesh, level)
-        self.objects.append(Placed(mesh.transform(map_from_mesh), map_from_mesh[:3, 3], False))
+        self.objects.append(PlacedObject(mesh.transform(map_from_mesh), map_from_mesh[:3, 3], False))
 
     def place_copies(self, thing, map_from_mesh, tint=None, follow_m=None) -> None:  # type: ignore[no-untyped-def]
         super().place_copies(thing, map_from_mesh, tint, follow_m)
@@ -73,21 +73,21 @@ class Recorder(TileBuilder):
         for copy, pose in zip(copies, map_from_mesh, strict=True):
             if follow_m is not None:
                 copy.vertices[:, 2] += follow_m(copy.vertices[:, :2].astype(np.float64)).astype(np.float32)
-            self.objects.append(Placed(copy, pose[:3, 3], follow_m is not None))
+            self.objects.append(PlacedObject(copy, pose[:3, 3], follow_m is not None))
 
 
 class Town(NamedTuple):
-    """A region with all that stands in it, recorded."""
+    """A region with a record of all objects in it."""
 
     ground: RegionGround
-    objects: Sequence[Placed]
+    objects: Sequence[PlacedObject]
     furnishing: Furnishing
 
     @property
     def mesh(self) -> Mesh:
         return Mesh.merge([placed.mesh for placed in self.objects])
 
-    def of_tag(self, tag: Tag) -> list[Placed]:
+    def of_tag(self, tag: Tag) -> list[PlacedObject]:
         return [placed for placed in self.objects if (placed.mesh.tag == tag).all()]
 
 
@@ -100,7 +100,7 @@ def features(use: str, **changes: object) -> MapFeatures:
     return MapFeatures(SurroundingsRecipe(use=use, **{**RECIPES[use], **changes}))
 
 
-def furnished(network: RoadNetwork, region: Region = HOME) -> Town:
+def furnish(network: RoadNetwork, region: Region = HOME) -> Town:
     ground = RegionGround.from_network(network, region, Terrain(network))
     recorder = Recorder()
     return Town(ground, recorder.objects, furnish_region(recorder, Claims(), ground))
@@ -108,12 +108,12 @@ def furnished(network: RoadNetwork, region: Region = HOME) -> Town:
 
 @lru_cache(maxsize=8)
 def town(use: str) -> Town:
-    return furnished(replace(blocks(), features=features(use)))
+    return furnish(replace(blocks(), features=features(use)))
 
 
 @lru_cache(maxsize=4)
 def hills(use: str) -> Town:
-    return furnished(
+    return furnish(
         replace(hilly_road(), features=replace(hilly_road().features, surroundings=features(use).surroundings))
     )
 
@@ -202,7 +202,7 @@ def test_crowns_keep_clear_of_signal_heads(use: str) -> None:
 
 
 @pytest.mark.parametrize("use", RECIPES)
-def test_what_stands_on_land_stays_within_its_region(use: str) -> None:
+def test_objects_on_land_stay_within_their_region(use: str) -> None:
     built = town(use)
     for placed in built.objects:
         if not np.isin(placed.mesh.tag, SLENDER_TAGS).any():
@@ -220,7 +220,7 @@ def test_covers_fill_the_land_and_overlap_nowhere(use: str) -> None:
     assert shapely.union_all(covers).symmetric_difference(land).area < 1e-4 * land.area
 
 
-def test_a_region_is_the_same_whatever_was_built_before() -> None:
+def test_a_region_does_not_depend_on_regions_built_before() -> None:
     network = replace(blocks(), features=features("residential"))
     terrain = Terrain(network)
     alone = scene_bytes(build_region(network, HOME, terrain))
@@ -274,7 +274,7 @@ def test_street_lamps_carry_the_index_of_their_light() -> None:
 def test_lights_of_a_bridge_stand_on_its_deck_and_those_below_on_the_land() -> None:
     road = crossing()
     surroundings = features("residential", street_light_spacing_m=25, building_density=0).surroundings
-    built = furnished(replace(road, features=replace(road.features, surroundings=surroundings)))
+    built = furnish(replace(road, features=replace(road.features, surroundings=surroundings)))
     ground, elevation = built.ground, built.ground.terrain.elevation
     feet_m = np.array(
         [placed.foot_m for placed in built.objects if (placed.mesh.material == Material.STREET_LAMP).any()]
@@ -287,7 +287,7 @@ def test_lights_of_a_bridge_stand_on_its_deck_and_those_below_on_the_land() -> N
 
 
 def test_a_recipe_without_lights_and_trees_has_none() -> None:
-    bare = furnished(replace(blocks(), features=features("residential", street_light_spacing_m=0, plant_density=0)))
+    bare = furnish(replace(blocks(), features=features("residential", street_light_spacing_m=0, plant_density=0)))
     assert bare.furnishing.street_lights == ()
     assert not [placed for placed in bare.of_tag(Tag.VEGETATION) if placed.mesh.bounds_m[1, 2] > 2.5]
 
@@ -300,7 +300,7 @@ def test_signs_of_the_map_stand_where_it_says_and_look_at_their_traffic() -> Non
     )
     network = blocks()
     network = replace(network, features=features("farmland"), layout=replace(network.layout, signs=signs))
-    built = furnished(network)
+    built = furnish(network)
     for sign in signs:
         own = next(placed for placed in built.objects if np.allclose(placed.foot_m, sign.foot_m))
         plate = own.mesh.material == Material.PLATE
@@ -320,7 +320,7 @@ def test_prescribed_buildings_are_built_once_and_no_others() -> None:
     found = [
         hull(placed.mesh)
         for region in (HOME, Region(-1, 0))
-        for placed in furnished(network, region).of_tag(Tag.BUILDING)
+        for placed in furnish(network, region).of_tag(Tag.BUILDING)
     ]
     assert len(found) == 2
     for outline in outlines:
@@ -328,10 +328,10 @@ def test_prescribed_buildings_are_built_once_and_no_others() -> None:
         assert own.symmetric_difference(outline.convex_hull).area < 0.12 * outline.convex_hull.area
 
 
-def test_where_zones_overlap_the_last_one_holds() -> None:
+def test_where_zones_overlap_the_last_one_applies() -> None:
     wood, square = features("woods").surroundings, shapely.box(60, 60, 160, 160)
     zones = (Zone(shapely.box(0, 0, 200, 200), wood), Zone(square, features("park").surroundings))
-    built = furnished(replace(blocks(), features=replace(features("farmland"), zones=zones)))
+    built = furnish(replace(blocks(), features=replace(features("farmland"), zones=zones)))
     forest = [
         cover.area for cover in built.furnishing.covers if cover.finish.material is Material.SOIL and cover.rise_m == 0
     ]

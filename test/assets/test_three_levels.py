@@ -1,4 +1,4 @@
-"""A viaduct above a bridge above a street: its level changes in mid-air, and nothing but its number."""
+"""A viaduct above a bridge above a street: the viaduct's level changes in mid-air without any change of its surface."""
 
 from itertools import product
 
@@ -38,12 +38,12 @@ def stretches(network: RoadNetwork, lane: str) -> list[Strip]:
 
 
 def seams_m(network: RoadNetwork) -> list[float]:
-    """Where along x the viaduct's level changes."""
+    """Values of x at which the viaduct's level changes."""
     return [float(strip.center_m[-1, 0]) for strip in stretches(network, "viaduct.1")[:-1]]
 
 
 def heights_m(mesh: Mesh, tag: Tag, xy_m: Float64Array) -> list[Float64Array]:
-    """Of all that carries a tag above and below each of (N, 2) places, from low to high."""
+    """Heights of all surfaces with a tag at each of (N, 2) points, in ascending order."""
     corners_m = mesh.vertices[mesh.triangles[mesh.triangle_tag == tag]].astype(np.float64)
     flat = shapely.polygons(corners_m[:, :, :2])
     corners_m, flat = corners_m[shapely.area(flat) > 1e-6], flat[shapely.area(flat) > 1e-6]

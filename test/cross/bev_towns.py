@@ -1,4 +1,4 @@
-"""Frames to check the bird's-eye view on: crowds with everything in them, around places in towns."""
+"""Frames for checking the bird's-eye view: dense traffic with all kinds of objects, around points in towns."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -29,14 +29,14 @@ from simbev_ros.semantics import BEV_CLASSES, Tag
 from simbev_ros.types import BoolArray, Float64Array, Table
 from simbev_ros.world.simulation import Simulation
 
-AROUND_M = 180.0  # frames are so far from the ego's start at most
-FARTHEST_M = 105.0  # of any grid's corners
+MAX_FRAME_DISTANCE_M = 180.0  # maximum distance of frames from the ego's start
+MAX_CORNER_DISTANCE_M = 105.0  # maximum distance of any grid's corners from the ego
 MODELS = load_models()
 
 
 @dataclass(frozen=True)
 class Town:
-    """A place in a town, its traffic at one moment, and the annotator there."""
+    """Surroundings of a point in a town, the traffic there at one time, and the annotator."""
 
     static: StaticScene
     layout: Layout
@@ -48,17 +48,22 @@ class Town:
     state: WorldState
 
     def labels(self, state: WorldState, grid: BevGrid) -> dict[str, BoolArray]:
+<<<<<<< HEAD
         """What is to be checked."""
         labels = self.annotator.labels(state, grid, self.levels.ego_level(state), self.areas)
+=======
+        """Labels of the annotator under test, by class."""
+        labels = self.annotator.labels(state, grid, self.levels.of_ego(state), self.areas)
+>>>>>>> lang-assets
         return {name: labels >> bit & 1 == 1 for bit, name in enumerate(BEV_CLASSES)}
 
 
 def load_town(name: str, near_m: tuple[float, float] | None = None) -> Town:
-    """Traffic around a place, with hazards, and on any roads there one of every blueprint and two more hazards."""
+    """Traffic around a point, with hazards; additionally one actor of every blueprint and two more hazards on roads."""
     spawn = () if near_m is None else (SpawnPose(x_m=near_m[0], y_m=near_m[1]),)
     update = {
         "scenes": (MapScenes(map=name, train=1),),
-        "traffic": Traffic(vehicles=60, pedestrians=120, spawn_radius_m=AROUND_M, waypoint_spacing_m=12.0),
+        "traffic": Traffic(vehicles=60, pedestrians=120, spawn_radius_m=MAX_FRAME_DISTANCE_M, waypoint_spacing_m=12.0),
         "time": Timing(warm_up_s=6.0, duration_s=1.0),
         "hazards": Hazards(count=2, cone_missing_probability=0.0),
         "ego": Ego(spawn=spawn),
@@ -68,14 +73,14 @@ def load_town(name: str, near_m: tuple[float, float] | None = None) -> Town:
     network = load_network(planned.map)
     spec = draw_scene(scenario, planned, network)
     start_m, _ = network.pose_on_lane(spec.vehicles[0].start.lane, spec.vehicles[0].start.s_m)
-    place_m = float(start_m[0]), float(start_m[1])
-    reach = Reach(place_m, AROUND_M + FARTHEST_M)
+    position_m = float(start_m[0]), float(start_m[1])
+    reach = Reach(position_m, MAX_FRAME_DISTANCE_M + MAX_CORNER_DISTANCE_M)
     beside = load_streetside(spec.map, network, reach=reach)
     with Simulation(spec, network, beside.obstacles, beside.plazas) as simulation:
         state = [simulation.step() for _ in range(spec.warm_up_ticks + 1)][-1]
     static = load_static_scene(spec.map, network, reach=reach)
-    layout = network.layout.near(shapely.Point(place_m).buffer(reach.radius_m + 200.0), 0.0)
-    near = [strip for strip, _ in _driving(layout, shapely.Point(place_m).buffer(AROUND_M))]
+    layout = network.layout.near(shapely.Point(position_m).buffer(reach.radius_m + 200.0), 0.0)
+    near = [strip for strip, _ in _driving(layout, shapely.Point(position_m).buffer(MAX_FRAME_DISTANCE_M))]
     near.sort(key=lambda strip: strip.level, reverse=True)
     steps = np.concatenate([_steps(strip) for strip in near])
     rng = np.random.default_rng(0)
@@ -88,23 +93,23 @@ def load_town(name: str, near_m: tuple[float, float] | None = None) -> Town:
 
 
 def _driving(layout: Layout, area: shapely.Geometry) -> list[tuple[Strip, shapely.LineString]]:
-    """Lanes in an area, with their middle lines."""
+    """Driving lanes in an area, with their center lines."""
     strips = [strip for strip in layout.strips_of(LaneKind.DRIVING) if len(strip.center_m) > 1]
     lines = [(strip, shapely.LineString(strip.center_m[:, :2])) for strip in strips]
     return [(strip, line) for strip, line in lines if line.intersects(area)]
 
 
 def _hazard(strip: Strip) -> HazardSpec:
-    """At most 30 m of a lane."""
-    way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(strip.center_m, axis=0), axis=1)))
-    count = max(int(np.searchsorted(way_m, 30.0)), 2)
+    """A hazard on at most 30 m of a lane."""
+    path_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(strip.center_m, axis=0), axis=1)))
+    count = max(int(np.searchsorted(path_m, 30.0)), 2)
     outline_m = np.concatenate([strip.right_m[:count], strip.left_m[:count][::-1]])
     z_m = float(outline_m[:, 2].mean())
     return HazardSpec(kind=HazardKind.WORK_ZONE, outline_m=tuple(map(tuple, outline_m[:, :2].tolist())), z_m=z_m)
 
 
 def _any_actor(identity: int, blueprint: int, rng: np.random.Generator) -> Table:
-    """One that leans, steers, walks and has its doors open."""
+    """An actor that leans, steers, walks and has its doors open."""
     angles = {name: rng.normal(0.0, 0.1) for name in ("roll", "pitch", "steer")}
     turns = {name: rng.uniform(0.0, 6.0) for name in ("yaw", "gait", "wheel", "vx")}
     doors = int(rng.integers(16))
@@ -112,15 +117,15 @@ def _any_actor(identity: int, blueprint: int, rng: np.random.Generator) -> Table
 
 
 def _steps(strip: Strip) -> Float64Array:
-    """(N, 2, 3) ends of the pieces of a strip's middle, at most 4 m long."""
-    way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(strip.center_m, axis=0), axis=1)))
-    at_m = np.linspace(0.0, way_m[-1], int(way_m[-1] / 4.0) + 2)
-    points_m = np.stack([np.interp(at_m, way_m, axis_m) for axis_m in strip.center_m.T], axis=1)
+    """(N, 2, 3) ends of segments of a strip's center line, at most 4 m long."""
+    path_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(strip.center_m, axis=0), axis=1)))
+    at_m = np.linspace(0.0, path_m[-1], int(path_m[-1] / 4.0) + 2)
+    points_m = np.stack([np.interp(at_m, path_m, axis_m) for axis_m in strip.center_m.T], axis=1)
     return np.stack([points_m[:-1], points_m[1:]], axis=1)
 
 
 def _on(step: Float64Array, row: Table) -> Table:
-    """Put on the middle of a (2, 3) piece of road, turned about its own yaw from there."""
+    """Put an actor on the middle of a (2, 3) segment of road, turned by its own yaw relative to the segment."""
     put, along_m = row.copy(), step[1] - step[0]
     put["x"], put["y"], put["z"] = step.mean(axis=0)
     put["yaw"] += np.arctan2(along_m[1], along_m[0])
@@ -128,11 +133,11 @@ def _on(step: Float64Array, row: Table) -> Table:
     return put
 
 
-def places(town: Town, count: int, seed: int) -> Iterator[WorldState]:
-    """The ego put on roads: by turns anywhere, on or beneath a structure, at a hazard, and near a cyclist."""
+def ego_states(town: Town, count: int, seed: int) -> Iterator[WorldState]:
+    """States with the ego on roads: in turn anywhere, on or beneath a structure, at a hazard, and near a cyclist."""
     rng = np.random.default_rng(seed)
     ego = town.state.ego
-    around = shapely.Point(ego["x"], ego["y"]).buffer(AROUND_M)
+    around = shapely.Point(ego["x"], ego["y"]).buffer(MAX_FRAME_DISTANCE_M)
     lines = _driving(town.layout, around)
     decks = shapely.union_all([line for strip, line in lines if strip.level > 0])
     sites = shapely.union_all([shapely.Polygon(hazard.outline_m) for hazard in town.hazards])

@@ -1,7 +1,8 @@
-"""What cells of the bird's-eye view hold, the slow way: vertical rays through the meshes, roads told apart by height.
+"""Ground truth of bird's-eye-view cells by brute force: vertical rays through the meshes, roads separated by height.
 
-Nothing of it is the annotator's: Embree finds what is above a sample, levels are those of the road, by shapely and by
-height, on which a hit lies. Which roads belong to the ego's level is taken from ``LevelGraph``, which has tests itself.
+It shares no code with the annotator: Embree finds the surfaces above a sample, and the level of a hit is that of the
+road it lies on, found with shapely and by height. Only the assignment of roads to the ego's level comes from
+``LevelGraph``, which has its own tests.
 """
 
 from collections.abc import Iterator
@@ -25,14 +26,14 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 SAMPLES = 8  # along each side of a cell; the fifth one is at its center
 CENTER = SAMPLES // 2
-ROADSIDE_M = 5.0  # what lies so far beside a road belongs to it
-APART_M = 2.5  # roads with more height between them pass above each other
-BELOW_M = 100.0  # rays start so far below the ego
+ROADSIDE_M = 5.0  # surfaces up to this distance beside a road belong to it
+APART_M = 2.5  # roads with a larger height difference are on different levels
+BELOW_M = 100.0  # depth below the ego at which rays start
 SEEN = {Tag.ROAD: "road", Tag.ROAD_LINE: "road_line", Tag.SIDEWALK: "sidewalk"}
 
 
 class Truth:
-    """What is in the samples of a frame's cells."""
+    """Ground truth of the samples in a frame's cells."""
 
     def __init__(self, town: Town, state: WorldState, grid: BevGrid) -> None:
         self._grid, self._origin_m = grid, np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
@@ -40,7 +41,7 @@ class Truth:
         self._roads = None if members is None else Roads(town.graph, members, town.layout)
         self.told_apart = self._roads is not None and not self._roads.all_count
         fine = BevGrid(grid.rows * SAMPLES, grid.columns * SAMPLES, grid.cell_m / SAMPLES)
-        # The samples' grid is half a sample further ahead and left, so that one of a cell's is at its center.
+        # The grid of samples is shifted half a sample ahead and left, so that one sample is at each cell's center.
         samples_ego = fine.centers_ego.reshape(-1, 2) + fine.cell_m / 2.0
         c, s = np.cos(float(state.ego["yaw"])), np.sin(float(state.ego["yaw"]))
         self._rays = np.zeros((len(samples_ego), 6), np.float32)
@@ -49,9 +50,9 @@ class Truth:
         self._meshes = _merged([*self._static(town.static), *self._hazards(town.hazards), *self._actors(state)])
 
     def samples(self) -> Iterator[tuple[str, BoolArray, BoolArray | None]]:
-        """Classes that occur: name, (rows, columns) whether the center is covered, and (rows, columns) whether half is.
+        """Per class that occurs: name, (rows, columns) whether the center is covered, and whether half the cell is.
 
-        Shares are not known where roads have to be told apart.
+        The latter is None where roads on several levels have to be separated.
         """
         shape = self._grid.rows, SAMPLES, self._grid.columns, SAMPLES
         for name, (vertices_m, triangles) in self._meshes.items():
@@ -68,8 +69,8 @@ class Truth:
                 covered = np.isfinite(mesh.cast(self._rays).range_m).reshape(shape)
                 yield name, covered[:, CENTER, :, CENTER], covered.mean(axis=(1, 3)) >= 0.5
 
-    def _counting(self, places_m: Float64Array) -> BoolArray:
-        return np.ones(len(places_m), bool) if self._roads is None else self._roads.count(places_m)
+    def _counting(self, positions_m: Float64Array) -> BoolArray:
+        return np.ones(len(positions_m), bool) if self._roads is None else self._roads.count(positions_m)
 
     def _static(self, static: StaticScene) -> Iterator[tuple[str, Float64Array, Int64Array]]:
         """Class, (V, 3) vertices relative to the ego, (T, 3) triangles."""
@@ -102,7 +103,7 @@ ACTORS = frozenset(BEV_CLASSES[BEV_CLASSES.index("traffic_cone") :])
 
 
 class Roads:
-    """The roads around structures: those of the ego's level and the others."""
+    """Roads around structures, on the ego's level and on others."""
 
     def __init__(self, graph: LevelGraph, members: LevelMembers, layout: Layout) -> None:
         self._areas, self._members = graph.polygons[members.piece], members
@@ -116,38 +117,41 @@ class Roads:
         self._tree = shapely.STRtree(self._areas)
         self.all_count = bool(members.belongs.all()) and not len(members.hidden)
 
-    def count(self, places_m: Float64Array) -> BoolArray:
-        """(N,) whether (N, 3) places lie on a road of the level, or beside one and on none; far from all: they do."""
-        points = shapely.points(places_m[:, :2])
-        place, piece = self._tree.query(points, "dwithin", distance=ROADSIDE_M)
-        level = np.abs(self._height_m[piece] - places_m[place, 2]) < APART_M
-        place, piece = place[level], piece[level]
-        on = shapely.intersects(self._areas[piece], points[place])
+    def count(self, positions_m: Float64Array) -> BoolArray:
+        """(N,) whether (N, 3) points are on the ego's level: on or beside one of its roads, or far from all roads."""
+        points = shapely.points(positions_m[:, :2])
+        point_index, piece = self._tree.query(points, "dwithin", distance=ROADSIDE_M)
+        level = np.abs(self._height_m[piece] - positions_m[point_index, 2]) < APART_M
+        point_index, piece = point_index[level], piece[level]
+        on = shapely.intersects(self._areas[piece], points[point_index])
         own = self._members.belongs[piece]
         on_own, on_other, by_own, by_other = (
-            np.bincount(place[chosen], minlength=len(places_m)) > 0 for chosen in (on & own, on & ~own, own, ~own)
+            np.bincount(point_index[chosen], minlength=len(positions_m)) > 0
+            for chosen in (on & own, on & ~own, own, ~own)
         )
         counts: BoolArray = on_own | (~on_other & (by_own | ~by_other))
         for area, hidden in zip(self._members.areas, self._members.hidden, strict=True):
-            near = place[piece == hidden]
+            near = point_index[piece == hidden]
             counts[near[shapely.intersects(area, points[near])]] = False
         return counts
 
 
 def _nearest_height_m(line_m: Float64Array, area: shapely.Geometry) -> float:
-    """Height of a line of (N, 3) points where it is nearest to the middle of an area."""
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1)))
+    """Height of a line of (N, 3) points where it is nearest to the center of an area."""
+    path_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1)))
     at = shapely.line_locate_point(shapely.LineString(line_m[:, :2]), shapely.centroid(area))
-    return float(np.interp(at, way, line_m[:, 2]))
+    return float(np.interp(at, path_m, line_m[:, 2]))
 
 
 def _merged(meshes: list[tuple[str, Float64Array, Int64Array]]) -> dict[str, tuple[Float64Array, Int64Array]]:
-    """One mesh a class."""
+    """Merge meshes into one per class."""
     merged: dict[str, tuple[Float64Array, Int64Array]] = {}
     for name in BEV_CLASSES:
-        mine = [(vertices_m, triangles) for each, vertices_m, triangles in meshes if each == name and len(triangles)]
-        if mine:
-            starts = np.cumsum([0, *(len(vertices_m) for vertices_m, _ in mine)])
-            triangles = [faces + start for (_, faces), start in zip(mine, starts, strict=False)]
-            merged[name] = np.concatenate([vertices_m for vertices_m, _ in mine]), np.concatenate(triangles)
+        of_class = [
+            (vertices_m, triangles) for each, vertices_m, triangles in meshes if each == name and len(triangles)
+        ]
+        if of_class:
+            starts = np.cumsum([0, *(len(vertices_m) for vertices_m, _ in of_class)])
+            triangles = [faces + start for (_, faces), start in zip(of_class, starts, strict=False)]
+            merged[name] = np.concatenate([vertices_m for vertices_m, _ in of_class]), np.concatenate(triangles)
     return merged

@@ -1,7 +1,7 @@
-"""What a camera must show, found without OpenGL: Embree rays through its pixels, and the meshes' motion.
+"""Ground truth of camera images without OpenGL: Embree rays through the pixels, and the motion of the meshes.
 
-Embree finds the triangle that a pixel's center shows; where on it the ray arrives is then worked out in float64. Rays
-through the pixels' corners tell which pixels lie on a silhouette.
+Embree finds the triangle at a pixel's center; the hit point on it is then computed in float64. Rays through the
+pixels' corners determine which pixels lie on a silhouette.
 """
 
 from collections.abc import Sequence
@@ -22,21 +22,21 @@ from simbev_ros.semantics import Tag
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
 
 _JUMP = 0.01
-"""Of the depth: a corner that is so far off the plane of what the pixel's center shows lies beyond a silhouette."""
+"""Relative depth difference from the plane at the pixel's center above which a corner lies beyond a silhouette."""
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """Labeled triangles, relative to an origin in the map frame, and their places one frame before.
+    """Labeled triangles relative to an origin in the map frame, with their positions one frame before.
 
     Attributes:
-        vertices_m: (V, 3) float64.
-        before_m: (V, 3) float64.
-        corners: (T, 3) vertices of each.
+        vertices_m: (V, 3) float64 positions now.
+        before_m: (V, 3) float64 positions one frame before.
+        corners: (T, 3) vertex indices.
         tag: (T,) semantic tag.
-        actor: (T,) id, 0 for what does not move.
-        jointed: (T,) bool, a part that turns or swings on its actor.
-        embree: The same for rays.
+        actor: (T,) actor id, 0 for static surfaces.
+        jointed: (T,) whether the triangle is on a part that moves relative to its actor.
+        embree: The same triangles for rays.
     """
 
     vertices_m: Float64Array
@@ -50,9 +50,9 @@ class Triangles:
     @classmethod
     def of_static(cls, static: StaticScene, origin_m: Float64Array) -> Self:
         tiles = [tile for tile in static.tiles if len(tile.mesh.triangles)]
-        places = [tile.mesh.vertices + (tile.origin_m - origin_m) for tile in tiles]
-        starts = np.cumsum([0, *(len(each) for each in places)])
-        vertices_m = np.concatenate(places)
+        positions_m = [tile.mesh.vertices + (tile.origin_m - origin_m) for tile in tiles]
+        starts = np.cumsum([0, *(len(each) for each in positions_m)])
+        vertices_m = np.concatenate(positions_m)
         corners = np.concatenate([tile.mesh.triangles + first for tile, first in zip(tiles, starts, strict=False)])
         tag = np.concatenate([tile.mesh.triangle_tag for tile in tiles])
         still = np.zeros(len(tag), np.int64)
@@ -63,7 +63,7 @@ class Triangles:
     def of_actors(
         cls, models: Sequence[ActorModel], state: WorldState, previous: WorldState, origin_m: Float64Array
     ) -> Self:
-        """All but the ego."""
+        """All actors except the ego."""
         actors = state.actors[~np.isin(state.actors["id"], sorted(state.ego_ids))]
         now, before = (pose_actors(models, rows, origin_m) for rows in (actors, _before(actors, previous.actors)))
         part = np.concatenate([models[row["blueprint"]].mesh.part for row in actors])[now.triangles[:, 0]]
@@ -79,7 +79,7 @@ class Triangles:
 
 
 def _before(actors: Table, previous: Table) -> Table:
-    """The actors as they were; those that were not there, as they are."""
+    """Actors in their earlier state; actors that were not there before, in their present state."""
     known = {int(row["id"]): row for row in previous}
     return np.array([known.get(int(row["id"]), row) for row in actors], actors.dtype)
 
@@ -92,7 +92,7 @@ class Truth:
         semantic: Tag.
         instance: Actor id, 0 = none.
         depth_m: Along the optical axis, +inf for the sky.
-        flow_px: (H, W, 2) place now minus place in the frame before, NaN where that was behind the camera.
+        flow_px: (H, W, 2) position now minus position in the frame before, NaN where that was behind the camera.
         inner: Pixels that are not on a silhouette.
         jointed: Pixels on wheels, limbs, doors.
     """
@@ -108,7 +108,7 @@ class Truth:
 def truth_of(
     view: CameraView, still: Triangles, moving: Triangles, states: tuple[WorldState, WorldState], origin_m: Float64Array
 ) -> Truth:
-    """What a view shows of the first of two states, the second being the frame before."""
+    """Ground-truth images of a view, from the present state and that of the frame before."""
     now, before = (_origin_from_optical(view, state, origin_m) for state in states)
     camera, shape = view.camera, (view.camera.height_px, view.camera.width_px)
     pixels = _grid(shape)
@@ -117,15 +117,19 @@ def truth_of(
     depth_m, slope, before_m = np.full(len(rays), np.inf), np.zeros((len(rays), 3)), rays @ now[:3, :3].T
     tag, actor, jointed = np.full(len(rays), Tag.SKY), np.zeros(len(rays), np.int64), np.zeros(len(rays), bool)
     for index, triangles in enumerate((still, moving)):
-        mine = np.flatnonzero(kind == index)
-        found = triangle[mine]
-        tag[mine], actor[mine], jointed[mine] = triangles.tag[found], triangles.actor[found], triangles.jointed[found]
+        chosen = np.flatnonzero(kind == index)
+        found = triangle[chosen]
+        tag[chosen], actor[chosen], jointed[chosen] = (
+            triangles.tag[found],
+            triangles.actor[found],
+            triangles.jointed[found],
+        )
         corners = triangles.vertices_m[triangles.corners[found]]
-        weights, depth_m[mine], slope[mine] = _arrival(now, rays[mine], corners)
-        before_m[mine] = np.einsum("nk,nki->ni", weights, triangles.before_m[triangles.corners[found]])
-    then = inverse(before)
-    sky = np.isinf(depth_m)[:, None]  # infinitely far: only the camera's turning moves it
-    seen = np.where(sky, before_m @ then[:3, :3].T, apply(then, before_m))
+        weights, depth_m[chosen], slope[chosen] = _arrival(now, rays[chosen], corners)
+        before_m[chosen] = np.einsum("nk,nki->ni", weights, triangles.before_m[triangles.corners[found]])
+    optical_from_map_before = inverse(before)
+    sky = np.isinf(depth_m)[:, None]  # infinitely far: only rotation of the camera moves it
+    seen = np.where(sky, before_m @ optical_from_map_before[:3, :3].T, apply(optical_from_map_before, before_m))
     with np.errstate(divide="ignore", invalid="ignore"):
         flow_px = pixels - camera.project(seen)
     flow_px[seen[:, 2] <= 0.0] = np.nan
@@ -155,7 +159,7 @@ def _grid(shape: tuple[int, int], shift_px: float = 0.0) -> Float64Array:
 def _cast(
     both: tuple[Triangles, Triangles], pose: Float64Array, rays: Float64Array
 ) -> tuple[Int64Array, AnyArray, Float64Array]:
-    """Which of both sets each ray (z = 1) hits first, -1: none; the triangle; and the depth."""
+    """Per ray (z = 1): which of both sets it hits first (-1: none), the triangle, and the depth."""
     lines = np.empty((len(rays), 6), np.float32)
     lines[:, :3], lines[:, 3:] = pose[:3, 3], rays @ pose[:3, :3].T
     hits = [triangles.embree.cast(lines) for triangles in both]
@@ -169,7 +173,7 @@ def _cast(
 def _arrival(
     pose: Float64Array, rays: Float64Array, corners: Float64Array
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Where rays meet the planes of (N, 3, 3) triangles (Möller, Trumbore 1997).
+    """Intersections of rays with the planes of (N, 3, 3) triangles (Möller, Trumbore 1997).
 
     Returns:
         (N, 3) weights of the corners, (N,) depths, and (N, 3) vectors whose product with any other ray is the inverse
@@ -189,14 +193,14 @@ def _arrival(
 def _inner(
     both: tuple[Triangles, Triangles], pose: Float64Array, camera: PinholeCamera, code: AnyArray, slope: Float64Array
 ) -> BoolArray:
-    """(H, W) pixels at whose corners the same thing is seen, without a jump in depth."""
+    """(H, W) pixels whose corners show the same object as the center, without a jump in depth."""
     height, width = code.shape
     rays = camera.rays(_grid((height + 1, width + 1), -0.5))
     kind, triangle, depth_m = _cast(both, pose, rays)
     corner_code = np.full(len(rays), _code(np.array(Tag.SKY), np.array(0)))
     for index, triangles in enumerate(both):
-        mine = kind == index
-        corner_code[mine] = _code(triangles.tag[triangle[mine]], triangles.actor[triangle[mine]])
+        chosen = kind == index
+        corner_code[chosen] = _code(triangles.tag[triangle[chosen]], triangles.actor[triangle[chosen]])
     rays, corner_code = rays.reshape(height + 1, width + 1, 3), corner_code.reshape(height + 1, width + 1)
     nearness = (1.0 / depth_m).reshape(height + 1, width + 1)
     inner = np.ones(code.shape, bool)
@@ -209,22 +213,22 @@ def _inner(
 
 
 def _code(tag: AnyArray, actor: AnyArray) -> AnyArray:
-    """One number for both labels."""
+    """One number per combination of both labels."""
     return actor.astype(np.int64) << 8 | tag.astype(np.int64)
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far a camera's images agree with the truth; shares are of pixels.
+    """Agreement of a camera's images with the ground truth; shares are of pixels.
 
     Attributes:
-        inner: Pixels that are not on a silhouette.
-        depth: Of the inner pixels: depth right within 1 cm or 0.1 %.
-        semantic: Of all pixels.
-        instance: Of all pixels.
-        labels: Of the inner pixels: both right.
+        inner: Share of pixels that are not on a silhouette.
+        depth: Share of inner pixels whose depth is right within 1 cm or 0.1 %.
+        semantic: Share of pixels with the right tag.
+        instance: Share of pixels with the right actor.
+        labels: Share of inner pixels with both labels right.
         flow_px: Errors of the flow on inner pixels.
-        jointed_flow_px: The same on wheels, limbs and doors alone.
+        jointed_flow_px: Errors of the flow on wheels, limbs and doors alone.
     """
 
     inner: float
@@ -237,7 +241,7 @@ class Agreement:
 
 
 def agreement(images: CameraImages, truth: Truth) -> Agreement:
-    """Compare the four exact modalities."""
+    """Compare the four exact modalities with the ground truth."""
     assert images.depth is not None and images.flow is not None
     inner, depth_m = truth.inner, images.depth.astype(np.float64)
     sky = np.isinf(truth.depth_m)

@@ -1,4 +1,4 @@
-"""A simulated moment of a town to take pictures of, and places to take them from."""
+"""A simulated town at one time, and camera poses in it, for image tests."""
 
 from collections.abc import Sequence
 
@@ -24,10 +24,10 @@ VIEW_M = 700.0
 
 
 class Studio:
-    """A simulated moment of a town, and its static surroundings."""
+    """A town at one time, with its static scene."""
 
     def __init__(self, town: str, seed: int) -> None:
-        """Two ticks, after some seconds in which all have set off."""
+        """Simulate some seconds, until all actors are moving, and keep the last two ticks."""
         scenario = Scenario.model_validate(
             {
                 "seed": seed,
@@ -55,15 +55,15 @@ class Studio:
 
 
 def random_views(state: WorldState, camera: PinholeCamera, count: int, seed: int) -> list[CameraView]:
-    """By turns from the ego in any direction, and from nearby at an actor that walks, rides or drives."""
+    """Views in turn from the ego in any direction, and from nearby toward a moving pedestrian, rider or vehicle."""
     rng = np.random.default_rng(seed)
     actors = state.actors
     moving = actors[(np.hypot(actors["vx"], actors["vy"]) > 0.5) & ~np.isin(actors["id"], sorted(state.ego_ids))]
     views = []
     for index in range(count):
         if index % 2 == 0:
-            place_m, tilt = rng.uniform([-1.0, -1.0, 1.0], [2.0, 1.0, 4.0]), rng.uniform([-0.1, -0.2], [0.1, 0.4])
-            pose = matrices_from_xyz_rpy(place_m, np.array([*tilt, rng.uniform(-np.pi, np.pi)]))
+            position_m, tilt = rng.uniform([-1.0, -1.0, 1.0], [2.0, 1.0, 4.0]), rng.uniform([-0.1, -0.2], [0.1, 0.4])
+            pose = matrices_from_xyz_rpy(position_m, np.array([*tilt, rng.uniform(-np.pi, np.pi)]))
         else:
             pose = inverse(map_from_actors(state.ego.reshape(1))[0]) @ _looking_at(rng.choice(moving), rng)
         views.append(CameraView(camera, pose, EXACT))
@@ -71,7 +71,7 @@ def random_views(state: WorldState, camera: PinholeCamera, count: int, seed: int
 
 
 def _looking_at(actor: np.void, rng: np.random.Generator) -> Float64Array:
-    """(4, 4) map from a camera some meters away from an actor."""
+    """(4, 4) map from camera, for a camera some meters away from an actor."""
     yaw, distance_m, height_m = rng.uniform([-np.pi, 3.0, 0.5], [np.pi, 9.0, 2.5])
     away_m = distance_m * np.array([np.cos(yaw), np.sin(yaw)])
     eye_m = np.array([actor["x"] + away_m[0], actor["y"] + away_m[1], actor["z"] + height_m])

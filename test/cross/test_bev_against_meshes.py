@@ -1,12 +1,12 @@
-"""Every class of the bird's-eye view against vertical rays through the meshes, 8 × 8 a cell, on frames of six towns.
+"""Every BEV class agrees with vertical rays through the meshes, 8 × 8 per cell, on frames of six towns.
 
-A cell counts for a class if the sample at its center lies below or above the class's mesh on the ego's level, and so
-the annotator says; the rule of most samples, in which a cell counts if half of it is covered, differs at borders only.
+A cell has a class if the sample at its center lies below or above the class's mesh on the ego's level; the annotator
+uses the same rule. The majority rule, by which half of a cell must be covered, differs at borders only.
 """
 
 import numpy as np
 import pytest
-from bev_towns import Town, load_town, places
+from bev_towns import Town, ego_states, load_town
 from bev_truth import Truth
 
 from simbev_ros.geometry.grid import BevGrid
@@ -19,7 +19,7 @@ ALWAYS = {"road", "hazard", "road_line", "car", "rider"}
 
 
 class Tally:
-    """Cells of both, and of either, by class."""
+    """Number of cells in the intersection and in the union, by class."""
 
     def __init__(self) -> None:
         self.both, self.either = dict.fromkeys(BEV_CLASSES, 0), dict.fromkeys(BEV_CLASSES, 0)
@@ -33,9 +33,9 @@ class Tally:
 
 
 def tallies(town: Town, grids: tuple[BevGrid, ...]) -> tuple[Tally, Tally, list[bool]]:
-    """By cells' centers, by halves of cells, and whether roads had to be told apart in each frame."""
+    """Tallies by cell centers and by cell majority, and whether roads had to be separated in each frame."""
     centers, halves, told_apart = Tally(), Tally(), []
-    for grid, state in zip(grids, places(town, len(grids), seed=len(grids)), strict=True):
+    for grid, state in zip(grids, ego_states(town, len(grids), seed=len(grids)), strict=True):
         found, truth = town.labels(state, grid), Truth(town, state, grid)
         told_apart.append(truth.told_apart)
         for name, at_center, by_half in truth.samples():

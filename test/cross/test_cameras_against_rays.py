@@ -1,6 +1,6 @@
-"""Semantic, instance, depth and flow images of simulated towns against Embree rays through the pixels' centers.
+"""Semantic, instance, depth and flow images of simulated towns agree with Embree rays through the pixels' centers.
 
-The truth is that of the exact meshes. What is drawn from afar in their stead has to pass for them.
+The ground truth uses the exact meshes; the coarser meshes drawn for distant objects must be equivalent.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def agreements(studio: Studio, views: Sequence[CameraView]) -> list[Agreement]:
 
 
 def check(found: Sequence[Agreement], jointed_px: int) -> None:
-    """Every view for itself; the flow of wheels and limbs in all views together, of which there must be enough."""
+    """Checks every view separately, and the flow of wheels and limbs in all views together (there must be enough)."""
     for each in found:
         assert each.inner > 0.3
         assert each.depth >= 0.999
@@ -60,7 +60,7 @@ def test_images_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
 
 
 def test_a_lens_that_distorts_shows_what_its_rays_hit(blocks: Studio) -> None:
-    """Next to silhouettes, and in depth next to edges, it is right to a pixel only: its images are resampled."""
+    """Images are resampled, hence accurate to a pixel only next to silhouettes and, in depth, next to edges."""
     for each in agreements(blocks, random_views(blocks.state, LENS, 4, 1)):
         assert each.inner > 0.3
         assert each.labels >= 0.999

@@ -1,4 +1,4 @@
-"""Radars in real traffic: the speeds that they measure are how fast distances change from tick to tick."""
+"""Radars in simulated traffic: measured speeds equal the change of distances from tick to tick."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ AROUND_TICK = 20
 
 @pytest.fixture(scope="module")
 def scene() -> tuple[list[RadarModel], RayScene, list[WorldState]]:
-    """The demo's radars, and three ticks in a row."""
+    """Radars of the demo rig, and three consecutive ticks."""
     scenario = load_scenario("demo").model_copy(
         update={"traffic": Traffic(vehicles=60, pedestrians=120, spawn_radius_m=250)}
     )
@@ -39,19 +39,19 @@ def scene() -> tuple[list[RadarModel], RayScene, list[WorldState]]:
 
 
 def hit_actors(model: RadarModel, rays: RayScene, state: WorldState) -> UInt32Array:
-    """Ids of the actors on which its detections are."""
+    """Ids of the actors that a radar's detections are on."""
     pose = map_from_sensor(model.radar.pose, state)
     hits = rays.cast(pose[None, :3, 3], model.directions(state.tick) @ pose[:3, :3].T)
     return hits.object_id[hits.range_m <= model.radar.range_m]
 
 
-def distances_m(model: RadarModel, cloud: Table, ids: UInt32Array, now: WorldState, then: WorldState) -> Float64Array:
-    """From the radar to the points of detections, at another tick; points stay where they are on their actors."""
+def distances_m(model: RadarModel, cloud: Table, ids: UInt32Array, now: WorldState, other: WorldState) -> Float64Array:
+    """Distances from the radar to the detected points at another tick; points are fixed to their actors."""
     points_m = apply(map_from_sensor(model.radar.pose, now), np.stack([cloud[axis] for axis in "xyz"], 1).astype(float))
     for actor in np.unique(ids[ids > 0]):
-        here, there = (map_from_actors(state.actors[state.actors["id"] == actor])[0] for state in (now, then))
+        here, there = (map_from_actors(state.actors[state.actors["id"] == actor])[0] for state in (now, other))
         points_m[ids == actor] = apply(there @ inverse(here), points_m[ids == actor])
-    return np.linalg.norm(points_m - map_from_sensor(model.radar.pose, then)[:3, 3], axis=1)
+    return np.linalg.norm(points_m - map_from_sensor(model.radar.pose, other)[:3, 3], axis=1)
 
 
 def test_doppler_is_the_change_of_distance_from_tick_to_tick(
@@ -61,8 +61,8 @@ def test_doppler_is_the_change_of_distance_from_tick_to_tick(
     speeds, on_actors = [], 0
     for model, cloud in zip(models, scan_radars(models, rays, now, before), strict=True):
         ids = hit_actors(model, rays, now)
-        ways_m = [distances_m(model, cloud, ids, now, then) for then in (before, after)]
-        rate_mps = (ways_m[1] - ways_m[0]) / (after.stamp_ns - before.stamp_ns) * 1e9
+        distance_m = [distances_m(model, cloud, ids, now, other) for other in (before, after)]
+        rate_mps = (distance_m[1] - distance_m[0]) / (after.stamp_ns - before.stamp_ns) * 1e9
         error_mps = np.abs(rate_mps - cloud["doppler_velocity"])
         assert np.quantile(error_mps, 0.99) < 0.04, model.radar.name
         assert np.median(error_mps) < 0.02

@@ -1,4 +1,4 @@
-"""Renderer, ray caster and annotator read one geometry: what they say about the same scene must be the same."""
+"""Renderer, ray caster and annotator read the same geometry, so their results for the same scene must agree."""
 
 from dataclasses import dataclass
 
@@ -184,12 +184,12 @@ def test_flow_is_the_reprojection_of_the_hit_point(moments: list[Moment], index:
 
 
 def _where_before(points_map: Float64Array, object_id: np.ndarray, moment: Moment) -> Float64Array:
-    """Where the bodies' points were one tick before."""
+    """Positions of the bodies' points one tick before."""
     result = points_map.copy()
     for actor in np.unique(object_id[object_id > 0]):
         poses = [map_from_actors(s.actors[s.actors["id"] == actor])[0] for s in (moment.state, moment.previous)]
-        mine = object_id == actor
-        result[mine] = apply(poses[1] @ inverse(poses[0]), points_map[mine])
+        of_actor = object_id == actor
+        result[of_actor] = apply(poses[1] @ inverse(poses[0]), points_map[of_actor])
     return result
 
 
@@ -206,13 +206,13 @@ def test_lidar_points_lie_in_the_box_of_their_actor(moments: list[Moment], stati
         for actor in state.actors[np.isin(state.actors["id"], points["object_id"])]:
             if actor["tag"] == Tag.RIDER:
                 continue  # knees swing out of the box of the rest pose
-            mine = points["object_id"] == actor["id"]
-            local = apply(inverse(map_from_actors(actor[None])[0]), points_map[mine])
+            of_actor = points["object_id"] == actor["id"]
+            local = apply(inverse(map_from_actors(actor[None])[0]), points_map[of_actor])
             half = np.array([actor["length"], actor["width"]]) / 2 + 0.02
             assert (np.abs(local[:, :2]) <= half).all()
             assert (local[:, 2] >= -0.02).all() and (local[:, 2] <= actor["height"] + 0.02).all()
-            assert (points["tag"][mine] == actor["tag"]).all()
-            checked += int(mine.sum())
+            assert (points["tag"][of_actor] == actor["tag"]).all()
+            checked += int(of_actor.sum())
     assert checked > 500
 
 
@@ -220,7 +220,7 @@ def test_lidar_points_lie_in_the_box_of_their_actor(moments: list[Moment], stati
 def test_lidar_points_project_to_the_pixels_that_show_them(
     moments: list[Moment], static_scene: StaticScene, index: int
 ) -> None:
-    """As users do it: by the camera's model, with its distortion if it has any."""
+    """Projection as users do it: by the camera model, including distortion."""
     camera = CAMERAS[index]
     lidar = Lidar(type="lidar", name="lidar", pose=camera.pose, channels=64, columns=2048)
     rays = RayScene(static_scene, load_models())
@@ -263,10 +263,10 @@ def test_the_roof_lidar_agrees_with_depth_images_where_the_camera_sees_its_point
         with np.errstate(invalid="ignore"):
             inside = ((pixels >= 0.0) & (pixels <= [camera.width_px - 1, camera.height_px - 1])).all(axis=1)
         pixels, seen = pixels[inside].astype(np.float32), ahead[inside]
-        way = points_map[seen] - map_from_optical[:3, 3]
-        far = np.linalg.norm(way, axis=1)
-        first = rays.cast(map_from_optical[None, :3, 3], way / far[:, None]).range_m
-        free = np.flatnonzero(np.abs(first - far) < 0.02)[:30_000]  # OpenCV maps no more at once
+        from_camera_m = points_map[seen] - map_from_optical[:3, 3]
+        far = np.linalg.norm(from_camera_m, axis=1)
+        first = rays.cast(map_from_optical[None, :3, 3], from_camera_m / far[:, None]).range_m
+        free = np.flatnonzero(np.abs(first - far) < 0.02)[:30_000]  # OpenCV's limit for one call
         inverse_depth = cv2.remap(1.0 / moment.images[index].depth, pixels[free], None, cv2.INTER_LINEAR)[:, 0]
         assert len(free) > 1000
         depth = optical[seen[free], 2]
@@ -274,7 +274,7 @@ def test_the_roof_lidar_agrees_with_depth_images_where_the_camera_sees_its_point
 
 
 def test_bev_cells_are_the_projection_of_the_meshes(moments: list[Moment], static_scene: StaticScene) -> None:
-    """Against a point-in-triangle test of every cell center with every triangle, on a part of the grid's cells."""
+    """Compares with a point-in-triangle test of every cell center with every triangle, on a part of the cells."""
     grid = BevGrid(120, 120, 0.5)
     annotator = BevAnnotator(static_scene, load_models())
     rng = np.random.default_rng(0)
@@ -296,7 +296,7 @@ def test_bev_cells_are_the_projection_of_the_meshes(moments: list[Moment], stati
 
 
 def _class_triangles(state: WorldState, static_scene: StaticScene) -> dict[str, Float64Array]:
-    """Class → (T, 3, 2) triangles in the map's plane, gathered the plain way: vertex by vertex, no shared code."""
+    """Class → (T, 3, 2) triangles in plan, collected independently of the code under test, vertex by vertex."""
     found: dict[str, list[Float64Array]] = {name: [] for name in BEV_CLASSES}
     for tile in static_scene.tiles:
         corners = tile.mesh.vertices[tile.mesh.triangles][:, :, :2].astype(np.float64) + tile.origin_m[:2]
@@ -315,8 +315,8 @@ def _class_triangles(state: WorldState, static_scene: StaticScene) -> dict[str, 
         poses = map_from_actors(actor)[0] @ part_poses(model, actor)[0]
         vertices = np.empty((len(model.mesh.vertices), 3))
         for part, pose in enumerate(poses):
-            mine = model.mesh.part == part
-            vertices[mine] = apply(pose, model.mesh.vertices[mine].astype(np.float64))
+            of_actor = model.mesh.part == part
+            vertices[of_actor] = apply(pose, model.mesh.vertices[of_actor].astype(np.float64))
         found[name].append(vertices[model.mesh.triangles][:, :, :2])
     return {name: np.concatenate(parts) for name, parts in found.items() if parts}
 

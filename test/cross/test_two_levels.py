@@ -1,6 +1,6 @@
-"""Where Town04's motorway crosses itself: roads, cars and people of each level are labeled on their level only.
+"""Where Town04's motorway crosses itself, roads, cars and pedestrians are labeled on their own level only.
 
-The truth is told by height alone: near the crossing the upper road lies far above the lower one, on its ramps too.
+The ground truth uses height alone: near the crossing the upper road lies far above the lower one, also on its ramps.
 """
 
 from dataclasses import dataclass
@@ -46,23 +46,23 @@ MODELS = load_models()
 CAMERA = Camera(type="camera", name="front", pose={"x_m": 0.3, "z_m": 1.6}, width_px=320, height_px=180)
 LIDAR = Lidar(type="lidar", name="lidar", pose={"z_m": 1.8}, channels=32, columns=512)
 BETWEEN_M = 2.5  # the roads of the two levels are further apart
-FINE = BevGrid(rows=600, columns=600, cell_m=0.1)  # people are small
-PLACES = ("on the deck", "on the ramp", "beneath the deck", "before the deck")
-UPPER = PLACES[:2]
+FINE = BevGrid(rows=600, columns=600, cell_m=0.1)  # pedestrians are small
+EGO_POSITIONS = ("on the deck", "on the ramp", "beneath the deck", "before the deck")
+UPPER = EGO_POSITIONS[:2]
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """The map around it.
+    """The map around the crossing, with traffic on both levels.
 
     Attributes:
-        static: Its meshes.
-        levels: What is to be tested.
+        static: Meshes of the static world.
+        levels: The level assignment under test.
         upper: Driving strips on the deck and of the same roads.
-        lower: Those that pass beneath.
-        deck: What structures cover in plan.
-        between_m: A height that parts the two levels.
-        others: Cars and people on both, in the middle and on the upper road's ramp.
+        lower: Driving strips that pass beneath.
+        deck: Area of structures in plan.
+        between_m: A height that separates the two levels.
+        others: Cars and pedestrians on both levels, at the crossing and on the upper road's ramp.
     """
 
     static: StaticScene
@@ -96,34 +96,34 @@ def crossing() -> Crossing:
     return Crossing(static, Levels(layout), upper, lower, deck, between_m, others)
 
 
-def dense_m(strip: Strip, place_m: tuple[float, float] = REACH.center_m, near_m: float = 70.0) -> Float64Array:
-    """(N, 3) places along the middle of a strip, a meter apart, of those near the crossing."""
+def dense_m(strip: Strip, position_m: tuple[float, float] = REACH.center_m, near_m: float = 70.0) -> Float64Array:
+    """(N, 3) points along the center of a strip, a meter apart, near the crossing."""
     center_m = strip.center_m
-    way_m = np.cumsum([0.0, *np.linalg.norm(np.diff(center_m, axis=0), axis=1)])
-    at_m = np.arange(0.5, way_m[-1], 1.0)
-    places_m = np.stack([np.interp(at_m, way_m, center_m[:, axis]) for axis in range(3)], axis=1)
-    return places_m[np.linalg.norm(places_m[:, :2] - place_m, axis=1) < near_m]
+    path_m = np.cumsum([0.0, *np.linalg.norm(np.diff(center_m, axis=0), axis=1)])
+    at_m = np.arange(0.5, path_m[-1], 1.0)
+    points_m = np.stack([np.interp(at_m, path_m, center_m[:, axis]) for axis in range(3)], axis=1)
+    return points_m[np.linalg.norm(points_m[:, :2] - position_m, axis=1) < near_m]
 
 
 def on(strip: Strip, index: int, model: str, identity: int) -> Table:
-    """An actor on one of a strip's places."""
-    places_m = dense_m(strip)
-    index = min(index % len(places_m), len(places_m) - 2)
-    x, y, z = places_m[index]
-    step_m = places_m[index + 1] - places_m[index]
+    """An actor on one of a strip's points from ``dense_m``."""
+    points_m = dense_m(strip)
+    index = min(index % len(points_m), len(points_m) - 2)
+    x, y, z = points_m[index]
+    step_m = points_m[index + 1] - points_m[index]
     blueprint = blueprint_index()[model]
     yaw, pitch = np.arctan2(step_m[1], step_m[0]), -np.arctan2(step_m[2], np.hypot(*step_m[:2]))
     return actor(MODELS[blueprint], blueprint, id=identity, x=x, y=y, z=z, yaw=yaw, pitch=pitch)
 
 
 def beneath(strip: Strip, deck: shapely.Geometry) -> int:
-    """Number of the place on a strip where it first crosses the middle of a structure."""
+    """Index of the point on a strip where it first crosses the middle of a structure."""
     middle = shapely.get_parts(area_of(strip) & deck)[0].centroid
     return int(np.argmin(shapely.distance(shapely.points(dense_m(strip)[:, :2]), middle)))
 
 
 def actors_on(layout: Layout, upper: list[Strip], lower: list[Strip], deck: shapely.Geometry) -> Table:
-    """Cars on every lane above and beneath, people on the shoulders, cars on the upper road before the deck."""
+    """Cars on every lane above and beneath, pedestrians on the shoulders, cars on the upper road before the deck."""
     above = [strip for strip in upper if strip.level > 0]
     shoulders = layout.strips_of(LaneKind.SHOULDER)
     roads = {strip.road for strip in lower}
@@ -131,25 +131,25 @@ def actors_on(layout: Layout, upper: list[Strip], lower: list[Strip], deck: shap
     rows += [on(strip, beneath(strip, deck), "vehicle.sedan", 200 + k) for k, strip in enumerate(lower)]
     rows += [on(strip, 5 * k, "vehicle.sedan", 300 + k) for k, strip in enumerate(upper) if strip.level == 0]
     walks = [strip for strip in shoulders if strip.level > 0]
-    places = [(strip, index) for strip in walks if len(dense_m(strip)) > 35 for index in (4, 30)]
-    rows += [on(strip, index, "pedestrian.man", 400 + k) for k, (strip, index) in enumerate(places)]
+    positions = [(strip, index) for strip in walks if len(dense_m(strip)) > 35 for index in (4, 30)]
+    rows += [on(strip, index, "pedestrian.man", 400 + k) for k, (strip, index) in enumerate(positions)]
     walks = [strip for strip in shoulders if strip.road in roads and area_of(strip).intersects(deck)]
-    places = [(strip, beneath(strip, deck) + ahead) for strip in walks for ahead in (-1, 0, 1)]
-    rows += [on(strip, index, "pedestrian.woman", 500 + k) for k, (strip, index) in enumerate(places)]
+    positions = [(strip, beneath(strip, deck) + ahead) for strip in walks for ahead in (-1, 0, 1)]
+    rows += [on(strip, index, "pedestrian.woman", 500 + k) for k, (strip, index) in enumerate(positions)]
     return np.concatenate(rows)
 
 
-def state_of(crossing: Crossing, place: str) -> WorldState:
+def state_of(crossing: Crossing, ego_position: str) -> WorldState:
     deck = next(strip for strip in crossing.upper if strip.level > 0)
     under = crossing.lower[0]
-    if place == "on the deck":
+    if ego_position == "on the deck":
         ego = on(deck, beneath(deck, crossing.deck), "vehicle.sedan", EGO_ID)
-    elif place == "on the ramp":
+    elif ego_position == "on the ramp":
         ramps = [strip for strip in crossing.upper if strip.level == 0 and strip.road == deck.road]
         ramp = min(ramps, key=lambda strip: float(np.linalg.norm(strip.center_m[-1] - deck.center_m[0])))
         ego = on(ramp, len(dense_m(ramp)) - 12, "vehicle.sedan", EGO_ID)
     else:
-        index = beneath(under, crossing.deck) - (0 if place == "beneath the deck" else 30)
+        index = beneath(under, crossing.deck) - (0 if ego_position == "beneath the deck" else 30)
         ego = on(under, index, "vehicle.sedan", EGO_ID)
     ego["yaw"] += 0.07  # so that no line runs along between the centers of cells
     free = np.hypot(crossing.others["x"] - ego["x"], crossing.others["y"] - ego["y"]) > 5.0
@@ -163,7 +163,7 @@ def centers_m(state: WorldState, grid: BevGrid = GRID) -> Float64Array:
 
 
 def covered(points_m: Float64Array, corners_m: Float64Array) -> BoolArray:
-    """Which points of the plane lie in any of (T, 3, 3) triangles."""
+    """Whether points of the plane lie in any of (T, 3, 3) triangles."""
     flat = shapely.polygons(corners_m[:, :, :2])
     flat = flat[shapely.area(flat) > 0.0]
     inside = np.zeros(points_m.shape[:-1], bool)
@@ -172,7 +172,7 @@ def covered(points_m: Float64Array, corners_m: Float64Array) -> BoolArray:
 
 
 def triangles(static: StaticScene, tag: Tag, *levels: int) -> Float64Array:
-    """(T, 3, 3) corners, map frame, of what carries a tag in the tiles of some levels."""
+    """(T, 3, 3) corners, map frame, of triangles with a tag in the tiles of some levels."""
     return np.concatenate(
         [
             tile.mesh.vertices[tile.mesh.triangles[tile.mesh.triangle_tag == tag]].astype(np.float64) + tile.origin_m
@@ -188,27 +188,27 @@ def labels_at(crossing: Crossing, state: WorldState, grid: BevGrid = GRID) -> di
     return {name: labels >> bit & 1 == 1 for bit, name in enumerate(BEV_CLASSES)}
 
 
-def counting(crossing: Crossing, state: WorldState, place: str) -> set[int]:
-    """Ids of those on the ego's level."""
+def ids_on_ego_level(crossing: Crossing, state: WorldState, ego_position: str) -> set[int]:
+    """Ids of the actors on the ego's level."""
     actors = state.actors
     above = actors["z"] > crossing.between_m
     on_deck = above & shapely.contains_xy(crossing.deck, actors["x"], actors["y"])
-    return set(actors["id"][above if place in UPPER else ~on_deck].tolist())
+    return set(actors["id"][above if ego_position in UPPER else ~on_deck].tolist())
 
 
-@pytest.mark.parametrize("place", PLACES)
-def test_roads_and_lines_are_those_of_the_egos_level(crossing: Crossing, place: str) -> None:
-    state = state_of(crossing, place)
+@pytest.mark.parametrize("ego_position", EGO_POSITIONS)
+def test_roads_and_lines_are_those_of_the_egos_level(crossing: Crossing, ego_position: str) -> None:
+    state = state_of(crossing, ego_position)
     labels, points_m = labels_at(crossing, state), centers_m(state)
     for tag, name in ((Tag.ROAD, "road"), (Tag.ROAD_LINE, "road_line")):
         corners_m = triangles(crossing.static, tag, 0, 1)
         above = corners_m[:, :, 2].mean(axis=1) > crossing.between_m
-        if place in UPPER:
+        if ego_position in UPPER:
             expected = covered(points_m, corners_m[above])
         else:
             expected = covered(points_m, triangles(crossing.static, tag, 0))
         asked = np.ones(expected.shape, bool)
-        if place == "on the ramp":  # away from the deck the lower road is on the ground as the ego is
+        if ego_position == "on the ramp":  # away from the deck the lower road is on the ground as the ego is
             gap_m = shapely.distance(shapely.points(points_m), crossing.deck)
             expected |= covered(points_m, corners_m[~above]) & (gap_m > 0.0)
             asked = (gap_m == 0.0) | (gap_m > 8.0)
@@ -216,11 +216,11 @@ def test_roads_and_lines_are_those_of_the_egos_level(crossing: Crossing, place: 
         assert (labels[name] != expected)[asked].mean() < 2e-4, name
 
 
-@pytest.mark.parametrize("place", PLACES)
-def test_cars_and_people_are_labelled_on_their_level(crossing: Crossing, place: str) -> None:
-    state = state_of(crossing, place)
+@pytest.mark.parametrize("ego_position", EGO_POSITIONS)
+def test_cars_and_pedestrians_are_labeled_on_their_level(crossing: Crossing, ego_position: str) -> None:
+    state = state_of(crossing, ego_position)
     labels, points_m = labels_at(crossing, state, FINE), centers_m(state, FINE)
-    counts = counting(crossing, state, place)
+    counts = ids_on_ego_level(crossing, state, ego_position)
     for tag, name, core_m in ((Tag.CAR, "car", (1.6, 0.6)), (Tag.PEDESTRIAN, "pedestrian", (0.06, 0.12))):
         whole, cores = np.zeros((2, *points_m.shape[:2]), bool)
         for row in state.actors[(state.actors["tag"] == tag) & np.isin(state.actors["id"], sorted(counts))]:
@@ -233,18 +233,26 @@ def test_cars_and_people_are_labelled_on_their_level(crossing: Crossing, place: 
         assert not (cores & ~labels[name]).any()
 
 
+<<<<<<< HEAD
 @pytest.mark.parametrize("place", PLACES)
 def test_boxes_say_who_is_on_the_egos_level(crossing: Crossing, place: str) -> None:
     state = state_of(crossing, place)
     found = boxes_around_ego(state, 200.0, crossing.levels.ego_level(state))
     counts = counting(crossing, state, place)
+=======
+@pytest.mark.parametrize("ego_position", EGO_POSITIONS)
+def test_boxes_mark_the_actors_on_the_egos_level(crossing: Crossing, ego_position: str) -> None:
+    state = state_of(crossing, ego_position)
+    found = boxes(state, 200.0, crossing.levels.of_ego(state))
+    counts = ids_on_ego_level(crossing, state, ego_position)
+>>>>>>> lang-assets
     assert set(found["id"].tolist()) | {EGO_ID} == set(state.actors["id"].tolist())
     assert set(found["id"][found["on_ego_level"] == 1].tolist()) == counts - {EGO_ID}
     assert {0, 1} == set(found["on_ego_level"].tolist())
 
 
 @pytest.mark.parametrize(
-    ("source", "place_m"),
+    ("source", "position_m"),
     [
         ("Town04", (0.0, 0.0)),
         ("Town05", (-10.0, 0.0)),
@@ -256,15 +264,15 @@ def test_boxes_say_who_is_on_the_egos_level(crossing: Crossing, place: str) -> N
     ],
 )
 def test_both_carriageways_above_belong_together_and_so_do_both_beneath(
-    source: str, place_m: tuple[float, float]
+    source: str, position_m: tuple[float, float]
 ) -> None:
-    layout = load_network(map_spec(source)).layout.near(shapely.Point(place_m).buffer(200.0), 0.0)
+    layout = load_network(map_spec(source)).layout.near(shapely.Point(position_m).buffer(200.0), 0.0)
     graph = LevelGraph(layout)
-    driving = [strip for strip in layout.strips_of(LaneKind.DRIVING) if len(dense_m(strip, place_m, 30.0))]
+    driving = [strip for strip in layout.strips_of(LaneKind.DRIVING) if len(dense_m(strip, position_m, 30.0))]
     decks = [strip for strip in driving if strip.level > 0]
     deck = shapely.union_all([area_of(strip) for strip in decks])
     above_m, beneath_m = (
-        np.concatenate([dense_m(strip, place_m, 30.0) for strip in strips])
+        np.concatenate([dense_m(strip, position_m, 30.0) for strip in strips])
         for strips in (decks, [strip for strip in driving if strip.level == 0 and area_of(strip).intersects(deck)])
     )
     beneath_m = beneath_m[shapely.contains_xy(deck, *beneath_m[:, :2].T)]
@@ -278,9 +286,9 @@ def test_both_carriageways_above_belong_together_and_so_do_both_beneath(
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("place", ["on the deck", "beneath the deck"])
-def test_camera_and_rays_see_the_same_there(crossing: Crossing, place: str) -> None:
-    state = state_of(crossing, place)
+@pytest.mark.parametrize("ego_position", ["on the deck", "beneath the deck"])
+def test_camera_and_rays_see_the_same_there(crossing: Crossing, ego_position: str) -> None:
+    state = state_of(crossing, ego_position)
     renderer, rays = Renderer(crossing.static, MODELS), RayScene(crossing.static, MODELS)
     view = CameraView(CAMERA.model, CAMERA.pose.ego_from_sensor, CAMERA.modalities)
     image = renderer.render([view], RenderFrame(state, state))[0]
@@ -306,9 +314,9 @@ def test_camera_and_rays_see_the_same_there(crossing: Crossing, place: str) -> N
     assert {Tag.ROAD, Tag.ROAD_LINE, Tag.SKY, Tag.CAR, Tag.BRIDGE} <= set(tag.ravel().tolist())
 
 
-@pytest.mark.parametrize("place", ["on the deck", "beneath the deck"])
-def test_lidar_points_of_the_egos_level_lie_in_cells_of_their_class(crossing: Crossing, place: str) -> None:
-    state = state_of(crossing, place)
+@pytest.mark.parametrize("ego_position", ["on the deck", "beneath the deck"])
+def test_lidar_points_of_the_egos_level_lie_in_cells_of_their_class(crossing: Crossing, ego_position: str) -> None:
+    state = state_of(crossing, ego_position)
     labels, pose = labels_at(crossing, state), map_from_sensor(LIDAR.pose, state)
     rays = RayScene(crossing.static, MODELS)
     rays.update(state, pose[:3, 3], LIDAR.range_m, state.ego_ids)
@@ -318,10 +326,10 @@ def test_lidar_points_of_the_egos_level_lie_in_cells_of_their_class(crossing: Cr
     points_ego = (points_map[:, :2] - [state.ego["x"], state.ego["y"]]) @ np.array([[c, -s], [s, c]])
     cells = np.rint(GRID.cells_from_ego(points_ego)).astype(np.int64)
     within = ((cells >= 0) & (cells < [GRID.rows, GRID.columns])).all(axis=1)
-    counts = np.isin(points["object_id"], [0, *counting(crossing, state, place)])
-    level = (points_map[:, 2] > crossing.between_m) == (place in UPPER)
+    counts = np.isin(points["object_id"], [0, *ids_on_ego_level(crossing, state, ego_position)])
+    level = (points_map[:, 2] > crossing.between_m) == (ego_position in UPPER)
     for tag, name in ((Tag.ROAD, "road"), (Tag.CAR, "car")):
-        mine = cells[(points["tag"] == tag) & within & counts & level]
+        of_class = cells[(points["tag"] == tag) & within & counts & level]
         near = cv2.dilate(labels[name].astype(np.uint8), np.ones((3, 3), np.uint8)) == 1
-        assert len(mine) > (1000 if name == "road" else 50)
-        assert near[mine[:, 0], mine[:, 1]].mean() > 0.999
+        assert len(of_class) > (1000 if name == "road" else 50)
+        assert near[of_class[:, 0], of_class[:, 1]].mean() > 0.999

@@ -1,7 +1,7 @@
-"""Visible, alone, truncated: views of simulated towns against Embree rays through every pixel.
+"""Visible, unoccluded and truncated pixels in views of simulated towns agree with Embree rays through every pixel.
 
-Alone, objects are drawn with the meshes that the camera took, so those are the truth here. That they pass for the exact
-ones is for test_cameras_against_rays.py to show.
+Unoccluded objects are drawn with the level of detail that the camera chose, so those meshes are the ground truth here.
+test_cameras_against_rays.py shows that they are equivalent to the exact ones.
 """
 
 from dataclasses import replace
@@ -34,18 +34,18 @@ RADIUS_M = 150.0
 
 
 def beside(state: WorldState, camera: PinholeCamera) -> CameraView:
-    """Along the side of the nearest vehicle, so near that the image's near plane cuts it."""
+    """View along the side of the nearest vehicle, so close that the near plane cuts it."""
     actors = state.actors[state.actors["wheel"] != 0.0]
     actors = actors[~np.isin(actors["id"], sorted(state.ego_ids)) & (actors["width"] > 1.5)]
     nearest = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"]).argmin()
     actor = actors[nearest]
-    place_m = np.array([-0.1 * actor["length"], 0.5 * actor["width"] + 0.2, 0.5 * actor["height"]])
-    pose = map_from_actors(actor.reshape(1))[0] @ matrices_from_xyz_rpy(place_m, np.array([0.0, 0.0, -0.2]))
+    position_m = np.array([-0.1 * actor["length"], 0.5 * actor["width"] + 0.2, 0.5 * actor["height"]])
+    pose = map_from_actors(actor.reshape(1))[0] @ matrices_from_xyz_rpy(position_m, np.array([0.0, 0.0, -0.2]))
     return CameraView(camera, inverse(map_from_actors(state.ego.reshape(1))[0]) @ pose, ("instance",))
 
 
 def as_drawn(studio: Studio, view: CameraView) -> tuple[tuple[ActorModel, ...], WorldState]:
-    """A model of its own for every actor, with the mesh that a camera takes for it."""
+    """One model per actor, with the mesh that the camera chooses for it."""
     actors = studio.state.actors.copy()
     spheres = bounding_spheres(actors, studio.origin_m)
     pixel_m = View.from_camera(view, studio.state, None, studio.origin_m).pixel_m(*spheres)
@@ -77,10 +77,10 @@ def check(studio: Studio, views: list[CameraView]) -> list[Table]:
 
 
 def agree(row: np.void, alone: Alone, visible_px: int, lens: bool) -> None:
-    """One row with the truth.
+    """Compare one row with the ground truth.
 
-    Images of a lens are right to a pixel only next to silhouettes; for it the truth has no canvas. How exactly it
-    bends silhouettes, test_views.py shows.
+    Next to silhouettes, images of a distorting lens are accurate to a pixel only, and the ground truth has no canvas
+    for it. test_views.py checks the distortion of silhouettes.
     """
     share, large_px = (0.05, 400) if lens else (0.01, 50)
     assert abs(int(row["alone_px"]) - alone.image_px) <= max(2.0, share * alone.image_px)

@@ -1,4 +1,4 @@
-"""How objects look alone, found by Embree rays through the pixels of an image and of the canvas around it."""
+"""Ground truth of unoccluded objects, by Embree rays through the pixels of an image and of the canvas around it."""
 
 from dataclasses import dataclass
 
@@ -17,11 +17,11 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 @dataclass(frozen=True)
 class Alone:
-    """The silhouette of an object's exact mesh.
+    """Silhouette of an object's exact mesh without occlusion.
 
     Attributes:
-        image_px: Pixels in the image.
-        canvas_px: Pixels on the canvas.
+        image_px: Number of pixels in the image.
+        canvas_px: Number of pixels on the canvas.
         box_px: (4,) first column and row, last column and row on the canvas.
     """
 
@@ -31,7 +31,7 @@ class Alone:
 
 
 class Canvas:
-    """An image, with as many more of its size on every side as the margin is: without distortion 1 makes a canvas."""
+    """An image extended on every side by ``margin`` times its size; without distortion, a margin of 1 is the canvas."""
 
     def __init__(self, view: CameraView, state: WorldState, margin: int) -> None:
         camera = view.camera
@@ -47,7 +47,7 @@ class Canvas:
         self._directions = self._rays / np.linalg.norm(self._rays, axis=1, keepdims=True)
 
     def alone(self, models: tuple[ActorModel, ...], actor_id: int) -> Alone:
-        """An actor drawn alone; what of it turns away is not seen, nor what is nearer than the near plane."""
+        """Silhouette of an actor without occlusion, by its front faces beyond the near plane."""
         actor = self._state.actors[self._state.actors["id"] == actor_id]
         (center_m,), (radius_m,) = bounding_spheres(actor, self._origin_m)
         near = np.flatnonzero(self._pass(center_m - self._eye_m, radius_m))
@@ -57,14 +57,14 @@ class Canvas:
         return Alone(int(inside.sum()), len(hit), box_px)
 
     def _pass(self, center_m: Float64Array, radius_m: float) -> BoolArray:
-        """(N,) which rays pass a sphere."""
+        """(N,) whether rays pass through a sphere."""
         along_m = self._directions @ center_m
         passes: BoolArray = (center_m @ center_m - along_m**2 < radius_m**2) & (along_m > -radius_m)
         return passes
 
 
 def _hits(posed: PosedActors, eye_m: Float64Array, rays: Float64Array) -> BoolArray:
-    """(N,) which of (N, 3) rays, z = 1, meet a triangle from its outside, beyond the near plane."""
+    """(N,) whether (N, 3) rays, z = 1, hit a triangle from its outside beyond the near plane."""
     lines = np.concatenate([np.broadcast_to(eye_m, rays.shape), rays], axis=1).astype(np.float32)
     found = TriangleSet(posed.vertices, posed.triangles).crossings(lines)
     a, b, c = posed.vertices[posed.triangles].astype(np.float64).swapaxes(0, 1)

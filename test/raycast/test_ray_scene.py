@@ -104,7 +104,7 @@ def test_rays_aimed_at_vertices_of_parts_hit_them_from_all_sides() -> None:
     assert np.abs(hits.range_m[clear & hit] - range_m[clear & hit]).max() < 1e-4
 
 
-def test_ranges_on_a_large_map_are_exact_to_a_tenth_of_a_millimetre() -> None:
+def test_ranges_on_a_large_map_are_exact_to_a_tenth_of_a_millimeter() -> None:
     position_m = np.array([9876.5, -9876.25, 123.0])
     ground = mesh(sheet([-50, -50], [50, 50]), Tag.ROAD, Material.ASPHALT)
     scene = RayScene(static_scene(ground, origin_m=position_m), MODELS)

@@ -1,4 +1,4 @@
-"""Maps of a road or two whose shape is given by a formula, and their ground, built without what stands on it."""
+"""Small maps whose roads are given by formulas, and their ground without the objects on it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -85,7 +85,7 @@ def level_street() -> RoadNetwork:
 
 
 def ground_tiles(ground: RegionGround) -> tuple[Tile, ...]:
-    """All but what the surroundings put on the land."""
+    """Ground tiles of a region, without the objects that land recipes place."""
     tiles, claims = TileBuilder(), Claims()
     lay_streets(tiles, ground)
     paint_markings(tiles, ground)
@@ -97,7 +97,7 @@ def ground_tiles(ground: RegionGround) -> tuple[Tile, ...]:
 
 
 def merged(tiles: Sequence[Tile]) -> Mesh:
-    """What is seen of tiles, in the map frame."""
+    """One mesh of all visible triangles of tiles, map frame."""
     meshes = []
     for tile in tiles:
         map_from_tile = np.eye(4)
@@ -113,7 +113,7 @@ def _bridge(
     height_m: Callable[[Float64Array], Float64Array],
     section: Sequence[tuple[LaneKind, float]],
 ) -> list[Strip]:
-    """A road along x in three stretches, the middle one on a structure."""
+    """A road along x in three sections, the middle one on a structure."""
     strips = []
     for start_m, end_m, level in ((ends_m[0], ends_m[1], 0), (ends_m[1], ends_m[2], 1), (ends_m[2], ends_m[3], 0)):
         x = np.linspace(start_m, end_m, round((end_m - start_m) / _SPACING_M) + 1)

@@ -1,4 +1,4 @@
-"""Motions known in closed form, as the world reports them: poses at ticks, central differences, columns of float32."""
+"""Motions in closed form, reported as the world does: poses at ticks, central differences, columns of float32."""
 
 from collections.abc import Callable
 
@@ -15,11 +15,11 @@ _COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "roll", "pitch", 
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
 
 Path = Callable[[float], tuple[Float64Array, Float64Array]]
-"""Position (m) and roll, pitch, yaw (rad) at a time (s)."""
+"""Function from a time (s) to position (m) and roll, pitch, yaw (rad)."""
 
 
 def state_at(path: Path, tick: int) -> WorldState:
-    """The ego on a path."""
+    """World state of an ego on a path at a tick."""
     (before_m, before_rad), (now_m, now_rad), (after_m, after_rad) = (
         map(np.asarray, path((tick + step) * TICK_S)) for step in (-1, 0, 1)
     )
@@ -34,28 +34,28 @@ def state_at(path: Path, tick: int) -> WorldState:
 
 
 def circle(speed_mps: float, radius_m: float) -> Path:
-    """To the left about the origin, on the level, looking ahead."""
+    """Level left-hand circle about the origin, heading along the path."""
 
     def at(time_s: float) -> tuple[Float64Array, Float64Array]:
         angle = speed_mps / radius_m * time_s
-        place_m = np.array([radius_m * np.sin(angle), -radius_m * np.cos(angle), 0.0])
-        return place_m, np.array([0.0, 0.0, angle])
+        position_m = np.array([radius_m * np.sin(angle), -radius_m * np.cos(angle), 0.0])
+        return position_m, np.array([0.0, 0.0, angle])
 
     return at
 
 
 def straight(speed_mps: float, acceleration_mps2: float, yaw_rad: float) -> Path:
-    """Ahead in one direction."""
+    """Straight path with constant acceleration, heading along the path."""
 
     def at(time_s: float) -> tuple[Float64Array, Float64Array]:
-        way_m = speed_mps * time_s + acceleration_mps2 * time_s**2 / 2
-        return way_m * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0]), np.array([0.0, 0.0, yaw_rad])
+        distance_m = speed_mps * time_s + acceleration_mps2 * time_s**2 / 2
+        return distance_m * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0]), np.array([0.0, 0.0, yaw_rad])
 
     return at
 
 
 def screw(spin_radps: float, climb_mps: float, roll_rad: float, pitch_rad: float) -> Path:
-    """Tilted, turning about the vertical through the origin and rising along it."""
+    """Tilted ego that rotates about the vertical through the origin and rises along it."""
     return lambda time_s: (
         np.array([0.0, 0.0, climb_mps * time_s]),
         np.array([roll_rad, pitch_rad, spin_radps * time_s]),
@@ -63,5 +63,5 @@ def screw(spin_radps: float, climb_mps: float, roll_rad: float, pitch_rad: float
 
 
 def rolling(spin_radps: float) -> Path:
-    """Turning about its own x axis, which stands still."""
+    """Rotation about the ego's own x axis, without translation."""
     return lambda time_s: (np.zeros(3), np.array([spin_radps * time_s, 0.0, 0.0]))

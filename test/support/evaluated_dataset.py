@@ -1,4 +1,4 @@
-"""A dataset of two small scenes whose truth is known by hand: boxes that drive, grids, and weather that changes."""
+"""A dataset of two small scenes with hand-made ground truth: moving boxes, grids, and changing weather."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,8 +52,13 @@ def ego_m(tick: int) -> AnyArray:
 
 
 def boxes(tick: int) -> Table:
+<<<<<<< HEAD
     """A near car, a far one without points, and a pedestrian, who walks with the ego; distances from the ego."""
     table = blank_boxes(3)
+=======
+    """A near car, a far one without points, and a pedestrian that walks with the ego; distances from the ego."""
+    table = blank(3)
+>>>>>>> lang-assets
     table["class"] = [BOX_CLASSES.index(name) for name in ("car", "car", "pedestrian")]
     table["id"], table["yaw"] = [5, 6, 7], [0.0, 1.0, 2.0]
     table["x"], table["y"], table["z"] = [10.0 + tick, 70.0 + tick, -30.0 + tick], [2.0, 10.0, 2.0], 0.75
@@ -65,7 +70,7 @@ def boxes(tick: int) -> Table:
 
 
 def labels(tick: int) -> AnyArray:
-    """Road ahead; a car of two cells, near; one more of them at even ticks."""
+    """BEV labels: road ahead, and a nearby car of two cells, of three at even ticks."""
     cells = np.zeros((CELLS, CELLS), np.uint16)
     cells[:10] = 1 << ROAD
     cells[8, 9:11] |= 1 << CAR
@@ -74,7 +79,7 @@ def labels(tick: int) -> AnyArray:
 
 
 def scores(tick: int) -> AnyArray:
-    """The truth as scores."""
+    """The ground truth as scores."""
     return np.stack([(labels(tick) >> k) & 1 for k in range(len(BEV_CLASSES))]).astype(np.uint8) * 255
 
 
@@ -106,7 +111,7 @@ def messages(stamp_ns: int, tick: int) -> list[tuple[str, str, bytes]]:
 
 
 def truth() -> Boxes:
-    """Of either scene."""
+    """Ground-truth boxes of either scene."""
     return boxes_of({tick: boxes(tick) for tick in range(TICKS)})
 
 

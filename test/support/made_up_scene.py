@@ -1,4 +1,4 @@
-"""A bag of a made-up scene: every topic that exports and statistics read, small and full of noise."""
+"""A bag of a synthetic scene with random contents: every topic that exports and statistics read, in small size."""
 
 import json
 from dataclasses import dataclass, field
@@ -41,7 +41,7 @@ _WEATHER = {
 
 @dataclass
 class MadeUp:
-    """What was written: the scene, and of each tick the arrays by the reader's keys."""
+    """Content of the written bag: the scene, and per tick the arrays by the reader's keys."""
 
     spec: SceneSpec
     ticks: list[dict[str, Any]] = field(default_factory=list)
@@ -50,8 +50,13 @@ class MadeUp:
 def made_up_scene(
     path: Path, *, number: int = 0, split: str = "train", ticks: int = 3, sensors: list[dict[str, Any]] | None = None
 ) -> MadeUp:
+<<<<<<< HEAD
     """Write a finished bag. Occupancy is there at every second tick."""
     spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks)
+=======
+    """Write a complete bag; it has occupancy at every second tick."""
+    spec = _spec(number, split, ticks, SENSORS if sensors is None else sensors)
+>>>>>>> lang-assets
     made, rng = MadeUp(spec), np.random.default_rng(number)
     with SceneBagWriter(path) as writer:
         writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
@@ -74,7 +79,7 @@ def made_up_scene(
 
 
 def boxes(rng: np.random.Generator, count: int) -> Table:
-    """Of actors, with a light and a sign behind them."""
+    """Boxes of actors, followed by a traffic light and a sign."""
     table = noise(rng, BOX_DTYPE, count)
     place = np.arange(count)
     table["id"], table["class"], table["blueprint"] = 2 + place, place % 6, place % 3
@@ -98,7 +103,7 @@ def boxes(rng: np.random.Generator, count: int) -> Table:
 
 
 def noise(rng: np.random.Generator, dtype: np.dtype[Any], count: int) -> Table:
-    """Rows whose numbers are small and random."""
+    """Rows of small random numbers."""
     table = np.zeros(count, dtype)
     for name in dtype.names or ():
         is_real = dtype[name].kind == "f"
@@ -130,7 +135,7 @@ def made_up_spec(sensors: list[dict[str, Any]], *, number: int = 0, split: str =
 
 
 def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, Any]:
-    """By key of the reader, in its form."""
+    """Values of one tick by key of the reader, in the form that the reader returns."""
     values: dict[str, Any] = {
         "odom": (np.array([5.0 * tick, 1.0, 0.5]), np.array([0.01, 0.02, 0.3 + 0.1 * tick])),
         "boxes": boxes(rng, 12),
@@ -181,7 +186,7 @@ def _voxels(rng: np.random.Generator) -> Table:
 
 
 def _message(key: str, value: Any, stamp_ns: int) -> tuple[str, str, bytes]:
-    """Topic, type and bytes."""
+    """Topic, type and serialized message."""
     topic = f"/{key}" if key.startswith("world/") else f"/ego/{key}"
     last = key.rpartition("/")[2]
     if key == "odom":

@@ -6,7 +6,7 @@ from simbev_ros.types import Float64Array
 
 
 def distances_m(points: Float64Array, corners: Float64Array, within_m: float = 0.02) -> Float64Array:
-    """(N,) distances of (N, 3) points from the nearest of (T, 3, 3) triangles; inf where none is ``within_m``."""
+    """(N,) distances of (N, 3) points from the nearest of (T, 3, 3) triangles; inf if none is within ``within_m``."""
     low, high = corners.min(axis=1) - within_m, corners.max(axis=1) + within_m
     nearest2 = np.full(len(points), np.inf)
     for k, point in enumerate(points):
@@ -17,7 +17,7 @@ def distances_m(points: Float64Array, corners: Float64Array, within_m: float = 0
 
 
 def _squares(p: Float64Array, a: Float64Array, b: Float64Array, c: Float64Array) -> Float64Array:
-    """(T,) squared distances of a point."""
+    """(T,) squared distances of a point from triangles."""
     ab, ac, ap = b - a, c - a, p - a
     dot = np.einsum
     normal = np.cross(ab, ac)

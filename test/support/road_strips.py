@@ -1,4 +1,4 @@
-"""Roads made by hand, for tests whose truth is worked out on paper."""
+"""Hand-made roads for tests with expectations worked out on paper."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,7 +27,7 @@ def straight(
 
 
 def side_by_side(count: int, **road: object) -> list[Strip]:
-    """Lanes of one direction, number 0 leftmost, each to the right of the one before."""
+    """Lanes of one direction side by side, number 0 leftmost."""
     lanes = []
     for number in range(count):
         strip = straight(**{**road, "name": f"{road['name']}{number}"})  # type: ignore[arg-type]

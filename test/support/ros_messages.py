@@ -1,4 +1,4 @@
-"""Serialised ROS messages made without ROS, by rosbags."""
+"""Serialized ROS messages, made without ROS by rosbags."""
 
 from typing import Any
 
@@ -54,7 +54,7 @@ def compressed_image(stamp_ns: int, encoding: str, array: AnyArray) -> bytes:
 
 
 def odometry(stamp_ns: int, xyz_m: Float64Array, rpy_rad: Float64Array) -> bytes:
-    """The pose of the ego, at rest."""
+    """Odometry message of an ego at rest."""
     place, turn = np.asarray(xyz_m, float).tolist(), quaternion_from_rpy(rpy_rad).tolist()
     pose = message(
         "geometry_msgs/msg/Pose",

@@ -1,4 +1,4 @@
-"""A bag with a made-up street of boxes, ray-cast in numpy: every topic that a preview shows, in plausible form."""
+"""A bag of a synthetic street of boxes, ray-cast in numpy: every topic that a preview shows, in plausible form."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,7 +63,7 @@ def street(seed: int = 0) -> Street:
 
 
 def cast(scene: Street, origin: Float64Array, rays: Float64Array) -> tuple[Float64Array, AnyArray, AnyArray, AnyArray]:
-    """Distance in lengths of the ray (inf: sky), tag, id and a shade in 0..1 for (N, 3) rays."""
+    """Distances in ray lengths (inf: sky), tags, ids and shades in 0..1 for (N, 3) rays."""
     with np.errstate(divide="ignore", invalid="ignore"):
         t_m = np.where(rays[:, 2] < 0, -origin[2] / rays[:, 2], np.inf)
         y_m = np.abs(origin[1] + t_m * rays[:, 1])
@@ -163,7 +163,7 @@ def bev_labels(scene: Street, ego_x_m: float, cells: int = 360, cell_m: float = 
 
 
 def box_table(scene: Street) -> Table:
-    """Rows of /ego/boxes, as far as they are known here."""
+    """Rows of /ego/boxes, with the columns that are known here."""
     classes = {Tag.CAR: "car", Tag.TRUCK: "truck", Tag.PEDESTRIAN: "pedestrian"}
     actors = np.isin(scene.tags, list(classes))
     low, high = scene.low[actors], scene.high[actors]
@@ -187,7 +187,7 @@ def write_scene(
     boxes: bool = False,
     attachments: dict[str, bytes] | None = None,
 ) -> Path:
-    """Write the bag; the modalities other than rgb only for the front camera."""
+    """Write the bag; modalities other than rgb are written for the front camera only."""
     scene = street()
     make = compressed_image if compressed else image
     with SceneBagWriter(path) as writer:

@@ -14,7 +14,7 @@ Curve = float | tuple[tuple[float, float], ...]
 
 
 class Loop(Model):
-    """One waterline; meters, actor frame.
+    """A waterline of a shell; meters, actor frame.
 
     Attributes:
         name: Name that patches refer to.

@@ -129,7 +129,7 @@ def balconies(width_m: float, bays: Sequence[int], floors_m: Sequence[float], co
 
 
 def door_x_m(width_m: float) -> float:
-    """x of the front door: in the bay next to the middle, in place of a window."""
+    """Coordinate x of the front door: in the bay next to the middle, in place of a window."""
     bays = max(1, round(width_m / BAY_M))
     return ((bays // 2 + 0.5) / bays - 0.5) * width_m
 

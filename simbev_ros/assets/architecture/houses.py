@@ -56,12 +56,12 @@ def house_width_m(plot: Plot) -> float:
 
 
 def house_x_m(plot: Plot) -> float:
-    """x of the center of the house without its garage."""
+    """Coordinate x of the center of the house without its garage."""
     return -plot.garage * GARAGE_M / 2.0
 
 
 def garage_x_m(plot: Plot) -> float:
-    """x of the center of the garage."""
+    """Coordinate x of the center of the garage."""
     return plot.garage * (plot.width_m - GARAGE_M) / 2.0
 
 

@@ -64,7 +64,7 @@ def draw_species(landscape: str, habitat: str, count: int, rng: np.random.Genera
 
 @lru_cache(maxsize=512)
 def stock(species: str, variant: int) -> GradedMesh:
-    """One plant from the stock of a species, the same on every map."""
+    """Mesh of a plant from the stock of a species, the same on every map."""
     plant = _GROWERS[species](stream(variant, f"flora.{species}"))
     return plant if isinstance(plant, GradedMesh) else GradedMesh(plant, plant)
 

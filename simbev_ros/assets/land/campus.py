@@ -91,7 +91,7 @@ def _furnish(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> 
 
 
 def _put_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
-    """One parking lot for a sufficiently large block, at one of its streets."""
+    """A parking lot for a sufficiently large block, at one of its streets."""
     for line in sorted(block.frontage, key=lambda line: -line.length_m)[:2]:
         width_m = min(60.0, 0.35 * line.length_m)
         if width_m < 20.0 or rng.random() < 0.4:

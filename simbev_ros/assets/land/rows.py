@@ -68,7 +68,7 @@ class Site:
 
     @property
     def street_m(self) -> float:
-        """y of the street's edge in the building's frame."""
+        """Coordinate y of the street's edge in the building's frame."""
         return -(self.setback_m + load_kinds()[self.kind].front_m)
 
     @property

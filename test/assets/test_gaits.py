@@ -20,21 +20,12 @@ def test_strides_of_all_speeds_fill_the_box_of_a_pedestrian_to_a_centimeter(name
     np.testing.assert_allclose(found, expected, atol=0.01)
 
 
-<<<<<<< HEAD
-def straight_way(name: str, speed_mps: float) -> tuple[Float64Array, Float64Array]:
-    """Two strides of somebody on foot: (N,) way covered, and the (N, V, 3) left foot, at rest in the map's frame."""
-    stride_m = stride_lengths_m(blueprint(name).size_m[2], np.array([speed_mps]))[0]
-    way_m = np.linspace(0.0, 2.0 * stride_m, 400)
-    actors = rows(len(way_m), gait=way_m / stride_m * 2.0 * np.pi, vx=speed_mps)
-    return way_m, posed(model(name), actors, "foot left") + way_m[:, None, None] * [1.0, 0.0, 0.0]
-=======
 def walk_straight(name: str, speed_mps: float) -> tuple[Float64Array, Float64Array]:
     """Two strides of a pedestrian: (N,) distance covered, and (N, V, 3) vertices of the left foot, map frame."""
-    stride_m = strides_m(blueprint(name).size_m[2], np.array([speed_mps]))[0]
+    stride_m = stride_lengths_m(blueprint(name).size_m[2], np.array([speed_mps]))[0]
     path_m = np.linspace(0.0, 2.0 * stride_m, 400)
     actors = rows(len(path_m), gait=path_m / stride_m * 2.0 * np.pi, vx=speed_mps)
     return path_m, pose_vertices(model(name), actors, "foot left") + path_m[:, None, None] * [1.0, 0.0, 0.0]
->>>>>>> lang-assets
 
 
 @pytest.mark.parametrize("name", ["pedestrian.heavy", "pedestrian.child", "pedestrian.runner_woman"])

@@ -48,13 +48,8 @@ class Town:
     state: WorldState
 
     def labels(self, state: WorldState, grid: BevGrid) -> dict[str, BoolArray]:
-<<<<<<< HEAD
-        """What is to be checked."""
-        labels = self.annotator.labels(state, grid, self.levels.ego_level(state), self.areas)
-=======
         """Labels of the annotator under test, by class."""
-        labels = self.annotator.labels(state, grid, self.levels.of_ego(state), self.areas)
->>>>>>> lang-assets
+        labels = self.annotator.labels(state, grid, self.levels.ego_level(state), self.areas)
         return {name: labels >> bit & 1 == 1 for bit, name in enumerate(BEV_CLASSES)}
 
 

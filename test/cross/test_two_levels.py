@@ -233,19 +233,11 @@ def test_cars_and_pedestrians_are_labeled_on_their_level(crossing: Crossing, ego
         assert not (cores & ~labels[name]).any()
 
 
-<<<<<<< HEAD
-@pytest.mark.parametrize("place", PLACES)
-def test_boxes_say_who_is_on_the_egos_level(crossing: Crossing, place: str) -> None:
-    state = state_of(crossing, place)
-    found = boxes_around_ego(state, 200.0, crossing.levels.ego_level(state))
-    counts = counting(crossing, state, place)
-=======
 @pytest.mark.parametrize("ego_position", EGO_POSITIONS)
 def test_boxes_mark_the_actors_on_the_egos_level(crossing: Crossing, ego_position: str) -> None:
     state = state_of(crossing, ego_position)
-    found = boxes(state, 200.0, crossing.levels.of_ego(state))
+    found = boxes_around_ego(state, 200.0, crossing.levels.ego_level(state))
     counts = ids_on_ego_level(crossing, state, ego_position)
->>>>>>> lang-assets
     assert set(found["id"].tolist()) | {EGO_ID} == set(state.actors["id"].tolist())
     assert set(found["id"][found["on_ego_level"] == 1].tolist()) == counts - {EGO_ID}
     assert {0, 1} == set(found["on_ego_level"].tolist())

@@ -52,13 +52,8 @@ def ego_m(tick: int) -> AnyArray:
 
 
 def boxes(tick: int) -> Table:
-<<<<<<< HEAD
-    """A near car, a far one without points, and a pedestrian, who walks with the ego; distances from the ego."""
-    table = blank_boxes(3)
-=======
     """A near car, a far one without points, and a pedestrian that walks with the ego; distances from the ego."""
-    table = blank(3)
->>>>>>> lang-assets
+    table = blank_boxes(3)
     table["class"] = [BOX_CLASSES.index(name) for name in ("car", "car", "pedestrian")]
     table["id"], table["yaw"] = [5, 6, 7], [0.0, 1.0, 2.0]
     table["x"], table["y"], table["z"] = [10.0 + tick, 70.0 + tick, -30.0 + tick], [2.0, 10.0, 2.0], 0.75

@@ -50,13 +50,8 @@ class MadeUp:
 def made_up_scene(
     path: Path, *, number: int = 0, split: str = "train", ticks: int = 3, sensors: list[dict[str, Any]] | None = None
 ) -> MadeUp:
-<<<<<<< HEAD
     """Write a finished bag. Occupancy is there at every second tick."""
     spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks)
-=======
-    """Write a complete bag; it has occupancy at every second tick."""
-    spec = _spec(number, split, ticks, SENSORS if sensors is None else sensors)
->>>>>>> lang-assets
     made, rng = MadeUp(spec), np.random.default_rng(number)
     with SceneBagWriter(path) as writer:
         writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())

@@ -23,7 +23,7 @@ FLOORS = [
     {"msgs"},
     {"nodes"},
     {"graph"},
-    {"cli"},
+    {"cli", "bench"},
     {"reference_stack"},
 ]
 ALONE = {"reference_stack"}
@@ -44,10 +44,10 @@ ROS = {
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *STACK)),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", "bench", *STACK)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
-    "libsumo": ("world/traffic",),
+    "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),
 }
 
 

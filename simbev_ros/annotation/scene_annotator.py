@@ -7,16 +7,16 @@ from typing import Any
 
 import shapely
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.boxes import boxes
-from simbev_ros.annotation.extents import Extents
-from simbev_ros.annotation.hazards import hazard_areas
-from simbev_ros.annotation.levels import Levels
-from simbev_ros.annotation.occupancy import OccupancyAnnotator, occupied
-from simbev_ros.annotation.standing import standing_of
-from simbev_ros.annotation.vector_map import VectorMap
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.annotation.bev.hazards import hazard_areas
+from simbev_ros.annotation.bev.levels import Levels
+from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.extents import Extents
+from simbev_ros.annotation.boxes.standing import standing_of
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, occupied
+from simbev_ros.annotation.vector_map.vector_map import VectorMap
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.annotation import Annotation, Occupancy, VectorMapPatch
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Layout

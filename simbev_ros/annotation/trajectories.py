@@ -23,7 +23,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from simbev_ros.annotation.boxes import NO_CLASS, box_centers_m, class_of_blueprint
+from simbev_ros.annotation.boxes.boxes import NO_CLASS, box_centers_m, class_of_blueprint
 from simbev_ros.errors import NPZ_DAMAGE, BagError, InputError
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.semantics import BOX_CLASSES

@@ -74,7 +74,7 @@ def graph(
 
     simbev bench live --no-record --json
     """
-    from simbev_ros.cli.timing import timed_graph
+    from simbev_ros.bench.graph_timing import timed_graph
 
     with tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as folder:
         result = timed_graph(_shortened(config, ticks), Path(folder) / "dataset" if record else None)
@@ -112,8 +112,8 @@ def cameras(
 
     simbev bench cameras --quality medium --frames 10 --json
     """
-    from simbev_ros.cli.camera_scene import camera_scene, paper_cameras
-    from simbev_ros.cli.camera_timing import steps, timed_cameras
+    from simbev_ros.bench.camera_scene import camera_scene, paper_cameras
+    from simbev_ros.bench.camera_timing import steps, timed_cameras
 
     size_px, console = picture_size_px(size, _LEAST_PX), Console(stderr=True)
     qualities = QUALITIES if quality is None else (quality,)
@@ -149,8 +149,8 @@ def rays(
 
     simbev bench rays --actors 200 --frames 20 --json
     """
-    from simbev_ros.cli.camera_scene import camera_scene
-    from simbev_ros.cli.ray_timing import timed_rays
+    from simbev_ros.bench.camera_scene import camera_scene
+    from simbev_ros.bench.ray_timing import timed_rays
 
     console = Console(stderr=True)
     scene = camera_scene(map_name, actors, frames + 1, console, vehicle_share=1 / 3, spawn_radius_m=radius)
@@ -185,8 +185,8 @@ def labels(
 
     simbev bench labels --map Town10HD --actors 200 --frames 20 --json
     """
-    from simbev_ros.cli.camera_scene import camera_scene
-    from simbev_ros.cli.label_timing import timed_labels
+    from simbev_ros.bench.camera_scene import camera_scene
+    from simbev_ros.bench.label_timing import timed_labels
 
     console = Console(stderr=True)
     scene = camera_scene(
@@ -226,7 +226,7 @@ def world(
 
     simbev bench world Town10HD --ticks 200
     """
-    from simbev_ros.cli.world_timing import timed_world
+    from simbev_ros.bench.world_timing import timed_world
 
     grown = timed_world(_shortened(config, ticks), map_name)
     show_timing(

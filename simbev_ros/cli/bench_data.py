@@ -26,7 +26,7 @@ def reading(
 
     simbev bench reading datasets/first --frames 50
     """
-    from simbev_ros.cli.reading_timing import timed_reading
+    from simbev_ros.bench.reading_timing import timed_reading
 
     with progress_bar("frames", Console(stderr=True)) as bars:
         task = bars.add_task("", total=2 * frames)
@@ -56,7 +56,7 @@ def record(
 
     simbev bench record --folder /data --ticks 100 --json
     """
-    from simbev_ros.cli.record_timing import files_to_write, timed_recording
+    from simbev_ros.bench.record_timing import files_to_write, timed_recording
 
     console = Console(stderr=True)
     with progress_bar("files", console) as bars:
@@ -86,7 +86,7 @@ def evaluate(
 
     simbev bench evaluate --scenes 20 --json
     """
-    from simbev_ros.cli.evaluate_timing import timed_evaluation
+    from simbev_ros.bench.evaluate_timing import timed_evaluation
 
     with progress_bar("scenes", Console(stderr=True)) as bars:
         task = bars.add_task("", total=scenes)

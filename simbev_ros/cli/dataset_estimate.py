@@ -19,7 +19,7 @@ from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.draw import ticks_of
+from simbev_ros.scene.drawing.draw_scene import ticks_of
 
 _SAMPLE_TICKS = 10
 

@@ -24,10 +24,10 @@ from simbev_ros.graph.traces import sweep
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.bag_files import check_space
-from simbev_ros.scene.draw import PlannedScene, draw_scene, starts_of
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, starts_of
+from simbev_ros.scene.drawing.starts import Starts
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.starts import Starts
 
 LOG_FOLDER = "logs"
 

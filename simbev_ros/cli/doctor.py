@@ -91,7 +91,7 @@ def _ros() -> str:
 
 def _renderers() -> Iterator[Finding]:
     """What cameras are drawn with, and every device of EGL: used, in reserve, or why it cannot be used."""
-    from simbev_ros.render.context import describe_renderer, survey_devices
+    from simbev_ros.render.gl.context import describe_renderer, survey_devices
 
     renderer = _checked("renderer", describe_renderer)
     yield renderer

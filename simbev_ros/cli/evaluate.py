@@ -94,12 +94,12 @@ def evaluate(
     from simbev_ros.cli import evaluation_options as parse
     from simbev_ros.cli.evaluation_tables import print_tables
     from simbev_ros.dataset import open_dataset
-    from simbev_ros.evaluation.cuts import cuts_of
-    from simbev_ros.evaluation.detection import DetectionOptions
     from simbev_ros.evaluation.evaluation import evaluate as evaluated
     from simbev_ros.evaluation.figures import figures_of
+    from simbev_ros.evaluation.metrics.detection import DetectionOptions
     from simbev_ros.evaluation.options import EvaluationOptions
-    from simbev_ros.evaluation.predictions import open_predictions
+    from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions
+    from simbev_ros.evaluation.slices import cuts_of
 
     counted = parse.counted(
         distance=distance,
@@ -138,7 +138,7 @@ def evaluate(
         console.print(f"figures in {escape(str(json_file))}", soft_wrap=True)
     print_tables(figures, console)
     if report is not None:
-        from simbev_ros.viz.evaluation_report import write_evaluation_report
+        from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
 
         with Console(stderr=True).status("report"), writing(report):
             write_evaluation_report(report, result, chosen, said, figures)

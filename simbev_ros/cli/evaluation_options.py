@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS
-from simbev_ros.evaluation.cuts import Cut
 from simbev_ros.evaluation.filters import BoxFilter
+from simbev_ros.evaluation.slices import Cut
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 
 

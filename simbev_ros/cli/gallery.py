@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from simbev_ros.assets.static_cache import load_static_scene
+from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.cli.preview import make_room
 from simbev_ros.cli.scenes import map_roads, prepare_regions
@@ -22,8 +22,8 @@ from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_place
 from simbev_ros.viz import gallery
 from simbev_ros.viz.gallery import Picture, Section
-from simbev_ros.viz.street_place import street_place
-from simbev_ros.viz.street_view import StreetView
+from simbev_ros.viz.street.street_view import StreetView
+from simbev_ros.viz.street.viewpoint import street_place
 
 STREET_MAP = "Town10HD"
 """Where the street of all weathers is, if it is among the maps; else it is in the first of them."""

@@ -77,7 +77,7 @@ def _write_report(path: Path, report: Path, jobs: int) -> None:
     """Statistics of a dataset's finished scenes, or of a bag."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.statistics import statistics_of
-    from simbev_ros.viz.dataset_report import dataset_report
+    from simbev_ros.viz.reports.dataset_report import dataset_report
 
     console = Console(stderr=True, soft_wrap=True)
     columns = (TextColumn("frames"), BarColumn(bar_width=None), MofNCompleteColumn(), TimeRemainingColumn())

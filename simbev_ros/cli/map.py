@@ -14,8 +14,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from simbev_ros.assets.static_cache import StaticCache, load_static_scene
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene
 from simbev_ros.cli.map_report import MapReport, Surroundings, map_table, towns_table
 from simbev_ros.cli.scenes import prepare_regions
 from simbev_ros.errors import InputError
@@ -125,9 +125,9 @@ def _write_pictures(
     network: RoadNetwork, static: StaticScene, center_m: Float64Array, within_m: float, out: Path
 ) -> None:
     """From above, around a place, and from the street, the best view within a distance of that place."""
-    from simbev_ros.viz.map_picture import above, write_picture
-    from simbev_ros.viz.street_place import street_place
-    from simbev_ros.viz.street_view import street_view
+    from simbev_ros.viz.maps.map_picture import above, write_picture
+    from simbev_ros.viz.street.street_view import street_view
+    from simbev_ros.viz.street.viewpoint import street_place
 
     write_picture(out.with_name(f"{out.stem}-above.png"), above(network, static, center_m))
     place = street_place(network, static.tiles, center_m, within_m)

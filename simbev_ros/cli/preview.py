@@ -10,7 +10,7 @@ from rich.progress import Progress
 
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
-from simbev_ros.viz.layout import LabelPlace
+from simbev_ros.viz.sheet.layout import LabelPlace
 
 _GALLERY = "Gallery"
 
@@ -86,25 +86,25 @@ def make_preview(
         InputError: There is no such frame, or a picture is there already, or the folder cannot be made.
         BagError: The bag cannot be read, or has nothing to show.
     """
-    from simbev_ros.recording.reader import SceneBag
-    from simbev_ros.viz.frames import FrameReader
-    from simbev_ros.viz.preview import write_picture, write_video
-    from simbev_ros.viz.views import find_views
+    from simbev_ros.dataset.opened import open_bag
+    from simbev_ros.viz.sheet.frames import FrameReader
+    from simbev_ros.viz.sheet.preview import write_picture, write_video
+    from simbev_ros.viz.sheet.views import find_views
 
-    with SceneBag(path) as bag:
-        reader = FrameReader(bag, find_views(bag, labels))
-        count = len(reader.stamps_ns)
-        index = count // 2 if frame is None else frame
-        if not 0 <= index < count:
-            raise InputError(f"--frame {index}: {bag.name} has frames 0 to {count - 1}")
-        picture, film = out / f"{bag.name}.png", out / f"{bag.name}.mp4"
-        targets = [picture, film] if video else [picture]
-        make_room(out, targets, overwrite)
-        write_picture(reader, index, picture)
-        if video:
-            with Progress(console=console, transient=True) as progress:
-                task = progress.add_task("video", total=count)
-                write_video(reader, film, lambda: progress.advance(task))
+    bag = open_bag(path)
+    reader = FrameReader(bag, find_views(bag, labels))
+    count = len(reader.stamps_ns)
+    index = count // 2 if frame is None else frame
+    if not 0 <= index < count:
+        raise InputError(f"--frame {index}: {bag.name} has frames 0 to {count - 1}")
+    picture, film = out / f"{bag.name}.png", out / f"{bag.name}.mp4"
+    targets = [picture, film] if video else [picture]
+    make_room(out, targets, overwrite)
+    write_picture(reader, index, picture)
+    if video:
+        with Progress(console=console, transient=True) as progress:
+            task = progress.add_task("video", total=count)
+            write_video(reader, film, lambda: progress.advance(task))
     return targets
 
 

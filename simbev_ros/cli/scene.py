@@ -18,8 +18,8 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
-from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes, starts_of
-from simbev_ros.scene.statistics import BINS, SceneStatistics, Tally, meant
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, starts_of
+from simbev_ros.scene.drawing.statistics import BINS, SceneStatistics, Tally, meant
 from simbev_ros.types import Float64Array
 
 _WIDTH_IN_A_PIPE = 160

@@ -10,8 +10,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from simbev_ros.assets.region_pool import build_regions
-from simbev_ros.assets.static_cache import StaticCache
+from simbev_ros.assets.regions.region_pool import build_regions
+from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.cli.live_evaluation import print_live_tables
 from simbev_ros.cli.record_place import held_place
 from simbev_ros.config.scenario import Scenario
@@ -22,7 +22,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.scene.draw import draw_scene, planned_scenes, starts_of
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes, starts_of
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.spec import SceneSpec

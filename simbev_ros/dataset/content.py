@@ -12,9 +12,9 @@ from simbev_ros.annotation.trajectories import Tracks, tracks_of_npz
 from simbev_ros.dataset.calibration import Calibration, calibrations
 from simbev_ros.dataset.values import message_of, value_of
 from simbev_ros.errors import BagError
-from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
@@ -154,12 +154,17 @@ def spec_of(bag: IndexedBag) -> SceneSpec:
     return spec
 
 
+def sources_by_topic(bag: IndexedBag) -> dict[str, Source]:
+    """Every topic of a bag by its name, readable at any time; the bag need not hold a scene, nor be finished."""
+    return {name: Source(bag, topic) for name, topic in bag.topics.items()}
+
+
 def _sources(bag: IndexedBag, spec: SceneSpec) -> dict[str, Source]:
     """By key: the topic's name without the agent, of an image without its form."""
     prefix = f"/{spec.rig.agent}/"
     return {
-        _IMAGE.sub("", name.removeprefix(prefix).removeprefix("/")): Source(bag, topic)
-        for name, topic in bag.topics.items()
+        _IMAGE.sub("", name.removeprefix(prefix).removeprefix("/")): source
+        for name, source in sources_by_topic(bag).items()
     }
 
 

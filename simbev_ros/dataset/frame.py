@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbev_ros.annotation.boxes import LIGHT_IDS
+from simbev_ros.annotation.boxes.boxes import LIGHT_IDS
 from simbev_ros.annotation.trajectories import HORIZON_S, Futures, futures
 from simbev_ros.dataset.content import Source
 from simbev_ros.dataset.decoders import decoders
-from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
+from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.types import Float64Array, Int64Array
 
 if TYPE_CHECKING:
@@ -104,8 +104,7 @@ class Frame(Mapping[str, Any]):
     @property
     def map_from_ego(self) -> Float64Array:
         """(4, 4) pose of the ego: x forward, y left, z up, origin on the ground below the box's centre."""
-        row = self["odom"][-1]
-        return matrices_from_xyz_quaternion(row["position_m"], row["orientation_xyzw"])
+        return poses_from_odometry(self["odom"][-1])
 
     def map_from_sensor(self, name: str) -> Float64Array:
         """(4, 4) pose of a sensor's frame, x forward, y left, z up; that of clouds, and a camera's body."""

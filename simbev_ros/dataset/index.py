@@ -14,8 +14,8 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
+from simbev_ros.recording.mcap.syncing import sync, sync_names
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.syncing import sync, sync_names
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES

@@ -11,8 +11,9 @@ from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
-from simbev_ros.recording.chunk_cache import ChunkCache
+from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.layout import additional_bags, bytes_of, is_dataset, is_scene, locate_mcap, scenes_of
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 
 CACHE_BYTES = 256 << 20
 
@@ -91,6 +92,15 @@ class Frames(Sequence[Frame]):
         if isinstance(index, slice):
             return [self[place] for place in range(len(self))[index]]
         return self._scenes[int(self._scene[index])][int(self._tick[index])]
+
+
+def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:
+    """Open a bag of any content, finished or cut off, to read its topics by time.
+
+    Raises:
+        BagError: There is no bag at this path, or it is damaged.
+    """
+    return IndexedBag(path, ChunkCache(cache_bytes))
 
 
 def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: int | None = None) -> Dataset:

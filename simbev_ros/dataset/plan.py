@@ -18,7 +18,7 @@ from simbev_ros.config.scenario import SPLITS, Scenario, Split
 from simbev_ros.errors import InputError
 from simbev_ros.maps.source import map_spec
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.recording.syncing import sync, sync_names
+from simbev_ros.recording.mcap.syncing import sync, sync_names
 
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(r"(?P<map>.+)-(?P<number>\d{4,})")

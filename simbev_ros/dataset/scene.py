@@ -11,7 +11,7 @@ from simbev_ros.annotation.trajectories import Tracks
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.dataset.content import Content, Source, spec_of, tracks_of
 from simbev_ros.dataset.frame import Frame
-from simbev_ros.recording.chunk_cache import ChunkCache
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import BoolArray, Int64Array

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.recording.layout import REPLACED_SUFFIX, additional_bags
-from simbev_ros.recording.syncing import sync_names
+from simbev_ros.recording.mcap.syncing import sync_names
 
 _STAGING_FOLDER = ".making"
 

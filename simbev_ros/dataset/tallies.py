@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.dataset import Frame
 from simbev_ros.errors import BagError
 from simbev_ros.scene.state import EGO_ID

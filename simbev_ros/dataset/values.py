@@ -84,6 +84,11 @@ def value_of(type_name: str, messages: Sequence[Any]) -> Any:
     return messages[-1] if reader is None else reader(messages[-1])
 
 
+def poses_from_odometry(rows: Table) -> Float64Array:
+    """(…, 4, 4) map_from_ego of rows of ``ODOMETRY_DTYPE``."""
+    return matrices_from_xyz_quaternion(rows["position_m"], rows["orientation_xyzw"])
+
+
 def columns(table: Table, *names: str) -> np.ndarray[Any, Any]:
     """(N, K) array of K columns of (N,) rows, as ``columns(frame["lidar/points"], "x", "y", "z")``."""
     return np.stack([table[name] for name in names], axis=1)

@@ -8,14 +8,20 @@ import numpy as np
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import in_processes
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.curves import Curve
-from simbev_ros.evaluation.cuts import Cut
-from simbev_ros.evaluation.detection import DetectionResult, DetectionTally, detection_result, merge, precision_recall
-from simbev_ros.evaluation.nuscenes import NuscenesResult, nuscenes_merge, nuscenes_result
+from simbev_ros.evaluation.metrics.curves import Curve
+from simbev_ros.evaluation.metrics.detection import (
+    DetectionResult,
+    DetectionTally,
+    detection_result,
+    merge,
+    precision_recall,
+)
+from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merge, nuscenes_result
+from simbev_ros.evaluation.metrics.segmentation import SegmentationTally, no_frames
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predictions import PredictionSet
+from simbev_ros.evaluation.predictions.dataset_predictions import PredictionSet
 from simbev_ros.evaluation.scene_evaluation import SceneTally, evaluate_scene
-from simbev_ros.evaluation.segmentation import SegmentationTally, no_frames
+from simbev_ros.evaluation.slices import Cut
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import Table
 

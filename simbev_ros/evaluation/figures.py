@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.evaluation.cuts import Cut
-from simbev_ros.evaluation.detection import DetectionResult, Method
-from simbev_ros.evaluation.errors import ERRORS
 from simbev_ros.evaluation.evaluation import Evaluation
-from simbev_ros.evaluation.means import known_mean
-from simbev_ros.evaluation.nuscenes import CLASSES, DISTANCES_M, NuscenesResult
-from simbev_ros.evaluation.nuscenes import ERRORS as NUSCENES_ERRORS
-from simbev_ros.evaluation.segmentation import THRESHOLDS, SegmentationTally
+from simbev_ros.evaluation.metrics.averages import known_mean
+from simbev_ros.evaluation.metrics.detection import DetectionResult, Method
+from simbev_ros.evaluation.metrics.errors import ERRORS
+from simbev_ros.evaluation.metrics.nuscenes import CLASSES, DISTANCES_M, NuscenesResult
+from simbev_ros.evaluation.metrics.nuscenes import ERRORS as NUSCENES_ERRORS
+from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, SegmentationTally
+from simbev_ros.evaluation.slices import Cut
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 
 METHODS: tuple[Method, ...] = ("iou", "distance")

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.cuts import Cut, cuts_of
-from simbev_ros.evaluation.detection import DetectionOptions
 from simbev_ros.evaluation.filters import BoxFilter
+from simbev_ros.evaluation.metrics.detection import DetectionOptions
+from simbev_ros.evaluation.slices import Cut, cuts_of
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 
 

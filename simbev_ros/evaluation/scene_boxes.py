@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.dataset import Frame
-from simbev_ros.evaluation.boxes import Predictions, boxes_of
-from simbev_ros.evaluation.cuts import Conditions, Cut
-from simbev_ros.evaluation.detection import HIT, DetectionOptions, DetectionTally
+from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_of
+from simbev_ros.evaluation.metrics.detection import HIT, DetectionOptions, DetectionTally
+from simbev_ros.evaluation.metrics.ranking import surest
+from simbev_ros.evaluation.metrics.scene_matching import Counting, Matching
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.ranking import surest
-from simbev_ros.evaluation.scene_matching import Counting, Matching
+from simbev_ros.evaluation.slices import Conditions, Cut
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BOX_CLASSES

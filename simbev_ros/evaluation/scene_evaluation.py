@@ -8,17 +8,17 @@ import numpy as np
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import step
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.boxes import Predictions
-from simbev_ros.evaluation.cuts import Conditions, Cut
-from simbev_ros.evaluation.detection import DetectionTally
-from simbev_ros.evaluation.nuscenes import NuscenesTally, nuscenes_tally
-from simbev_ros.evaluation.nuscenes_truth import nuscenes_truth
+from simbev_ros.evaluation.metrics.boxes import Predictions
+from simbev_ros.evaluation.metrics.detection import DetectionTally
+from simbev_ros.evaluation.metrics.nuscenes import NuscenesTally, nuscenes_tally
+from simbev_ros.evaluation.metrics.nuscenes_truth import nuscenes_truth
+from simbev_ros.evaluation.metrics.segmentation import SegmentationTally
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predictions import PredictedScene, in_map
-from simbev_ros.evaluation.reference_frames import ReferenceFrames
+from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, in_map
+from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.evaluation.scene_boxes import Outcomes, SceneBoxes, TrueFrame
 from simbev_ros.evaluation.scene_grids import SceneGrids
-from simbev_ros.evaluation.segmentation import SegmentationTally
+from simbev_ros.evaluation.slices import Conditions, Cut
 from simbev_ros.types import Table
 
 FRAME_DTYPE = np.dtype(

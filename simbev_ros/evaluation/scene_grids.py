@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbev_ros.evaluation.cuts import Conditions, Cut
-from simbev_ros.evaluation.score_grid import ScoreGrid
-from simbev_ros.evaluation.segmentation import (
+from simbev_ros.evaluation.metrics.segmentation import (
     TABLE_THRESHOLD,
     THRESHOLDS,
     SegmentationTally,
     no_frames,
     regional_tallies,
 )
+from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
+from simbev_ros.evaluation.slices import Conditions, Cut
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float64Array

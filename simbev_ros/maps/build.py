@@ -21,8 +21,8 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.roads.levels import with_levels
-from simbev_ros.maps.roads.signals import place_signals, with_ids_of_net
-from simbev_ros.maps.roads.signs import place_signs
+from simbev_ros.maps.signals import place_signals, with_ids_of_net
+from simbev_ros.maps.signs import place_signs
 from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, read_datum, read_network, read_source, write_network

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.land.features import MapFeatures
+from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_index import LineIndex
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -17,7 +17,7 @@ from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.level_members import REACH_M, LevelGraph, RoadsByLevel
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.maps.sumo.vehicle_class import ALL_CLASSES
+from simbev_ros.maps.vehicle_class import ALL_CLASSES
 from simbev_ros.types import Float64Array, Int64Array
 
 

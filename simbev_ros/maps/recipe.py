@@ -10,9 +10,9 @@ from pydantic import Field, ValidationError, model_validator
 from simbev_ros.config.base import Model
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.land.surroundings import ReliefRecipe, SurroundingsRecipe
 from simbev_ros.maps.plan.land import WaterRecipe, ZoneRecipe
-from simbev_ros.maps.plan.patterns import Pattern
+from simbev_ros.maps.plan.patterns.pattern import Pattern
+from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 
 
 class DatumRecipe(Model):

@@ -12,10 +12,10 @@ import numpy as np
 from simbev_ros.errors import NPZ_DAMAGE
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.columns import from_columns, part_of, to_columns
-from simbev_ros.maps.land.features import Footprint, MapFeatures, Water, Zone
-from simbev_ros.maps.land.surroundings import ReliefRecipe, SurroundingsRecipe
+from simbev_ros.maps.land_features import Footprint, MapFeatures, Water, Zone
 from simbev_ros.maps.network import Junction, Lane, RoadNetwork, Signal
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Sign, SignalPlace, StopLine, Strip
+from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 from simbev_ros.types import AnyArray
 
 NET = "map.net.xml"

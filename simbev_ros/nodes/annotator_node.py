@@ -12,16 +12,16 @@ from typing import Any, NamedTuple
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
-from simbev_ros.annotation.points import map_points, with_points
+from simbev_ros.annotation.boxes.points import map_points, with_points
 from simbev_ros.annotation.scene_annotator import Labels, MeshAnnotators, SceneAnnotator, meshes_radius_m
-from simbev_ros.annotation.views import ViewAnnotator, visibility
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.roads.hd_map import lane_record
 from simbev_ros.msgs.annotation_topics import annotation_topics, read_by_annotator, viewing_cameras
 from simbev_ros.msgs.images import image_message, labels_of_image
 from simbev_ros.msgs.markers import box_markers

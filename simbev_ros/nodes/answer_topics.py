@@ -8,8 +8,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.predicted_boxes import PredictedBoxes
-from simbev_ros.evaluation.prediction_messages import (
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes
+from simbev_ros.evaluation.predictions.prediction_messages import (
     BOX_TYPES,
     IMAGE_TYPE,
     OCCUPANCY_TYPE,
@@ -18,7 +18,7 @@ from simbev_ros.evaluation.prediction_messages import (
     occupancy_scores,
     stamp_ns_of,
 )
-from simbev_ros.evaluation.score_grid import ScoreGrid
+from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.semantics import BEV_CLASSES
 

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from typing import NamedTuple
 
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import QUALITIES, Device, Quality, Rendering
 from simbev_ros.config.scenario import Recording
@@ -19,8 +19,8 @@ from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode
-from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState

@@ -16,12 +16,12 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 
-from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
-from simbev_ros.evaluation.answer_stamps import answered_tick
-from simbev_ros.evaluation.live import LiveEvaluation, LiveScene, live_figures
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
+from simbev_ros.evaluation.live.answer_stamps import answered_tick
+from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, LiveScene, live_figures
 from simbev_ros.evaluation.options import options_of
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import NamedTuple
 
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.msgs.sensor_topics import LidarTopics, lidar_topics
 from simbev_ros.msgs.tables import message_from_table

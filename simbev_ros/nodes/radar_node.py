@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.radar import Radar
 from simbev_ros.msgs.sensor_topics import radar_topic
 from simbev_ros.msgs.tables import message_from_table

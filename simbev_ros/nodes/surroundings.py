@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from weakref import WeakValueDictionary
 
-from simbev_ros.assets.static_cache import load_static_scene
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
 from simbev_ros.maps.spec import MapSpec

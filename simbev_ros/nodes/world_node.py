@@ -9,8 +9,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from simbev_ros.assets.region_scene import Streetside
-from simbev_ros.assets.static_cache import load_streetside
+from simbev_ros.assets.regions.region_scene import Streetside
+from simbev_ros.assets.regions.static_cache import load_streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.skeletons import Skeletons
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.raycast.boxes import CORNERS, Boxes, Passages
 from simbev_ros.raycast.part_stack import PartStack
-from simbev_ros.scene.between import Course
+from simbev_ros.scene.interpolation import Course
 from simbev_ros.scene.state import map_from_actors
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array, Table, UInt8Array
 

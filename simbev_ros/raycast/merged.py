@@ -4,9 +4,9 @@ from collections.abc import Sequence, Set
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.posing import pose_actors
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.posing import pose_actors
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.raycast.static import StaticTriangles
 from simbev_ros.scene.state import WorldState

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from simbev_ros.assets.skeletons import Skeletons
+from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.geometry.transforms import inverse
-from simbev_ros.scene.between import actors_between
+from simbev_ros.scene.interpolation import actors_between
 from simbev_ros.scene.state import map_from_actors
 from simbev_ros.types import Float64Array, Int32Array, Table
 

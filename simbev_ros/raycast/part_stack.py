@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.skeletons import Skeletons
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.skeletons import Skeletons
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.raycast.actors import ActorTriangles
 from simbev_ros.raycast.motion import body_velocities, part_velocities
 from simbev_ros.raycast.static import StaticTriangles
-from simbev_ros.scene.between import Course, known_before
+from simbev_ros.scene.interpolation import Course, known_before
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, Tile
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.types import Float64Array, Int64Array, UInt8Array
 

@@ -14,7 +14,7 @@ from rich.filesize import decimal
 from simbev_ros.errors import DiskError
 from simbev_ros.recording.bag_metadata import RecordedFile
 from simbev_ros.recording.layout import mcap_in
-from simbev_ros.recording.mcap_file import ChunkInProgress, Definition, McapFile
+from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition, McapFile
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 

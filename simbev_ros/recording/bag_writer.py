@@ -23,9 +23,9 @@ from simbev_ros.errors import DiskError, InputError
 from simbev_ros.recording.bag_files import BagFiles, check_space, disk_errors
 from simbev_ros.recording.bag_metadata import RecordedTopic, bag_information, to_yaml
 from simbev_ros.recording.layout import METADATA_FILE, partial_of
-from simbev_ros.recording.mcap_file import ChunkInProgress, Definition
+from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition
+from simbev_ros.recording.mcap.syncing import sync
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.recording.syncing import sync
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 _MOST_WAITING = 4

@@ -11,9 +11,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from simbev_ros.errors import BagError
-from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files
-from simbev_ros.recording.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_index
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
+from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_index
 from simbev_ros.recording.reader import attached_spec
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
@@ -51,6 +51,7 @@ class IndexedBag:
     """One bag, whole or cut off. It keeps no file open: processes and threads can share it, and it can be pickled.
 
     Attributes:
+        name: The scene's name.
         file: Its first MCAP file.
         files: All of them.
         closed: All of them were closed by their writer; else the bag was cut off.
@@ -63,6 +64,7 @@ class IndexedBag:
     def __init__(self, path: Path, cache: ChunkCache) -> None:
         self.files = mcap_files(path)
         self.file, self._cache = self.files[0], cache
+        self.name = self.file.stem.removesuffix("_0")
         indexes = [_index_of(file) for file in self.files]
         self.closed = all(index.closed for index in indexes)
         attached = ChainMap(*(index.attachments for index in indexes))

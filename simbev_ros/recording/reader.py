@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files
-from simbev_ros.recording.mcap_index import DAMAGE, McapIndex, read_chunk, read_index
+from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_chunk, read_index
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
 

@@ -16,8 +16,8 @@ from rosbags.typesys import Stores, get_typestore
 from simbev_ros.errors import BagError, DiskError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import METADATA_FILE, numbered_files, partial_of
+from simbev_ros.recording.mcap.salvage import Salvage, salvage
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.recording.salvage import Salvage, salvage
 
 _KNOWN_TYPES = frozenset(get_typestore(Stores.ROS2_JAZZY).types)
 

@@ -24,11 +24,11 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.scene.draw_lights import draw_lights
-from simbev_ros.scene.draw_weather import draw_weathers
+from simbev_ros.scene.drawing.draw_lights import draw_lights
+from simbev_ros.scene.drawing.draw_weather import draw_weathers
+from simbev_ros.scene.drawing.starts import Starts
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.starts import Starts
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
 from simbev_ros.types import Table
 from simbev_ros.world.lights import needs_low_beam

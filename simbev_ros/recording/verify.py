@@ -21,7 +21,7 @@ from simbev_ros.recording.layout import (
     TRAJECTORIES_ATTACHMENT,
     mcap_files,
 )
-from simbev_ros.recording.mcap_check import McapContent, check_mcap
+from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import SceneBag
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)

@@ -15,9 +15,9 @@ from simbev_ros.config.camera import Modality
 from simbev_ros.config.optics import Optics
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.render.frame import CameraView
-from simbev_ros.render.programs import TEXTURE_UNITS, ProgramLibrary
-from simbev_ros.render.screen_pass import ScreenPass
-from simbev_ros.render.targets import Image, Targets
+from simbev_ros.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
+from simbev_ros.render.gl.screen_pass import ScreenPass
+from simbev_ros.render.gl.targets import Image, Targets
 
 _GEOMETRIC: tuple[Modality, ...] = ("semantic", "instance", "depth", "flow")
 _ENDLESS_ELECTRONS = 1e12

@@ -7,34 +7,34 @@ from zlib import crc32
 import moderngl
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.skeletons import Skeletons
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.skeletons import Skeletons
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.rendering import Quality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
-from simbev_ros.render.actor_geometry import ActorGeometry, visible_actors
-from simbev_ros.render.contact import HALF_M, ContactMap
-from simbev_ros.render.context import open_context
-from simbev_ros.render.devices import is_software
-from simbev_ros.render.failures import enough_memory
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.render.hidden import Occluders
-from simbev_ros.render.lamp_field import LampField
-from simbev_ros.render.lamps import VehicleLamps
+from simbev_ros.render.geometry.actor_geometry import ActorGeometry, visible_actors
+from simbev_ros.render.geometry.occlusion import Occluders
+from simbev_ros.render.geometry.rigid_table import RigidTable, RigidTextures
+from simbev_ros.render.geometry.static_geometry import StaticGeometry
+from simbev_ros.render.geometry.triangle_ids import TriangleIds
+from simbev_ros.render.gl.context import open_context
+from simbev_ros.render.gl.devices import is_software
+from simbev_ros.render.gl.failures import enough_memory
+from simbev_ros.render.gl.programs import BLOCK_BINDINGS, ProgramLibrary, steps_of
+from simbev_ros.render.gl.readback import read_back
+from simbev_ros.render.gl.targets import Targets
+from simbev_ros.render.gl.timer import Timer, untimed
 from simbev_ros.render.lens import Lenses
-from simbev_ros.render.light import SkyLight
+from simbev_ros.render.lighting.contact_shadows import HALF_M, ContactMap
+from simbev_ros.render.lighting.lamp_field import LampField
+from simbev_ros.render.lighting.lamps import VehicleLamps
+from simbev_ros.render.lighting.light import SkyLight
+from simbev_ros.render.lighting.shadows import ShadowMap
+from simbev_ros.render.lighting.sky_dome import SkyDome
 from simbev_ros.render.memory import keep_freed_memory
-from simbev_ros.render.noise import noise_texture
-from simbev_ros.render.programs import BLOCK_BINDINGS, ProgramLibrary, steps_of
-from simbev_ros.render.readback import read_back
-from simbev_ros.render.rigid_table import RigidTable, RigidTextures
-from simbev_ros.render.shading import Shading
-from simbev_ros.render.shadows import ShadowMap
-from simbev_ros.render.sky_dome import SkyDome
-from simbev_ros.render.static_geometry import StaticGeometry
-from simbev_ros.render.targets import Targets
-from simbev_ros.render.timer import Timer, untimed
-from simbev_ros.render.triangle_ids import TriangleIds
+from simbev_ros.render.shading.noise import noise_texture
+from simbev_ros.render.shading.shading import Shading
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array

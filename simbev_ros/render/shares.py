@@ -3,7 +3,7 @@
 import os
 
 from simbev_ros.config.rendering import Rendering
-from simbev_ros.render.devices import count_gpus, software_wanted
+from simbev_ros.render.gl.devices import count_gpus, software_wanted
 
 _THREADS_VARIABLE = "LP_NUM_THREADS"
 """How many threads Mesa's llvmpipe fills pixels with in each process; it reads this when it starts."""

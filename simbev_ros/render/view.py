@@ -9,8 +9,8 @@ import numpy as np
 
 from simbev_ros.geometry.camera import PinholeCamera, ideal_camera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
-from simbev_ros.render.exposure import exposure_gain
 from simbev_ros.render.frame import CameraView
+from simbev_ros.render.lighting.exposure import exposure_gain
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.types import BoolArray, Float64Array
 

@@ -9,7 +9,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import EgoDriverKind
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.hazards import HazardSpec
+from simbev_ros.scene.hazards.hazard import HazardSpec
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.weather import Weather
 

@@ -15,7 +15,7 @@ import numpy as np
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.random import stream
 from simbev_ros.raycast.scene import Hits, RayScene
-from simbev_ros.scene.between import Course
+from simbev_ros.scene.interpolation import Course
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.sensors.lidar_echo import echo_strength, intensity, lost_for_weakness
 from simbev_ros.sensors.lidar_pattern import ScanPattern

@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from simbev_ros.types import Float32Array, UInt8Array
-from simbev_ros.viz.layout import Box
+from simbev_ros.viz.sheet.layout import Box
 
 Color = tuple[int, int, int]
 

@@ -15,9 +15,9 @@ from simbev_ros.errors import InputError
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.canvas import BACKGROUND, BOLD, DIM, draw_label, draw_picture, draw_text
-from simbev_ros.viz.layout import Block, Column, Row, Tile, place_in_width
-from simbev_ros.viz.panels import MODALITY_PICTURES
-from simbev_ros.viz.street_view import StreetView
+from simbev_ros.viz.sheet.layout import Block, Column, Row, Tile, place_in_width
+from simbev_ros.viz.sheet.panels import MODALITY_PICTURES
+from simbev_ros.viz.street.street_view import StreetView
 
 SHEET_WIDTH_PX = 1920
 _MARGIN, _GAP, _HEADER, _RADIUS = 24, 10, 74, 7

@@ -14,19 +14,19 @@ from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSp
 from simbev_ros.scene.state import Event
 from simbev_ros.types import Int64Array, Table
 from simbev_ros.world.cast import cast_of, first_prop_id
-from simbev_ros.world.collisions import Impact
 from simbev_ros.world.doors import Doors
-from simbev_ros.world.excursions import Excursions
-from simbev_ros.world.footing import Footing
-from simbev_ros.world.ground import Ground
-from simbev_ros.world.itineraries import Leg
+from simbev_ros.world.kinematics.collisions import Impact
+from simbev_ros.world.kinematics.footing import Footing
+from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.motion import Motion
 from simbev_ros.world.leading_points import LeadingPoints
 from simbev_ros.world.lights import HAZARD_LIGHTS
-from simbev_ros.world.motion import Motion
+from simbev_ros.world.pedestrians.excursions import Excursions
+from simbev_ros.world.pedestrians.itineraries import Leg
 from simbev_ros.world.population import Population
 from simbev_ros.world.props import prop_obstacles, prop_rows
+from simbev_ros.world.sumo.traffic import TrafficSample
 from simbev_ros.world.table import ActorTable
-from simbev_ros.world.traffic import TrafficSample
 
 _LOGGER = logging.getLogger(__name__)
 _HALF_WINDOW_S = 0.35

@@ -16,9 +16,9 @@ from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_bluepri
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.types import BoolArray, Float64Array, Table
-from simbev_ros.world.contacts import Boxes
-from simbev_ros.world.footing import Contacts
-from simbev_ros.world.motion import Bodies
+from simbev_ros.world.kinematics.contacts import Boxes
+from simbev_ros.world.kinematics.footing import Contacts
+from simbev_ros.world.kinematics.motion import Bodies
 
 _PEDESTRIAN_TRAIL_M = 0.75
 _TRACK = 0.78  # of cars and trucks, in their widths, mirrors included

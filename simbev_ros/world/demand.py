@@ -11,13 +11,14 @@ from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
-from simbev_ros.scene.streets import streets_of
+from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.world.cast import blueprint_of
-from simbev_ros.world.closures import add_closures
-from simbev_ros.world.crossing_places import CrossingPlace
-from simbev_ros.world.itineraries import Itineraries, Leg, WayStreams
-from simbev_ros.world.rain import RainEffect, rain_effect
-from simbev_ros.world.tracks import Tracks
+from simbev_ros.world.driving.rain import RainEffect, rain_effect
+from simbev_ros.world.pedestrians.crossing_sites import CrossingPlace
+from simbev_ros.world.pedestrians.itineraries import Itineraries, Leg, WayStreams
+from simbev_ros.world.sumo.closures import add_closures
+from simbev_ros.world.sumo.names import pedestrian_name, vehicle_name
+from simbev_ros.world.sumo.tracks import Tracks
 
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
@@ -46,21 +47,6 @@ _DISTRACTED = {
     "jmStopSignWait": "0",
     "jmAllwayStopWait": "0",
 }
-
-
-def vehicle_name(index: int) -> str:
-    """SUMO's id of a vehicle of the specification."""
-    return f"v{index}"
-
-
-def pedestrian_name(index: int) -> str:
-    """SUMO's id of a pedestrian of the specification."""
-    return f"p{index}"
-
-
-def index_of(name: str) -> int:
-    """Index in the specification of a vehicle's or pedestrian's name."""
-    return int(name[1:])
 
 
 class Demand(NamedTuple):

@@ -10,16 +10,16 @@ import numpy as np
 
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Table
-from simbev_ros.world.berth import Berth
-from simbev_ros.world.collisions import Collisions
-from simbev_ros.world.excursions import Excursions
-from simbev_ros.world.followers import Pursuit, Steady, Tow
-from simbev_ros.world.furniture import Furniture
-from simbev_ros.world.ground import Ground
-from simbev_ros.world.lookout import Lookout
-from simbev_ros.world.motion import Bodies
+from simbev_ros.world.driving.careful_drivers import Lookout
+from simbev_ros.world.kinematics.collisions import Collisions
+from simbev_ros.world.kinematics.followers import Pursuit, Steady, Tow
+from simbev_ros.world.kinematics.ground import Ground
+from simbev_ros.world.kinematics.motion import Bodies
+from simbev_ros.world.pedestrians.excursions import Excursions
+from simbev_ros.world.pedestrians.furniture_avoidance import Furniture
+from simbev_ros.world.pedestrians.vehicle_avoidance import Berth
 from simbev_ros.world.population import Population
-from simbev_ros.world.traffic import TrafficSample
+from simbev_ros.world.sumo.traffic import TrafficSample
 
 _MOST_CHANGE_MPS2 = 20.0  # more, before averaging, is a jump of SUMO's between lanes that do not meet, and no driving
 _WALKERS_MPS2 = 4.0

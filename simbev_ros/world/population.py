@@ -10,8 +10,8 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.lights import HAZARD_LIGHTS
-from simbev_ros.world.tracks import Tracks
-from simbev_ros.world.traffic import Traffic, TrafficSample
+from simbev_ros.world.sumo.tracks import Tracks
+from simbev_ros.world.sumo.traffic import Traffic, TrafficSample
 
 
 class Population(Traffic):

@@ -9,7 +9,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Table
 from simbev_ros.world.cast import blueprint_of
-from simbev_ros.world.ground import Ground
+from simbev_ros.world.kinematics.ground import Ground
 
 
 def prop_rows(spec: SceneSpec, first_id: int, ground: Ground) -> Table:

@@ -23,16 +23,16 @@ from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.types import Table
 from simbev_ros.world.actors import Actors
 from simbev_ros.world.cast import blueprint_of
-from simbev_ros.world.closures import with_closures
-from simbev_ros.world.curves import bend_speeds
 from simbev_ros.world.demand import demand_of
-from simbev_ros.world.ego_driver import EgoDriver
-from simbev_ros.world.net_crop import cropped_net
+from simbev_ros.world.driving.ego_driver import EgoDriver
+from simbev_ros.world.driving.rain import rain_effect
 from simbev_ros.world.population import Population
-from simbev_ros.world.rain import rain_effect
-from simbev_ros.world.routes import Routes
-from simbev_ros.world.signals import SignalHeads, programmes, programmes_xml
-from simbev_ros.world.tracks import Tracks
+from simbev_ros.world.sumo.closures import with_closures
+from simbev_ros.world.sumo.curve_speeds import bend_speeds
+from simbev_ros.world.sumo.net_crop import cropped_net
+from simbev_ros.world.sumo.routes import Routes
+from simbev_ros.world.sumo.signals import SignalHeads, programmes, programmes_xml
+from simbev_ros.world.sumo.tracks import Tracks
 
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)

@@ -8,8 +8,8 @@ from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import EGO_ID, Behavior
 from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.world.cast import Cast
+from simbev_ros.world.kinematics.motion import Kinematics
 from simbev_ros.world.lights import BEACON_HZ, BLINKER_HZ, blinks, vehicle_lights
-from simbev_ros.world.motion import Kinematics
 
 _LARGEST_STEER_RAD = 0.7
 _STEERING_RADPS = 1.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box_model, world
 
-from simbev_ros.annotation.boxes import BOX_DTYPE, boxes
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE, boxes
 from simbev_ros.scene.blueprints import blueprint_index
 from simbev_ros.semantics import BOX_CLASSES, Tag
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box_model, mesh, sheet, world
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.boxes import SIGN_IDS, Standing, blank, boxes
-from simbev_ros.annotation.levels import Levels, on_ego_level
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, Tile
+from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.annotation.bev.levels import Levels, on_ego_level
+from simbev_ros.annotation.boxes.boxes import SIGN_IDS, Standing, blank, boxes
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip

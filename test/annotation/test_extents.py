@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, world
 
-from simbev_ros.annotation.boxes import boxes
-from simbev_ros.annotation.extents import Extents
-from simbev_ros.assets.actor_model import ActorModel, Part
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.posing import pose_actors
+from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.extents import Extents
+from simbev_ros.assets.actors.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.posing import pose_actors
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE

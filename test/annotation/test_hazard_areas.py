@@ -5,12 +5,12 @@ import pytest
 import shapely
 from synthetic_world import actor, box_model, static_scene, world
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.hazards import hazard_areas
+from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.annotation.bev.hazards import hazard_areas
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.hazards import HazardKind, HazardSpec
+from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec
 from simbev_ros.semantics import BEV_CLASSES, Tag
 
 GRID = BevGrid(rows=60, columns=40, cell_m=0.5)

@@ -5,12 +5,12 @@ import pytest
 from exact_voxels import touches, winding_numbers
 from synthetic_world import EGO_ID, actor, box, box_model, mesh, sheet, static_scene, world
 
-from simbev_ros.annotation.occupancy import OccupancyAnnotator, dense, occupied
-from simbev_ros.annotation.soup import Soup
-from simbev_ros.annotation.voxels import voxelized
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.posing import pose_actors
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense, occupied
+from simbev_ros.annotation.occupancy.triangle_soup import Soup
+from simbev_ros.annotation.occupancy.voxels import voxelized
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.posing import pose_actors
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.geometry.transforms import apply, matrices_from_xyz_rpy
 from simbev_ros.geometry.voxel_grid import VoxelGrid
 from simbev_ros.semantics import Tag

@@ -5,7 +5,7 @@ import pytest
 import shapely
 from synthetic_world import EGO_ID, actor, box_model, world
 
-from simbev_ros.annotation.patch import Patch, PatchLines
+from simbev_ros.annotation.vector_map.patch import Patch, PatchLines
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array
 

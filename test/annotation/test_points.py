@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from synthetic_world import actor, box_model, world
 
-from simbev_ros.annotation.boxes import BOX_DTYPE
-from simbev_ros.annotation.points import difficulty, map_points, points_inside, with_points
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
+from simbev_ros.annotation.boxes.points import difficulty, map_points, points_inside, with_points
 from simbev_ros.config.sensor import Pose
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES, Tag
 from simbev_ros.sensors.lidar import POINT_DTYPE

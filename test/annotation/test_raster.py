@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.raster import corners_near_centers, covered_cells
+from simbev_ros.annotation.bev.raster import corners_near_centers, covered_cells
 from simbev_ros.types import BoolArray, Float64Array
 
 ROWS, COLUMNS = 40, 56

@@ -2,8 +2,8 @@ import numpy as np
 from exact_voxels import winding_numbers
 from synthetic_world import box, mesh, sheet
 
-from simbev_ros.annotation.solids import Solids
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.annotation.occupancy.solids import Solids
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.flora.crowns import crown
 from simbev_ros.assets.materials import Material
 from simbev_ros.semantics import Tag

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box_model, world
 
-from simbev_ros.annotation.boxes import LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS, boxes
-from simbev_ros.annotation.standing import standing_of
-from simbev_ros.assets.build import build_region
+from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS, boxes
+from simbev_ros.annotation.boxes.standing import standing_of
+from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.street.signs import street_name_sign
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.maps.build import load_network

@@ -7,7 +7,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.boxes import boxes
+from simbev_ros.annotation.boxes.boxes import boxes
 from simbev_ros.annotation.trajectories import Tracker, Tracks, futures, npz_of, tracks_of_npz
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints

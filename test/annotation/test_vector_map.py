@@ -10,8 +10,8 @@ import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 from synthetic_world import EGO_ID, actor, box_model, world
 
-from simbev_ros.annotation.levels import Levels
-from simbev_ros.annotation.vector_map import VectorMap
+from simbev_ros.annotation.bev.levels import Levels
+from simbev_ros.annotation.vector_map.vector_map import VectorMap
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, RoadNetwork, Signal
 from simbev_ros.maps.roads.lane_kind import LaneKind

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box, box_model, mesh, world
 
-from simbev_ros.annotation.views import VIEW_DTYPE, ViewAnnotator, visibility
-from simbev_ros.assets.actor_model import ActorModel, CoarserMesh
+from simbev_ros.annotation.visibility.views import VIEW_DTYPE, ViewAnnotator, visibility
+from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
 from simbev_ros.render.frame import CameraView

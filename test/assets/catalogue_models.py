@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.skeletons import part_poses
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Float64Array, Table

@@ -5,13 +5,13 @@ import open3d as o3d
 import pytest
 from catalogue_models import ON_FOOT, PEOPLE, blueprint, model, posed, rows
 
-from simbev_ros.assets.actor_model import ActorModel, Cycle
+from simbev_ros.assets.actors.actor_model import ActorModel, Cycle
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.finishes import finish_named
 from simbev_ros.assets.actors.shape import Shape, build_model, load_shape
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.skeletons import part_poses
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.semantics import BOX_CLASSES, Tag
 from simbev_ros.types import Float64Array

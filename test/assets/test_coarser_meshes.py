@@ -3,12 +3,12 @@ import open3d as o3d
 import pytest
 from catalogue_models import blueprint, model
 
-from simbev_ros.assets.actor_model import CoarserMesh
+from simbev_ros.assets.actors.actor_model import CoarserMesh
 from simbev_ros.assets.actors.detail import COARSER, EXACT, Detail
 from simbev_ros.assets.actors.doors import door_parts
 from simbev_ros.assets.actors.lofting import build_shell
 from simbev_ros.assets.actors.shape import load_shape
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.types import Float64Array
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.assets.clipping import Rings, parted, without_holes
-from simbev_ros.assets.facet_cuts import cut_to_facets
-from simbev_ros.assets.facets import Facets
+from simbev_ros.assets.mesh.clipping import Rings, parted, without_holes
+from simbev_ros.assets.mesh.facet_cuts import cut_to_facets
+from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.maps.land.membrane import Raster, places_m
 from simbev_ros.maps.region import Region
 from simbev_ros.types import AnyArray, Float64Array

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from simbev_ros.assets.flora.species import VARIANTS, load_species, reach_m, stock
-from simbev_ros.assets.graded import Graded
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.tiles import TileBuilder, standing
 from simbev_ros.assets.street.barriers import panel
-from simbev_ros.assets.tiles import TileBuilder, standing
 from simbev_ros.semantics import Tag
 from simbev_ros.types import UInt8Array
 

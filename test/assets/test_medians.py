@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.assets.build import build_region
-from simbev_ros.assets.static_scene import Tile
+from simbev_ros.assets.placement.static_scene import Tile
+from simbev_ros.assets.regions.build import build_region
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 

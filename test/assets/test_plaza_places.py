@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.land.plazas import plaza_arrays, plazas_from
-from simbev_ros.assets.static_cache import load_static_scene, load_streetside
+from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
 

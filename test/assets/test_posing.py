@@ -1,9 +1,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from simbev_ros.assets.actor_model import ActorModel, Cycle
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.posing import pose_actors
+from simbev_ros.assets.actors.actor_model import ActorModel, Cycle
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Float64Array, Table
 

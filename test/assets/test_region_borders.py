@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.assets.build import build_region
+from simbev_ros.assets.regions.build import build_region
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import regions_of

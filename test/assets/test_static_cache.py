@@ -7,11 +7,11 @@ from analytic_maps import hilly_road
 
 from simbev_ros.assets.land.plazas import plaza_arrays
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.region_pool import build_regions
-from simbev_ros.assets.region_scene import RegionScene
-from simbev_ros.assets.static_cache import StaticCache, load_static_scene, load_streetside
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.assets.regions.region_pool import build_regions
+from simbev_ros.assets.regions.region_scene import RegionScene
+from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene, load_streetside
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork

@@ -6,10 +6,10 @@ from simbev_ros.assets.architecture.kinds import build, load_kinds
 from simbev_ros.assets.architecture.outlines import outlined
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.walls import STYLES, draw_wall
-from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.materials import Material, load_materials
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, ellipsoid, extrusion, lathe, plate, tube
+from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, ellipsoid, extrusion, lathe, plate, tube
 from simbev_ros.assets.street.barriers import PANEL_M, panel
 from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter, cabinet, hydrant, litter_bin, mailbox
 from simbev_ros.assets.street.poles import mast, street_light, utility_pole

@@ -11,24 +11,24 @@ import pytest
 import shapely
 from analytic_maps import crossing, hilly_road
 
-from simbev_ros.assets.build import build_region
-from simbev_ros.assets.claims import Claims
-from simbev_ros.assets.ground import lay_land, lay_streets
 from simbev_ros.assets.land.furnish import Furnishing, furnish_region
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.region_ground import RegionGround
-from simbev_ros.assets.region_scene import RegionScene
-from simbev_ros.assets.tiles import TileBuilder
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.claims import Claims
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.assets.regions.build import build_region
+from simbev_ros.assets.regions.region_scene import RegionScene
+from simbev_ros.assets.roads.ground import lay_land, lay_streets
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.land.features import Footprint, MapFeatures, Zone
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
 from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.land_features import Footprint, MapFeatures, Zone
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Sign, SignKind
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array
 

@@ -8,8 +8,8 @@ import shapely
 from analytic_maps import ground_tiles, merged, stack
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region

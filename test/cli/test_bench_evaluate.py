@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from simbev_ros.cli import evaluate_timing
-from simbev_ros.cli.evaluation_load import synthetic_scene
+from simbev_ros.bench import evaluate_timing
+from simbev_ros.bench.evaluation_load import synthetic_scene
 from simbev_ros.cli.main import app
-from simbev_ros.evaluation.detection import detection_result
-from simbev_ros.evaluation.scene_matching import tally
+from simbev_ros.evaluation.metrics.detection import detection_result
+from simbev_ros.evaluation.metrics.scene_matching import tally
 from simbev_ros.semantics import BOX_CLASSES
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from simbev_ros.cli.camera_scene import CameraScene
-from simbev_ros.cli.camera_team import CameraTeam
+from simbev_ros.bench.camera_scene import CameraScene
+from simbev_ros.bench.camera_team import CameraTeam
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.errors import SimbevError
 from simbev_ros.scene.lights import LightSpec

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from simbev_ros.errors import RenderError
-from simbev_ros.render import context
-from simbev_ros.render.context import Survey
-from simbev_ros.render.devices import EglDevice
+from simbev_ros.render.gl import context
+from simbev_ros.render.gl.context import Survey
+from simbev_ros.render.gl.devices import EglDevice
 
 H200, MESA = EglDevice(0, "NVIDIA H200", software=False), EglDevice(2, "Mesa's software renderer", software=True)
 

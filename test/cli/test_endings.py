@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.assets import region_pool
-from simbev_ros.assets.static_cache import StaticCache
+from simbev_ros.assets.regions import region_pool
+from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.cli.main import main
 from simbev_ros.maps.source import map_spec
 

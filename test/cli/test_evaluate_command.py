@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.predictions import write_grid, write_predictions
+from simbev_ros.evaluation.predictions.dataset_predictions import write_grid, write_predictions
 
 RUNNER = CliRunner()
 

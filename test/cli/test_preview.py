@@ -11,16 +11,17 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.sensor import Pose
+from simbev_ros.dataset.opened import open_bag
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.types import UInt8Array
-from simbev_ros.viz.contact_sheet import Captions, ContactSheet
-from simbev_ros.viz.frames import FrameReader
-from simbev_ros.viz.layout import LabelPlace
-from simbev_ros.viz.sheet_panels import LABEL_PANEL
-from simbev_ros.viz.views import find_views
+from simbev_ros.viz.sheet.contact_sheet import Captions, ContactSheet
+from simbev_ros.viz.sheet.frames import FrameReader
+from simbev_ros.viz.sheet.layout import LabelPlace
+from simbev_ros.viz.sheet.sheet_panels import LABEL_PANEL
+from simbev_ros.viz.sheet.views import find_views
 
 FRONT = "/ego/cam_front/rgb/image_raw/compressed"
 LIDAR, BEV = "/ego/lidar/semantic_points", "/ego/bev/labels"
@@ -49,18 +50,18 @@ def labelled_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def draw(path: Path, width_px: int = 960, labels: LabelPlace = "panel") -> tuple[ContactSheet, UInt8Array]:
-    with SceneBag(path) as bag:
-        reader = FrameReader(bag, find_views(bag, labels))
-        captions = Captions(bag.name, "", len(reader.stamps_ns), reader.stamps_ns[0])
-        sheet = ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px)
-        return sheet, sheet.draw(next(reader.frames(1, 1)))
+    bag = open_bag(path)
+    reader = FrameReader(bag, find_views(bag, labels))
+    captions = Captions(bag.name, "", len(reader.stamps_ns), reader.stamps_ns[0])
+    sheet = ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px)
+    return sheet, sheet.draw(next(reader.frames(1, 1)))
 
 
 def test_every_panel_of_the_full_rig_shows_something_of_its_own(bag_path: Path) -> None:
     sheet, picture = draw(bag_path)
     assert picture.shape[1::-1] == sheet.size_px
     assert sheet.size_px[0] == 960 and sheet.size_px[1] % 2 == 0
-    boxes = list(sheet._boxes.values())
+    boxes = list(sheet.boxes.values())
     assert len(boxes) == 12
     panels = [picture[b.top : b.top + b.height, b.left : b.left + b.width][30:] for b in boxes]
     for panel in panels:
@@ -94,7 +95,7 @@ def test_smaller_rigs_fill_the_same_width(
         width_px=32,
     )
     sheet, _ = draw(path, 480)
-    boxes = list(sheet._boxes.values())
+    boxes = list(sheet.boxes.values())
     assert len(boxes) == tiles
     assert max(b.left + b.width for b in boxes) == pytest.approx(480 - 6, abs=1)
 
@@ -104,13 +105,13 @@ def test_all_radars_of_the_scenes_rig_share_a_panel(tmp_path: Path) -> None:
     planned = next(planned_scenes(scenario))
     spec = draw_scene(scenario, planned, load_network(planned.map)).model_dump_json().encode()
     path = write_scene(tmp_path / "a", ticks=2, width_px=32, radars=("front", "back"), attachments={"scene.json": spec})
-    with SceneBag(path) as bag:
-        views = find_views(bag)
+    bag = open_bag(path)
+    views = find_views(bag)
     assert list(views.radars) == ["/ego/radar_front/points", "/ego/radar_back/points"]
     assert views.radars["/ego/radar_back/points"][:2] == pytest.approx(np.array([[-1, 0, 0, -2.4], [0, -1, 0, 0]]))
     sheet, picture = draw(path)
-    assert len(sheet._boxes) == 13
-    box = sheet._boxes["/ego/radar_front/points"]
+    assert len(sheet.boxes) == 13
+    box = sheet.boxes["/ego/radar_front/points"]
     panel = picture[box.top : box.top + box.height, box.left : box.left + box.width].astype(int)
     blue, red = panel[..., 2] - panel[..., 0] > 60, panel[..., 0] - panel[..., 2] > 60
     assert min(blue.sum(), red.sum()) > 50
@@ -119,14 +120,14 @@ def test_all_radars_of_the_scenes_rig_share_a_panel(tmp_path: Path) -> None:
 
 
 def panel(sheet: ContactSheet, picture: UInt8Array, place: str) -> UInt8Array:
-    box = sheet._boxes[place]
+    box = sheet.boxes[place]
     return picture[box.top : box.top + box.height, box.left : box.left + box.width]
 
 
 def test_labels_have_a_panel_of_their_own_and_leave_the_cameras_clean(labelled_path: Path) -> None:
     plain, clean = draw(labelled_path, labels="off")
     sheet, picture = draw(labelled_path)
-    assert set(sheet._boxes) == {*plain._boxes, LABEL_PANEL}
+    assert set(sheet.boxes) == {*plain.boxes, LABEL_PANEL}
     assert (panel(sheet, picture, FRONT) == panel(plain, clean, FRONT)).all()
     labels = panel(sheet, picture, LABEL_PANEL).astype(int)
     assert (labels[..., 2] - labels[..., 0] > 90).sum() > 50, "cars have blue boxes"
@@ -135,7 +136,7 @@ def test_labels_have_a_panel_of_their_own_and_leave_the_cameras_clean(labelled_p
 def test_labels_over_all_cameras_are_where_what_they_name_is(labelled_path: Path) -> None:
     plain, clean = draw(labelled_path, width_px=1024, labels="off")
     sheet, picture = draw(labelled_path, width_px=1024, labels="cameras")
-    assert sheet._boxes == plain._boxes
+    assert sheet.boxes == plain.boxes
     for place in (FRONT, FRONT.replace("front", "back"), LIDAR, BEV):
         assert (panel(sheet, picture, place) != panel(plain, clean, place)).any()
     ids = camera_images(street(), STEP_M, 0, 160)["instance"]  # frame 1

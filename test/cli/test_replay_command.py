@@ -14,7 +14,7 @@ from simbev_ros.graph import session
 from simbev_ros.maps.build import load_network
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 
 Refused = Callable[..., str]

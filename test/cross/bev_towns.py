@@ -7,12 +7,12 @@ import numpy as np
 import shapely
 from synthetic_world import actor
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.hazards import LabelledArea, hazard_areas
-from simbev_ros.annotation.levels import Levels
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.static_cache import load_static_scene, load_streetside
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.annotation.bev.hazards import LabelledArea, hazard_areas
+from simbev_ros.annotation.bev.levels import Levels
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Ego, MapScenes, SpawnPose, Timing, Traffic
@@ -22,8 +22,8 @@ from simbev_ros.maps.region import Reach
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.level_members import LevelGraph
-from simbev_ros.scene.draw import draw_scene, planned_scenes
-from simbev_ros.scene.hazards import HazardKind, HazardSpec
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
+from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES, Tag
 from simbev_ros.types import BoolArray, Float64Array, Table

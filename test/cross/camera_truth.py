@@ -10,9 +10,9 @@ from typing import Self
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.posing import pose_actors
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.posing import pose_actors
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse
 from simbev_ros.raycast.embree import TriangleSet

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.static_cache import load_static_scene
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.geometry.camera import PinholeCamera
@@ -14,7 +14,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.types import Float64Array
 from simbev_ros.world.simulation import Simulation

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.static_cache import load_static_scene
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.scenario import Traffic
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.maps.build import load_network
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.sensors.mount import map_from_sensor, vector
 from simbev_ros.sensors.radar import RadarModel, scan_radars

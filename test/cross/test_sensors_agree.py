@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.skeletons import part_poses
-from simbev_ros.assets.static_cache import load_static_scene
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.skeletons import part_poses
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
@@ -22,7 +22,7 @@ from simbev_ros.raycast.scene import Hits, RayScene
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
 from simbev_ros.sensors.lidar import LidarModel

@@ -12,12 +12,12 @@ import pytest
 import shapely
 from synthetic_world import EGO_ID, actor, world
 
-from simbev_ros.annotation.bev import BevAnnotator
-from simbev_ros.annotation.boxes import boxes
-from simbev_ros.annotation.levels import Levels
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.static_cache import load_static_scene
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.annotation.bev.levels import Levels
+from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.geometry.grid import BevGrid

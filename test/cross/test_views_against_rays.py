@@ -12,13 +12,13 @@ from camera_truth import Triangles, truth_of
 from studio import Studio, random_views
 from view_truth import Alone, Canvas
 
-from simbev_ros.annotation.boxes import boxes
-from simbev_ros.annotation.views import ViewAnnotator
-from simbev_ros.assets.actor_model import ActorModel
+from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.visibility.views import ViewAnnotator
+from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy
-from simbev_ros.render.detail import LevelsOfDetail, bounding_spheres
 from simbev_ros.render.frame import CameraView
+from simbev_ros.render.geometry.level_of_detail import LevelsOfDetail, bounding_spheres
 from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.types import Table

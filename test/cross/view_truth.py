@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.posing import PosedActors, pose_actors
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.posing import PosedActors, pose_actors
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
 from simbev_ros.raycast.embree import TriangleSet
-from simbev_ros.render.detail import bounding_spheres
 from simbev_ros.render.frame import CameraView
+from simbev_ros.render.geometry.level_of_detail import bounding_spheres
 from simbev_ros.render.view import NEAR_M
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.types import AnyArray, BoolArray, Float64Array

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from ros_messages import compressed_image, header, image, message, odometry, point_cloud, serialise, string
 
-from simbev_ros.annotation.boxes import LIGHT_IDS, blank
+from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, blank
 from simbev_ros.annotation.trajectories import Tracks, npz_of
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile

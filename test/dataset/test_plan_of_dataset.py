@@ -8,7 +8,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, bag_of, numbers_of
 from simbev_ros.errors import InputError
-from simbev_ros.scene.draw import planned_scenes
+from simbev_ros.scene.drawing.draw_scene import planned_scenes
 
 
 def asking(*scenes: dict[str, object]) -> Scenario:

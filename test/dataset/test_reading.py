@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from simbev_ros.dataset import Dataset, Frame, Scene, columns, open_dataset
 from simbev_ros.dataset.index import row_of, write_index
 from simbev_ros.errors import BagError, InputError
-from simbev_ros.recording import chunk_cache
+from simbev_ros.recording.mcap import chunk_cache
 from simbev_ros.types import AnyArray
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.evaluation.boxes import NO_ATTRIBUTE, Boxes, Predictions
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
 from simbev_ros.semantics import BOX_CLASSES
 
 

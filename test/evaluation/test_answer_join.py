@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import pytest
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
 
 LOCKSTEP, LIVE = Patience(None, 10.0), Patience(4, 2.0)
 

@@ -4,7 +4,7 @@ import pytest
 from evaluated_dataset import TICKS, spec
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.answer_stamps import answered_tick
+from simbev_ros.evaluation.live.answer_stamps import answered_tick
 
 SCENE = spec(1)
 SCENES = {0, 1}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.boxes import blank
+from simbev_ros.annotation.boxes.boxes import blank
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.boxes import boxes_of
 from simbev_ros.evaluation.filters import BoxFilter
+from simbev_ros.evaluation.metrics.boxes import boxes_of
 from simbev_ros.types import Table
 
 

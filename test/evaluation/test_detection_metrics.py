@@ -7,16 +7,16 @@ import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.boxes import Boxes, Predictions, no_boxes
-from simbev_ros.evaluation.detection import (
+from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, no_boxes
+from simbev_ros.evaluation.metrics.detection import (
     DetectionOptions,
     DetectionResult,
     detection_result,
     merge,
     precision_recall,
 )
-from simbev_ros.evaluation.overlap import iou_of_pairs
-from simbev_ros.evaluation.scene_matching import Counting, tally
+from simbev_ros.evaluation.metrics.overlap import iou_of_pairs
+from simbev_ros.evaluation.metrics.scene_matching import Counting, tally
 from simbev_ros.semantics import BOX_CLASSES
 
 CAR, TRUCK = BOX_CLASSES.index("car"), BOX_CLASSES.index("truck")

@@ -9,17 +9,17 @@ from made_up_scene import made_up_scene
 
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.answer_join import BOXES, LABELS, POSE, Books, OpenFrame
-from simbev_ros.evaluation.boxes import Predictions, boxes_of
-from simbev_ros.evaluation.cuts import Cut, cuts_of
 from simbev_ros.evaluation.evaluation import evaluation_of
 from simbev_ros.evaluation.figures import figures_of
-from simbev_ros.evaluation.live import LiveEvaluation, live_figures
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, Books, OpenFrame
+from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, live_figures
+from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_of
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predicted_boxes import PredictedBoxes, Reference, joined
-from simbev_ros.evaluation.predictions import open_predictions, write_grid, write_predictions
+from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, joined
+from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.scene_evaluation import evaluate_scene
-from simbev_ros.evaluation.score_grid import ScoreGrid
+from simbev_ros.evaluation.slices import Cut, cuts_of
 
 TICKS = 80
 """More than are matched at once."""

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 
-from simbev_ros.cli.devkit_comparison import devkit_numbers, devkit_python
-from simbev_ros.evaluation.boxes import Boxes, Predictions, no_boxes
-from simbev_ros.evaluation.nuscenes import (
+from simbev_ros.bench.devkit_comparison import devkit_numbers, devkit_python
+from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, no_boxes
+from simbev_ros.evaluation.metrics.nuscenes import (
     CLASSES,
     DISTANCES_M,
     ERRORS,

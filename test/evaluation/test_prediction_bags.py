@@ -12,7 +12,7 @@ from prediction_data import OTHER, SCENE, STAMPS_NS
 from prediction_scene import spec
 
 from simbev_ros.errors import BagError, InputError
-from simbev_ros.evaluation.predictions import PredictedScene, open_predictions
+from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, open_predictions
 from simbev_ros.semantics import BEV_CLASSES
 
 BOXES, GRIDS = "/prediction/boxes", "/prediction/bev"

@@ -13,8 +13,8 @@ from made_up_boxes import some_boxes
 from prediction_data import OTHER, SCENE, STAMPS_NS, some_columns
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.boxes import Predictions
-from simbev_ros.evaluation.predictions import PredictedScene, open_predictions, write_predictions
+from simbev_ros.evaluation.metrics.boxes import Predictions
+from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, open_predictions, write_predictions
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import AnyArray
 

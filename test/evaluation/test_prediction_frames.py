@@ -9,9 +9,9 @@ from prediction_scene import record
 
 from simbev_ros.dataset import open_dataset
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.boxes import Predictions
-from simbev_ros.evaluation.predicted_boxes import PredictedBoxes, Reference, in_map, joined
-from simbev_ros.evaluation.reference_frames import ReferenceFrames
+from simbev_ros.evaluation.metrics.boxes import Predictions
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, in_map, joined
+from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 

@@ -7,7 +7,7 @@ import pytest
 from prediction_data import OTHER, SCENE, STAMPS_NS
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.predictions import PredictedScene, open_predictions, write_grid
+from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, open_predictions, write_grid
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray
 

@@ -8,7 +8,7 @@ import pytest
 from prediction_bags import TABLE_DTYPE, TYPES, detections, header, image, markers, occupancy, pose, table_message
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.prediction_messages import (
+from simbev_ros.evaluation.predictions.prediction_messages import (
     BOX_TYPES,
     image_scores,
     message_boxes,
@@ -99,7 +99,7 @@ def test_a_marker_without_text_is_sure_and_a_class_may_be_a_number() -> None:
 
 def test_our_own_markers_are_perfect_predictions() -> None:
     pytest.importorskip("rclpy")
-    from simbev_ros.annotation.boxes import blank
+    from simbev_ros.annotation.boxes.boxes import blank
     from simbev_ros.msgs.markers import box_markers
 
     truth = blank(3)

@@ -5,7 +5,7 @@ import pytest
 
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.figures import segmentation_figures
-from simbev_ros.evaluation.segmentation import THRESHOLDS, no_frames, segmentation_tally
+from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, no_frames, segmentation_tally
 from simbev_ros.semantics import BEV_CLASSES
 
 ROAD_AND_CAR = 1 << BEV_CLASSES.index("road") | 1 << BEV_CLASSES.index("car")

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from simbev_ros.dataset import open_dataset
-from simbev_ros.evaluation.boxes import Predictions
-from simbev_ros.evaluation.cuts import Cut
-from simbev_ros.evaluation.detection import HIT, MISS, UNCOUNTED, DetectionOptions
 from simbev_ros.evaluation.filters import BoxFilter
+from simbev_ros.evaluation.metrics.boxes import Predictions
+from simbev_ros.evaluation.metrics.detection import HIT, MISS, UNCOUNTED, DetectionOptions
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predictions import open_predictions, write_predictions
+from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_predictions
 from simbev_ros.evaluation.scene_boxes import found_column
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, outcomes_of
-from simbev_ros.evaluation.worst import worst_frames, worst_grids
+from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.worst_frames import worst_frames, worst_grids
 from simbev_ros.types import Table
 
 _OFF_M = np.array([[0.0, 9.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])

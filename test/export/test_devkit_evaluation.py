@@ -10,11 +10,18 @@ import pytest
 from nuscenes_tables import Tables, tables_of
 from processes import run
 
-from simbev_ros.cli.devkit_comparison import devkit_records
+from simbev_ros.bench.devkit_comparison import devkit_records
 from simbev_ros.dataset import Scene, open_dataset
-from simbev_ros.evaluation.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_of
-from simbev_ros.evaluation.nuscenes import CLASSES, DISTANCES_M, ERRORS, nuscenes_merge, nuscenes_result, nuscenes_tally
-from simbev_ros.evaluation.nuscenes_truth import ATTRIBUTES, NuscenesTruth, nuscenes_truth
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_of
+from simbev_ros.evaluation.metrics.nuscenes import (
+    CLASSES,
+    DISTANCES_M,
+    ERRORS,
+    nuscenes_merge,
+    nuscenes_result,
+    nuscenes_tally,
+)
+from simbev_ros.evaluation.metrics.nuscenes_truth import ATTRIBUTES, NuscenesTruth, nuscenes_truth
 from simbev_ros.semantics import BOX_CLASSES
 
 DETECTION = Path(__file__).with_name("devkit_detection.py")

@@ -8,8 +8,8 @@ import pytest
 from nuscenes_tables import Tables, tables_of
 
 from simbev_ros.dataset import open_dataset
-from simbev_ros.evaluation.boxes import NO_ATTRIBUTE, Predictions
-from simbev_ros.evaluation.nuscenes_truth import ATTRIBUTES, NuscenesTruth, nuscenes_truth
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Predictions
+from simbev_ros.evaluation.metrics.nuscenes_truth import ATTRIBUTES, NuscenesTruth, nuscenes_truth
 from simbev_ros.semantics import BOX_CLASSES
 
 RANGES_M = {"car": 50, "truck": 50, "bus": 50, "pedestrian": 40, "motorcycle": 40, "bicycle": 40}

@@ -14,7 +14,7 @@ from commands import DOMAIN, SCENE, Command, node_processes, record, wait_until
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from simbev_ros.cli.world_timing import timed_world
+from simbev_ros.bench.world_timing import timed_world
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.graph.shared_memory import middleware_files, remove_orphans

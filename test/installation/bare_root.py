@@ -12,7 +12,6 @@ UBUNTU_SCRIPT = "gutsy"
 """debootstrap's script for every Ubuntu since; older debootstraps have no link to it for new releases."""
 CERTIFICATES = "etc/host-certificates.pem"
 CERTIFICATE_VARIABLES = ("SSL_CERT_FILE", "PIP_CERT", "REQUESTS_CA_BUNDLE", "CURL_CA_BUNDLE")
-PIP_FILES = ("/etc/pip.conf", "~/.config/pip/pip.conf", "~/.pip/pip.conf")
 LOOPBACK_UP = (
     "import fcntl, socket, struct; "
     "fcntl.ioctl(socket.socket(socket.AF_INET, socket.SOCK_DGRAM), 0x8914, struct.pack('16sh14x', b'lo', 0x41))"
@@ -50,24 +49,16 @@ class BareRoot:
         self._copy_host_settings()
 
     def _copy_host_settings(self) -> None:
-        """How this host reaches its package index: pip's settings, certificates, name servers."""
+        """Copy what name servers and certificates this host uses."""
         shutil.copy("/etc/resolv.conf", self.folder / "etc")
         certificates = next((os.environ[name] for name in CERTIFICATE_VARIABLES if name in os.environ), None)
         if certificates:
             shutil.copy(certificates, self.folder / CERTIFICATES)
-        found = (Path(name).expanduser() for name in PIP_FILES)
-        settings = "\n".join(path.read_text() for path in found if path.is_file())
-        # The names of this host's own files mean nothing in the root.
-        lines = [line for line in settings.splitlines() if "= /" not in line and "file:" not in line]
-        (self.folder / "etc" / "pip.conf").write_text("\n".join(lines) + "\n")
 
     def environment(self) -> dict[str, str]:
-        """A clean one, with the host's proxies, settings of pip and certificates."""
-        passed = {
-            name: value
-            for name, value in os.environ.items()
-            if name.lower().endswith("_proxy") or (name.startswith("PIP_") and not value.startswith("/"))
-        }
+        """Return a clean environment with the host's proxies, certificates and settings of pip."""
+        passed = {name: value for name, value in os.environ.items() if name.lower().endswith("_proxy")}
+        passed |= pip_settings()
         if (self.folder / CERTIFICATES).is_file():
             passed |= dict.fromkeys(CERTIFICATE_VARIABLES, f"/{CERTIFICATES}")
         return {"HOME": "/root", "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "TERM": "dumb", **passed}
@@ -89,3 +80,16 @@ class BareRoot:
     def remove(self) -> None:
         """Delete the folder."""
         shutil.rmtree(self.folder)
+
+
+def pip_settings() -> dict[str, str]:
+    """Return pip's settings on this host as variables, without those that name this host's own files."""
+    command = [sys.executable, "-m", "pip", "config", "list"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    found = (line.partition("=") for line in listed.splitlines())
+    settings = {name.rpartition(".")[2]: value.strip("'") for name, _, value in found}
+    return {
+        f"PIP_{name.upper().replace('-', '_')}": value
+        for name, value in settings.items()
+        if not value.startswith("/") and "file:" not in value
+    }

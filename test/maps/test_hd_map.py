@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from road_strips import layout_of_strips, side_by_side, straight
 
-from simbev_ros.maps.roads.hd_map import lane_record
+from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import Layout, Line, Paint, PaintColor

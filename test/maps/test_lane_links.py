@@ -4,9 +4,9 @@ from itertools import pairwise
 import numpy as np
 from road_strips import layout_of_strips, level_ground, straight
 
+from simbev_ros.maps.lane_links import halting_strips, strip_links, strips_at
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.roads.lane_links import halting_strips, strip_links, strips_at
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import StopLine, Strip
 

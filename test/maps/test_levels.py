@@ -5,7 +5,7 @@ import pytest
 import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
-from simbev_ros.maps.land.features import Water
+from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, StopLine, Strip
 from simbev_ros.maps.roads.levels import with_levels
 from simbev_ros.types import Float64Array

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from simbev_ros.errors import InputError
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
+from simbev_ros.maps.plan.heights.profile import with_heights
 from simbev_ros.maps.plan.merges import LanePair, lane_pairs
-from simbev_ros.maps.plan.motorway import CrossingRoad, Motorway, draw
 from simbev_ros.maps.plan.noding import divide
+from simbev_ros.maps.plan.patterns.motorway import CrossingRoad, Motorway, draw
 from simbev_ros.maps.plan.plan import Link
-from simbev_ros.maps.plan.profile import with_heights
 
 Line = NDArray[np.float64]
 LANES, WIDTH_M, MEDIAN_M, CROSSING_M = 3, 3.5, 10.0, 60.0

@@ -6,8 +6,8 @@ from analytic_maps import stack
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.roads.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
 
 

@@ -9,12 +9,12 @@ import xodr_sample as sample
 from scipy.integrate import quad
 from scipy.special import fresnel
 
-from simbev_ros.maps.opendrive.attributes import Notes
-from simbev_ros.maps.opendrive.document import Document
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
-from simbev_ros.maps.opendrive.plan_view import clothoid, parametric_cubic
-from simbev_ros.maps.opendrive.reader import read_document
+from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.opendrive.reading.document import Document
+from simbev_ros.maps.opendrive.reading.plan_view import clothoid, parametric_cubic
+from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.strips import strips_of
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.safe_xml import parse

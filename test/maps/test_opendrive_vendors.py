@@ -17,7 +17,7 @@ from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.world.simulation import Simulation
 
 X_M, Y_M, Z_M = 691_000.5, 5_334_000.25, 480.0

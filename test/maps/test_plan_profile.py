@@ -4,14 +4,14 @@ import shapely
 from scipy.optimize import LinearConstraint, minimize
 from scipy.sparse import csc_array, csr_array
 
-from simbev_ros.maps.land.features import Water
+from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
+from simbev_ros.maps.plan.heights.profile import with_heights
+from simbev_ros.maps.plan.heights.quadratic import solve
+from simbev_ros.maps.plan.heights.structures import with_structures
 from simbev_ros.maps.plan.lines import at_stations, stations_m
 from simbev_ros.maps.plan.noding import divide
 from simbev_ros.maps.plan.plan import Plan
-from simbev_ros.maps.plan.profile import with_heights
-from simbev_ros.maps.plan.quadratic import solve
-from simbev_ros.maps.plan.structures import with_structures
 from simbev_ros.types import Float64Array
 
 STREET = RoadClass(sidewalk_m=2.0)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.maps.plan.districts import DistrictsRecipe, draw_districts
 from simbev_ros.maps.plan.draft import Draft
-from simbev_ros.maps.plan.main_roads import add_main_roads
-from simbev_ros.maps.plan.region import Region, draw
-from simbev_ros.maps.plan.street_lattice import FILL, FINE, Lattice
-from simbev_ros.maps.plan.warp import draw_warp
+from simbev_ros.maps.plan.patterns.districts import DistrictsRecipe, draw_districts
+from simbev_ros.maps.plan.patterns.main_roads import add_main_roads
+from simbev_ros.maps.plan.patterns.region import Region, draw
+from simbev_ros.maps.plan.patterns.street_lattice import FILL, FINE, Lattice
+from simbev_ros.maps.plan.patterns.warp import draw_warp
 from simbev_ros.maps.recipe import recipe_of
 
 TOWNS = ("Town12", "Town13")

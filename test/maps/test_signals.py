@@ -6,13 +6,13 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.opendrive.attributes import Notes
-from simbev_ros.maps.opendrive.reader import read_document
+from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.signals import read_signals
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import SignalPlace, Strip
-from simbev_ros.maps.roads.signals import place_signals
 from simbev_ros.maps.roads.surface import sidewalk_surface
+from simbev_ros.maps.signals import place_signals
 from simbev_ros.maps.sumo.net import read_sumo_net
 
 

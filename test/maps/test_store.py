@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.maps.land.features import Footprint, MapFeatures, Water, Zone
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.maps.land_features import Footprint, MapFeatures, Water, Zone
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Crosswalk, Line, Paint, PaintColor, Sign, SignalPlace, SignKind, StopLine
 from simbev_ros.maps.store import NET, OPENDRIVE, read_datum, read_network, write_network
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 
 def _same(a: object, b: object) -> bool:

@@ -5,7 +5,7 @@ import pytest
 
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Paint, PaintColor, SignKind, Strip
-from simbev_ros.maps.roads.signs import place_signs
+from simbev_ros.maps.signs import place_signs
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
 from simbev_ros.maps.sumo.right_of_way import minor_approaches

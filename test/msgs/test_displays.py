@@ -9,7 +9,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from synthetic_world import actor, box_model, world
 from visualization_msgs.msg import Marker, MarkerArray
 
-from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.msgs.markers import box_markers, world_markers

@@ -12,11 +12,11 @@ from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
-from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.config.load import load_scenario
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.roads.hd_map import lane_record
+from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, image_message
@@ -24,7 +24,7 @@ from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised, time_m
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.msgs.transforms import serialised_transforms, static_transforms
 from simbev_ros.msgs.world import odometry_message, record_message
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.lights import STREET_LIGHT_DTYPE
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE

@@ -14,7 +14,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.nodes import camera_node
 from simbev_ros.nodes.camera_node import CameraNode
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
 
 FAST = "/ego/fast/rgb/image_raw/compressed"

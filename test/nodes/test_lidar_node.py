@@ -16,7 +16,7 @@ from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.nodes import lidar_node
 from simbev_ros.nodes.lidar_node import LidarNode
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag

@@ -1,7 +1,7 @@
 from simbev_ros.config.load import load_scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.nodes.lockstep import Lockstep
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
 
 

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
 
-from simbev_ros.assets.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.posing import pose_actors
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.between import Course, actors_between
+from simbev_ros.scene.interpolation import Course, actors_between
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Int64Array
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from synthetic_world import TICK_NS, actor, box, box_model, cart_model, mesh, static_scene, world
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.posing import pose_actors
 from simbev_ros.raycast.scene import Hits, RayScene
-from simbev_ros.scene.between import actors_between
+from simbev_ros.scene.interpolation import actors_between
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Table

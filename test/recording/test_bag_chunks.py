@@ -9,9 +9,9 @@ from ros_messages import string
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.indexed_bag import IndexedBag
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.repair import repair_bag

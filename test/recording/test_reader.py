@@ -10,8 +10,8 @@ from ros_messages import image, message, point_cloud, serialise, string
 from simbev_ros.errors import BagError
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.chunk_cache import ChunkCache
 from simbev_ros.recording.indexed_bag import IndexedBag
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
 

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from simbev_ros.cli.repair import repair
 from simbev_ros.errors import BagError, DiskError, InputError
-from simbev_ros.recording.mcap_index import read_index
+from simbev_ros.recording.mcap.mcap_index import read_index
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.recording.repair import repair_bag
 from simbev_ros.recording.verify import verify_bag
@@ -153,7 +153,7 @@ def test_a_full_disk_leaves_nothing_half(bag: Path, tmp_path: Path, monkeypatch:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("simbev_ros.recording.mcap_file.McapFile.add_chunk", full)
+    monkeypatch.setattr("simbev_ros.recording.mcap.mcap_file.McapFile.add_chunk", full)
     with pytest.raises(DiskError, match=r"saved\.partial: the disk is full; nothing of the new bag is left$"):
         repair_bag(bag, tmp_path / "saved")
     assert sorted(path.name for path in tmp_path.iterdir()) == [bag.name]

@@ -18,7 +18,7 @@ from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, Event, Light, WorldState
 from simbev_ros.types import Table

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.actor_model import ActorModel, Part
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.render.context import describe_renderer
+from simbev_ros.render.gl.context import describe_renderer
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, WorldState
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import Tag

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from render_scene import NOON
 
-from simbev_ros.render.atmosphere import (
+from simbev_ros.render.lighting.atmosphere import (
     MIE_EXTINCTION_PER_KM,
     MIE_SCALE_KM,
     OZONE_PER_KM,
@@ -13,7 +13,7 @@ from simbev_ros.render.atmosphere import (
     clear_sky,
     sun_transmittance,
 )
-from simbev_ros.render.light import SkyLight
+from simbev_ros.render.lighting.light import SkyLight
 from simbev_ros.types import Float64Array
 
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.config.scenario import WeatherParameters
-from simbev_ros.render.light import SkyLight
-from simbev_ros.scene.draw_weather import draw_weather
+from simbev_ros.render.lighting.light import SkyLight
+from simbev_ros.scene.drawing.draw_weather import draw_weather
 from simbev_ros.scene.weather import Weather
 
 HOUR_NS = 3600 * 10**9

@@ -12,11 +12,11 @@ import moderngl
 import pytest
 
 from simbev_ros.errors import RenderError
-from simbev_ros.render import context as module
-from simbev_ros.render.context import describe_renderer, open_context, survey_devices
-from simbev_ros.render.devices import EglDevice, list_devices
-from simbev_ros.render.failures import enough_memory
-from simbev_ros.render.programs import ProgramLibrary
+from simbev_ros.render.gl import context as module
+from simbev_ros.render.gl.context import describe_renderer, open_context, survey_devices
+from simbev_ros.render.gl.devices import EglDevice, list_devices
+from simbev_ros.render.gl.failures import enough_memory
+from simbev_ros.render.gl.programs import ProgramLibrary
 
 pytestmark = pytest.mark.gl
 
@@ -139,7 +139,7 @@ def test_a_missing_libegl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
 )
 def test_a_real_egl_that_is_broken_says_what_to_set(variable: str, message: str) -> None:
     name, value = variable.split("=")
-    program = "from simbev_ros.render.context import open_context; open_context('cpu')"
+    program = "from simbev_ros.render.gl.context import open_context; open_context('cpu')"
     environment = {**os.environ, name: value}
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment)
     assert done.returncode == 1

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from render_scene import CAMERA, car, front_pose, plane, scene, snap_error_m, vertex_snap_px, world
 
+from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.posing import pose_actors
-from simbev_ros.assets.static_scene import StaticScene, Tile
+from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.errors import RenderError
 from simbev_ros.geometry.camera import PinholeCamera

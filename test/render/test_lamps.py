@@ -9,13 +9,13 @@ import pytest
 from render_scene import NOON, actors, box, car, plane, world
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.render.frame import CameraView, RenderFrame
-from simbev_ros.render.lamp_shadows import DIRECTIONS, FREE_M, HALF_ANGLE_RAD, free_distances
-from simbev_ros.render.lamps import VehicleLamps
+from simbev_ros.render.lighting.lamp_shadows import DIRECTIONS, FREE_M, HALF_ANGLE_RAD, free_distances
+from simbev_ros.render.lighting.lamps import VehicleLamps
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.lights import LightSpec, StreetLightSpec
 from simbev_ros.scene.state import Light, WorldState

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from render_scene import NOON, scene
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.render.detail import LevelsOfDetail
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.render.geometry.level_of_detail import LevelsOfDetail
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.blueprints import blueprint_index
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, WorldState

@@ -12,8 +12,8 @@ import pytest
 from render_scene import NOON, box, car, plane, world
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, StreetLight, Tile
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, StreetLight, Tile
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy

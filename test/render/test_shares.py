@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from simbev_ros.config.rendering import Rendering
-from simbev_ros.render import devices
-from simbev_ros.render.devices import EglDevice
+from simbev_ros.render.gl import devices
+from simbev_ros.render.gl.devices import EglDevice
 from simbev_ros.render.shares import camera_processes, drawing_environment
 
 MESA = EglDevice(9, "Mesa's software renderer", software=True)

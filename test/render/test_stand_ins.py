@@ -7,9 +7,9 @@ from render_scene import car, front_pose, plane, world
 
 from simbev_ros.assets.flora.species import stock
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, Tile
-from simbev_ros.assets.tiles import TileBuilder, standing
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, Tile
+from simbev_ros.assets.placement.tiles import TileBuilder, standing
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer

@@ -7,13 +7,13 @@ import pytest
 from render_scene import NOON, actors, car, plane
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.static_scene import StaticScene, Tile
+from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.render.noise import noise_image, noise_texture
+from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import Renderer
+from simbev_ros.render.shading.noise import noise_image, noise_texture
 from simbev_ros.scene.state import SIGNAL_DTYPE, WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array

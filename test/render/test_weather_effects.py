@@ -10,16 +10,16 @@ import pytest
 from render_scene import CAMERA, NOON, box, car, front_pose, plane, scene, world
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene, Tile
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.render.context import open_context
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.render.light import SkyLight
-from simbev_ros.render.rain import FALL_MPS
+from simbev_ros.render.gl.context import open_context
+from simbev_ros.render.lighting.light import SkyLight
 from simbev_ros.render.renderer import Renderer
+from simbev_ros.render.shading.rain import FALL_MPS
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array

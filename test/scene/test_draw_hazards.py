@@ -16,11 +16,11 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import PlannedScene, draw_scene
-from simbev_ros.scene.draw_hazards import DrawnHazards, draw_hazards
-from simbev_ros.scene.hazards import HazardKind, HazardSpec, PropSpec
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
+from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
+from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec, PropSpec
 from simbev_ros.scene.spec import StandSpec, VehicleSpec
-from simbev_ros.scene.starts import Starts
 from simbev_ros.types import BoolArray
 
 BLUEPRINTS = {blueprint.name: blueprint for blueprint in load_blueprints()}

@@ -14,8 +14,8 @@ from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes
-from simbev_ros.scene.draw_weather import draw_weather
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_weather import draw_weather
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec
 
 PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")

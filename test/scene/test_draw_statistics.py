@@ -13,8 +13,8 @@ from simbev_ros.config.scenario import Scenario, Timing, Traffic, WeatherConfig,
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import PlannedScene, draw_scene, starts_of
-from simbev_ros.scene.draw_weather import draw_weathers
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, starts_of
+from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 

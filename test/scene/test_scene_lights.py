@@ -8,7 +8,7 @@ from scipy.stats import kstest
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.lights import BuildingLights, Lights, StreetLights
 from simbev_ros.config.load import load_scenario
-from simbev_ros.scene.draw_lights import draw_lights, white_of
+from simbev_ros.scene.drawing.draw_lights import draw_lights, white_of
 from simbev_ros.scene.lights import LightSpec, street_lights
 
 PLACES_M = np.random.default_rng(5).uniform(-4000.0, 4000.0, (4000, 3)) * [1.0, 1.0, 0.002]

@@ -11,7 +11,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.spec import SceneSpec, VehicleSpec
 
 PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from simbev_ros.scene.statistics import BINS, Tally
+from simbev_ros.scene.drawing.statistics import BINS, Tally
 
 
 def test_a_tally_of_batches_equals_the_statistics_of_the_whole() -> None:

@@ -12,7 +12,7 @@ from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
-from simbev_ros.scene.walks import WalkGraph
+from simbev_ros.scene.streets.walks import WalkGraph
 
 
 @cache

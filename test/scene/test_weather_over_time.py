@@ -10,8 +10,8 @@ from simbev_ros.config.scenario import WeatherConfig, WeatherParameters
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.draw import PlannedScene, draw_scene
-from simbev_ros.scene.draw_weather import draw_weather, draw_weathers
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
+from simbev_ros.scene.drawing.draw_weather import draw_weather, draw_weathers
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.weather import Weather
 

@@ -13,7 +13,7 @@ from simbev_ros.config.positioning import Imu
 from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.maps.build import load_network
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.imu import ImuModel

@@ -3,8 +3,8 @@ import pytest
 from synthetic_world import EGO_ID, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material, load_materials
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.transforms import apply, inverse

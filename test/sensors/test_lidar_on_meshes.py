@@ -8,10 +8,10 @@ from point_distance import distances_m
 from rclpy.serialization import serialize_message
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.assets.catalogue import load_models
-from simbev_ros.assets.posing import pose_actors
-from simbev_ros.assets.static_cache import load_static_scene
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.posing import pose_actors
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Traffic
@@ -19,7 +19,7 @@ from simbev_ros.geometry.transforms import apply
 from simbev_ros.maps.build import load_network
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE, LidarModel, LidarScan
 from simbev_ros.sensors.mount import map_from_sensor

@@ -8,14 +8,14 @@ from point_distance import distances_m
 from scipy.spatial.transform import Rotation, Slerp
 from synthetic_world import EGO_ID, TICK_NS, actor, box_model, mesh, sheet, static_scene, world
 
-from simbev_ros.assets.actor_model import ActorModel
-from simbev_ros.assets.catalogue import load_models
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.posing import pose_actors
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.between import Course
+from simbev_ros.scene.interpolation import Course
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar import LidarModel, LidarScan

@@ -4,7 +4,7 @@ from scipy import stats
 from synthetic_world import TICK_NS, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Pose

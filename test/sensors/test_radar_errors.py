@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from synthetic_world import actor, box, box_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.static_scene import StaticScene
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.radar import Radar
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.air import extinction_per_m

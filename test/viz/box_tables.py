@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.annotation.boxes import BOX_DTYPE
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Table
 

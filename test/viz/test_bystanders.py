@@ -12,7 +12,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.semantics import Tag
-from simbev_ros.viz.street_traffic import bystanders
+from simbev_ros.viz.street.street_traffic import bystanders
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from made_up_scene import made_up_scene
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
-from simbev_ros.viz.svg_charts import Series, bars, curves, histogram
-from simbev_ros.viz.svg_drawing import number, ticks
+from simbev_ros.viz.reports.svg_charts import Series, bars, curves, histogram
+from simbev_ros.viz.reports.svg_drawing import number, ticks
 
 
 @pytest.mark.parametrize("single", [True, False])

@@ -15,18 +15,18 @@ from ros_messages import image
 
 from simbev_ros.config.rig import Rig
 from simbev_ros.dataset import Scene, open_dataset
-from simbev_ros.evaluation.boxes import Predictions
+from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predictions import open_predictions, write_predictions
+from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_predictions
+from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.scene_boxes import Outcomes
 from simbev_ros.evaluation.scene_evaluation import outcomes_of
-from simbev_ros.evaluation.score_grid import ScoreGrid
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.types import AnyArray
-from simbev_ros.viz.evaluation_cameras import in_camera
-from simbev_ros.viz.evaluation_grids import FALSE, MISSED, RIGHT, grid_pictures
-from simbev_ros.viz.evaluation_pictures import extent_m, from_above, marked_boxes
+from simbev_ros.viz.reports.evaluation_cameras import in_camera
+from simbev_ros.viz.reports.evaluation_grids import FALSE, MISSED, RIGHT, grid_pictures
+from simbev_ros.viz.reports.evaluation_pictures import extent_m, from_above, marked_boxes
 
 CAMERA = {
     "type": "camera",

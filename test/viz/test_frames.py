@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from ros_messages import image, string
 
+from simbev_ros.dataset.opened import open_bag
 from simbev_ros.errors import BagError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.recording.reader import SceneBag
-from simbev_ros.viz.frames import FrameReader
-from simbev_ros.viz.views import find_views
+from simbev_ros.viz.sheet.frames import FrameReader
+from simbev_ros.viz.sheet.views import find_views
 
 TICK_NS = 50_000_000
 FAST, SLOW = "/ego/cam_back/rgb/image_raw", "/ego/cam_front/rgb/image_raw"
@@ -31,8 +31,8 @@ def test_cameras_come_in_panorama_order_and_the_front_one_is_main(tmp_path: Path
         tmp_path / "a",
         {f"/ego/{n}/{m}/image_raw": [0] for n in names for m in ("rgb", "depth") if (n, m) != ("roof", "depth")},
     )
-    with SceneBag(path) as bag:
-        views = find_views(bag)
+    bag = open_bag(path)
+    views = find_views(bag)
     assert list(views.cameras) == ["cam_front_left", "cam_front", "cam_back_left", "cam_back", "roof"]
     assert views.main_camera == "cam_front"
     assert views.modalities == {"depth": "/ego/cam_front/depth/image_raw"}
@@ -40,10 +40,10 @@ def test_cameras_come_in_panorama_order_and_the_front_one_is_main(tmp_path: Path
 
 def test_a_slower_sensor_is_shown_with_its_last_sample(tmp_path: Path) -> None:
     path = write_images(tmp_path / "a", {FAST: [0, 1, 2, 3], SLOW: [0, 2]})
-    with SceneBag(path) as bag:
-        reader = FrameReader(bag, find_views(bag))
-        frames = list(reader.frames(0, 4))
-        late = list(reader.frames(3, 1))
+    bag = open_bag(path)
+    reader = FrameReader(bag, find_views(bag))
+    frames = list(reader.frames(0, 4))
+    late = list(reader.frames(3, 1))
     assert [int(frame.arrays[FAST][0, 0, 0]) for frame in frames] == [0, 1, 2, 3]
     assert [int(frame.arrays[SLOW][0, 0, 0]) for frame in frames] == [0, 0, 2, 2]
     assert [(f.index, int(f.arrays[SLOW][0, 0, 0]), int(f.arrays[FAST][0, 0, 0])) for f in late] == [(3, 2, 3)]
@@ -52,8 +52,8 @@ def test_a_slower_sensor_is_shown_with_its_last_sample(tmp_path: Path) -> None:
 
 def test_a_sensor_that_fell_silent_is_left_out(tmp_path: Path) -> None:
     path = write_images(tmp_path / "a", {FAST: list(range(30)), SLOW: [0]})
-    with SceneBag(path) as bag:
-        frames = list(FrameReader(bag, find_views(bag)).frames(0, 30))
+    bag = open_bag(path)
+    frames = list(FrameReader(bag, find_views(bag)).frames(0, 30))
     assert SLOW in frames[20].arrays and SLOW not in frames[21].arrays
 
 
@@ -62,5 +62,6 @@ def test_a_bag_without_anything_to_look_at_is_refused(tmp_path: Path) -> None:
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
         writer.write("/words", 0, string("nothing to see"))
         path = writer.finish({})
-    with SceneBag(path) as bag, pytest.raises(BagError, match="no images, semantic points"):
+    bag = open_bag(path)
+    with pytest.raises(BagError, match="no images, semantic points"):
         find_views(bag)

@@ -8,8 +8,8 @@ from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrice
 from simbev_ros.palette import bev_color
 from simbev_ros.semantics import BEV_CLASSES, Tag
 from simbev_ros.types import Float64Array, UInt16Array
-from simbev_ros.viz.ground_tint import ground_labels, tint_ground
-from simbev_ros.viz.truth import Truth
+from simbev_ros.viz.sheet.ground_tint import ground_labels, tint_ground
+from simbev_ros.viz.sheet.truth import Truth
 
 CAMERA = LensCamera(96, 64, 70.0, 66.0, 45.0, 30.0, (-0.2, 0.04, 0.002, -0.001, 0.0))
 EGO_FROM_OPTICAL = matrices_from_xyz_rpy(np.array([0.6, -0.3, 1.6]), np.array([0.05, 0.12, 0.3])) @ SENSOR_FROM_OPTICAL

@@ -1,6 +1,6 @@
 import pytest
 
-from simbev_ros.viz.layout import Box, Column, Row, Tile, place_in_width
+from simbev_ros.viz.sheet.layout import Box, Column, Row, Tile, place_in_width
 
 
 def test_two_tiles_share_a_row_by_their_aspects() -> None:

@@ -5,18 +5,18 @@ import pytest
 import shapely
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.static_scene import Tile
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import Tile
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.land.features import Footprint, MapFeatures, Water, Zone
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.maps.land_features import Footprint, MapFeatures, Water, Zone
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.statistics import statistics_of
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.semantics import Tag
-from simbev_ros.viz.map_plan import MapPlan, palette
-from simbev_ros.viz.orthophoto import orthophoto
+from simbev_ros.viz.maps.map_plan import MapPlan, palette
+from simbev_ros.viz.maps.orthophoto import orthophoto
 
 
 def sheet(x_m: float, y_m: float, half_m: float, z_m: float, color: tuple[int, int, int]) -> Mesh:

@@ -7,7 +7,7 @@ from box_tables import box
 from simbev_ros.config.camera import Camera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
 from simbev_ros.types import BoolArray, Float32Array, Table, UInt8Array
-from simbev_ros.viz.overlay import draw_boxes_from_above, draw_wireframes
+from simbev_ros.viz.sheet.overlay import draw_boxes_from_above, draw_wireframes
 
 CAMERA = Camera(
     type="camera",

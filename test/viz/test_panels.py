@@ -2,8 +2,8 @@ import numpy as np
 
 from simbev_ros.palette import bev_color, semantic_color
 from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.viz import panels
 from simbev_ros.viz.canvas import SURFACE
+from simbev_ros.viz.sheet import panels
 
 POINTS = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("tag", "<u4")])
 

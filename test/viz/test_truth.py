@@ -7,13 +7,13 @@ import pytest
 from box_tables import box
 from ros_messages import image, odometry, point_cloud
 
+from simbev_ros.dataset.opened import open_bag
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.recording.reader import SceneBag
 from simbev_ros.types import Float64Array
-from simbev_ros.viz.frames import Frame, FrameReader
-from simbev_ros.viz.views import find_views
+from simbev_ros.viz.sheet.frames import FrameReader, SheetFrame
+from simbev_ros.viz.sheet.views import find_views
 
 TICK_NS = 50_000_000
 RGB, BOXES, ODOMETRY, BEV = "/ego/cam_front/rgb/image_raw", "/ego/boxes", "/ego/odom", "/ego/bev/labels"
@@ -24,7 +24,7 @@ def rpy(tick: int) -> Float64Array:
     return np.array([0.02, -0.03, 0.1 * tick])
 
 
-def frames(path: Path, ticks: dict[str, list[int]]) -> list[Frame]:
+def frames(path: Path, ticks: dict[str, list[int]]) -> list[SheetFrame]:
     """Of a bag in which what came at a tick tells that tick."""
     with SceneBagWriter(path) as writer:
         for topic, its in ticks.items():
@@ -40,9 +40,9 @@ def frames(path: Path, ticks: dict[str, list[int]]) -> list[Frame]:
                 }[topic]()
                 writer.write(topic, stamp_ns, data)
         writer.finish({})
-    with SceneBag(path) as bag:
-        reader = FrameReader(bag, find_views(bag))
-        return list(reader.frames(0, len(reader.stamps_ns)))
+    bag = open_bag(path)
+    reader = FrameReader(bag, find_views(bag))
+    return list(reader.frames(0, len(reader.stamps_ns)))
 
 
 def test_a_slow_cameras_picture_has_the_truth_of_its_own_time(tmp_path: Path) -> None:

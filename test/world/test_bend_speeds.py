@@ -4,7 +4,7 @@ from world_scenes import lane
 
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.world.curves import bend_speeds
+from simbev_ros.world.sumo.curve_speeds import bend_speeds
 
 
 def bend(radius_m, turn_rad, straight_m=50.0):

@@ -7,7 +7,7 @@ from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
-from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.state import Behavior
 from simbev_ros.world.simulation import Simulation
 

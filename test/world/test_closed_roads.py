@@ -10,10 +10,10 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.world.demand import demand_of
-from simbev_ros.world.routes import Routes
+from simbev_ros.world.sumo.routes import Routes
 
 TOWN = MapSpec(name="Town01", seed=0)
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.world.collisions import Collisions
-from simbev_ros.world.contacts import Boxes
+from simbev_ros.world.kinematics.collisions import Collisions
+from simbev_ros.world.kinematics.contacts import Boxes
 
 TICK_S = 0.05
 CAR_M = [4.6, 2.0, 1.5]

@@ -9,9 +9,9 @@ from world_scenes import NOON, TICK_S, blocks, of_kind, run, scene
 
 from simbev_ros.config.scenario import Traffic
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.drivers import draw_driver
+from simbev_ros.scene.drawing.drivers import draw_driver
 from simbev_ros.scene.state import Behavior, Light
-from simbev_ros.world.rain import rain_effect
+from simbev_ros.world.driving.rain import rain_effect
 from simbev_ros.world.simulation import Simulation
 
 BLUEPRINTS = {blueprint.name: blueprint for blueprint in load_blueprints()}

@@ -12,7 +12,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
-from simbev_ros.scene.draw import PlannedScene, draw_scene
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.state import EGO_ID
 from simbev_ros.world.simulation import Simulation
 

@@ -8,10 +8,10 @@ import pytest
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.world.contacts import Boxes
-from simbev_ros.world.footing import Contacts, Footing
-from simbev_ros.world.ground import CURB_HEIGHT_M, Ground
-from simbev_ros.world.motion import Bodies, Motion
+from simbev_ros.world.kinematics.contacts import Boxes
+from simbev_ros.world.kinematics.footing import Contacts, Footing
+from simbev_ros.world.kinematics.ground import CURB_HEIGHT_M, Ground
+from simbev_ros.world.kinematics.motion import Bodies, Motion
 
 TICK_S = 0.05
 WHEELS = Contacts(np.zeros(4, np.int64), np.array([1.4, 1.4, -1.4, -1.4]), np.array([0.8, -0.8, 0.8, -0.8]))

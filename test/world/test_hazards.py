@@ -11,8 +11,8 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import PlannedScene, draw_scene
-from simbev_ros.scene.hazards import HazardKind
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
+from simbev_ros.scene.hazards.hazard import HazardKind
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import Light
 from simbev_ros.types import AnyArray, Table

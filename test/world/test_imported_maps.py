@@ -12,7 +12,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import PlannedScene, draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
 

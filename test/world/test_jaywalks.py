@@ -11,7 +11,7 @@ from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import WaypointSpec
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.demand import demand_of

@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from simbev_ros.world.contacts import Boxes
-from simbev_ros.world.footing import Contacts
-from simbev_ros.world.lookout import Lookout
-from simbev_ros.world.motion import Bodies
+from simbev_ros.world.driving.careful_drivers import Lookout
+from simbev_ros.world.kinematics.contacts import Boxes
+from simbev_ros.world.kinematics.footing import Contacts
+from simbev_ros.world.kinematics.motion import Bodies
 
 TICK_S = 0.1
 CAR_M, PERSON_M = (4.6, 2.0, 1.5), (0.6, 0.5, 1.7)

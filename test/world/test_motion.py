@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from simbev_ros.world.contacts import Boxes
-from simbev_ros.world.followers import Pursuit, Steady, Tow
-from simbev_ros.world.footing import Contacts
-from simbev_ros.world.motion import Bodies, Motion
+from simbev_ros.world.kinematics.contacts import Boxes
+from simbev_ros.world.kinematics.followers import Pursuit, Steady, Tow
+from simbev_ros.world.kinematics.footing import Contacts
+from simbev_ros.world.kinematics.motion import Bodies, Motion
 
 TICK_S = 0.05
 

@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from simbev_ros.assets.land.plazas import Plaza
-from simbev_ros.assets.static_cache import load_streetside
+from simbev_ros.assets.regions.static_cache import load_streetside
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -16,13 +16,13 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import Behavior, Event, Light
 from simbev_ros.types import BoolArray, Float64Array, Table
 from simbev_ros.world.cast import first_prop_id
-from simbev_ros.world.ground import Ground
+from simbev_ros.world.kinematics.ground import Ground
 from simbev_ros.world.simulation import Simulation
 
 TICK_S = 0.05

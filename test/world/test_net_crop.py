@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from world_scenes import blocks, run, scene
 
-from simbev_ros.scene.streets import Streets
+from simbev_ros.scene.streets.street_graph import Streets
 from simbev_ros.world import simulation
 from simbev_ros.world.demand import demand_of
-from simbev_ros.world.net_crop import CroppedNet, cropped_net
+from simbev_ros.world.sumo.net_crop import CroppedNet, cropped_net
 
 
 def whole() -> str:

@@ -10,9 +10,9 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
-from simbev_ros.scene.off_tracking import Obstacles, bent_ways, unfit
-from simbev_ros.scene.starts import Starts
-from simbev_ros.scene.streets import Streets
+from simbev_ros.scene.drawing.starts import Starts
+from simbev_ros.scene.streets.off_tracking import Obstacles, bent_ways, unfit
+from simbev_ros.scene.streets.street_graph import Streets
 
 
 def blueprint(name: str) -> Blueprint:

@@ -8,13 +8,13 @@ import pytest
 import shapely
 from world_scenes import TICK_S, of_kind
 
-from simbev_ros.assets.static_cache import load_static_scene, load_streetside
+from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import map_spec
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.world.demand import demand_of
 from simbev_ros.world.simulation import Simulation
 

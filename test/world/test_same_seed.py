@@ -12,7 +12,7 @@ from world_scenes import blocks, run, scene
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
-from simbev_ros.scene.draw import draw_scene, planned_scenes
+from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import Behavior
 from simbev_ros.world.simulation import Simulation
 

@@ -9,7 +9,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Signal
 from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.state import SignalState
-from simbev_ros.world.signals import Programme, SignalHeads, programmes, programmes_xml
+from simbev_ros.world.sumo.signals import Programme, SignalHeads, programmes, programmes_xml
 
 CARLA = Path(__file__).parents[2].parent / "shared" / "maps" / "carla"
 _SHOWN = {"G": SignalState.GREEN, "g": SignalState.GREEN, "y": SignalState.YELLOW, "r": SignalState.RED}

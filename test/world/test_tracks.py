@@ -7,7 +7,7 @@ import pytest
 from world_scenes import lane
 
 from simbev_ros.maps.network import Lane
-from simbev_ros.world.tracks import Tracks
+from simbev_ros.world.sumo.tracks import Tracks
 
 STRAIGHT_M, RADIUS_M, SPACING_M = 150.0, 20.0, 3.5
 

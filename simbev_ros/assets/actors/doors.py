@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import Part
+from simbev_ros.assets.actors.actor_model import Part
 from simbev_ros.assets.actors.solids import Box, Solid
 from simbev_ros.config.base import Model
 from simbev_ros.types import BoolArray, Float64Array

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import Cycle, Part
+from simbev_ros.assets.actors.actor_model import Cycle, Part
 from simbev_ros.assets.actors.body import Ring, load_body
 from simbev_ros.assets.actors.pose import LIMBS, Pose, Seat, seated_pose, standing_pose
 from simbev_ros.assets.actors.solids import Box, Ellipsoid, Rings, Solid, Tube, Vector

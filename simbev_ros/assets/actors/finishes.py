@@ -6,7 +6,7 @@ from importlib.resources import files
 import yaml
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.primitives import Finish
+from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.semantics import Tag
 
 

@@ -7,8 +7,8 @@ from simbev_ros.assets.actors.doors import insides
 from simbev_ros.assets.actors.finishes import finish_named
 from simbev_ros.assets.actors.shell import Shell
 from simbev_ros.assets.actors.shell_grid import level_points, shell_grid
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import patchwork
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import patchwork
 from simbev_ros.semantics import Tag
 from simbev_ros.types import AnyArray, Float64Array
 

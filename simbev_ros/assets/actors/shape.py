@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import yaml
 
-from simbev_ros.assets.actor_model import ActorModel, CoarserMesh, Part
+from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh, Part
 from simbev_ros.assets.actors.detail import COARSER, EXACT, Detail
 from simbev_ros.assets.actors.doors import Door, door_parts, seats
 from simbev_ros.assets.actors.figure import Figure, body_part, figure_cycle, figure_parts, figure_pose, figure_solids
 from simbev_ros.assets.actors.lofting import build_shell
 from simbev_ros.assets.actors.shell import Shell
+from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.assets.actors.solids import AnySolid, Solid, Vector, build_solid
 from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.skeletons import part_poses
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.gait import load_gaits, transition_mps, unit_mps

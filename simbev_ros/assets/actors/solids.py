@@ -8,8 +8,8 @@ from pydantic import Field
 
 from simbev_ros.assets.actors.detail import Detail
 from simbev_ros.assets.actors.finishes import finish_named, mirrored_name
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, box, ellipsoid, extrusion, lathe, loft, tube
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, ellipsoid, extrusion, lathe, loft, tube
 from simbev_ros.config.base import Model
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.semantics import Tag

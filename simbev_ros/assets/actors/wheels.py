@@ -5,11 +5,11 @@ from typing import Literal
 
 import numpy as np
 
-from simbev_ros.assets.actor_model import Part
+from simbev_ros.assets.actors.actor_model import Part
 from simbev_ros.assets.actors.detail import Detail
 from simbev_ros.assets.actors.finishes import finish_named
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, box, lathe
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, lathe
 from simbev_ros.config.base import Model
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.semantics import Tag

@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes, extrusion, plate
 from simbev_ros.assets.palette import Color, shaded
-from simbev_ros.assets.primitives import Finish, box, boxes, extrusion, plate
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 

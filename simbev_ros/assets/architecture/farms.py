@@ -7,9 +7,9 @@ from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.roofs import gabled_roof, gambrel_roof
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import box, boxes, lathe
 from simbev_ros.assets.palette import pick_color
-from simbev_ros.assets.primitives import box, boxes, lathe
 
 
 def barn(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:

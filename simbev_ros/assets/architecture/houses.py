@@ -18,9 +18,9 @@ from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.roofs import chimney, cross_gable, gabled_roof, hipped_roof
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import box, boxes
 from simbev_ros.assets.palette import Color, pick_color, shaded
-from simbev_ros.assets.primitives import box, boxes
 
 GARAGE_M = 4.2
 """Width of a house's garage, part of its plot's width."""

@@ -15,7 +15,7 @@ from simbev_ros.assets.architecture.public import church, lecture_block, school
 from simbev_ros.assets.architecture.town import apartments, office, shop, town_house
 from simbev_ros.assets.architecture.walls import Wall, draw_wall
 from simbev_ros.assets.architecture.works import hall, tanks, warehouse
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
 
 _BUILDERS: Mapping[str, Callable[[Plot, Wall, np.random.Generator], Mesh]] = {

@@ -8,9 +8,9 @@ from simbev_ros.assets.architecture.facades import Band, body, built, parapet
 from simbev_ros.assets.architecture.roofs import hipped_roof
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import box, extrusion
 from simbev_ros.assets.palette import pick_color
-from simbev_ros.assets.primitives import box, extrusion
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 

@@ -8,9 +8,9 @@ from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.roofs import cross_gable, hipped_roof, roof_units, spire
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import box, boxes
 from simbev_ros.assets.palette import pick_color, shaded
-from simbev_ros.assets.primitives import box, boxes
 
 _STOREY_M = 3.8
 _TOWER_M = 5.0

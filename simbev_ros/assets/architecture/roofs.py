@@ -16,9 +16,9 @@ from simbev_ros.assets.architecture.facades import (
 )
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import box, boxes, extrusion, solid
 from simbev_ros.assets.palette import Color, shaded
-from simbev_ros.assets.primitives import box, boxes, extrusion, solid
 from simbev_ros.types import Float64Array
 
 OVERHANG_M = 0.45

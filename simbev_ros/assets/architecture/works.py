@@ -19,9 +19,9 @@ from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.roofs import gabled_roof, roof_units
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import box, boxes, cylinder, lathe
 from simbev_ros.assets.palette import pick_color, shaded
-from simbev_ros.assets.primitives import box, boxes, cylinder, lathe
 
 _OFFICE_STOREY_M = 3.2
 _GATE_SPACING_M = 7.0

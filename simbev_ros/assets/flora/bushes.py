@@ -3,11 +3,11 @@
 import numpy as np
 
 from simbev_ros.assets.flora.crowns import ROOT_M, blossom, clump, crown, leaves
-from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, lathe, loft, tube
 from simbev_ros.assets.palette import pick_color, shaded
-from simbev_ros.assets.primitives import Finish, lathe, loft, tube
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 

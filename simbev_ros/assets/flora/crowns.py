@@ -5,11 +5,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, solid, tube
 from simbev_ros.assets.palette import Color, pick_color, shaded
-from simbev_ros.assets.primitives import Finish, solid, tube
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Int32Array, Int64Array
 

@@ -9,8 +9,8 @@ import numpy as np
 import yaml
 
 from simbev_ros.assets.flora import bushes, trees
-from simbev_ros.assets.graded import Graded
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
 from simbev_ros.random import stream
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from simbev_ros.assets.flora.crowns import ROOT_M, ball, blades, branches, crown, foliage, leaves, trunk
-from simbev_ros.assets.graded import Graded
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import lathe
 from simbev_ros.assets.palette import Color, pick_color, shaded
-from simbev_ros.assets.primitives import lathe
 from simbev_ros.types import Float64Array
 
 _FRONDS, _LEAFLETS = 18, 7

@@ -7,10 +7,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.region_ground import MARGIN_M, RegionGround
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.assets.placement.region_ground import MARGIN_M, RegionGround
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import BoolArray, Float64Array
 
 _SPECK_M2, _SMALLEST_M2 = 0.01, 40.0

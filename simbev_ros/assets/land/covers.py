@@ -11,7 +11,7 @@ import yaml
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.primitives import Finish
+from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.semantics import Tag
 
 PATH_RISE_M, PAINT_RISE_M = 0.012, 0.02

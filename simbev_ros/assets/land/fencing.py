@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.ensemble import Base
 from simbev_ros.assets.land.yard import Yard, quad, yaw_of
+from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.assets.street.barriers import PANEL_M, VARIANTS, panel
 from simbev_ros.types import Float64Array
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from simbev_ros.assets.claims import Claims
 from simbev_ros.assets.land.blocks import Block, blocks_of, fast_roads, zones_of
 from simbev_ros.assets.land.campus import lay_out_campus
 from simbev_ros.assets.land.covers import Cover
@@ -17,8 +16,10 @@ from simbev_ros.assets.land.suburb import lay_out_suburb
 from simbev_ros.assets.land.town import lay_out_town
 from simbev_ros.assets.land.woods import lay_out_woods
 from simbev_ros.assets.land.yard import Yard
-from simbev_ros.assets.region_ground import RegionGround
-from simbev_ros.assets.static_scene import StreetLight
+from simbev_ros.assets.placement.claims import Claims
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.static_scene import StreetLight
+from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.street.curbs import curb_lines
 from simbev_ros.assets.street.lights import put_lights
 from simbev_ros.assets.street.streetscape import (
@@ -31,7 +32,6 @@ from simbev_ros.assets.street.streetscape import (
     put_small_things,
     put_street_trees,
 )
-from simbev_ros.assets.tiles import TileBuilder
 
 _LAID_OUT: Mapping[str, Callable[[Yard, Block], None]] = {
     "downtown": lay_out_town,

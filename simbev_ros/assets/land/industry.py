@@ -11,7 +11,7 @@ from simbev_ros.assets.land.parking import MODULE_M, parking_lot
 from simbev_ros.assets.land.planting import random_places, scatter
 from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard, quad
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import container, dumpster, pallets, trailer
 from simbev_ros.random import stream

@@ -10,10 +10,10 @@ from simbev_ros.assets.land.planting import scatter
 from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, extrusion, plate
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, extrusion, plate
+from simbev_ros.assets.placement.tiles import standing
 from simbev_ros.assets.street.furniture import bench
-from simbev_ros.assets.tiles import standing
 from simbev_ros.semantics import Tag
 
 _PATH_M, _PLAZA_RADIUS_M, _ON_PLAZA_M = 2.6, 7.0, 1.5

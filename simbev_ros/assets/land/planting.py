@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.ensemble import Base
 from simbev_ros.assets.flora.species import VARIANTS, draw_species, load_species, reach_m, stock
 from simbev_ros.assets.land.yard import Yard
+from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 _SEEN_WELL_M, _TREE_M = 24.0, 1.8

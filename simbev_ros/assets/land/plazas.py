@@ -8,8 +8,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.covers import PATH_RISE_M
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.obstacles import standing_m
 from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.types import AnyArray, Float64Array

@@ -9,9 +9,9 @@ from simbev_ros.assets.architecture.outlines import outlined
 from simbev_ros.assets.architecture.walls import draw_wall
 from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
-from simbev_ros.assets.tiles import standing
-from simbev_ros.maps.land.features import Footprint
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.assets.placement.tiles import standing
+from simbev_ros.maps.land_features import Footprint
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 _NEAR_M = 60.0

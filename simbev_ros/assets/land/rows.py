@@ -14,9 +14,9 @@ from simbev_ros.assets.architecture.kinds import Kind, build, load_kinds
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.land.blocks import Block, Frontage, left_of
 from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
-from simbev_ros.assets.tiles import standing
+from simbev_ros.assets.placement.tiles import standing
 from simbev_ros.config.draw import sample
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 _STEP_M = 1.5

@@ -6,13 +6,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.claims import Claims
-from simbev_ros.assets.ensemble import Ensemble
 from simbev_ros.assets.land.covers import Cover, finish_of
 from simbev_ros.assets.land.plazas import Pavement
-from simbev_ros.assets.primitives import Finish
-from simbev_ros.assets.region_ground import RegionGround
-from simbev_ros.assets.tiles import TileBuilder
+from simbev_ros.assets.mesh.primitives import Finish
+from simbev_ros.assets.placement.claims import Claims
+from simbev_ros.assets.placement.ensemble import Ensemble
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.types import Float64Array
 
 SIGNAL_CLEARANCE_M = 2.0

@@ -5,11 +5,11 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.assets.flora.bushes import hedge
-from simbev_ros.assets.graded import Graded
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.graded import Graded
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes
 from simbev_ros.assets.palette import pick_color
-from simbev_ros.assets.primitives import Finish, box, boxes
 from simbev_ros.random import stream
 from simbev_ros.semantics import Tag
 

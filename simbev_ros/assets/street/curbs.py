@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.blocks import Zones, left_of
 from simbev_ros.assets.land.yard import Yard
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 
 STATION_M = 0.5

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.curbs import CurbLine
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons

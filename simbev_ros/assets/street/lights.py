@@ -8,11 +8,11 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.static_scene import StreetLight
+from simbev_ros.assets.placement.static_scene import StreetLight
+from simbev_ros.assets.placement.tiles import standing
 from simbev_ros.assets.street.curbs import CurbLine
 from simbev_ros.assets.street.light_places import Lanes, light_places
 from simbev_ros.assets.street.poles import MAST_LAMP_AT_M, STREET_LAMP_AT_M, mast, street_light, with_lamp_index
-from simbev_ros.assets.tiles import standing
 from simbev_ros.geometry.transforms import apply
 from simbev_ros.types import Float64Array, Int64Array
 

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.types import Float64Array, Table
 
 OBSTACLE_DTYPE = np.dtype(

@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, lathe, tube
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, lathe, tube
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 

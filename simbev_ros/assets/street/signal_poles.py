@@ -9,9 +9,9 @@ import shapely
 
 from simbev_ros.assets.architecture.facades import along_front
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
-from simbev_ros.assets.primitives import Finish, box, cylinder, extrusion, lathe, tube
-from simbev_ros.assets.region_ground import RegionGround
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, cylinder, extrusion, lathe, tube
+from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.poles import with_lamp_index
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.maps.network import Signal

@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, extrusion
 from simbev_ros.assets.palette import Color
-from simbev_ros.assets.primitives import Finish, box, boxes, cylinder, extrusion
 from simbev_ros.maps.roads.layout import Sign, SignKind
 from simbev_ros.semantics import Tag
 

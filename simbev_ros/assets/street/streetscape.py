@@ -6,21 +6,21 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from simbev_ros.assets.ensemble import Base
 from simbev_ros.assets.flora.species import draw_species, reach_m
 from simbev_ros.assets.land.blocks import Block, Zones, left_of
 from simbev_ros.assets.land.planting import has_room, plant
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.palette import pick_color
-from simbev_ros.assets.primitives import Finish, box
+from simbev_ros.assets.placement.ensemble import Base
+from simbev_ros.assets.placement.tiles import standing
 from simbev_ros.assets.street.curbs import STATION_M, CurbLine
 from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter, cabinet, hydrant, litter_bin
 from simbev_ros.assets.street.poles import cables, utility_pole
 from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
-from simbev_ros.assets.tiles import standing
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.random import stream
 from simbev_ros.semantics import Tag

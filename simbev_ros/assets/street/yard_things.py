@@ -5,9 +5,9 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh import Mesh
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder
 from simbev_ros.assets.palette import Color
-from simbev_ros.assets.primitives import Finish, box, boxes, cylinder
 from simbev_ros.semantics import Tag
 
 _RUBBER = Finish(Material.RUBBER, Tag.DYNAMIC, (28, 28, 30))

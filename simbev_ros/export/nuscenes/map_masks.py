@@ -20,9 +20,9 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.recording.mcap.syncing import sync, sync_names
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.replay import load_recorded_roads
-from simbev_ros.recording.syncing import sync, sync_names
 from simbev_ros.types import UInt8Array
 
 PIXELS_PER_M = 10

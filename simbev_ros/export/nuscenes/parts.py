@@ -15,7 +15,7 @@ from typing import Any
 from simbev_ros import __version__
 from simbev_ros.dataset import Scene
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, mcap_files
-from simbev_ros.recording.syncing import sync, sync_names
+from simbev_ros.recording.mcap.syncing import sync, sync_names
 
 _FOLDER = ".parts"
 

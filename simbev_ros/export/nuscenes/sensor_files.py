@@ -6,7 +6,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from simbev_ros.annotation.points import map_points
+from simbev_ros.annotation.boxes.points import map_points
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.export.nuscenes.channels import Channel, Modality

@@ -13,7 +13,7 @@ from simbev_ros.dataset import Scene
 from simbev_ros.export.nuscenes.map_masks import Site
 from simbev_ros.export.nuscenes.parts import Parts
 from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
-from simbev_ros.recording.syncing import sync
+from simbev_ros.recording.mcap.syncing import sync
 
 _OF_SCENES = (
     "scene",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from simbev_ros.annotation.boxes import NO_BLUEPRINT
+from simbev_ros.annotation.boxes.boxes import NO_BLUEPRINT
 from simbev_ros.scene.state import SignalState
 from simbev_ros.semantics import BOX_CLASSES, SIGN_TYPES
 from simbev_ros.types import AnyArray, Table

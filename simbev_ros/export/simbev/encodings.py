@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from simbev_ros.annotation.occupancy import dense
+from simbev_ros.annotation.occupancy.occupancy import dense
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.geometry.voxel_grid import VoxelGrid
 from simbev_ros.palette import bev_color, semantic_color

@@ -17,8 +17,8 @@ from simbev_ros.errors import InputError
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, locate_mcap
+from simbev_ros.recording.mcap.syncing import sync, sync_names
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.syncing import sync, sync_names
 
 ROOT = "simbev"
 _PARTS_FOLDER = ".parts"

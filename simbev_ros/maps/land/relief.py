@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.maps.land.surroundings import ReliefRecipe
+from simbev_ros.maps.surroundings import ReliefRecipe
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 

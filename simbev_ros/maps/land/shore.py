@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.maps.land.features import Water
+from simbev_ros.maps.land_features import Water
 from simbev_ros.types import Float64Array
 
 _DEPTH_M = 3.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.document import Road, Section
+from simbev_ros.maps.opendrive.reading.document import Road, Section
 from simbev_ros.types import BoolArray, Float64Array
 
 _BEFORE_M = 1e-6

@@ -11,23 +11,23 @@ from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps.opendrive.approaches import Approaches
-from simbev_ros.maps.opendrive.attributes import Notes
-from simbev_ros.maps.opendrive.crossings import crosswalks_of_net, planned_crossings
-from simbev_ros.maps.opendrive.datum import datum_of
-from simbev_ros.maps.opendrive.document import Document
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.objects import crosswalks_of, stop_lines_of
-from simbev_ros.maps.opendrive.reader import read_document
-from simbev_ros.maps.opendrive.recentring import recentre
+from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.opendrive.reading.datum import datum_of
+from simbev_ros.maps.opendrive.reading.document import Document
+from simbev_ros.maps.opendrive.reading.reader import read_document
+from simbev_ros.maps.opendrive.reading.recentering import recentre
 from simbev_ros.maps.opendrive.roadside import Carriageway, signal_places_of, signs_of
 from simbev_ros.maps.opendrive.signals import Signal, read_signals
 from simbev_ros.maps.opendrive.stop_lines import implied_stop_lines, signalled_stop_lines
 from simbev_ros.maps.opendrive.strips import strips_of
-from simbev_ros.maps.opendrive.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.opendrive.surroundings import features_of
-from simbev_ros.maps.opendrive.traffic import Traffic, traffic_of
+from simbev_ros.maps.opendrive.traffic.approaches import Approaches
+from simbev_ros.maps.opendrive.traffic.crossings import crosswalks_of_net, planned_crossings
+from simbev_ros.maps.opendrive.traffic.sumo_xml import RightOfWay, build_net
+from simbev_ros.maps.opendrive.traffic.traffic import Traffic, traffic_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.safe_xml import parse, place_of

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.borders import borders_m
-from simbev_ros.maps.opendrive.document import Document, LaneKey, LaneRecord, Road, Section, value_at
+from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, Road, Section, value_at
+from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS
 from simbev_ros.maps.opendrive.stations import stations_m
-from simbev_ros.maps.opendrive.tables import DEFAULT_SPEEDS_MPS
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 
-from simbev_ros.maps.opendrive.document import Connection, Contact, Document, LaneKey, Road, RoadEnd, Section
+from simbev_ros.maps.opendrive.reading.document import Connection, Contact, Document, LaneKey, Road, RoadEnd, Section
 
 OTHER: dict[Contact, Contact] = {"start": "end", "end": "start"}
 """The other end."""

@@ -5,9 +5,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.attributes import Malformed, Notes, number
 from simbev_ros.maps.opendrive.borders import point_m
-from simbev_ros.maps.opendrive.document import Document, Road
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.opendrive.reading.document import Document, Road
 from simbev_ros.maps.opendrive.sides import drives_forward_at
 from simbev_ros.maps.roads.layout import Crosswalk, StopLine
 from simbev_ros.types import Float64Array

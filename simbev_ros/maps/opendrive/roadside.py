@@ -5,12 +5,12 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import shapely
 
-from simbev_ros.maps.opendrive.approaches import Approaches
-from simbev_ros.maps.opendrive.attributes import Notes
 from simbev_ros.maps.opendrive.borders import point_m
-from simbev_ros.maps.opendrive.document import LaneKey, Road
+from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.opendrive.reading.document import LaneKey, Road
 from simbev_ros.maps.opendrive.sides import reach_m
 from simbev_ros.maps.opendrive.signals import Signal
+from simbev_ros.maps.opendrive.traffic.approaches import Approaches
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
 from simbev_ros.maps.roads.layout import Sign, SignalPlace, SignKind, Strip
 from simbev_ros.maps.roads.surface import strip_polygons

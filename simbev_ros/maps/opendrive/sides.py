@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from simbev_ros.maps.opendrive.borders import lane_edges_m
-from simbev_ros.maps.opendrive.document import LaneKey, LaneRecord, Road, Section
+from simbev_ros.maps.opendrive.reading.document import LaneKey, LaneRecord, Road, Section
 from simbev_ros.maps.roads.lane_kind import LaneKind
 
 

@@ -8,11 +8,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.attributes import Malformed, Notes, number
 from simbev_ros.maps.opendrive.borders import point_m
-from simbev_ros.maps.opendrive.document import Document, LaneKey, Road
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, Road
+from simbev_ros.maps.opendrive.reading.tables import NAMED_SPEED_LIMIT, SIGNAL_MEANINGS, SPEED_UNITS_MPS
 from simbev_ros.maps.opendrive.sides import drives_forward_at, driving_lanes_at
-from simbev_ros.maps.opendrive.tables import NAMED_SPEED_LIMIT, SIGNAL_MEANINGS, SPEED_UNITS_MPS
 from simbev_ros.types import Float64Array
 
 _FASTEST_MPS = 60.0

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from simbev_ros.maps.opendrive.borders import borders_m
-from simbev_ros.maps.opendrive.document import Road, Section
+from simbev_ros.maps.opendrive.reading.document import Road, Section
 from simbev_ros.types import Float64Array, Int64Array
 
 _SPACING_M = 5.0

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.attributes import Notes
-from simbev_ros.maps.opendrive.document import Document, LaneKey, LaneRecord, value_at
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import LaneLinks
+from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, value_at
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, Strip
 

@@ -6,10 +6,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.maps.land.features import MapFeatures, Zone
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.maps.land_features import MapFeatures, Zone
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _FAST_MPS = 80.5 / 3.6
 _COUNTRY_REACH_M = 150.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from simbev_ros.maps.land.features import Footprint
+from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.osm.areas import Area, polygons
 from simbev_ros.maps.osm.data import Tags, metres
 from simbev_ros.maps.osm.land_rules import land_rules

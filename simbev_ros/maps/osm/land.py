@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.maps.land.features import MapFeatures, Zone
+from simbev_ros.maps.land_features import MapFeatures, Zone
 from simbev_ros.maps.osm.areas import Area, areas_of, polygons
 from simbev_ros.maps.osm.buildings import buildings_of
 from simbev_ros.maps.osm.data import OsmData

@@ -8,7 +8,7 @@ import yaml
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 
 class WaterRule(Model):

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.maps.land.features import Water
+from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.osm.areas import Area, polygons
 from simbev_ros.maps.osm.data import OsmData, Tags, metres
 from simbev_ros.maps.osm.land_rules import land_rules

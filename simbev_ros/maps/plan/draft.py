@@ -11,7 +11,7 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.maps.land.features import Zone
+from simbev_ros.maps.land_features import Zone
 from simbev_ros.types import Float64Array
 
 

@@ -8,10 +8,10 @@ import shapely
 from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
-from simbev_ros.maps.land.features import Water, Zone
-from simbev_ros.maps.land.surroundings import SurroundingsRecipe
-from simbev_ros.maps.plan.profile import Land
-from simbev_ros.maps.plan.road import Place, spline
+from simbev_ros.maps.land_features import Water, Zone
+from simbev_ros.maps.plan.heights.profile import Land
+from simbev_ros.maps.plan.patterns.road import Place, spline
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _OUTLINE_SPACING_M = 20.0
 

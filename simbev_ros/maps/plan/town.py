@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.maps.land.features import MapFeatures, Water
 from simbev_ros.maps.land.relief import Relief
+from simbev_ros.maps.land_features import MapFeatures, Water
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.draft import Draft
+from simbev_ros.maps.plan.heights.profile import Land, with_heights
+from simbev_ros.maps.plan.heights.structures import with_structures
 from simbev_ros.maps.plan.land import water_in, waters_of, zones_of
 from simbev_ros.maps.plan.noding import divide
-from simbev_ros.maps.plan.patterns import draw_patterns
+from simbev_ros.maps.plan.patterns.pattern import draw_patterns
 from simbev_ros.maps.plan.plan import Plan
-from simbev_ros.maps.plan.profile import Land, with_heights
-from simbev_ros.maps.plan.structures import with_structures
 from simbev_ros.maps.plan.sumo_xml import connections_xml, edges_xml, nodes_xml
 from simbev_ros.maps.recipe import TownRecipe
 from simbev_ros.maps.sumo import netconvert

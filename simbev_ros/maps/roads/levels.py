@@ -14,7 +14,7 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from simbev_ros.maps.land.features import Water
+from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.roads.deck_ends import straight_cuts
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.strip_pieces import StripPieces

@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.network import Lane
+from simbev_ros.maps.paint_rules import left_line, line_between, right_edge_line
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, SignKind, StopLine, Strip
-from simbev_ros.maps.roads.paint_rules import left_line, line_between, right_edge_line
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.crossfall import Crossfall
 from simbev_ros.maps.sumo.net import SumoNet

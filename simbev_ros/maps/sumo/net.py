@@ -13,7 +13,7 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import Junction, Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.maps.sumo.vehicle_class import open_to
+from simbev_ros.maps.vehicle_class import open_to
 from simbev_ros.types import Float64Array
 
 _DEFAULT_WIDTH_M = 3.2  # SUMO's width of a lane that names none

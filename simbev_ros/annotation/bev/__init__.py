@@ -1,0 +1,1 @@
+"""Bird's-eye-view grids: exact rasterization of what lies on the ego's level."""

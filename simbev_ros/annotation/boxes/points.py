@@ -1,0 +1,199 @@
+"""Points of lidars and radars inside boxes, and what follows from them: which boxes are valid, and how difficult."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+import yaml
+
+from simbev_ros.geometry.transforms import rotations_from_rpy
+from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES
+from simbev_ros.sensors.mount import vector
+from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, Table
+
+_CELL_M, _MOST_CELLS = 0.75, 256  # of the lookup grid, and how many along its longer side
+_BLOCK = 16384  # points at a time: what is made of them stays in the cache, which is three times as fast
+_SLACK_M = 1e-6  # cells reach farther than boxes by more than the rounding of coordinates, by less than matters
+
+
+def map_points(cloud: Table, map_from_sensor: Float64Array, carrier: Table | None = None) -> Float64Array:
+    """(N, 3) points in the map frame, metres.
+
+    Args:
+        cloud: (N,) rows with ``x y z`` in the frame of a sensor.
+        map_from_sensor: (4, 4) ``sensors.mount.map_from_sensor`` at the stamp.
+        carrier: For rolling scans, whose points are in the sensor's frame at their own ``time``: the ``ACTOR_DTYPE``
+            row of the vehicle that carries the sensor, taken to move and turn evenly during a scan. None: all points
+            were measured at the stamp.
+    """
+    local_m = np.stack([cloud["x"], cloud["y"], cloud["z"]], dtype=np.float64)
+    points_m: Float64Array = np.einsum("ij,jn->in", map_from_sensor[:3, :3], local_m)  # BLAS would wake its threads
+    points_m += map_from_sensor[:3, 3:]
+    if carrier is None:
+        return points_m.T
+    return _carried_back(points_m.T, cloud["time"].astype(np.float64)[:, None], carrier)
+
+
+def _carried_back(points_m: Float64Array, time_s: Float64Array, carrier: Table) -> Float64Array:
+    """(N, 3) points moved with what carries them to where they were at (N, 1) times from the stamp."""
+    place_m, velocity_mps, turn_radps = (vector(carrier, names) for names in ("x y z", "vx vy vz", "wx wy wz"))
+    rate_radps = float(np.linalg.norm(turn_radps))
+    axis = turn_radps / max(rate_radps, 1e-12)
+    arm_m, angle_rad = points_m - place_m, rate_radps * time_s
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    turned_m = arm_m * cosine + np.cross(axis, arm_m) * sine + axis * (arm_m @ axis)[:, None] * (1.0 - cosine)
+    moved_m: Float64Array = place_m + velocity_mps * time_s + turned_m  # Rodrigues' formula
+    return moved_m
+
+
+def with_points(boxes: Table, lidar_m: Sequence[Float64Array] | None, radar_m: Sequence[Float64Array] | None) -> Table:
+    """The boxes with the points that are inside.
+
+    Args:
+        boxes: (B,) ``BOX_DTYPE``.
+        lidar_m: The clouds of all lidars, each (N, 3), map frame; None if none was received at this tick.
+        radar_m: Those of all radars.
+
+    Returns:
+        (B,) ``BOX_DTYPE``, with ``lidar_points``, ``radar_points``, ``valid`` and ``difficulty`` filled. What was not
+        received is -1 points, which count as none.
+    """
+    result, solids = boxes.copy(), _Solids(boxes)
+    for name, clouds_m in ("lidar_points", lidar_m), ("radar_points", radar_m):
+        result[name] = -1 if clouds_m is None else sum((solids.count(points_m) for points_m in clouds_m), np.int32(0))
+    points = np.maximum(result["lidar_points"], 0) + np.maximum(result["radar_points"], 0)
+    result["valid"] = points > 0
+    result["difficulty"] = difficulty(boxes["class"], boxes["distance"], points)
+    return result
+
+
+def difficulty(box_class: AnyArray, distance_m: AnyArray, points: AnyArray) -> Int64Array:
+    """(B,) index into ``DIFFICULTIES`` of boxes by (B,) class, distance to the ego, and lidar and radar points inside.
+
+    A box is hard from a distance on or with fewer points than a number, else medium from a smaller distance on or with
+    fewer points than a larger number, else easy (SimBEV; the numbers are in difficulty.yaml).
+    """
+    limits = _limits()[box_class]
+    within = (distance_m[:, None] < limits[..., 0]) & (points[:, None] >= limits[..., 1])
+    rank: Int64Array = np.where(~within[:, 0], _HARD, np.where(~within[:, 1], _MEDIUM, _EASY))
+    return rank
+
+
+_EASY, _MEDIUM, _HARD = (DIFFICULTIES.index(name) for name in ("easy", "medium", "hard"))
+
+
+@lru_cache(maxsize=1)
+def _limits() -> Float64Array:
+    """(classes, 2, 2) distance and number of points, first of what is hard, then of what is medium."""
+    table = yaml.safe_load(files("simbev_ros.annotation.boxes").joinpath("difficulty.yaml").read_text())
+    return np.array([[table[name]["hard"], table[name]["medium"]] for name in BOX_CLASSES], np.float64)
+
+
+def points_inside(boxes: Table, points_m: AnyArray) -> Int32Array:
+    """(B,) number of points in each of (B,) ``BOX_DTYPE`` boxes, faces included.
+
+    Args:
+        boxes: They may be tilted and overlap; a point counts for every box that it is in.
+        points_m: (N, 3) map frame; points that are not finite are in no box.
+    """
+    return _Solids(boxes).count(points_m)
+
+
+class _Solids:
+    """Boxes to look points up in: a grid in plan knows which of them reach into each cell, between which heights.
+
+    Attributes:
+        center_m: (B, 3) float64, map frame.
+        rotation: (B, 3, 3) map from box.
+        half_m: (B, 3) half of length, width, height.
+    """
+
+    def __init__(self, boxes: Table) -> None:
+        self.center_m, rpy_rad, size_m = (
+            np.stack([boxes[name] for name in names.split()], axis=1).astype(np.float64)
+            for names in ("x y z", "roll pitch yaw", "length width height")
+        )
+        self.rotation, self.half_m = rotations_from_rpy(rpy_rad), size_m / 2.0
+        if len(boxes):
+            self._build_grid()
+
+    def count(self, points_m: AnyArray) -> Int32Array:
+        """As ``points_inside``."""
+        count = np.zeros(len(self.half_m), np.int32)
+        for start in range(0, len(points_m) if len(count) else 0, _BLOCK):
+            block_m = np.asarray(points_m[start : start + _BLOCK], np.float64)
+            point, box = self._candidates(block_m)
+            to_point = block_m[point] - self.center_m[box]
+            inside = (np.abs(np.einsum("pi,pij->pj", to_point, self.rotation[box])) <= self.half_m[box]).all(axis=1)
+            count += np.bincount(box[inside], minlength=len(count)).astype(np.int32)
+        return count
+
+    def _candidates(self, points_m: Float64Array) -> tuple[Int64Array, Int64Array]:
+        """(K,) points and (K,) boxes that they may be in."""
+        index = np.zeros(len(points_m), np.int32)
+        for axis, stride in (1, int(self._shape[0])), (0, 1):
+            place = (points_m[:, axis] - self._origin_m[axis]) * self._per_m + 1.0
+            place = np.fmin(np.fmax(place, 0.0), self._shape[axis] - 1.0)  # what is not a number goes to the border
+            index += place.astype(np.int32) * np.int32(stride)
+        height_m = points_m[:, 2]
+        near = np.flatnonzero((height_m >= self._low_m[index]) & (height_m <= self._high_m[index]))
+        index = index[near]
+        point, place = _runs(near, self._first[index], self._count[index])
+        return point, self._box[place]
+
+    def _build_grid(self) -> None:
+        reach_m = np.einsum("bij,bj->bi", np.abs(self.rotation), self.half_m) + _SLACK_M
+        low_m, high_m = self.center_m - reach_m, self.center_m + reach_m
+        self._origin_m = low_m[:, :2].min(axis=0)
+        span_m = high_m[:, :2].max(axis=0) - self._origin_m
+        self._per_m = 1.0 / max(_CELL_M, float(span_m.max()) / _MOST_CELLS)
+        first, last = self._cells(low_m), self._cells(high_m)
+        self._shape = last.max(axis=0) + 2
+        box, cell = _covered(first, last)
+        touched = self._touches(box, cell)
+        self._fill(box[touched], cell[touched], low_m[:, 2], high_m[:, 2])
+
+    def _cells(self, points_m: Float64Array) -> Int64Array:
+        """(N, 2) column and row of points on the grid; the outermost cells stay empty."""
+        cells: Int64Array = ((points_m[:, :2] - self._origin_m) * self._per_m).astype(np.int64) + 1
+        return cells
+
+    def _touches(self, box: Int64Array, cell: Int64Array) -> BoolArray:
+        """(K,) whether a box, seen from above, comes near a cell: they are not apart along or across its heading."""
+        heading = self.rotation[:, :2, 0]
+        level = np.hypot(heading[:, 0], heading[:, 1])
+        heading = np.where(level[:, None] > 0.0, heading / np.maximum(level, 1e-12)[:, None], [1.0, 0.0])
+        axes = np.stack([heading, heading[:, ::-1] * [-1.0, 1.0]], axis=1)
+        reach_m = np.einsum("bik,bk->bi", np.abs(axes @ self.rotation[:, :2]), self.half_m)
+        reach_m += np.abs(axes).sum(axis=2) * 0.5 / self._per_m + _SLACK_M
+        middle_m = (cell - 0.5) / self._per_m + self._origin_m - self.center_m[box, :2]
+        touches: BoolArray = (np.abs(np.einsum("kij,kj->ki", axes[box], middle_m)) <= reach_m[box]).all(axis=1)
+        return touches
+
+    def _fill(self, box: Int64Array, cell: Int64Array, low_m: Float64Array, high_m: Float64Array) -> None:
+        """Sort pairs of box and cell by cell."""
+        index = cell[:, 1] * self._shape[0] + cell[:, 0]
+        order = np.argsort(index, kind="stable")
+        self._box, cells = box[order], int(self._shape.prod())
+        self._count = np.bincount(index, minlength=cells)
+        self._first = np.cumsum(self._count) - self._count
+        filled = np.flatnonzero(self._count)
+        self._low_m, self._high_m = np.full(cells, np.inf), np.full(cells, -np.inf)
+        self._low_m[filled] = np.minimum.reduceat(low_m[self._box], self._first[filled])
+        self._high_m[filled] = np.maximum.reduceat(high_m[self._box], self._first[filled])
+
+
+def _runs(keys: Int64Array, first: Int64Array, count: Int64Array) -> tuple[Int64Array, Int64Array]:
+    """Each key as often as (K,) ``count`` says, and numbers that go up from its ``first``."""
+    number = np.arange(int(count.sum())) + np.repeat(first - (np.cumsum(count) - count), count)
+    return np.repeat(keys, count), number
+
+
+def _covered(first: Int64Array, last: Int64Array) -> tuple[Int64Array, Int64Array]:
+    """(K,) boxes and (K, 2) the cells between (B, 2) first and last ones of each."""
+    size = last - first + 1
+    boxes = np.arange(len(size))
+    box, number = _runs(boxes, np.zeros_like(boxes), size.prod(axis=1))
+    row, column = np.divmod(number, size[box, 0])
+    return box, first[box] + np.stack([column, row], axis=1)

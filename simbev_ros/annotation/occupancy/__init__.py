@@ -1,0 +1,1 @@
+"""Semantic occupancy: exact voxelization of surfaces and solids."""

@@ -1,0 +1,178 @@
+"""Semantic occupancy: what is in each voxel of a box that the ego carries along.
+
+A voxel is occupied if and only if a surface passes through it or it lies inside of a closed solid (``Solids``): actors,
+buildings, poles, trunks and the balls of leaves that crowns are made of are filled; ground, paint, decks of bridges and
+single leaves are surfaces. What a car's door opens onto is air, as in the mesh.
+
+The box is fixed to the ego's frame (x ahead, y left, z up; origin on the ground below it), so it pitches and rolls with
+the road and the car, as lidar points and camera poses in that frame do. Everything in it counts, on whatever level.
+"""
+
+from collections.abc import Sequence, Set
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from simbev_ros.annotation.occupancy.solids import Solids
+from simbev_ros.annotation.occupancy.triangle_soup import Shape, Soup
+from simbev_ros.annotation.occupancy.voxels import voxelized
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.posing import pose_actors
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.geometry.transforms import apply, inverse
+from simbev_ros.geometry.voxel_grid import VoxelGrid
+from simbev_ros.scene.state import WorldState, map_from_actors
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array, Table, UInt8Array
+
+VOXEL_DTYPE = np.dtype(
+    [
+        ("x", "<f4"),  # m, ego frame: centre of the voxel
+        ("y", "<f4"),
+        ("z", "<f4"),
+        ("ix", "<u2"),  # voxels ahead of the box's rear
+        ("iy", "<u2"),  # voxels left of its right side
+        ("iz", "<u2"),  # voxels above its bottom
+        ("tag", "u1"),  # semantic Tag
+    ]
+)
+"""One row per occupied voxel. Field names and order are those of /ego/occupancy/points."""
+
+_PRIORITY = (
+    *(Tag.BRIDGE, Tag.TERRAIN, Tag.GROUND, Tag.WATER, Tag.ROAD, Tag.RAIL_TRACK, Tag.SIDEWALK, Tag.ROAD_LINE),
+    *(Tag.BUILDING, Tag.VEGETATION, Tag.WALL, Tag.FENCE, Tag.GUARD_RAIL, Tag.OTHER, Tag.STATIC, Tag.POLE),
+    *(Tag.TRAFFIC_SIGN, Tag.TRAFFIC_LIGHT, Tag.DYNAMIC, Tag.TRAIN, Tag.BUS, Tag.TRUCK, Tag.CAR, Tag.MOTORCYCLE),
+    *(Tag.BICYCLE, Tag.RIDER, Tag.PEDESTRIAN),
+)
+"""Of several things in a voxel the later one names it: what stands before what it stands on, what moves before what
+does not, the smaller before the larger. Bridges come first so that the roads on their decks stay whole."""
+
+_TAG_OF_RANK = np.array([Tag.UNLABELED, *_PRIORITY], np.uint8)
+_RANK_OF_TAG = np.zeros(256, np.uint8)
+_RANK_OF_TAG[_TAG_OF_RANK[1:]] = np.arange(1, len(_TAG_OF_RANK))
+
+_ACTOR_MARGIN_M = 1.5  # open doors and legs reach so far out of an actor's box
+
+
+class OccupancyAnnotator:
+    """Voxels of a map and its actors. A tile is prepared when the ego first comes near it."""
+
+    def __init__(self, static: StaticScene, models: Sequence[ActorModel], threads: int = 2) -> None:
+        """Takes the immobile scene, the catalogue's models, indexed by blueprint, and how many cores to use."""
+        self._tiles, self._threads = static.tiles, threads
+        self._bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in static.tiles]).reshape(-1, 2, 3)
+        self._solids_of_tile: dict[int, Solids] = {}
+        solids = [Solids.of(model.mesh) for model in models]
+        self._is_solid = [each.is_solid for each in solids]
+        self._points = np.array([len(each.points) for each in solids])
+        self._models = [replace(model, mesh=_bare(each)) for model, each in zip(models, solids, strict=True)]
+
+    def tags(self, state: WorldState, grid: VoxelGrid, hidden_ids: Set[int] = frozenset()) -> UInt8Array:
+        """Tags around the ego.
+
+        Args:
+            state: The world now.
+            grid: The voxels.
+            hidden_ids: Actors that are left out, such as the ego itself.
+
+        Returns:
+            (x, y, z) ``grid.shape``: the tag of what is in each voxel, 0 where it is free.
+        """
+        map_from_ego = map_from_actors(state.ego[None])[0]
+        grid_from_map = grid.grid_from_ego @ inverse(map_from_ego)
+        tiles = self._tiles_near(apply(map_from_ego, grid.corners_ego))
+        actors = _actors_near(state.actors[~np.isin(state.actors["id"], sorted(hidden_ids))], grid_from_map, grid)
+        with ThreadPoolExecutor(self._threads) as pool:
+            shares = [(tiles[k :: self._threads], actors[k :: self._threads]) for k in range(self._threads)]
+            ranks = list(
+                pool.map(
+                    partial(self._ranks, grid_from_map=grid_from_map, origin_m=map_from_ego[:3, 3], shape=grid.shape),
+                    shares,
+                )
+            )
+        highest: UInt8Array = np.maximum.reduce(ranks)
+        return _TAG_OF_RANK[highest]
+
+    def _ranks(
+        self, share: tuple[Int64Array, Table], grid_from_map: Float64Array, origin_m: Float64Array, shape: Shape
+    ) -> UInt8Array:
+        """Ranks of some of the tiles and actors alone."""
+        tiles, actors = share
+        soups = [self._tile_soup(tile, grid_from_map) for tile in tiles.tolist()]
+        return voxelized(Soup.merged([*soups, self._actor_soup(actors, grid_from_map, origin_m)]), shape)
+
+    def _tiles_near(self, corners_m: Float64Array) -> Int64Array:
+        """Indices of the tiles whose bounds meet those of the (8, 3) corners of the box, map frame."""
+        low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
+        near: Int64Array = np.flatnonzero(
+            ((self._bounds_m[:, 0] <= high_m) & (self._bounds_m[:, 1] >= low_m)).all(axis=1)
+        )
+        return near
+
+    def _tile_soup(self, index: int, grid_from_map: Float64Array) -> Soup:
+        """A tile in voxels."""
+        tile = self._tiles[index]
+        if index not in self._solids_of_tile:
+            self._solids_of_tile[index] = Solids.of(tile.mesh)
+        solids = self._solids_of_tile[index]
+        points = _moved(grid_from_map, tile.origin_m, solids.points)
+        return Soup(points, _RANK_OF_TAG[solids.tag], _by_corner(solids.triangles), solids.is_solid)
+
+    def _actor_soup(self, actors: Table, grid_from_map: Float64Array, origin_m: Float64Array) -> Soup:
+        """Posed actors in voxels; (3,) a place among them, map frame, keeps float32 exact."""
+        posed = pose_actors(self._models, actors, origin_m)
+        rank = np.repeat(_RANK_OF_TAG[actors["tag"]], self._points[actors["blueprint"]])
+        is_solid = [self._is_solid[blueprint] for blueprint in actors["blueprint"].tolist()]
+        points = _moved(grid_from_map, origin_m, posed.vertices)
+        return Soup(points, rank, _by_corner(posed.triangles), np.concatenate([np.zeros(0, bool), *is_solid]))
+
+
+def occupied(tags: UInt8Array, grid: VoxelGrid) -> Table:
+    """(N,) ``VOXEL_DTYPE`` the occupied ones of (x, y, z) tags, x slowest."""
+    place = np.flatnonzero(tags)
+    table = np.empty(len(place), VOXEL_DTYPE)
+    for axis, low_m, index in zip("xyz", grid.low_m, np.unravel_index(place, tags.shape), strict=True):
+        table[f"i{axis}"] = index
+        table[axis] = low_m + (index + 0.5) * grid.voxel_m
+    table["tag"] = tags.reshape(-1)[place]
+    return table
+
+
+def dense(voxels: Table, grid: VoxelGrid) -> UInt8Array:
+    """(x, y, z) tags, 0 where free, of the rows that ``occupied`` gives."""
+    tags = np.zeros(grid.shape, np.uint8)
+    tags[voxels["ix"], voxels["iy"], voxels["iz"]] = voxels["tag"]
+    return tags
+
+
+def _bare(solids: Solids) -> Mesh:
+    """A mesh of the same points and triangles, without looks."""
+    count = len(solids.points)
+    color, material = np.zeros((count, 3), np.uint8), np.zeros(count, np.uint8)
+    points = solids.points
+    return Mesh(points, points, points[:, :2], color, material, solids.tag, solids.part, solids.triangles)
+
+
+def _actors_near(actors: Table, grid_from_map: Float64Array, grid: VoxelGrid) -> Table:
+    """Those that may reach into the box."""
+    middle = apply(grid_from_map, np.stack([actors["x"], actors["y"], actors["z"]], axis=1))
+    size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1)
+    reach = (np.linalg.norm(size_m, axis=1)[:, None] + _ACTOR_MARGIN_M) / grid.voxel_m
+    near: Table = actors[((middle > -reach) & (middle < np.array(grid.shape) + reach)).all(axis=1)]
+    return near
+
+
+def _by_corner(triangles: Int32Array) -> Int64Array:
+    """(3, T) of (T, 3) triangles, as indices are the fastest."""
+    return np.ascontiguousarray(triangles.T, np.int64)
+
+
+def _moved(grid_from_map: Float64Array, origin_m: Float64Array, points: Float32Array) -> Float32Array:
+    """(3, P) in voxels, by axis, of (P, 3) points relative to an origin in the map frame, metres."""
+    linear, offset = grid_from_map[:3, :3].astype(np.float32), apply(grid_from_map, origin_m[None])[0]
+    x, y, z = points.T
+    # One by one: what a matrix product gives for a point may depend on how many others come with it.
+    return np.stack([a * x + b * y + c * z + d for (a, b, c), d in zip(linear, offset.astype(np.float32), strict=True)])

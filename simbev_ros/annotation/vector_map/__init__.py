@@ -1,0 +1,1 @@
+"""The roads around the ego as vectors."""

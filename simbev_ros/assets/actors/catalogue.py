@@ -1,0 +1,53 @@
+"""The catalogue: one model per blueprint. What is built once is then read from the cache."""
+
+from collections.abc import Sequence
+from functools import lru_cache, partial
+from importlib.resources import files
+from pathlib import Path
+
+from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh
+from simbev_ros.assets.actors.model_file import read_coarser, read_models, write_coarser, write_models
+from simbev_ros.assets.actors.shape import build_model, load_shape
+from simbev_ros.assets.cached_file import assets_version, cached
+from simbev_ros.maps.cache import code_version, default_cache_dir
+from simbev_ros.maps.cache_ageing import entry_path
+from simbev_ros.scene.blueprints import load_blueprints
+
+_KIND = "models"
+_OUTSIDE = ("semantics.py", "scene/blueprints.py", "scene/blueprints.yaml", "scene/gait.py", "scene/gait.yaml")
+"""What models depend on besides assets and all that maps depend on."""
+
+
+@lru_cache(maxsize=1)
+def load_models() -> tuple[ActorModel, ...]:
+    """All models; a model's index is that of its blueprint, the ``blueprint`` column of the actors table.
+
+    Raises:
+        InputError: The cache cannot be written.
+    """
+    read = partial(read_models, blueprints=load_blueprints(), coarser=_coarser)
+    return cached(_folder() / "exact.npz", _KIND, read, lambda path: write_models(path, _built()))
+
+
+def _coarser(index: int) -> tuple[CoarserMesh, ...]:
+    """Of one model; see ``ActorModel.build_coarser``."""
+    return _all_coarser()[index]
+
+
+@lru_cache(maxsize=1)
+def _all_coarser() -> Sequence[tuple[CoarserMesh, ...]]:
+    def write(path: Path) -> None:
+        write_coarser(path, [model.build_coarser() for model in _built()])
+
+    return cached(_folder() / "coarser.npz", _KIND, read_coarser, write)
+
+
+@lru_cache(maxsize=1)
+def _built() -> tuple[ActorModel, ...]:
+    return tuple(build_model(blueprint, load_shape(blueprint.name)) for blueprint in load_blueprints())
+
+
+def _folder() -> Path:
+    outside = (files("simbev_ros").joinpath(name).read_bytes() for name in _OUTSIDE)
+    version = b"".join((code_version(), assets_version(), *outside))
+    return entry_path(default_cache_dir() / _KIND, "all", version, b"")

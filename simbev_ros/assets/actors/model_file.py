@@ -1,0 +1,73 @@
+"""The catalogue's models as flat arrays in files, and back. Files that are damaged raise what numpy raises."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, fields
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh, Cycle, Part
+from simbev_ros.assets.mesh.mesh_arrays import mesh_arrays, meshes_from
+from simbev_ros.scene.blueprints import Blueprint
+
+
+def write_models(path: Path, models: Sequence[ActorModel]) -> None:
+    """Write all but the coarser meshes."""
+    parts = json.dumps([[asdict(part) for part in model.parts] for model in models])
+    cycles = {
+        f"{field.name}.{index}": getattr(model.cycle, field.name)
+        for index, model in enumerate(models)
+        if model.cycle
+        for field in fields(Cycle)
+    }
+    meshes = dict(mesh_arrays([model.mesh for model in models]))
+    np.savez(path, allow_pickle=False, parts=np.array(parts), **meshes, **cycles)
+
+
+def read_models(
+    path: Path, blueprints: Sequence[Blueprint], coarser: Callable[[int], tuple[CoarserMesh, ...]]
+) -> tuple[ActorModel, ...]:
+    """The models of all blueprints; ``coarser`` gives the coarser meshes by index."""
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        parts, meshes = json.loads(str(arrays["parts"])), meshes_from(arrays)
+        cycles = [
+            Cycle(**{field.name: arrays[f"{field.name}.{index}"] for field in fields(Cycle)})
+            if f"{fields(Cycle)[0].name}.{index}" in arrays
+            else None
+            for index in range(len(meshes))
+        ]
+    return tuple(
+        ActorModel(
+            blueprint=blueprint.name,
+            tag=blueprint.tag,
+            box_class=blueprint.box_class,
+            mesh=mesh,
+            size_m=blueprint.size_m,
+            parts=tuple(Part(**entry | {"pivot_m": tuple(entry["pivot_m"])}) for entry in own),
+            wheel_radius_m=blueprint.wheel_radius_m,
+            cycle=cycle,
+            build_coarser=partial(coarser, index),
+        )
+        for index, (blueprint, mesh, own, cycle) in enumerate(zip(blueprints, meshes, parts, cycles, strict=True))
+    )
+
+
+def write_coarser(path: Path, coarser: Sequence[Sequence[CoarserMesh]]) -> None:
+    """Write the coarser meshes of all models."""
+    levels = [level for each in coarser for level in each]
+    np.savez(
+        path,
+        allow_pickle=False,
+        levels=np.array([len(each) for each in coarser]),
+        error_m=np.array([level.error_m for level in levels]),
+        **dict(mesh_arrays([level.mesh for level in levels])),
+    )
+
+
+def read_coarser(path: Path) -> list[tuple[CoarserMesh, ...]]:
+    """Read them again."""
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        levels = map(CoarserMesh, meshes_from(arrays), arrays["error_m"].tolist())
+        return [tuple(next(levels) for _ in range(count)) for count in arrays["levels"].tolist()]

@@ -1,0 +1,82 @@
+"""Actors' meshes put where the world says: the moving half of the geometry that rays and labels read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.skeletons import part_poses
+from simbev_ros.scene.state import map_from_actors
+from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
+
+
+@dataclass(frozen=True, slots=True)
+class PosedActors:
+    """Merged triangles of several actors.
+
+    Attributes:
+        vertices: (V, 3) float32, metres, map axes, relative to the origin asked for.
+        triangles: (T, 3) int32.
+        triangle_row: (T,) uint32, row of the actor in the table that was posed.
+        vertex_model: (V,) int32, index of the vertex in its model's mesh (for material, colour, normal).
+    """
+
+    vertices: Float32Array
+    triangles: Int32Array
+    triangle_row: UInt32Array
+    vertex_model: Int32Array
+
+
+def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Array) -> PosedActors:
+    """Meshes of (N,) ``ACTOR_DTYPE`` rows, posed and merged in row order.
+
+    Args:
+        models: The catalogue's models, indexed by blueprint.
+        actors: Rows to pose.
+        origin_m: (3,) point of the map frame that becomes the origin (keeps float32 exact on large maps).
+    """
+    meshes = [model.mesh for model in models]
+    vertex_counts = np.array([len(mesh.vertices) for mesh in meshes], np.int64)[actors["blueprint"]]
+    triangle_counts = np.array([len(mesh.triangles) for mesh in meshes], np.int64)[actors["blueprint"]]
+    first_vertex = np.cumsum(vertex_counts) - vertex_counts
+    first_triangle = np.cumsum(triangle_counts) - triangle_counts
+    vertices = np.empty((int(vertex_counts.sum()), 3), np.float32)
+    triangles = np.empty((int(triangle_counts.sum()), 3), np.int32)
+    vertex_model = np.empty(len(vertices), np.int32)
+    origin_from_actor = map_from_actors(actors)
+    origin_from_actor[:, :3, 3] -= origin_m
+    for blueprint in np.unique(actors["blueprint"]):
+        mesh = meshes[blueprint]
+        rows = np.flatnonzero(actors["blueprint"] == blueprint)
+        posed = _posed(models[blueprint], actors[rows], origin_from_actor[rows])
+        indices = np.arange(len(mesh.vertices), dtype=np.int32)
+        for row, row_vertices in zip(rows, posed, strict=True):
+            place = slice(first_vertex[row], first_vertex[row] + len(mesh.vertices))
+            vertices[place] = row_vertices
+            vertex_model[place] = indices
+            place = slice(first_triangle[row], first_triangle[row] + len(mesh.triangles))
+            np.add(mesh.triangles, first_vertex[row], out=triangles[place], casting="same_kind")
+    return PosedActors(
+        vertices, triangles, np.repeat(np.arange(len(actors), dtype=np.uint32), triangle_counts), vertex_model
+    )
+
+
+def _posed(model: ActorModel, actors: Table, origin_from_actor: Float64Array) -> Float32Array:
+    """(N, V, 3) vertices of actors that share a model; (N, 4, 4) transforms put the actors in their places."""
+    origin_from_part = (origin_from_actor[:, None] @ part_poses(model, actors)).astype(np.float32)
+    rotations = origin_from_part[..., :3, :3].swapaxes(-1, -2)
+    translations = origin_from_part[..., None, :3, 3]
+    posed = np.empty((len(actors), len(model.mesh.vertices), 3), np.float32)
+    for start, stop in _runs(model.mesh.part):
+        part = model.mesh.part[start]
+        np.matmul(model.mesh.vertices[start:stop], rotations[:, part], out=posed[:, start:stop])
+        posed[:, start:stop] += translations[:, part]
+    return posed
+
+
+def _runs(part: UInt8Array) -> list[tuple[int, int]]:
+    """Ranges of consecutive vertices of one part; the catalogue keeps the vertices of a part together."""
+    borders = [0, *(np.flatnonzero(np.diff(part)) + 1).tolist(), len(part)]
+    return list(pairwise(borders)) if len(part) else []

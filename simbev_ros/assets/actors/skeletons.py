@@ -1,0 +1,93 @@
+"""Where the rigid parts of many actors of many models are, all at once."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simbev_ros.assets.actors.actor_model import ActorModel, Part
+from simbev_ros.types import Float64Array, Int64Array, Table
+
+
+class Skeletons:
+    """How the parts of all models move.
+
+    A row is one part of one actor: the actors in their order, and their parts in that of the model.
+    """
+
+    def __init__(self, models: Sequence[ActorModel]) -> None:
+        """For models, indexed by blueprint."""
+        counts = np.array([len(model.parts) for model in models], np.int64)
+        self._cycles = [model.cycle for model in models]
+        self._end = np.cumsum(counts)
+        self._first = self._end - counts
+        parts = [part for model in models for part in model.parts]
+        numbers = np.array([_numbers(part) for part in parts]).reshape(-1, 8)
+        self._pivot_m, (self._spins, self._steers, self._cranks, door, self._opening_rad) = (
+            numbers[:, :3],
+            numbers[:, 3:].T,
+        )
+        self._door = door.astype(np.uint8)
+        self._to_parent = np.array([index - part.parent for model in models for index, part in enumerate(model.parts)])
+        self._depth = np.array([_depth(model.parts, index) for model in models for index in range(len(model.parts))])
+
+    def rows(self, actors: Table) -> tuple[Int64Array, Int64Array]:
+        """(R,) the actor and (R,) the part, counted through all models, of each row of (N,) ``ACTOR_DTYPE`` actors."""
+        blueprint = actors["blueprint"].astype(np.int64)
+        first, counts = self._first[blueprint], self._end[blueprint] - self._first[blueprint]
+        actor = np.repeat(np.arange(len(actors)), counts)
+        return actor, np.arange(len(actor)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+
+    def poses(self, actors: Table) -> Float64Array:
+        """(R, 4, 4) transforms actor from actor-at-rest: applied to rest-pose vertices they give posed ones."""
+        actor, part = self.rows(actors)
+        angle_y = self._spins[part] * actors["wheel"][actor] + self._cranks[part] * actors["gait"][actor].astype(
+            np.float64
+        )
+        is_open = actors["doors"][actor] >> self._door[part] & 1
+        angle_z = self._steers[part] * actors["steer"][actor] + self._opening_rad[part] * is_open
+        body = np.flatnonzero(self._depth[part] == 0)
+        rise_m = np.zeros(len(body))
+        for blueprint in np.unique(actors["blueprint"]):
+            cycle = self._cycles[blueprint]
+            if cycle is not None:
+                alike = np.flatnonzero(actors["blueprint"] == blueprint)
+                speed_mps = np.hypot(actors["vx"][alike], actors["vy"][alike]).astype(np.float64)
+                turn_rad, rise_m[alike] = cycle.at(speed_mps, actors["gait"][alike].astype(np.float64))
+                angle_y[body[alike, None] + np.arange(turn_rad.shape[1])] += turn_rad
+        poses = _turns_about(self._pivot_m[part], angle_y, angle_z)
+        poses[body, 2, 3] += rise_m
+        depth = self._depth[part]
+        for level in range(1, int(depth.max(initial=0)) + 1):
+            rows = np.flatnonzero(depth == level)
+            poses[rows] = poses[rows - self._to_parent[part[rows]]] @ poses[rows]
+        return poses
+
+
+def part_poses(model: ActorModel, actors: Table) -> Float64Array:
+    """(N, P, 4, 4) the ``Skeletons.poses`` of (N,) ``ACTOR_DTYPE`` actors that share a model."""
+    alike = actors.copy()
+    alike["blueprint"] = 0
+    return Skeletons((model,)).poses(alike).reshape(len(actors), len(model.parts), 4, 4)
+
+
+def _numbers(part: Part) -> tuple[float, ...]:
+    """Everything that says how a part moves."""
+    return (*part.pivot_m, part.spins, part.steers, part.cranks, part.door, part.opening_rad)
+
+
+def _depth(parts: Sequence[Part], index: int) -> int:
+    """How many parents a part has."""
+    parent = parts[index].parent
+    return 0 if parent < 0 else 1 + _depth(parts, parent)
+
+
+def _turns_about(pivots_m: Float64Array, angle_y_rad: Float64Array, angle_z_rad: Float64Array) -> Float64Array:
+    """(R, 4, 4) rotations Rz Ry about (R, 3) fixed points."""
+    cy, sy, cz, sz = np.cos(angle_y_rad), np.sin(angle_y_rad), np.cos(angle_z_rad), np.sin(angle_z_rad)
+    turns = np.zeros((len(pivots_m), 4, 4))
+    turns[:, 0, 0], turns[:, 0, 1], turns[:, 0, 2] = cz * cy, -sz, cz * sy
+    turns[:, 1, 0], turns[:, 1, 1], turns[:, 1, 2] = sz * cy, cz, sz * sy
+    turns[:, 2, 0], turns[:, 2, 2] = -sy, cy
+    turns[:, :3, 3] = pivots_m - (turns[:, :3, :3] @ pivots_m[:, :, None])[..., 0]
+    turns[:, 3, 3] = 1.0
+    return turns

@@ -1,0 +1,1 @@
+"""Builds, stores and loads the static world region by region."""

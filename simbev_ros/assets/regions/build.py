@@ -1,0 +1,42 @@
+"""Builds what does not move, region by region: the ground, structures, then all that stands on it."""
+
+from simbev_ros.assets.land.furnish import furnish_region
+from simbev_ros.assets.land.plazas import plazas_of
+from simbev_ros.assets.placement.claims import Claims
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.assets.regions.region_scene import RegionScene
+from simbev_ros.assets.roads.bridges import build_bridges
+from simbev_ros.assets.roads.ground import lay_land, lay_streets, lay_water
+from simbev_ros.assets.roads.guard_rails import put_guard_rails
+from simbev_ros.assets.roads.markings import paint_markings
+from simbev_ros.assets.street.obstacles import obstacles_on
+from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.region import Region
+
+
+def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> RegionScene:
+    """Build one region, from the map, its seed and the region alone.
+
+    Args:
+        network: The roads.
+        region: Which one.
+        terrain: The network's.
+    """
+    ground = RegionGround.of(network, region, terrain)
+    tiles, claims = TileBuilder(), Claims()
+    lay_streets(tiles, ground)
+    paint_markings(tiles, ground)
+    build_bridges(tiles, claims, ground)
+    put_guard_rails(tiles, claims, ground)
+    furnishing = furnish_region(tiles, claims, ground)
+    lay_land(tiles, ground, furnishing.covers)
+    lay_water(tiles, ground)
+    streets = ground.streets[0]
+    return RegionScene(
+        tiles.finish(),
+        furnishing.street_lights,
+        obstacles_on(streets.sidewalk, streets.road, tiles.placed),
+        plazas_of(furnishing.pavements, ground, tiles.placed),
+    )

@@ -1,0 +1,167 @@
+"""The land beyond what is loaded: coarse, so that no road ends in nothing."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.land.covers import draw_crop, finish_of
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.facets import TILE_M
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish
+from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
+from simbev_ros.assets.placement.static_scene import Tile
+from simbev_ros.maps.land.membrane import places_m
+from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.land_features import MapFeatures
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.region import REGION_M, Region, regions_of
+from simbev_ros.random import stream
+from simbev_ros.semantics import Tag
+from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
+
+_CELLS = round(REGION_M / TILE_M)
+_FIELD_CELLS = 4
+_HORIZON = 5
+"""So many regions around those that are loaded."""
+_SKIRT_M = 10.0
+_WOODS = Finish(Material.GRASS, Tag.TERRAIN, (56, 68, 42))
+_WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
+
+
+@dataclass(frozen=True, slots=True)
+class FarLand:
+    """A map and its environs in cells as large as tiles.
+
+    Attributes:
+        first: South-western region.
+        height_m: (I + 1, J + 1) heights of the cells' corners; the first index runs east, the second north.
+        cover: (I, J) each cell's row of ``finish``.
+        finish: (F, 5) material, tag, red, green, blue.
+    """
+
+    first: Region
+    height_m: Float64Array
+    cover: Int64Array
+    finish: UInt8Array
+
+
+def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
+    """All land of a map."""
+    columns_rows = np.array(regions_of(network.layout))
+    first = Region(*(columns_rows.min(axis=0) - _HORIZON).tolist())
+    count = (np.ptp(columns_rows, axis=0) + 1 + 2 * _HORIZON) * _CELLS
+    corner_m = places_m(np.array(first) * REGION_M, TILE_M, count + 1)
+    height_m = terrain.far_m(corner_m.reshape(-1, 2)).reshape(count + 1) + LAND_HEIGHT_M
+    finishes = [_WATER]
+    middle_m = (corner_m[:-1, :-1] + TILE_M / 2.0).reshape(-1, 2)
+    cover = _covers(network.features, network.seed, middle_m, finishes).reshape(count)
+    table = np.array([(finish.material, finish.tag, *finish.color) for finish in finishes], np.uint8)
+    return FarLand(first, height_m, cover, table)
+
+
+def cells_of(far: FarLand, tiles: Iterable[Tile]) -> BoolArray:
+    """(I, J) cells that the tiles of regions lie in."""
+    cells = np.full(far.cover.shape, False)
+    places_m = np.array([tile.origin_m[:2] for tile in tiles]).reshape(-1, 2) - np.array(far.first) * REGION_M
+    cells[tuple(np.floor(places_m / TILE_M).astype(int).T)] = True
+    return cells
+
+
+def far_tiles(far: FarLand, loaded: BoolArray) -> Iterator[Tile]:
+    """Tiles of a region's size around what is loaded, with faces down along its border.
+
+    Args:
+        far: All land.
+        loaded: (I, J) cells of it that are there in detail, at least one.
+    """
+    regions = np.argwhere(loaded) // _CELLS
+    first = np.maximum(regions.min(axis=0) - _HORIZON, 0)
+    last = np.minimum(regions.max(axis=0) + _HORIZON, np.array(loaded.shape) // _CELLS - 1)
+    around = np.pad(loaded, 1)
+    for i in range(first[0] * _CELLS, last[0] * _CELLS + 1, _CELLS):
+        for j in range(first[1] * _CELLS, last[1] * _CELLS + 1, _CELLS):
+            window = around[i : i + _CELLS + 2, j : j + _CELLS + 2]
+            if not window[1:-1, 1:-1].all():
+                yield _tile(far, window, i, j)
+
+
+def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: list[Finish]) -> Int64Array:
+    """(N,) index into ``finishes``, which grows, of the cover at (N, 2) places."""
+    field = np.floor(middle_m / (_FIELD_CELLS * TILE_M)).astype(np.int64)
+    cover = np.zeros(len(middle_m), np.int64)
+    everywhere = shapely.box(*middle_m.min(axis=0) - 1.0, *middle_m.max(axis=0) + 1.0)
+    for surroundings, area in [
+        (features.surroundings, everywhere),
+        *((z.surroundings, z.area) for z in features.zones),
+    ]:
+        inside = shapely.contains_xy(area, middle_m[:, 0], middle_m[:, 1])
+        if surroundings.use != "farmland":
+            woods = surroundings.use == "woods"
+            cover[inside] = _row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
+            continue
+        keys, which = np.unique(field[inside], axis=0, return_inverse=True)
+        crops = [draw_crop(surroundings.plants, stream(seed, f"far_land.{i}.{j}")) for i, j in keys.tolist()]
+        cover[inside] = np.array([_row(crop, finishes) for crop in crops])[which.reshape(-1)]
+    for water in features.water:
+        cover[shapely.contains_xy(water.area, middle_m[:, 0], middle_m[:, 1])] = 0
+    return cover
+
+
+def _row(finish: Finish, finishes: list[Finish]) -> int:
+    if finish not in finishes:
+        finishes.append(finish)
+    return finishes.index(finish)
+
+
+def _tile(far: FarLand, loaded: BoolArray, i: int, j: int) -> Tile:
+    """The bare cells of the region that begins at cell i, j; ``loaded`` has one more cell on every side."""
+    cells, nodes = (slice(i, i + _CELLS), slice(j, j + _CELLS)), (slice(i, i + _CELLS + 1), slice(j, j + _CELLS + 1))
+    cover, height_m = far.cover[cells], far.height_m[nodes]
+    plain = not loaded.any() and not np.ptp(cover) and not np.ptp(height_m)
+    step = _CELLS if plain else 1
+    axis = (np.arange(0, _CELLS + 1, step) - _CELLS / 2.0) * TILE_M
+    height_m, cover, bare = height_m[::step, ::step], cover[::step, ::step], ~loaded[1:-1:step, 1:-1:step]
+    node_m = np.stack([*np.meshgrid(axis, axis, indexing="ij"), height_m], axis=-1)
+    east, north = np.gradient(height_m, step * TILE_M)
+    normal = np.stack([-east, -north, np.ones_like(east)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    corners_m, normals = _corners(node_m), _corners(normal)
+    meshes = [
+        _quads(far.finish[row], corners_m[bare & (cover == row)], normals[bare & (cover == row)])
+        for row in np.unique(cover[bare])
+    ]
+    for side, neighbours in enumerate((loaded[1:-1, :-2], loaded[2:, 1:-1], loaded[1:-1, 2:], loaded[:-2, 1:-1])):
+        edge_m = corners_m[bare & neighbours[::step, ::step]][:, [side, (side + 1) % 4]]
+        if len(edge_m):
+            meshes.append(_skirt(far.finish[cover[bare][0]], edge_m))
+    center_m = np.array([*(np.array(far.first) + (np.array([i, j]) / _CELLS + 0.5)), 0.0]) * REGION_M
+    return Tile(center_m, Mesh.merged(meshes), {})
+
+
+def _corners(node: Float64Array) -> Float64Array:
+    """(I, J, 4, 3) values at the corners of cells, counter-clockwise from the south-west, of those at nodes."""
+    return np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], axis=2)
+
+
+def _skirt(finish: UInt8Array, edge_m: Float64Array) -> Mesh:
+    """Faces down from (N, 2, 3) edges, to be seen from their right."""
+    quads_m = np.concatenate([edge_m - [0.0, 0.0, _SKIRT_M], edge_m[:, ::-1]], axis=1)
+    along = edge_m[0, 1] - edge_m[0, 0]
+    outward = np.array([along[1], -along[0], 0.0]) / np.hypot(along[0], along[1])
+    return _quads(finish, quads_m, np.broadcast_to(outward, quads_m.shape))
+
+
+def _quads(finish: UInt8Array, corners_m: Float64Array, normals: Float64Array) -> Mesh:
+    """(N, 4, 3) corners with their normals."""
+    material, tag, red, green, blue = finish.tolist()
+    return Mesh.indexed(
+        corners_m.reshape(-1, 3),
+        (4 * np.arange(len(corners_m))[:, None] + [0, 1, 2, 0, 2, 3]).astype(np.int32),
+        normals=normals.reshape(-1, 3),
+        material=Material(material),
+        tag=Tag(tag),
+        color=(red, green, blue),
+    )

@@ -1,0 +1,138 @@
+"""Static scenes on demand: each region is built once, alone, and then read from its file."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from simbev_ros.assets.cached_file import assets_version, cached
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.facets import TILE_M
+from simbev_ros.assets.placement.static_scene import StaticScene, StreetLight, Tile
+from simbev_ros.assets.regions.build import build_region
+from simbev_ros.assets.regions.far_land import FarLand, cells_of, far_land, far_tiles
+from simbev_ros.assets.regions.region_file import read_region, read_streetside, write_region
+from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
+from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
+from simbev_ros.maps.cache import code_version, default_cache_dir
+from simbev_ros.maps.cache_ageing import entry_path
+from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.region import Reach, Region, regions_of
+from simbev_ros.maps.spec import MapSpec
+
+_KIND = "surroundings"
+_T = TypeVar("_T")
+
+
+def load_static_scene(
+    spec: MapSpec,
+    network: RoadNetwork,
+    cache_dir: Path | None = None,
+    *,
+    reach: Reach | None = None,
+) -> StaticScene:
+    """The static scene of a map.
+
+    Args:
+        spec: The map.
+        network: Its roads, from ``load_network``.
+        cache_dir: Where regions that were built once are kept; ``default_cache_dir()`` when omitted.
+        reach: Only tiles that it touches; the whole map when omitted.
+
+    Raises:
+        InputError: The cache cannot be written.
+    """
+    cache = StaticCache(spec, network, cache_dir)
+    far = cache.far_land()
+    tiles: list[Tile] = []
+    lights: list[StreetLight] = []
+    for region in regions_of(network.layout, reach):
+        scene = cache.region(region)
+        tiles += [_renumbered(tile, len(lights)) for tile in scene.tiles if reach is None or _touches(reach, tile)]
+        lights += scene.street_lights
+    return StaticScene((*tiles, *far_tiles(far, cells_of(far, tiles))), tuple(lights))
+
+
+def load_streetside(
+    spec: MapSpec,
+    network: RoadNetwork,
+    cache_dir: Path | None = None,
+    *,
+    reach: Reach | None = None,
+) -> Streetside:
+    """What stands beside the streets of the scene that ``load_static_scene`` gives; takes and raises the same."""
+    cache = StaticCache(spec, network, cache_dir)
+    regions = [cache.streetside(region) for region in regions_of(network.layout, reach)]
+    return Streetside(
+        np.concatenate([np.empty((0, 3)), *(region.light_m for region in regions)]),
+        np.concatenate([np.empty(0, OBSTACLE_DTYPE), *(region.obstacles for region in regions)]),
+        tuple(plaza for region in regions for plaza in region.plazas),
+    )
+
+
+class StaticCache:
+    """The regions of one map on disk; a cached one has the same bytes as one built anew."""
+
+    def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
+        """Arguments as of ``load_static_scene``."""
+        self._network = network
+        root, version = (cache_dir or default_cache_dir()) / _KIND, code_version() + assets_version()
+        key = f"{network.net_path.parent.name}\n{spec.seed}\n".encode()
+        self._folder = entry_path(root, spec.name, version, key)
+
+    def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
+        """Those that are not there yet."""
+        return tuple(region for region in regions if not self._path(region).is_file())
+
+    def region(self, region: Region) -> RegionScene:
+        """A region, built if it is not there; raises as ``load_static_scene``."""
+        return self._read_region(region, read_region)
+
+    def streetside(self, region: Region) -> Streetside:
+        """A region's part of it; raises as ``load_static_scene``."""
+        return self._read_region(region, read_streetside)
+
+    def _read_region(self, region: Region, read: Callable[[Path], _T]) -> _T:
+        """Of a region, built if it is not there."""
+        return cached(self._path(region), _KIND, read, partial(self._write_region, region=region))
+
+    def far_land(self) -> FarLand:
+        """What lies beyond the regions; raises as ``load_static_scene``."""
+        return cached(self._folder / "far_land.npz", _KIND, _read_far_land, self._write_far_land)
+
+    @cached_property
+    def _terrain(self) -> Terrain:
+        return Terrain(self._network)
+
+    def _path(self, region: Region) -> Path:
+        return self._folder / f"{region.column}_{region.row}.npz"
+
+    def _write_region(self, path: Path, region: Region) -> None:
+        write_region(path, build_region(self._network, region, self._terrain))
+
+    def _write_far_land(self, path: Path) -> None:
+        np.savez(path, allow_pickle=False, **asdict(far_land(self._network, self._terrain)))
+
+
+def _read_far_land(path: Path) -> FarLand:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+        first = Region(*arrays["first"].tolist())
+        return FarLand(first, arrays["height_m"], arrays["cover"], arrays["finish"])
+
+
+def _touches(reach: Reach, tile: Tile) -> bool:
+    return bool(reach.touches(tile.origin_m[None, :2] - TILE_M / 2.0, TILE_M)[0])
+
+
+def _renumbered(tile: Tile, first: int) -> Tile:
+    """The tile, its street lamps counted from ``first`` on."""
+    lamps = tile.mesh.material == Material.STREET_LAMP
+    if first == 0 or not lamps.any():
+        return tile
+    uv = tile.mesh.uv.copy()
+    uv[lamps, 0] += first
+    return replace(tile, mesh=replace(tile.mesh, uv=uv))

@@ -1,0 +1,1 @@
+"""Roads as meshes: the ground of streets, markings, bridges, pillars and guard rails."""

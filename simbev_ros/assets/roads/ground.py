@@ -1,0 +1,124 @@
+"""Lays the ground of a region: streets with their curbs, land, water; all of it follows the heights."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.land.covers import Cover, finish_of
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.drape import faces, sheet
+from simbev_ros.assets.mesh.facets import Facets
+from simbev_ros.assets.mesh.primitives import Finish
+from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M as CURB_HEIGHT_M
+from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M as LAND_HEIGHT_M
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.assets.roads.repairs import lay_road
+from simbev_ros.semantics import Tag
+
+_CURB_WIDTH_M = 0.15
+_GREEN_M = 0.9  # medians at least twice as wide are green
+_HELD_BY_STONE = ((0.8, 3.0), (1.3, 0.3))  # slopes, if the land is so steep over at least so many metres
+_EMBANKMENT = (0.33, 2.5)
+_ROUNDED_M, _PATCH_M2 = 0.9, 15.0
+_RIM_M = 1.5  # so far the land goes on below the water's surface
+_CUT_TOLERANCE_M = 0.002  # plans lie on a millimetre grid, and what is cut from them too
+
+_SHOULDER = Finish(Material.ASPHALT, Tag.GROUND, (86, 86, 86))
+_CURB = Finish(Material.CONCRETE, Tag.SIDEWALK, (158, 156, 150))
+_PAVING = Finish(Material.PAVING, Tag.SIDEWALK, (148, 143, 135))
+_VERGE = Finish(Material.SOIL, Tag.TERRAIN, (96, 82, 62))
+_STONE = Finish(Material.PAVING, Tag.WALL, (114, 110, 102))
+_WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
+_CROSSWALK = Finish(Material.PLAIN, Tag.ROAD, (255, 255, 255))
+
+LAWN = Finish(Material.GRASS, Tag.TERRAIN, (88, 104, 60))
+"""Green land."""
+
+
+def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
+    """Add road, shoulders, medians and sidewalks of every level, and the surface ``crosswalk``."""
+    for level, facets in enumerate(ground.facets):
+        if facets is not None:
+            _lay_level(tiles, ground, level, facets)
+
+
+def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
+    """Add what lies between the streets on the ground; on slopes grass, and stone where they are too steep for that."""
+    facets, decks = ground.land_facets, shapely.union_all(ground.decks)
+    walls = [_steeper_than(facets, slope, narrowest_m) for slope, narrowest_m in _HELD_BY_STONE]
+    stone = shapely.difference(shapely.union_all(walls), decks)
+    grass = shapely.difference(_steeper_than(facets, *_EMBANKMENT), shapely.union(decks, stone))
+    bare = shapely.union_all([decks, stone, grass])
+    shapely.prepare([ground.land, bare])
+    for (finish, rise_m, yaw_rad), parts in _by_looks(covers).items():
+        parts[:] = [part if ground.land.covers(part) else part & ground.land for part in parts]
+        parts[:] = [part - bare if bare.intersects(part) else part for part in parts]
+        lain = partial(sheet, finish=finish, rise_m=LAND_HEIGHT_M + rise_m, yaw_rad=yaw_rad)
+        tiles.drape(shapely.GeometryCollection(parts), facets, lain)
+    lawn = finish_of("lawn", ground.network.features.surroundings.plants)
+    for area, finish, ceiling_m in ((stone, _STONE, None), (grass, lawn, None), (decks, _STONE, ground.soffit_m)):
+        lain = partial(sheet, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
+        tiles.drape(shapely.intersection(ground.land, area), facets, lain)
+    _lay_verges(tiles, ground, shapely.difference(ground.land, decks))
+
+
+def _by_looks(covers: Sequence[Cover]) -> dict[tuple[Finish, float, float], list[BaseGeometry]]:
+    """Areas of covers that look the same."""
+    by_looks = defaultdict(list)
+    for cover in covers:
+        by_looks[cover.finish, cover.rise_m, cover.yaw_rad].append(cover.area)
+    return by_looks
+
+
+def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) -> None:
+    """Faces from the street up to the land, where there is no sidewalk that hides them."""
+    street = shapely.difference(ground.streets[0].area, ground.streets[0].sidewalk)
+    edges = shapely.intersection(land.boundary, shapely.buffer(street, _CUT_TOLERANCE_M))
+    verge = partial(faces, finish=_VERGE, edges=edges, bottom_m=0.0, top_m=LAND_HEIGHT_M)
+    tiles.drape(shapely.intersection(land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
+
+
+def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
+    """Add the surfaces of water, and the land below their edges."""
+    for water in ground.water:
+        area = ground.within(water.area)
+        tiles.drape(area, Facets.level(ground.region), partial(sheet, finish=_WATER, rise_m=water.surface_m))
+        rim = shapely.difference(area, shapely.union(shapely.buffer(water.area, -_RIM_M), ground.streets[0].area))
+        tiles.drape(rim, ground.land_facets, partial(sheet, finish=_VERGE, rise_m=LAND_HEIGHT_M))
+
+
+def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
+    """The streets of one level; those on structures have tiles of their own."""
+    streets, region = ground.streets[level], ground.region.area
+    shoulder, sidewalk, median, crosswalk = (
+        ground.within(part) for part in (streets.shoulder, streets.sidewalk, streets.median, streets.crosswalk)
+    )
+    lay_road(tiles, ground, level, facets)
+    tiles.drape(shoulder, facets, partial(sheet, finish=_SHOULDER, rise_m=0.0), level=level)
+    marked = partial(sheet, finish=_CROSSWALK, rise_m=0.0)
+    tiles.drape(crosswalk, facets, marked, surface="crosswalk", level=level)
+    paved = shapely.buffer(shapely.union(streets.road, streets.shoulder), _CURB_WIDTH_M)
+    green = shapely.buffer(shapely.buffer(streets.median, -_GREEN_M), _GREEN_M) if level == 0 else shapely.Polygon()
+    raised = shapely.union(sidewalk, median)
+    edges = shapely.difference(raised.boundary, shapely.buffer(region.boundary, _CUT_TOLERANCE_M))
+    sides = partial(faces, finish=_CURB, edges=edges, bottom_m=0.0, top_m=CURB_HEIGHT_M)
+    curb = shapely.intersection(raised, paved)
+    lawn = shapely.intersection(shapely.difference(raised, curb), green)
+    paving = shapely.difference(raised, shapely.union(curb, lawn))
+    for area, finish in ((curb, _CURB), (paving, _PAVING), (lawn, LAWN)):
+        tiles.drape(area, facets, partial(sheet, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
+
+
+def _steeper_than(facets: Facets, slope: float, narrowest_m: float) -> BaseGeometry:
+    """Where facets are steeper than a slope, rounded off, without what is narrow or small."""
+    steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > slope
+    area = shapely.buffer(shapely.union_all(shapely.polygons(facets.corners_m[steep])), _ROUNDED_M, quad_segs=3)
+    inset_m = _ROUNDED_M + narrowest_m / 2.0
+    opened = shapely.buffer(shapely.buffer(area, -inset_m, quad_segs=3), inset_m - _ROUNDED_M / 2.0, quad_segs=3)
+    parts = shapely.get_parts(opened)
+    return shapely.MultiPolygon(parts[shapely.area(parts) > _PATCH_M2].tolist())

@@ -1,0 +1,110 @@
+"""Guard rails: along fast roads, and where the land falls away beside any road."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.facets import TILE_M
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, boxes, loft
+from simbev_ros.assets.placement.claims import Claims
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.tiles import TileBuilder, standing
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.surface import strip_polygons
+from simbev_ros.semantics import Tag
+from simbev_ros.types import BoolArray, Float64Array
+
+_FAST_MPS = 80.0 / 3.6
+_FROM_STREET_M = 0.5
+_DROP_M, _DROP_WITHIN_M = 2.5, 8.0  # a drop is land so much lower so far beside the street
+_SHORTEST_M = 8.0
+_STEP_M, _POST_SPACING_M = 2.0, 4.0
+_TOP_M = 0.75
+_ROOM_M = 0.35
+_BESIDE_M = 4.5
+
+_STEEL = Finish(Material.METAL, Tag.GUARD_RAIL, (146, 150, 153))
+# Cross-section of a W-beam (EN 1317 type A) about its middle, from below: how far it stands back, and height.
+_BACK_M = np.array([0.0, 0.08, 0.08, 0.0, 0.0, 0.08, 0.08, 0.0])
+_UP_M = np.array([-0.155, -0.11, -0.06, -0.02, 0.02, 0.06, 0.11, 0.155])
+_THICKNESS_M = 0.012
+
+
+def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
+    """Add the guard rails of a region; they are open where roads join."""
+    for line in _lines(ground):
+        rail = _rail(ground, line)
+        middle_m = shapely.get_coordinates(line.interpolate(0.5, normalized=True))[0]
+        claims.add(shapely.buffer(line, _ROOM_M, cap_style="flat"))
+        pose = standing(middle_m, 0.0)
+        tiles.place(rail.transformed(standing(-middle_m, 0.0)), pose)
+
+
+def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
+    """Where rails stand, the street on their left, each within one tile."""
+    street = ground.streets[0].area
+    edge = shapely.buffer(street, _FROM_STREET_M).boundary
+    taken = shapely.union_all([shapely.buffer(street, 0.9 * _FROM_STREET_M), *ground.decks])
+    fast = _beside_fast_roads(ground)
+    shapely.prepare(fast)
+    x0, y0, x1, y1 = ground.region.area.bounds
+    corners_m = np.stack(np.meshgrid(np.arange(x0, x1, TILE_M), np.arange(y0, y1, TILE_M)), axis=-1).reshape(-1, 2)
+    for tile in shapely.box(*corners_m.T, *(corners_m + TILE_M).T):
+        inside = shapely.line_merge(shapely.difference(shapely.intersection(edge, tile), taken))
+        for part in shapely.get_parts(inside):
+            if part.geom_type == "LineString" and part.length >= _SHORTEST_M:
+                yield from _needed(ground, part, fast)
+
+
+def _needed(ground: RegionGround, line: shapely.LineString, fast: BaseGeometry) -> Iterator[shapely.LineString]:
+    """The stretches of a line where there should be a rail."""
+    stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
+    place_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
+    wanted = shapely.contains_xy(fast, place_m[:, 0], place_m[:, 1]) | _beside_drops(ground, place_m)
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
+    for start, end in changes.reshape(-1, 2):
+        if stations_m[end - 1] - stations_m[start] >= _SHORTEST_M:
+            yield shapely.LineString(place_m[start:end])
+
+
+def _beside_fast_roads(ground: RegionGround) -> BaseGeometry:
+    """What is near a fast road, and near no sidewalk."""
+    lanes = ground.network.layout.near(ground.region.area, _BESIDE_M).strips_of(LaneKind.DRIVING, level=0)
+    fast = [strip for strip in lanes if strip.speed_mps >= _FAST_MPS and not strip.junction]
+    near, walks = (
+        shapely.buffer(area, _BESIDE_M, quad_segs=4)
+        for area in (shapely.union_all(strip_polygons(fast)), ground.streets[0].sidewalk if fast else shapely.Polygon())
+    )
+    return shapely.difference(near, walks)
+
+
+def _beside_drops(ground: RegionGround, place_m: Float64Array) -> BoolArray:
+    """(N,) whether the land falls away on the right of a line through (N, 2) places."""
+    along = np.gradient(place_m, axis=0)
+    right = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(
+        np.linalg.norm(along, axis=1, keepdims=True), 1e-9
+    )
+    drop: BoolArray = ground.land_m(place_m) - ground.land_m(place_m + _DROP_WITHIN_M * right) > _DROP_M
+    return drop
+
+
+def _rail(ground: RegionGround, line: shapely.LineString) -> Mesh:
+    """Beam and posts along a line, in the map frame."""
+    stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
+    xy_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
+    height_m = ground.land_m(xy_m)
+    along = np.gradient(xy_m, axis=0)
+    right = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    back_m = np.concatenate([_BACK_M, _BACK_M[::-1] + _THICKNESS_M])
+    up_m = height_m + _TOP_M - _UP_M[-1]
+    sections = np.empty((len(xy_m), len(back_m), 3))
+    sections[..., :2] = xy_m[:, None] + back_m[:, None] * right[:, None]
+    sections[..., 2] = up_m[:, None] + np.concatenate([_UP_M, _UP_M[::-1]])
+    post = slice(0, None, round(_POST_SPACING_M / _STEP_M))
+    center_m = np.column_stack([(xy_m + 0.12 * right)[post], height_m[post] + _TOP_M / 2.0 - 0.3])
+    posts = boxes(_STEEL, np.tile([0.1, 0.1, _TOP_M + 0.5], (len(center_m), 1)), center_m)
+    return Mesh.merged([loft(_STEEL, sections, caps=False), posts])

@@ -1,0 +1,51 @@
+"""Paint on the roads, as thin decals that follow the asphalt."""
+
+from collections import defaultdict
+from functools import partial
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.drape import sheet
+from simbev_ros.assets.mesh.primitives import Finish
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.maps.roads.layout import PaintColor
+from simbev_ros.maps.roads.markings import lane_markings
+from simbev_ros.semantics import Tag
+
+DECAL_HEIGHT_M = 0.005
+"""Paint lies so much above the asphalt, which goes on below it."""
+
+_COLORS = {
+    PaintColor.WHITE: (226, 226, 220),
+    PaintColor.YELLOW: (224, 176, 48),
+    PaintColor.BLUE: (52, 92, 164),
+    PaintColor.GREEN: (58, 128, 84),
+    PaintColor.RED: (168, 58, 48),
+    PaintColor.ORANGE: (222, 124, 40),
+}
+
+
+def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
+    """Add all paint to the tiles of its level."""
+    for level, facets in enumerate(ground.facets):
+        if facets is None:
+            continue
+        by_color = defaultdict(list)
+        for mark in lane_markings(ground.network.layout, level, ground.region.area):
+            by_color[mark.color].append(mark.polygon)
+        asphalt = shapely.union(ground.streets[level].road, ground.streets[level].shoulder)
+        shapely.prepare(asphalt)
+        for color, polygons in by_color.items():
+            paint = np.array(polygons, object)
+            beyond = ~shapely.contains(asphalt, paint)
+            paint[beyond] = shapely.intersection(paint[beyond], asphalt)
+            finish = Finish(Material.MARKING, Tag.ROAD_LINE, _COLORS[color])
+            tiles.drape(
+                shapely.GeometryCollection(list(paint)),
+                facets,
+                partial(sheet, finish=finish, rise_m=DECAL_HEIGHT_M),
+                level=level,
+            )

@@ -1,0 +1,83 @@
+"""The carriageway's asphalt, with what makes it look used: patches of other asphalt, and manhole covers."""
+
+from functools import partial
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.drape import sheet
+from simbev_ros.assets.mesh.facets import Facets
+from simbev_ros.assets.mesh.primitives import Finish
+from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array
+
+_ASPHALT = Finish(Material.ASPHALT, Tag.ROAD, (68, 69, 71))
+_PATCH = Finish(Material.ASPHALT, Tag.ROAD, (54, 55, 57))
+_OLD_PATCH = Finish(Material.ASPHALT, Tag.ROAD, (80, 79, 77))
+_COVER = Finish(Material.PLAIN, Tag.ROAD, (56, 53, 50))  # cast iron, dull with dirt
+
+_PATCH_SPACING_M, _COVER_SPACING_M = 110.0, 90.0  # along lanes, on average
+_PATCH_LENGTH_M, _PATCH_WIDTH_M = (1.5, 7.0), (0.8, 2.2)
+_COVER_RADIUS_M = 0.34
+_FROM_BORDER_M = 5.0  # nothing of it crosses a region's border
+
+
+def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
+    """Add the carriageway of a level."""
+    road = ground.within(ground.streets[level].road)
+    if road.is_empty:
+        return
+    repairs = _repairs(ground, level)
+    rest = shapely.difference(road, shapely.MultiPolygon([part for _, area in repairs for part in area.geoms]))
+    for finish, area in ((_ASPHALT, rest), *((finish, shapely.intersection(road, area)) for finish, area in repairs)):
+        tiles.drape(area, facets, partial(sheet, finish=finish, rise_m=0.0), level=level)
+
+
+def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, shapely.MultiPolygon]]:
+    """Areas of other looks that do not overlap."""
+    rng = ground.stream(f"ground.repairs.{level}")
+    patches = _rectangles(*_places(ground, level, _PATCH_SPACING_M, rng), rng)
+    covers, _ = _places(ground, level, _COVER_SPACING_M, rng)
+    discs = np.asarray(shapely.buffer(shapely.points(covers), _COVER_RADIUS_M, quad_segs=3), object)
+    newer = rng.random(len(patches)) < 0.6
+    inside = shapely.box(*(np.array(ground.region.area.bounds) + _FROM_BORDER_M * np.array([1, 1, -1, -1])))
+    shapes = np.concatenate([discs if level == 0 else discs[:0], patches])
+    earlier, later = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    free = shapely.contains(inside, shapes)
+    free[later[earlier < later]] = False
+    layer = np.concatenate([np.zeros(len(shapes) - len(patches), int), np.where(newer, 1, 2)])
+    return [
+        (finish, shapely.MultiPolygon(list(shapes[free & (layer == number)])))
+        for number, finish in enumerate((_COVER, _PATCH, _OLD_PATCH))
+    ]
+
+
+def _places(
+    ground: RegionGround, level: int, spacing_m: float, rng: np.random.Generator
+) -> tuple[Float64Array, Float64Array]:
+    """(N, 2) random places on driving lanes in the region, and the (N, 2) unit direction of the lane there."""
+    strips = ground.network.layout.near(ground.region.area, 0.0).strips_of(LaneKind.DRIVING, level=level)
+    lines = np.array([shapely.LineString(strip.center_m[:, :2]) for strip in strips], object)
+    lengths_m = shapely.length(lines)
+    count = rng.poisson(lengths_m / spacing_m)
+    lines, lengths_m = lines.repeat(count), lengths_m.repeat(count)
+    s_m = lengths_m * rng.random(len(lines))
+    place_m = shapely.get_coordinates(shapely.line_interpolate_point(lines, s_m)).reshape(-1, 2)
+    ahead_m = shapely.get_coordinates(shapely.line_interpolate_point(lines, s_m - 0.1)).reshape(-1, 2)
+    direction = place_m - ahead_m
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
+    return place_m + rng.uniform(-0.9, 0.9, (len(s_m), 1)) * direction[:, ::-1] * [-1.0, 1.0], direction
+
+
+def _rectangles(
+    place_m: Float64Array, direction: Float64Array, rng: np.random.Generator
+) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
+    """Patches of random size along the lanes."""
+    along = direction * rng.uniform(*_PATCH_LENGTH_M, (len(place_m), 1)) / 2.0
+    across = direction[:, ::-1] * [-1.0, 1.0] * rng.uniform(*_PATCH_WIDTH_M, (len(place_m), 1)) / 2.0
+    corners_m = [place_m - along - across, place_m + along - across, place_m + along + across, place_m - along + across]
+    return np.asarray(shapely.polygons(np.stack(corners_m, axis=1)), object)

@@ -1,0 +1,168 @@
+"""Processes that draw a rig's cameras together, each its share, as camera nodes do, and the time that they take."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
+from multiprocessing import get_context, resource_tracker
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Literal, NamedTuple, Self
+
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.bench.camera_scene import CameraScene
+from simbev_ros.bench.mujoco_scene import MujocoScene
+from simbev_ros.config.rendering import Device, Quality, Rendering
+from simbev_ros.errors import SimbevError
+from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.gl.context import open_context
+from simbev_ros.render.renderer import Renderer
+from simbev_ros.render.shares import camera_processes, drawing_environment
+
+Painter = Quality | Literal["MuJoCo"]
+"""What draws: our renderer at a quality, or MuJoCo's."""
+
+
+class _Share(NamedTuple):
+    """What one process draws, and on what."""
+
+    scene: CameraScene
+    views: Sequence[CameraView]
+    device: Device
+    turn: int
+
+
+class _Easel(NamedTuple):
+    """A painter at work."""
+
+    draw: Callable[[RenderFrame], object]
+    close: Callable[[], None]
+
+
+class CameraTeam:
+    """The processes. As a context manager it ends them, whatever happens."""
+
+    def __init__(self, scene: CameraScene, views: Sequence[CameraView], rendering: Rendering) -> None:
+        """Start as many as a graph with this configuration would, and give them the scene.
+
+        Raises:
+            RenderError: The number of GPUs is wanted, but there is no EGL.
+        """
+        self.processes = camera_processes(rendering, len(views))
+        self._lines: list[Connection] = []
+        self._workers: list[SpawnProcess] = []
+        shares = [
+            _Share(scene, views[index :: self.processes], rendering.device_of(index), index)
+            for index in range(self.processes)
+        ]
+        try:
+            self._start()
+            for line, share in zip(self._lines, shares, strict=True):
+                line.send(share)
+        except BaseException:
+            self.__exit__()
+            raise
+
+    def _start(self) -> None:
+        context = get_context("spawn")
+        environment = drawing_environment(self.processes)
+        resource_tracker.ensure_running()  # when it starts, it lets SIGINT through again
+        # By the workers for good: Ctrl-C is the parent's business.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            for _ in range(self.processes):
+                line, far_end = context.Pipe()
+                self._lines.append(line)
+                worker = context.Process(target=_serve, args=(far_end, environment), daemon=True)
+                worker.start()
+                self._workers.append(worker)
+                far_end.close()
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for worker in self._workers:
+            worker.kill()  # it holds nothing that outlives it
+            worker.join()
+        for line in self._lines:
+            line.close()
+
+    def prepare(self, painter: Painter) -> None:
+        """Load the scene into this painter in all processes.
+
+        Raises:
+            RenderError: OpenGL is not usable here, or has too little memory.
+            SimbevError: A process was killed.
+        """
+        self._answers(painter)
+
+    def draw(self, moment: int) -> tuple[float, float]:
+        """Draw the scene's moment of a number, from 0, with all cameras.
+
+        Returns:
+            Wall time until all images were in memory, and processor time of all processes, s.
+
+        Raises:
+            RenderError: Memory ran out.
+            SimbevError: A process was killed.
+        """
+        start_s = time.perf_counter()
+        cpu_s = sum(self._answers(moment))
+        return time.perf_counter() - start_s, cpu_s
+
+    def _answers(self, request: Painter | int) -> list[float]:
+        """Processor time that each process spent on a request, s."""
+        try:
+            for line in self._lines:
+                line.send(request)
+            answers = [line.recv() for line in self._lines]
+        except (EOFError, OSError):
+            raise SimbevError("a process that drew cameras was killed; is there memory enough?") from None
+        for answer in answers:
+            if isinstance(answer, Exception):
+                raise answer
+        return answers
+
+
+def moments(scene: CameraScene) -> list[RenderFrame]:
+    """What there is to draw of a scene, the first one to warm up."""
+    return [RenderFrame(now, before) for before, now in pairwise(scene.states)]
+
+
+def _serve(line: Connection, environment: dict[str, str]) -> None:
+    """Answer requests with the processor time that they took, s, or with what went wrong, until the line ends."""
+    os.environ.update(environment)  # before OpenGL is loaded
+    easel: _Easel | None = None
+    try:
+        share: _Share = line.recv()
+        frames = moments(share.scene)
+        while True:
+            request: Painter | int = line.recv()
+            start_s = time.process_time()
+            if isinstance(request, int):
+                assert easel is not None, "nothing is prepared"
+                easel.draw(frames[request])
+            else:
+                if easel is not None:
+                    easel.close()
+                easel = _easel(request, share)
+            line.send(time.process_time() - start_s)
+    except (EOFError, ConnectionError):  # the parent has ended
+        return
+    except Exception as error:
+        line.send(error)
+
+
+def _easel(painter: Painter, share: _Share) -> _Easel:
+    scene, models = share.scene, load_models()
+    if painter == "MuJoCo":
+        rival = MujocoScene(scene.static, models, scene.states[-1], share.views)
+        return _Easel(lambda _: rival.render(), rival.close)
+    renderer = Renderer(scene.static, models, open_context(share.device, share.turn), painter)
+    renderer.set_lights(scene.lights)
+    return _Easel(partial(renderer.render, share.views), renderer.close)

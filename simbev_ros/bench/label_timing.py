@@ -1,0 +1,194 @@
+"""Timing labels: what a tick's grid, boxes, points, views, vector map and voxels cost, and what a plain grid would."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.annotation.bev.levels import Levels
+from simbev_ros.annotation.boxes.boxes import boxes
+from simbev_ros.annotation.boxes.extents import Extents
+from simbev_ros.annotation.boxes.points import map_points, with_points
+from simbev_ros.annotation.boxes.standing import standing_of
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, occupied
+from simbev_ros.annotation.vector_map.vector_map import VectorMap
+from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.bench.camera_scene import CameraScene
+from simbev_ros.bench.plain_grid import PlainGrid
+from simbev_ros.bench.stopwatch import Cost, Stopwatch
+from simbev_ros.config.annotation import Occupancy
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.radar import Radar
+from simbev_ros.config.sensor import Pose
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.source import map_spec
+from simbev_ros.raycast.scene import RayScene
+from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.memory import keep_freed_memory
+from simbev_ros.render.renderer import Renderer
+from simbev_ros.scene.state import WorldState
+from simbev_ros.sensors.lidar import LidarModel
+from simbev_ros.sensors.mount import map_from_sensor, vector
+from simbev_ros.sensors.radar import RadarModel, scan_radars
+from simbev_ros.types import Float64Array, Table
+
+_TURN_S = 0.05
+_BESIDE_EGO_M = 5.0
+_NEAR_M = 100.0
+
+_GRID, _BOXES, _POINTS = "grid", "boxes", "points inside boxes"
+_VIEWS, _ROADS, _VOXELS = "views", "vector map", "occupancy"
+_PLAIN = "grid in shapely"
+
+_Cloud = tuple[Pose, Table]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelTiming:
+    """What was annotated and what it took.
+
+    Attributes:
+        map: The town.
+        actors: In the world.
+        near_actors: At most 100 m from the ego.
+        boxes: At the last tick.
+        points: Of the lidar and the radars then.
+        frames: Timed ones; medians count.
+        costs: Of each label.
+        every_tick: Grid, boxes and points together.
+        plain: The grid by the plain way.
+        ratio: Plain over ours.
+        agreement: Least share of cells that have the same labels in both.
+    """
+
+    map: str
+    actors: int
+    near_actors: int
+    boxes: int
+    points: int
+    frames: int
+    costs: list[Cost]
+    every_tick: Cost
+    plain: Cost
+    ratio: float
+    agreement: float
+
+    def title(self) -> str:
+        """What was timed, in a line."""
+        return (
+            f"labels on {self.map}, {self.near_actors} of {self.actors} actors within {_NEAR_M:.0f} m, "
+            f"{self.boxes} boxes, {self.points:,} points"
+        )
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Of a table: name, median, least and the processor's milliseconds per tick."""
+        return [
+            (cost.name, *(f"{ms:.1f}" for ms in (cost.wall_ms, cost.least_ms, cost.cpu_ms)))
+            for cost in (*self.costs, self.every_tick, self.plain)
+        ]
+
+    def comparison(self) -> str:
+        """The ratio in a sentence."""
+        return (
+            f"The same triangles asked in shapely for the cell centres in them: {self.ratio:.0f} times our time; "
+            f"{100 * self.agreement:.3f} % of the cells have the same labels"
+        )
+
+
+def timed_labels(scene: CameraScene, progress: Callable[[], None] = lambda: None) -> LabelTiming:
+    """Annotate the moments of a scene, the first one to warm up, as the paper does, and with voxels and lines of roads.
+
+    Args:
+        scene: Of at least two moments.
+        progress: Called after each moment.
+
+    Raises:
+        RenderError: OpenGL is not usable here; instance images are drawn with it.
+    """
+    keep_freed_memory()
+    annotators = _Annotators(scene)
+    agreed = []
+    for state in scene.states:
+        annotators.time(state)
+        agreed.append(annotators.time_plain(state))
+        progress()
+    watch, state = annotators.watch, scene.states[-1]
+    grid, plain = watch.cost(_GRID), watch.cost(_PLAIN)
+    far_m = np.hypot(state.actors["x"] - state.ego["x"], state.actors["y"] - state.ego["y"])
+    return LabelTiming(
+        map=scene.map,
+        actors=len(state.actors),
+        near_actors=int((far_m <= _NEAR_M).sum()),
+        boxes=annotators.boxes,
+        points=annotators.points,
+        frames=len(scene.states) - 1,
+        costs=[
+            *(watch.cost(name) for name in (_GRID, _BOXES, _POINTS)),
+            watch.cost(_VIEWS, title=f"{_VIEWS} of {len(annotators.cameras)} cameras"),
+            *(watch.cost(name) for name in (_ROADS, _VOXELS)),
+        ],
+        every_tick=watch.cost(_GRID, _BOXES, _POINTS, title=f"{_GRID}, {_BOXES} and points"),
+        plain=plain,
+        ratio=plain.wall_ms / grid.wall_ms,
+        agreement=min(agreed),
+    )
+
+
+class _Annotators:
+    """What is timed, and the watch that times it."""
+
+    def __init__(self, scene: CameraScene) -> None:
+        scenario, models = load_scenario("paper"), load_models()
+        network = load_network(map_spec(scene.map))
+        self.watch, self.boxes, self.points = Stopwatch(), 0, 0
+        self._annotation = scenario.annotation
+        self._occupancy = self._annotation.occupancy or Occupancy()
+        self._levels, self._standing = Levels(network.layout), standing_of(network)
+        self._extents = Extents(models)
+        self._bev, self._voxels = BevAnnotator(scene.static, models), OccupancyAnnotator(scene.static, models)
+        self._roads = VectorMap(network, network.layout)
+        self._plain = PlainGrid(scene.static, models, self._annotation.bev.grid)
+        self._rays = RayScene(scene.static, models)
+        [self._lidar] = scenario.rig.of_type(Lidar)
+        cameras = scenario.rig.of_type(Camera)
+        self.cameras = [CameraView(each.model, each.pose.ego_from_sensor, ("instance",)) for each in cameras]
+        self._renderer, self._views = Renderer(scene.static, models), ViewAnnotator(models)
+        self._lidar_model = LidarModel(self._lidar, 0, _TURN_S)
+        self._radars = [RadarModel(radar, 0, _TURN_S) for radar in scenario.rig.of_type(Radar)]
+
+    def time(self, state: WorldState) -> None:
+        """Every label of a tick."""
+        run, annotation, occupancy = self.watch.run, self._annotation, self._occupancy
+        lidar, radar = self._clouds(state)
+        level = self._levels.of_ego(state)
+        run(_GRID, lambda: self._bev.labels(state, annotation.bev.grid, level))
+        table = run(_BOXES, lambda: boxes(state, annotation.box_radius_m, level, self._extents, self._standing))
+        run(_POINTS, lambda: with_points(table, *(_map_points(clouds, state) for clouds in (lidar, radar))))
+        drawn = self._renderer.render(self.cameras, RenderFrame(state))
+        images = [each.instance for each in drawn if each.instance is not None]
+        run(_VIEWS, lambda: visibility(table["id"], self._views.views(state, table, self.cameras, images)))
+        run(_ROADS, lambda: self._roads.record(state, level))
+        run(_VOXELS, lambda: occupied(self._voxels.tags(state, occupancy.grid, state.ego_ids), occupancy.grid))
+        self.boxes, self.points = len(table), sum(len(cloud) for _, cloud in (*lidar, *radar))
+
+    def time_plain(self, state: WorldState) -> float:
+        """The grid the plain way, and the share of cells that are the same if levels are not told apart."""
+        plain = self.watch.run(_PLAIN, lambda: self._plain.labels(state))
+        return float((plain == self._bev.labels(state, self._annotation.bev.grid)).mean())
+
+    def _clouds(self, state: WorldState) -> tuple[list[_Cloud], list[_Cloud]]:
+        """What the lidar and what the radars measure, with their poses."""
+        reach_m = self._lidar.range_m + _BESIDE_EGO_M
+        self._rays.update(state, vector(state.ego, "x y z"), reach_m, state.ego_ids)
+        points = self._lidar_model.scan(self._rays, state).points
+        assert points is not None
+        radar = zip(self._radars, scan_radars(self._radars, self._rays, state, None), strict=True)
+        return [(self._lidar.pose, points)], [(model.radar.pose, cloud) for model, cloud in radar]
+
+
+def _map_points(clouds: Sequence[_Cloud], state: WorldState) -> list[Float64Array]:
+    return [map_points(cloud, map_from_sensor(pose, state)) for pose, cloud in clouds]

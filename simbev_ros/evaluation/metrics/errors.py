@@ -1,0 +1,41 @@
+"""How far predictions that match are from the truth."""
+
+import numpy as np
+
+from simbev_ros.evaluation.metrics.boxes import Boxes
+from simbev_ros.evaluation.metrics.overlap import aligned_iou
+from simbev_ros.types import Float64Array
+
+ERRORS: tuple[str, ...] = ("ATE", "AOE", "ASE", "AVE")
+"""Of translation (m), orientation (rad), scale (1 - IoU of the sizes alone) and velocity (m/s)."""
+
+
+def errors_of(truth: Boxes, predicted: Boxes, planar: bool) -> Float64Array:
+    """Errors of boxes that match, row by row.
+
+    Args:
+        truth: (K,) boxes.
+        predicted: (K,) boxes.
+        planar: Whether translation and velocity leave out z.
+
+    Returns:
+        (K, 4) in the order of ``ERRORS``; NaN where a velocity is unknown.
+    """
+    turn_rad = angle_between_rad(truth.yaw_rad, predicted.yaw_rad)
+    scale = 1.0 - aligned_iou(truth.size_m, predicted.size_m)
+    velocity = distance(truth.velocity_mps, predicted.velocity_mps, planar)
+    return np.stack([distance(truth.center_m, predicted.center_m, planar), turn_rad, scale, velocity], axis=1)
+
+
+def distance(values: Float64Array, others: Float64Array, planar: bool) -> Float64Array:
+    """(K,) distance of (K, 3) vectors, in x and y alone if planar."""
+    apart = (others - values)[:, : 2 if planar else 3]
+    result: Float64Array = np.sqrt(np.einsum("ki,ki->k", apart, apart))
+    return result
+
+
+def angle_between_rad(yaw_rad: Float64Array, other_rad: Float64Array, period_rad: float = 2.0 * np.pi) -> Float64Array:
+    """(K,) smallest difference of yaws, 0 … half the period."""
+    half_rad = period_rad / 2.0
+    result: Float64Array = np.abs((yaw_rad - other_rad + half_rad) % period_rad - half_rad)
+    return result

@@ -1,0 +1,134 @@
+"""Matching one scene's predictions with its truth, by 3D IoU and by centre distance, for any number of tables."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, require_frames
+from simbev_ros.evaluation.metrics.detection import (
+    HIT,
+    MISS,
+    UNCOUNTED,
+    DetectionOptions,
+    DetectionTally,
+    Method,
+)
+from simbev_ros.evaluation.metrics.errors import ERRORS, distance, errors_of
+from simbev_ros.evaluation.metrics.matching import Pairs, match, near_pairs, ranks, sorted_pairs
+from simbev_ros.evaluation.metrics.overlap import iou_of_pairs
+from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Counting:
+    """Which boxes count, so that tables can be cut by condition.
+
+    Attributes:
+        truth: (N,) whether a box of the truth is to be found; finding another is neither right nor wrong.
+        predictions: (M,) whether a prediction that finds nothing is wrong, else it does not count.
+    """
+
+    truth: BoolArray
+    predictions: BoolArray
+
+
+class Matching:
+    """Predictions of one scene, or of some of its frames, against the truth; matched once, for any number of tables.
+
+    Args:
+        truth: (N,) boxes.
+        predictions: (M,) boxes and scores, in the same frame of reference.
+        frames: (F,) frames that are evaluated; one without predictions counts as missed.
+        options: How; None: as the paper.
+
+    Attributes:
+        rank: (M,) place of each prediction, 0 the surest.
+        found: (T, M) box of the truth that each prediction finds, by threshold; -1: none.
+
+    Raises:
+        InputError: A box belongs to another frame.
+    """
+
+    def __init__(
+        self, truth: Boxes, predictions: Predictions, frames: Int64Array, options: DetectionOptions | None = None
+    ) -> None:
+        require_frames(truth, frames, "truth")
+        require_frames(predictions.boxes, frames, "predictions")
+        self.truth, self.predictions, self.options = truth, predictions, options or DetectionOptions()
+        self.rank = ranks(predictions.score)
+        pairs, thresholds = _pairs(truth, predictions.boxes, self.options), self.options.thresholds
+        self.found = np.full((len(thresholds), len(predictions)), -1)
+        self._errors: list[Float64Array] = []
+        for row, (method, limit) in enumerate(thresholds):
+            near = pairs[method].take(pairs[method].cost < (-limit if method == "iou" else limit))
+            self.found[row] = match(near, self.rank, len(truth))
+            hits = np.flatnonzero(self.found[row] >= 0)
+            of_hits = truth.take(self.found[row, hits]), predictions.boxes.take(hits)
+            self._errors.append(errors_of(*of_hits, self.options.planar))
+
+    def tally(self, counting: Counting | None = None) -> DetectionTally:
+        """What the metrics need, at every threshold; predictions that count nowhere are not in it.
+
+        Args:
+            counting: Which boxes count; None: all.
+        """
+        label = self.predictions.boxes.label
+        sums = np.zeros((len(BOX_CLASSES), len(self.found), len(ERRORS)))
+        counts = np.zeros(sums.shape, np.int64)
+        outcome = self.outcome(counting)
+        for row, errors in enumerate(self._errors):
+            hits = outcome[self.found[row] >= 0, row] == HIT
+            labels = label[outcome[:, row] == HIT]
+            known = ~np.isnan(errors[hits])
+            np.add.at(sums[:, row], labels, np.where(known, errors[hits], 0.0))
+            np.add.at(counts[:, row], labels, known)
+        counted = self.truth.label if counting is None else self.truth.label[counting.truth]
+        kept = (outcome != UNCOUNTED).any(axis=1)
+        truths = np.bincount(counted, minlength=len(BOX_CLASSES))
+        return DetectionTally(truths, label[kept], self.predictions.score[kept], outcome[kept], sums, counts)
+
+    def outcome(self, counting: Counting | None = None) -> AnyArray:
+        """(M, T) int8 ``HIT``, ``MISS``, or ``UNCOUNTED``: what it finds does not count, or what it does not find."""
+        found = self.found.T
+        if counting is None:
+            return np.where(found >= 0, HIT, MISS).astype(np.int8)
+        of_hit = np.where(np.append(counting.truth, False)[found], HIT, UNCOUNTED)
+        of_miss = np.where(counting.predictions, MISS, UNCOUNTED)[:, None]
+        return np.where(found >= 0, of_hit, of_miss).astype(np.int8)
+
+
+def tally(
+    truth: Boxes,
+    predictions: Predictions,
+    frames: Int64Array,
+    options: DetectionOptions | None = None,
+    counting: Counting | None = None,
+) -> DetectionTally:
+    """One table's part of a scene: ``Matching`` and its ``tally``."""
+    return Matching(truth, predictions, frames, options).tally(counting)
+
+
+def _pairs(truth: Boxes, predicted: Boxes, options: DetectionOptions) -> dict[Method, Pairs]:
+    """Pairs that match at the most lenient threshold of each method."""
+    reach_m = max(options.distances_m, default=0.0)
+    prediction, found = near_pairs(truth, predicted, np.full(len(predicted), reach_m))
+    apart_m = distance(truth.center_m[found], predicted.center_m[prediction], options.planar)
+    near = apart_m < reach_m
+    by_distance = sorted_pairs(prediction[near], found[near], apart_m[near])
+    least = min(options.ious, default=1.0)
+    half_m, predicted_half_m = (np.hypot(each.size_m[:, 0], each.size_m[:, 1]) / 2 for each in (truth, predicted))
+    prediction, found = near_pairs(truth, predicted, predicted_half_m + half_m.max(initial=0.0))
+    # Turning and moving apart only takes overlap away: most pairs are out by their sizes and heights alone.
+    near = (
+        distance(truth.center_m[found], predicted.center_m[prediction], True)
+        <= half_m[found] + predicted_half_m[prediction]
+    )
+    prediction, found = prediction[near], found[near]
+    volume_m3, predicted_m3 = truth.size_m[found].prod(axis=1), predicted.size_m[prediction].prod(axis=1)
+    near = np.minimum(volume_m3, predicted_m3) > least * np.maximum(volume_m3, predicted_m3)
+    prediction, found = prediction[near], found[near]
+    iou = iou_of_pairs(truth, predicted, found, prediction)
+    near = iou > least
+    by_iou = sorted_pairs(prediction[near], found[near], -iou[near])
+    return {"iou": by_iou, "distance": by_distance}

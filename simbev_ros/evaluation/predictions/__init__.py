@@ -1,0 +1,1 @@
+"""Reads and writes the predictions of a perception stack: files, bags and messages."""

@@ -1,0 +1,223 @@
+"""Boxes as a perception stack says them: checked columns, each box in a frame of reference of the stack's choice."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, no_boxes
+from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, UInt8Array
+
+MAP_FRAME = "map"
+NO_BOX = 255
+"""Label of a row that holds no box: it says that its frame was answered."""
+BOX_COLUMNS = ("x", "y", "z", "length", "width", "height", "yaw")
+VELOCITY_COLUMNS = ("vx", "vy", "vz")
+UPRIGHT = float(np.cos(np.pi / 4))
+"""Least cosine between two axes that both count as pointing up."""
+CLASSES_ALLOWED = f"one of {', '.join(BOX_CLASSES)}, or its number, 0 to {len(BOX_CLASSES) - 1}"
+
+
+class Reference(NamedTuple):
+    """A frame of reference, and who says so: a file or a topic, for messages."""
+
+    frame_id: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedBoxes:
+    """Boxes of a scene, upright in their frames of reference.
+
+    Attributes:
+        predictions: (N,) boxes and scores, each in its own frame of reference; ``frame`` is the tick.
+        references: All frames of reference.
+        reference: (N,) index into them.
+    """
+
+    predictions: Predictions
+    references: tuple[Reference, ...]
+    reference: Int64Array
+
+    def __len__(self) -> int:
+        return len(self.predictions)
+
+    def of_ticks(self, ticks: Sequence[int]) -> "PredictedBoxes":
+        """Those of some frames."""
+        chosen = np.isin(self.predictions.boxes.frame, ticks)
+        return PredictedBoxes(self.predictions.take(chosen), self.references, self.reference[chosen])
+
+    @classmethod
+    def of(cls, predictions: Predictions, reference: Reference) -> "PredictedBoxes":
+        """Boxes that all have the same frame of reference."""
+        return cls(predictions, (reference,), np.zeros(len(predictions), np.int64))
+
+
+def joined(parts: Sequence[PredictedBoxes]) -> PredictedBoxes:
+    """The boxes of all parts, one part behind the other."""
+    own = [part.predictions.boxes for part in parts]
+    if not own:
+        return PredictedBoxes(Predictions(no_boxes(), np.zeros(0)), (), np.zeros(0, np.int64))
+    boxes = Boxes(*(np.concatenate([getattr(each, field.name) for each in own]) for field in fields(Boxes)))
+    number = {
+        each: place for place, each in enumerate(dict.fromkeys(each for part in parts for each in part.references))
+    }
+    places = [np.array([number[each] for each in part.references], np.int64)[part.reference] for part in parts]
+    score = np.concatenate([part.predictions.score for part in parts])
+    return PredictedBoxes(Predictions(boxes, score), tuple(number), np.concatenate(places))
+
+
+def in_map(boxes: PredictedBoxes, map_from_frame: Callable[[int, str], Float64Array]) -> Predictions:
+    """The boxes in the map frame: centres, yaws and velocities; sizes stay.
+
+    Args:
+        boxes: Of one scene.
+        map_from_frame: Gives the (4, 4) pose of a frame of reference at a tick; asked once for each pair. It raises
+            InputError for a frame of reference that there is not. ``reference_frames.ReferenceFrames`` is one.
+
+    Raises:
+        InputError: There is no such frame of reference, or its z axis does not point up, as that of optical frames.
+    """
+    own, count = boxes.predictions.boxes, len(boxes.references)
+    if all(each.frame_id == MAP_FRAME for each in boxes.references):
+        return boxes.predictions
+    pairs, pair = np.unique(own.frame * count + boxes.reference, return_inverse=True)
+    poses = np.stack([_pose(boxes.references[key % count], key // count, map_from_frame) for key in pairs.tolist()])[
+        pair
+    ]
+    turn, cosine, sine = poses[:, :3, :3], np.cos(own.yaw_rad), np.sin(own.yaw_rad)
+    ahead = turn[:, :2, 0] * cosine[:, None] + turn[:, :2, 1] * sine[:, None]
+    moved = Boxes(
+        own.frame,
+        own.label,
+        np.einsum("nij,nj->ni", turn, own.center_m) + poses[:, :3, 3],
+        own.size_m,
+        np.arctan2(ahead[:, 1], ahead[:, 0]),
+        np.einsum("nij,nj->ni", turn, own.velocity_mps),
+        own.attribute,
+    )
+    return Predictions(moved, boxes.predictions.score)
+
+
+def _pose(reference: Reference, tick: int, map_from_frame: Callable[[int, str], Float64Array]) -> Float64Array:
+    """(4, 4) map from a frame of reference."""
+    frame_id, source = reference
+    if frame_id == MAP_FRAME:
+        return np.eye(4)
+    try:
+        pose = map_from_frame(tick, frame_id)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+    if pose[2, 2] < UPRIGHT:
+        raise InputError(
+            f"{source}: frame_id: the z axis of {frame_id!r} does not point up, as boxes need it; of a camera allowed "
+            "is the frame without _optical"
+        )
+    return pose
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Rows of a file or of a message, for what is said of them.
+
+    Attributes:
+        source: File or topic, as in messages.
+        number: (N,) of each row, from 0, as in messages.
+    """
+
+    source: str
+    number: Int64Array
+
+    def require(self, name: str, good: BoolArray, values: AnyArray, allowed: str) -> None:
+        """Raise InputError for the first of (N,) values of a column that is not good."""
+        if not good.all():
+            place = int(np.argmin(good))
+            value = values[place].tolist() if hasattr(values[place], "tolist") else values[place]
+            raise InputError(f"{self.source}: {name}: row {self.number[place]} is {value!r}; it must be {allowed}")
+
+
+def numbered_labels(numbers: AnyArray, rows: Rows, *, may_be_empty: bool) -> UInt8Array:
+    """(N,) labels of (N,) whole numbers of classes.
+
+    Args:
+        numbers: Indices into ``BOX_CLASSES``.
+        rows: Whose classes these are.
+        may_be_empty: -1 is allowed, and is ``NO_BOX``.
+
+    Raises:
+        InputError: There is no such class.
+    """
+    lowest = -1 if may_be_empty else 0
+    rows.require("class", (numbers >= lowest) & (numbers < len(BOX_CLASSES)), numbers, CLASSES_ALLOWED)
+    return np.where(numbers < 0, NO_BOX, numbers).astype(np.uint8)
+
+
+def named_labels(names: Sequence[str | None], code: AnyArray, rows: Rows, *, may_be_empty: bool) -> UInt8Array:
+    """(N,) labels of classes by name, or their numbers as text.
+
+    Args:
+        names: What occurs.
+        code: (N,) index into it.
+        rows: Whose classes these are.
+        may_be_empty: "" and None are allowed, and are ``NO_BOX``.
+
+    Raises:
+        InputError: There is no such class.
+    """
+    known: dict[str | None, int] = {name: label for label, name in enumerate(BOX_CLASSES)}
+    known |= {None: NO_BOX, "": NO_BOX} if may_be_empty else {}
+    known |= {str(label): label for label in range(len(BOX_CLASSES))}
+    label = np.array([known.get(name, -1) for name in names], np.int64)[code]
+    if (label < 0).any():
+        rows.require("class", label >= 0, np.array([*names], object)[code], CLASSES_ALLOWED)
+    return label.astype(np.uint8)
+
+
+def predictions_of(columns: Mapping[str, AnyArray], label: UInt8Array, tick: Int64Array, rows: Rows) -> Predictions:
+    """Checked boxes of columns.
+
+    Args:
+        columns: (N,) each: ``BOX_COLUMNS``, ``score``, and some or none of ``VELOCITY_COLUMNS``.
+        label: (N,) index into ``BOX_CLASSES``.
+        tick: (N,) of their frames.
+        rows: Whose columns these are.
+
+    Raises:
+        InputError: A value is none that a box can have.
+    """
+    own = {name: np.asarray(columns[name], np.float64) for name in ("score", *BOX_COLUMNS)}
+    for name, values in own.items():
+        rows.require(name, np.isfinite(values), values, "a finite number")
+    for name in ("length", "width", "height"):
+        rows.require(name, own[name] >= 0, own[name], "at least 0")
+    boxes = Boxes(
+        tick,
+        label,
+        np.stack([own[name] for name in ("x", "y", "z")], axis=1),
+        np.stack([own[name] for name in ("length", "width", "height")], axis=1),
+        own["yaw"],
+        _velocity_mps(columns, rows),
+        np.full(len(tick), NO_ATTRIBUTE, np.uint8),
+    )
+    return Predictions(boxes, own["score"])
+
+
+def _velocity_mps(columns: Mapping[str, AnyArray], rows: Rows) -> Float64Array:
+    """(N, 3) NaN where vx or vy is missing or NaN; where only vz is, that is 0."""
+    present = [name for name in VELOCITY_COLUMNS if name in columns]
+    for name in present:
+        values = np.asarray(columns[name], np.float64)
+        rows.require(name, ~np.isinf(values), values, "a finite number, or NaN where it is unknown")
+    for name, other in (("vx", "vy"), ("vy", "vx"), ("vz", "vx")):
+        if name in columns and other not in columns:
+            raise InputError(f"{rows.source}: {other}: there is no such column, but {name}; a velocity needs vx and vy")
+    if not present:
+        return np.full((len(rows.number), 3), np.nan)
+    vx, vy = (np.asarray(columns[name], np.float64) for name in ("vx", "vy"))
+    vz = np.nan_to_num(np.asarray(columns["vz"], np.float64)) if "vz" in columns else np.zeros(len(vx))
+    velocity_mps = np.stack([vx, vy, vz], axis=1)
+    velocity_mps[np.isnan(vx) | np.isnan(vy)] = np.nan
+    return velocity_mps

@@ -1,0 +1,250 @@
+"""Parquet and NPZ files of predicted boxes, read scene by scene. ``predictions`` says what is in them."""
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.predictions.npz_file import read_npz
+from simbev_ros.evaluation.predictions.predicted_boxes import (
+    MAP_FRAME,
+    PredictedBoxes,
+    Rows,
+    named_labels,
+    numbered_labels,
+)
+from simbev_ros.evaluation.predictions.prediction_columns import (
+    ALL_COLUMNS,
+    FRAME_COLUMNS,
+    TEXT_COLUMNS,
+    SceneRows,
+    answers_of,
+    require_columns,
+    runs,
+)
+from simbev_ros.types import AnyArray, Int64Array, UInt8Array
+
+_KEPT_BYTES = 1 << 30
+"""Of one file's row groups; the one read last always is."""
+
+
+class ParquetBoxes:
+    """One Parquet file. Of a scene only the row groups are read that hold it, and as many are kept as a scene may have.
+
+    So files in the order of their scenes are read once and in little memory, whatever the order within scenes.
+
+    Raises:
+        InputError: It cannot be read, lacks a column, or one is of a wrong type.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with _readable(path):
+            schema = pq.read_schema(path)
+            self._texts = [name for name in TEXT_COLUMNS if name in schema.names and _is_text(schema.field(name).type)]
+            _require_types(path, schema)
+            self._columns = [name for name in ALL_COLUMNS if name in schema.names and name != "scene"]
+            self.frame_id = (schema.metadata or {}).get(b"frame_id", MAP_FRAME.encode()).decode()
+            self.is_named = "scene" in schema.names
+            self._read_starts()
+            self._rows = self._scene_rows()
+        self.scenes = self._rows.scenes
+        self._span = self._rows.most_parts(self._starts)
+        self._kept: OrderedDict[int, pa.Table] = OrderedDict()
+
+    def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
+        """As ``prediction_sources.BoxSource``."""
+        number = self._rows.rows(scene)
+        group = np.searchsorted(self._starts, number, side="right") - 1
+        with _readable(self.path):
+            parts = [self._part(int(group[a]), number[a:b]) for a, b in zip(*runs(group), strict=True)]
+            table = pa.concat_tables(parts) if parts else self._file().schema_arrow.empty_table().select(self._columns)
+            rows = Rows(str(self.path), number)
+            label = _parquet_labels(table.column("class"), rows)
+            columns = {name: table.column(name) for name in self._columns if name != "class"}
+            for name in FRAME_COLUMNS:
+                if name in columns and columns[name].null_count:
+                    missing = columns[name].is_null().to_numpy()
+                    rows.require(name, ~missing, np.full(len(missing), None), "a number")
+            arrays = {name: column.to_numpy() for name, column in columns.items()}
+        return answers_of(arrays, label, rows, self.frame_id, scene, stamps_ns)
+
+    def _part(self, group: int, number: Int64Array) -> pa.Table:
+        """Rows of one row group, by their numbers in the file."""
+        if group in self._kept:
+            self._kept.move_to_end(group)
+        else:
+            while self._kept and (len(self._kept) >= self._span or self._kept_bytes() > _KEPT_BYTES):
+                self._kept.popitem(last=False)
+            self._kept[group] = self._file().read_row_group(group, columns=self._columns)
+        table, first, count = self._kept[group], int(number[0] - self._starts[group]), len(number)
+        if number[-1] - number[0] == count - 1:
+            return table.slice(first, count)
+        return table.take(pa.array(number - self._starts[group]))
+
+    def _kept_bytes(self) -> int:
+        return sum(table.nbytes for table in self._kept.values())
+
+    def _file(self) -> pq.ParquetFile:
+        return pq.ParquetFile(self.path, read_dictionary=self._texts)
+
+    def _read_starts(self) -> None:
+        """(G + 1,) first row of each row group, and how many rows there are."""
+        metadata = self._file().metadata
+        counts = [metadata.row_group(group).num_rows for group in range(metadata.num_row_groups)]
+        self._starts: Int64Array = np.cumsum([0, *counts]).astype(np.int64)
+
+    def _scene_rows(self) -> SceneRows:
+        """From the column alone, row group by row group."""
+        if not self.is_named:
+            return SceneRows.of_codes([self.path.stem], np.zeros(int(self._starts[-1]), np.uint8))
+        file, numbers = self._file(), dict[str, int]()
+        parts: list[tuple[Int64Array, ...]] = [(np.zeros(0, np.int64),) * 3]
+        for group, first in enumerate(self._starts[:-1].tolist()):
+            names, code = _coded(file.read_row_group(group, columns=["scene"]).column(0))
+            start, stop = runs(code)
+            rows = Rows(str(self.path), first + start)
+            rows.require("scene", code[start] < len(names) - 1, np.full(len(start), None), "the name of a scene")
+            known = np.array([numbers.setdefault(str(name), len(numbers)) for name in names[:-1]], np.int64)
+            parts.append((known[code[start]], first + start, first + stop))
+        return SceneRows([*numbers], *(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_kept": OrderedDict()}
+
+
+class NpzBoxes:
+    """One NPZ file. All of it is read at once and kept, so many boxes should rather be in Parquet.
+
+    Raises:
+        InputError: It cannot be read, lacks a column, one is of a wrong type or length.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        read = read_npz(path, (*ALL_COLUMNS, "frame_id"))
+        arrays = {name: _decoded(path, name, values) for name, values in read.items()}
+        frame_id = arrays.pop("frame_id", np.array(MAP_FRAME))
+        self.frame_id = _one_text(frame_id, path)
+        require_columns(str(path), arrays)
+        for name, values in arrays.items():
+            _require_kind(path, name, str(values.dtype), _KINDS.get(values.dtype.kind, "") if values.ndim == 1 else "")
+        for name, values in arrays.items():
+            if len(values) != len(arrays["class"]):
+                raise InputError(f"{path}: {name}: has {len(values)} rows; class has {len(arrays['class'])}")
+        self.is_named = "scene" in arrays
+        self._rows = _npz_rows(path, arrays)
+        self.scenes = self._rows.scenes
+        self._arrays: dict[str, AnyArray] = arrays
+
+    def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
+        """As ``prediction_sources.BoxSource``."""
+        number = self._rows.rows(scene)
+        columns = {name: values[number] for name, values in self._arrays.items()}
+        rows, classes = Rows(str(self.path), number), columns.pop("class")
+        if classes.dtype.kind in "iu":
+            label = numbered_labels(classes, rows, may_be_empty=True)
+        else:
+            names, code = np.unique(classes, return_inverse=True)
+            label = named_labels(names.tolist(), code, rows, may_be_empty=True)
+        return answers_of(columns, label, rows, self.frame_id, scene, stamps_ns)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return NpzBoxes, (self.path,)
+
+
+_KINDS = {"i": "integer", "u": "integer", "f": "float", "U": "text"}
+_ALLOWED = {
+    "scene": {"text"},
+    "class": {"text", "integer"},
+    "tick": {"integer"},
+    "stamp_ns": {"integer"},
+}
+
+
+def _require_kind(path: Path, name: str, type_name: str, kind: str) -> None:
+    allowed = _ALLOWED.get(name, {"float", "integer"})
+    if kind not in allowed:
+        wanted = " or ".join(sorted(allowed))
+        raise InputError(f"{path}: {name}: is of the type {type_name}; it must be one-dimensional, {wanted}")
+
+
+def _require_types(path: Path, schema: pa.Schema) -> None:
+    require_columns(str(path), schema.names)
+    for field in schema:
+        if schema.names.count(field.name) > 1:
+            raise InputError(f"{path}: {field.name}: there is more than one column of this name")
+        if field.name in ALL_COLUMNS:
+            kinds = {"integer": pa.types.is_integer, "float": pa.types.is_floating, "text": _is_text}
+            kind = next((kind for kind, holds in kinds.items() if holds(field.type)), "")
+            _require_kind(path, field.name, str(field.type), kind)
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return any(holds(kind) for holds in (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view))
+
+
+def _coded(column: pa.ChunkedArray) -> tuple[list[str | None], AnyArray]:
+    """What occurs in a column of text, None last, and (N,) index into that."""
+    if not pa.types.is_dictionary(column.type):
+        column = pc.dictionary_encode(column)
+    chunks = column.unify_dictionaries().chunks
+    if not chunks:
+        return [None], np.zeros(0, np.int64)
+    names = chunks[0].dictionary.to_pylist()
+    codes = [chunk.indices.cast(pa.int32()).fill_null(len(names)).to_numpy(zero_copy_only=False) for chunk in chunks]
+    code = np.concatenate(codes)
+    if len(code) and not (code.min() >= 0 and code.max() <= len(names)):
+        raise pa.ArrowInvalid("a page of texts is damaged")
+    return [*names, None], code
+
+
+def _parquet_labels(column: pa.ChunkedArray, rows: Rows) -> UInt8Array:
+    if pa.types.is_integer(column.type):
+        numbers = column.cast(pa.int64()).fill_null(-1).to_numpy()
+        return numbered_labels(numbers, rows, may_be_empty=True)
+    names, code = _coded(column)
+    return named_labels(names, code, rows, may_be_empty=True)
+
+
+def _npz_rows(path: Path, arrays: dict[str, AnyArray]) -> SceneRows:
+    if "scene" not in arrays:
+        return SceneRows.of_codes([path.stem], np.zeros(len(arrays["class"]), np.uint8))
+    scene = arrays.pop("scene")
+    start, stop = runs(scene)
+    names, code = np.unique(scene[start], return_inverse=True)
+    return SceneRows(names.tolist(), code, start, stop)
+
+
+def _decoded(path: Path, name: str, values: AnyArray) -> AnyArray:
+    """Texts of bytes as texts of characters; other values as they are."""
+    try:
+        return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: {name}: is not UTF-8: {error.reason}") from None
+
+
+def _one_text(value: AnyArray, path: Path) -> str:
+    if value.size != 1 or value.dtype.kind != "U":
+        raise InputError(
+            f"{path}: frame_id: has the shape {value.shape} and the type {value.dtype}; it must be one text"
+        )
+    return str(value.item())
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turn what reading a damaged file raises into InputError."""
+    try:
+        yield
+    except (pa.ArrowException, OSError, MemoryError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
+        raise InputError(f"{path}: cannot be read as Parquet: {reason}") from None

@@ -1,0 +1,110 @@
+"""Bird's-eye-view scores as a perception stack says them, and their files."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.errors import InputError
+from simbev_ros.evaluation.predictions.npz_file import read_npz
+from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.types import AnyArray, Int64Array
+
+GRIDS_FOLDER = "grids"
+_TICK = re.compile(r"\d{6,}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreGrid:
+    """Scores of one frame, checked.
+
+    Attributes:
+        classes: Which are predicted, of ``BEV_CLASSES``.
+        scores: (C, H, W) of them: floating, 0 … 1, or uint8, where 255 is 1; row 0 ahead, column 0 left.
+        source: File or topic, for messages.
+    """
+
+    classes: tuple[str, ...]
+    scores: AnyArray
+    source: str
+
+    def __post_init__(self) -> None:
+        """Raise InputError for anything but the above."""
+        strange = [name for name in self.classes if name not in BEV_CLASSES]
+        if strange:
+            raise InputError(f"{self.source}: classes: there is no {strange[0]!r}; allowed: {', '.join(BEV_CLASSES)}")
+        if len(set(self.classes)) != len(self.classes):
+            raise InputError(f"{self.source}: classes: {', '.join(self.classes)}: each is allowed once")
+        scores, shape = self.scores, self.scores.shape
+        if len(shape) != 3 or shape[0] != len(self.classes):
+            allowed = f"({len(self.classes)}, rows, columns), one layer a class"
+            raise InputError(f"{self.source}: scores: have the shape {shape}; it must be {allowed}")
+        if scores.dtype != np.uint8 and scores.dtype.kind != "f":
+            raise InputError(f"{self.source}: scores: are of the type {scores.dtype}; allowed: floating and uint8")
+        # A NaN is neither, and so are extremes of arrays that hold one.
+        if scores.dtype.kind == "f" and scores.size and not (scores.min() >= 0 and scores.max() <= 1):
+            place = tuple(np.argwhere(~((scores >= 0) & (scores <= 1)))[0].tolist())
+            value = f"{self.classes[place[0]]} at row {place[1]}, column {place[2]} is {scores[place]}"
+            raise InputError(f"{self.source}: scores: {value}; allowed: 0 to 1")
+
+    def require_shape(self, rows: int, columns: int) -> None:
+        """Raise InputError if the grid is not as large as that of the truth."""
+        if self.scores.shape[1:] != (rows, columns):
+            here = " x ".join(str(size) for size in self.scores.shape[1:])
+            raise InputError(f"{self.source}: scores: have {here} cells; the truth has {rows} x {columns}")
+
+
+class GridFolder:
+    """Files ``<scene>/<tick:06d>.npz`` in a folder, with ``scores`` and perhaps ``classes``; read one by one.
+
+    Attributes:
+        scenes: In order of name.
+    """
+
+    is_named = True
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.scenes = tuple(sorted(each.name for each in path.iterdir() if each.is_dir()))
+
+    def grid_ticks(self, scene: str, stamps_ns: Int64Array) -> frozenset[int]:
+        """Ticks of a scene that have a file.
+
+        Raises:
+            InputError: A file's name is no tick of the scene.
+        """
+        return frozenset(_tick_of(file, len(stamps_ns)) for file in sorted((self.path / scene).glob("*.npz")))
+
+    def grid(self, scene: str, tick: int, stamps_ns: Int64Array) -> ScoreGrid:
+        """That of a tick which has a file.
+
+        Raises:
+            InputError: The file is damaged, or its content is not as ``ScoreGrid`` says.
+        """
+        del stamps_ns  # files are named by ticks
+        return read_grid(grid_file(self.path, scene, tick))
+
+
+def grid_file(folder: Path, scene: str, tick: int) -> Path:
+    """Where the grid of a frame lies."""
+    return folder / scene / f"{tick:06d}.npz"
+
+
+def read_grid(path: Path) -> ScoreGrid:
+    """One file. Raises InputError as ``GridFolder.grid``."""
+    arrays = read_npz(path)
+    if "scores" not in arrays:
+        raise InputError(f"{path}: there is no array 'scores', but {', '.join(arrays) or 'nothing'}")
+    classes: Sequence[str] = BEV_CLASSES
+    if "classes" in arrays:
+        classes = [str(name) for name in np.atleast_1d(arrays["classes"]).ravel()]
+    return ScoreGrid(tuple(classes), arrays["scores"], str(path))
+
+
+def _tick_of(file: Path, count: int) -> int:
+    if not _TICK.fullmatch(file.stem) or int(file.stem) >= count:
+        allowed = f"that of a frame of the scene, 000000.npz to {count - 1:06d}.npz"
+        raise InputError(f"{file}: its name must be the tick: {allowed}")
+    return int(file.stem)

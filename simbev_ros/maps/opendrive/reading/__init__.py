@@ -1,0 +1,1 @@
+"""Reads OpenDRIVE files into dataclasses, without interpreting them."""

@@ -1,0 +1,68 @@
+"""Where an OpenDRIVE file lies on Earth: its <geoReference> and <offset>."""
+
+import math
+import re
+from xml.etree.ElementTree import Element
+
+from pyproj import CRS, Transformer
+from pyproj.exceptions import ProjError
+
+from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+
+_UNKNOWN = MapDatum(0.0, 0.0, 0.0)
+_VERTICAL = re.compile(r"\+(?:geoidgrids|vunits|geoid_crs|vto_meter)=\S+")
+_LARGEST_LATITUDE_DEG = 89.5
+
+
+def datum_of(root: Element, notes: Notes) -> MapDatum:
+    """The datum of the file's coordinates; 0° N 0° E with a note where the file does not say.
+
+    Coordinates are first turned by ``hdg`` and moved by ``x``, ``y``, ``z`` of the header's <offset>, and are then
+    those of the projection. Heights are taken as ellipsoidal.
+    """
+    header = root.find("header")
+    reference = None if header is None else header.find("geoReference")
+    text = "" if reference is None else " ".join("".join(reference.itertext()).split())
+    if header is None or reference is None or not text:
+        notes.add("it has no geoReference: GNSS takes its origin for 0° N 0° E")
+        return _UNKNOWN
+    try:
+        x_m, y_m, z_m, heading_rad = offset_of(header)
+        crs = CRS.from_user_input(_VERTICAL.sub("", text) if text.startswith("+") else text)
+        if not crs.is_projected and "+proj=" in text and crs.is_geographic:
+            raise ProjError("it is not a projection to metres")
+        longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x_m, y_m)
+    except (ProjError, Malformed) as problem:
+        notes.add("its geoReference cannot be used: GNSS takes its origin for 0° N 0° E", reference, str(problem)[:160])
+        return _UNKNOWN
+    if not (abs(latitude) <= _LARGEST_LATITUDE_DEG and abs(longitude) <= 180.0):
+        notes.add("its geoReference does not hold at its origin: GNSS takes it for 0° N 0° E", reference)
+        return _UNKNOWN
+    return _datum(crs, latitude, longitude, (x_m, y_m, z_m, heading_rad))
+
+
+def offset_of(header: Element) -> tuple[float, float, float, float]:
+    """x, y, z (m) and hdg (rad) of the header's <offset>; zeros if there is none.
+
+    Raises:
+        Malformed: One of them is not a number.
+    """
+    offset = header.find("offset")
+    if offset is None:
+        return 0.0, 0.0, 0.0, 0.0
+    x_m, y_m, z_m, heading_rad = (number(offset, name, 0.0) for name in ("x", "y", "z", "hdg"))
+    return x_m, y_m, z_m, heading_rad
+
+
+def _datum(crs: CRS, latitude: float, longitude: float, offset: tuple[float, float, float, float]) -> MapDatum:
+    """The shortest form: without a projection of its own where the map frame is that of a plain MapDatum."""
+    x_m, y_m, z_m, heading_rad = offset
+    plain = MapDatum(round(latitude, 11), round(longitude, 11), z_m)
+    full = MapDatum(plain.latitude_deg, plain.longitude_deg, z_m, crs.to_wkt(), x_m, y_m, heading_rad)
+    for corner_m in ((5000.0, 0.0, 0.0), (0.0, 5000.0, 0.0), (-5000.0, -5000.0, 0.0)):
+        there = full.geodetic_from_map(corner_m)
+        back_m = plain.map_from_geodetic(*there)
+        if math.dist(back_m, (corner_m[0], corner_m[1], z_m - z_m)) > 1e-3:
+            return full
+    return plain

@@ -1,0 +1,132 @@
+"""Reads the lane sections of a road, with the paint on their borders."""
+
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
+from xml.etree.ElementTree import Element
+
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, integer, number
+from simbev_ros.maps.opendrive.reading.cubics import Cubics
+from simbev_ros.maps.opendrive.reading.document import LaneRecord, Section
+from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, PAINT_COLORS, PAINT_WIDTHS_M, PAINTS, SPEED_UNITS_MPS
+from simbev_ros.maps.roads.layout import Line, Paint
+
+_T = TypeVar("_T")
+_WIDEST_PAINT_M = 1.0
+_FASTEST_MPS = 150.0
+
+
+def read_sections(road: Element, length_m: float, notes: Notes) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
+    """The sections of the left and of the right side of a <road>; those that begin at or after its end are left out.
+
+    Raises:
+        Malformed: There is none, or one is not usable.
+    """
+    elements = sorted(road.findall("lanes/laneSection"), key=lambda element: number(element, "s"))
+    if not elements:
+        raise Malformed(road, "it has no lane section")
+    starts_m = [0.0, *(number(element, "s") for element in elements[1:])]
+    numbered = [(k, s_m, e) for k, (s_m, e) in enumerate(zip(starts_m, elements, strict=True)) if s_m < length_m]
+    if len(numbered) < len(elements):
+        notes.add("a lane section beyond the road's end is left out", elements[-1])
+    left, right = (_side(numbered, length_m, side, notes) for side in ("left", "right"))
+    return left, right
+
+
+def _side(
+    numbered: Sequence[tuple[int, float, Element]], length_m: float, side: str, notes: Notes
+) -> tuple[Section, ...]:
+    """The sections of one side, each up to the next one that is not about the other side alone."""
+    about = [row for row in numbered if row[2].get("singleSide") != "true" or row[2].find(side) is not None]
+    ends_m = [*(s_m for _, s_m, _ in about[1:]), length_m]
+    sections = []
+    for (index, start_m, element), end_m in zip(about, ends_m, strict=True):
+        lanes = [_lane(lane, notes) for lane in element.findall(f"{side}/lane")]
+        if any((lane.id > 0) != (side == "left") or lane.id == 0 for lane in lanes):
+            raise Malformed(element, f"a lane on the {side} has an id of the other side")
+        if len({lane.id for lane in lanes}) < len(lanes):
+            raise Malformed(element, f"two lanes on the {side} have the same id")
+        painted = [*element.findall("center/lane"), *element.findall(f"{side}/lane")]
+        marks = {integer(lane): _marks(lane, notes) for lane in painted}
+        sections.append(Section(index, start_m, end_m, tuple(sorted(lanes, key=lambda lane: abs(lane.id))), marks))
+    return tuple(sections)
+
+
+def _lane(element: Element, notes: Notes) -> LaneRecord:
+    """One <lane>."""
+    width, border = (Cubics.read(element.findall(name), "sOffset") for name in ("width", "border"))
+    if not width and not border:
+        notes.add("a lane without width is left out", element)
+    return LaneRecord(
+        id=integer(element),
+        type=element.get("type", "none"),
+        kind=LANE_KINDS.get(element.get("type", "none")),
+        on_level=element.get("level") in ("true", "1"),
+        width=width,
+        border=border,
+        speeds=tuple(
+            sorted(
+                (number(speed, "sOffset", 0.0), speed_mps)
+                for speed in element.findall("speed")
+                for speed_mps in [read_speed(speed, notes)]
+                if speed_mps is not None
+            )
+        ),
+        predecessors=_neighbours(element, "predecessor"),
+        successors=_neighbours(element, "successor"),
+        reversed=element.get("direction") == "reversed",
+    )
+
+
+def _neighbours(element: Element, name: str) -> tuple[int, ...]:
+    return tuple(integer(link) for link in element.findall(f"link/{name}"))
+
+
+def read_speed(element: Element, notes: Notes) -> float | None:
+    """A <speed> in m/s; None if it sets no limit, or cannot be read."""
+    text = element.get("max", "")
+    if text in ("no limit", "undefined"):
+        return None
+    unit_mps = SPEED_UNITS_MPS.get(element.get("unit", "m/s"))
+    try:
+        speed_mps = number(element, "max") * (unit_mps or 0.0)
+    except Malformed:
+        speed_mps = 0.0
+    if not 0.0 < speed_mps <= _FASTEST_MPS:
+        notes.add("a speed limit that cannot be read is ignored", element, f"max={text[:20]!r}")
+        return None
+    return speed_mps
+
+
+def _marks(lane: Element, notes: Notes) -> tuple[tuple[float, Line], ...]:
+    """Paint on a lane's outer border by distance from the section's start; nothing is painted before the first."""
+    marks = {number(mark, "sOffset", 0.0): _line(mark, notes) for mark in lane.findall("roadMark")}
+    return tuple(sorted(marks.items(), key=lambda mark: mark[0]))
+
+
+def _line(mark: Element, notes: Notes) -> Line:
+    """One <roadMark>."""
+    kind = mark.get("type", "none")
+    paint = _custom_paint(mark) if kind == "custom" else _known(PAINTS, kind, Paint.NONE, mark, notes)
+    weight = PAINT_WIDTHS_M.get(mark.get("weight", "standard"), PAINT_WIDTHS_M["standard"])
+    inner = mark.find("type")
+    stated = next((e.get("width") for e in (mark, inner) if e is not None and e.get("width") is not None), None)
+    try:
+        width_m = float(stated or 0.0)
+    except ValueError:
+        width_m = 0.0
+    color = _known(PAINT_COLORS, mark.get("color", "standard"), PAINT_COLORS["standard"], mark, notes)
+    return Line(paint, color, width_m if 0.0 < width_m <= _WIDEST_PAINT_M else weight)
+
+
+def _custom_paint(mark: Element) -> Paint:
+    """Paint that is described line by line."""
+    lines = sorted(mark.findall("type/line"), key=lambda line: -number(line, "tOffset", 0.0))
+    words = ["broken" if number(line, "space", 0.0) > 0.0 else "solid" for line in lines[:2]]
+    return Paint(" ".join(words)) if words else Paint.NONE
+
+
+def _known(table: Mapping[str, _T], name: str, otherwise: _T, mark: Element, notes: Notes) -> _T:
+    """What a table says about a name; a note where it says nothing."""
+    if name not in table:
+        notes.add("a kind or colour of road mark that is not known", mark, repr(name[:30]))
+    return table.get(name, otherwise)

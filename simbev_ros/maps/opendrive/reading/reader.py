@@ -1,0 +1,160 @@
+"""Reads the roads and junctions of an OpenDRIVE file. A road that cannot be used is left out, with a note."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import cast
+from xml.etree.ElementTree import Element
+
+from simbev_ros.errors import InputError
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, identifier, number
+from simbev_ros.maps.opendrive.reading.cubics import Cubics
+from simbev_ros.maps.opendrive.reading.document import Connection, Contact, Document, Link, Road, RoadEnd, Shape
+from simbev_ros.maps.opendrive.reading.lane_reader import read_sections, read_speed
+from simbev_ros.maps.opendrive.reading.plan_view import PlanView
+from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS
+from simbev_ros.maps.safe_xml import place_of
+
+_LENGTH_TOLERANCE_M = 0.01
+_LONGEST_ROAD_M = 200e3
+_LONGEST_MAP_M = 20e6
+_MOST_ROADS = 50_000
+_SHORTEST_M = 1e-3
+
+
+def read_document(path: Path, root: Element, notes: Notes) -> Document:
+    """Read a file.
+
+    Args:
+        path: The file, named in errors.
+        root: Its XML.
+        notes: Told what was repaired or left out.
+
+    Raises:
+        InputError: It is of another major version, or its roads are too many or too long.
+    """
+    _check_version(path, root)
+    count = sum(1 for _ in root.iterfind("road"))
+    if count > _MOST_ROADS:
+        raise InputError(f"{path}: has {count} roads; at most {_MOST_ROADS} are read. Cut out the part that is wanted")
+    roads: dict[str, Road] = {}
+    for element in root.findall("road"):
+        try:
+            road = _road(element, notes)
+        except Malformed as problem:
+            notes.add("a road that cannot be used is left out", problem.element, f"road {element.get('id')}: {problem}")
+            continue
+        if road.id in roads:
+            notes.add("a road whose id is already taken is left out", element, f"road {road.id}")
+            continue
+        roads[road.id] = road
+    if sum(road.length_m for road in roads.values()) > _LONGEST_MAP_M:
+        raise InputError(f"{path}: its roads are longer than {_LONGEST_MAP_M / 1e3:g} km in all")
+    return Document(path, root, roads, tuple(_connections(root, roads, notes)))
+
+
+def _check_version(path: Path, root: Element) -> None:
+    header = root.find("header")
+    major = "1" if header is None else header.get("revMajor", "1")
+    if major != "1":
+        raise InputError(f"{place_of(path, root)}: OpenDRIVE revMajor={major[:20]!r}; only 1 can be read")
+
+
+def _road(element: Element, notes: Notes) -> Road:
+    """One <road>."""
+    road_id = identifier(element)
+    plan = PlanView.read(element.findall("planView/geometry"), element, notes)
+    length_m = _length(element, plan, notes)
+    junction = element.get("junction", "-1")
+    types = element.findall("type")
+    left, right = read_sections(element, length_m, notes)
+    return Road(
+        id=road_id,
+        junction="" if junction == "-1" else junction,
+        length_m=length_m,
+        left_hand=element.get("rule", "RHT").upper() == "LHT",
+        plan=plan,
+        elevation=Cubics.read(element.findall("elevationProfile/elevation")),
+        superelevation=Cubics.read(element.findall("lateralProfile/superelevation")),
+        crossfall=_crossfall(element),
+        shape=_shape(element),
+        offset=Cubics.read(element.findall("lanes/laneOffset")),
+        left=left,
+        right=right,
+        speeds=tuple(sorted((number(kind, "s", 0.0), _speed(kind, notes)) for kind in types)),
+        predecessor=_link(element.find("link/predecessor")),
+        successor=_link(element.find("link/successor")),
+        bridges=tuple(
+            (number(bridge, "s"), number(bridge, "s") + number(bridge, "length"))
+            for bridge in element.findall("objects/bridge")
+        ),
+        element=element,
+    )
+
+
+def _length(element: Element, plan: PlanView, notes: Notes) -> float:
+    """The road's length: as declared, unless its geometry says otherwise."""
+    try:
+        declared_m = number(element, "length")
+    except Malformed:
+        declared_m = math.nan
+    length_m = declared_m
+    if not abs(declared_m - plan.end_m) <= _LENGTH_TOLERANCE_M:
+        length_m = plan.end_m
+        notes.add("a road's length is not that of its geometry, which is used", element, f"road {element.get('id')}")
+    if not _SHORTEST_M <= length_m <= _LONGEST_ROAD_M:
+        raise Malformed(element, f"its length of {length_m:g} m is not between 1 mm and {_LONGEST_ROAD_M / 1e3:g} km")
+    return length_m
+
+
+def _speed(kind: Element, notes: Notes) -> float:
+    """Speed limit of a <type>, m/s."""
+    speed = kind.find("speed")
+    stated_mps = None if speed is None else read_speed(speed, notes)
+    return stated_mps or DEFAULT_SPEEDS_MPS.get(kind.get("type", ""), DEFAULT_SPEEDS_MPS["default"])
+
+
+def _crossfall(element: Element) -> tuple[Cubics, Cubics]:
+    """Of the left and of the right side."""
+    records = element.findall("lateralProfile/crossfall")
+    left, right = (
+        Cubics.read(record for record in records if record.get("side", "both") in (side, "both"))
+        for side in ("left", "right")
+    )
+    return left, right
+
+
+def _shape(element: Element) -> tuple[Shape, ...]:
+    """Lateral profiles, in order of s."""
+    stations: dict[float, list[Element]] = {}
+    for record in element.findall("lateralProfile/shape"):
+        stations.setdefault(number(record, "s"), []).append(record)
+    return tuple(Shape(s_m, Cubics.read(stations[s_m], "t")) for s_m in sorted(stations))
+
+
+def _link(element: Element | None) -> Link:
+    """What one end of a road touches."""
+    if element is None:
+        return Link()
+    target = element.get("elementId", "")
+    if element.get("elementType", "road") == "junction":
+        return Link(junction=target)
+    contact = element.get("contactPoint", "")
+    return Link(end=RoadEnd(target, cast(Contact, contact))) if contact in ("start", "end") else Link()
+
+
+def _connections(root: Element, roads: dict[str, Road], notes: Notes) -> Iterator[Connection]:
+    """Of all junctions; those of roads that are not there are left out."""
+    for element in root.findall("junction/connection"):
+        incoming = element.get("incomingRoad", "")
+        entered = element.get("connectingRoad") or element.get("linkedRoad", "")
+        contact = element.get("contactPoint", "")
+        if incoming not in roads or entered not in roads or contact not in ("start", "end"):
+            notes.add("a junction's connection of roads that are not there is left out", element)
+            continue
+        try:
+            lanes = tuple((int(link.get("from", "")), int(link.get("to", ""))) for link in element.findall("laneLink"))
+        except ValueError:
+            notes.add("a junction's connection with lane numbers that are none is left out", element)
+            continue
+        yield Connection(incoming, RoadEnd(entered, cast(Contact, contact)), lanes or None)

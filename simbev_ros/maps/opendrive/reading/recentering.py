@@ -1,0 +1,54 @@
+"""Moves a file whose coordinates are far from zero, such as UTM's, to an origin in its middle."""
+
+import math
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.opendrive.reading.datum import offset_of
+
+_FAR_M = 20_000.0
+
+
+def recentre(root: Element, notes: Notes) -> bool:
+    """Shift a whole file so that its coordinates are small, and its <offset> so that it stays where it is on Earth.
+
+    Returns:
+        Whether that was necessary.
+    """
+    header = root.find("header")
+    moved = [*root.iterfind("road/planView/geometry"), *root.iterfind("road/signals/signal/positionInertial")]
+    places_m = np.array([place for element in moved for place in _place_m(element)]).reshape(-1, 2)
+    if len(places_m) == 0 or np.abs(np.median(places_m, axis=0)).max() <= _FAR_M:
+        return False
+    x_m, y_m = np.round(np.median(places_m, axis=0)).tolist()
+    for element in moved:
+        for place in _place_m(element):
+            element.set("x", repr(place[0] - x_m))
+            element.set("y", repr(place[1] - y_m))
+    header = SubElement(root, "header") if header is None else header
+    try:
+        offset_x_m, offset_y_m, _, heading_rad = offset_of(header)
+    except Malformed:
+        return True
+    offset = header.find("offset")
+    offset = SubElement(header, "offset", z="0", hdg="0") if offset is None else offset
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    offset.set("x", repr(offset_x_m + cos * x_m - sin * y_m))
+    offset.set("y", repr(offset_y_m + sin * x_m + cos * y_m))
+    for side, shift_m in (("north", y_m), ("south", y_m), ("east", x_m), ("west", x_m)):
+        try:
+            header.set(side, repr(number(header, side) - shift_m))
+        except Malformed:
+            header.attrib.pop(side, None)
+    notes.add(f"it lies far from its origin: map (0, 0) is its ({x_m:.0f}, {y_m:.0f})")
+    return True
+
+
+def _place_m(element: Element) -> list[tuple[float, float]]:
+    """X and y of an element; nothing if they are not numbers."""
+    try:
+        return [(number(element, "x"), number(element, "y"))]
+    except Malformed:
+        return []

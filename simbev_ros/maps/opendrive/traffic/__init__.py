@@ -1,0 +1,1 @@
+"""Turns the roads of an OpenDRIVE file into a net for SUMO."""

@@ -1,0 +1,1 @@
+"""Heights of planned roads: a quadratic program within grades, vertical curves and clearances."""

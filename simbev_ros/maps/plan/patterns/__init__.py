@@ -1,0 +1,1 @@
+"""The patterns that a town's recipe combines: grids, regions, motorways, viaducts, roundabouts."""

@@ -1,0 +1,1 @@
+"""MCAP files: writing, indexing, checking and salvaging them."""

@@ -1,0 +1,170 @@
+"""Reading what is left of a damaged MCAP file: every record that is whole, wherever it stands."""
+
+import io
+import mmap
+import re
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import breakup_chunk
+from mcap.summary import Summary
+from mcap.writer import MCAP0_MAGIC
+
+from simbev_ros.recording.mcap.mcap_index import CRC, DAMAGE, FOOTER_BYTES, RECORD_HEAD, attachment_of, read_summary
+
+_LIKE_A_CHUNK = re.compile(rb"(?=(\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\0{4})))", re.DOTALL)
+"""Opcode, a length below a tebibyte, span, size, CRC, and the compression; the length of what is compressed follows."""
+_LENGTH = struct.Struct("<Q")
+
+
+@dataclass(slots=True)
+class Salvage:
+    """What could be read.
+
+    Attributes:
+        lost: What could not, in words that name the place.
+    """
+
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    attachments: dict[str, Attachment] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    lost: list[str] = field(default_factory=list)
+
+
+def salvage(path: Path, found: Salvage) -> Iterator[Message]:
+    """The messages of all chunks that are whole, in the order of the file, and whose channel is known.
+
+    Where records are is in the summary, if that is whole. Otherwise each begins where the one before ends; a record
+    whose length cannot be right ends this chain, and the next chunk is then looked for by its looks.
+
+    Args:
+        path: The file.
+        found: Is filled on the way; channels before their messages, ``lost`` at the end.
+    """
+    if not path.stat().st_size:
+        found.lost.append("whatever was in it: the file is empty")
+        return
+    nameless, closed = 0, False
+    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        summary = _summary_of(stream)
+        if summary is None:
+            for opcode, offset, end in _records(data, []):  # a file that was closed repeats its channels at its end
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    with suppress(*DAMAGE):
+                        _enter(_READERS[opcode](_body(data[offset:end])), found)
+        else:
+            found.channels |= summary.channels
+            found.schemas |= summary.schemas
+        for opcode, offset, end in _records(data, found.lost) if summary is None else _listed(summary):
+            closed |= opcode == Opcode.DATA_END
+            if closed:
+                break  # what follows says nothing new
+            try:
+                for message in _messages(opcode, bytes(data[offset:end]), found):
+                    if message.channel_id in found.channels:
+                        yield message
+                    else:
+                        nameless += 1
+            except DAMAGE as error:
+                found.lost.append(f"{Opcode(opcode).name.lower()} at byte {offset:,} ({end - offset:,} bytes): {error}")
+        if not closed and summary is None:
+            found.lost.append(f"whatever would have followed byte {len(data):,}, where the file is cut off")
+    if nameless:
+        found.lost.append(f"{nameless} messages of topics whose names are lost with another chunk")
+
+
+def _summary_of(stream: BinaryIO) -> Summary | None:
+    """The summary, if it is whole and says where chunks are."""
+    try:
+        summary = read_summary(stream)
+    except (*DAMAGE, OSError):  # the file may be shorter than a footer
+        return None
+    return summary if summary is not None and summary.chunk_indexes else None
+
+
+def _listed(summary: Summary) -> list[tuple[int, int, int]]:
+    """Opcode, start and end of each record that a summary lists, in the order of the file."""
+    chunks = [(Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_length) for chunk in summary.chunk_indexes]
+    attachments = [(Opcode.ATTACHMENT, entry.offset, entry.length) for entry in summary.attachment_indexes]
+    metadata = [(Opcode.METADATA, entry.offset, entry.length) for entry in summary.metadata_indexes]
+    records = sorted((*chunks, *attachments, *metadata), key=lambda record: record[1])
+    return [(opcode, offset, offset + length) for opcode, offset, length in records]
+
+
+def _records(data: mmap.mmap, lost: list[str]) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end of each record that may be whole."""
+    offset, size = len(MCAP0_MAGIC), len(data)
+    while offset + RECORD_HEAD.size <= size:
+        opcode, length = RECORD_HEAD.unpack_from(data, offset)
+        end = offset + RECORD_HEAD.size + length
+        if opcode in _OPCODES and end <= size and length == _LENGTHS.get(opcode, length):
+            yield opcode, offset, end
+            if opcode == Opcode.FOOTER:
+                return
+        else:
+            end = _next_chunk(data, offset + 1)
+            lost.append(f"bytes {offset:,} to {end - 1:,}: no record can be read there")
+        offset = end
+
+
+_OPCODES = frozenset(int(opcode) for opcode in Opcode)
+_LENGTHS: dict[int, int] = {Opcode.DATA_END: CRC.size, Opcode.FOOTER: FOOTER_BYTES - RECORD_HEAD.size}
+"""Of records that end something, and must not be mistaken."""
+
+
+def _next_chunk(data: mmap.mmap, start: int) -> int:
+    """Where the next thing stands that looks like a chunk; the end of the file if there is none."""
+    for match in _LIKE_A_CHUNK.finditer(data, start):
+        _, length = RECORD_HEAD.unpack_from(data, match.start())
+        records_at = match.end(1) + _LENGTH.size
+        end = match.start() + RECORD_HEAD.size + length
+        if records_at <= end <= len(data) and _LENGTH.unpack_from(data, match.end(1))[0] == end - records_at:
+            return match.start()
+    return len(data)
+
+
+def _messages(opcode: int, record: bytes, found: Salvage) -> Iterator[Message]:
+    """Those of a chunk; all other records are entered. Raises one of ``DAMAGE``."""
+    body = _body(record)
+    if opcode == Opcode.CHUNK:
+        for inner in breakup_chunk(Chunk.read(body), validate_crc=True):
+            if isinstance(inner, Message):
+                yield inner
+            else:
+                _enter(inner, found)
+    elif opcode == Opcode.ATTACHMENT:
+        _enter(attachment_of(record), found)
+    elif opcode == Opcode.METADATA:
+        _enter(Metadata.read(body), found)
+
+
+def _body(record: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :]))
+
+
+_READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
+    Opcode.SCHEMA: Schema.read,
+    Opcode.CHANNEL: Channel.read,
+}
+
+
+def _enter(record: McapRecord, found: Salvage) -> None:
+    match record:
+        case Channel():
+            found.channels[record.id] = record
+        case Schema():
+            found.schemas[record.id] = record
+        case Attachment():
+            found.attachments[record.name] = record
+        case Metadata():
+            found.metadata[record.name] = record.metadata
+        case _:
+            pass  # mcap may learn to read more kinds of records; nothing here needs them

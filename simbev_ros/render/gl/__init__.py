@@ -1,0 +1,1 @@
+"""OpenGL itself: contexts, devices, programs, render targets and reading back."""

@@ -1,0 +1,142 @@
+"""Which lamps shine at a moment: where they are, which way, and how strongly, as lamps.yaml has it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.materials import Material
+from simbev_ros.scene.state import Light, SignalState, map_from_actors
+from simbev_ros.types import Float64Array, Table
+
+LAMP_DTYPE = np.dtype(
+    [
+        ("at", "<f4", 3),  # m, world
+        ("facing", "<f4", 3),  # unit vector
+        ("color", "<f4", 3),  # linear RGB
+        ("glow", "<f4"),  # light on what is close by
+        ("reach_m", "<f4"),  # of the glow
+        ("glare_cd", "<f4"),  # intensity as cameras see it
+        ("forward", "<f4"),  # 0 shines all around, 1 ahead only
+        ("height_m", "<f4"),  # above the ground
+        ("beam", "u1"),  # 0: no headlamp, 1 low, 2 high beam
+        ("row", "<i4"),  # of its vehicle in the actors table, else -1
+    ]
+)
+"""A lamp that shines. World: the map frame moved to the frame's origin."""
+
+_SIDE_M = 0.12  # nearer than this to the middle a lamp counts as in the middle
+_SIGNAL_FRONT_M, _SIGNAL_HEIGHT_M = 0.2, 5.0
+_STREET_HEIGHT_M = 7.8
+
+
+@lru_cache(maxsize=1)
+def lamp_kinds() -> dict[str, dict[str, Any]]:
+    """lamps.yaml."""
+    text = files("simbev_ros.render.lighting").joinpath("lamps.yaml").read_text(encoding="utf-8")
+    kinds: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return kinds
+
+
+@dataclass(frozen=True, slots=True)
+class _ModelLamps:
+    """The lamps of one model: (L, 3) places and colours in its frame, (L,) whether ahead, and materials."""
+
+    at_m: Float64Array
+    color: Float64Array
+    ahead: Float64Array
+    material: Table
+
+
+class VehicleLamps:
+    """The lamps of all models of the catalogue, as their meshes have them."""
+
+    def __init__(self, models: Sequence[ActorModel]) -> None:
+        """Find the lamps of (B,) models, indexed by blueprint."""
+        self._models = [_lamps_of(model) for model in models]
+
+    def shining(self, actors: Table, origin_m: Float64Array) -> Table:
+        """(N,) ``LAMP_DTYPE`` of (A,) ``ACTOR_DTYPE`` rows in a world around (3,) ``origin_m``."""
+        poses = map_from_actors(actors)
+        poses[:, :3, 3] -= origin_m
+        found = [np.zeros(0, LAMP_DTYPE)]
+        for blueprint in np.unique(actors["blueprint"]):
+            model = self._models[blueprint]
+            chosen = np.flatnonzero((actors["blueprint"] == blueprint) & (actors["lights"] != 0))
+            free = np.ones((len(chosen), len(model.material)), bool)
+            for name, kind in lamp_kinds()["vehicle"].items():
+                lit = (actors["lights"][chosen] & Light[kind["light"]] != 0)[:, None]
+                lit = lit & (model.material == Material[kind["material"]]) & free
+                free &= ~lit
+                which, lamp = np.nonzero(lit)
+                rows = chosen[which]
+                lamps = _filled(len(rows), kind, model.color[lamp] if kind["color"] is None else kind["color"])
+                lamps["at"] = (poses[rows, :3, :3] @ model.at_m[lamp, :, None])[..., 0] + poses[rows, :3, 3]
+                lamps["height_m"] = model.at_m[lamp, 2]
+                lamps["facing"] = poses[rows, :3, 0] * model.ahead[lamp, None]
+                lamps["beam"] = {"low_beam": 1, "high_beam": 2}.get(name, 0)
+                lamps["row"] = rows
+                found.append(lamps)
+        return np.concatenate(found)
+
+
+def signal_lamps(signals: Table, origin_m: Float64Array) -> Table:
+    """(N,) ``LAMP_DTYPE`` of (S,) ``SIGNAL_DTYPE`` rows."""
+    found = [np.zeros(0, LAMP_DTYPE)]
+    for kind in lamp_kinds()["signal"].values():
+        lit = signals[np.isin(signals["state"], [SignalState[state] for state in kind["states"]])]
+        lamps = _filled(len(lit), kind, kind["color"])
+        lamps["facing"][:, :2] = np.stack([np.cos(lit["yaw"]), np.sin(lit["yaw"])], axis=1)
+        middle_m = np.stack([lit["x"], lit["y"], lit["z"] + kind["up_m"]], axis=1) - origin_m
+        lamps["height_m"] = _SIGNAL_HEIGHT_M
+        lamps["at"] = middle_m + lamps["facing"] * _SIGNAL_FRONT_M
+        found.append(lamps)
+    return np.concatenate(found)
+
+
+def street_lamps(lights_m: Float64Array, strengths: Float64Array) -> Table:
+    """(N,) ``LAMP_DTYPE`` of (N, 3) street lights, in the world, that shine; their light has a map of its own."""
+    kind = lamp_kinds()["street"]
+    lamps = np.zeros(len(lights_m), LAMP_DTYPE)
+    lamps["at"], lamps["color"], lamps["row"] = lights_m, kind["color"], -1
+    lamps["facing"] = (0.0, 0.0, -1.0)
+    lamps["forward"], lamps["height_m"] = kind["forward"], _STREET_HEIGHT_M
+    lamps["glare_cd"] = kind["glare_cd"] * strengths
+    return lamps
+
+
+def _filled(count: int, kind: dict[str, Any], color: Any) -> Table:
+    """Lamps of one kind, without places."""
+    lamps = np.zeros(count, LAMP_DTYPE)
+    for name in ("glow", "reach_m", "glare_cd", "forward"):
+        lamps[name] = kind[name]
+    lamps["color"], lamps["row"] = color, -1
+    return lamps
+
+
+def _lamps_of(model: ActorModel) -> _ModelLamps:
+    """One lamp for all triangles of a material on the same end and side."""
+    mesh = model.mesh
+    first = mesh.triangles[:, 0]
+    chosen = np.isin(mesh.material[first], [Material[k["material"]] for k in lamp_kinds()["vehicle"].values()])
+    corners_m = mesh.vertices[mesh.triangles[chosen]].astype(np.float64)
+    middle_m = corners_m.mean(axis=1)
+    area = np.linalg.norm(np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]), axis=1)
+    side = np.where(np.abs(middle_m[:, 1]) < _SIDE_M, 0.0, np.sign(middle_m[:, 1]))
+    ahead = np.where(middle_m[:, 0] > 0.0, 1.0, -1.0)
+    keys = np.column_stack([mesh.material[first[chosen]], side, ahead])
+    lamps, member = np.unique(keys, axis=0, return_inverse=True)
+    share = (member.reshape(-1) == np.arange(len(lamps))[:, None]) * (area + 1e-12)
+    share /= share.sum(axis=1, keepdims=True)
+    color = share @ (mesh.color[first[chosen]] / 255.0) ** 2.2
+    return _ModelLamps(
+        at_m=share @ middle_m,
+        color=color / np.maximum(color.max(axis=1, keepdims=True, initial=1e-6), 1e-6),
+        ahead=lamps[:, 2],
+        material=lamps[:, 0].astype(np.uint8),
+    )

@@ -1,0 +1,249 @@
+"""The light of a moment: sun, moon, sky, clouds, fog and exposure from the weather, as the shaders read them."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import yaml
+
+from simbev_ros.render.lighting.atmosphere import MIE_EXTINCTION_PER_KM, RAYLEIGH_PER_KM, clear_sky, sun_transmittance
+from simbev_ros.scene.air import fog_falloff_per_m, fog_halvings_per_m, rain_halvings_per_m
+from simbev_ros.scene.weather import Weather
+from simbev_ros.types import Float64Array
+
+LAMPS_ON_BELOW_DEG = 3.0
+"""Street lamps and lit windows are on while the sun is below this altitude."""
+
+SKY_SIZE_PX = 96
+"""Width of the table of the sky's radiance, a map of the hemisphere as ``hemisphere`` makes it."""
+
+HORIZON_STRETCH = 0.5
+"""How little room the map gives to the zenith; shaders/include/sky.glsl."""
+
+_LOWEST_MOON_DEG = 35.0
+_LOWEST_KEY_DEG = 1.0
+_DIP_AT_CLOUDS_DEG = 1.6  # of the horizon, which the sun passes later than here
+_MOONLIT_BELOW_DEG = (-5.0, -11.0)
+_CLOUD_DRIFT_PER_S = 4e-4
+_CLOUD_STEP_NS = 250_000_000  # clouds move so slowly that they need not be drawn in every frame
+_HOUR_NS = 3600 * 10**9
+_CLOUDS_APART = 0.618  # of the clouds' period, from scene to scene
+_NOISE_PERIOD_M = 64.0
+_GROUND_ALBEDO = np.array([0.16, 0.15, 0.13])
+_OVERCAST_TINT = np.array([0.97, 1.0, 1.04])
+_AMBIENT_WHITENING = 0.45
+_UPRIGHT_SHARE = 0.3
+_BRIGHTEST_GLOW = 3.0
+_BRIGHTEST_SKY = 2.6  # around the sun, of the mean, as no camera shows more
+CLEAR_HAZE_PER_M = float(np.mean(RAYLEIGH_PER_KM + MIE_EXTINCTION_PER_KM)) / 1000.0 / np.log(2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SkyLight:
+    """Light without shadows and lamps. Colours are linear RGB, (3,), irradiances over π, all in one unit.
+
+    Attributes:
+        key_direction: (3,) unit vector towards the light that casts shadows: the sun, at night the moon.
+        key: Its irradiance.
+        sun_direction: (3,) unit vector towards the sun.
+        sky: (SKY_SIZE_PX, SKY_SIZE_PX, 3) radiance without the shapes of clouds, a map of the hemisphere.
+        air: Radiance of haze and fog, away from the sun.
+        air_glow: Added to it towards the sun.
+        cloud_light: Irradiance of the sun or moon on clouds, which it reaches after it has set below.
+        sky_ambient: Irradiance of the sky on level ground.
+        ground_ambient: Irradiance from the ground below.
+        exposure: Factor before tone mapping.
+        lamps_lit: Whether street lamps and windows are lit.
+    """
+
+    key_direction: Float64Array
+    key: Float64Array
+    sun_direction: Float64Array
+    sky: Float64Array
+    air: Float64Array
+    air_glow: Float64Array
+    cloud_light: Float64Array
+    sky_ambient: Float64Array
+    ground_ambient: Float64Array
+    exposure: float
+    lamps_lit: bool
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def of(cls, weather: Weather) -> "SkyLight":
+        """The light of a weather. Clouds take the sun away and turn the sky grey."""
+        altitude_deg, azimuth_deg = weather.sun_altitude_deg, weather.sun_azimuth_deg
+        clear, direct, at_clouds, direction = _natural_light(altitude_deg, azimuth_deg)
+        overcast = float(np.clip((weather.cloudiness - 40.0) / 55.0, 0.0, 1.0)) ** 1.5
+        total = _level_irradiance(clear) + direct * direction[2]
+        # Of the light, so much comes through clouds: Kasten and Czeplak 1980.
+        through = 1.0 - 0.75 * overcast**1.5
+        gray = _OVERCAST_TINT * total.mean() * through * _overcast_pattern()
+        sky = clear + (gray - clear) * overcast
+        direct = direct * (1.0 - 0.97 * overcast)
+        ambient = _level_irradiance(sky)
+        sky = sky / (1.0 + sky.mean(axis=2, keepdims=True) / (_BRIGHTEST_SKY * ambient.mean()))
+        # Half of what is seen is upright: low suns light it fully.
+        light = float((ambient + direct * (_UPRIGHT_SHARE + (1.0 - _UPRIGHT_SHARE) * direction[2])).mean())
+        white, exposure = _adapted(light)
+        gain = white / (exposure * light)
+        # Clouds and lit walls, which are no part of the clear sky's colour, fill shadows with whiter light.
+        sky_ambient = ambient + _AMBIENT_WHITENING * (ambient.mean() - ambient)
+        air, air_glow = _air(sky, azimuth_deg, weather.fog_density, 0.72 * ambient + 0.35 * direct * direction[2])
+        return cls(
+            key_direction=direction,
+            key=direct * gain,
+            sun_direction=_direction(azimuth_deg, altitude_deg),
+            sky=sky * gain,
+            air=air * gain,
+            air_glow=air_glow * gain,
+            cloud_light=at_clouds * (1.0 - overcast) * gain,
+            sky_ambient=sky_ambient * gain,
+            ground_ambient=_GROUND_ALBEDO * (sky_ambient + direct * direction[2]) * gain,
+            exposure=exposure,
+            lamps_lit=altitude_deg < LAMPS_ON_BELOW_DEG,
+        )
+
+    def block_head(
+        self, weather: Weather, stamp_ns: int, origin_m: Float64Array, contact_half_m: float
+    ) -> Float64Array:
+        """(10, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
+        # Wind that changes must not multiply with all the time since 0: a scene has an hour of its own.
+        hour, within_ns = divmod(stamp_ns, _HOUR_NS)
+        drifting_s = within_ns // _CLOUD_STEP_NS * _CLOUD_STEP_NS * 1e-9
+        drift_per_s = _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0)
+        drift = (hour * _CLOUDS_APART + drifting_s * drift_per_s) % 1.0
+        rain = weather.precipitation / 100.0
+        haze_per_m = CLEAR_HAZE_PER_M + rain_halvings_per_m(weather)
+        fog = np.array([fog_halvings_per_m(weather), weather.fog_distance_m, fog_falloff_per_m(weather)])
+        rows: list[tuple[Float64Array, float]] = [
+            (self.key_direction, self.exposure),
+            (self.key, weather.wind_intensity / 100.0),
+            (self.sun_direction, drift),
+            (self.air, weather.cloudiness / 100.0),
+            (self.air_glow, weather.wetness / 100.0),
+            (self.cloud_light, weather.precipitation_deposits / 100.0),
+            (self.sky_ambient, within_ns * 1e-9),
+            (self.ground_ambient, rain),
+            (fog, haze_per_m),
+            (origin_m % _NOISE_PERIOD_M, contact_half_m),
+        ]
+        return np.array([[*color, extra] for color, extra in rows])
+
+
+def hemisphere() -> tuple[Float64Array, Float64Array]:
+    """(SKY_SIZE_PX, SKY_SIZE_PX) elevation and azimuth in radians of the texels of a map of the sky.
+
+    A direction is found at ``xy · s / (s + z)``, s being ``HORIZON_STRETCH``: the horizon is the unit circle. Texels
+    outside of it repeat the horizon.
+    """
+    middle = (np.arange(SKY_SIZE_PX) + 0.5) / SKY_SIZE_PX * 2.0 - 1.0
+    x, y = np.meshgrid(middle, middle)
+    stretch = HORIZON_STRETCH
+    radius2 = np.minimum(x * x + y * y, 1.0)
+    up = stretch * (np.sqrt(radius2 * (1.0 - stretch**2) + stretch**2) - radius2) / (radius2 + stretch**2)
+    return np.arcsin(np.clip(up, 0.0, 1.0)), np.arctan2(y, x)
+
+
+def _natural_light(
+    altitude_deg: float, azimuth_deg: float
+) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+    """Of a clear moment: the map of the sky, irradiance of sun or moon here and at clouds, and direction to it."""
+    moonlit = float(np.interp(altitude_deg, _MOONLIT_BELOW_DEG[::-1], (1.0, 0.0)))
+    moon = moonlit * np.array(_constants()["moon"])
+    moon_altitude_deg = max(-altitude_deg, _LOWEST_MOON_DEG)
+    sky = _sky_of(altitude_deg, azimuth_deg) + moon * _sky_of(moon_altitude_deg, azimuth_deg + 180.0) + _night()
+    if moonlit > 0.0:
+        moonlight = moon * sun_transmittance(moon_altitude_deg)
+        return sky, moonlight, moonlight, _direction(azimuth_deg + 180.0, moon_altitude_deg)
+    at_clouds = sun_transmittance(altitude_deg + _DIP_AT_CLOUDS_DEG) * np.clip(altitude_deg + 2.0, 0.0, 1.0)
+    return sky, sun_transmittance(altitude_deg), at_clouds, _direction(azimuth_deg, max(altitude_deg, _LOWEST_KEY_DEG))
+
+
+def _sky_of(altitude_deg: float, azimuth_deg: float) -> Float64Array:
+    """The map of the clear sky lit by a sun (or moon) of irradiance / π 1 outside of the air."""
+    elevation, azimuth = np.degrees(hemisphere())
+    radiance: Float64Array = np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
+    return radiance
+
+
+@lru_cache(maxsize=1)
+def _night() -> Float64Array:
+    """The map of the night sky's own light."""
+    zenith, horizon = (np.array(_constants()[name]) for name in ("night_zenith", "night_horizon"))
+    height = np.sin(hemisphere()[0])[..., None]
+    radiance: Float64Array = zenith + (horizon - zenith) * np.exp(-6.0 * height)
+    return radiance
+
+
+@lru_cache(maxsize=1)
+def _overcast_pattern() -> Float64Array:
+    """The map of an overcast sky that gives level ground irradiance / π 1; in haze, its zenith is twice the horizon."""
+    pattern: Float64Array = (1.0 + np.sin(hemisphere()[0])[..., None]) * 0.6
+    return pattern
+
+
+@lru_cache(maxsize=1)
+def _level_weights() -> Float64Array:
+    """Of the texels, by solid angle and cosine with the vertical; their sum is 1."""
+    middle = (np.arange(SKY_SIZE_PX) + 0.5) / SKY_SIZE_PX * 2.0 - 1.0
+    radius = np.hypot(*np.meshgrid(middle, middle))
+    up = np.sin(hemisphere()[0])
+    # Solid angle per area of the map: |d(up)| |d(azimuth)| over r dr d(azimuth).
+    slope = np.gradient(up[SKY_SIZE_PX // 2, SKY_SIZE_PX // 2 :], middle[SKY_SIZE_PX // 2 :])
+    density = np.interp(radius, middle[SKY_SIZE_PX // 2 :], -slope) / radius
+    weights = np.where(radius <= 1.0, density * up, 0.0)
+    result: Float64Array = weights / weights.sum()
+    return result
+
+
+def _level_irradiance(sky: Float64Array) -> Float64Array:
+    """(3,) irradiance / π of a map of the sky on level ground."""
+    irradiance: Float64Array = np.einsum("yxc,yx->c", sky, _level_weights())
+    return irradiance
+
+
+def _air(
+    sky: Float64Array, azimuth_deg: float, fog_density: float, in_fog: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Two (3,) colours: ``away + glow · towards^8`` is that of air near the horizon, towards 1 being the sun's side.
+
+    Fog scatters light so often that its colour is that of all light together, (3,) ``in_fog``.
+    """
+    turned = np.linspace(0.0, np.pi, 17)
+    towards = (0.5 + 0.5 * np.cos(turned)) ** 8
+    angle = turned + np.radians(azimuth_deg)
+    place = (np.stack([np.cos(angle), np.sin(angle)]) * 0.93 + 1.0) / 2.0 * SKY_SIZE_PX
+    ring = sky[place[1].astype(int), place[0].astype(int)]
+    away = ring[towards < 0.2].mean(axis=0)
+    glow = np.einsum("kc,k->c", ring - away, towards) / (towards**2).sum()
+    glow = np.clip(glow, 0.0, _BRIGHTEST_GLOW * away.mean())
+    foggy = min(fog_density / 60.0, 1.0)
+    gray = 0.5 * (in_fog + in_fog.mean())
+    return away + (gray - away) * (0.7 * foggy), glow + (0.5 * glow.mean() - glow) * (0.75 * foggy)
+
+
+def _adapted(light: float) -> tuple[float, float]:
+    """How bright white paper is shown in so much light, and the exposure of lamps."""
+    keys = _constants()["adaptation"]
+    lights = np.log([key["light"] for key in keys])
+    white, exposure = (
+        float(np.exp(np.interp(np.log(light), lights, np.log([key[name] for key in keys]))))
+        for name in ("white", "exposure")
+    )
+    return white, exposure
+
+
+def _direction(azimuth_deg: float, altitude_deg: float) -> Float64Array:
+    """(3,) unit vector in the map frame; azimuth counter-clockwise from x."""
+    azimuth, altitude = np.radians([azimuth_deg, altitude_deg])
+    return np.array([np.cos(azimuth) * np.cos(altitude), np.sin(azimuth) * np.cos(altitude), np.sin(altitude)])
+
+
+@lru_cache(maxsize=1)
+def _constants() -> dict[str, Any]:
+    text = files("simbev_ros.render.lighting").joinpath("sky.yaml").read_text(encoding="utf-8")
+    constants: dict[str, Any] = yaml.safe_load(text)
+    return constants

@@ -1,0 +1,1 @@
+"""From the G-buffer to a color image: materials, rain, wet ground, screen passes."""

@@ -1,0 +1,102 @@
+"""From the G-buffer to a colour image: every shading class with its own shader, then anti-aliasing."""
+
+import moderngl
+import numpy as np
+
+from simbev_ros.config.lights import MOST_COLORS
+from simbev_ros.render.gl.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary
+from simbev_ros.render.gl.targets import Targets
+from simbev_ros.render.gl.timer import Timer
+from simbev_ros.render.lighting.glare import Glare
+from simbev_ros.render.shading.class_areas import class_areas
+from simbev_ros.render.shading.rain import Rain
+from simbev_ros.render.shading.surfaces import material_block, shading_classes
+from simbev_ros.render.shading.wetness import Wetness
+from simbev_ros.scene.lights import LightSpec
+from simbev_ros.types import Float64Array, Table
+
+_MOST_SEEDS = 4096
+_GROUND = shading_classes().index("ground")
+_LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
+
+
+class Shading:
+    """Lights the G-buffer. Light, matrices and signal states are those of the frame, set before its first camera."""
+
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary, timer: Timer) -> None:
+        self._context = context
+        self._timer = timer
+        self._visibility = library.screen_pass("visibility.frag")
+        self._smooth = library.screen_pass("smooth.frag")
+        self._areas = class_areas(context, library)
+        self._passes = {
+            lit: [
+                self._areas.surface_pass(f"shade_{name}.frag", number, LAMPS_LIT=float(lit))
+                for number, name in enumerate(shading_classes())
+            ]
+            for lit in (False, True)
+        }
+        self.glare = Glare(context, library)
+        self.rain = Rain(context, library)
+        self.wetness = Wetness(context, self._areas, library.quality, _GROUND)
+        self._antialias = library.screen_pass("antialias.frag")
+        self._enlarge = library.screen_pass("enlarge.frag")
+        self._materials = context.buffer(material_block())
+        self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
+        self._light = context.buffer(reserve=_LIGHT_BLOCK_BYTES)
+        self._light.bind_to_uniform_block(BLOCK_BINDINGS["Light"])
+        self._signals: moderngl.Texture | None = None
+        self._lamps_lit = False
+
+    def set_light(self, lamps_lit: bool, sky: Float64Array, *matrices: Float64Array) -> None:
+        """Set the uniform block ``Light``: (10, 4) vectors, (4, 4) matrices of the shadow map and the lamp field."""
+        self._lamps_lit = lamps_lit
+        block = np.concatenate([sky, *(matrix.T for matrix in matrices)])
+        self._light.write(block.astype(np.float32).tobytes())
+
+    def set_windows(self, lights: LightSpec) -> None:
+        """Set how many windows are lit at night and in which colours."""
+        buildings = lights.buildings
+        colors = [[color >> shift & 0xFF for shift in (16, 8, 0)] for color in buildings.colors]
+        srgb = np.resize(np.array(colors, np.float32) / 255.0, (MOST_COLORS, 3))
+        program = self._passes[True][shading_classes().index("wall")].program
+        program["window_colors"].write(srgb.tobytes())  # type: ignore[union-attr]
+        program["window_color_count"] = len(colors)
+        program["window_share"] = buildings.share_lit if buildings.enabled else 0.0
+        program["window_seed"] = lights.seed % _MOST_SEEDS
+
+    def set_signals(self, signals: Table) -> None:
+        """Set what each of (S,) ``SIGNAL_DTYPE`` rows shows."""
+        count = max(len(signals), 1)
+        if self._signals is None or self._signals.width != count:
+            if self._signals is not None:
+                self._signals.release()
+            self._signals = self._context.texture((count, 1), 1, dtype="u1")
+            self._signals.use(TEXTURE_UNITS["signal_states"])
+        self._signals.write(np.resize(signals["state"], count).tobytes() if len(signals) else b"\0")
+
+    def draw(self, targets: Targets, camera_seed: int) -> None:
+        """Fill ``targets.rgb`` from the G-buffer, which must be bound; every camera has other drops on its lens."""
+        with self._timer("sun and occlusion"):
+            self._visibility.draw(targets.noisy_visibility)
+            self._smooth.draw(targets.visibility)
+        with self._timer("classes"):
+            self._areas.find(targets)
+        passes = list(self._passes[self._lamps_lit])
+        if self.wetness.wet:
+            passes[_GROUND] = self.wetness.ground(self._lamps_lit)
+        for name, shade in zip(shading_classes(), passes, strict=True):
+            with self._timer(f"shading: {name}"):
+                shade.draw(targets.surfaces)
+        with self._timer("reflections"):
+            self.wetness.draw_mirrored(targets)
+        with self._timer("final pass"):
+            self._antialias.draw(targets.smoothed)
+            if targets.smoothed is not targets.rgb:
+                self._enlarge.draw(targets.rgb)
+        with self._timer("glare, rain"):
+            targets.rgb.use()
+            if self._lamps_lit:
+                self.glare.draw()
+            self.rain.draw_streaks(self._lamps_lit)
+            self.rain.draw_lens_drops(targets, camera_seed)

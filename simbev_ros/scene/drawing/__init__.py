@@ -1,0 +1,1 @@
+"""Draws scenes: configuration and map in, a complete specification out."""

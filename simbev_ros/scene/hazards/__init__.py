@@ -1,0 +1,1 @@
+"""Hazard areas: accidents and work zones, where they find room, and what stands in and around them."""

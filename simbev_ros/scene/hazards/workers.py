@@ -1,0 +1,43 @@
+"""The people who work in a work zone."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+
+from simbev_ros.config.draw import sample
+from simbev_ros.config.hazards import Hazards
+from simbev_ros.random import stream
+from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.footprints import footprints
+from simbev_ros.scene.hazards.area import HazardArea
+from simbev_ros.scene.hazards.guards import BARRIER_M
+from simbev_ros.scene.hazards.hazard import PropSpec
+from simbev_ros.scene.spec import VehicleSpec
+
+_WORKER = "prop.worker"
+_TRIES = 12
+_CLEAR_M = 0.6  # between a worker's middle and all else
+
+
+def workers(
+    config: Hazards, area: HazardArea, vehicles: Sequence[VehicleSpec], seed: int, name: str
+) -> Iterator[PropSpec]:
+    """Workers in the body of a work zone, clear of its vehicles; whoever finds no place is left out."""
+    rng = stream(seed, f"{name}.workers")
+    begin_m, end_m = area.body_m
+    stands = [vehicle.stands_at for vehicle in vehicles if vehicle.stands_at is not None]
+    sizes_m = [load_blueprints()[blueprint_index()[vehicle.blueprint]].size_m[:2] for vehicle in vehicles]
+    middle_m = np.array([(stand.x_m, stand.y_m) for stand in stands]).reshape(-1, 2)
+    boxes = footprints(np.array(sizes_m).reshape(-1, 2), middle_m, np.array([stand.yaw_rad for stand in stands]))
+    taken = [shapely.union_all(boxes)]
+    for _ in range(round(sample(config.workers, rng))):
+        along_m = rng.uniform(begin_m + BARRIER_M + _CLEAR_M, end_m - BARRIER_M - _CLEAR_M, _TRIES)
+        position_m, _ = area.places(along_m, rng.uniform(_CLEAR_M, area.width_m - 2.0 * _CLEAR_M, _TRIES))
+        yaw_rad = float(rng.uniform(-np.pi, np.pi))
+        points = np.asarray(shapely.points(position_m[:, :2]), object)
+        clear = np.flatnonzero(~np.any([shapely.dwithin(points, each, _CLEAR_M) for each in taken], axis=0))
+        if len(clear):
+            taken.append(points[clear[0]].buffer(_CLEAR_M))
+            x_m, y_m, z_m = position_m[clear[0]].tolist()
+            yield PropSpec(blueprint=_WORKER, x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad)

@@ -1,0 +1,1 @@
+"""Where vehicles can drive and pedestrians can walk: graphs over the lanes of a map."""

@@ -1,0 +1,1 @@
+"""Pictures of maps: plans and views from above."""

@@ -1,0 +1,70 @@
+"""Pictures of a map: from above, as a plan beside an aerial view of a part of it, and from the street."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.errors import InputError
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.types import Float64Array, UInt8Array
+from simbev_ros.viz.canvas import Color, draw_text
+from simbev_ros.viz.maps.map_plan import MapPlan
+from simbev_ros.viz.maps.orthophoto import orthophoto
+
+WHOLE_M, DETAIL_M = 720.0, 560.0
+"""Up to the first the aerial view shows the whole map; otherwise a square of the second."""
+_SIDE_PX, _GAP_PX = 900, 12
+_MARGIN = 1.06
+_BAR_PX = 0.22
+_DARK: Color = (40, 40, 44)
+_LIGHT: Color = (250, 250, 250)
+
+
+def above(network: RoadNetwork, static: StaticScene, place_m: Float64Array) -> UInt8Array:
+    """(900, 1812, 3) uint8 RGB: on the left all of the map, on the right the surroundings of (2,) ``place_m``."""
+    middle_m, whole_m = square_around(network)
+    plan = MapPlan(network, middle_m, whole_m, _SIDE_PX)
+    detail_m = whole_m if whole_m <= WHOLE_M else DETAIL_M
+    play_m = (whole_m - detail_m) / 2.0
+    place_m = np.clip(place_m, middle_m - play_m, middle_m + play_m)
+    if play_m > 0.0:
+        plan.frame(place_m, detail_m)
+    left, right = plan.picture(), orthophoto(static.tiles, place_m, detail_m, _SIDE_PX)
+    _scale_bar(left, whole_m, _DARK, _LIGHT)
+    _scale_bar(right, detail_m, _LIGHT, _DARK)
+    return np.concatenate([left, np.full((_SIDE_PX, _GAP_PX, 3), 255, np.uint8), right], axis=1)
+
+
+def square_around(network: RoadNetwork) -> tuple[Float64Array, float]:
+    """(2,) middle, map frame, and side of the square that all lanes lie in, with a margin; metres."""
+    points_m = np.concatenate([lane.centerline_m[:, :2] for lane in network.lanes.values()])
+    low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
+    return (low_m + high_m) / 2.0, float((high_m - low_m).max()) * _MARGIN
+
+
+def write_picture(path: Path, picture: UInt8Array) -> None:
+    """Write a PNG.
+
+    Raises:
+        InputError: It cannot be written there.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _scale_bar(picture: UInt8Array, side_m: float, color: Color, background: Color) -> None:
+    """A bar of a round length in the lower left corner."""
+    wanted_m = _BAR_PX * side_m
+    power = 10.0 ** np.floor(np.log10(wanted_m))
+    length_m = next(step * power for step in (5.0, 2.0, 1.0) if step * power <= wanted_m)
+    length_px, base = round(length_m / side_m * _SIDE_PX), _SIDE_PX - 26
+    plate = picture[base - 32 : base + 14, 14 : length_px + 34]
+    plate[:] = (plate + np.array(background)) // 2
+    cv2.rectangle(picture, (24, base), (24 + length_px, base + 4), color, cv2.FILLED)
+    text = f"{length_m:.0f} m" if length_m < 1000 else f"{length_m / 1000:.0f} km"
+    draw_text(picture, text, 24, base - 8, size=17, color=color)

@@ -1,0 +1,140 @@
+"""A map as a plan: land use, relief, water, prescribed buildings, and the roads, level above level."""
+
+from functools import lru_cache
+from importlib.resources import files
+
+import cv2
+import numpy as np
+import shapely
+import yaml
+
+from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Strip
+from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
+from simbev_ros.viz.canvas import Color
+
+_OVERSAMPLING = 2
+_FRACTION_BITS = 4
+_MOTORWAY_MPS, _MAIN_ROAD_MPS = 22.0, 15.0
+_RELIEF_CELL_PX = 8
+_SUN = np.array([-0.5, 0.5, 0.7]) / np.linalg.norm([-0.5, 0.5, 0.7])
+_EXAGGERATION = 2.5
+
+
+class MapPlan:
+    """A square drawing, north up, with ways to put further marks on it."""
+
+    def __init__(self, network: RoadNetwork, center_m: Float64Array, extent_m: float, size_px: int) -> None:
+        """Draw it.
+
+        Args:
+            network: The map.
+            center_m: (2,) middle of the drawing, map frame.
+            extent_m: Its side.
+            size_px: Its side in pixels.
+        """
+        self._count = size_px * _OVERSAMPLING
+        self._size_px = size_px
+        self._cell_m = extent_m / self._count
+        self._corner_m = np.array([center_m[0] - extent_m / 2.0, center_m[1] + extent_m / 2.0])
+        self._canvas = np.empty((self._count, self._count, 3), np.uint8)
+        self._draw_land(network)
+        for level in network.layout.levels:
+            self._draw_roads([strip for strip in network.layout.strips if strip.level == level])
+
+    def frame(self, center_m: Float64Array, extent_m: float) -> None:
+        """Mark a square."""
+        corners_m = center_m + extent_m / 2.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        self._outline([self._pixels(corners_m)], palette()["frame"], 3 * _OVERSAMPLING)
+
+    def picture(self) -> UInt8Array:
+        """(size_px, size_px, 3) uint8 RGB."""
+        picture = cv2.resize(self._canvas, (self._size_px, self._size_px), interpolation=cv2.INTER_AREA)
+        return np.asarray(picture, np.uint8)
+
+    def _draw_land(self, network: RoadNetwork) -> None:
+        features, colors = network.features, palette()
+        self._canvas[:] = colors[features.surroundings.use]
+        for zone in features.zones:
+            self._area(zone.area, colors[zone.surroundings.use])
+        self._canvas[:] = np.clip(self._canvas * self._hill_shade(network)[..., None], 0, 255)
+        for water in features.water:
+            self._area(water.area, colors["water"])
+        for building in features.buildings or ():
+            self._area(building.outline, colors["building"])
+            self._outline([self._pixels(np.array(building.outline.exterior.coords))], colors["building_line"], 1)
+
+    def _hill_shade(self, network: RoadNetwork) -> Float32Array:
+        """(count, count) factor of brightness; exactly 1 on level land."""
+        steps = np.arange(0, self._count + _RELIEF_CELL_PX, _RELIEF_CELL_PX) * self._cell_m
+        x_m, y_m = np.meshgrid(self._corner_m[0] + steps, self._corner_m[1] - steps)
+        height_m = Terrain(network).far_m(np.column_stack([x_m.ravel(), y_m.ravel()])).reshape(x_m.shape)
+        south, east = np.gradient(height_m, _RELIEF_CELL_PX * self._cell_m / _EXAGGERATION)
+        light = (_SUN[2] - _SUN[0] * east + _SUN[1] * south) / np.sqrt(1.0 + east**2 + south**2)
+        factor = np.clip(light / _SUN[2], 0.78, 1.06).astype(np.float32)
+        size = self._count + _RELIEF_CELL_PX
+        return np.asarray(cv2.resize(factor, (size, size))[: self._count, : self._count], np.float32)
+
+    def _draw_roads(self, strips: list[Strip]) -> None:
+        """One level: first everything a little wider in the casing's colour, then the lanes, fast roads last."""
+        colors = palette()
+        areas = [self._pixels(_ring(strip)) for strip in strips]
+        driven = [strip.kind is LaneKind.DRIVING for strip in strips]
+        self._outline([area for area, road in zip(areas, driven, strict=True) if road], colors["casing"], 3)
+        for strip, area in zip(strips, areas, strict=True):
+            if strip.kind is not LaneKind.DRIVING:
+                self._fill([area], colors[_NAMES[strip.kind]])
+        for name in ("road", "main_road", "motorway"):
+            chosen = [k for k, strip in enumerate(strips) if driven[k] and _class_of(strip) == name]
+            for k in chosen:  # one by one: in one call areas that overlap would cancel each other
+                self._fill([areas[k]], colors[name])
+            lines = [self._pixels(strips[k].center_m[:, :2]) for k in chosen]
+            self._outline(lines, colors[name], _OVERSAMPLING, closed=False)  # seen even where lanes are thinner
+
+    def _area(self, area: shapely.Polygon, color: Color) -> None:
+        self._fill([self._pixels(np.array(ring.coords)) for ring in (area.exterior, *area.interiors)], color)
+
+    def _fill(self, rings: list[Int32Array], color: Color) -> None:
+        if rings:
+            cv2.fillPoly(self._canvas, rings, color, cv2.LINE_AA, _FRACTION_BITS)
+
+    def _outline(self, lines: list[Int32Array], color: Color, width_px: int, *, closed: bool = True) -> None:
+        cv2.polylines(self._canvas, lines, closed, color, width_px, cv2.LINE_AA, _FRACTION_BITS)
+
+    def _pixels(self, xy_m: Float64Array) -> Int32Array:
+        """(N, 2) fixed-point columns and rows; far outside the drawing they are moved nearer."""
+        pixels = (xy_m - self._corner_m) * (1.0, -1.0) / self._cell_m
+        fixed = np.clip(pixels, -8 * self._count, 8 * self._count) * 2**_FRACTION_BITS
+        return np.asarray(np.rint(fixed), np.int32)
+
+
+@lru_cache(maxsize=1)
+def palette() -> dict[str, Color]:
+    """Colours by name; those of land by ``SurroundingsRecipe.use``."""
+    table = yaml.safe_load(files("simbev_ros.viz.maps").joinpath("map_plan.yaml").read_text(encoding="utf-8"))
+    return {name: (color[0], color[1], color[2]) for name, color in {**table.pop("land"), **table}.items()}
+
+
+_NAMES = {
+    LaneKind.BICYCLE: "bicycle",
+    LaneKind.PARKING: "parking",
+    LaneKind.SHOULDER: "shoulder",
+    LaneKind.MEDIAN: "median",
+    LaneKind.SIDEWALK: "sidewalk",
+    LaneKind.CROSSING: "sidewalk",
+    LaneKind.WALKING_AREA: "sidewalk",
+}
+
+
+def _class_of(strip: Strip) -> str:
+    if strip.speed_mps < _MAIN_ROAD_MPS:
+        return "road"
+    return "motorway" if strip.speed_mps >= _MOTORWAY_MPS else "main_road"
+
+
+def _ring(strip: Strip) -> Float64Array:
+    if strip.outline_m is not None:
+        return strip.outline_m
+    return np.concatenate([strip.left_m[:, :2], strip.right_m[::-1, :2]])

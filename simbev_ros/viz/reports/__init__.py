@@ -1,0 +1,1 @@
+"""Reports as single HTML pages: datasets and evaluations, with charts as SVG."""

@@ -1,0 +1,139 @@
+"""What a dataset's report says of its boxes: how many, where, how large, and how much of them sensors get."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from simbev_ros.dataset.statistics import Statistics
+from simbev_ros.dataset.tallies import (
+    DISTANCE_STEP_M,
+    PLACE_STEP_M,
+    PLACES,
+    POINT_LEVELS,
+    SIZE_STEP_M,
+    SPEED_STEP_MPS,
+    VISIBILITIES,
+)
+from simbev_ros.palette import class_color
+from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES
+from simbev_ros.types import Int64Array
+from simbev_ros.viz.reports.svg_charts import SMALL, Series, bars, curves, figure, histogram, legend, words
+from simbev_ros.viz.reports.svg_drawing import INK, Color, Drawing, heat, number
+
+_PALE: Color = (203, 213, 219)
+_DIFFICULTY_COLORS: tuple[Color, ...] = ((126, 184, 138), (226, 178, 84), (196, 84, 74))
+_MOVING = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
+_COLUMNS = 24
+_RINGS_M = (40, 80, 120)
+
+
+def box_figures(statistics: Statistics) -> Iterator[str]:
+    """How many boxes there are, how far, how fast, how large, and how much of them sensors get."""
+    counts, frames = statistics.tally.counts, max(statistics.tally.frames, 1)
+    colors = {name: class_color(name) for name in BOX_CLASSES if counts["boxes"][BOX_CLASSES.index(name)]}
+    rows = [BOX_CLASSES.index(name) for name in colors]
+    names, key = [words(name) for name in colors], legend({words(name): color for name, color in colors.items()})
+    valid, boxes = counts["valid"][rows] / frames, counts["boxes"][rows] / frames
+    parts = [Series("valid", valid), Series("not valid", boxes - valid, _PALE)]
+    note = '<p class="note">Valid: at least one point of a lidar or radar is inside.</p>'
+    yield figure("Boxes a frame, by class", bars(names, parts), legend({"valid": INK, "not valid": _PALE}) + note)
+    together = histogram([Series("frames", _merged(counts["all_per_frame"], 4))], 4, "boxes", "frames")
+    yield figure("Boxes in a frame, all classes", together)
+
+    def stacked(name: str) -> list[Series]:
+        return [Series(words(BOX_CLASSES[row]), counts[name][row], class_color(BOX_CLASSES[row])) for row in rows]
+
+    yield figure("Distance from the ego", histogram(stacked("distance"), DISTANCE_STEP_M, "m", "boxes"), key)
+    visible = histogram(stacked("visibility"), 100 / VISIBILITIES, "% of its pixels", "boxes")
+    unseen = int(counts["unseen"].sum())
+    yield figure("Visibility in the cameras", visible, f"{number(unseen)} boxes are in no camera's picture.")
+    colors_of = dict(zip(DIFFICULTIES, _DIFFICULTY_COLORS, strict=True))
+    grades = [
+        Series(name, counts["difficulty"][rows, k] / frames, colors_of[name]) for k, name in enumerate(DIFFICULTIES)
+    ]
+    yield figure("Difficulty, boxes a frame", bars(names, grades), legend(colors_of))
+    yield _around(counts["places"], ("car", "truck", "bus", "motorcycle", "bicycle"), "Where vehicles are")
+    yield _around(counts["places"], ("pedestrian",), "Where pedestrians are")
+    for kind in ("lidar", "radar"):
+        if counts[f"{kind}_points"].any():
+            yield from _point_figures(
+                counts[f"{kind}_boxes"], counts[f"{kind}_points"], counts[f"{kind}_levels"], kind, rows
+            )
+
+
+def crowd_figures(statistics: Statistics) -> Iterator[str]:
+    """How many boxes of each class are in a frame."""
+    for name, counts in zip(BOX_CLASSES, statistics.tally.counts["per_frame"], strict=True):
+        if counts[1:].any():
+            most = int(np.flatnonzero(counts).max())
+            step = most // _COLUMNS + 1
+            series = Series("frames", _merged(counts, step), class_color(name))
+            yield figure(
+                f"{words(name).capitalize()}: boxes in a frame", histogram([series], step, "boxes", "", size=SMALL)
+            )
+
+
+def size_figures(statistics: Statistics) -> Iterator[str]:
+    """Speeds and sizes, class by class."""
+    counts = statistics.tally.counts
+    for name in BOX_CLASSES:
+        row, color = BOX_CLASSES.index(name), class_color(name)
+        if not counts["boxes"][row]:
+            continue
+        if name in _MOVING:
+            chart = histogram([Series("boxes", counts["speed"][row], color)], SPEED_STEP_MPS, "m/s", "", size=SMALL)
+            yield figure(f"{words(name).capitalize()}: speed", chart)
+        for axis, side in enumerate(("length", "width", "height")):
+            series = Series("boxes", counts["size"][axis, row], color)
+            yield figure(f"{words(name).capitalize()}: {side}", histogram([series], SIZE_STEP_M, "m", "", size=SMALL))
+
+
+def _point_figures(
+    boxes: Int64Array, points: Int64Array, levels: Int64Array, kind: str, rows: Sequence[int]
+) -> Iterator[str]:
+    """Points per box over distance, of one kind of sensor."""
+    middles_m = (np.arange(boxes.shape[1], dtype=np.float64) + 0.5) * DISTANCE_STEP_M
+    mean = points / np.maximum(boxes, 1)
+    series = [Series(words(BOX_CLASSES[row]), mean[row], class_color(BOX_CLASSES[row])) for row in rows]
+    key = legend({each.name: each.color for each in series})
+    yield figure(f"{kind.capitalize()} points in a box, mean", curves(middles_m, series, "m", "points"), key)
+    used = int(np.flatnonzero(levels.sum(axis=1)).max(initial=0)) + 1
+    names = ["0", *(str(1 << k) for k in range(POINT_LEVELS - 1))]
+    top = int(np.flatnonzero(levels.sum(axis=0)).max(initial=0)) + 1
+    yield figure(
+        f"{kind.capitalize()} points in a box: how often, at each distance", _level_heat(levels[:used, :top], names)
+    )
+
+
+def _level_heat(levels: Int64Array, names: Sequence[str]) -> str:
+    """Distance to the right, points upward, in doubling steps."""
+    sheet, left, floor = Drawing(560, 260), 46.0, 224.0
+    used, top = levels.shape
+    share = levels / np.maximum(levels.sum(axis=1, keepdims=True), 1)
+    sheet.picture(left, 22, (504, floor - 22), *heat(share.T[::-1]))
+    for level in range(0, top, 2):
+        sheet.text(left - 6, floor - (level + 0.5) * (floor - 22) / top + 3.5, names[level], anchor="end")
+    for place in range(0, used + 1, max(used // 6, 1)):
+        sheet.text(left + place * 504 / used, floor + 14, number(place * DISTANCE_STEP_M))
+    sheet.text(550, 255, "m", "label", "end")
+    sheet.text(0, 10, "points, from", "label", "start")
+    return sheet.svg()
+
+
+def _around(places: Int64Array, names: Sequence[str], title: str) -> str:
+    """Boxes of some classes around the ego, which looks up."""
+    side = 560.0
+    sheet, values = Drawing(side, side), places[[BOX_CLASSES.index(name) for name in names]].sum(axis=0)
+    sheet.picture(0, 0, (side, side), *heat(values, class_color(names[0])))
+    for radius_m in _RINGS_M:
+        radius = radius_m / (PLACES * PLACE_STEP_M) * side
+        sheet.add(f'<circle class="ring" cx="{side / 2}" cy="{side / 2}" r="{radius:.1f}"/>')
+        sheet.text(side / 2 + 4, side / 2 - radius + 12, f"{radius_m} m", "tick", "start")
+    sheet.mark_ego(side / 2, side / 2)
+    return figure(title, sheet.svg(), "The ego is in the middle and looks up.")
+
+
+def _merged(counts: Int64Array, by: int) -> Int64Array:
+    """Counts of bins that are so many times as wide."""
+    merged: Int64Array = np.add.reduceat(counts, np.arange(0, len(counts), by))
+    return merged

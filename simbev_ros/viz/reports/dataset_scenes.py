@@ -1,0 +1,112 @@
+"""What a dataset's report says of its scenes: how many there are of each map, and what was drawn for them."""
+
+from collections.abc import Iterator, Sequence
+from html import escape
+
+import numpy as np
+from rich.filesize import decimal
+
+from simbev_ros.config.scenario import SPLITS
+from simbev_ros.dataset.statistics import SceneFacts, Statistics
+from simbev_ros.dataset.tallies import SPEED_STEP_MPS
+from simbev_ros.scene.weather import Weather
+from simbev_ros.types import AnyArray
+from simbev_ros.viz.reports.page import table
+from simbev_ros.viz.reports.svg_charts import SMALL, Series, bars, figure, histogram, legend
+from simbev_ros.viz.reports.svg_drawing import Color, css, number
+
+SPLIT_COLORS: dict[str, Color] = {"train": (47, 111, 143), "val": (217, 142, 50), "test": (166, 68, 92)}
+_MOST_KINDS = 20
+_COLUMNS = 24
+_WEATHER_BINS = 20
+_WEATHER_ENDS: dict[str, tuple[float, float, str]] = {
+    "cloudiness": (0, 100, "%"),
+    "precipitation": (0, 100, "%"),
+    "precipitation_deposits": (0, 100, "%"),
+    "wetness": (0, 100, "%"),
+    "wind_intensity": (0, 100, "%"),
+    "sun_azimuth_deg": (0, 360, "°"),
+    "sun_altitude_deg": (-90, 90, "°"),
+    "fog_density": (0, 100, "%"),
+    "fog_distance_m": (0, 100, "m"),
+    "fog_falloff": (0, 5, ""),
+}
+
+
+def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
+    """Numbers for the head of the page, each with what it counts."""
+    scenes, tally = statistics.scenes, statistics.tally
+    frames = sum(scene.frames for scene in scenes)
+    minutes = sum(scene.duration_s for scene in scenes) / 60.0
+    return [
+        (number(len(scenes)), "scenes"),
+        (number(len({scene.map for scene in scenes})), "maps"),
+        (number(frames), "frames"),
+        (number(round(minutes, 1)), "minutes"),
+        (number(round(sum(scene.way_m for scene in scenes) / 1000.0, 2)), "km driven"),
+        (number(round(int(tally.counts["boxes"].sum()) / max(tally.frames, 1), 1)), "boxes a frame"),
+        (decimal(sum(scene.file_bytes for scene in scenes)), "recorded"),
+    ]
+
+
+def scene_figures(statistics: Statistics) -> Iterator[str]:
+    """Scenes by map and split, and what was drawn for them."""
+    scenes = statistics.scenes
+    maps = sorted({scene.map for scene in scenes})
+    counts = {split: [sum(s.map == name and s.split == split for s in scenes) for name in maps] for split in SPLITS}
+    series = [Series(split, np.array(counts[split]), SPLIT_COLORS[split]) for split in SPLITS]
+    yield figure("Scenes by map", bars(maps, series), legend(SPLIT_COLORS))
+    for name, title in (("vehicles", "Vehicles in a scene"), ("pedestrians", "Pedestrians in a scene")):
+        values = np.array([getattr(scene, name) for scene in scenes])
+        step = max(1, int(np.ceil((values.max() + 1) / _COLUMNS)))
+        yield figure(title, histogram(_by_split(scenes, values, 0.0, step), step, name, "scenes"))
+    speeds = statistics.tally.counts["ego_speed"]
+    yield figure("Speed of the ego", histogram([Series("frames", speeds)], SPEED_STEP_MPS, "m/s", "frames"))
+    kinds = statistics.tally.actors.most_common(_MOST_KINDS)
+    drawn = Series("actors", np.array([count for _, count in kinds]))
+    yield figure(
+        "Most frequent actors", bars([name for name, _ in kinds], [drawn]), "In the first frames of all scenes."
+    )
+
+
+def weather_figures(statistics: Statistics) -> Iterator[str]:
+    """Each parameter of the weather, over the scenes."""
+    for name in Weather.model_fields:
+        low, high, unit = _WEATHER_ENDS[name]
+        values = np.array([getattr(scene.weather, name) for scene in statistics.scenes])
+        step = (high - low) / _WEATHER_BINS
+        inside = np.clip(values, low, high - step / 2)
+        title = name.removesuffix("_deg").removesuffix("_m").replace("_", " ").capitalize()
+        yield figure(
+            title,
+            histogram(_by_split(statistics.scenes, inside, low, step), step, unit, "scenes", low, SMALL, _WEATHER_BINS),
+        )
+
+
+def scene_table(statistics: Statistics) -> str:
+    """A row for each scene."""
+    scene_heads = ("scene", "split", "frames", "s", "vehicles", "pedestrians", "hazards")
+    heads = (*scene_heads, "sun °", "clouds", "rain", "fog", "boxes a frame", "ego m", "MB")
+    lines = []
+    for scene in statistics.scenes:
+        weather = scene.weather
+        values = (
+            *(scene.frames, round(scene.duration_s, 2), scene.vehicles, scene.pedestrians, scene.hazards),
+            *(round(value) for value in (weather.sun_altitude_deg, weather.cloudiness)),
+            *(round(value) for value in (weather.precipitation, weather.fog_density)),
+            *(round(scene.boxes / max(scene.looked_at, 1), 1), round(scene.way_m), round(scene.file_bytes / 1e6, 1)),
+        )
+        cells = "".join(f"<td>{number(value)}</td>" for value in values)
+        split = f'<td><b style="color:{css(SPLIT_COLORS[scene.split])}">{scene.split}</b></td>'
+        lines.append(f"<th>{escape(scene.name)}</th>{split}{cells}")
+    return table(heads, lines)
+
+
+def _by_split(scenes: Sequence[SceneFacts], values: AnyArray, low: float, step: float) -> list[Series]:
+    """How many scenes of each split have values in bins from ``low`` on."""
+    place = np.maximum(np.floor((values - low) / step).astype(int), 0)
+    found = []
+    for split, color in SPLIT_COLORS.items():
+        rows = [scene.split == split for scene in scenes]
+        found.append(Series(split, np.bincount(place[rows], minlength=int(place.max()) + 1), color))
+    return found

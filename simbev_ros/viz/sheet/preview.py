@@ -1,0 +1,84 @@
+"""A bag → contact sheet (PNG) and video (MP4)."""
+
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+from av.video.reformatter import ColorRange, Colorspace
+
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.types import UInt8Array
+from simbev_ros.viz.sheet.contact_sheet import DESIGN_WIDTH_PX, Captions, ContactSheet
+from simbev_ros.viz.sheet.frames import FrameReader
+
+VIDEO_WIDTH_PX = 1280
+_BT709 = 1
+_QUALITY = "21"
+
+
+def write_picture(reader: FrameReader, index: int, path: Path) -> None:
+    """Write the contact sheet of the frame at an index as PNG."""
+    sheet = _sheet(reader, DESIGN_WIDTH_PX)
+    (frame,) = reader.frames(index, 1)
+    _, data = cv2.imencode(".png", cv2.cvtColor(sheet.draw(frame), cv2.COLOR_RGB2BGR))
+    path.write_bytes(data.tobytes())
+
+
+def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -> None:
+    """Write all frames as H.264 in MP4, at the scene's own rate.
+
+    Args:
+        reader: The frames.
+        path: The file; it has this name only once it is whole.
+        progress: Called after each frame.
+    """
+    sheet = _sheet(reader, VIDEO_WIDTH_PX)
+    unfinished = path.with_name(path.name + ".part")
+    with av.open(str(unfinished), "w", format="mp4", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream("libx264", rate=Fraction(reader.rate_hz).limit_denominator(1000))
+        stream.width, stream.height = sheet.size_px
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": _QUALITY, "preset": "veryfast"}
+        context = stream.codec_context
+        context.colorspace = context.color_primaries = context.color_trc = _BT709
+        context.color_range = ColorRange.MPEG
+        for frame in reader.frames(0, len(reader.stamps_ns)):
+            container.mux(stream.encode(_video_frame(sheet.draw(frame))))
+            progress()
+        container.mux(stream.encode())
+    unfinished.rename(path)
+
+
+def _video_frame(picture: UInt8Array) -> av.VideoFrame:
+    frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+    return frame.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
+
+
+def _sheet(reader: FrameReader, width_px: int) -> ContactSheet:
+    spec = reader.bag.spec
+    start_ns = spec.start_ns if spec else reader.stamps_ns[0]
+    facts = _facts(spec) if spec else ""
+    captions = Captions(reader.bag.name, facts, len(reader.stamps_ns), start_ns)
+    bev = spec.annotation.bev if spec else None
+    half_extent_m = bev.columns * bev.cell_m / 2 if bev else 72.0
+    return ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px, half_extent_m=half_extent_m)
+
+
+def _facts(spec: SceneSpec) -> str:
+    parts = [
+        f"seed {spec.seed}",
+        f"{len(spec.vehicles)} vehicles, {len(spec.pedestrians)} pedestrians",
+        f"sun {_course(spec, 'sun_altitude_deg')}°",
+        f"clouds {_course(spec, 'cloudiness')} %",
+        f"rain {_course(spec, 'precipitation')} %",
+        f"fog {_course(spec, 'fog_density')} %",
+    ]
+    return "  ·  ".join(parts)
+
+
+def _course(spec: SceneSpec, parameter: str) -> str:
+    """What a parameter of the weather is, and what it becomes."""
+    moments = [spec.weather] if spec.final_weather is None else [spec.weather, spec.final_weather]
+    return " → ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)

@@ -1,0 +1,79 @@
+"""Ground truth around the ego at the time of a picture, read from the labels that a bag has of about that time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy, rpy_from_rotation
+from simbev_ros.types import AnyArray, Float64Array, Table, UInt16Array
+
+Sample = tuple[int, AnyArray]
+"""Stamp in ns and value of one message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Ground truth at the time of one picture.
+
+    Attributes:
+        map_from_ego: (4, 4) pose of the ego at that time.
+        boxes: (N,) rows of /ego/boxes, map frame; None if there are none of about that time.
+        labels: (rows, columns) bird's-eye-view labels; None if there are none of about that time.
+        map_from_grid: (4, 4) pose of the labels' grid: level, along the ego's heading when they were made.
+    """
+
+    map_from_ego: Float64Array
+    boxes: Table | None
+    labels: UInt16Array | None
+    map_from_grid: Float64Array
+
+
+@dataclass(frozen=True, slots=True)
+class TruthTopics:
+    """Topics of a bag that hold ground truth; None where it has no such topic."""
+
+    boxes: str | None = None
+    odometry: str | None = None
+    labels: str | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """The topics that the bag has."""
+        return [topic for topic in (self.boxes, self.odometry, self.labels) if topic is not None]
+
+
+def truth_at(stamp_ns: int, topics: TruthTopics, latest: Callable[[str, int], Sample | None]) -> Truth | None:
+    """Ground truth at a stamp; None where the ego's pose at exactly that time was not recorded.
+
+    Args:
+        stamp_ns: Time of the picture.
+        topics: Where to find it.
+        latest: The last sample of a topic at or before a stamp, if there is a recent one; odometry as (4, 4)
+            map_from_ego.
+    """
+
+    def find(topic: str | None, before_ns: int) -> Sample | None:
+        return latest(topic, before_ns) if topic is not None else None
+
+    def pose_at(exactly_ns: int) -> Float64Array | None:
+        sample = find(topics.odometry, exactly_ns)
+        return sample[1] if sample is not None and sample[0] == exactly_ns else None
+
+    map_from_ego = pose_at(stamp_ns)
+    if map_from_ego is None:
+        return None
+    boxes, labels = find(topics.boxes, stamp_ns), find(topics.labels, stamp_ns)
+    map_from_labels = pose_at(labels[0]) if labels else None
+    return Truth(
+        map_from_ego,
+        None if boxes is None else boxes[1],
+        None if labels is None or map_from_labels is None else labels[1],
+        level(map_from_ego if map_from_labels is None else map_from_labels),
+    )
+
+
+def level(map_from_ego: Float64Array) -> Float64Array:
+    """The ego's pose without its roll and pitch."""
+    yaw_rad = rpy_from_rotation(map_from_ego[:3, :3])[2]
+    return matrices_from_xyz_rpy(map_from_ego[:3, 3], np.array([0.0, 0.0, yaw_rad]))

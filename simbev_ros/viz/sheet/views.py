@@ -1,0 +1,166 @@
+"""What of a bag is looked at: its cameras in order, the front one's modalities, lidar, radars and labels."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.radar import Radar
+from simbev_ros.config.rig import Rig
+from simbev_ros.errors import BagError
+from simbev_ros.recording.indexed_bag import IndexedBag
+from simbev_ros.types import Float64Array
+from simbev_ros.viz.sheet.layout import LabelPlace
+from simbev_ros.viz.sheet.truth import TruthTopics
+
+CAMERA_ORDER = ("front_left", "front", "front_right", "back_left", "back", "back_right")
+MODALITIES = ("semantic", "instance", "depth", "flow")
+
+_IMAGE = re.compile(r"/[^/]+/(?P<camera>[^/]+)/(?P<modality>[^/]+)/image_raw(/compressed(Depth)?)?")
+_POINTS = re.compile(r"/[^/]+/[^/]+/semantic_points")
+_BEV = re.compile(r"/[^/]+/bev/labels")
+_BOXES = re.compile(r"/[^/]+/boxes")
+_ODOMETRY = re.compile(r"/[^/]+/odom")
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledCamera:
+    """A camera over whose picture labels are drawn.
+
+    Attributes:
+        camera: That of the scene's rig.
+        rgb: Topic of the picture.
+        depth: Topic of what tells what is hidden, if it was recorded.
+        semantic: Topic of what tells ground from what stands on it, if it was recorded.
+    """
+
+    camera: Camera
+    rgb: str
+    depth: str | None
+    semantic: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Views:
+    """The topics that are looked at.
+
+    Attributes:
+        cameras: RGB topic by camera, in panorama order.
+        main_camera: The camera whose other modalities are shown.
+        modalities: Topic by modality, of the main camera.
+        points: Topic of the semantic lidar.
+        ego_from_lidar: (4, 4) where that is.
+        radars: (4, 4) ego_from_radar by the radar's topic.
+        bev: Topic of the bird's-eye-view labels.
+        truth: Topics of what is drawn over the others.
+        labels: Where that is drawn.
+        labelled: By name, the cameras that have it drawn over.
+    """
+
+    cameras: Mapping[str, str]
+    main_camera: str
+    modalities: Mapping[str, str]
+    points: str | None
+    ego_from_lidar: Float64Array
+    radars: Mapping[str, Float64Array]
+    bev: str | None
+    truth: TruthTopics
+    labels: LabelPlace
+    labelled: Mapping[str, LabelledCamera]
+
+    @property
+    def label_panel(self) -> tuple[str, LabelledCamera] | None:
+        """The camera of which there is a second picture with labels."""
+        return next(iter(self.labelled.items()), None) if self.labels == "panel" else None
+
+    @property
+    def topics(self) -> list[str]:
+        """All that have a picture of their own."""
+        single = [topic for topic in (self.points, self.bev) if topic is not None]
+        return [*self.cameras.values(), *self.modalities.values(), *self.radars, *single]
+
+    @property
+    def read_topics(self) -> set[str]:
+        """All that are needed to draw them."""
+        beside = [topic for each in self.labelled.values() for topic in (each.depth, each.semantic) if topic]
+        return {*self.topics, *self.truth.names, *beside}
+
+
+def find_views(bag: IndexedBag, labels: LabelPlace = "panel") -> Views:
+    """Choose topics by the patterns of their names; raw images before compressed ones.
+
+    Args:
+        bag: The scene.
+        labels: Where labels are drawn.
+
+    Raises:
+        BagError: There is nothing to look at.
+    """
+    names = sorted(name for name, topic in bag.topics.items() if len(topic.stamps_ns))
+    spec = bag.spec
+    rig = spec.rig if spec else None
+    images: dict[tuple[str, str], str] = {}
+    for name in sorted(names, key=len):
+        if match := _IMAGE.fullmatch(name):
+            images.setdefault((match["camera"], match["modality"]), name)
+    cameras = sorted({camera for camera, modality in images if modality == "rgb"}, key=_panorama_place)
+    others = sorted({camera for camera, modality in images if modality in MODALITIES}, key=main_place)
+    main = others[0] if others else ""
+    points = _first(_POINTS, names)
+    truth = TruthTopics(_first(_BOXES, names), _first(_ODOMETRY, names), _first(_BEV, names))
+    labelled = cameras if labels == "cameras" else sorted(cameras, key=main_place)[:1]
+    views = Views(
+        {camera: images[camera, "rgb"] for camera in cameras},
+        main,
+        {modality: images[main, modality] for modality in MODALITIES if (main, modality) in images},
+        points,
+        _lidar_pose(rig, points),
+        {topic: pose for topic, pose in _radar_poses(rig).items() if topic in names},
+        truth.labels,
+        truth if labels != "off" else TruthTopics(),
+        labels,
+        _labelled(rig, labelled, images) if labels != "off" and truth.odometry else {},
+    )
+    if not views.topics:
+        raise BagError(f"{bag.file}: no images, semantic points or bird's-eye-view labels to show")
+    return views
+
+
+def _first(pattern: re.Pattern[str], names: list[str]) -> str | None:
+    return next((name for name in names if pattern.fullmatch(name)), None)
+
+
+def _radar_poses(rig: Rig | None) -> dict[str, Float64Array]:
+    """Topic of each radar of the scene's rig → where it is."""
+    radars = rig.of_type(Radar) if rig else ()
+    return {f"/{rig.agent}/{radar.name}/points": radar.pose.ego_from_sensor for radar in radars} if rig else {}
+
+
+def _lidar_pose(rig: Rig | None, points: str | None) -> Float64Array:
+    """(4, 4) ego_from_lidar of a topic, where the rig has it; else the lidar is taken for the ego."""
+    poses = {f"/{rig.agent}/{s.name}/semantic_points": s.pose.ego_from_sensor for s in rig.sensors} if rig else {}
+    return poses.get(points or "", np.eye(4))
+
+
+def _labelled(rig: Rig | None, names: list[str], images: Mapping[tuple[str, str], str]) -> dict[str, LabelledCamera]:
+    """Those of some cameras with a colour picture that the rig knows."""
+    cameras = {camera.name: camera for camera in rig.of_type(Camera)} if rig else {}
+    return {
+        name: LabelledCamera(
+            cameras[name], images[name, "rgb"], images.get((name, "depth")), images.get((name, "semantic"))
+        )
+        for name in names
+        if name in cameras
+    }
+
+
+def _panorama_place(camera: str) -> tuple[int, str]:
+    name = camera.removeprefix("cam_")
+    return (CAMERA_ORDER.index(name) if name in CAMERA_ORDER else len(CAMERA_ORDER), name)
+
+
+def main_place(camera: str) -> tuple[bool, int, str]:
+    """The front camera first, then in panorama order."""
+    return (camera.removeprefix("cam_") != "front", *_panorama_place(camera))

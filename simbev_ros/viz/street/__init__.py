@@ -1,0 +1,1 @@
+"""Pictures from the street, rendered without a graph."""

@@ -1,0 +1,85 @@
+"""Cars on the road and people on the sidewalks of a picture, which show how large things are. Nobody moves."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.polylines import Polylines
+from simbev_ros.random import stream
+from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array, Table
+
+_REACH_M, _CLEAR_M = 130.0, 15.0
+_LONGEST_M = 7.0
+_CAR_SPACING_M, _CAR_SHARE = 9.0, 0.22
+_WALKER_SPACING_M, _WALKER_SHARE, _ASIDE_M = 6.0, 0.16, 0.5
+
+
+def bystanders(network: RoadNetwork, place_m: Float64Array, first_id: int, busy: float = 1.0) -> Table:
+    """Who is around a place, but not close to it; the same for a map and a place.
+
+    Args:
+        network: The map.
+        place_m: (3,) the place.
+        first_id: Of the actors.
+        busy: How many there are, 1 being usual.
+
+    Returns:
+        (N,) ``ACTOR_DTYPE``.
+    """
+    rng = stream(network.seed, f"bystanders.{place_m[0]:.0f}.{place_m[1]:.0f}")
+    kinds = load_blueprints()
+    cars = [k for k, kind in enumerate(kinds) if kind.tag in (Tag.CAR, Tag.TRUCK) and kind.size_m[0] < _LONGEST_M]
+    people = [k for k, kind in enumerate(kinds) if kind.tag == Tag.PEDESTRIAN]
+    driving = _placed(network, LaneKind.DRIVING, place_m, _CAR_SPACING_M, rng.spawn(1)[0], cars, busy * _CAR_SHARE)
+    share = busy * _WALKER_SHARE
+    walking = _placed(network, LaneKind.SIDEWALK, place_m, _WALKER_SPACING_M, rng.spawn(1)[0], people, share)
+    walking["z"] += CURB_HEIGHT_M
+    walking["yaw"] += np.pi * rng.integers(0, 2, len(walking))
+    aside_m = rng.uniform(-_ASIDE_M, _ASIDE_M, len(walking))
+    walking["x"] -= aside_m * np.sin(walking["yaw"])
+    walking["y"] += aside_m * np.cos(walking["yaw"])
+    walking["gait"] = rng.uniform(0.0, 2.0 * np.pi, len(walking))
+    walking["vx"], walking["vy"] = np.cos(walking["yaw"]), np.sin(walking["yaw"])
+    table = np.concatenate([driving, walking])
+    table["id"] = first_id + np.arange(len(table))
+    return table
+
+
+def _placed(
+    network: RoadNetwork,
+    kind: LaneKind,
+    place_m: Float64Array,
+    spacing_m: float,
+    rng: np.random.Generator,
+    blueprints: Sequence[int],
+    share: float,
+) -> Table:
+    """A share of the places along lanes of a kind outside junctions, each taken by one of some blueprints."""
+    lines = Polylines.of([lane.centerline_m for lane in network.lanes_of(kind) if not lane.junction])
+    count = np.floor(lines.length_m / spacing_m).astype(np.int64)
+    row = np.repeat(np.arange(len(lines)), count)
+    s_m: Float64Array = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + np.float64(0.5)
+    s_m *= spacing_m
+    distance_m = np.hypot(*(lines.values(lines.parameter(row, s_m))[:, :2] - place_m[:2]).T)
+    chosen = np.flatnonzero((distance_m > _CLEAR_M) & (distance_m < _REACH_M))
+    chosen = chosen[rng.random(len(chosen)) < share]
+    back_m, middle_m, front_m = (lines.values(lines.parameter(row[chosen], s_m[chosen] + step)) for step in (-1, 0, 1))
+    step_m, kinds = front_m - back_m, load_blueprints()
+    table = np.zeros(len(chosen), ACTOR_DTYPE)
+    table["x"], table["y"], table["z"] = middle_m.T
+    table["yaw"] = np.arctan2(step_m[:, 1], step_m[:, 0])
+    if kind is LaneKind.DRIVING:
+        table["pitch"] = -np.arctan2(step_m[:, 2], np.hypot(step_m[:, 0], step_m[:, 1]))
+    frequency = np.array([kinds[k].frequency for k in blueprints])
+    table["blueprint"] = rng.choice(blueprints, len(chosen), p=frequency / frequency.sum())
+    of_each = [kinds[k] for k in table["blueprint"].tolist()]
+    table["tag"] = [each.tag for each in of_each]
+    table["color"] = [each.colors[int(rng.integers(len(each.colors)))] for each in of_each]
+    table["length"], table["width"], table["height"] = np.array([each.size_m for each in of_each]).reshape(-1, 3).T
+    return table

@@ -1,0 +1,135 @@
+"""Pictures from the street: what a driver sees, in any weather, with others on the road and on the sidewalks."""
+
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.placement.static_scene import StaticScene
+from simbev_ros.config.camera import Modality
+from simbev_ros.config.rendering import Quality
+from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.render.renderer import Renderer
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Light, SignalState, WorldState
+from simbev_ros.scene.weather import Weather
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array, Table, UInt8Array
+from simbev_ros.viz.street.street_traffic import bystanders
+from simbev_ros.world.lights import needs_low_beam
+
+SIZE_PX = (1600, 900)
+"""Of pictures, unless asked for otherwise: width and height."""
+
+_FIELD_OF_VIEW_RAD = np.radians(72.0)
+_EYE_M = 2.4
+_BEHIND_M = 6.0  # the car that every scene has stands so far behind the camera
+_SUN_BESIDE_DEG = 26.0  # the sun stands behind the camera, so far to the side
+_BRAKING_SHARE = 4  # one vehicle of so many stands and shows its brake lights
+_FRAME_S = 0.05
+_WHEEL_RADIUS_M = 0.33
+_MPS = 9.0  # of vehicles that do not brake
+
+
+class StreetView:
+    """A place and a direction, to be photographed. As a context manager it frees what it has on the GPU.
+
+    Args:
+        network: The map.
+        static: What stands there.
+        place_m: (3,) the place on the ground, map frame.
+        yaw_rad: The direction to look in.
+        quality: Of colour images.
+        busy: How many others there are, 1 being usual.
+
+    Raises:
+        RenderError: OpenGL is not usable here.
+    """
+
+    def __init__(
+        self,
+        network: RoadNetwork,
+        static: StaticScene,
+        place_m: Float64Array,
+        yaw_rad: float,
+        quality: Quality = "medium",
+        busy: float = 1.0,
+    ) -> None:
+        models = load_models()
+        ego = np.zeros(1, ACTOR_DTYPE)
+        ego["x"], ego["y"], ego["z"] = place_m - _BEHIND_M * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+        ego["yaw"], ego["id"], ego["tag"] = yaw_rad, EGO_ID, Tag.CAR
+        ego["blueprint"] = next(k for k, model in enumerate(models) if model.tag == Tag.CAR)
+        self._actors: Table = np.concatenate([ego, bystanders(network, place_m, EGO_ID + 1, busy)])
+        self._driving = self._actors["tag"] != Tag.PEDESTRIAN
+        self._braking = self._driving & (self._actors["id"] % _BRAKING_SHARE == 0)
+        rolling = self._driving & ~self._braking
+        yaws_rad = self._actors["yaw"][rolling]
+        self._actors["vx"][rolling], self._actors["vy"][rolling] = _MPS * np.cos(yaws_rad), _MPS * np.sin(yaws_rad)
+        self._signals = np.zeros(len(network.signals), SIGNAL_DTYPE)
+        self._signals["state"] = SignalState.GREEN
+        self._yaw_rad = yaw_rad
+        self._renderer = Renderer(static, models, quality=quality)
+
+    def photograph(
+        self, weather: Weather, size_px: tuple[int, int] = SIZE_PX, modalities: Sequence[Modality] = ("rgb",)
+    ) -> CameraImages:
+        """What is seen in a weather, signals on green; the flow is that of a frame 50 ms after another."""
+        actors = self._actors.copy()
+        actors["lights"][self._driving] = Light.LOW_BEAM if needs_low_beam(weather) else 0
+        actors["lights"][self._braking] |= np.uint16(Light.BRAKE)
+        world = WorldState(0, 0, EGO_ID, actors, self._signals, weather)
+        before = WorldState(0, 0, EGO_ID, _a_frame_before(actors), self._signals, weather)
+        camera = PinholeCamera.from_field_of_view(*size_px, float(_FIELD_OF_VIEW_RAD))
+        pose = matrices_from_xyz_rpy(np.array([_BEHIND_M, 0.0, _EYE_M]), np.zeros(3))
+        [images] = self._renderer.render([CameraView(camera, pose, modalities)], RenderFrame(world, before))
+        return images
+
+    def sun_azimuth_deg(self, bearing_deg: float) -> float:
+        """Where the sun is in the map when it stands so far to the left of where the camera looks."""
+        return float((np.degrees(self._yaw_rad) + bearing_deg) % 360.0)
+
+    def fair_weather(self) -> Weather:
+        """A sunny day, the sun behind the camera."""
+        return Weather(
+            cloudiness=25,
+            precipitation=0,
+            precipitation_deposits=0,
+            wetness=0,
+            wind_intensity=10,
+            sun_azimuth_deg=self.sun_azimuth_deg(180.0 - _SUN_BESIDE_DEG),
+            sun_altitude_deg=46,
+            fog_density=0,
+            fog_distance_m=0,
+            fog_falloff=1,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._renderer.close()
+
+
+def street_view(network: RoadNetwork, static: StaticScene, place_m: Float64Array, yaw_rad: float) -> UInt8Array:
+    """(900, 1600, 3) uint8 RGB of a sunny day there.
+
+    Raises:
+        RenderError: OpenGL is not usable here.
+    """
+    with StreetView(network, static, place_m, yaw_rad) as view:
+        images = view.photograph(view.fair_weather())
+    assert images.rgb is not None
+    return images.rgb
+
+
+def _a_frame_before(actors: Table) -> Table:
+    """Where all were who move straight on."""
+    before: Table = actors.copy()
+    before["x"] -= actors["vx"] * _FRAME_S
+    before["y"] -= actors["vy"] * _FRAME_S
+    before["wheel"] -= np.hypot(actors["vx"], actors["vy"]) * _FRAME_S / _WHEEL_RADIUS_M
+    return before

@@ -1,0 +1,1 @@
+"""Rigid bodies in smooth motion: from points that move on lanes to poses on the ground that never jump."""

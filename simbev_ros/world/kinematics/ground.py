@@ -1,0 +1,114 @@
+"""The ground that actors stand on: which level, how high the road is there, and where sidewalks rise above it.
+
+Levels are told apart by heights that are near enough to the truth, such as SUMO's, which lie on the lanes' centre
+lines: a point is on a structure if a strip of it lies there in plan and near the point in height, otherwise on the
+ground.
+"""
+
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from simbev_ros.assets.roads.ground import CURB_HEIGHT_M
+from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
+
+_NEAR_IN_HEIGHT_M = 1.25  # half the clearance that makes two roads two levels
+_OVERHANG_M = 0.5  # wheels may stand so far beside the lanes of a structure
+_CELL_M = 512.0
+_PATCH_M = 32.0
+
+
+class Ground:
+    """The surfaces of a map's roads; sidewalks are built where they are asked for."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._elevation = Elevation(layout)
+        raised = [strip for strip in layout.strips if strip.level > 0]
+        self._deck_level = np.array([strip.level for strip in raised], np.int64)
+        self._decks = shapely.STRtree(shapely.buffer(strip_polygons(raised), _OVERHANG_M))
+        self._first_m, self._patches = _covered(self._decks)
+        self._sidewalks: dict[tuple[int, int, int], shapely.MultiPolygon] = {}
+
+    @cached_property
+    def is_level(self) -> bool:
+        """Whether all roads lie at height 0."""
+        strips = self._layout.strips
+        return not any(side_m[:, 2].any() for strip in strips for side_m in (strip.left_m, strip.right_m))
+
+    def levels(self, point_m: Float64Array) -> Int64Array:
+        """(N,) levels that (N, 3) points of the map frame are on."""
+        level = np.zeros(len(point_m), np.int64)
+        if not len(self._deck_level):
+            return level
+        near = np.flatnonzero(self._near_decks(point_m))
+        row, deck = self._decks.query(shapely.points(point_m[near, :2]), predicate="intersects")
+        point = near[row]
+        over = self._deck_level[deck]
+        nearest_m = np.full(len(point_m), _NEAR_IN_HEIGHT_M)
+        for number in np.unique(over).tolist():
+            here = np.unique(point[over == number])
+            gap_m = np.abs(self._elevation.height_m(point_m[here, :2], number) - point_m[here, 2])
+            nearer = gap_m < nearest_m[here]
+            level[here[nearer]], nearest_m[here[nearer]] = number, gap_m[nearer]
+        return level
+
+    def _near_decks(self, point_m: Float64Array) -> BoolArray:
+        """(N,) whether (N, 3) points lie in patches with structures; most do not, which is found out much faster."""
+        patch = np.floor((point_m[:, :2] - self._first_m) / _PATCH_M).astype(np.int64) + 1
+        column, row = np.clip(patch, 0, np.array(self._patches.shape) - 1).T
+        near: BoolArray = self._patches[column, row]
+        return near
+
+    def heights_m(self, point_m: Float64Array) -> Float64Array:
+        """(N,) heights of the carriageway's plane at (N, 3) points, on their levels."""
+        level = self.levels(point_m)
+        height_m = np.empty(len(point_m))
+        for number in np.unique(level).tolist():
+            here = level == number
+            height_m[here] = self._elevation.height_m(point_m[here, :2], number)
+        return height_m
+
+    def raised_m(self, point_m: Float64Array) -> Float64Array:
+        """(N,) how high above the carriageway's plane one stands at (N, 3) points: on sidewalks the curb's height."""
+        cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / _CELL_M).astype(np.int64)])
+        on_sidewalk: BoolArray = np.zeros(len(point_m), bool)
+        keys, cell = np.unique(cells, axis=0, return_inverse=True)
+        for number, key in enumerate(keys.tolist()):
+            here = cell.ravel() == number
+            on_sidewalk[here] = shapely.contains_xy(self._sidewalk(*key), point_m[here, :2])
+        return np.where(on_sidewalk, CURB_HEIGHT_M, 0.0)
+
+    def prepare(self, point_m: Float64Array, reach_m: float) -> None:
+        """Build now what ``raised_m`` would build later for points within ``reach_m``, or 512 m, of (N, 3) points."""
+        around = min(reach_m, _CELL_M) * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
+        cells = np.floor((point_m[:, None, :2] + around) / _CELL_M).astype(np.int64).reshape(-1, 2)
+        for column, row in np.unique(cells, axis=0).tolist():
+            for level in self._layout.levels:
+                self._sidewalk(level, column, row)
+
+    def _sidewalk(self, level: int, column: int, row: int) -> shapely.MultiPolygon:
+        """The sidewalks of a cell, kept."""
+        key = level, column, row
+        if key not in self._sidewalks:
+            x_m, y_m = column * _CELL_M, row * _CELL_M
+            area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
+            self._sidewalks[key] = sidewalk_surface(self._layout, level, area)
+            shapely.prepare(self._sidewalks[key])
+        return self._sidewalks[key]
+
+
+def _covered(decks: shapely.STRtree) -> tuple[Float64Array, BoolArray]:
+    """The (2,) corner of a grid of patches, and which of them some of the decks touch, with an empty rim."""
+    if not len(decks):
+        return np.zeros(2), np.zeros((1, 1), bool)
+    first_m, last_m = shapely.total_bounds(decks.geometries).reshape(2, 2)
+    shape = np.floor((last_m - first_m) / _PATCH_M).astype(np.int64) + 1
+    corner_m = first_m + _PATCH_M * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
+    touched = np.zeros(len(corner_m), bool)
+    touched[decks.query(shapely.box(*corner_m.T, *(corner_m + _PATCH_M).T), predicate="intersects")[0]] = True
+    return first_m, np.pad(touched.reshape(shape), 1)

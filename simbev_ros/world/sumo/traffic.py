@@ -1,0 +1,373 @@
+"""SUMO, in this process: one simulation, advanced tick by tick and read as arrays. Nothing else here knows libsumo."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.errors import SimulationError
+from simbev_ros.scene.spec import NS_PER_S
+from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.world.sumo.closures import CLOSURE
+from simbev_ros.world.sumo.lanes_ahead import TrafficWays
+from simbev_ros.world.sumo.libsumo_import import libsumo
+from simbev_ros.world.sumo.names import index_of, pedestrian_name, vehicle_name
+from simbev_ros.world.sumo.tracks import Tracks
+
+_NS_PER_MS = 1_000_000
+_OPTIONS = {
+    "lateral-resolution": "0.8",
+    "pedestrian.model": "striping",
+    "pedestrian.striping.dawdling": "0",
+    "pedestrian.striping.walkingarea-detail": "20",
+    "time-to-teleport": "-1",
+    "time-to-impatience": "20",
+    "collision.action": "none",
+    "intermodal-collision.action": "none",
+    "max-depart-delay": "0",
+    "threads": "1",
+    "xml-validation": "never",
+    "no-step-log": "true",
+    "no-warnings": "true",
+    "duration-log.disable": "true",
+}
+_LARGEST_SEED = 2**31 - 1
+_PLACE_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
+_ANYWHERE = 2  # of moveToXY: on a road or off it
+_VEHICLE_VARIABLES = (*_PLACE_VARIABLES, libsumo.VAR_SIGNALS)
+_NO_CHECKS, _BRAKES_HARD = 0, 27  # speed modes: any speed; all checks but that of the comfortable deceleration
+_ON_ROUTE = 1  # mode of placing vehicles
+_EMERGENCY_MPS2 = 8.0
+_QUEUE_GAP_M = 5.0
+_AT_LINE_M = 10.0
+_TOO_CLOSE_M, _ROOM_M, _MOST_ROOM_M = 0.05, 1.0, 4.0  # to an obstacle, beyond the gap; that it gives, and at most
+_STANDING_MPS = 0.05
+_FEW_EDGES = 6  # left of a route: time to draw a new one
+_FOREVER_S = 1e8
+_ANY_ARRIVAL_M = 1.0
+_FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficSample:
+    """What SUMO says at one tick, in the order of ``Traffic.vehicles`` and ``Traffic.pedestrians``; map frame.
+
+    Attributes:
+        front_m: (V, 3) middle of each vehicle's front bumper, on the road.
+        signals: (V,) int64, SUMO's vehicle signals (bit 0 right blinker, bit 1 left blinker).
+        pedestrian_m: (P, 3) each pedestrian, on the surface of its lane.
+    """
+
+    front_m: Float64Array
+    signals: Int64Array
+    pedestrian_m: Float64Array
+
+
+class Traffic:
+    """A running SUMO simulation. libsumo holds one per process; close this one before another is made.
+
+    Attributes:
+        vehicles: Indices in the specification of the vehicles that found a place, ascending.
+        pedestrians: The same of the pedestrians.
+    """
+
+    _running = False
+
+    def __init__(
+        self,
+        files: Sequence[Path],
+        tick_ns: int,
+        seed: int,
+        speeds_mps: Mapping[str, float],
+        tracks: Tracks,
+        closed_lanes: Iterable[str] = (),
+    ) -> None:
+        """Load a net and its traffic, and place all vehicles and pedestrians at time 0.
+
+        Args:
+            files: Net file, route file (everything in it departs at 0), additional file (the signals' programmes).
+            tick_ns: Length of a step; whole milliseconds.
+            seed: Of SUMO's own random numbers.
+            speeds_mps: Lane id → speed limit that takes the place of the net's.
+            tracks: All lanes that a vehicle may get onto.
+            closed_lanes: Ids of lanes that nobody may use, whatever the net says.
+
+        Raises:
+            SimulationError: another simulation is running in this process, or SUMO does not accept its input.
+        """
+        if Traffic._running:
+            raise SimulationError("a simulation is running in this process already; close it first")
+        if tick_ns % _NS_PER_MS:
+            raise SimulationError(f"SUMO needs ticks of whole milliseconds, not {tick_ns} ns")
+        inputs = dict(zip(("net-file", "route-files", "additional-files"), map(str, files), strict=True))
+        own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _LARGEST_SEED)}
+        options = {**_OPTIONS, **inputs, **own}
+        self._tracks = tracks
+        self._tick_s = tick_ns / NS_PER_S
+        self._open = Traffic._running = True
+        self._moved = False  # whether somebody is to be put elsewhere at the next step
+        try:
+            libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
+            for lane, speed_mps in speeds_mps.items():
+                libsumo.lane.setMaxSpeed(lane, speed_mps)
+            for lane in closed_lanes:
+                libsumo.lane.setDisallowed(lane, ["all"])
+            libsumo.simulationStep()
+        except _FAILURES as error:
+            self.close()
+            raise SimulationError(f"SUMO could not start: {error}") from error
+        closures = [name for name in libsumo.vehicle.getIDList() if name.startswith(CLOSURE)]
+        self._closures = {name: libsumo.vehicle.getLength(name) for name in closures}
+        driven = (name for name in libsumo.vehicle.getIDList() if not name.startswith(CLOSURE))
+        self.vehicles: tuple[int, ...] = tuple(sorted(map(index_of, driven)))
+        self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
+        self._crashed: dict[str, dict[int, Any]] = {}
+        self._driven: dict[str, tuple[dict[int, Any], Float64Array]] = {}
+        self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
+        self._off_net: dict[str, dict[int, Any]] = {}
+        self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
+        self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
+        self._ways = TrafficWays(self._vehicle_names, tracks)
+        for name in self._vehicle_names:
+            libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
+            libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
+        for name in self._pedestrian_names:
+            libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
+
+    def directions(self) -> Float64Array:
+        """(V + P, 3) unit vectors in which vehicles, then pedestrians, look now; map frame. All must be on the net."""
+        angles_deg = [
+            *[(libsumo.vehicle.getAngle(name), libsumo.vehicle.getSlope(name)) for name in self._vehicle_names],
+            *[(libsumo.person.getAngle(name), 0.0) for name in self._pedestrian_names],
+        ]
+        # SUMO's angle turns clockwise from north.
+        angle, slope = np.radians(np.array(angles_deg, np.float64).reshape(-1, 2)).T
+        return np.stack([np.sin(angle) * np.cos(slope), np.cos(angle) * np.cos(slope), np.sin(slope)], axis=1)
+
+    def sample(self) -> TrafficSample:
+        """The state now.
+
+        Raises:
+            SimulationError: somebody has left the simulation.
+        """
+        driven = {name: row for name, (row, _) in self._driven.items()}
+        vehicles = {**libsumo.vehicle.getAllSubscriptionResults(), **self._crashed, **driven}
+        pedestrians = {**libsumo.person.getAllSubscriptionResults(), **self._off_net}
+        try:
+            rows = [vehicles[name] for name in self._vehicle_names]
+            lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _PLACE_VARIABLES)
+            place = lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)
+            self._ways.advance(*place)
+            front_m = self._tracks.places_m(*place)
+            for name, (_, driven_m) in self._driven.items():
+                front_m[self._vehicle_names.index(name)] = driven_m
+            return TrafficSample(
+                front_m,
+                np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
+                _points([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
+            )
+        except KeyError as error:
+            raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
+
+    def ahead_m(self, vehicle: Int64Array, way_m: Float64Array, left_m: Float64Array) -> Float64Array:
+        """(N, K, 3) places of the fronts of (N,) of the latest sample's vehicles after (N, K) ways along their routes.
+
+        They come (N, K) farther to the left of their lanes' middles than now.
+        """
+        places_m = self._ways.ahead_m(vehicle, way_m, left_m)
+        for name, (_, driven_m) in self._driven.items():  # wherever its driver wants
+            row = self._vehicle_names.index(name)
+            ahead = np.array([*self.direction(row), 0.0])
+            places_m[vehicle == row] = driven_m + way_m[vehicle == row][..., None] * ahead
+        return places_m
+
+    def crash(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Keep somebody who has had a collision where it is, for good.
+
+        Args:
+            body: Which of the vehicles, then pedestrians.
+            front_m: (3,) where its front shall stand, map frame; only vehicles, who are ahead of what is published,
+                are put there.
+            yaw_rad: The vehicle's heading.
+        """
+        if body >= len(self.vehicles):
+            if (pedestrian := self._pedestrian_names[body - len(self.vehicles)]) not in self._off_net:
+                libsumo.person.setSpeed(pedestrian, 0.0)
+            return
+        name = self._vehicle_names[body]
+        self._crashed[name] = dict(libsumo.vehicle.getSubscriptionResults(name))
+        libsumo.vehicle.setSpeedMode(name, _NO_CHECKS)
+        libsumo.vehicle.setLaneChangeMode(name, 0)
+        libsumo.vehicle.setSpeed(name, 0.0)
+        x_m, y_m = front_m[:2].tolist()
+        libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_ROUTE)
+        self._moved = True
+
+    def drive(self, vehicle: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Put a vehicle somewhere at the next step, on a road or off it, unless it has had a collision.
+
+        Args:
+            vehicle: Its place in ``vehicles``; from now on it moves only so.
+            front_m: (3,) middle of its front bumper, map frame.
+            yaw_rad: Its heading.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        name = self._vehicle_names[vehicle]
+        if name in self._crashed:
+            return
+        row = self._driven[name][0] if name in self._driven else dict(libsumo.vehicle.getSubscriptionResults(name))
+        self._driven[name] = row, front_m
+        try:
+            x_m, y_m = front_m[:2].tolist()
+            libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ANYWHERE)
+            self._moved = True
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+
+    def step(self) -> None:
+        """Advance by one tick.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        try:
+            libsumo.simulationStep()
+            self._moved = False
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+
+    def limit(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
+        """Let a vehicle (its place in ``vehicles``) drive no faster at the next step; None: as far as this reason goes.
+
+        The least speed of all reasons holds. One of 0 goes on until it is lifted; others are to be given at every step.
+        """
+        limits_mps, name = self._limits_mps[vehicle], self._vehicle_names[vehicle]
+        limits_mps.pop(reason, None)
+        if speed_mps is not None:
+            limits_mps[reason] = speed_mps
+        if name not in self._crashed and name not in self._driven:
+            least_mps = min(limits_mps.values(), default=np.inf)
+            speed_mps = libsumo.vehicle.getSpeed(name)
+            # SUMO takes a given speed for the wanted one, also where the driver would be slower.
+            hard_mps = max(least_mps, speed_mps - _EMERGENCY_MPS2 * self._tick_s)
+            libsumo.vehicle.setSpeed(name, hard_mps if least_mps <= speed_mps else -1.0)
+
+    def make_room(self) -> None:
+        """Let closed stretches begin a little later for those who stand close to them, half on the next lane.
+
+        Who stands nearer than the gap that it keeps is beside the obstacle for SUMO, which then blocks it for ever.
+        """
+        for name, whole_m in self._closures.items():
+            follower, gap_m = libsumo.vehicle.getFollower(name, _QUEUE_GAP_M)
+            length_m = libsumo.vehicle.getLength(name)
+            stands = follower and gap_m < _TOO_CLOSE_M and libsumo.vehicle.getSpeed(follower) < _STANDING_MPS
+            if stands and length_m > whole_m - _MOST_ROOM_M:
+                libsumo.vehicle.setLength(name, length_m - _ROOM_M)
+
+    def speed_mps(self, vehicle: int) -> float:
+        """A vehicle's speed."""
+        return float(libsumo.vehicle.getSpeed(self._vehicle_names[vehicle]))
+
+    def direction(self, vehicle: int) -> Float64Array:
+        """(2,) unit vector in which a vehicle looks."""
+        angle_rad = np.radians(libsumo.vehicle.getAngle(self._vehicle_names[vehicle]))
+        return np.array([np.sin(angle_rad), np.cos(angle_rad)])
+
+    def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
+        """Way of a vehicle to SUMO's position on an edge; infinite where its route does not lead there."""
+        distance_m = libsumo.vehicle.getDrivingDistance(self._vehicle_names[vehicle], edge, position_m)
+        return np.inf if distance_m == libsumo.INVALID_DOUBLE_VALUE else float(distance_m)
+
+    def take_out(self, pedestrian: int) -> None:
+        """Take a pedestrian (its place in ``pedestrians``) off the net; samples keep it where it is."""
+        name = self._pedestrian_names[pedestrian]
+        self._off_net[name] = dict(libsumo.person.getSubscriptionResults(name))
+        libsumo.person.remove(name)
+
+    def put_back(self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None) -> None:
+        """Let a pedestrian that was taken out walk along edges, from the next step on.
+
+        Args:
+            pedestrian: Its place in ``pedestrians``.
+            edges: All edges of the walk.
+            position_m: SUMO's position on the first edge where it begins.
+            arrival_m: The same on the last one where it ends; None: anywhere.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        before, kind = self._pedestrian_names[pedestrian], pedestrian_name(self.pedestrians[pedestrian])
+        del self._off_net[before]
+        name = f"{kind}.{int(before.partition('.')[2] or 0) + 1}"
+        try:
+            libsumo.person.add(name, edges[0], position_m, typeID=kind)
+            libsumo.person.appendWalkingStage(name, list(edges), _ANY_ARRIVAL_M if arrival_m is None else arrival_m)
+            libsumo.person.appendWaitingStage(name, _FOREVER_S)
+            libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+        self._pedestrian_names[pedestrian] = name
+
+    def pace(self, pedestrian: int, speed_mps: float) -> None:
+        """Let a pedestrian walk no faster than this."""
+        libsumo.person.setSpeed(self._pedestrian_names[pedestrian], speed_mps)
+
+    def wants_to_move(self, vehicle: int) -> bool:
+        """Whether a stopped vehicle would drive."""
+        return bool(libsumo.vehicle.getSpeedWithoutTraCI(self._vehicle_names[vehicle]) > _STANDING_MPS)
+
+    def stands_on(self, vehicle: int, for_s: float) -> bool:
+        """Whether a vehicle at rest will stay for so long: in a queue, or at a light that does not change till then."""
+        name = self._vehicle_names[vehicle]
+        leader = libsumo.vehicle.getLeader(name, _QUEUE_GAP_M)
+        if leader and leader[1] < _QUEUE_GAP_M:
+            return bool(libsumo.vehicle.getSpeed(leader[0]) < _STANDING_MPS)
+        for light, _, distance_m, state in libsumo.vehicle.getNextTLS(name)[:1]:
+            rest_s = libsumo.trafficlight.getNextSwitch(light) - libsumo.simulation.getTime()
+            return bool(state == "r" and distance_m < _AT_LINE_M and rest_s >= for_s)
+        return False
+
+    def adapt(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
+        """Give a driver another wanted speed (over the limit) and another headway."""
+        libsumo.vehicle.setSpeedFactor(self._vehicle_names[vehicle], speed_factor)
+        libsumo.vehicle.setTau(self._vehicle_names[vehicle], headway_s)
+
+    def ending(self) -> list[tuple[int, str]]:
+        """Vehicles (their places in ``vehicles``) whose routes end soon, and their routes' last edges."""
+        ways = [(libsumo.vehicle.getRoute(name), libsumo.vehicle.getRouteIndex(name)) for name in self._vehicle_names]
+        return [
+            (vehicle, route[-1])
+            for vehicle, (route, index) in enumerate(ways)
+            if len(route) - index <= _FEW_EDGES
+            and self._vehicle_names[vehicle] not in self._crashed
+            and not libsumo.vehicle.getStops(self._vehicle_names[vehicle], 1)
+        ]
+
+    def prolong(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
+        """Append edges to a vehicle's route; with a ``last_lane`` it stays at the end of that for ever."""
+        name = self._vehicle_names[vehicle]
+        ahead = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
+        if edges:
+            libsumo.vehicle.setRoute(name, [*ahead, *edges])
+        if last_lane is not None:
+            edge, lane = last_lane.rsplit("_", 1)
+            length_m = libsumo.lane.getLength(last_lane)
+            libsumo.vehicle.setStop(name, edge, length_m, int(lane), _FOREVER_S)
+
+    def close(self) -> None:
+        """End the simulation; a second call does nothing."""
+        if self._open:
+            if self._moved:  # else libsumo would put somebody of the same name there in the next simulation
+                with suppress(*_FAILURES):
+                    libsumo.simulationStep()
+            libsumo.close()
+            self._open = Traffic._running = False
+
+
+def _points(points: Sequence[tuple[float, float, float]]) -> Float64Array:
+    return np.array(points, np.float64).reshape(-1, 3)

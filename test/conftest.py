@@ -1,1 +1,0 @@
-"""Its presence lets every test import the modules that lie next to it."""

@@ -1,0 +1,230 @@
+"""A bag of a made-up scene: every topic that exports and statistics read, small and full of noise."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ros_messages import header, image, message, odometry, point_cloud, serialise, string
+
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE, LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
+from simbev_ros.annotation.occupancy.occupancy import VOXEL_DTYPE
+from simbev_ros.geometry.transforms import quaternion_from_rpy
+from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.layout import SCENE_ATTACHMENT
+from simbev_ros.recording.qos import QosProfile
+from simbev_ros.scene.legend import legend
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
+from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
+from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
+from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
+from simbev_ros.types import AnyArray, Table
+
+TICK_NS = 50_000_000
+SENSORS: list[dict[str, Any]] = [
+    {"type": "camera", "name": "cam_front", "pose": {"x_m": 0.6, "z_m": 1.6}, "width_px": 32, "height_px": 24},
+    {"type": "camera", "name": "cam_back_left", "pose": {"z_m": 1.6, "yaw_deg": 110}, "width_px": 32, "height_px": 24},
+    {"type": "lidar", "name": "lidar", "pose": {"z_m": 1.8}},
+    {"type": "radar", "name": "radar_front", "pose": {"x_m": 2.4, "z_m": 0.6}},
+    {"type": "gnss", "name": "gnss"},
+    {"type": "imu", "name": "imu"},
+]
+SIGNALS = [{"programme": name, "opendrive_id": place} for name, place in (("A", None), ("A", "A_3"), ("B", "B_0"))]
+_ENCODINGS = {"rgb": "rgb8", "semantic": "mono8", "instance": "mono16", "depth": "32FC1", "flow": "32FC2"}
+_WEATHER = {
+    **dict.fromkeys(("cloudiness", "precipitation", "precipitation_deposits", "wetness", "wind_intensity"), 10),
+    **dict.fromkeys(("sun_azimuth_deg", "sun_altitude_deg", "fog_density", "fog_distance_m", "fog_falloff"), 5),
+}
+
+
+@dataclass
+class MadeUp:
+    """What was written: the scene, and of each tick the arrays by the reader's keys."""
+
+    spec: SceneSpec
+    ticks: list[dict[str, Any]] = field(default_factory=list)
+
+
+def made_up_scene(
+    path: Path, *, number: int = 0, split: str = "train", ticks: int = 3, sensors: list[dict[str, Any]] | None = None
+) -> MadeUp:
+    """Write a finished bag. Occupancy is there at every second tick."""
+    spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks)
+    made, rng = MadeUp(spec), np.random.default_rng(number)
+    with SceneBagWriter(path) as writer:
+        writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
+        writer.add_attachment("config.yaml", "application/yaml", b"seed: 1\n")
+        latched = QosProfile(durability="transient_local")
+        writer.add_topic("/world/legend", "std_msgs/msg/String", latched)
+        writer.write("/world/legend", spec.start_ns, string(json.dumps({**legend(), "signals": SIGNALS})))
+        topics: set[str] = set()
+        for tick in range(ticks):
+            values = _values(rng, spec, tick)
+            made.ticks.append(values)
+            for key, value in values.items():
+                topic, type_name, data = _message(key, value, spec.stamp_ns(tick))
+                if topic not in topics:
+                    writer.add_topic(topic, type_name, QosProfile())
+                    topics.add(topic)
+                writer.write(topic, spec.stamp_ns(tick), data)
+        writer.finish({"scene": spec.name})
+    return made
+
+
+def boxes(rng: np.random.Generator, count: int) -> Table:
+    """Of actors, with a light and a sign behind them."""
+    table = noise(rng, BOX_DTYPE, count)
+    place = np.arange(count)
+    table["id"], table["class"], table["blueprint"] = 2 + place, place % 6, place % 3
+    table["tag"] = Tag.CAR
+    table["parent"], table["sign"], table["limit"], table["state"] = 0, 0, 0, 0
+    table["parent"][0] = 7
+    table["lidar_points"] = rng.integers(-1, 50, count)
+    table["distance"] = rng.uniform(0, 119, count)
+    table["visibility"] = np.where(rng.random(count) < 0.3, np.nan, rng.random(count))
+    for name in ("length", "width", "height"):
+        table[name] = rng.uniform(0.5, 5, count)
+    table["valid"] = table["lidar_points"] > 0
+    table["difficulty"] = rng.integers(0, 3, count)
+    light, sign = table[-2:-1], table[-1:]
+    light["id"], light["tag"], light["class"] = LIGHT_IDS + 2, Tag.TRAFFIC_LIGHT, BOX_CLASSES.index("traffic_light")
+    light["state"] = 3
+    sign["id"], sign["tag"], sign["class"] = SIGN_IDS + 1, Tag.TRAFFIC_SIGN, BOX_CLASSES.index("traffic_sign")
+    sign["sign"], sign["limit"] = 3, 50 / 3.6
+    table["blueprint"][-2:] = NO_BLUEPRINT
+    return table
+
+
+def noise(rng: np.random.Generator, dtype: np.dtype[Any], count: int) -> Table:
+    """Rows whose numbers are small and random."""
+    table = np.zeros(count, dtype)
+    for name in dtype.names or ():
+        is_real = dtype[name].kind == "f"
+        table[name] = rng.normal(0, 3, count) if is_real else rng.integers(0, 100, count)
+    return table
+
+
+def made_up_spec(sensors: list[dict[str, Any]], *, number: int = 0, split: str = "train", ticks: int = 3) -> SceneSpec:
+    """A scene with some sensors, which nobody has drawn; every label is on."""
+    start = {"lane": "a_0", "s_m": 0}
+    car = {"blueprint": "vehicle.sedan", "color": 0, "start": start, "speed_factor": 1, "min_gap_m": 2}
+    return SceneSpec.model_validate(
+        {
+            "number": number,
+            "split": split,
+            "seed": number,
+            "map": {"name": "Blocks", "seed": 0},
+            "tick_ns": TICK_NS,
+            "warm_up_ticks": 1,
+            "ticks": ticks,
+            "weather": _WEATHER | {"sun_altitude_deg": 10.0 * number},
+            "rig": {"sensors": sensors},
+            "annotation": {"bev": {"rows": 20, "columns": 24}, "occupancy": {"half_side_m": 4, "voxel_m": 1}},
+            "vehicles": [car] * (2 + number),
+            "pedestrians": [],
+            "green_time_s": [10.0],
+        }
+    )
+
+
+def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, Any]:
+    """By key of the reader, in its form."""
+    values: dict[str, Any] = {
+        "odom": (np.array([5.0 * tick, 1.0, 0.5]), np.array([0.01, 0.02, 0.3 + 0.1 * tick])),
+        "boxes": boxes(rng, 12),
+        "bev/labels": rng.integers(0, 1 << len(BEV_CLASSES), (20, 24)).astype(np.uint16),
+        "world/actors": noise(rng, ACTOR_DTYPE, 9),
+        "world/signals": noise(rng, SIGNAL_DTYPE, 4),
+        "hd_map": {"stamp_ns": spec.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False},
+    }
+    values["world/actors"]["id"] = 1 + np.arange(9)
+    values["world/actors"]["blueprint"] %= 5
+    if tick % 2 == 0:
+        values["occupancy/points"] = _voxels(rng)
+    for sensor in spec.rig.sensors:
+        match sensor.type:
+            case "camera":
+                for modality in sensor.modalities:
+                    values[f"{sensor.name}/{modality}"] = _image(rng, modality)
+            case "lidar":
+                values[f"{sensor.name}/points"] = noise(rng, POINT_DTYPE, 200)
+                values[f"{sensor.name}/semantic_points"] = noise(rng, SEMANTIC_POINT_DTYPE, 100)
+            case "radar":
+                values[f"{sensor.name}/points"] = noise(rng, RADAR_POINT_DTYPE, 50)
+            case "gnss":
+                values[f"{sensor.name}/fix"] = np.array([42.2, -83.7, 5.0]) + tick
+            case "imu":
+                values[f"{sensor.name}/data"] = rng.normal(size=6), rng.uniform(-1, 1, 3) * [0.1, 0.1, 3]
+    return values
+
+
+def _image(rng: np.random.Generator, modality: str) -> AnyArray:
+    if modality == "rgb":
+        return np.tile(np.linspace(0, 255, 32, dtype=np.uint8)[None, :, None], (24, 1, 3))
+    if modality == "semantic":
+        return rng.integers(0, 29, (24, 32)).astype(np.uint8)
+    if modality == "instance":
+        return rng.integers(0, 1 << 16, (24, 32)).astype(np.uint16)
+    if modality == "depth":
+        return np.where(rng.random((24, 32)) < 0.1, np.inf, rng.uniform(0.5, 900, (24, 32))).astype(np.float32)
+    return rng.normal(0, 9, (24, 32, 2)).astype(np.float32)
+
+
+def _voxels(rng: np.random.Generator) -> Table:
+    places = rng.choice(8 * 8 * 8, 40, replace=False)
+    table = np.zeros(40, VOXEL_DTYPE)
+    table["ix"], table["iy"], table["iz"] = np.unravel_index(np.sort(places), (8, 8, 8))
+    table["tag"] = rng.integers(1, 29, 40)
+    return table
+
+
+def _message(key: str, value: Any, stamp_ns: int) -> tuple[str, str, bytes]:
+    """Topic, type and bytes."""
+    topic = f"/{key}" if key.startswith("world/") else f"/ego/{key}"
+    last = key.rpartition("/")[2]
+    if key == "odom":
+        return topic, "nav_msgs/msg/Odometry", odometry(stamp_ns, *value)
+    if key == "hd_map":
+        return topic, "std_msgs/msg/String", string(json.dumps(value))
+    if key == "bev/labels":
+        return topic, "sensor_msgs/msg/Image", image(stamp_ns, "mono16", value)
+    if last in _ENCODINGS:
+        return f"{topic}/image_raw", "sensor_msgs/msg/Image", image(stamp_ns, _ENCODINGS[last], value)
+    if last == "fix":
+        return topic, "sensor_msgs/msg/NavSatFix", _fix(stamp_ns, value)
+    if last == "data":
+        return topic, "sensor_msgs/msg/Imu", _imu(stamp_ns, *value)
+    return topic, "sensor_msgs/msg/PointCloud2", point_cloud(stamp_ns, value)
+
+
+def _fix(stamp_ns: int, place: AnyArray) -> bytes:
+    return serialise(
+        "sensor_msgs/msg/NavSatFix",
+        header=header(stamp_ns),
+        status=message("sensor_msgs/msg/NavSatStatus", status=0, service=1),
+        latitude=float(place[0]),
+        longitude=float(place[1]),
+        altitude=float(place[2]),
+        position_covariance=np.zeros(9),
+        position_covariance_type=2,
+    )
+
+
+def _imu(stamp_ns: int, motion: AnyArray, rpy_rad: AnyArray) -> bytes:
+    turn = dict(zip("xyzw", quaternion_from_rpy(rpy_rad).tolist(), strict=True))
+    acceleration, rate = (
+        message("geometry_msgs/msg/Vector3", **dict(zip("xyz", part.tolist(), strict=True)))
+        for part in (motion[:3], motion[3:])
+    )
+    return serialise(
+        "sensor_msgs/msg/Imu",
+        header=header(stamp_ns),
+        orientation=message("geometry_msgs/msg/Quaternion", **turn),
+        orientation_covariance=np.zeros(9),
+        angular_velocity=rate,
+        angular_velocity_covariance=np.zeros(9),
+        linear_acceleration=acceleration,
+        linear_acceleration_covariance=np.zeros(9),
+    )

@@ -1,0 +1,86 @@
+"""Worlds small enough to work out by hand: boxes, sheets and box-shaped actors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simbev_ros.assets.actors.actor_model import ActorModel, Part
+from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.placement.static_scene import StaticScene, Tile
+from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, WorldState
+from simbev_ros.scene.weather import Weather
+from simbev_ros.semantics import Tag
+from simbev_ros.types import Float64Array, Table
+
+TICK_NS = 50_000_000
+EGO_ID = 7
+
+_WEATHER = Weather(
+    cloudiness=0,
+    precipitation=0,
+    precipitation_deposits=0,
+    wetness=0,
+    wind_intensity=0,
+    sun_azimuth_deg=0,
+    sun_altitude_deg=45,
+    fog_density=0,
+    fog_distance_m=0,
+    fog_falloff=1,
+)
+_FACES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
+
+
+def mesh(corners: Float64Array, tag: Tag, material: Material = Material.PLAIN, part: int = 0) -> Mesh:
+    return Mesh.flat(corners, material=material, tag=tag, color=(128, 128, 128), part=part)
+
+
+def sheet(low: Sequence[float], high: Sequence[float], z: float = 0.0) -> Float64Array:
+    """(2, 3, 3) a level rectangle."""
+    (x0, y0), (x1, y1) = low, high
+    return np.array([[[x0, y0, z], [x1, y0, z], [x1, y1, z]], [[x0, y0, z], [x1, y1, z], [x0, y1, z]]])
+
+
+def box(center: Sequence[float], size: Sequence[float]) -> Float64Array:
+    """(12, 3, 3) a box, outward."""
+    signs = np.array([[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
+    quads = (signs * size + center)[_FACES]
+    return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def box_model(tag: Tag, size_m: tuple[float, float, float], material: Material = Material.CAR_PAINT) -> ActorModel:
+    """An actor that fills its box."""
+    return ActorModel(
+        "box", tag, "", mesh(box([0, 0, size_m[2] / 2], size_m), tag, material), size_m, (Part("body"),), 0.0
+    )
+
+
+def cart_model() -> ActorModel:
+    """A body above four square wheels that spin; the front ones, and nothing else, steer."""
+    parts, meshes = [Part("body")], [mesh(box([0, 0, 1.1], [4.0, 1.6, 1.0]), Tag.CAR, Material.CAR_PAINT)]
+    for x in (1.3, -1.3):
+        for y in (0.9, -0.9):
+            meshes.append(mesh(box([x, y, 0.4], [0.6, 0.2, 0.6]), Tag.CAR, Material.RUBBER, len(parts)))
+            parts.append(Part("wheel", pivot_m=(x, y, 0.4), spins=True, steers=x > 0))
+    return ActorModel("cart", Tag.CAR, "car", Mesh.merged(meshes), (4.0, 2.0, 1.6), tuple(parts), 0.3)
+
+
+def static_scene(*meshes: Mesh, origin_m: Sequence[float] = (0.0, 0.0, 0.0), **surfaces: Mesh) -> StaticScene:
+    """One tile."""
+    return StaticScene((Tile(np.array(origin_m, np.float64), Mesh.merged(meshes), surfaces),), ())
+
+
+def actor(model: ActorModel, blueprint: int = 0, **columns: float) -> Table:
+    """(1,) actor row."""
+    row = np.zeros(1, ACTOR_DTYPE)
+    row["id"], row["blueprint"], row["tag"] = EGO_ID, blueprint, model.tag
+    row["length"], row["width"], row["height"] = model.size_m
+    for name, value in columns.items():
+        row[name] = value
+    return row
+
+
+def world(*rows: Table, tick: int = 0) -> WorldState:
+    """A state whose ego has ``EGO_ID``."""
+    actors = np.sort(np.concatenate(rows), order="id")
+    return WorldState(tick * TICK_NS, tick, EGO_ID, actors, np.zeros(0, SIGNAL_DTYPE), _WEATHER)

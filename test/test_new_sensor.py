@@ -20,11 +20,11 @@ BLUNDERS = {
     "to publish on a topic": ("self.publish(topic.name, message)", "del message, topic"),
     "to take a name from the manifest": ("topic.name, message", 'f"/{frame}/pressure", message'),
 }
-"""What can be forgotten in the node, and how the page's node looks then."""
+"""Mistakes in the page's node: the text that is right, and the text in its place."""
 
 
 def row(of: str) -> str:
-    """What the page says complains if something is forgotten."""
+    """The page's list of checks that complain if something is forgotten."""
     (found,) = re.findall(rf"^\| {of} \| (.*) \|$", PAGE, re.MULTILINE)
     return str(found)
 
@@ -36,7 +36,7 @@ def named(words: str) -> set[str]:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """A folder with the package, in which files can be changed, and what is needed to check it."""
+    """A folder with a copy of the package that can be changed, and with its tests and settings."""
     shutil.copytree(ROOT / "simbev_ros", tmp_path / "simbev_ros", copy_function=os.symlink)
     for name in ("test", "setup.cfg", "ruff.toml"):
         (tmp_path / name).symlink_to(ROOT / name)

@@ -13,7 +13,10 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Name, Sensor
 
 AnySensor = Annotated[Camera | Lidar | Radar | Gnss | Imu, Field(discriminator="type")]
-"""Every kind of sensor. All that depends on the kind follows from this union: docs/extending/sensor.md."""
+"""Every kind of sensor. Code that depends on the kind follows from this union or is checked against it.
+
+How to add a kind: docs/extending/sensor.md.
+"""
 
 S = TypeVar("S", bound=Sensor)
 

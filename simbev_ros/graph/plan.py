@@ -34,7 +34,7 @@ _SHARE_OF_SILENCE = 0.8
 """So long an evaluator waits for a stack, so that it can say what is missing before it is silent for too long."""
 
 _RAY_CASTING = (Lidar, Radar)
-"""Their nodes share a process: radars take a tenth of a lidar's time, and the same meshes in memory."""
+"""Sensors whose nodes share a process: radars take a tenth of a lidar's time, and the same meshes in memory."""
 
 
 def planned_processes(

@@ -22,10 +22,10 @@ class AnnotationTopics:
         boxes: The 3D boxes.
         box_markers: The boxes for displays.
         hd_map: The lane under the ego.
-        views: By camera with instance images, what it sees of the boxes.
+        views: For each camera with instance images, how it sees the boxes; by the camera's name.
         occupancy: Occupied voxels; None: the configuration does not ask for them.
         vector_map: The roads around the ego; None: the configuration does not ask for them.
-        grids: By class, the grid for displays. Bags never have it.
+        grids: One class of the grid each, for displays, by the name of the class. No bag has them.
     """
 
     bev_labels: Topic
@@ -80,14 +80,14 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
 
 
 def viewing_cameras(spec: SceneSpec) -> list[Camera]:
-    """The cameras of which the annotator says what they see: those with instance images, if views are asked for."""
+    """Cameras whose views of the boxes are published: those with instance images, if views are asked for."""
     return [each for each in spec.rig.of_type(Camera) if spec.annotation.views and "instance" in each.modalities]
 
 
 def read_by_annotator(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
-    """By sensor the topic that the annotator reads of it: a cloud, or instance images in their compressed or raw form.
+    """Topics that the annotator reads, by the sensor's name: clouds, and instance images in one of their two forms.
 
-    Of a lidar it reads the cloud with errors if there is one, as that is what perception gets.
+    From a lidar it reads the cloud with errors if there is one, because perception gets that one.
     """
     return dict(_read_by_annotator(spec, compressed_images))
 

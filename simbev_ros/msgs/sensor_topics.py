@@ -1,7 +1,7 @@
 """The topics of a rig's sensors: each name, type and rate is stated here and nowhere else. Pure: imports no ROS.
 
-Each kind of sensor has a function here that gives its topics. Its node publishes on them; ``topics_of_sensor`` gives
-them to the manifest, by which recorders, evaluators and the annotator know what a sensor sends.
+Each kind of sensor has a function that gives its topics. Its node publishes on them, and ``topics_of_sensor`` passes
+them to the manifest, from which recorder, evaluator and annotator know what a sensor sends.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ _COMPRESSED: dict[Modality, str] = {
     "depth": "compressedDepth",
     "flow": "compressed",
 }
-"""Last part of the name of a modality's compressed topic, as image_transport has it."""
+"""Last part of the name of a modality's compressed topic, as in image_transport."""
 
 
 class CameraTopics(NamedTuple):

@@ -43,7 +43,7 @@ def odometry_topic(spec: SceneSpec) -> Topic:
 
 
 def world_topics(spec: SceneSpec) -> Iterator[Topic]:
-    """What the world node publishes and every scene has."""
+    """Topics of the world node that every scene has."""
     yield Topic(SCENE, "std_msgs/msg/String", 0)
     yield Topic(MAP, "std_msgs/msg/String", 0)
     yield Topic(LEGEND, "std_msgs/msg/String", 0)
@@ -58,7 +58,7 @@ def world_topics(spec: SceneSpec) -> Iterator[Topic]:
 
 
 def unrecorded_world_topics() -> Iterator[Topic]:
-    """What the world node publishes and bags never have: the end of a scene, and displays."""
+    """Topics of the world node that no bag has: the end of a scene, and displays."""
     yield Topic(END, "std_msgs/msg/String", 0)
     yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
 

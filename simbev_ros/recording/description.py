@@ -17,7 +17,7 @@ from simbev_ros.recording.reader import SceneBag, Topic
 from simbev_ros.scene.spec import SceneSpec
 
 _ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
-"""Kinds of sensors that prose writes in another way than rigs do."""
+"""How prose spells the kinds of sensors whose names are abbreviations."""
 
 
 def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], None] = lambda *_: None) -> dict[str, Any]:

@@ -85,7 +85,7 @@ def refused(refused: Callable[..., str]) -> Callable[..., str]:
         ("a.xodr", xodr(width=1e8), "a road that is out of bounds or far too wide is left out (road 0)"),
         ("a.xodr", xodr(x="nan"), "<geometry>: x='nan' is not a finite number"),
         ("a.xodr", xodr(x="1e300"), "<geometry>: x='1e300' is not a finite number of at most 1e9"),
-        ("a.xodr", xodr(count=50_001), "a.xodr: has 50001 roads; at most 50000 are read. Cut out the part"),
+        ("a.xodr", xodr(count=50_001), "a.xodr: has 50001 roads; at most 50000 are read. Extract the part"),
         ("a.osm", osm(50, 8, 50, 8.003, '<tag k="building" v="yes"/>'), "a.osm: has no roads"),
         ("a.osm", osm(50, 8, 50, 8, HIGHWAY), "a.osm: has no roads that cars may drive on"),
         ("a.osm", osm(50, 8, 51, 8, HIGHWAY), "a.osm: its roads span 111 km; at most 30 km are read"),

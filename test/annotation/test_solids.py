@@ -41,7 +41,7 @@ def test_the_leaf_clusters_of_a_crown_are_closed_and_its_leaves_are_sheets() -> 
 def test_touching_pieces_are_separated_and_keep_their_tags() -> None:
     table, sign = box([0.0, 0.0, 0.5], [1.0, 1.0, 1.0]), sheet([-0.5, -0.5], [3.0, 3.0], 1.0)
     both = mesh(table, Tag.STATIC, Material.WOOD), mesh(sign, Tag.GROUND)
-    merged = type(both[0]).merged(both)
+    merged = type(both[0]).merge(both)
     solids = Solids.from_mesh(merged)
     assert np.array_equal(solids.is_solid, merged.triangle_tag == Tag.STATIC)
     assert np.array_equal(solids.tag[solids.triangles[:, 0]], merged.triangle_tag)

@@ -86,7 +86,7 @@ def test_a_projected_net_has_the_position_of_its_projection(grid: str, import_ne
         longitude, latitude = to_geodetic.transform(691000.0 + east_m, 5335000.0 + north_m)
         here_m = parts.datum.map_from_geodetic(latitude, longitude, 0.0)
         assert np.abs(net.junctions[name].center_m - here_m).max() < 0.005
-    assert any("were turned and scaled so that x points east" in note for note in parts.notes)
+    assert any("were rotated and scaled so that x points east" in note for note in parts.notes)
 
 
 def test_a_net_far_from_its_origin_is_recentered(grid: str, import_net: Import) -> None:

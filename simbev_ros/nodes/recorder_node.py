@@ -124,8 +124,9 @@ class RecorderNode(GraphNode):
                     RawMessage(topic.name, stamp_ns, topic.type, bytes(canonical(payload, topic.type)))
                 )
             elif stamp_ns >= self._spec.start_ns:
-                self._take(topic.name, stamp_ns, payload)
-                if topic.name == topics.odometry_name(self._spec.rig.agent):
+                odometry = topics.odometry_name(self._spec.rig.agent)
+                self._take(topic.name, stamp_ns, payload)  # the last message of a scene ends it
+                if topic.name == odometry:
                     transform = ego_transform(deserialize_message(payload, Odometry))
                     self._take(topics.TF, stamp_ns, serialised_transforms([transform]))
 

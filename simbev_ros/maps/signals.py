@@ -41,8 +41,8 @@ def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
         Heads in ascending order of program and link.
     """
     main = _main_links(net.links)
-    signals = [signal for place in layout.signal_places for signal in _head_at(place, main)]
-    named = {lane for place in layout.signal_places for lane in place.lanes}
+    signals = [signal for mount in layout.signal_places for signal in _head_at(mount, main)]
+    named = {lane for mount in layout.signal_places for lane in mount.lanes}
     approaches = _by_edge(net.lanes[lane_id] for lane_id in main if lane_id not in named)
     streets = _by_edge(lane for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING)
     by_rule = [
@@ -67,13 +67,13 @@ def _by_edge(lanes: Iterable[Lane]) -> dict[str, list[Lane]]:
     return edges
 
 
-def _head_at(place: SignalPlace, main: Mapping[str, ControlledLink]) -> Iterator[Signal]:
+def _head_at(mount: SignalPlace, main: Mapping[str, ControlledLink]) -> Iterator[Signal]:
     """The head at a mount, unless none of its lanes is controlled."""
-    links = [main[lane] for lane in place.lanes if lane in main]
+    links = [main[lane] for lane in mount.lanes if lane in main]
     if links:
         link = min(links, key=_straightness_key)
-        name = place.opendrive_id
-        yield Signal(place.head_m, place.yaw_rad, place.foot_m, link.programme, link.link, link.lane, name)
+        name = mount.opendrive_id
+        yield Signal(mount.head_m, mount.yaw_rad, mount.foot_m, link.programme, link.link, link.lane, name)
 
 
 def _snap_to_ground(signals: Sequence[Signal], elevation: Elevation) -> Iterator[Signal]:

@@ -1,4 +1,4 @@
-"""The ground of a region: maps lattice points to map positions by a warp, and places a river and lakes."""
+"""The ground of a region: maps lattice points to map positions by a warp, and draws a river and lakes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -70,8 +70,10 @@ def build_wheels(wheels: Wheels, tag: Tag, first_part: int, detail: Detail) -> l
         twin = Mesh.merge([single, _tire(wheels, tag, detail).transform(inner)])
     for index, part in enumerate(wheel_parts(wheels)):
         x, y, z = part.pivot_m
-        place = matrices_from_xyz_rpy(np.array([x, y, z]), np.array([-np.copysign(np.pi / 2.0, y), 0.0, 0.0]))
-        wheel = (twin if index >= 2 else single).transform(place)
+        vehicle_from_wheel = matrices_from_xyz_rpy(
+            np.array([x, y, z]), np.array([-np.copysign(np.pi / 2.0, y), 0.0, 0.0])
+        )
+        wheel = (twin if index >= 2 else single).transform(vehicle_from_wheel)
         meshes.append(replace(wheel, part=np.full_like(wheel.part, first_part + index)))
     return meshes
 

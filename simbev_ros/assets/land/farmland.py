@@ -84,8 +84,8 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
 def _cells(land: shapely.Polygon, along: Float64Array) -> list[tuple[int, int]]:
     """Lattice cells that an area's bounds touch."""
     corners = shapely.get_coordinates(shapely.box(*land.bounds))
-    place = np.stack([corners @ along, corners @ left_of(along)], axis=1) / _FIELD_M
-    low, high = np.floor(place.min(axis=0)).astype(int), np.floor(place.max(axis=0)).astype(int)
+    lattice = np.stack([corners @ along, corners @ left_of(along)], axis=1) / _FIELD_M
+    low, high = np.floor(lattice.min(axis=0)).astype(int), np.floor(lattice.max(axis=0)).astype(int)
     return [(i, j) for i in range(low[0], high[0] + 1) for j in range(low[1], high[1] + 1)]
 
 

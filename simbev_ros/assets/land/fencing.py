@@ -28,7 +28,7 @@ def fence_line(
     along, half_m = step / length_m, _HALF_WIDTH_M.get(kind, _THIN_M)
     first_m = start_m + along * (length_m - count * PANEL_M[kind]) / 2.0
     positions = first_m + np.outer(np.arange(count) * PANEL_M[kind], along)
-    footprints = [quad(place, along, (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m)) for place in positions]
+    footprints = [quad(position, along, (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m)) for position in positions]
     fit = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
     kept = [k for k in np.flatnonzero(fit).tolist() if yard.claims.is_free(footprints[k])]
     yard.claims.add(*(footprints[k] for k in kept))

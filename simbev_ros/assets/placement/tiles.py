@@ -19,10 +19,10 @@ _Key = tuple[int, int, int]
 """Level, column and row of a tile."""
 
 
-def upright_pose(place_m: Sequence[float] | Float64Array, height_m: float, yaw_rad: float = 0.0) -> Float64Array:
+def upright_pose(position_m: Sequence[float] | Float64Array, height_m: float, yaw_rad: float = 0.0) -> Float64Array:
     """(4, 4) pose, map frame, of an upright object at a position in plan, a height and a heading."""
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    rows = [cosine, -sine, 0.0, place_m[0]], [sine, cosine, 0.0, place_m[1]], [0.0, 0.0, 1.0, height_m]
+    rows = [cosine, -sine, 0.0, position_m[0]], [sine, cosine, 0.0, position_m[1]], [0.0, 0.0, 1.0, height_m]
     return np.array([*rows, [0.0, 0.0, 0.0, 1.0]])
 
 

@@ -175,7 +175,7 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         positions_m, yaw_rad = (curb.position_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
         if len(taken) and np.hypot(*(taken[:, None] - positions_m).T).min() < _POLE_SPACING_M:
             continue  # the other side of the road already has poles
-        free = [yard.claim(shapely.Point(place).buffer(0.4, quad_segs=2), open_land) for place in positions_m]
+        free = [yard.claim(shapely.Point(position).buffer(0.4, quad_segs=2), open_land) for position in positions_m]
         yard.ensemble.put(utility_pole(), positions_m[free], yaw_rad[free])
         taken = np.concatenate([taken, positions_m[free]])
         _hang_cables(yard, positions_m[free])

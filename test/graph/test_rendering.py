@@ -25,7 +25,7 @@ def test_a_machine_that_cannot_draw_says_what_to_install(
 ) -> None:
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
     message = refusal(simbev("run", small_config(60)))
-    assert message.startswith("EGL has no device to draw on")
+    assert message.startswith("EGL has no device to render on")
     assert "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent" in message and "apt install libegl1" in message
 
 

@@ -72,7 +72,7 @@ def test_whatever_a_process_really_maps_is_in_a_package_that_set_up_installs() -
     maps = _maps_after(
         "import av, cv2, libsumo, pyarrow.parquet, pyproj, rclpy, scipy.spatial, shapely, simplejpeg, zlib_ng.zlib_ng",
         "from simbev_ros.raycast import embree",
-        "from simbev_ros.render import context",
+        "from simbev_ros.render.gl import context",
         "context.describe_renderer()",
     )
     of_python = _maps_after("import bz2, ctypes, decimal, lzma, sqlite3, ssl, uuid")

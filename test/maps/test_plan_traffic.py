@@ -1,14 +1,13 @@
 """Random vehicles and pedestrians travel through every built-in town without getting stuck."""
 
-from pathlib import Path
+from collections.abc import Callable
 
 import libsumo
 import numpy as np
 import pytest
 from numpy.random import Generator
 
-from simbev_ros.maps.plan.town import build_town
-from simbev_ros.maps.recipe import recipe_of
+from simbev_ros.maps.parts import MapParts
 
 VEHICLES = {
     "Blocks": 100,
@@ -29,8 +28,10 @@ MOVING_MPS = 0.5
 
 
 @pytest.mark.parametrize("town", VEHICLES)
-def test_traffic_flows_without_teleports_or_lasting_jams_and_with_few_collisions(town: str, tmp_path: Path) -> None:
-    net = build_town(recipe_of(town), 0, tmp_path).net
+def test_traffic_flows_without_teleports_or_lasting_jams_and_with_few_collisions(
+    town: str, built_town: Callable[[str], MapParts]
+) -> None:
+    net = built_town(town).net
     options = f"--step-length {STEP_S} --no-step-log --no-warnings --collision.action warn --collision.check-junctions"
     libsumo.start(["sumo", "-n", str(net), *options.split(), "--time-to-teleport", "85", "--seed", "1"])
     try:

@@ -14,9 +14,8 @@ from simbev_ros.config.camera import MODALITIES
 from simbev_ros.config.rendering import Quality
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.region import Reach, regions_of
-from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.source import known_maps, map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_position
 from simbev_ros.production.surroundings import build_missing_regions, load_roads

@@ -2,33 +2,84 @@
 
 import os
 import sys
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from typing import Any
 
 import typer
 from rich.console import Console
+from typer.core import TyperGroup
 
 from simbev_ros import __version__
-from simbev_ros.cli.bench.group import bench
-from simbev_ros.cli.demo import demo
-from simbev_ros.cli.doctor import doctor
-from simbev_ros.cli.evaluate.command import evaluate
-from simbev_ros.cli.export.group import export
-from simbev_ros.cli.generate import generate
-from simbev_ros.cli.info import info
-from simbev_ros.cli.map import map_
-from simbev_ros.cli.preview import preview
-from simbev_ros.cli.repair import repair
-from simbev_ros.cli.replay import replay
-from simbev_ros.cli.run import run
-from simbev_ros.cli.scene import scene
-from simbev_ros.cli.verify import verify
 from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
+VERBS = {
+    "demo": "demo:demo",
+    "run": "run:run",
+    "generate": "generate:generate",
+    "replay": "replay:replay",
+    "scene": "scene.command:scene",
+    "info": "info:info",
+    "preview": "preview:preview",
+    "verify": "verify:verify",
+    "repair": "repair:repair",
+    "evaluate": "evaluate.command:evaluate",
+    "doctor": "doctor:doctor",
+    "map": "map.command:map_",
+    "bench": "bench.group:bench",
+    "export": "export.group:export",
+}
+"""Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
 
+
+def load_verb(name: str) -> Callable[..., None] | typer.Typer:
+    """Import a verb's module and return the verb: a function, or a group of commands."""
+    module, _, attribute = VERBS[name].partition(":")
+    verb: Callable[..., None] | typer.Typer = getattr(import_module(f"simbev_ros.cli.{module}"), attribute)
+    return verb
+
+
+class _LazyVerbs(Mapping[str, Any]):
+    """The click command of each verb by name, imported when it is looked up: most verbs take long to load."""
+
+    def __init__(self) -> None:
+        self._loaded: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._loaded:
+            verb = load_verb(name)
+            if not isinstance(verb, typer.Typer):
+                function, verb = verb, typer.Typer(add_completion=False, rich_markup_mode="rich")
+                verb.command(name)(function)
+            self._loaded[name] = typer.main.get_command(verb)
+            self._loaded[name].name = name
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(VERBS)
+
+    def __len__(self) -> int:
+        return len(VERBS)
+
+
+class _Verbs(TyperGroup):
+    """The group of all verbs."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands = _LazyVerbs()  # type: ignore[assignment]  # no command is ever added or removed
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the verbs' names without loading the verbs."""
+        return list(self.commands)
+
+
 app = typer.Typer(
     name="simbev",
+    cls=_Verbs,
     help="Random driving scenes as a ROS 2 graph: sensors, exact bird's-eye-view ground truth, MCAP bags.",
     no_args_is_help=True,
     add_completion=False,
@@ -36,11 +87,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in (demo, run, generate, replay, scene, info, preview, verify, repair, evaluate, doctor):
-    app.command()(_verb)
-app.command("map")(map_)
-app.add_typer(bench, name="bench")
-app.add_typer(export, name="export")
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,15 +1,12 @@
 """Loads a map: takes a MapSpec and returns its RoadNetwork.
 
-A map is built on first use and afterwards read from a disk cache.
+A map is built on first use and afterwards read from a disk cache. The planner and the importers are only imported when
+something has to be built: they take longer to load than a built map does.
 """
 
 import gc
-import gzip
-import logging
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -19,27 +16,9 @@ from simbev_ros.cache.fingerprint import fingerprint
 from simbev_ros.cache.folders import ensure_folder
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.opendrive.importer import import_opendrive
-from simbev_ros.maps.osm.importer import import_osm
-from simbev_ros.maps.parts import MapParts
-from simbev_ros.maps.plan.town import build_town
-from simbev_ros.maps.recipe import recipe_of
-from simbev_ros.maps.roads.levels import assign_levels
-from simbev_ros.maps.signals import place_signals, with_net_ids
-from simbev_ros.maps.signs import place_signs
-from simbev_ros.maps.source import file_of, suffix_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, read_datum, read_network, read_source, write_network
-from simbev_ros.maps.sumo.importer import import_sumo
-from simbev_ros.maps.sumo.layout import layout_of
-from simbev_ros.maps.sumo.net import read_sumo_net
+from simbev_ros.maps.store import read_datum, read_network, read_source
 
-_IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {
-    ".xodr": import_opendrive,
-    ".osm": import_osm,
-    ".osm.xml": import_osm,
-    ".net.xml": import_sumo,
-}
 _ATTEMPTS = 3
 _T = TypeVar("_T")
 
@@ -86,14 +65,19 @@ def _folder(spec: MapSpec, cache_dir: Path) -> Path:
     """Return a map's cache folder. The seed is part of the key only for towns: imported files do not use it."""
     source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
     key = f"{spec.name}\n{source}\n".encode()
-    make_parts = _importer_of(spec) if spec.path else partial(build_town, recipe_of(spec.name), spec.seed)
     try:
-        build = partial(_build, spec, make_parts)
-        with _without_garbage_collection():
-            return ensure_folder("maps", spec.name, fingerprint(__name__), key, build, cache_dir)
+        return ensure_folder("maps", spec.name, fingerprint(__name__), key, partial(_build, spec), cache_dir)
     except Exception as error:
         error.add_note(f"while building the roads of map {spec.path or spec.name}")
         raise
+
+
+def _build(spec: MapSpec, folder: Path) -> None:
+    """Build a map and fill its cache folder."""
+    from simbev_ros.maps.builder import build_map
+
+    with _without_garbage_collection():
+        build_map(spec, folder)
 
 
 @contextmanager
@@ -106,39 +90,3 @@ def _without_garbage_collection() -> Iterator[None]:
     finally:
         if was_enabled:
             gc.enable()
-
-
-def _importer_of(spec: MapSpec) -> Callable[[Path], MapParts]:
-    """Return a function that imports a map's file into a given work folder; the file is not read before that call."""
-    return lambda work: _IMPORTERS[suffix_of(spec.path)](file_of(spec), work)
-
-
-def _build(spec: MapSpec, make_parts: Callable[[Path], MapParts], folder: Path) -> None:
-    """Build a map and fill its cache folder."""
-    work = folder / "work"
-    work.mkdir()
-    if spec.path:
-        (folder / SOURCE).write_bytes(gzip.compress(file_of(spec).read_bytes(), mtime=0))
-    parts = make_parts(work)
-    for note in parts.notes:
-        logging.getLogger(__name__).info("map %s: %s", spec.name, note)
-    for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
-        shutil.copyfile(source, folder / name)
-    net = read_sumo_net(folder / NET)
-    layout = assign_levels(parts.layout or layout_of(net), parts.features.water)
-    signals = place_signals(net, layout)
-    network = RoadNetwork(
-        name=spec.name,
-        lanes=net.lanes,
-        junctions=net.junctions,
-        signals=signals if parts.layout else with_net_ids(signals),
-        datum=parts.datum,
-        net_path=folder / NET,
-        opendrive_path=folder / OPENDRIVE,
-        layout=layout if layout.signs else replace(layout, signs=place_signs(net, layout)),
-        features=parts.features,
-        seed=spec.seed,
-        notes=parts.notes,
-    )
-    write_network(network, folder)
-    shutil.rmtree(work)

@@ -12,6 +12,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.plan.land import WaterRecipe, ZoneRecipe
 from simbev_ros.maps.plan.patterns.pattern import Pattern
+from simbev_ros.maps.source import known_maps
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 
 
@@ -55,12 +56,6 @@ class TownRecipe(Model):
             for zone in data.get("zones", ())
         ]
         return {**data, "zones": zones}
-
-
-def known_maps() -> tuple[str, ...]:
-    """Names of all built-in maps, sorted."""
-    towns = files("simbev_ros.maps").joinpath("towns")
-    return tuple(sorted(entry.name.removesuffix(".yaml") for entry in towns.iterdir() if entry.name.endswith(".yaml")))
 
 
 @lru_cache(maxsize=16)

@@ -2,15 +2,21 @@
 
 import hashlib
 import re
+from importlib.resources import files
 from pathlib import Path
 
 from simbev_ros.config.map_files import MAP_SUFFIXES
 from simbev_ros.errors import InputError
-from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.safe_xml import check_readable
 from simbev_ros.maps.spec import MapSpec
 
 _MAX_NAME_CHARS = 48
+
+
+def known_maps() -> tuple[str, ...]:
+    """Names of all built-in maps, sorted."""
+    towns = files("simbev_ros.maps").joinpath("towns")
+    return tuple(sorted(entry.name.removesuffix(".yaml") for entry in towns.iterdir() if entry.name.endswith(".yaml")))
 
 
 def map_spec(name_or_path: str, seed: int = 0) -> MapSpec:

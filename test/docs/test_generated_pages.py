@@ -2,7 +2,6 @@
 
 import pytest
 
-from simbev_ros.cli.main import app
 from simbev_ros.msgs import topics
 from tools.docs.commands import commands
 from tools.docs.configuration import documented_models, models_in
@@ -45,5 +44,5 @@ def test_every_fixed_topic_of_the_code_is_on_the_page() -> None:
 
 
 def test_verbs_and_commands_of_groups_are_documented() -> None:
-    found = {" ".join(words) for words, _ in commands(app, ("simbev",))}
+    found = {" ".join(words) for words, _ in commands()}
     assert {"simbev demo", "simbev generate", "simbev export nuscenes", "simbev bench rays"} <= found

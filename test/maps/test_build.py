@@ -11,9 +11,9 @@ from pyproj import CRS
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.maps.build import load_datum, load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.recipe import known_maps
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import road_surface
+from simbev_ros.maps.source import known_maps
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.sumo import netconvert
 

@@ -5,7 +5,8 @@ from pydantic import ValidationError
 
 from simbev_ros.errors import InputError
 from simbev_ros.maps.plan.road_class import road_classes
-from simbev_ros.maps.recipe import TownRecipe, known_maps, recipe_of
+from simbev_ros.maps.recipe import TownRecipe, recipe_of
+from simbev_ros.maps.source import known_maps
 
 MINIMAL: dict[str, Any] = {
     "name": "Minimal",

@@ -9,8 +9,7 @@ from world_scenes import of_kind
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.recipe import known_maps
-from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.source import known_maps, map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.state import EGO_ID

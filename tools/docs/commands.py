@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import typer
 from typer.models import ArgumentInfo, OptionInfo
 
-from simbev_ros.cli.main import app
+from simbev_ros.cli.main import VERBS, load_verb
 from tools.docs.markdown import GENERATED, code, sentence, table
 
 _INTRODUCTION = """# Commands
@@ -90,18 +90,22 @@ class Parameter:
 
 def render_commands() -> str:
     """The whole page."""
-    parts = [GENERATED, _INTRODUCTION, *(_section(words, call) for words, call in commands(app, ("simbev",)))]
+    parts = [GENERATED, _INTRODUCTION, *(_section(words, call) for words, call in commands())]
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
 
 
-def commands(group: typer.Typer, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:
-    """All commands below a group: the words that call them, and their functions."""
+def commands() -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:
+    """All commands: the words that call them, and their functions."""
+    for name in VERBS:
+        verb = load_verb(name)
+        words = ("simbev", name)
+        yield from _commands_of(verb, words) if isinstance(verb, typer.Typer) else [(words, verb)]
+
+
+def _commands_of(group: typer.Typer, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:
     for each in group.registered_commands:
         assert each.callback is not None
         yield (*words, each.name or each.callback.__name__.replace("_", "-").strip("-")), each.callback
-    for nested in group.registered_groups:
-        assert nested.typer_instance is not None
-        yield from commands(nested.typer_instance, (*words, str(nested.name)))
 
 
 def parameters(call: Callable[..., Any]) -> list[Parameter]:

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from simbev_ros.assets.actors.limbs import ANKLE, SHIN, THIGH, bend
 from simbev_ros.scene.gait import Gait
@@ -104,6 +103,8 @@ def _interpolate_stride(
     phase: Float64Array, down: Float64Array, stance: Float64Array, *knots: tuple[float, float]
 ) -> Float64Array:
     """A quantity over the stride: given during the stance, interpolated smoothly through knots during the swing."""
+    from scipy.interpolate import CubicSpline  # takes long to load; only those who build figures need it
+
     start, step = down[-1], down[1] - down[0]
     leaving, landing = ((stance[k] - stance[k - 2]) / (2.0 * step) for k in (-1, 2))
     at, values = zip((0.0, stance[-1]), *knots, (1.0, stance[0]), strict=True)

@@ -3,15 +3,18 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from simbev_ros.assets.actors.detail import Detail, select_lines
 from simbev_ros.assets.actors.doors import door_part
 from simbev_ros.assets.actors.finishes import mirrored_name
 from simbev_ros.assets.actors.shell import Arch, Area, Curve, Loop, Seam, Shell
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 _CAP_CUTS = (0.45, 1.0)
 _LEDGE = 0.004
@@ -197,8 +200,10 @@ def _corner(tip: float, start: float, half_width: float, exponent: float, share:
 
 
 @lru_cache(maxsize=4096)
-def _curve(curve: Curve) -> PchipInterpolator:
+def _curve(curve: Curve) -> "PchipInterpolator":
     """Smooth function of x without overshoot, constant beyond its ends."""
+    from scipy.interpolate import PchipInterpolator  # takes long to load; only those who build models need it
+
     points = np.array([(0.0, curve)] if isinstance(curve, float | int) else sorted(curve), np.float64)
     x, value = points.T
     return PchipInterpolator(

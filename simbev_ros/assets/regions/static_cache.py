@@ -11,7 +11,6 @@ import numpy as np
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.facets import TILE_M
 from simbev_ros.assets.placement.static_scene import StaticScene, StreetLight, Tile
-from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.far_land import FarLand, cells_of, far_land, far_tiles
 from simbev_ros.assets.regions.region_file import read_region, read_streetside, write_region
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
@@ -112,6 +111,8 @@ class StaticCache:
         return self._folder / f"{region.column}_{region.row}.npz"
 
     def _write_region(self, path: Path, region: Region) -> None:
+        from simbev_ros.assets.regions.build import build_region  # takes long to load and is seldom needed
+
         write_region(path, build_region(self._network, region, self._terrain))
 
     def _write_far_land(self, path: Path) -> None:

@@ -10,7 +10,6 @@ from rich.console import Console
 
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.console import counting_bar
-from simbev_ros.cli.production_display import SceneDisplay
 
 
 def reading(
@@ -61,6 +60,7 @@ def record(
     simbev bench record --folder /data --ticks 100 --json
     """
     from simbev_ros.bench.record_timing import files_to_write, timed_recording
+    from simbev_ros.cli.production_display import SceneDisplay
 
     console = Console(stderr=True)
     with counting_bar("files", console, files_to_write(rounds)) as bar:

@@ -11,7 +11,6 @@ from typer.core import TyperGroup
 from simbev_ros.cli.bench.data import evaluate, reading, record
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
-from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Timing
 
@@ -67,6 +66,7 @@ def graph(
     simbev bench live --no-record --json
     """
     from simbev_ros.bench.graph_timing import timed_graph
+    from simbev_ros.cli.production_display import SceneDisplay
 
     with tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as folder:
         dataset = Path(folder) / "dataset" if record else None
@@ -102,6 +102,7 @@ def world(
     simbev bench world Town10HD --ticks 200
     """
     from simbev_ros.bench.world_timing import timed_world
+    from simbev_ros.cli.production_display import SceneDisplay
 
     grown = timed_world(_shortened(config, ticks), map_name, observer=SceneDisplay(Console(stderr=True)))
     show_timing(

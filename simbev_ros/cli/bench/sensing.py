@@ -8,7 +8,6 @@ from rich.console import Console
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.console import counting_bar
 from simbev_ros.cli.picture_size import picture_size_px
-from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.rendering import QUALITIES, Quality, Rendering
 
 _MIN_PX = 16
@@ -57,6 +56,7 @@ def cameras(
     """
     from simbev_ros.bench.camera_scene import camera_scene, paper_cameras
     from simbev_ros.bench.camera_timing import steps, timed_cameras
+    from simbev_ros.cli.production_display import SceneDisplay
 
     size_px, console = picture_size_px(size, _MIN_PX), Console(stderr=True)
     qualities = QUALITIES if quality is None else (quality,)
@@ -92,6 +92,7 @@ def rays(
     """
     from simbev_ros.bench.camera_scene import camera_scene
     from simbev_ros.bench.ray_timing import timed_rays
+    from simbev_ros.cli.production_display import SceneDisplay
 
     console = Console(stderr=True)
     scene = camera_scene(
@@ -128,6 +129,7 @@ def labels(
     """
     from simbev_ros.bench.camera_scene import camera_scene
     from simbev_ros.bench.label_timing import timed_labels
+    from simbev_ros.cli.production_display import SceneDisplay
 
     console = Console(stderr=True)
     scene = camera_scene(

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from simbev_ros.types import BoolArray, Float64Array
 
@@ -46,6 +45,8 @@ class Raster:
 
         The spline is close to the values and twice differentiable.
         """
+        from scipy.ndimage import map_coordinates  # takes long to load; most processes read ready-made land
+
         value: Float64Array = map_coordinates(
             self.values, self._node_coordinates(xy_m).T, order=3, mode="nearest", prefilter=False
         )

@@ -4,7 +4,6 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.interpolate import CubicSpline
 
 from simbev_ros.config.base import Model
 from simbev_ros.maps.plan.curves import resample, round_corners
@@ -55,6 +54,8 @@ def draw_road(pattern: Road, draft: Draft, rng: np.random.Generator) -> None:
 
 def spline_through(points_m: Float64Array, closed: bool = False) -> Float64Array:
     """A smooth line through points, with evenly spaced vertices."""
+    from scipy.interpolate import CubicSpline  # takes long to load, and a recipe can be read without it
+
     if closed:
         points_m = np.concatenate([points_m, points_m[:1]])
     along_m = stations_m(points_m)

@@ -1,10 +1,10 @@
-"""``simbev scene``: draws scenes without simulating them and prints statistics of their parameters."""
+"""Draws scenes for ``simbev scene`` without simulating them and prints statistics of their parameters."""
 
 import json
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
@@ -27,28 +27,14 @@ _NAME_WIDTH, _FIGURE_WIDTH = 24, 8
 _BARS = " ▁▂▃▄▅▆▇█"
 
 
-def scene(
-    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
-    count: Annotated[
-        int | None,
-        typer.Option(help="Number of scenes; default: that of the configuration.", min=1, max=100_000),
-    ] = None,
-    map_name: Annotated[
-        str | None, typer.Option("--map", help="Draw all scenes on this town or map file instead.", metavar="MAP")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
-) -> None:
-    """Draw scenes without simulating them; print statistics, a histogram and the distribution of every parameter.
+def report_scenes(config: str, count: int | None, map_name: str | None, *, as_json: bool) -> None:
+    """Draw the scenes of a configuration and print statistics of what was drawn.
 
-    Scene k is the one that [bold]simbev run[/] would play as number k; after the last one the maps are repeated.
-
-    [bold]Examples[/]
-
-    simbev scene demo
-
-    simbev scene paper --map Town05 --count 2000
-
-    simbev scene my.yaml --count 500 --json
+    Args:
+        config: Configuration file, or the name of a built-in one.
+        count: Number of scenes; that of the configuration when None. After the last one they are repeated.
+        map_name: Town or map file for all scenes, in place of the configuration's.
+        as_json: Print JSON in place of tables.
     """
     scenario = load_scenario(config)
     planned = _planned(scenario, count, map_name)

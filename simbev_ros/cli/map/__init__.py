@@ -1,0 +1,1 @@
+"""``simbev map``: builds a map, prints its statistics and draws pictures of it."""

@@ -1,0 +1,58 @@
+"""The command ``simbev map``."""
+
+import json
+import tempfile
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+
+def map_(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="A town, or a file (.xodr, .osm, .net.xml); default: a table of all towns.", metavar="MAP"),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed for everything the map does not determine.", min=0, max=2**31)] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Write PICTURE-above.png and PICTURE-street.png.", metavar="PICTURE.png")
+    ] = None,
+    at: Annotated[
+        tuple[float, float] | None, typer.Option(help="Position of the pictures in the map, in meters.", metavar="X Y")
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Build the surroundings of the whole map, not only around one position.")
+    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Build without the cache, for timing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+) -> None:
+    """Build a map, print its statistics and what had to be repaired, and show it from above and from the street.
+
+    [bold]Examples[/]
+
+    simbev map
+
+    simbev map Town04 --out town04.png
+
+    simbev map my_city.osm --fresh --json
+    """
+    from simbev_ros.cache.entries import default_cache_dir
+    from simbev_ros.cli.console import table_console
+    from simbev_ros.cli.map.exploration import build_roads, explore
+    from simbev_ros.cli.map.report import map_table, towns_table
+    from simbev_ros.maps.source import known_maps, map_spec
+
+    console = Console(stderr=True)
+    with tempfile.TemporaryDirectory(prefix="simbev_ros-map-") if fresh else nullcontext() as folder:
+        cache_dir = Path(folder) if folder else default_cache_dir()
+        if name is None:
+            reports = [build_roads(map_spec(town, seed), cache_dir, console)[0] for town in known_maps()]
+        else:
+            reports = [explore(map_spec(name, seed), at, everything, out, cache_dir, console)]
+    if as_json:
+        facts = [report.facts() for report in reports]
+        typer.echo(json.dumps(facts if name is None else facts[0], indent=2))
+        return
+    table_console().print(towns_table(reports) if name is None else map_table(reports[0]))

@@ -1,0 +1,78 @@
+"""Builds the road network of a map, from the recipe of a town or from a map file, and writes it to a folder."""
+
+import gzip
+import logging
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.opendrive.importer import import_opendrive
+from simbev_ros.maps.osm.importer import import_osm
+from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.plan.town import build_town
+from simbev_ros.maps.recipe import recipe_of
+from simbev_ros.maps.roads.levels import assign_levels
+from simbev_ros.maps.signals import place_signals, with_net_ids
+from simbev_ros.maps.signs import place_signs
+from simbev_ros.maps.source import file_of, suffix_of
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, write_network
+from simbev_ros.maps.sumo.importer import import_sumo
+from simbev_ros.maps.sumo.layout import layout_of
+from simbev_ros.maps.sumo.net import read_sumo_net
+
+_IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {
+    ".xodr": import_opendrive,
+    ".osm": import_osm,
+    ".osm.xml": import_osm,
+    ".net.xml": import_sumo,
+}
+
+
+def build_map(spec: MapSpec, folder: Path) -> None:
+    """Build a map and fill an empty folder with it, as ``maps.store`` reads it.
+
+    Args:
+        spec: The map to build.
+        folder: Receives the network, SUMO's net, the OpenDRIVE file and, for an imported map, its source.
+
+    Raises:
+        InputError: No map has this name, or its file is missing, changed or invalid.
+        SimulationError: SUMO could not build the map.
+    """
+    work = folder / "work"
+    work.mkdir()
+    if spec.path:
+        (folder / SOURCE).write_bytes(gzip.compress(file_of(spec).read_bytes(), mtime=0))
+    parts = _parts_of(spec, work)
+    for note in parts.notes:
+        logging.getLogger(__name__).info("map %s: %s", spec.name, note)
+    for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
+        shutil.copyfile(source, folder / name)
+    net = read_sumo_net(folder / NET)
+    layout = assign_levels(parts.layout or layout_of(net), parts.features.water)
+    signals = place_signals(net, layout)
+    network = RoadNetwork(
+        name=spec.name,
+        lanes=net.lanes,
+        junctions=net.junctions,
+        signals=signals if parts.layout else with_net_ids(signals),
+        datum=parts.datum,
+        net_path=folder / NET,
+        opendrive_path=folder / OPENDRIVE,
+        layout=layout if layout.signs else replace(layout, signs=place_signs(net, layout)),
+        features=parts.features,
+        seed=spec.seed,
+        notes=parts.notes,
+    )
+    write_network(network, folder)
+    shutil.rmtree(work)
+
+
+def _parts_of(spec: MapSpec, work: Path) -> MapParts:
+    """Plan a town or import a map's file; intermediate files go to the work folder."""
+    if spec.path:
+        return _IMPORTERS[suffix_of(spec.path)](file_of(spec), work)
+    return build_town(recipe_of(spec.name), spec.seed, work)

@@ -205,7 +205,7 @@ def test_points_of_a_rolling_scan_are_where_they_were_at_the_stamp() -> None:
     ego = np.zeros(1, ACTOR_DTYPE)
     ego["id"], ego["vx"] = EGO_ID, 10.0
     cloud = np.zeros(2, POINT_DTYPE)
-    cloud["y"], cloud["time"] = [-20.0, -20.5], [0.0, -0.05]  # one place ahead, seen now and half a metre earlier
+    cloud["y"], cloud["time"] = [-20.0, -20.5], [0.0, -0.05]  # one place ahead, seen now and half a meter earlier
     frame = _Moving({"lidar/points": cloud, "world/actors": ego})
     data = sensor_files.file_content(frame, Channel("LIDAR_TOP", "lidar", "lidar/points", lidar))  # type: ignore[arg-type]
     rows = np.frombuffer(data, np.float32).reshape(-1, 5)

@@ -64,7 +64,7 @@ def test_cameras_read_back(exported: tuple[MadeUp, Path]) -> None:
     np.testing.assert_array_equal(npz(sweep(root, "FLW-CAM_FRONT", "npz")), tick["cam_front/flow"])
 
 
-def test_semantic_pictures_have_carlas_colours(exported: tuple[MadeUp, Path]) -> None:
+def test_semantic_pictures_have_carlas_colors(exported: tuple[MadeUp, Path]) -> None:
     made, root = exported
     colors = cv2.imread(str(sweep(root, "SEG-CAM_FRONT", "png")))[..., ::-1]
     tags = made.ticks[1]["cam_front/semantic"]
@@ -79,11 +79,11 @@ def test_clouds_read_back_without_points_on_the_ego(exported: tuple[MadeUp, Path
     points = npz(sweep(root, "LIDAR", "npz"))
     assert points.dtype == np.float32 and 0 < len(expected) < len(cloud)
     np.testing.assert_array_equal(points, np.array(expected, np.float32))
-    labelled, source = npz(sweep(root, "SEG-LIDAR", "npz")), made.ticks[1]["lidar/semantic_points"]
-    assert labelled.dtype.names == ("x", "y", "z", "CosAngle", "ObjIdx", "ObjTag")
-    assert [labelled.dtype[name].str for name in labelled.dtype.names] == ["<f4"] * 4 + ["<u4"] * 2
-    np.testing.assert_array_equal(labelled["ObjIdx"], source["object_id"])
-    np.testing.assert_array_equal(labelled["CosAngle"], source["cos_angle"])
+    labeled, source = npz(sweep(root, "SEG-LIDAR", "npz")), made.ticks[1]["lidar/semantic_points"]
+    assert labeled.dtype.names == ("x", "y", "z", "CosAngle", "ObjIdx", "ObjTag")
+    assert [labeled.dtype[name].str for name in labeled.dtype.names] == ["<f4"] * 4 + ["<u4"] * 2
+    np.testing.assert_array_equal(labeled["ObjIdx"], source["object_id"])
+    np.testing.assert_array_equal(labeled["CosAngle"], source["cos_angle"])
     radar, echoes = npz(sweep(root, "RAD_FRONT", "npz")), made.ticks[1]["radar_front/points"]
     for column, name in enumerate(("range", "elevation", "azimuth", "doppler_velocity")):
         np.testing.assert_array_equal(radar[:, column], echoes[name])

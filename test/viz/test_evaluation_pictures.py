@@ -1,4 +1,4 @@
-"""Boxes and cells of a frame are drawn where they are, in the colours of what became of them."""
+"""Boxes and cells of a frame are drawn where they are, in the colors of what became of them."""
 
 import base64
 import io
@@ -114,7 +114,7 @@ def test_a_scene_without_cameras_has_no_such_picture(tmp_path: Path) -> None:
     assert in_camera(scene[1], result, marked_boxes(result)) is None
 
 
-def test_cells_that_differ_are_coloured(scene: Scene) -> None:
+def test_cells_that_differ_are_colored(scene: Scene) -> None:
     scores = made.scores(0)[[made.ROAD, made.CAR]] / np.float32(255)
     scores[0, 9, 0], scores[0, 15, 3], scores[1, 8, 9] = 0.4, 0.5, 0.0
     pictures = grid_pictures(scene[0], ScoreGrid(("road", "car"), scores, "here"), ("road", "car"))

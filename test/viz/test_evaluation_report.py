@@ -36,7 +36,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def some_boxes() -> Predictions:
-    """The near cars half a metre off, the far ones not at all, pedestrians twice."""
+    """The near cars half a meter off, the far ones not at all, pedestrians twice."""
     own = made.as_predicted(center_m=made.truth().center_m + np.array([0.45, 0.0, 0.0]))
     rows = np.flatnonzero(np.arange(len(own)) % 3 != 1)
     rows = np.sort(np.append(rows, np.arange(2, len(own), 3)))

@@ -9,7 +9,7 @@ import pytest
 
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import UInt8Array
-from simbev_ros.viz.gallery import SHEET_WIDTH_PX, Picture, Section, even_rows, in_all_weathers, sheet
+from simbev_ros.viz.gallery import SHEET_WIDTH_PX, Picture, Section, draw_sheet, even_rows, weather_pictures
 
 
 def plain(name: str, level: int, width_px: int = 160) -> Picture:
@@ -25,7 +25,7 @@ def test_rows_are_even_and_the_first_ones_have_the_larger_pictures(count: int, l
 
 def test_every_picture_is_on_the_sheet_in_reading_order() -> None:
     levels = [60, 90, 120, 150, 180]
-    result = sheet(Section("s", "Title", "facts", [2, 3]), [plain(str(level), level) for level in levels])
+    result = draw_sheet(Section("s", "Title", "facts", [2, 3]), [plain(str(level), level) for level in levels])
     assert result.shape[1] == SHEET_WIDTH_PX
     inner = SHEET_WIDTH_PX - 2 * 24
     places = [(250, inner // 4), (250, 3 * inner // 4), *((760, 24 + (2 * k + 1) * inner // 6) for k in range(3))]
@@ -42,7 +42,7 @@ def test_the_weathers_are_those_that_a_gallery_must_show() -> None:
 
     azimuth: Callable[[float], float] = lambda bearing_deg: bearing_deg % 360.0  # noqa: E731
     view: Any = SimpleNamespace(photograph=photograph, sun_azimuth_deg=azimuth)
-    pictures: dict[str, UInt8Array] = {picture.name: picture.rgb for picture in in_all_weathers(view, (32, 18))}
+    pictures: dict[str, UInt8Array] = {picture.name: picture.rgb for picture in weather_pictures(view, (32, 18))}
     weather = dict(zip(pictures, seen, strict=True))
     assert list(weather) == ["clear", "overcast", "rain", "fog", "dusk", "night", "night_rain"]
     assert [name for name in weather if weather[name].precipitation > 0] == ["rain", "night_rain"]

@@ -83,7 +83,7 @@ def test_what_stands_on_a_cell_is_not_tinted_unless_tags_tell_it_from_the_ground
     assert not found[:50].any() and (found[50:] == ROAD | CAR).all()
 
 
-def test_a_tint_changes_labelled_pixels_towards_their_colour() -> None:
+def test_a_tint_changes_labeled_pixels_towards_their_color() -> None:
     picture = np.full((1, 3, 3), 100, np.uint8)
     tinted = tint_ground(picture, np.array([[0, ROAD, ROAD | LINE]], np.uint16))[0].astype(float)
     assert tinted[0].tolist() == [100, 100, 100]

@@ -28,7 +28,7 @@ def test_an_orthophoto_shows_the_topmost_surface_where_it_is() -> None:
     origin_m = np.array([1000.0, 2000.0, 5.0])
     meshes = [sheet(0, 0, 50, 0, (0, 90, 0)), sheet(20, 30, 6, 0.5, (90, 0, 0)), sheet(20, 30, 9, 0.2, (0, 0, 90))]
     picture = orthophoto([Tile(origin_m, Mesh.merge(meshes), {})], origin_m[:2], 100.0, 200)
-    # 2 pixels a metre, row 0 in the north, column 0 in the west
+    # 2 pixels a meter, row 0 in the north, column 0 in the west
     strongest = {
         (row, column): int(np.argmax(picture[row, column])) for row, column in ((40, 140), (40, 156), (100, 100))
     }

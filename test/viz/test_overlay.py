@@ -89,7 +89,7 @@ def from_above(rows: Table, faint_without: str = "lidar_points") -> UInt8Array:
 
 def test_a_box_ahead_left_is_above_left_and_its_tick_points_forward() -> None:
     rows, columns = np.nonzero(from_above(box(30.0, 20.0, 0.0, size=(8, 4, 2))).any(axis=-1))
-    assert (rows.min(), rows.max()) == pytest.approx((32, 48), abs=1.1)  # 2 pixels per metre, x = 50 is the upper edge
+    assert (rows.min(), rows.max()) == pytest.approx((32, 48), abs=1.1)  # 2 pixels per meter, x = 50 is the upper edge
     assert (columns.min(), columns.max()) == pytest.approx((56, 64), abs=1.1)
     middle = from_above(box(30.0, 20.0, 0.0, size=(8, 4, 2)))[:, 59:61].any(axis=(1, 2))
     assert middle[34:39].all() and not middle[42:46].any()

@@ -8,7 +8,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.placement.static_scene import Tile
 from simbev_ros.semantics import Tag
-from simbev_ros.viz.street.viewpoint import street_place
+from simbev_ros.viz.street.viewpoint import find_viewpoint
 
 _HOUSE = Finish(Material.FACADE, Tag.BUILDING, (200, 200, 200))
 
@@ -19,7 +19,7 @@ def place_among(*centers_m: tuple[float, float]) -> float:
     waypoints = SimpleNamespace(position_m=position_m, yaw_rad=np.zeros(2))
     network = SimpleNamespace(waypoints=lambda spacing_m: waypoints)
     tiles = [Tile(np.array([x, y, 0.0]), box(_HOUSE, (10.0, 10.0, 12.0), (0.0, 0.0, 6.0)), {}) for x, y in centers_m]
-    place_m, _ = street_place(network, tiles, np.array([75.0, 0.0]), 100.0)  # type: ignore[arg-type]
+    place_m, _ = find_viewpoint(network, tiles, np.array([75.0, 0.0]), 100.0)  # type: ignore[arg-type]
     return float(place_m[0])
 
 

@@ -13,7 +13,7 @@ from simbev_ros.geometry.transforms import quaternion_from_rpy
 from simbev_ros.types import Table
 
 _DECIMALS = 9
-"""Of metres, and of the parts of quaternions."""
+"""Of meters, and of the parts of quaternions."""
 
 
 class Annotations:

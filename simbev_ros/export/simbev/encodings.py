@@ -33,7 +33,7 @@ def jpeg(image: UInt8Array) -> bytes:
 
 
 def semantic_png(tags: UInt8Array) -> bytes:
-    """(H, W) semantic tags, in CARLA's colours."""
+    """(H, W) semantic tags, in CARLA's colors."""
     return _png(semantic_color(tags))
 
 
@@ -114,7 +114,7 @@ def bev_npz(labels: UInt16Array) -> bytes:
 
 
 def bev_jpeg(labels: UInt16Array) -> bytes:
-    """A grid of labels in colours."""
+    """A grid of labels in colors."""
     return jpeg(bev_color(labels))
 
 

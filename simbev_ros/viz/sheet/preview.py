@@ -1,4 +1,4 @@
-"""A bag → contact sheet (PNG) and video (MP4)."""
+"""Writes the preview of a recorded scene: from a bag's frames to a contact sheet (PNG) or a video (MP4)."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -19,7 +19,13 @@ _QUALITY = "21"
 
 
 def write_picture(reader: FrameReader, index: int, path: Path) -> None:
-    """Write the contact sheet of the frame at an index as PNG."""
+    """Write the contact sheet of one frame as PNG.
+
+    Args:
+        reader: The bag's frames.
+        index: Index of the frame in ``reader.stamps_ns``.
+        path: The file.
+    """
     sheet = _sheet(reader, DESIGN_WIDTH_PX)
     (frame,) = reader.frames(index, 1)
     _, data = cv2.imencode(".png", cv2.cvtColor(sheet.draw(frame), cv2.COLOR_RGB2BGR))
@@ -30,8 +36,8 @@ def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -
     """Write all frames as H.264 in MP4, at the scene's own rate.
 
     Args:
-        reader: The frames.
-        path: The file; it has this name only once it is whole.
+        reader: The bag's frames.
+        path: The file; it gets this name only once it is complete.
         progress: Called after each frame.
     """
     sheet = _sheet(reader, VIDEO_WIDTH_PX)
@@ -70,15 +76,15 @@ def _facts(spec: SceneSpec) -> str:
     parts = [
         f"seed {spec.seed}",
         f"{len(spec.vehicles)} vehicles, {len(spec.pedestrians)} pedestrians",
-        f"sun {_course(spec, 'sun_altitude_deg')}°",
-        f"clouds {_course(spec, 'cloudiness')} %",
-        f"rain {_course(spec, 'precipitation')} %",
-        f"fog {_course(spec, 'fog_density')} %",
+        f"sun {_weather_range(spec, 'sun_altitude_deg')}°",
+        f"clouds {_weather_range(spec, 'cloudiness')} %",
+        f"rain {_weather_range(spec, 'precipitation')} %",
+        f"fog {_weather_range(spec, 'fog_density')} %",
     ]
     return "  ·  ".join(parts)
 
 
-def _course(spec: SceneSpec, parameter: str) -> str:
-    """What a parameter of the weather is, and what it becomes."""
+def _weather_range(spec: SceneSpec, parameter: str) -> str:
+    """A weather parameter at the start of the scene and, if it changes, at the end."""
     moments = [spec.weather] if spec.final_weather is None else [spec.weather, spec.final_weather]
     return " → ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)

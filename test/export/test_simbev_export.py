@@ -1,4 +1,4 @@
-"""The SimBEV layout is read back by its own description, and holds what was recorded."""
+"""Tests that the SimBEV layout, read back by its description, contains what was recorded, and that exports resume."""
 
 import json
 import os
@@ -112,7 +112,7 @@ def test_grids_read_back(exported: tuple[MadeUp, Path]) -> None:
     assert voxels.shape == (8, 8, 8) and voxels.dtype == np.uint8
     rows = made.ticks[2]["occupancy/points"]
     assert {(r["ix"], r["iy"], r["iz"]): r["tag"] for r in rows} == {
-        tuple(place): voxels[tuple(place)] for place in np.argwhere(voxels)
+        tuple(cell): voxels[tuple(cell)] for cell in np.argwhere(voxels)
     }
     record = json.loads((root / "ground-truth/hd_map/SimBEV-scene-0000-frame-0002-HD_MAP.json").read_text())
     assert record == {"id": "a_0", "s": 1.5, "is_junction": False}
@@ -127,13 +127,13 @@ def test_corners_are_in_carlas_order_and_right_handed(exported: tuple[MadeUp, Pa
     made, root = exported
     flip = np.diag([1, -1, 1])
     for row, record in zip(made.ticks[0]["boxes"], objects(root, 0), strict=True):
-        # In CARLA's axes: y and yaw and pitch have the other sign, and the middle of the box is at (x, -y, z).
+        # In CARLA's axes: y and yaw and pitch have the other sign, and the center of the box is at (x, -y, z).
         rpy_deg = np.degrees([row["roll"], row["pitch"], row["yaw"]])
-        turn = flip @ Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix() @ flip
+        rotation = flip @ Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix() @ flip
         for index, corner in enumerate(record["bounding_box"]):
             sides = 2 * np.array([index >> 2 & 1, index >> 1 & 1, index & 1]) - 1
             local = sides * [row["length"], row["width"], row["height"]] / 2
-            carla = turn @ local + [row["x"], -row["y"], row["z"]]
+            carla = rotation @ local + [row["x"], -row["y"], row["z"]]
             np.testing.assert_allclose(corner, carla * [1, -1, 1], atol=1e-5)
         np.testing.assert_allclose(record["location"], record["bounding_box"][[0, 2, 4, 6]].mean(axis=0), atol=1e-5)
         np.testing.assert_allclose(record["rotation"], rpy_deg, atol=1e-4)
@@ -160,7 +160,7 @@ def test_objects_have_all_keys_and_labels(exported: tuple[MadeUp, Path]) -> None
     assert records[-1]["type"] == "traffic.speed_limit.50" and records[-1]["sign_type"] == "speed_limit"
 
 
-def test_infos_say_where_all_is(exported: tuple[MadeUp, Path]) -> None:
+def test_infos_name_all_files_and_poses(exported: tuple[MadeUp, Path]) -> None:
     made, root = exported
     assert sorted(path.name for path in (root / "infos").iterdir()) == [
         "simbev_infos_train.json",
@@ -177,8 +177,8 @@ def test_infos_say_where_all_is(exported: tuple[MadeUp, Path]) -> None:
     assert len(list(root.glob("sweeps/*/*-scene-0000-*"))) + len(list(root.glob("ground-truth/*/*-scene-0000-*"))) == 59
     position_m, rpy_rad = made.ticks[2]["odom"]
     np.testing.assert_allclose(frames[2]["ego2global_translation"], position_m)
-    turn = Rotation.from_quat(np.roll(frames[2]["ego2global_rotation"], -1))
-    np.testing.assert_allclose(turn.as_euler("xyz"), rpy_rad, atol=1e-9)
+    rotation = Rotation.from_quat(np.roll(frames[2]["ego2global_rotation"], -1))
+    np.testing.assert_allclose(rotation.as_euler("xyz"), rpy_rad, atol=1e-9)
 
 
 def test_metadata_places_the_sensors(exported: tuple[MadeUp, Path]) -> None:
@@ -199,7 +199,7 @@ def test_metadata_places_the_sensors(exported: tuple[MadeUp, Path]) -> None:
     }
 
 
-def test_what_a_rig_lacks_is_left_out_and_said(tmp_path: Path) -> None:
+def test_missing_channels_are_left_out_and_reported(tmp_path: Path) -> None:
     rig = [
         {**SENSORS[0], "modalities": ["rgb", "instance"]},
         {**SENSORS[1], "name": "cam_roof"},
@@ -219,7 +219,7 @@ def test_what_a_rig_lacks_is_left_out_and_said(tmp_path: Path) -> None:
     assert not {"LIDAR", "GT_DET", "RGB-CAM_FRONT"} & set(missing)
 
 
-def test_an_export_goes_on_where_it_was_and_a_replaced_scene_is_made_anew(tmp_path: Path) -> None:
+def test_an_export_resumes_and_a_replaced_scene_is_made_again(tmp_path: Path) -> None:
     bag, root = tmp_path / "set/scenes/train/Blocks-0000", tmp_path / "out"
     made_up_scene(bag)
     export(tmp_path / "set", root)
@@ -239,7 +239,7 @@ def test_an_export_goes_on_where_it_was_and_a_replaced_scene_is_made_anew(tmp_pa
     assert len(infos["data"]["scene_0000"]["scene_data"]) == 2
 
 
-def test_the_command_does_all_of_it_in_processes(tmp_path: Path) -> None:
+def test_the_command_exports_in_processes(tmp_path: Path) -> None:
     for number in range(2):
         made_up_scene(tmp_path / f"set/scenes/train/Blocks-{number:04d}", number=number, ticks=21)
     arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--jobs", "2"]
@@ -258,13 +258,13 @@ def test_scenes_of_different_rigs_are_refused(tmp_path: Path) -> None:
         export(tmp_path / "set", tmp_path / "out")
 
 
-def test_what_is_said_to_be_done_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finished_part_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
     inodes: list[int] = []
     monkeypatch.setattr(os, "fsync", lambda descriptor: inodes.append(os.fstat(descriptor).st_ino))
     export(tmp_path / "set", tmp_path / "out")
     paths = list((tmp_path / "out").rglob("*"))
     assert len(paths) > 60 and {path.stat().st_ino for path in paths} <= set(inodes)
-    at = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
-    record = next(place for path, place in at.items() if path.parent.name == ".parts")
-    assert record > max(place for path, place in at.items() if path.parts[-3] in ("sweeps", "ground-truth"))
+    order = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
+    record = next(position for path, position in order.items() if path.parent.name == ".parts")
+    assert record > max(position for path, position in order.items() if path.parts[-3] in ("sweeps", "ground-truth"))

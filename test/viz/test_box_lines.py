@@ -1,4 +1,4 @@
-"""Boxes as lines, against OpenCV's projection and against points sampled along the edges."""
+"""Tests of boxes as lines, against OpenCV's projection and against points sampled along the edges."""
 
 from itertools import combinations, product
 
@@ -58,37 +58,37 @@ def test_edges_are_where_opencv_projects_them(camera: PinholeCamera) -> None:
         box(3.0, -5.0, 1.0, yaw=2.0, size=(9, 2, 3)),
     ],
 )
-def test_of_a_box_beside_the_camera_just_what_is_before_it_is_drawn(camera: PinholeCamera, row: Table) -> None:
+def test_only_the_part_of_a_box_in_front_of_the_camera_is_drawn(camera: PinholeCamera, row: Table) -> None:
     lines = wireframes(row, camera, OPTICAL_FROM_MAP)
     optical = edges_m(row, 4001).reshape(-1, 3) @ OPTICAL_FROM_MAP[:3, :3].T
-    before = optical[:, 2] > MIN_DEPTH_M
-    pixels = camera.project(optical[before])
+    in_front = optical[:, 2] > MIN_DEPTH_M
+    pixels = camera.project(optical[in_front])
     seen = ((pixels > -0.5) & (pixels < [camera.width_px - 0.5, camera.height_px - 0.5])).all(axis=1)
     start, end = lines.pixels[:, 0], lines.pixels[:, 1]
     assert seen.sum() > 100
-    for place in pixels[seen][::37]:
-        assert distance_px(place, start, end).min() < 1.0, "what is seen is drawn"
+    for pixel in pixels[seen][::37]:
+        assert distance_px(pixel, start, end).min() < 1.0, "what is seen is drawn"
     middle = lines.pixels.mean(axis=1)
     inside = ((middle > 0) & (middle < [camera.width_px - 1, camera.height_px - 1])).all(axis=1)
-    for place in middle[inside]:
-        assert np.linalg.norm(pixels[seen] - place, axis=1).min() < 3.0, "what is drawn is seen"
+    for pixel in middle[inside]:
+        assert np.linalg.norm(pixels[seen] - pixel, axis=1).min() < 3.0, "what is drawn is seen"
 
 
-def distance_px(place: Float64Array, start: Float64Array, end: Float64Array) -> Float64Array:
+def distance_px(pixel: Float64Array, start: Float64Array, end: Float64Array) -> Float64Array:
     along = end - start
-    share = ((place - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
+    share = ((pixel - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
     nearest = start + np.clip(share, 0, 1)[:, None] * along
-    return np.asarray(np.linalg.norm(nearest - place, axis=1), np.float64)
+    return np.asarray(np.linalg.norm(nearest - pixel, axis=1), np.float64)
 
 
 @pytest.mark.parametrize("camera", [PINHOLE, LENS])
-def test_boxes_behind_and_far_to_the_side_draw_nothing(camera: PinholeCamera) -> None:
+def test_boxes_behind_or_far_to_the_side_draw_nothing(camera: PinholeCamera) -> None:
     rows = np.concatenate([box(-8.0, 0.0, 0.0), box(1.0, 300.0, 0.0), box(2.0, 0.0, 90.0), box(-50.0, 3.0, 1.0)])
     assert len(wireframes(rows, camera, OPTICAL_FROM_MAP).row) == 0
     assert len(front_faces(rows[[0, 3]], camera, OPTICAL_FROM_MAP)[1]) == 0
 
 
-def test_the_front_of_oncoming_boxes_alone_is_seen() -> None:
+def test_only_front_faces_toward_the_camera_are_returned() -> None:
     rows = np.concatenate(
         [box(15.0, 2.0, 0.0, yaw=0.0), box(15.0, -2.0, 0.0, yaw=np.pi), box(1.0, 1.5, 0.0, yaw=np.pi)]
     )

@@ -22,7 +22,7 @@ def test_opposite_flows_have_different_colors_and_none_is_dark() -> None:
     assert none.tolist() == invalid.tolist() == list(SURFACE)
 
 
-def test_instances_differ_and_what_is_no_actor_is_grey() -> None:
+def test_instances_differ_and_pixels_without_actor_are_gray() -> None:
     picture = panels.instance_picture(np.array([[0, 1, 2, 60000]], np.uint16), np.full((1, 4, 3), 90, np.uint8), 4)[0]
     assert len(set(map(tuple, picture.tolist()))) == 4
     assert picture[0].tolist() == [42, 42, 42]
@@ -45,7 +45,7 @@ def test_a_point_ahead_left_is_above_left_and_the_higher_one_is_seen() -> None:
     assert np.abs(changed - semantic_color(np.array([Tag.TERRAIN]))[0]).max() < 60
 
 
-def test_radars_are_put_where_they_look_and_colored_by_what_their_targets_do() -> None:
+def test_radar_detections_are_rotated_by_their_pose_and_colored_by_doppler() -> None:
     rows = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("doppler_velocity", "<f4")])
     front, back = np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])
     clouds = [

@@ -1,4 +1,7 @@
-"""A whole dataset in nuScenes' layout: scenes side by side, each in a process, then masks of maps and tables."""
+"""Exports a dataset to nuScenes' layout: scenes in parallel processes, then masks of maps and the tables.
+
+The entry point of ``simbev export nuscenes``: an opened dataset enters; a folder that the devkit can open leaves.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,14 +23,14 @@ VERSION = "v1.0-trainval"
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What came of it.
+    """Result of an export.
 
     Attributes:
-        scenes: How many scenes are in the export.
-        made: How many of them this run has made.
-        samples: How many keyframes they have.
-        files: How many files of sensors.
-        failures: By name of scene why it could not be exported.
+        scenes: Number of scenes in the export.
+        made: Number of scenes that this run has exported; the others were already there.
+        samples: Number of keyframes of all scenes.
+        files: Number of sensor files of all scenes.
+        failures: Reasons why scenes could not be exported, by name of the scene.
     """
 
     scenes: int
@@ -47,28 +50,28 @@ def export_nuscenes(
     jobs: int = 1,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> Exported:
-    """Export scenes; those that are in the folder as they are now are left as they are.
+    """Export the finished scenes of a dataset; scenes that are already in the folder and have not changed are kept.
 
     Args:
-        dataset: The scenes.
-        out: The folder, nuScenes' ``dataroot``.
-        keyframe_hz: How often there is a keyframe, which has annotations; None: every frame is one.
-        sweeps: Whether to have what sensors saw between keyframes.
+        dataset: The dataset.
+        out: Folder of the export, nuScenes' ``dataroot``.
+        keyframe_hz: Number of keyframes, which have annotations, per second; None: every frame is one.
+        sweeps: Whether to write sensor data between keyframes.
         version: Name of the tables' folder.
-        jobs: How many scenes at once.
-        report: Told now and then how many frames are done, and how many there are to do.
+        jobs: Number of scenes that are exported in parallel.
+        report: Called from time to time with the number of finished frames and the number of all frames to export.
 
     Raises:
-        InputError: There is nothing to export, the folder cannot be written to or holds other data, another process
+        InputError: There is nothing to export, the folder cannot be written to or contains other data, another process
             writes into it, or a map's roads cannot be built.
         SimbevError: A process was killed.
     """
     if not dataset.scenes:
         raise InputError(f"{dataset.path}: it has no finished scene to export")
     parts = Parts(out, {"keyframe_hz": keyframe_hz, "sweeps": sweeps})
-    if not parts.are_begun and any((out / name).exists() for name in (version, "samples", "maps")):
+    if not parts.is_begun and any((out / name).exists() for name in (version, "samples", "maps")):
         raise InputError(f"{out}: it holds data of nuScenes' layout that simbev has not written; take another folder")
-    with DatasetLock(out), _writing(out):
+    with DatasetLock(out), _reported_write_errors(out):
         missing = [scene for scene in dataset.scenes if not parts.is_done(scene)]
         failures = _make(parts, missing, jobs, report)
         scenes = [scene for scene in dataset.scenes if scene.name not in failures]
@@ -84,8 +87,8 @@ def export_nuscenes(
 
 
 @contextmanager
-def _writing(out: Path) -> Iterator[None]:
-    """What cannot be written is said to the user."""
+def _reported_write_errors(out: Path) -> Iterator[None]:
+    """Turn errors of the file system into errors for the user."""
     try:
         yield
     except OSError as error:
@@ -93,8 +96,8 @@ def _writing(out: Path) -> Iterator[None]:
 
 
 def _make(parts: Parts, scenes: list[Scene], jobs: int, report: Callable[[int, int], None]) -> dict[str, str]:
-    """Make the parts of scenes; give of those that could not be made why."""
-    frames = sum(map(_frames_of, scenes))
+    """Make the parts of scenes in parallel; return why scenes could not be exported, by name of the scene."""
+    frames = sum(map(_frame_count, scenes))
     work, jobs = zip(repeat(parts), scenes, strict=False), min(jobs, max(len(scenes), 1))
     report(0, frames)
     problems = list(in_processes(_make_part, work, jobs, lambda done: report(done, frames)))
@@ -103,7 +106,7 @@ def _make(parts: Parts, scenes: list[Scene], jobs: int, report: Callable[[int, i
 
 
 def _make_part(work: tuple[Parts, Scene]) -> str | None:
-    """Make one; give what is wrong with the scene, if anything is."""
+    """Make the part of one scene; return what is wrong with the scene, or None."""
     parts, scene = work
     try:
         make_part(scene, parts)
@@ -112,8 +115,8 @@ def _make_part(work: tuple[Parts, Scene]) -> str | None:
     return None
 
 
-def _frames_of(scene: Scene) -> int:
-    """How many there are; of a damaged scene none, which is said when its turn comes."""
+def _frame_count(scene: Scene) -> int:
+    """Number of frames of a scene; 0 for a damaged one, which is reported when it is exported."""
     try:
         return len(scene)
     except BagError:

@@ -1,8 +1,8 @@
-"""An export in parts, one a scene. Each is made beside the rest and moved in when it is whole.
+"""Keeps an export in parts, one for each scene, so that an interrupted export can resume.
 
-So what an end at any moment, a power cut too, leaves under its final name is whole, and the next run goes on from
-there. What a part
-says to the tables of the whole is kept next to it until they are written, and for runs that add scenes.
+A part is made in a staging folder and moved to its final paths when it is complete. Whatever ends a run, even a power
+cut, all files at their final paths are complete, and the next run continues from there. The rows that a part
+contributes to the tables of the export are kept beside it until the tables are written, and for runs that add scenes.
 """
 
 import json
@@ -27,7 +27,7 @@ class Parts:
 
     Attributes:
         out: The folder.
-        settings: All that a part depends on beside its scene; plain values.
+        settings: Settings on which a part depends besides its scene; plain values.
     """
 
     def __init__(self, out: Path, settings: Mapping[str, Any]) -> None:
@@ -35,19 +35,19 @@ class Parts:
         self._folder = out / _FOLDER
 
     @property
-    def are_begun(self) -> bool:
-        """Whether what is in the folder is an export of ours."""
+    def is_begun(self) -> bool:
+        """Whether the folder contains an export of ours."""
         return self._folder.is_dir()
 
     def is_done(self, scene: Scene) -> bool:
-        """Whether there is a part of the scene as it is now, with these settings."""
+        """Whether there is a finished part of the scene in its present state, with these settings."""
         return self._known(scene).get("made_from") == self._made_from(scene)
 
     def begin(self, scene: Scene) -> Path:
-        """An empty folder to make a part in; files of an earlier part of this scene are gone."""
+        """Remove an earlier part of the scene, and make an empty staging folder for a new one."""
         staging = self._staging(scene)
         if staging.exists() or self._head(scene).exists():
-            staging.mkdir(exist_ok=True)  # should this be as far as we come, the next run knows to go on here
+            staging.mkdir(exist_ok=True)  # if the run ends here, the next one continues the removal
             self._head(scene).unlink(missing_ok=True)
             for file in self.out.glob(f"*/*/{escape(scene.name)}__*"):
                 file.unlink()
@@ -55,42 +55,42 @@ class Parts:
         staging.mkdir(parents=True)
         return staging
 
-    def move_in(self, scene: Scene, summary: Json, content: Json) -> None:
-        """Give the files in the part's folder their places.
+    def finish(self, scene: Scene, summary: Json, content: Json) -> None:
+        """Move the files of a part from its staging folder to their final paths, then record it as finished.
 
         Args:
             scene: The scene.
-            summary: What is to be read quickly.
-            content: What is to be read once.
+            summary: Small facts that are read whenever the export is continued.
+            content: Large facts that are read only when the tables are written.
         """
         staging = self._staging(scene)
-        places = {path: self.out / path.relative_to(staging) for path in staging.rglob("*") if path.is_file()}
-        sync(*places)
-        for file, place in places.items():
-            place.parent.mkdir(parents=True, exist_ok=True)
-            file.replace(place)
-        sync_names([*places.values(), *(place.parent for place in places.values())])
+        targets = {path: self.out / path.relative_to(staging) for path in staging.rglob("*") if path.is_file()}
+        sync(*targets)
+        for file, target in targets.items():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            file.replace(target)
+        sync_names([*targets.values(), *(target.parent for target in targets.values())])
         head = {"made_from": self._made_from(scene), "summary": summary}
-        for value, place in (content, self._content(scene)), (head, self._head(scene)):
-            unfinished = staging / place.name
+        for value, target in (content, self._content(scene)), (head, self._head(scene)):
+            unfinished = staging / target.name
             unfinished.write_text(json.dumps(value), encoding="utf-8")
             sync(unfinished)
-            unfinished.replace(place)
-            sync_names([place])
+            unfinished.replace(target)
+            sync_names([target])
         shutil.rmtree(staging)
 
     def tidy(self) -> None:
-        """Remove what ends of earlier runs have left; when all parts are made."""
+        """Remove the staging folders of interrupted runs, once all parts are made."""
         for staging in self._folder.glob(f"*{PARTIAL_SUFFIX}"):
             shutil.rmtree(staging)
 
     def summary(self, scene: Scene) -> Json:
-        """That of a scene's part, which is done."""
+        """Summary of a scene's finished part."""
         summary: Json = self._known(scene)["summary"]
         return summary
 
     def content(self, scene: Scene) -> Json:
-        """That of a scene's part, which is done."""
+        """Content of a scene's finished part."""
         content: Json = json.loads(self._content(scene).read_text(encoding="utf-8"))
         return content
 

@@ -1,8 +1,8 @@
-"""Datasets in SimBEV's own layout, for training code that was written for it.
+"""Exports a dataset to the layout of SimBEV, for training code that was written for it.
 
-Work is cut into parts of some frames of a scene, which can be done in any order and in many processes. A part is on
-record when all its files are on the disk; an export that was stopped goes on with the parts that are not. Each file
-gets its name when it is whole, and the info files come last.
+The work is divided into parts of some frames of a scene, which can be made in any order and in many processes. A part
+is recorded as finished when all its files are on the disk; an interrupted export resumes with the parts that are not.
+Each file gets its name only when it is complete, and the info files are written last.
 """
 
 import json
@@ -27,16 +27,16 @@ _FRAMES_PER_PART = 20
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Some frames of a scene.
+    """Some consecutive frames of a scene, small enough to be sent to another process.
 
     Attributes:
-        dataset: Where it is read from.
-        root: The layout's root.
+        dataset: Path of the dataset.
+        root: Root folder of the layout.
         scene: Name of the scene.
-        number: Its number.
-        first: The first of the frames.
-        count: How many frames there are.
-        source: Tells the scene's bags from others that take their places.
+        number: Number of the scene.
+        first: Index of the first frame.
+        count: Number of frames.
+        source: Fingerprint of the scene's bags.
     """
 
     dataset: Path
@@ -49,11 +49,11 @@ class Part:
 
     @property
     def record_path(self) -> Path:
-        """Where it goes on record."""
+        """Path of the part's record."""
         return self.root / _PARTS_FOLDER / f"scene_{self.number:04d}-{self.first:06d}.json"
 
     def record(self) -> dict[str, Any] | None:
-        """What is on record of it; None: it is still to be made."""
+        """The record of the part; None if it has yet to be made."""
         try:
             record: dict[str, Any] = json.loads(self.record_path.read_bytes())
         except (OSError, ValueError):
@@ -62,10 +62,10 @@ class Part:
 
 
 def parts_of(dataset: Dataset, root: Path) -> list[Part]:
-    """All parts of a dataset, made or not.
+    """All parts of a dataset, finished or not.
 
     Raises:
-        InputError: There is nothing to export, or the sensors of scenes differ, which the layout cannot say.
+        InputError: There is nothing to export, or the sensors of scenes differ, which the layout cannot express.
         BagError: A bag cannot be read.
     """
     parts = []
@@ -73,7 +73,7 @@ def parts_of(dataset: Dataset, root: Path) -> list[Part]:
         if metadata(scene) != metadata(dataset.scenes[0]):
             first = dataset.scenes[0].path
             raise InputError(f"{scene.path}: its sensors are not those of {first}, and the layout knows one rig")
-        source = f"{scene.name} {scene.split} {_state(scene)}"
+        source = f"{scene.name} {scene.split} {_fingerprint(scene)}"
         for first_frame in range(0, len(scene), _FRAMES_PER_PART):
             count = min(_FRAMES_PER_PART, len(scene) - first_frame)
             parts.append(Part(dataset.path, root, scene.name, scene.number, first_frame, count, source))
@@ -83,7 +83,7 @@ def parts_of(dataset: Dataset, root: Path) -> list[Part]:
 
 
 def remove_replaced(parts: Iterable[Part]) -> None:
-    """Remove what was made of bags that others have taken the place of, before parts are made."""
+    """Remove the files and records of scenes whose bags have been replaced, before parts are made."""
     sources = {part.number: (part.root, part.source) for part in parts}
     for number, (root, source) in sources.items():
         records = sorted((root / _PARTS_FOLDER).glob(f"scene_{number:04d}-*.json"))
@@ -93,21 +93,21 @@ def remove_replaced(parts: Iterable[Part]) -> None:
 
 
 def make_part(part: Part) -> int:
-    """Write the files of a part, and put it on record.
+    """Write the files of a part, then its record.
 
     Returns:
-        How many frames it has.
+        The number of its frames.
 
     Raises:
         InputError: A file cannot be written.
         BagError: The bag is damaged.
     """
-    scene = _opened(part.dataset, part.scene, part.source)
+    scene = _open_scene(part.dataset, part.scene, part.source)
     made = channels(scene)
     frames, written = [], []
     for frame in scene[part.first : part.first + part.count]:
         if "odom" not in frame:
-            continue  # the end of a bag that was cut off
+            continue  # end of a truncated bag
         files = {c.name: c.path(part.number, frame.tick) for c in made if all(key in frame for key in c.keys)}
         for channel in made:
             if channel.name in files:
@@ -123,10 +123,10 @@ def finish(dataset: Dataset, parts: Sequence[Part]) -> list[str]:
     """Write info files, configurations and logs, once all parts are made.
 
     Returns:
-        What is not in the layout, a line each.
+        Lines of text that name what is missing in the layout.
 
     Raises:
-        InputError: A part is not on record, or a file cannot be written.
+        InputError: A part has no record, or a file cannot be written.
     """
     root, first, written = parts[0].root, dataset.scenes[0], list[Path]()
     parts_of_scene: dict[str, list[Part]] = {}
@@ -137,19 +137,19 @@ def finish(dataset: Dataset, parts: Sequence[Part]) -> list[str]:
         infos = ((scene, parts_of_scene[scene.name]) for scene in scenes if scene.name in parts_of_scene)
         written.append(write_whole(root / "infos" / f"simbev_infos_{split}.json", _info_file(metadata(first), infos)))
     for scene in dataset.scenes:
-        written += _papers(dataset, scene, root)
+        written += _write_config_and_log(dataset, scene, root)
     _sync(written)
     return left_out(first)
 
 
 def write_whole(path: Path, pieces: Iterable[bytes]) -> Path:
-    """Write a file, which has its name only when it is whole.
+    """Write a file, which gets its name only when it is complete.
 
     Returns:
-        Its path.
+        Path of the file.
 
     Raises:
-        InputError: It cannot be written.
+        InputError: The file cannot be written.
     """
     unfinished = path.with_name(f".{path.name}.unfinished")
     try:
@@ -164,10 +164,10 @@ def write_whole(path: Path, pieces: Iterable[bytes]) -> Path:
 
 
 def _sync(files: Sequence[Path]) -> None:
-    """Force files to the disk, with their names.
+    """Force files and their names to the disk.
 
     Raises:
-        InputError: One cannot be written.
+        InputError: A file cannot be written.
     """
     try:
         sync(*files)
@@ -177,17 +177,17 @@ def _sync(files: Sequence[Path]) -> None:
 
 
 def _info_file(head: Mapping[str, Any], scenes: Iterable[tuple[Scene, Sequence[Part]]]) -> Iterator[bytes]:
-    """The file of one split, scene by scene, as it may be larger than what fits in memory."""
+    """Content of the info file of one split, scene by scene, as it may be too large for the memory."""
     yield b'{"metadata": ' + _json(head) + b', "data": {'
     for index, (scene, parts) in enumerate(scenes):
-        frames = [_placed(frame, part.root) for part in parts for frame in _recorded(part)]
+        frames = [_with_file_paths(frame, part.root) for part in parts for frame in _frames_of(part)]
         info = _json({"scene_info": scene_info(scene), "scene_data": frames})
         yield b", " * (index > 0) + f'"scene_{scene.number:04d}": '.encode() + info
     yield b"}}"
 
 
-def _recorded(part: Part) -> list[dict[str, Any]]:
-    """The frames of a part."""
+def _frames_of(part: Part) -> list[dict[str, Any]]:
+    """Entries of the frames of a finished part."""
     record = part.record()
     if record is None:
         raise InputError(f"{part.record_path}: frames from {part.first} of {part.scene} were changed meanwhile")
@@ -195,20 +195,20 @@ def _recorded(part: Part) -> list[dict[str, Any]]:
     return frames
 
 
-def _state(scene: Scene) -> str:
-    """Tells a scene's bags, also additional ones, from others at the same places."""
+def _fingerprint(scene: Scene) -> str:
+    """Fingerprint of a scene's bags, including additional ones."""
     bags = (scene.path, *scene.additional.values())
     return " ".join(f"{bytes_of(bag)} {locate_mcap(bag).stat().st_mtime_ns}" for bag in bags)
 
 
-def _placed(frame: Mapping[str, Any], root: Path) -> dict[str, Any]:
-    """With the absolute paths of its files beside all else."""
+def _with_file_paths(frame: Mapping[str, Any], root: Path) -> dict[str, Any]:
+    """The entry of a frame with the absolute paths of its files."""
     rest = {name: value for name, value in frame.items() if name != "files"}
     return {**rest, **{name: str(root.resolve() / file) for name, file in frame["files"].items()}}
 
 
-def _papers(dataset: Dataset, scene: Scene, root: Path) -> Iterator[Path]:
-    """Write a scene's configuration and log, as far as there are any."""
+def _write_config_and_log(dataset: Dataset, scene: Scene, root: Path) -> Iterator[Path]:
+    """Write a scene's configuration and log, if they exist, and yield their paths."""
     name = f"SimBEV-scene-{scene.number:04d}"
     with SceneBag(scene.path) as bag:
         config = bag.attachments.get(CONFIG_ATTACHMENT)
@@ -220,8 +220,8 @@ def _papers(dataset: Dataset, scene: Scene, root: Path) -> Iterator[Path]:
 
 
 @lru_cache(maxsize=1)
-def _opened(dataset: Path, scene: str, _source: str) -> Scene:
-    """A scene, opened once for all its parts; anew when its bag has changed."""
+def _open_scene(dataset: Path, scene: str, _source: str) -> Scene:
+    """Open a scene once for all its parts, and again only when its bags have changed."""
     return open_dataset(dataset, threads=1).scene(scene)
 
 

@@ -1,6 +1,7 @@
 """Tests that an interrupted nuScenes export resumes, outdated parts are made again, and bad input is explained."""
 
 import hashlib
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,9 @@ def test_an_interrupted_export_resumes(nuscenes_folder: Path, tmp_path: Path, mo
     assert (done.scenes, done.made) == (2, 1)
     assert digest(tmp_path) == digest(nuscenes_folder / "out")
     assert export(nuscenes_folder / "set", tmp_path).made == 0
+    record = json.loads((tmp_path / ".parts/Blocks-0000.head.json").read_text())
+    assert list(record) == ["made_from", "summary"]
+    assert list(record["made_from"]) == ["bytes", "mtime_ns", "by", "keyframe_hz", "sweeps"], "as in earlier exports"
 
 
 def test_a_part_with_other_settings_is_replaced(tmp_path: Path) -> None:

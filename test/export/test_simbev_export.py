@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.errors import InputError
-from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_replaced
+from simbev_ros.export.simbev import encodings
+from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_vanished
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray
 
@@ -24,7 +25,7 @@ from simbev_ros.types import AnyArray
 def export(dataset: Path, root: Path) -> list[str]:
     opened = open_dataset(dataset)
     parts = parts_of(opened, root)
-    remove_replaced(parts)
+    remove_vanished(parts)
     for part in parts:
         if part.record() is None:
             make_part(part)
@@ -233,10 +234,46 @@ def test_an_export_resumes_and_a_replaced_scene_is_made_again(tmp_path: Path) ->
     bag.rename(tmp_path / "old")
     made_up_scene(bag, ticks=2)
     export(tmp_path / "set", root)
-    assert len(npz(kept)) and not list(root.rglob("*unfinished"))
+    assert len(npz(kept)) and not [*root.rglob("*.part"), *root.rglob("*.partial")]
     assert not list(root.rglob("*scene-0000-frame-0002*")) and list(root.rglob("*scene-0001-frame-0000*"))
     infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
     assert len(infos["data"]["scene_0000"]["scene_data"]) == 2
+
+
+def test_an_interrupted_export_resumes_with_the_missing_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=45)
+    made = 0
+
+    def fail_in_the_second_part(*arguments: Any) -> bytes:
+        nonlocal made
+        made += 1
+        if made == 30:
+            raise KeyboardInterrupt
+        return encodings.npy(*arguments)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(encodings, "gnss_bin", fail_in_the_second_part)
+        export(tmp_path / "set", tmp_path / "out")
+    parts = parts_of(open_dataset(tmp_path / "set"), tmp_path / "out")
+    assert [part.record() is not None for part in parts] == [True, False, False]
+    assert len(list((tmp_path / "out/sweeps/GNSS").iterdir())) == 20
+    export(tmp_path / "set", tmp_path / "out")
+    assert len(list((tmp_path / "out/sweeps/GNSS").iterdir())) == 45
+    names = {path.name for path in (tmp_path / "out/.parts").iterdir()}
+    assert names == {f"scene_0000-{first:06d}.json" for first in (0, 20, 40)}
+    record = json.loads((tmp_path / "out/.parts/scene_0000-000040.json").read_text())
+    assert list(record) == ["source", "count", "frames"] and record["count"] == 5
+
+
+def test_the_parts_beyond_the_end_of_a_shorter_scene_are_removed(tmp_path: Path) -> None:
+    bag, root = tmp_path / "set/scenes/train/Blocks-0000", tmp_path / "out"
+    made_up_scene(bag, ticks=21)
+    export(tmp_path / "set", root)
+    bag.rename(tmp_path / "old")
+    made_up_scene(bag, ticks=2)
+    export(tmp_path / "set", root)
+    assert [path.name for path in (root / ".parts").iterdir()] == ["scene_0000-000000.json"]
+    assert len(list(root.glob("sweeps/LIDAR/*"))) == 2
 
 
 def test_the_command_exports_in_processes(tmp_path: Path) -> None:

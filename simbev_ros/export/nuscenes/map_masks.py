@@ -21,9 +21,9 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.recording.mcap.syncing import sync, sync_names
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.replay import load_recorded_roads
+from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.types import UInt8Array
 
 PIXELS_PER_M = 10
@@ -123,13 +123,8 @@ def write_mask(site: Site, out: Path) -> None:
         return
     with SceneBag(Path(site.bag)) as bag:
         load_recorded_roads(bag)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_suffix(".part")
     _, data = cv2.imencode(".png", draw_mask(load_network(site.map), site))
-    unfinished.write_bytes(data.tobytes())
-    sync(unfinished)
-    unfinished.replace(path)
-    sync_names([path])
+    write_whole(path, data.tobytes())
 
 
 def draw_mask(network: RoadNetwork, site: Site) -> UInt8Array:

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TextIO
 
 from simbev_ros.config.scenario import SPLITS
-from simbev_ros.dataset import Scene
 from simbev_ros.export.nuscenes.map_masks import Site
-from simbev_ros.export.nuscenes.parts import Parts
+from simbev_ros.export.nuscenes.scene_part import ScenePart
 from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
 from simbev_ros.recording.mcap.syncing import sync
 
@@ -31,44 +30,44 @@ _SCENE_TABLES = (
 _DECIMALS = 9
 
 
-def write_tables(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], version: str) -> None:
+def write_tables(out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], version: str) -> None:
     """Write the folder of tables and replace an earlier one with it.
 
     Args:
-        parts: The parts of the export.
-        scenes: The scenes that have parts.
+        out: Folder of the export.
+        parts: The finished parts of the scenes.
         sites: The sites of all these scenes.
         version: Name of the folder.
     """
-    folder = parts.out / version
-    unfinished, old = (parts.out / f".{version}{suffix}" for suffix in (".part", ".old"))
+    folder = out / version
+    unfinished, old = (out / f".{version}{suffix}" for suffix in (".part", ".old"))
     for leftover in (unfinished, old):
         shutil.rmtree(leftover, ignore_errors=True)
     unfinished.mkdir()
-    _write(parts, scenes, sites, unfinished)
+    _write(parts, sites, unfinished)
     sync(*unfinished.iterdir(), unfinished)
     if folder.exists():
         folder.rename(old)
     unfinished.rename(folder)
-    sync(parts.out)
+    sync(out)
     shutil.rmtree(old, ignore_errors=True)
-    _remove_masks(parts.out)
+    _remove_masks(out)
 
 
-def _write(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], folder: Path) -> None:
+def _write(parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path) -> None:
     site_of = {name: site for site in sites for name in site.scenes}
     logs: defaultdict[str, list[str]] = defaultdict(list)
     sensors: dict[str, Record] = {}
     splits: dict[str, list[str]] = {f"simbev_{split}": [] for split in SPLITS}
     with ExitStack() as stack:
         files = {name: stack.enter_context(_Table(folder / f"{name}.json")) for name in _SCENE_TABLES}
-        for scene in scenes:
-            site, summary, content = site_of[scene.name], parts.summary(scene), parts.content(scene)
+        for part in parts:
+            site, summary, rows = site_of[part.scene.name], part.summary(), part.rows()
             for name, file in files.items():
-                file.add(_CONVERSIONS[name](content[name], site) if name in _CONVERSIONS else content[name])
-            logs[site.token] += [record["token"] for record in content["log"]]
+                file.add(_CONVERSIONS[name](rows[name], site) if name in _CONVERSIONS else rows[name])
+            logs[site.token] += [record["token"] for record in rows["log"]]
             sensors.update({record["token"]: record for record in summary["sensors"]})
-            splits[f"simbev_{summary['split']}"].append(scene.name)
+            splits[f"simbev_{summary['split']}"].append(part.scene.name)
     rest = {**taxonomy_tables(), "sensor": list(sensors.values())}
     rest["map"] = [site.record(logs[site.token]) for site in sites]
     for name, records in rest.items():

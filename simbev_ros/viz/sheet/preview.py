@@ -8,6 +8,7 @@ import av
 import cv2
 from av.video.reformatter import ColorRange, Colorspace
 
+from simbev_ros.recording.whole_files import whole_file, write_whole
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.sheet.contact_sheet import DESIGN_WIDTH_PX, Captions, ContactSheet
@@ -29,7 +30,7 @@ def write_picture(reader: FrameReader, index: int, path: Path) -> None:
     sheet = _sheet(reader, DESIGN_WIDTH_PX)
     (frame,) = reader.frames(index, 1)
     _, data = cv2.imencode(".png", cv2.cvtColor(sheet.draw(frame), cv2.COLOR_RGB2BGR))
-    path.write_bytes(data.tobytes())
+    write_whole(path, data.tobytes())
 
 
 def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -> None:
@@ -41,8 +42,10 @@ def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -
         progress: Called after each frame.
     """
     sheet = _sheet(reader, VIDEO_WIDTH_PX)
-    unfinished = path.with_name(path.name + ".part")
-    with av.open(str(unfinished), "w", format="mp4", options={"movflags": "faststart"}) as container:
+    with (
+        whole_file(path) as unfinished,
+        av.open(str(unfinished), "w", format="mp4", options={"movflags": "faststart"}) as container,
+    ):
         stream = container.add_stream("libx264", rate=Fraction(reader.rate_hz).limit_denominator(1000))
         stream.width, stream.height = sheet.size_px
         stream.pix_fmt = "yuv420p"
@@ -54,7 +57,6 @@ def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -
             container.mux(stream.encode(_video_frame(sheet.draw(frame))))
             progress()
         container.mux(stream.encode())
-    unfinished.rename(path)
 
 
 def _video_frame(picture: UInt8Array) -> av.VideoFrame:

@@ -22,7 +22,7 @@ from simbev_ros.production.surroundings import build_missing_regions, load_roads
 from simbev_ros.viz import gallery
 from simbev_ros.viz.gallery import Picture, Section
 from simbev_ros.viz.street.street_view import StreetView
-from simbev_ros.viz.street.viewpoint import street_place
+from simbev_ros.viz.street.viewpoint import find_viewpoint
 
 STREET_MAP = "Town10HD"
 """The map whose street is shown in all weathers; if it is not among the maps, the first of them is taken."""
@@ -69,7 +69,7 @@ def make_gallery(
                 gallery.write_jpeg(out / section.name / f"{pictures[-1].name}.jpg", pictures[-1].rgb)
                 bar.describe(pictures[-1].title)
                 bar.advance()
-            gallery.write_jpeg(_sheet(out, section), gallery.sheet(section, pictures))
+            gallery.write_jpeg(_sheet(out, section), gallery.draw_sheet(section, pictures))
     return [_sheet(out, section) for section in sections]
 
 
@@ -92,10 +92,10 @@ def _draw_pictures(
     """Draw all pictures, one after the other."""
     for spec in specs:
         with _street_view(spec, quality, _TOWN_BUSY) as view:
-            yield gallery.in_fair_weather(view, spec.name, size_px)
+            yield gallery.fair_weather_picture(view, spec.name, size_px)
     with _street_view(street, quality, _STREET_BUSY) as view:
-        yield from gallery.in_all_weathers(view, size_px)
-        yield from gallery.in_all_modalities(view, size_px)
+        yield from gallery.weather_pictures(view, size_px)
+        yield from gallery.modality_pictures(view, size_px)
 
 
 def _street_view(spec: MapSpec, quality: Quality, busy: float) -> StreetView:
@@ -103,7 +103,7 @@ def _street_view(spec: MapSpec, quality: Quality, busy: float) -> StreetView:
     network = load_network(spec)
     reach = _reach(network)
     static = load_static_scene(spec, network, reach=reach)
-    place_m, yaw_rad = street_place(network, static.tiles, busiest_position(network), _VIEW_WITHIN_M)
+    place_m, yaw_rad = find_viewpoint(network, static.tiles, busiest_position(network), _VIEW_WITHIN_M)
     return StreetView(network, static, place_m, yaw_rad, quality, busy)
 
 

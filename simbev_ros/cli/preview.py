@@ -11,7 +11,7 @@ from simbev_ros.cli.console import percent_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
-from simbev_ros.viz.sheet.layout import LabelPlace
+from simbev_ros.viz.sheet.layout import LabelPlacement
 
 _GALLERY = "Gallery"
 
@@ -23,7 +23,7 @@ def preview(
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path(),
     frame: Annotated[int | None, typer.Option(help="Frame of the contact sheet; by default the middle one.")] = None,
     labels: Annotated[
-        LabelPlace,
+        LabelPlacement,
         typer.Option(help="Drawn over: nothing (off), one more picture and views from above (panel), all (cameras)."),
     ] = "panel",
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
@@ -82,7 +82,7 @@ def make_preview(
     out: Path,
     *,
     frame: int | None = None,
-    labels: LabelPlace = "panel",
+    labels: LabelPlacement = "panel",
     video: bool = True,
     overwrite: bool = False,
     console: Console,

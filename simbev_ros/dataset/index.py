@@ -14,8 +14,8 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
-from simbev_ros.recording.mcap.syncing import sync, sync_names
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.whole_files import whole_file, write_errors
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
@@ -53,14 +53,8 @@ def write_index(dataset: Path, rows: Iterable[Row]) -> None:
         InputError: It cannot be written.
     """
     path = dataset / INDEX_FILE
-    unfinished = path.with_suffix(".part")
-    try:
+    with write_errors(path), whole_file(path) as unfinished:
         pq.write_table(pa.Table.from_pylist(sorted(rows, key=lambda row: row["number"]), _schema()), unfinished)
-        sync(unfinished)
-        unfinished.rename(path)
-        sync_names([path])
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def bring_up_to_date(dataset: Path, bags: Sequence[Path]) -> tuple[list[Row], dict[Path, str]]:

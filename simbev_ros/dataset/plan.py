@@ -18,7 +18,7 @@ from simbev_ros.config.scenario import SPLITS, Scenario, Split
 from simbev_ros.errors import InputError
 from simbev_ros.maps.source import map_spec
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.recording.mcap.syncing import sync, sync_names
+from simbev_ros.recording.whole_files import write_errors, write_whole
 
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(r"(?P<map>.+)-(?P<number>\d{4,})")
@@ -95,14 +95,8 @@ class Plan(Model):
             InputError: It cannot be written.
         """
         path = dataset / PLAN_FILE
-        unfinished = path.with_suffix(".part")
-        try:
-            unfinished.write_text(self.model_dump_json(indent=1), encoding="utf-8")
-            sync(unfinished)
-            unfinished.rename(path)
-            sync_names([path])
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+        with write_errors(path):
+            write_whole(path, self.model_dump_json(indent=1).encode())
 
     def to_make(self, dataset: Path, scenario: Scenario) -> list[PlannedEntry]:
         """The scenes without a finished bag, in order, up to the number that the configuration still lacks."""

@@ -1,1 +1,1 @@
-"""Datasets in the layouts of others. Needs neither ROS nor a graphics card."""
+"""Exports of datasets to the layouts of other projects. Needs neither ROS nor a GPU."""

@@ -1,1 +1,1 @@
-"""Pictures and video of recorded scenes."""
+"""Pictures, videos and HTML reports of recorded scenes, maps, datasets and evaluations."""

@@ -1,4 +1,4 @@
-"""Drawing on RGB images: text, rounded pictures, labels. All coordinates in pixels."""
+"""Draws text, rounded pictures and labels on (H, W, 3) uint8 RGB images, in place. All coordinates are in pixels."""
 
 from functools import lru_cache
 
@@ -10,6 +10,7 @@ from simbev_ros.types import Float32Array, UInt8Array
 from simbev_ros.viz.sheet.layout import Box
 
 Color = tuple[int, int, int]
+"""Red, green and blue, 0..255."""
 
 BACKGROUND: Color = (11, 13, 17)
 SURFACE: Color = (22, 25, 31)
@@ -19,7 +20,7 @@ DIM: Color = (146, 154, 168)
 ACCENT: Color = (45, 212, 191)
 
 REGULAR, BOLD = 0.0, 0.35
-"""Weights of text: width of the outline drawn around it, in pixels at size 15."""
+"""Weights of text: width of the outline drawn around the glyphs, in pixels at size 15."""
 
 
 @lru_cache(maxsize=16)
@@ -40,37 +41,51 @@ def draw_text(
     weight: float = REGULAR,
     right: bool = False,
 ) -> float:
-    """Draw one line of text and return the x where it ends, or where it starts if ``x`` is its right end."""
+    """Draw one line of text in place.
+
+    Args:
+        image: (H, W, 3) RGB, changed in place.
+        text: The text.
+        x: Left end of the text, or its right end with ``right``.
+        baseline: y of the baseline.
+        size: Font size.
+        color: Color of the text.
+        weight: ``REGULAR`` or ``BOLD``.
+        right: Whether ``x`` is the right end.
+
+    Returns:
+        The x of the other end of the text.
+    """
     width = text_width(text, size, weight)
     left = x - width if right else x
     top, bottom = max(round(baseline - 1.5 * size), 0), round(baseline + 0.6 * size)
     start, end = max(round(left) - 2, 0), round(left + width) + 3
     part = image[top:bottom, start:end]
     mask = Image.new("L", (part.shape[1], part.shape[0]))
-    place = (left - start, baseline - top)
-    ImageDraw.Draw(mask).text(place, text, 255, _font(round(size)), "ls", stroke_width=weight * size / 15)
+    position = (left - start, baseline - top)
+    ImageDraw.Draw(mask).text(position, text, 255, _font(round(size)), "ls", stroke_width=weight * size / 15)
     opacity = np.asarray(mask, np.float32)[..., None] / 255
     part[...] = np.rint(part + (np.asarray(color, np.float32) - part) * opacity)
     return left if right else left + width
 
 
 def text_width(text: str, size: float, weight: float = REGULAR) -> float:
-    """Width of a line of text."""
+    """Width of a line of text at a font size and weight, in pixels."""
     return _font(round(size)).getlength(text) + 2 * weight * size / 15
 
 
 def draw_picture(image: UInt8Array, picture: UInt8Array, box: Box, radius: float) -> None:
-    """Draw an RGB picture, scaled to fill a box, with rounded corners."""
+    """Draw an RGB picture into a box of an image, in place: scaled to fill the box, with rounded corners."""
     height, width = picture.shape[:2]
     if (width, height) != (box.width, box.height):
         shrinks = width > box.width
-        way = cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
-        picture = np.asarray(cv2.resize(picture, (box.width, box.height), interpolation=way), np.uint8)
+        interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
+        picture = np.asarray(cv2.resize(picture, (box.width, box.height), interpolation=interpolation), np.uint8)
     _blend(image, picture, box, _rounded(box.width, box.height, round(radius, 1)))
 
 
 def draw_label(image: UInt8Array, box: Box, title: str, note: str, scale: float) -> None:
-    """Write a title, and a note in a lighter hand, on a dark plate in the upper left corner of a box."""
+    """Write a bold title and a dimmer note on a dark plate in the upper left corner of a box, in place."""
     size, inset, padding = 15 * scale, 9 * scale, 8 * scale
     height = round(25 * scale)
     width = text_width(title, size, BOLD) + (text_width(note, size) + padding if note else 0) + 2 * padding
@@ -84,7 +99,7 @@ def draw_label(image: UInt8Array, box: Box, title: str, note: str, scale: float)
 
 
 def _blend(image: UInt8Array, picture: UInt8Array, box: Box, mask: Float32Array) -> None:
-    """Draw a picture of the size of a box over the image, by a mask in 0..1."""
+    """Blend a picture of a box's size into the image by an opacity mask in 0..1, in place."""
     part = image[box.top : box.top + box.height, box.left : box.left + box.width]
     mixed = cv2.blendLinear(picture, np.ascontiguousarray(part), mask, 1 - mask)
     part[...] = mixed

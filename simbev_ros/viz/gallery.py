@@ -1,4 +1,7 @@
-"""A gallery: pictures of towns, weathers and modalities, as files of their own and together on sheets."""
+"""Makes the pictures of a gallery (towns, weathers, camera modalities) and arranges them on sheets.
+
+A ``StreetView`` enters; single pictures, and sheets with captions, leave. ``simbev gallery`` writes them as JPEG files.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -25,7 +28,7 @@ _JPEG_QUALITY = 92
 
 
 class Picture(NamedTuple):
-    """One of a gallery: the stem of its file, its title and a note on the sheet, (H, W, 3) RGB."""
+    """One picture of a gallery: the stem of its file, its title and note on the sheet, and (H, W, 3) uint8 RGB."""
 
     name: str
     title: str
@@ -34,7 +37,7 @@ class Picture(NamedTuple):
 
 
 class Section(NamedTuple):
-    """What is on one sheet: the stem of its file, the words above it, and how many pictures are in each row."""
+    """One sheet of a gallery: the stem of its file, its heading, and the number of pictures in each row."""
 
     name: str
     title: str
@@ -44,27 +47,27 @@ class Section(NamedTuple):
 
 @lru_cache(maxsize=1)
 def weathers() -> Mapping[str, Mapping[str, Any]]:
-    """Name → title, bearing of the sun, and the fields of a ``Weather``."""
+    """The gallery's weathers by name: title, bearing of the sun, and the fields of a ``Weather``."""
     text = files("simbev_ros.viz").joinpath("gallery.yaml").read_text(encoding="utf-8")
     entries: Mapping[str, Mapping[str, Any]] = yaml.safe_load(text)
     return entries
 
 
-def in_fair_weather(view: StreetView, name: str, size_px: tuple[int, int]) -> Picture:
-    """A town on a sunny day."""
+def fair_weather_picture(view: StreetView, name: str, size_px: tuple[int, int]) -> Picture:
+    """Take a picture of a street on a sunny day, with ``name`` as title and as the stem of the file."""
     return Picture(name, name, "", _rgb(view, view.fair_weather(), size_px))
 
 
-def in_all_weathers(view: StreetView, size_px: tuple[int, int]) -> Iterator[Picture]:
-    """A street in each weather of the gallery."""
+def weather_pictures(view: StreetView, size_px: tuple[int, int]) -> Iterator[Picture]:
+    """Take a picture of a street in each weather of the gallery."""
     for name, entry in weathers().items():
         given = {key: value for key, value in entry.items() if key not in ("title", "sun_bearing_deg")}
         weather = Weather(**given, sun_azimuth_deg=view.sun_azimuth_deg(entry["sun_bearing_deg"]))
         yield Picture(name, entry["title"], "", _rgb(view, weather, size_px))
 
 
-def in_all_modalities(view: StreetView, size_px: tuple[int, int]) -> Iterator[Picture]:
-    """All that a camera gives of one frame, the labels in colours."""
+def modality_pictures(view: StreetView, size_px: tuple[int, int]) -> Iterator[Picture]:
+    """Take one frame of a street in all modalities of a camera, with labels as colors."""
     images = view.photograph(view.fair_weather(), size_px, MODALITIES)
     assert images.rgb is not None
     yield Picture("rgb", "RGB", "", images.rgb)
@@ -73,10 +76,10 @@ def in_all_modalities(view: StreetView, size_px: tuple[int, int]) -> Iterator[Pi
         yield Picture(name, shown.title, shown.note, picture)
 
 
-def sheet(section: Section, pictures: Sequence[Picture]) -> UInt8Array:
-    """(H, W, 3) RGB: all pictures of a section in rows, each with its title, under one heading."""
-    places = iter(pictures)
-    rows = [Row([_tile(next(places)) for _ in range(count)]) for count in section.rows]
+def draw_sheet(section: Section, pictures: Sequence[Picture]) -> UInt8Array:
+    """Draw all pictures of a section in rows, each with its title, under one heading: (H, W, 3) uint8 RGB."""
+    remaining = iter(pictures)
+    rows = [Row([_tile(next(remaining)) for _ in range(count)]) for count in section.rows]
     blocks: list[Block] = [row for row in rows if row.blocks]
     boxes = place_in_width(Column(blocks), _MARGIN, _HEADER, SHEET_WIDTH_PX - 2 * _MARGIN, _GAP)
     height = max(box.top + box.height for box in boxes.values()) + _MARGIN
@@ -89,17 +92,17 @@ def sheet(section: Section, pictures: Sequence[Picture]) -> UInt8Array:
     return result
 
 
-def even_rows(count: int, longest: int) -> list[int]:
-    """Lengths of the rows of so many pictures; shorter rows, of larger pictures, come first."""
-    rows = -(-count // longest)
+def even_rows(count: int, max_length: int) -> list[int]:
+    """Lengths of the rows of ``count`` pictures, as even as possible; shorter rows, of larger pictures, come first."""
+    rows = -(-count // max_length)
     return sorted(count // rows + (row < count % rows) for row in range(rows))
 
 
 def write_jpeg(path: Path, picture: UInt8Array) -> None:
-    """Write a picture.
+    """Write (H, W, 3) RGB as a JPEG file, and make its folder if necessary.
 
     Raises:
-        InputError: It cannot be written there.
+        InputError: The file cannot be written.
     """
     settings = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
     try:

@@ -19,7 +19,7 @@ from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.sheet.contact_sheet import Captions, ContactSheet
 from simbev_ros.viz.sheet.frames import FrameReader
-from simbev_ros.viz.sheet.layout import LabelPlace
+from simbev_ros.viz.sheet.layout import LabelPlacement
 from simbev_ros.viz.sheet.sheet_panels import LABEL_PANEL
 from simbev_ros.viz.sheet.views import find_views
 
@@ -49,7 +49,7 @@ def labelled_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
 
 
-def draw(path: Path, width_px: int = 960, labels: LabelPlace = "panel") -> tuple[ContactSheet, UInt8Array]:
+def draw(path: Path, width_px: int = 960, labels: LabelPlacement = "panel") -> tuple[ContactSheet, UInt8Array]:
     bag = open_bag(path)
     reader = FrameReader(bag, find_views(bag, labels))
     captions = Captions(bag.name, "", len(reader.stamps_ns), reader.stamps_ns[0])

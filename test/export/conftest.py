@@ -1,4 +1,4 @@
-"""Exports that several tests look at, and the Python of the nuscenes-devkit."""
+"""Fixtures shared by tests: exports of datasets, and the Python of an environment with the nuscenes-devkit."""
 
 import os
 import shutil
@@ -32,7 +32,7 @@ traffic: {{vehicles: 20, pedestrians: 60, spawn_radius_m: 120}}
 
 @pytest.fixture(scope="session")
 def nuscenes_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset of two scenes, and its export."""
+    """A folder with a made-up dataset of two scenes, ``set``, and its export to nuScenes' layout, ``out``."""
     folder = tmp_path_factory.mktemp("nuscenes")
     made_up_scene(folder / "set/scenes/train/Blocks-0000", ticks=23)
     made_up_scene(folder / "set/scenes/val/Blocks-0001", number=1, split="val", ticks=12)
@@ -42,7 +42,7 @@ def nuscenes_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def devkit_python() -> Path:
-    """The Python of an environment with the devkit, made once for the user."""
+    """The Python of an environment with the devkit, installed once per user."""
     folder = devkit_environment()
     python, ready = folder / "bin/python", folder / "ready"
     if not ready.exists():
@@ -58,7 +58,7 @@ def devkit_python() -> Path:
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset of two scenes as a graph records it, and its export."""
+    """A folder with a dataset of two scenes from a graph, ``set``, and its export to nuScenes' layout, ``out``."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "config.yaml").write_text(CONFIG)
     simbev, domain = (sys.executable, "-m", "simbev_ros.cli.main"), str(60 + os.getpid() % 38)

@@ -1,4 +1,4 @@
-"""What the nuscenes-devkit finds in an export. Run by its own Python, without this project: DATAROOT FOLDER → JSON."""
+"""Checks an export with the nuscenes-devkit. Run by its own Python, without this project: DATAROOT FOLDER → JSON."""
 
 import json
 import sys
@@ -21,7 +21,7 @@ SPLIT = "simbev_train"
 
 
 def points(nusc, sample, modality):
-    """(3, N) of all sensors of a kind, global frame, as the devkit brings them there."""
+    """(3, N) points of all sensors of a modality in the global frame, as transformed by the devkit."""
     kind = LidarPointCloud if modality == "lidar" else RadarPointCloud
     clouds = []
     for token in sample["data"].values():
@@ -38,21 +38,23 @@ def points(nusc, sample, modality):
 
 
 def miscounted(nusc, modality):
-    """Boxes in which are not as many points as the table says; points that are on faces count either way."""
+    """Boxes whose number of points differs from the table; points on faces may count or not."""
     wrong, inside = [], 0
     for sample in nusc.sample:
         cloud = points(nusc, sample, modality)
         for token in sample["anns"]:
-            said = nusc.get("sample_annotation", token)[f"num_{modality}_pts"]
-            least, most = (int(points_in_box(nusc.get_box(token), cloud, size).sum()) for size in (0.998, 1.002))
-            inside += least
-            if not least <= said <= most:
-                wrong.append([token, said, least, most])
+            stated = nusc.get("sample_annotation", token)[f"num_{modality}_pts"]
+            min_count, max_count = (
+                int(points_in_box(nusc.get_box(token), cloud, size).sum()) for size in (0.998, 1.002)
+            )
+            inside += min_count
+            if not min_count <= stated <= max_count:
+                wrong.append([token, stated, min_count, max_count])
     return {"wrong": wrong, "inside": inside}
 
 
 def predictions(nusc):
-    """The truth in the form of detections."""
+    """The ground truth as detections."""
     attribute = {each["token"]: each["name"] for each in nusc.attribute}
     results = {}
     for sample in nusc.sample:
@@ -60,7 +62,9 @@ def predictions(nusc):
         for token in sample["anns"]:
             annotation = nusc.get("sample_annotation", token)
             name = category_to_detection_name(annotation["category_name"])
-            if name is not None and annotation["num_lidar_pts"] + annotation["num_radar_pts"] != 0:  # as of the truth
+            if (
+                name is not None and annotation["num_lidar_pts"] + annotation["num_radar_pts"] != 0
+            ):  # the devkit drops such boxes of the ground truth
                 results[sample["token"]].append(
                     {
                         "sample_token": sample["token"],
@@ -79,8 +83,8 @@ def predictions(nusc):
     return {"meta": meta, "results": results}
 
 
-def evaluated(nusc, folder):
-    """The devkit's score of the truth, over the classes that there are."""
+def evaluate_truth(nusc, folder):
+    """The devkit's scores of the ground truth as predictions, over the classes that occur."""
     path = folder / "predictions.json"
     path.write_text(json.dumps(predictions(nusc)))
     config = config_factory("detection_cvpr_2019")
@@ -91,7 +95,7 @@ def evaluated(nusc, folder):
 
 
 def main():
-    """Run everything."""
+    """Run all checks and write their results."""
     dataroot, folder = sys.argv[1], Path(sys.argv[2])
     nusc = NuScenes(version="v1.0-trainval", dataroot=dataroot, verbose=False)
     nusc.list_scenes()
@@ -115,7 +119,7 @@ def main():
         "mask_share": float((nusc.map[0]["mask"].mask() == 255).mean()),
         "lidar": miscounted(nusc, "lidar"),
         "radar": miscounted(nusc, "radar"),
-        "detection": evaluated(nusc, folder),
+        "detection": evaluate_truth(nusc, folder),
     }
     (folder / "found.json").write_text(json.dumps(found))
 

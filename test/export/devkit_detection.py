@@ -1,4 +1,4 @@
-"""The nuscenes-devkit's figures of detections. Run by its own Python: DATAROOT SPLIT RESULTS FOLDER → JSON."""
+"""Evaluates detections with the nuscenes-devkit. Run by its own Python: DATAROOT SPLIT RESULTS FOLDER → JSON."""
 
 import json
 import sys
@@ -10,7 +10,7 @@ from nuscenes.eval.detection.evaluate import DetectionEval
 
 
 def main(dataroot: str, split: str, results: str, folder: str) -> None:
-    """Write them, and how many boxes of truth and predictions counted."""
+    """Write the devkit's figures, and the numbers of ground-truth boxes and predictions that counted."""
     nusc = NuScenes(version="v1.0-trainval", dataroot=dataroot, verbose=False)
     evaluation = DetectionEval(nusc, config_factory("detection_cvpr_2019"), results, split, folder, verbose=False)
     metrics, _ = evaluation.evaluate()

@@ -1,4 +1,4 @@
-"""Exports to nuScenes' layout, and their tables."""
+"""Exports datasets to nuScenes' layout in tests, and reads the tables."""
 
 import json
 from pathlib import Path

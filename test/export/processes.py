@@ -1,4 +1,4 @@
-"""Commands of others, run to their end."""
+"""Runs commands in tests, with their output in the error message if they fail."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Predictions for a dataset get the figures that the nuscenes-devkit gives them on the dataset's export."""
+"""Tests that our nuScenes metrics equal those of the nuscenes-devkit on the dataset's export."""
 
 import json
 from dataclasses import replace
@@ -33,14 +33,14 @@ ATTRIBUTED = {
     "traffic_cone": "",
     "barrier": "",
 }
-"""How the names of a class's attributes begin; of all others as those of vehicles."""
+"""Prefix of the names of a class's attributes; those of other classes begin like those of vehicles."""
 NO_CLASSES = [BOX_CLASSES.index(name) for name in ("traffic_light", "traffic_sign")]
 
 pytestmark = [pytest.mark.slow]
 
 
 def noisy(scene: Scene, truth: NuscenesTruth, rng: np.random.Generator) -> Predictions:
-    """Of keyframes: most boxes, also those that do not count, some twice, some of another class, some anywhere."""
+    """Noisy predictions of keyframes: boxes drawn with replacement, some of another class, some far off."""
     boxes = boxes_of({tick: scene[tick]["boxes"] for tick in truth.ticks.tolist()})
     boxes = boxes.take(~np.isin(boxes.label, NO_CLASSES))
     boxes = boxes.take(np.sort(rng.choice(len(boxes), len(boxes))))
@@ -63,7 +63,7 @@ def noisy(scene: Scene, truth: NuscenesTruth, rng: np.random.Generator) -> Predi
 
 
 def _attributes(boxes: Boxes, rng: np.random.Generator) -> np.ndarray:
-    """(N,) at random, of those that the devkit allows for the class."""
+    """(N,) random attributes that the devkit allows for the class."""
     chosen = []
     for label in boxes.label.tolist():
         prefix = ATTRIBUTED.get(BOX_CLASSES[label], "vehicle.")
@@ -73,7 +73,7 @@ def _attributes(boxes: Boxes, rng: np.random.Generator) -> np.ndarray:
 
 
 def results(scene: Scene, predictions: Predictions, truth: NuscenesTruth, tables: Tables) -> dict[str, list[Any]]:
-    """As the devkit reads them, in its global frame."""
+    """Predictions in the devkit's format and global frame, by token of the sample."""
     token = next(each["token"] for each in tables["scene"] if each["name"] == scene.name)
     log = next(each["token"] for each in tables["log"] if each["logfile"] == scene.name)
     origin_m = next([*each["origin_m"], 0.0] for each in tables["map"] if log in each["log_tokens"])
@@ -98,8 +98,8 @@ def test_figures_are_the_devkits(recorded: Path, devkit_python: Path, tmp_path: 
     found = nuscenes_result(nuscenes_merge(tallies))
     meta = dict.fromkeys(["use_camera", "use_lidar", "use_radar", "use_map", "use_external"], False)
     (tmp_path / "results.json").write_text(json.dumps({"meta": meta, "results": content}))
-    words = (recorded / "out", "simbev_train", tmp_path / "results.json", tmp_path)
-    run(devkit_python, DETECTION, *words, environment={"PYTHONPATH": ""})
+    arguments = (recorded / "out", "simbev_train", tmp_path / "results.json", tmp_path)
+    run(devkit_python, DETECTION, *arguments, environment={"PYTHONPATH": ""})
     expected = json.loads((tmp_path / "figures.json").read_text())
 
     assert {name: expected[name] for name in counts} == counts

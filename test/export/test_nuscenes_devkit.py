@@ -1,4 +1,4 @@
-"""The nuscenes-devkit opens what we export of a recorded scene, and finds everything in its place."""
+"""Tests that the nuscenes-devkit opens the export of a recorded scene and finds everything at its position."""
 
 import hashlib
 import json
@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.slow]
 
 @pytest.fixture(scope="module")
 def found(devkit_python: Path, recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What the devkit's checks say of recorded scenes."""
+    """Results of the devkit's checks of recorded scenes."""
     folder = tmp_path_factory.mktemp("devkit")
     run(devkit_python, CHECKS, recorded / "out", folder, environment={"PYTHONPATH": ""})
     found: dict[str, Any] = json.loads((folder / "found.json").read_text())
@@ -33,7 +33,7 @@ def found(devkit_python: Path, recorded: Path, tmp_path_factory: pytest.TempPath
 
 
 @pytest.mark.graph
-def test_the_devkit_opens_it(found: dict[str, Any]) -> None:
+def test_the_devkit_opens_the_export(found: dict[str, Any]) -> None:
     assert found["scenes"] == ["Blocks-0000", "Blocks-0001"]
     assert found["samples"] == 8
     assert found["on_mask"] and 0.01 < found["mask_share"] < 0.6
@@ -41,13 +41,13 @@ def test_the_devkit_opens_it(found: dict[str, Any]) -> None:
 
 @pytest.mark.graph
 @pytest.mark.parametrize("modality", ["lidar", "radar"])
-def test_the_devkit_counts_as_many_points_in_boxes_as_we(found: dict[str, Any], modality: str) -> None:
+def test_the_devkit_counts_the_same_points_in_boxes(found: dict[str, Any], modality: str) -> None:
     assert found[modality]["inside"] > 100
     assert found[modality]["wrong"] == []
 
 
 @pytest.mark.graph
-def test_the_truth_as_prediction_is_perfect(found: dict[str, Any]) -> None:
+def test_the_ground_truth_as_prediction_is_perfect(found: dict[str, Any]) -> None:
     assert {"car", "pedestrian"} <= set(found["detection"]["classes"])
     assert found["detection"]["mean_ap"] == pytest.approx(1.0)
     assert found["detection"]["nd_score"] == pytest.approx(1.0)
@@ -55,7 +55,7 @@ def test_the_truth_as_prediction_is_perfect(found: dict[str, Any]) -> None:
 
 @pytest.mark.graph
 @pytest.mark.parametrize("name", ["CAM_FRONT", "CAM_BACK", "LIDAR_TOP", "RADAR_FRONT", "map", "points_in_image"])
-def test_the_devkit_draws_it(found: dict[str, Any], name: str) -> None:
+def test_the_devkit_draws_the_export(found: dict[str, Any], name: str) -> None:
     picture = cv2.imread(str(found["folder"] / f"{name}.png"))
     assert len(np.unique(picture.reshape(-1, 3)[::7], axis=0)) > 20
 
@@ -65,7 +65,7 @@ def digest(out: Path) -> dict[str, str]:
     return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-def test_killed_at_any_moment_it_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_killed_export_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     for number in range(4):
         made_up_scene(tmp_path / f"set/scenes/train/Blocks-{number:04d}", number=number, ticks=60)
     export_nuscenes(open_dataset(tmp_path / "set", threads=1), tmp_path / "whole")

@@ -1,4 +1,4 @@
-"""nuScenes' layout holds together, and says where things are as the bags do."""
+"""Tests that nuScenes' layout is consistent and that its positions agree with the bags."""
 
 import json
 from collections import Counter
@@ -20,7 +20,7 @@ from simbev_ros.dataset import Scene, columns, open_dataset
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.export.nuscenes import sensor_files, taxonomy
 from simbev_ros.export.nuscenes.channels import Channel
-from simbev_ros.export.nuscenes.keyframes import taken_by
+from simbev_ros.export.nuscenes.keyframes import keyframe_by_tick
 from simbev_ros.export.nuscenes.map_masks import sites_of
 from simbev_ros.export.nuscenes.sensor_files import radar_rows
 from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
@@ -56,7 +56,7 @@ def index(records: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
 
 
 def matrix(record: dict[str, Any]) -> Float64Array:
-    """(4, 4) of a translation and a quaternion w x y z, by scipy."""
+    """(4, 4) transform of a record's translation and quaternion w x y z, by scipy."""
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_quat(np.roll(record["rotation"], -1)).as_matrix()
     pose[:3, 3] = record["translation"]
@@ -70,7 +70,7 @@ def global_from_map(tables: Tables) -> Float64Array:
 
 
 def row_of(tables: Tables, channel: str, stamp_ns: int) -> dict[str, Any]:
-    """Of the table ``sample_data``."""
+    """Row of the table ``sample_data`` of a channel at a stamp."""
     rows = [row for row in tables["sample_data"] if channel == row["filename"].split("/")[1]]
     return next(row for row in rows if row["timestamp"] * 1000 == stamp_ns)
 
@@ -124,18 +124,18 @@ def test_instances_and_scenes_know_their_first_and_last(tables: Tables) -> None:
         assert samples[scene["last_sample_token"]]["next"] == ""
 
 
-def test_keyframes_come_twice_a_second_and_sweeps_belong_to_the_next_one(tables: Tables, scene: Scene) -> None:
+def test_keyframes_are_at_2_hz_and_sweeps_belong_to_the_next_one(tables: Tables, scene: Scene) -> None:
     token = next(record["token"] for record in tables["scene"] if record["name"] == "Blocks-0000")
     samples = [record for record in tables["sample"] if record["scene_token"] == token]
     assert [record["timestamp"] * 1000 for record in samples] == scene.stamps_ns[[0, 10, 20]].tolist()
     lidar = [record for record in tables["sample_data"] if "/LIDAR_TOP/Blocks-0000" in record["filename"]]
     assert [record["is_key_frame"] for record in lidar] == [tick % 10 == 0 for tick in range(23)]
-    place = {record["token"]: number for number, record in enumerate(samples)}
-    assert [place[record["sample_token"]] for record in lidar] == [0, *[1] * 10, *[2] * 12]
+    number = {record["token"]: index for index, record in enumerate(samples)}
+    assert [number[record["sample_token"]] for record in lidar] == [0, *[1] * 10, *[2] * 12]
     assert all(record["filename"].startswith("samples/" if record["is_key_frame"] else "sweeps/") for record in lidar)
 
 
-def test_files_are_those_of_the_table(tables: Tables, nuscenes_folder: Path) -> None:
+def test_the_files_equal_those_of_the_table(tables: Tables, nuscenes_folder: Path) -> None:
     named = [record["filename"] for record in tables["sample_data"]]
     there = [
         str(path.relative_to(nuscenes_folder / "out"))
@@ -146,7 +146,7 @@ def test_files_are_those_of_the_table(tables: Tables, nuscenes_folder: Path) -> 
     assert len(named) == (23 + 12) * 4
 
 
-def test_boxes_are_where_our_own_camera_sees_them(tables: Tables, scene: Scene) -> None:
+def test_boxes_project_to_the_same_pixels_as_in_our_camera(tables: Tables, scene: Scene) -> None:
     data = row_of(tables, "CAM_BACK_LEFT", scene[10].stamp_ns)
     calibration = index(tables["calibrated_sensor"])[data["calibrated_sensor_token"]]
     optical_from_global = inverse(matrix(index(tables["ego_pose"])[data["ego_pose_token"]]) @ matrix(calibration))
@@ -167,7 +167,7 @@ def test_boxes_are_where_our_own_camera_sees_them(tables: Tables, scene: Scene) 
     assert seen > 10
 
 
-def test_annotations_say_what_boxes_say(tables: Tables, scene: Scene) -> None:
+def test_annotations_agree_with_boxes(tables: Tables, scene: Scene) -> None:
     records = annotations_of(tables, row_of(tables, "LIDAR_TOP", scene[10].stamp_ns))
     boxes = scene[10]["boxes"]
     known = {name: index(tables[name]) for name in ("instance", "category", "attribute")}
@@ -181,7 +181,9 @@ def test_annotations_say_what_boxes_say(tables: Tables, scene: Scene) -> None:
     assert attribute[-2:] == ["traffic_light.green", "traffic_sign.speed_limit"]
 
 
-def test_lidar_points_are_turned_as_their_calibration_says(tables: Tables, scene: Scene, nuscenes_folder: Path) -> None:
+def test_lidar_points_are_in_the_frame_of_their_calibration(
+    tables: Tables, scene: Scene, nuscenes_folder: Path
+) -> None:
     data = row_of(tables, "LIDAR_TOP", scene[7].stamp_ns)
     rows = np.fromfile(nuscenes_folder / "out" / data["filename"], np.float32).reshape(-1, 5)
     cloud = scene[7]["lidar/points"]
@@ -200,20 +202,20 @@ class _Moving(dict[str, Any]):
     map_from_ego = np.eye(4)
 
 
-def test_points_of_a_rolling_scan_are_where_they_were_at_the_stamp() -> None:
+def test_points_of_a_rolling_scan_are_moved_to_the_stamp() -> None:
     lidar = Calibration.of(Lidar(type="lidar", name="lidar", pose=Pose(z_m=1.8, yaw_deg=90), rolling=True))
     ego = np.zeros(1, ACTOR_DTYPE)
     ego["id"], ego["vx"] = EGO_ID, 10.0
     cloud = np.zeros(2, POINT_DTYPE)
-    cloud["y"], cloud["time"] = [-20.0, -20.5], [0.0, -0.05]  # one place ahead, seen now and half a metre earlier
+    cloud["y"], cloud["time"] = [-20.0, -20.5], [0.0, -0.05]  # one position ahead, seen now and half a meter earlier
     frame = _Moving({"lidar/points": cloud, "world/actors": ego})
-    data = sensor_files.file_content(frame, Channel("LIDAR_TOP", "lidar", "lidar/points", lidar))  # type: ignore[arg-type]
+    data = sensor_files.encode_file(frame, Channel("LIDAR_TOP", "lidar", "lidar/points", lidar))  # type: ignore[arg-type]
     rows = np.frombuffer(data, np.float32).reshape(-1, 5)
     np.testing.assert_allclose(rows[:, :3], [[20, 0, 0]] * 2, atol=1e-5)  # to the right of a lidar that looks left
 
 
 def read_pcd(path: Path) -> AnyArray:
-    """By what the head says."""
+    """Rows of a PCD file, read as its head describes them."""
     head, _, body = path.read_bytes().partition(b"DATA binary\n")
     fields = {line.split()[0]: line.split()[1:] for line in head.decode().splitlines() if not line.startswith("#")}
     kinds = [kind.lower() + size for kind, size in zip(fields["TYPE"], fields["SIZE"], strict=True)]
@@ -222,14 +224,14 @@ def read_pcd(path: Path) -> AnyArray:
     return np.frombuffer(body, dtype, int(fields["POINTS"][0]))
 
 
-def test_radar_files_have_the_places_of_detections(tables: Tables, scene: Scene, nuscenes_folder: Path) -> None:
+def test_radar_files_have_the_positions_of_detections(tables: Tables, scene: Scene, nuscenes_folder: Path) -> None:
     data = row_of(tables, "RADAR_FRONT", scene[7].stamp_ns)
     rows, cloud = read_pcd(nuscenes_folder / "out" / data["filename"]), scene[7]["radar_front/points"]
     for name in ("x", "y", "z"):
         np.testing.assert_array_equal(rows[name], cloud[name])
 
 
-def test_radar_velocities_are_freed_from_the_radars_own() -> None:
+def test_radar_velocities_are_compensated_for_the_radars_own() -> None:
     cloud = np.zeros(3, RADAR_POINT_DTYPE)
     cloud["x"], cloud["y"] = [30.0, 0.0, 40.0], [0.0, 20.0, 30.0]
     cloud["doppler_velocity"] = [-10.0, 0.0, -10.0]  # at 10 m/s: a wall ahead, a wall at the side, an oncoming car
@@ -247,16 +249,16 @@ def test_radar_cross_sections_do_not_depend_on_range() -> None:
     np.testing.assert_allclose(radar_rows(cloud, np.zeros(3), 100.0)["rcs"], 3.0, atol=1e-4)
 
 
-def test_bent_images_become_straight() -> None:
+def test_distorted_images_are_rectified() -> None:
     settings = {"type": "camera", "name": "a", "width_px": 64, "height_px": 48, "horizontal_fov_deg": 60}
     camera = Camera.model_validate({**settings, "distortion": [-0.2, 0.05, 0, 0, 0]}).model
     assert isinstance(camera, LensCamera)
     image = np.broadcast_to(3 * np.arange(64, dtype=np.uint8)[None, :, None], (48, 64, 3))
-    straight = sensor_files._straight(np.ascontiguousarray(image), camera)
+    rectified = sensor_files._rectify(np.ascontiguousarray(image), camera)
     v, u = np.mgrid[8:40, 8:56]
     rays = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones_like(u)], axis=-1)
     expected = 3 * camera.project(rays.reshape(-1, 3))[:, 0].reshape(u.shape)
-    assert np.abs(straight[8:40, 8:56, 0] - expected).max() < 1.5
+    assert np.abs(rectified[8:40, 8:56, 0] - expected).max() < 1.5
 
 
 def test_images_are_jpegs_of_the_size_in_the_table(tables: Tables, nuscenes_folder: Path) -> None:
@@ -265,28 +267,26 @@ def test_images_are_jpegs_of_the_size_in_the_table(tables: Tables, nuscenes_fold
         assert (image.format, image.size) == ("JPEG", (data["width"], data["height"]))
 
 
-def test_mask_is_white_on_roads_and_sidewalks_as_the_devkit_looks_them_up(
-    tables: Tables, nuscenes_folder: Path
-) -> None:
+def test_the_mask_is_white_on_roads_and_sidewalks(tables: Tables, nuscenes_folder: Path) -> None:
     record = tables["map"][0]
     with Image.open(nuscenes_folder / "out" / record["filename"]) as image:
         mask = np.asarray(image)
     rng = np.random.default_rng(0)
-    places_m = rng.uniform([1, 1], [mask.shape[1] / 10 - 1, mask.shape[0] / 10 - 1], (4000, 2))
-    column, row = np.rint([places_m[:, 0] * 10, mask.shape[0] - places_m[:, 1] * 10]).astype(int)
+    positions_m = rng.uniform([1, 1], [mask.shape[1] / 10 - 1, mask.shape[0] / 10 - 1], (4000, 2))
+    column, row = np.rint([positions_m[:, 0] * 10, mask.shape[0] - positions_m[:, 1] * 10]).astype(int)
     surfaces = surfaces_of(load_network(MapSpec(name="Blocks")).layout)
     paved = shapely.union_all([surfaces.road, surfaces.shoulder, surfaces.sidewalk])
-    points = shapely.points(places_m + record["origin_m"])
+    points = shapely.points(positions_m + record["origin_m"])
     shapely.prepare(paved)
     sure = shapely.distance(shapely.boundary(paved), points) > 0.2
     np.testing.assert_array_equal((mask[row, column] == 255)[sure], shapely.contains(paved, points)[sure])
     assert 0.02 < (mask == 255).mean() < 0.5
 
 
-def test_scenes_far_apart_have_masks_of_their_own() -> None:
+def test_distant_scenes_have_separate_masks() -> None:
     def summary(name: str, x_m: float) -> dict[str, Any]:
-        place = {"low_m": [x_m, 0.0], "high_m": [x_m + 50, 10.0], "bag": ""}
-        return {"name": name, "map": {"name": "Town13", "seed": 0}, **place}
+        extent = {"low_m": [x_m, 0.0], "high_m": [x_m + 50, 10.0], "bag": ""}
+        return {"name": name, "map": {"name": "Town13", "seed": 0}, **extent}
 
     near, far = sites_of([summary("a", 0), summary("b", 900)]), sites_of([summary("a", 0), summary("b", 9e4)])
     assert [(site.scenes, site.name) for site in near] == [(("a", "b"), "Town13")]
@@ -299,9 +299,9 @@ def test_splits_name_their_scenes(nuscenes_folder: Path) -> None:
     assert splits == {"simbev_train": ["Blocks-0000"], "simbev_val": ["Blocks-0001"], "simbev_test": []}
 
 
-def test_slower_sensors_give_samples_their_last_data(tmp_path: Path) -> None:
+def test_samples_have_the_last_data_of_slower_sensors(tmp_path: Path) -> None:
     made = made_up_scene(tmp_path / "Blocks-0000", ticks=21)
-    taken = taken_by(open_dataset(tmp_path / "Blocks-0000").scenes[0], _Occupancy(), np.array([0, 5, 11, 20]))  # type: ignore[arg-type]
+    taken = keyframe_by_tick(open_dataset(tmp_path / "Blocks-0000").scenes[0], _Occupancy(), np.array([0, 5, 11, 20]))  # type: ignore[arg-type]
     assert taken == {0: 0, 4: 5, 10: 11, 20: 20}
     assert "occupancy/points" in made.ticks[4]
 

@@ -1,6 +1,7 @@
-"""An export that is interrupted goes on, one that is out of date is made anew, and bad input is explained."""
+"""Tests that an interrupted nuScenes export resumes, outdated parts are made again, and bad input is explained."""
 
 import hashlib
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ def digest(out: Path) -> dict[str, str]:
     return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-def test_an_interrupted_export_goes_on(nuscenes_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_export_resumes(nuscenes_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = 0
 
     def fails_late(*arguments: Any) -> bytes:
@@ -29,9 +30,9 @@ def test_an_interrupted_export_goes_on(nuscenes_folder: Path, tmp_path: Path, mo
         calls += 1
         if calls == 110:  # in the second scene
             raise KeyboardInterrupt
-        return sensor_files.file_content(*arguments)
+        return sensor_files.encode_file(*arguments)
 
-    monkeypatch.setattr(scene_part, "file_content", fails_late)
+    monkeypatch.setattr(scene_part, "encode_file", fails_late)
     with pytest.raises(KeyboardInterrupt):
         export(nuscenes_folder / "set", tmp_path)
     assert not list(tmp_path.glob("s*/*/Blocks-0001*")) and not (tmp_path / "v1.0-trainval").exists()
@@ -39,20 +40,23 @@ def test_an_interrupted_export_goes_on(nuscenes_folder: Path, tmp_path: Path, mo
     assert (done.scenes, done.made) == (2, 1)
     assert digest(tmp_path) == digest(nuscenes_folder / "out")
     assert export(nuscenes_folder / "set", tmp_path).made == 0
+    record = json.loads((tmp_path / ".parts/Blocks-0000.head.json").read_text())
+    assert list(record) == ["made_from", "summary"]
+    assert list(record["made_from"]) == ["bytes", "mtime_ns", "by", "keyframe_hz", "sweeps"], "as in earlier exports"
 
 
-def test_another_bag_or_other_settings_replace_what_is_there(tmp_path: Path) -> None:
+def test_a_part_with_other_settings_is_replaced(tmp_path: Path) -> None:
     bag = tmp_path / "set/scenes/train/Blocks-0000"
     made_up_scene(bag, ticks=23)
     export(tmp_path / "set", tmp_path / "out")
     assert export(tmp_path / "set", tmp_path / "out", sweeps=False, keyframe_hz=None).made == 1
     with pytest.raises(InputError, match=r"^keyframe_hz: 3 is no divisor of the 20 frames/s"):
-        export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # and what is there stays
+        export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # the existing part is kept
     assert not list((tmp_path / "out").glob("sweeps/*/*"))
     assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23
 
 
-def test_a_damaged_scene_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
+def test_a_damaged_scene_is_named_and_the_others_are_exported(tmp_path: Path) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1)
     file = locate_mcap(tmp_path / "set/scenes/train/Blocks-0001")
@@ -74,7 +78,7 @@ def test_bad_input_is_explained(tmp_path: Path) -> None:
         export(tmp_path / "Blocks-0000", tmp_path / "real")
 
 
-def test_the_command_says_what_it_has_made(tmp_path: Path) -> None:
+def test_the_command_reports_what_it_made(tmp_path: Path) -> None:
     made_up_scene(tmp_path / "Blocks-0000")
     words = ["export", "nuscenes", str(tmp_path / "Blocks-0000"), "--out", str(tmp_path / "out"), "--all-frames"]
     first, second = (CliRunner().invoke(app, words) for _ in range(2))
@@ -82,13 +86,13 @@ def test_the_command_says_what_it_has_made(tmp_path: Path) -> None:
     assert "1 scene was there already" in second.output
 
 
-def test_what_is_said_to_be_done_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finished_part_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
     inodes: list[int] = []
     monkeypatch.setattr(os, "fsync", lambda descriptor: inodes.append(os.fstat(descriptor).st_ino))
     export(tmp_path / "set", tmp_path / "out")
     paths = [path for path in (tmp_path / "out").rglob("*") if path.name != ".lock"]
     assert len(paths) > 30 and {path.stat().st_ino for path in paths} <= set(inodes)
-    at = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
-    head = next(place for path, place in at.items() if path.name.endswith(".head.json"))
-    assert head > max(place for path, place in at.items() if path.parts[-3] in ("samples", "sweeps"))
+    order = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
+    head = next(position for path, position in order.items() if path.name.endswith(".head.json"))
+    assert head > max(position for path, position in order.items() if path.parts[-3] in ("samples", "sweeps"))

@@ -1,4 +1,4 @@
-"""The truth of nuScenes' evaluation is what its rules give when they are applied to the exported tables."""
+"""Tests that the ground truth of the nuScenes metrics equals that of nuScenes' rules applied to the exported tables."""
 
 from pathlib import Path
 from typing import Any
@@ -39,12 +39,12 @@ def velocity_mps(annotation: dict[str, Any], tables: Tables) -> list[float]:
 
 
 def expected(tables: Tables, scene: str) -> list[tuple[Any, ...]]:
-    """Timestamp, class, place on the map, velocity and attribute of all boxes that count, by the tables alone."""
+    """Timestamp, class, position, velocity and attribute of all boxes that count, from the tables alone."""
     token = next(each["token"] for each in tables["scene"] if each["name"] == scene)
     samples = {each["token"]: each["timestamp"] for each in tables["sample"] if each["scene_token"] == token}
-    place_m = {each["token"]: each["translation"] for each in tables["ego_pose"]}
+    position_m = {each["token"]: each["translation"] for each in tables["ego_pose"]}
     clouds = [each for each in tables["sample_data"] if each["filename"].startswith("samples/LIDAR_TOP")]
-    ego_m = {each["sample_token"]: place_m[each["ego_pose_token"]] for each in clouds}
+    ego_m = {each["sample_token"]: position_m[each["ego_pose_token"]] for each in clouds}
     category = {each["token"]: each["name"] for each in tables["category"]}
     kind = {each["token"]: category[each["category_token"]] for each in tables["instance"]}
     attribute = {each["token"]: each["name"] for each in tables["attribute"]}
@@ -61,7 +61,7 @@ def expected(tables: Tables, scene: str) -> list[tuple[Any, ...]]:
     return sorted(rows)
 
 
-def test_it_is_what_the_tables_say(truth: NuscenesTruth, tables: Tables, nuscenes_folder: Path) -> None:
+def test_the_ground_truth_equals_the_tables(truth: NuscenesTruth, tables: Tables, nuscenes_folder: Path) -> None:
     scene, boxes = open_dataset(nuscenes_folder / "set").scenes[0], truth.boxes
     origin_m = [*tables["map"][0]["origin_m"], 0]
     found = []
@@ -81,8 +81,8 @@ def test_predictions_count_at_keyframes_and_within_the_range_of_their_class(trut
     frame = np.array([0, 0, 0, 0, 1, 10])  # keyframes are 0, 10 and 20
     label = [BOX_CLASSES.index(name) for name in ("car", "car", "traffic_cone", "traffic_light", "car", "car")]
     away_m = np.array([49.9, 50.1, 30.1, 1.0, 1.0, 49.9])
-    place = np.searchsorted(truth.ticks, frame)
-    center_m = np.column_stack([truth.ego_m[np.minimum(place, 2)], np.full(6, 100.0)])
+    keyframe = np.searchsorted(truth.ticks, frame)
+    center_m = np.column_stack([truth.ego_m[np.minimum(keyframe, 2)], np.full(6, 100.0)])
     center_m[:, 1] += away_m
     boxes = type(truth_boxes)(
         frame,

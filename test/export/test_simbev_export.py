@@ -1,4 +1,4 @@
-"""The SimBEV layout is read back by its own description, and holds what was recorded."""
+"""Tests that the SimBEV layout, read back by its description, contains what was recorded, and that exports resume."""
 
 import json
 import os
@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.errors import InputError
-from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_replaced
+from simbev_ros.export.simbev import encodings
+from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_vanished
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray
 
@@ -24,7 +25,7 @@ from simbev_ros.types import AnyArray
 def export(dataset: Path, root: Path) -> list[str]:
     opened = open_dataset(dataset)
     parts = parts_of(opened, root)
-    remove_replaced(parts)
+    remove_vanished(parts)
     for part in parts:
         if part.record() is None:
             make_part(part)
@@ -64,7 +65,7 @@ def test_cameras_read_back(exported: tuple[MadeUp, Path]) -> None:
     np.testing.assert_array_equal(npz(sweep(root, "FLW-CAM_FRONT", "npz")), tick["cam_front/flow"])
 
 
-def test_semantic_pictures_have_carlas_colours(exported: tuple[MadeUp, Path]) -> None:
+def test_semantic_pictures_have_carlas_colors(exported: tuple[MadeUp, Path]) -> None:
     made, root = exported
     colors = cv2.imread(str(sweep(root, "SEG-CAM_FRONT", "png")))[..., ::-1]
     tags = made.ticks[1]["cam_front/semantic"]
@@ -79,11 +80,11 @@ def test_clouds_read_back_without_points_on_the_ego(exported: tuple[MadeUp, Path
     points = npz(sweep(root, "LIDAR", "npz"))
     assert points.dtype == np.float32 and 0 < len(expected) < len(cloud)
     np.testing.assert_array_equal(points, np.array(expected, np.float32))
-    labelled, source = npz(sweep(root, "SEG-LIDAR", "npz")), made.ticks[1]["lidar/semantic_points"]
-    assert labelled.dtype.names == ("x", "y", "z", "CosAngle", "ObjIdx", "ObjTag")
-    assert [labelled.dtype[name].str for name in labelled.dtype.names] == ["<f4"] * 4 + ["<u4"] * 2
-    np.testing.assert_array_equal(labelled["ObjIdx"], source["object_id"])
-    np.testing.assert_array_equal(labelled["CosAngle"], source["cos_angle"])
+    labeled, source = npz(sweep(root, "SEG-LIDAR", "npz")), made.ticks[1]["lidar/semantic_points"]
+    assert labeled.dtype.names == ("x", "y", "z", "CosAngle", "ObjIdx", "ObjTag")
+    assert [labeled.dtype[name].str for name in labeled.dtype.names] == ["<f4"] * 4 + ["<u4"] * 2
+    np.testing.assert_array_equal(labeled["ObjIdx"], source["object_id"])
+    np.testing.assert_array_equal(labeled["CosAngle"], source["cos_angle"])
     radar, echoes = npz(sweep(root, "RAD_FRONT", "npz")), made.ticks[1]["radar_front/points"]
     for column, name in enumerate(("range", "elevation", "azimuth", "doppler_velocity")):
         np.testing.assert_array_equal(radar[:, column], echoes[name])
@@ -112,7 +113,7 @@ def test_grids_read_back(exported: tuple[MadeUp, Path]) -> None:
     assert voxels.shape == (8, 8, 8) and voxels.dtype == np.uint8
     rows = made.ticks[2]["occupancy/points"]
     assert {(r["ix"], r["iy"], r["iz"]): r["tag"] for r in rows} == {
-        tuple(place): voxels[tuple(place)] for place in np.argwhere(voxels)
+        tuple(cell): voxels[tuple(cell)] for cell in np.argwhere(voxels)
     }
     record = json.loads((root / "ground-truth/hd_map/SimBEV-scene-0000-frame-0002-HD_MAP.json").read_text())
     assert record == {"id": "a_0", "s": 1.5, "is_junction": False}
@@ -127,13 +128,13 @@ def test_corners_are_in_carlas_order_and_right_handed(exported: tuple[MadeUp, Pa
     made, root = exported
     flip = np.diag([1, -1, 1])
     for row, record in zip(made.ticks[0]["boxes"], objects(root, 0), strict=True):
-        # In CARLA's axes: y and yaw and pitch have the other sign, and the middle of the box is at (x, -y, z).
+        # In CARLA's axes: y and yaw and pitch have the other sign, and the center of the box is at (x, -y, z).
         rpy_deg = np.degrees([row["roll"], row["pitch"], row["yaw"]])
-        turn = flip @ Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix() @ flip
+        rotation = flip @ Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix() @ flip
         for index, corner in enumerate(record["bounding_box"]):
             sides = 2 * np.array([index >> 2 & 1, index >> 1 & 1, index & 1]) - 1
             local = sides * [row["length"], row["width"], row["height"]] / 2
-            carla = turn @ local + [row["x"], -row["y"], row["z"]]
+            carla = rotation @ local + [row["x"], -row["y"], row["z"]]
             np.testing.assert_allclose(corner, carla * [1, -1, 1], atol=1e-5)
         np.testing.assert_allclose(record["location"], record["bounding_box"][[0, 2, 4, 6]].mean(axis=0), atol=1e-5)
         np.testing.assert_allclose(record["rotation"], rpy_deg, atol=1e-4)
@@ -160,7 +161,7 @@ def test_objects_have_all_keys_and_labels(exported: tuple[MadeUp, Path]) -> None
     assert records[-1]["type"] == "traffic.speed_limit.50" and records[-1]["sign_type"] == "speed_limit"
 
 
-def test_infos_say_where_all_is(exported: tuple[MadeUp, Path]) -> None:
+def test_infos_name_all_files_and_poses(exported: tuple[MadeUp, Path]) -> None:
     made, root = exported
     assert sorted(path.name for path in (root / "infos").iterdir()) == [
         "simbev_infos_train.json",
@@ -177,8 +178,8 @@ def test_infos_say_where_all_is(exported: tuple[MadeUp, Path]) -> None:
     assert len(list(root.glob("sweeps/*/*-scene-0000-*"))) + len(list(root.glob("ground-truth/*/*-scene-0000-*"))) == 59
     position_m, rpy_rad = made.ticks[2]["odom"]
     np.testing.assert_allclose(frames[2]["ego2global_translation"], position_m)
-    turn = Rotation.from_quat(np.roll(frames[2]["ego2global_rotation"], -1))
-    np.testing.assert_allclose(turn.as_euler("xyz"), rpy_rad, atol=1e-9)
+    rotation = Rotation.from_quat(np.roll(frames[2]["ego2global_rotation"], -1))
+    np.testing.assert_allclose(rotation.as_euler("xyz"), rpy_rad, atol=1e-9)
 
 
 def test_metadata_places_the_sensors(exported: tuple[MadeUp, Path]) -> None:
@@ -199,7 +200,7 @@ def test_metadata_places_the_sensors(exported: tuple[MadeUp, Path]) -> None:
     }
 
 
-def test_what_a_rig_lacks_is_left_out_and_said(tmp_path: Path) -> None:
+def test_missing_channels_are_left_out_and_reported(tmp_path: Path) -> None:
     rig = [
         {**SENSORS[0], "modalities": ["rgb", "instance"]},
         {**SENSORS[1], "name": "cam_roof"},
@@ -219,7 +220,7 @@ def test_what_a_rig_lacks_is_left_out_and_said(tmp_path: Path) -> None:
     assert not {"LIDAR", "GT_DET", "RGB-CAM_FRONT"} & set(missing)
 
 
-def test_an_export_goes_on_where_it_was_and_a_replaced_scene_is_made_anew(tmp_path: Path) -> None:
+def test_an_export_resumes_and_a_replaced_scene_is_made_again(tmp_path: Path) -> None:
     bag, root = tmp_path / "set/scenes/train/Blocks-0000", tmp_path / "out"
     made_up_scene(bag)
     export(tmp_path / "set", root)
@@ -233,13 +234,49 @@ def test_an_export_goes_on_where_it_was_and_a_replaced_scene_is_made_anew(tmp_pa
     bag.rename(tmp_path / "old")
     made_up_scene(bag, ticks=2)
     export(tmp_path / "set", root)
-    assert len(npz(kept)) and not list(root.rglob("*unfinished"))
+    assert len(npz(kept)) and not [*root.rglob("*.part"), *root.rglob("*.partial")]
     assert not list(root.rglob("*scene-0000-frame-0002*")) and list(root.rglob("*scene-0001-frame-0000*"))
     infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
     assert len(infos["data"]["scene_0000"]["scene_data"]) == 2
 
 
-def test_the_command_does_all_of_it_in_processes(tmp_path: Path) -> None:
+def test_an_interrupted_export_resumes_with_the_missing_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=45)
+    made = 0
+
+    def fail_in_the_second_part(*arguments: Any) -> bytes:
+        nonlocal made
+        made += 1
+        if made == 30:
+            raise KeyboardInterrupt
+        return encodings.npy(*arguments)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(encodings, "gnss_bin", fail_in_the_second_part)
+        export(tmp_path / "set", tmp_path / "out")
+    parts = parts_of(open_dataset(tmp_path / "set"), tmp_path / "out")
+    assert [part.record() is not None for part in parts] == [True, False, False]
+    assert len(list((tmp_path / "out/sweeps/GNSS").iterdir())) == 20
+    export(tmp_path / "set", tmp_path / "out")
+    assert len(list((tmp_path / "out/sweeps/GNSS").iterdir())) == 45
+    names = {path.name for path in (tmp_path / "out/.parts").iterdir()}
+    assert names == {f"scene_0000-{first:06d}.json" for first in (0, 20, 40)}
+    record = json.loads((tmp_path / "out/.parts/scene_0000-000040.json").read_text())
+    assert list(record) == ["source", "count", "frames"] and record["count"] == 5
+
+
+def test_the_parts_beyond_the_end_of_a_shorter_scene_are_removed(tmp_path: Path) -> None:
+    bag, root = tmp_path / "set/scenes/train/Blocks-0000", tmp_path / "out"
+    made_up_scene(bag, ticks=21)
+    export(tmp_path / "set", root)
+    bag.rename(tmp_path / "old")
+    made_up_scene(bag, ticks=2)
+    export(tmp_path / "set", root)
+    assert [path.name for path in (root / ".parts").iterdir()] == ["scene_0000-000000.json"]
+    assert len(list(root.glob("sweeps/LIDAR/*"))) == 2
+
+
+def test_the_command_exports_in_processes(tmp_path: Path) -> None:
     for number in range(2):
         made_up_scene(tmp_path / f"set/scenes/train/Blocks-{number:04d}", number=number, ticks=21)
     arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--jobs", "2"]
@@ -258,13 +295,13 @@ def test_scenes_of_different_rigs_are_refused(tmp_path: Path) -> None:
         export(tmp_path / "set", tmp_path / "out")
 
 
-def test_what_is_said_to_be_done_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finished_part_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
     inodes: list[int] = []
     monkeypatch.setattr(os, "fsync", lambda descriptor: inodes.append(os.fstat(descriptor).st_ino))
     export(tmp_path / "set", tmp_path / "out")
     paths = list((tmp_path / "out").rglob("*"))
     assert len(paths) > 60 and {path.stat().st_ino for path in paths} <= set(inodes)
-    at = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
-    record = next(place for path, place in at.items() if path.parent.name == ".parts")
-    assert record > max(place for path, place in at.items() if path.parts[-3] in ("sweeps", "ground-truth"))
+    order = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
+    record = next(position for path, position in order.items() if path.parent.name == ".parts")
+    assert record > max(position for path, position in order.items() if path.parts[-3] in ("sweeps", "ground-truth"))

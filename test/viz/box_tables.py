@@ -12,7 +12,7 @@ from simbev_ros.types import Table
 def box(
     x: float, y: float, z: float, *, yaw: float = 0.0, size: tuple[float, float, float] = (4, 2, 1.5), **more: Any
 ) -> Table:
-    """(1,) a car whose middle is at a place, seen by nobody knows how much."""
+    """(1,) row of a car with its center at a position, of unknown visibility; ``more`` sets other columns."""
     row = np.zeros(1, BOX_DTYPE)
     row["x"], row["y"], row["z"], row["yaw"] = x, y, z, yaw
     row["length"], row["width"], row["height"] = size

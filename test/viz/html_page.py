@@ -1,4 +1,4 @@
-"""Reading a report: that it is well-formed and needs nothing else, its headings, tables and drawings."""
+"""Parses HTML reports in tests: checks that they are well-formed and self-contained; gives headings and tables."""
 
 import re
 from html.parser import HTMLParser
@@ -8,13 +8,13 @@ _VOID = {"meta", "br"}
 
 
 class Page(HTMLParser):
-    """A page, checked while it is read.
+    """An HTML page, checked while it is parsed.
 
     Attributes:
-        headings: Texts of h2.
-        tables: Rows of texts.
-        pictures: Addresses of pictures.
-        drawings: All SVGs.
+        headings: Texts of all h2.
+        tables: Cell texts of each table, by row.
+        pictures: Addresses of all pictures.
+        drawings: All SVG elements.
     """
 
     def __init__(self, text: str) -> None:
@@ -53,6 +53,6 @@ class Page(HTMLParser):
             self.tables[-1][-1][-1] += data
 
     def table(self, first_head: str, occurrence: int = 0) -> dict[str, list[str]]:
-        """Rows by their heads, of the tables whose first column has some name."""
+        """Rows by their heads, of the Nth table whose first column has a name."""
         rows = [each for each in self.tables if each[0][0] == first_head][occurrence]
         return {row[0]: row[1:] for row in rows}

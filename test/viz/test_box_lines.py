@@ -1,4 +1,4 @@
-"""Boxes as lines, against OpenCV's projection and against points sampled along the edges."""
+"""Tests of boxes as lines, against OpenCV's projection and against points sampled along the edges."""
 
 from itertools import combinations, product
 
@@ -10,7 +10,7 @@ from box_tables import box
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array, Table
-from simbev_ros.viz.box_lines import NEAREST_M, fronts, outlines, wireframes
+from simbev_ros.viz.box_lines import MIN_DEPTH_M, box_outlines, front_faces, wireframes
 
 LENS = LensCamera(640, 480, 400.0, 390.0, 310.0, 250.0, (-0.25, 0.06, 0.003, -0.002, 0.0))
 PINHOLE = PinholeCamera(640, 480, 400.0, 390.0, 310.0, 250.0)
@@ -58,41 +58,41 @@ def test_edges_are_where_opencv_projects_them(camera: PinholeCamera) -> None:
         box(3.0, -5.0, 1.0, yaw=2.0, size=(9, 2, 3)),
     ],
 )
-def test_of_a_box_beside_the_camera_just_what_is_before_it_is_drawn(camera: PinholeCamera, row: Table) -> None:
+def test_only_the_part_of_a_box_in_front_of_the_camera_is_drawn(camera: PinholeCamera, row: Table) -> None:
     lines = wireframes(row, camera, OPTICAL_FROM_MAP)
     optical = edges_m(row, 4001).reshape(-1, 3) @ OPTICAL_FROM_MAP[:3, :3].T
-    before = optical[:, 2] > NEAREST_M
-    pixels = camera.project(optical[before])
+    in_front = optical[:, 2] > MIN_DEPTH_M
+    pixels = camera.project(optical[in_front])
     seen = ((pixels > -0.5) & (pixels < [camera.width_px - 0.5, camera.height_px - 0.5])).all(axis=1)
     start, end = lines.pixels[:, 0], lines.pixels[:, 1]
     assert seen.sum() > 100
-    for place in pixels[seen][::37]:
-        assert distance_px(place, start, end).min() < 1.0, "what is seen is drawn"
+    for pixel in pixels[seen][::37]:
+        assert distance_px(pixel, start, end).min() < 1.0, "what is seen is drawn"
     middle = lines.pixels.mean(axis=1)
     inside = ((middle > 0) & (middle < [camera.width_px - 1, camera.height_px - 1])).all(axis=1)
-    for place in middle[inside]:
-        assert np.linalg.norm(pixels[seen] - place, axis=1).min() < 3.0, "what is drawn is seen"
+    for pixel in middle[inside]:
+        assert np.linalg.norm(pixels[seen] - pixel, axis=1).min() < 3.0, "what is drawn is seen"
 
 
-def distance_px(place: Float64Array, start: Float64Array, end: Float64Array) -> Float64Array:
+def distance_px(pixel: Float64Array, start: Float64Array, end: Float64Array) -> Float64Array:
     along = end - start
-    share = ((place - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
+    share = ((pixel - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
     nearest = start + np.clip(share, 0, 1)[:, None] * along
-    return np.asarray(np.linalg.norm(nearest - place, axis=1), np.float64)
+    return np.asarray(np.linalg.norm(nearest - pixel, axis=1), np.float64)
 
 
 @pytest.mark.parametrize("camera", [PINHOLE, LENS])
-def test_boxes_behind_and_far_to_the_side_draw_nothing(camera: PinholeCamera) -> None:
+def test_boxes_behind_or_far_to_the_side_draw_nothing(camera: PinholeCamera) -> None:
     rows = np.concatenate([box(-8.0, 0.0, 0.0), box(1.0, 300.0, 0.0), box(2.0, 0.0, 90.0), box(-50.0, 3.0, 1.0)])
     assert len(wireframes(rows, camera, OPTICAL_FROM_MAP).row) == 0
-    assert len(fronts(rows[[0, 3]], camera, OPTICAL_FROM_MAP)[1]) == 0
+    assert len(front_faces(rows[[0, 3]], camera, OPTICAL_FROM_MAP)[1]) == 0
 
 
-def test_the_front_of_oncoming_boxes_alone_is_seen() -> None:
+def test_only_front_faces_toward_the_camera_are_returned() -> None:
     rows = np.concatenate(
         [box(15.0, 2.0, 0.0, yaw=0.0), box(15.0, -2.0, 0.0, yaw=np.pi), box(1.0, 1.5, 0.0, yaw=np.pi)]
     )
-    pixels, row = fronts(rows, PINHOLE, OPTICAL_FROM_MAP)
+    pixels, row = front_faces(rows, PINHOLE, OPTICAL_FROM_MAP)
     assert row.tolist() == [1], "the first looks away, the front of the third is behind the camera"
     assert pixels[0] == pytest.approx(
         opencv_pixels(
@@ -104,5 +104,5 @@ def test_the_front_of_oncoming_boxes_alone_is_seen() -> None:
 def test_from_above_left_is_left_and_ahead_is_ahead() -> None:
     map_from_ego = matrices_from_xyz_rpy(np.array([100.0, 50.0, 3.0]), np.array([0.0, 0.0, np.pi / 2]))
     row = box(95.0, 60.0, 3.0, yaw=np.pi / 2, size=(4, 2, 1.5))  # 10 m ahead, 5 m left, looks as the ego does
-    outline = outlines(row, inverse(map_from_ego))[0]
+    outline = box_outlines(row, inverse(map_from_ego))[0]
     assert outline == pytest.approx(np.array([[12, 6], [8, 6], [8, 4], [12, 4], [10, 5], [12, 5]]), abs=1e-5)

@@ -1,4 +1,4 @@
-"""Who is in a picture from the street: cars in their lanes, people on sidewalks, nobody right before the camera."""
+"""Tests of the actors in street pictures: cars in their lanes, pedestrians on sidewalks, none close to the camera."""
 
 from pathlib import Path
 
@@ -20,13 +20,13 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> RoadNetwork:
     return load_network(map_spec("Blocks"), Path(tmp_path_factory.mktemp("blocks")))
 
 
-def test_cars_keep_their_lanes_and_people_the_sidewalk(network: RoadNetwork) -> None:
-    place_m = network.waypoints(20.0).position_m[30]
-    table = bystanders(network, place_m, 2)
+def test_cars_are_in_lanes_and_pedestrians_on_sidewalks(network: RoadNetwork) -> None:
+    position_m = network.waypoints(20.0).position_m[30]
+    table = bystanders(network, position_m, 2)
     people = table["tag"] == Tag.PEDESTRIAN
     assert people.sum() > 5 and (~people).sum() > 5
     xy_m = np.stack([table["x"], table["y"]], axis=1)
-    assert np.hypot(*(xy_m - place_m[:2]).T).min() > 14.0
+    assert np.hypot(*(xy_m - position_m[:2]).T).min() > 14.0
     cars = table[~people]
     nearest = network.nearest_lane(xy_m[~people], cars["yaw"].astype(float))
     np.testing.assert_allclose(nearest.position_m[:, :2], xy_m[~people], atol=0.05)
@@ -42,4 +42,4 @@ def test_cars_keep_their_lanes_and_people_the_sidewalk(network: RoadNetwork) -> 
     ]
     assert len(shapely.STRtree(boxes).query(boxes, predicate="intersects")[0]) == len(boxes), "each touches itself only"
     assert table["id"].tolist() == list(range(2, 2 + len(table)))
-    assert bystanders(network, place_m, 2).tobytes() == table.tobytes()
+    assert bystanders(network, position_m, 2).tobytes() == table.tobytes()

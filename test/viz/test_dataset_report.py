@@ -1,4 +1,4 @@
-"""The report is one page that needs nothing else, and its charts draw the numbers."""
+"""Tests that a dataset report is one self-contained page and that its charts match the numbers."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,7 +15,7 @@ from simbev_ros.viz.reports.svg_drawing import number, ticks
 
 
 @pytest.mark.parametrize("single", [True, False])
-def test_a_page_of_a_dataset_or_a_bag_stands_alone(tmp_path: Path, single: bool) -> None:
+def test_the_report_of_a_dataset_or_a_bag_is_self_contained(tmp_path: Path, single: bool) -> None:
     bag = tmp_path / "set/scenes/train/Blocks-0000"
     made_up_scene(bag)
     report = tmp_path / "report.html"
@@ -61,4 +61,4 @@ def test_numbers_and_ticks_are_round() -> None:
         *("0", "3.14", "42", "1,234", "56.8 k", "1.5 M", "0.00059")
     ]
     assert ticks(0, 100) == [0, 20, 40, 60, 80, 100] and ticks(-90, 90) == [-50, 0, 50]
-    assert ticks(0, 2, least=1) == [0, 1, 2]
+    assert ticks(0, 2, min_step=1) == [0, 1, 2]

@@ -1,4 +1,4 @@
-"""Boxes and cells of a frame are drawn where they are, in the colours of what became of them."""
+"""Tests that boxes and cells of a frame are drawn at their positions and in the colors of their outcomes."""
 
 import base64
 import io
@@ -24,9 +24,9 @@ from simbev_ros.evaluation.scene_evaluation import outcomes_of
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.types import AnyArray
-from simbev_ros.viz.reports.evaluation_cameras import in_camera
+from simbev_ros.viz.reports.evaluation_cameras import camera_picture
 from simbev_ros.viz.reports.evaluation_grids import FALSE, MISSED, RIGHT, grid_pictures
-from simbev_ros.viz.reports.evaluation_pictures import extent_m, from_above, marked_boxes
+from simbev_ros.viz.reports.evaluation_pictures import marked_boxes, picture_half_extent_m, top_view
 
 CAMERA = {
     "type": "camera",
@@ -41,7 +41,7 @@ CAMERA = {
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    """A camera that sees even ticks."""
+    """A scene with a camera that records even ticks only."""
     path = tmp_path_factory.mktemp("pictured") / "scenes" / "val" / made.NAMES[0]
     rig = Rig.model_validate({"sensors": [*made.SENSORS, CAMERA]})
     spec = made.spec(0).model_copy(update={"rig": rig})
@@ -62,7 +62,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 def outcomes(scene: Scene, folder: Path, tick: int) -> Outcomes:
-    """The near car is found, another one is predicted in vain 8 m to its left; two boxes are missed."""
+    """The near car is found, another one is predicted falsely 8 m to its left; two boxes are missed."""
     car = made.truth().take(np.array([3 * tick, 3 * tick]))
     folder.mkdir(exist_ok=True)
     both = Predictions(replace(car, center_m=car.center_m + np.array([[0, 0, 0], [0, 8.0, 0]])), np.array([0.9, 0.8]))
@@ -80,10 +80,13 @@ def paths(svg: str) -> dict[str, list[AnyArray]]:
     return found
 
 
-def test_boxes_from_above_are_where_they_are(scene: Scene, tmp_path: Path) -> None:
+def test_boxes_from_above_are_drawn_at_their_positions(scene: Scene, tmp_path: Path) -> None:
     result = outcomes(scene, tmp_path, 1)
-    assert extent_m(result, 40.0) == pytest.approx(np.hypot(70, 8) + 6, abs=1e-3) and extent_m(result, 90.0) == 90.0
-    drawn = paths(from_above(scene[1], marked_boxes(result), 80.0))
+    assert (
+        picture_half_extent_m(result, 40.0) == pytest.approx(np.hypot(70, 8) + 6, abs=1e-3)
+        and picture_half_extent_m(result, 90.0) == 90.0
+    )
+    drawn = paths(top_view(scene[1], marked_boxes(result), 80.0))
     middles = {kind: [points[:4].mean(axis=0).tolist() for points in drawn[kind]] for kind in drawn if kind != "ego"}
     assert middles == {
         "found": [pytest.approx([320, 320 - 4 * 10])],
@@ -94,11 +97,11 @@ def test_boxes_from_above_are_where_they_are(scene: Scene, tmp_path: Path) -> No
     np.testing.assert_allclose(np.ptp(drawn["found"][0][:4], axis=0), [2 * 4, 4 * 4])
 
 
-def test_a_cameras_picture_has_boxes_where_they_were_when_it_was_taken(scene: Scene, tmp_path: Path) -> None:
-    """The rear of the near car is 8 m ahead then: half of its width of 2 m is an eighth of 480 pixels."""
+def test_boxes_in_a_camera_picture_are_drawn_as_of_its_stamp(scene: Scene, tmp_path: Path) -> None:
+    """At that stamp the rear of the near car is 8 m ahead: half its width of 2 m is an eighth of 480 pixels."""
     for tick, kinds in ((3, {"found"}), (2, {"found", "false"})):
         result = outcomes(scene, tmp_path / f"{tick}", tick)
-        picture, said = in_camera(scene[tick], result, marked_boxes(result)) or ("", "")
+        picture, said = camera_picture(scene[tick], result, marked_boxes(result)) or ("", "")
         assert said == ("cam_front" if tick == 2 else "cam_front, 0.05 s before")
         drawn = paths(picture)
         assert kinds <= {kind.split()[0] for kind in drawn} <= kinds | {"missed"}
@@ -108,20 +111,20 @@ def test_a_cameras_picture_has_boxes_where_they_were_when_it_was_taken(scene: Sc
         assert pixels == pytest.approx((120, 120, 120), abs=2)
 
 
-def test_a_scene_without_cameras_has_no_such_picture(tmp_path: Path) -> None:
+def test_a_scene_without_cameras_has_no_camera_picture(tmp_path: Path) -> None:
     scene = open_dataset(made.record(tmp_path / "set")).scenes[0]
     result = outcomes(scene, tmp_path, 1)
-    assert in_camera(scene[1], result, marked_boxes(result)) is None
+    assert camera_picture(scene[1], result, marked_boxes(result)) is None
 
 
-def test_cells_that_differ_are_coloured(scene: Scene) -> None:
+def test_cells_that_differ_are_colored(scene: Scene) -> None:
     scores = made.scores(0)[[made.ROAD, made.CAR]] / np.float32(255)
     scores[0, 9, 0], scores[0, 15, 3], scores[1, 8, 9] = 0.4, 0.5, 0.0
     pictures = grid_pictures(scene[0], ScoreGrid(("road", "car"), scores, "here"), ("road", "car"))
     assert list(pictures) == ["truth", "predicted", "difference"]
     cells = np.asarray(_pixels(pictures["difference"]).convert("RGBA"))
     assert cells.shape == (made.CELLS, made.CELLS, 4)
-    colors = [cells[place].tolist() for place in ((9, 0), (8, 9), (15, 3), (0, 0), (19, 19))]
+    colors = [cells[cell].tolist() for cell in ((9, 0), (8, 9), (15, 3), (0, 0), (19, 19))]
     assert [color[:3] for color in colors[:4]] == [[*MISSED], [*MISSED], [*FALSE], [*RIGHT]] and colors[4][3] == 0
     truth, predicted = (np.asarray(_pixels(pictures[name]).convert("RGBA")) for name in ("truth", "predicted"))
     differ = (truth != predicted).any(axis=-1)

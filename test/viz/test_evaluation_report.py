@@ -1,4 +1,4 @@
-"""The report of an evaluation is one page that needs nothing else, and says the evaluation's figures."""
+"""Tests that an evaluation report is one self-contained page and shows the evaluation's figures."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -36,7 +36,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def some_boxes() -> Predictions:
-    """The near cars half a metre off, the far ones not at all, pedestrians twice."""
+    """Predictions: near cars half a meter off, no far cars, pedestrians twice."""
     own = made.as_predicted(center_m=made.truth().center_m + np.array([0.45, 0.0, 0.0]))
     rows = np.flatnonzero(np.arange(len(own)) % 3 != 1)
     rows = np.sort(np.append(rows, np.arange(2, len(own), 3)))
@@ -52,67 +52,67 @@ def report(
     scenes: int = 2,
     own_nuscenes: NuscenesResult | None = None,
 ) -> tuple[Page, dict[str, Any]]:
-    """The page and the figures of predictions of the first scene."""
+    """Page and figures of the report for predictions of the first scene."""
     folder.mkdir(exist_ok=True)
     if boxes is not None:
         write_predictions(folder / "boxes.parquet", [(made.NAMES[0], boxes)])
     for tick in grids:
         write_grid(folder, made.NAMES[0], tick, made.scores(0)[:10], BEV_CLASSES[:10])
-    chosen, said = open_dataset(dataset).scenes[:scenes], open_predictions(folder)
-    result = replace(evaluate(chosen, said, options), nuscenes=own_nuscenes)
+    chosen, predictions = open_dataset(dataset).scenes[:scenes], open_predictions(folder)
+    result = replace(evaluate(chosen, predictions, options), nuscenes=own_nuscenes)
     figures = {"dataset": str(dataset), "predictions": str(folder), **figures_of(result)}
-    write_evaluation_report(folder / "report.html", result, chosen, said, figures)
+    write_evaluation_report(folder / "report.html", result, chosen, predictions, figures)
     return Page((folder / "report.html").read_text(encoding="utf-8")), figures
 
 
-def nuscenes_by_chance() -> NuscenesResult:
-    """Figures that are all different, and one that there is not."""
+def random_nuscenes_figures() -> NuscenesResult:
+    """Random figures, all different, one of them missing."""
     figures = np.random.default_rng(0).random((len(nuscenes.CLASSES), 9))
     figures[8, 5] = np.nan
     return NuscenesResult(figures[:, :4], figures[:, 4:])
 
 
-def said(values: Iterable[float | None]) -> list[str]:
+def texts(values: Iterable[float | None]) -> list[str]:
     return ["–" if value is None else f"{value:.3f}" for value in values]
 
 
-def test_all_of_it_is_in_one_page_and_says_the_figures(dataset: Path, tmp_path: Path) -> None:
+def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path: Path) -> None:
     options = EvaluationOptions(tuple(cuts_of(Cut(), [*GROUPS])))
-    page, figures = report(dataset, tmp_path, some_boxes(), range(5), options, own_nuscenes=nuscenes_by_chance())
+    page, figures = report(dataset, tmp_path, some_boxes(), range(5), options, own_nuscenes=random_nuscenes_figures())
     by = [f"By {name}" for name in GROUPS]
     assert page.headings == [
         *("Boxes", "Bird's-eye view", *by, "nuScenes", "Scenes"),
-        *("Frames that miss most boxes", "Frames with the least IoU of cells"),
+        *("Frames with the most missed boxes", "Frames with the lowest IoU of cells"),
     ]
     detection, segmentation = figures["detection"], figures["segmentation"]
-    for place, (method, name) in enumerate({"iou": "3D IoU", "distance": "distance"}.items()):
+    for index, (method, name) in enumerate({"iou": "3D IoU", "distance": "distance"}.items()):
         total = detection[method]
-        assert page.table("matched by")[name] == said(total[each] for each in ("mAP", *ERRORS, "SDS"))
+        assert page.table("matched by")[name] == texts(total[each] for each in ("mAP", *ERRORS, "SDS"))
         for label, own in detection["classes"].items():
             row = [own[method]["AP"], *own[method]["AP_at"].values()]
-            assert page.table("class", place)[label] == [str(own["boxes"]), *said(row)]
-            errors = said(own[method][each] for each in ERRORS)
-            assert page.table("class", 2)[label][4 * place : 4 * place + 4] == errors
+            assert page.table("class", index)[label] == [str(own["boxes"]), *texts(row)]
+            errors = texts(own[method][each] for each in ERRORS)
+            assert page.table("class", 2)[label][4 * index : 4 * index + 4] == errors
     for name, own in segmentation["IoU_at"].items():
-        assert page.table("class", 3)[name.replace("_", " ")] == said(own.values())
+        assert page.table("class", 3)[name.replace("_", " ")] == texts(own.values())
     for name, own in figures["nuscenes"]["classes"].items():
         row = [own["AP"], *own["AP_at"].values(), *(own[each] for each in nuscenes.ERRORS)]
-        assert page.table("class", 4)[name.replace("_", " ")] == said(row)
+        assert page.table("class", 4)[name.replace("_", " ")] == texts(row)
 
 
-def test_tables_by_condition_say_the_figures(dataset: Path, tmp_path: Path) -> None:
+def test_tables_by_condition_show_the_figures(dataset: Path, tmp_path: Path) -> None:
     options = EvaluationOptions(tuple(cuts_of(Cut(), [*GROUPS])))
     page, figures = report(dataset, tmp_path, some_boxes(), range(5), options)
     detection, segmentation = figures["detection"], figures["segmentation"]
     for group in GROUPS:
         cells = segmentation.get(f"by_{group}")
         for name, own in detection[f"by_{group}"].items():
-            totals = said(own[method][each] for method in ("iou", "distance") for each in ("mAP", "SDS"))
-            of_cells = [f"{cells[name]['frames']}", *said([cells[name]["mean_IoU_at"]["0.5"]])] if cells else []
+            totals = texts(own[method][each] for method in ("iou", "distance") for each in ("mAP", "SDS"))
+            of_cells = [f"{cells[name]['frames']}", *texts([cells[name]["mean_IoU_at"]["0.5"]])] if cells else []
             assert page.table(group)[name] == [str(own["boxes"]), *totals, *of_cells]
 
 
-def test_scenes_tell_what_was_not_answered(dataset: Path, tmp_path: Path) -> None:
+def test_the_scene_table_shows_unanswered_ticks(dataset: Path, tmp_path: Path) -> None:
     boxes = some_boxes()
     page, _ = report(dataset, tmp_path, boxes.take(~np.isin(boxes.boxes.frame, [2, 5, 6, 7])), range(10))
     rows = page.table("scene")
@@ -127,15 +127,15 @@ def test_scenes_tell_what_was_not_answered(dataset: Path, tmp_path: Path) -> Non
     assert "ticks without boxes" not in page.table("scene")["scene"]
 
 
-def test_boxes_alone_and_cells_alone_have_their_parts(dataset: Path, tmp_path: Path) -> None:
+def test_boxes_or_cells_alone_have_only_their_sections(dataset: Path, tmp_path: Path) -> None:
     page, _ = report(dataset, tmp_path / "boxes", some_boxes())
-    assert page.headings == ["Boxes", "Scenes", "Frames that miss most boxes"]
+    assert page.headings == ["Boxes", "Scenes", "Frames with the most missed boxes"]
     page, _ = report(dataset, tmp_path / "cells", grids=range(3))
-    assert page.headings == ["Bird's-eye view", "Scenes", "Frames with the least IoU of cells"]
+    assert page.headings == ["Bird's-eye view", "Scenes", "Frames with the lowest IoU of cells"]
 
 
-def test_what_has_no_figure_is_a_dash(dataset: Path, tmp_path: Path) -> None:
-    """No box has so many points, and one way to match is not asked for."""
+def test_a_missing_figure_is_a_dash(dataset: Path, tmp_path: Path) -> None:
+    """No box has the required number of points, and only one matching method is requested."""
     base = Cut(boxes=BoxFilter(points=(1000, np.inf)))
     options = EvaluationOptions(tuple(cuts_of(base, ["distance"])), DetectionOptions(ious=()))
     page, _ = report(dataset, tmp_path, some_boxes(), options=options)
@@ -148,7 +148,7 @@ def test_what_has_no_figure_is_a_dash(dataset: Path, tmp_path: Path) -> None:
 
 
 def test_curves_are_drawn_where_precision_and_recall_are(dataset: Path, tmp_path: Path) -> None:
-    """Pedestrians are predicted twice: half of all are right, and all are found in one of two scenes."""
+    """Pedestrians are predicted twice in one of two scenes: precision and recall are 0.5."""
     page, _ = report(dataset, tmp_path, some_boxes(), options=EvaluationOptions(detection=DetectionOptions(ious=())))
     pedestrian = page.drawings[1]
     lines = list(pedestrian.iter("polyline"))
@@ -165,8 +165,8 @@ def test_profiles_have_a_dot_for_each_figure_and_gaps_where_there_is_none() -> N
     dots = [(float(dot.attrib["cx"]), float(dot.attrib["cy"])) for dot in svg.iter("circle") if dot.attrib["r"] != "2"]
     step, floor, top = (400 - 46 - 10) / 4, 200 - 34, 22
     assert dots == [
-        pytest.approx(place, abs=0.06)
-        for place in ((46 + step / 2, top), (46 + step * 1.5, (top + floor) / 2), (46 + step * 3.5, floor))
+        pytest.approx(center, abs=0.06)
+        for center in ((46 + step / 2, top), (46 + step * 1.5, (top + floor) / 2), (46 + step * 3.5, floor))
     ]
     assert [len(line.attrib["points"].split()) for line in svg.iter("polyline")] == [2, 1]
     assert {"near", "mid", "far", "off", "AP"} <= {text.text for text in svg.iter("text")}

@@ -50,14 +50,14 @@ def test_a_slower_sensor_is_shown_with_its_last_sample(tmp_path: Path) -> None:
     assert reader.rate_hz == 20
 
 
-def test_a_sensor_that_fell_silent_is_left_out(tmp_path: Path) -> None:
+def test_a_silent_sensor_is_left_out(tmp_path: Path) -> None:
     path = write_images(tmp_path / "a", {FAST: list(range(30)), SLOW: [0]})
     bag = open_bag(path)
     frames = list(FrameReader(bag, find_views(bag)).frames(0, 30))
     assert SLOW in frames[20].arrays and SLOW not in frames[21].arrays
 
 
-def test_a_bag_without_anything_to_look_at_is_refused(tmp_path: Path) -> None:
+def test_a_bag_without_topics_to_show_is_refused(tmp_path: Path) -> None:
     with SceneBagWriter(tmp_path / "a") as writer:
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
         writer.write("/words", 0, string("nothing to see"))

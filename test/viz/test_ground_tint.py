@@ -1,4 +1,4 @@
-"""Labels on the ground, against each pixel's ray followed by hand."""
+"""Tests of labels on the ground, against the intersection of each pixel's ray with the ground."""
 
 import numpy as np
 import pytest
@@ -25,19 +25,19 @@ def truth(labels: UInt16Array) -> Truth:
 
 
 def cells_by_hand() -> tuple[Float64Array, Float64Array]:
-    """Where the rays of pixels meet the ego's plane.
+    """Intersections of the pixels' rays with the ego's plane.
 
     Returns:
-        (N, 2) row and column of each pixel that looks down, and (N, 2) of the place in the grid, in cells from its
-        corner.
+        (N, 2) row and column of each pixel that looks down, and (N, 2) row and column of the intersection in the grid,
+        in cells from its corner.
     """
     found = []
     for v in range(CAMERA.height_px):
         for u in range(CAMERA.width_px):
             ray = EGO_FROM_OPTICAL[:3, :3] @ CAMERA.rays(np.array([[u, v]], np.float64))[0]
             if ray[2] < 0:
-                place_ego = EGO_FROM_OPTICAL[:3, 3] - ray * EGO_FROM_OPTICAL[2, 3] / ray[2]
-                x, y = (inverse(MAP_FROM_GRID) @ MAP_FROM_EGO @ [*place_ego, 1.0])[:2]
+                position_ego = EGO_FROM_OPTICAL[:3, 3] - ray * EGO_FROM_OPTICAL[2, 3] / ray[2]
+                x, y = (inverse(MAP_FROM_GRID) @ MAP_FROM_EGO @ [*position_ego, 1.0])[:2]
                 found.append((v, u, (10.0 - x) / CELL_M, (8.0 - y) / CELL_M))  # the grid is 20 m by 16 m
     table = np.array(found)
     return table[:, :2].astype(int), table[:, 2:]
@@ -58,10 +58,10 @@ def test_each_pixel_has_the_label_of_the_cell_that_its_ray_meets() -> None:
     assert (ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, (32, 64)) == found[:, 1::3]).all()
 
 
-def test_with_depth_only_what_is_on_the_ground_has_a_label() -> None:
+def test_with_depth_only_ground_pixels_have_a_label() -> None:
     labels = np.full((200, 200), ROAD)
     everywhere = ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, SIZE_PX)
-    wall_m = np.full((64, 96), 4.0, np.float32)  # a wall across the view: the ground is seen before it only
+    wall_m = np.full((64, 96), 4.0, np.float32)  # a wall across the view: the ground is seen only in front of it
     flat_m = np.full((64, 96), np.inf)
     rays = CAMERA.rays(np.stack(np.meshgrid(np.arange(96), np.arange(64)), axis=-1).reshape(-1, 2).astype(float))
     fall = -(rays @ EGO_FROM_OPTICAL[2, :3]).reshape(64, 96)
@@ -74,7 +74,7 @@ def test_with_depth_only_what_is_on_the_ground_has_a_label() -> None:
     assert (everywhere[(flat_m > 4.0) & (flat_m < 40.0)] == ROAD).all()
 
 
-def test_what_stands_on_a_cell_is_not_tinted_unless_tags_tell_it_from_the_ground() -> None:
+def test_cells_with_objects_are_tinted_only_where_tags_show_ground() -> None:
     labels = np.full((200, 200), ROAD | CAR)
     assert not ground_labels(CAMERA, EGO_FROM_OPTICAL, truth(labels), CELL_M, SIZE_PX).any()
     tags = np.full((64, 96), Tag.CAR, np.uint8)
@@ -83,7 +83,7 @@ def test_what_stands_on_a_cell_is_not_tinted_unless_tags_tell_it_from_the_ground
     assert not found[:50].any() and (found[50:] == ROAD | CAR).all()
 
 
-def test_a_tint_changes_labelled_pixels_towards_their_colour() -> None:
+def test_a_tint_changes_labeled_pixels_toward_their_color() -> None:
     picture = np.full((1, 3, 3), 100, np.uint8)
     tinted = tint_ground(picture, np.array([[0, ROAD, ROAD | LINE]], np.uint16))[0].astype(float)
     assert tinted[0].tolist() == [100, 100, 100]

@@ -1,4 +1,4 @@
-"""Pictures of maps: every thing where it belongs, north up, the upper one on top."""
+"""Tests of map pictures: everything at its position, north up, higher surfaces on top."""
 
 import numpy as np
 import pytest
@@ -24,11 +24,11 @@ def sheet(x_m: float, y_m: float, half_m: float, z_m: float, color: tuple[int, i
     return Mesh.flat(np.array([[a, b, c], [a, c, d]]), material=Material.PLAIN, tag=Tag.OTHER, color=color)
 
 
-def test_an_orthophoto_shows_the_topmost_surface_where_it_is() -> None:
+def test_an_orthophoto_shows_the_topmost_surface_at_its_position() -> None:
     origin_m = np.array([1000.0, 2000.0, 5.0])
     meshes = [sheet(0, 0, 50, 0, (0, 90, 0)), sheet(20, 30, 6, 0.5, (90, 0, 0)), sheet(20, 30, 9, 0.2, (0, 0, 90))]
     picture = orthophoto([Tile(origin_m, Mesh.merge(meshes), {})], origin_m[:2], 100.0, 200)
-    # 2 pixels a metre, row 0 in the north, column 0 in the west
+    # 2 pixels per meter, row 0 in the north, column 0 in the west
     strongest = {
         (row, column): int(np.argmax(picture[row, column])) for row, column in ((40, 140), (40, 156), (100, 100))
     }
@@ -53,7 +53,7 @@ def strip(name: str, start_m: tuple[float, float], end_m: tuple[float, float], z
 
 
 def crossing() -> RoadNetwork:
-    """A road from west to east, one that passes over it, and land of all kinds."""
+    """A map with a road from west to east, another one that crosses over it, and all kinds of land."""
     strips = (strip("a", (-90, 0), (90, 0), 0.0, 0), strip("b", (0, -90), (0, 90), 6.0, 1))
     lanes = {s.lane: Lane(s.lane, s.lane, 0, s.kind, s.center_m, 8.0, 13.0, "", ()) for s in strips}
     park = Zone(shapely.box(20, 20, 80, 80), SurroundingsRecipe(use="park"))
@@ -68,11 +68,11 @@ def crossing() -> RoadNetwork:
     return RoadNetwork("crossing", lanes, {}, (), nowhere, None, None, layout, features, 0)  # type: ignore[arg-type]
 
 
-def test_a_plan_shows_land_water_buildings_and_roads_where_they_are() -> None:
+def test_a_plan_shows_land_water_buildings_and_roads_at_their_positions() -> None:
     picture = MapPlan(crossing(), np.zeros(2), 200.0, 200).picture()
     colors = palette()
-    places = {"park": (150, 50), "water": (50, 150), "building": (155, 150), "road": (60, 100), "farmland": (30, 30)}
-    for name, (column, row) in places.items():
+    positions = {"park": (150, 50), "water": (50, 150), "building": (155, 150), "road": (60, 100), "farmland": (30, 30)}
+    for name, (column, row) in positions.items():
         assert picture[row, column] == pytest.approx(np.array(colors[name]), abs=12), name
     casing = picture[100, 92:108]
     assert casing.min() < 200, "the upper road's edge is drawn over the lower road"

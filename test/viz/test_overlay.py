@@ -1,4 +1,4 @@
-"""Boxes drawn over pictures."""
+"""Tests of boxes drawn over pictures."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def drawn(rows: Table, depth_m: Float32Array | None = None, size: int = 1) -> Bo
 
 
 def seen_depth_m(row: Table) -> Float32Array:
-    """Depth image of one upright box, by the slabs that it is made of."""
+    """Depth image of one upright box, by ray-slab intersection."""
     pixels = np.stack(np.meshgrid(np.arange(320), np.arange(180)), axis=-1).reshape(-1, 2)
     map_from_optical = inverse(OPTICAL_FROM_MAP)
     cos, sin = np.cos(float(row["yaw"][0])), np.sin(float(row["yaw"][0]))
@@ -53,7 +53,7 @@ def test_a_wireframe_encloses_the_pixels_of_its_object(size: int) -> None:
     assert lines.max(axis=0) == pytest.approx(thing.max(axis=0), abs=1.5)
 
 
-def test_what_is_behind_something_is_faint_and_what_is_wholly_hidden_is_not_drawn() -> None:
+def test_occluded_lines_are_faint_and_fully_occluded_boxes_are_not_drawn() -> None:
     row = box(14.0, 0.0, 0.8)
     full = drawn(row)
     assert full.any()
@@ -70,7 +70,7 @@ def test_what_is_behind_something_is_faint_and_what_is_wholly_hidden_is_not_draw
 @pytest.mark.parametrize(
     ("visibility", "shown"), [(0.0, False), (0.04, False), (0.06, True), (1.0, True), (np.nan, True)]
 )
-def test_boxes_of_which_little_is_visible_are_left_out(visibility: float, shown: bool) -> None:
+def test_boxes_with_low_visibility_are_left_out(visibility: float, shown: bool) -> None:
     assert drawn(box(14.0, 0.0, 0.8, visibility=visibility)).any() == shown
 
 
@@ -81,22 +81,22 @@ def test_boxes_of_older_bags_without_newer_columns_are_drawn() -> None:
     assert not drawn(row[:0]).any()
 
 
-def from_above(rows: Table, faint_without: str = "lidar_points") -> UInt8Array:
+def top_view(rows: Table, faint_without: str = "lidar_points") -> UInt8Array:
     picture = np.zeros((200, 200, 3), np.uint8)
     draw_boxes_from_above(picture, rows, np.eye(4), half_extent_m=50.0, line_px=1.0, faint_without=faint_without)
     return picture
 
 
 def test_a_box_ahead_left_is_above_left_and_its_tick_points_forward() -> None:
-    rows, columns = np.nonzero(from_above(box(30.0, 20.0, 0.0, size=(8, 4, 2))).any(axis=-1))
-    assert (rows.min(), rows.max()) == pytest.approx((32, 48), abs=1.1)  # 2 pixels per metre, x = 50 is the upper edge
+    rows, columns = np.nonzero(top_view(box(30.0, 20.0, 0.0, size=(8, 4, 2))).any(axis=-1))
+    assert (rows.min(), rows.max()) == pytest.approx((32, 48), abs=1.1)  # 2 pixels per meter, x = 50 is the upper edge
     assert (columns.min(), columns.max()) == pytest.approx((56, 64), abs=1.1)
-    middle = from_above(box(30.0, 20.0, 0.0, size=(8, 4, 2)))[:, 59:61].any(axis=(1, 2))
+    middle = top_view(box(30.0, 20.0, 0.0, size=(8, 4, 2)))[:, 59:61].any(axis=(1, 2))
     assert middle[34:39].all() and not middle[42:46].any()
-    turned = from_above(box(30.0, 20.0, 0.0, yaw=np.pi / 2, size=(8, 4, 2)))[39:41].any(axis=(0, 2))
+    turned = top_view(box(30.0, 20.0, 0.0, yaw=np.pi / 2, size=(8, 4, 2)))[39:41].any(axis=(0, 2))
     assert turned[53:59].all() and not turned[63:66].any(), "a yaw to the left points to the left"
 
 
-def test_boxes_that_no_sensor_measured_are_faint_from_above() -> None:
-    strong, unknown, faint = (from_above(box(30.0, 20.0, 0.0, lidar_points=n)).max() for n in (5, -1, 0))
+def test_boxes_without_sensor_points_are_faint_from_above() -> None:
+    strong, unknown, faint = (top_view(box(30.0, 20.0, 0.0, lidar_points=n)).max() for n in (5, -1, 0))
     assert strong == unknown and 0 < faint < 0.5 * strong

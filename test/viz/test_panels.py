@@ -15,14 +15,14 @@ def test_depth_near_is_red_far_is_blue_and_sky_is_dark() -> None:
     assert sky.tolist() == list(SURFACE)
 
 
-def test_opposite_flows_have_different_colours_and_none_is_dark() -> None:
+def test_opposite_flows_have_different_colors_and_none_is_dark() -> None:
     flow = np.array([[[9, 0], [-9, 0], [0, 0], [np.nan, np.nan]]], np.float32)
     right, left, none, invalid = panels.flow_picture(flow, None, 4)[0].astype(int)
     assert right[0] > right[2] and left[2] > left[0]
     assert none.tolist() == invalid.tolist() == list(SURFACE)
 
 
-def test_instances_differ_and_what_is_no_actor_is_grey() -> None:
+def test_instances_differ_and_pixels_without_actor_are_gray() -> None:
     picture = panels.instance_picture(np.array([[0, 1, 2, 60000]], np.uint16), np.full((1, 4, 3), 90, np.uint8), 4)[0]
     assert len(set(map(tuple, picture.tolist()))) == 4
     assert picture[0].tolist() == [42, 42, 42]
@@ -45,7 +45,7 @@ def test_a_point_ahead_left_is_above_left_and_the_higher_one_is_seen() -> None:
     assert np.abs(changed - semantic_color(np.array([Tag.TERRAIN]))[0]).max() < 60
 
 
-def test_radars_are_put_where_they_look_and_coloured_by_what_their_targets_do() -> None:
+def test_radar_detections_are_rotated_by_their_pose_and_colored_by_doppler() -> None:
     rows = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("doppler_velocity", "<f4")])
     front, back = np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])
     clouds = [

@@ -1,4 +1,4 @@
-"""What is true at the time of a picture, from messages of other times."""
+"""Tests of the ground truth at the time of a picture, from messages of other times."""
 
 from pathlib import Path
 
@@ -25,12 +25,12 @@ def rpy(tick: int) -> Float64Array:
 
 
 def frames(path: Path, ticks: dict[str, list[int]]) -> list[SheetFrame]:
-    """Of a bag in which what came at a tick tells that tick."""
+    """Sheet frames of a bag whose values tell their ticks."""
     with SceneBagWriter(path) as writer:
-        for topic, its in ticks.items():
+        for topic, own_ticks in ticks.items():
             kind = f"sensor_msgs/msg/{TYPES[topic]}" if topic in TYPES else "nav_msgs/msg/Odometry"
             writer.add_topic(topic, kind, QosProfile())
-            for tick in its:
+            for tick in own_ticks:
                 stamp_ns = tick * TICK_NS
                 data = {
                     RGB: lambda t=stamp_ns, n=tick: image(t, "rgb8", np.full((2, 4, 3), n, np.uint8)),
@@ -57,7 +57,7 @@ def test_a_slow_cameras_picture_has_the_truth_of_its_own_time(tmp_path: Path) ->
     assert camera[3].map_from_ego[:3, :3] == pytest.approx(rotations_from_rpy(rpy(3)))
 
 
-def test_older_labels_lie_where_the_ego_was_then_and_are_level(tmp_path: Path) -> None:
+def test_older_labels_are_level_at_the_egos_pose_at_their_stamp(tmp_path: Path) -> None:
     truth = frames(tmp_path / "a", {RGB: [4], BEV: [2], BOXES: [1], ODOMETRY: [0, 1, 2, 3, 4]})[-1].truths[RGB]
     assert truth.labels is not None and truth.labels[0, 0] == 2
     assert truth.map_from_grid[:3, 3].tolist() == [2, 2, 3]
@@ -66,16 +66,16 @@ def test_older_labels_lie_where_the_ego_was_then_and_are_level(tmp_path: Path) -
     assert truth.boxes is not None and truth.boxes["x"].tolist() == [1]
 
 
-def test_what_fell_silent_is_true_no_longer(tmp_path: Path) -> None:
+def test_ground_truth_of_a_silent_topic_expires(tmp_path: Path) -> None:
     images = list(range(0, 50, 2))
     everything = frames(tmp_path / "a", {RGB: images, BOXES: [0], ODOMETRY: list(range(40)), BEV: [1]})
     held = {frame.stamp_ns // TICK_NS: frame.truths.get(RGB) for frame in everything}
     assert held[0] is not None and held[0].labels is None
     assert held[20] is not None and held[20].boxes is not None
     assert held[22] is not None and held[22].boxes is None and held[22].labels is None
-    assert held[38] is not None and held[40] is None, "a place of another time would be wrong"
+    assert held[38] is not None and held[40] is None, "a pose of another time would be wrong"
 
 
-def test_without_the_egos_pose_nothing_is_known(tmp_path: Path) -> None:
+def test_without_the_egos_pose_there_is_no_ground_truth(tmp_path: Path) -> None:
     (frame,) = frames(tmp_path / "a", {RGB: [0], BOXES: [0]})
     assert not frame.truths

@@ -11,7 +11,7 @@ from rich.markup import escape
 from simbev_ros.cli.console import counting_bar, plural
 
 if TYPE_CHECKING:
-    from simbev_ros.export.simbev.export import Part
+    from simbev_ros.export.simbev.export import FramesPart
 
 
 def export_simbev(
@@ -30,12 +30,12 @@ def export_simbev(
     """
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.export.simbev.export import ROOT, finish, parts_of, remove_replaced
+    from simbev_ros.export.simbev.export import ROOT, finish, parts_of, remove_vanished
 
     opened, root, console = open_dataset(dataset, threads=1), out / ROOT, Console()
     with DatasetLock(root):
         parts = parts_of(opened, root)
-        remove_replaced(parts)
+        remove_vanished(parts)
         made = _make(parts, jobs or os.cpu_count() or 1)
         missing = finish(opened, parts)
     frames = sum(part.count for part in parts)
@@ -47,7 +47,7 @@ def export_simbev(
         console.print(f"[dim]{escape(line)}[/]", highlight=False)
 
 
-def _make(parts: "list[Part]", jobs: int) -> int:
+def _make(parts: "list[FramesPart]", jobs: int) -> int:
     """Make the missing parts and return the number of their frames."""
     from simbev_ros.dataset.parallel import in_processes
     from simbev_ros.export.simbev.export import make_part

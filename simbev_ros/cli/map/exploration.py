@@ -72,10 +72,10 @@ def _write_pictures(
     network: RoadNetwork, static: StaticScene, center_m: Float64Array, within_m: float, out: Path
 ) -> None:
     """Write a picture from above around a place, and one of the best street view within a distance of it."""
-    from simbev_ros.viz.maps.map_picture import above, write_picture
+    from simbev_ros.viz.maps.map_picture import overview_picture, write_picture
     from simbev_ros.viz.street.street_view import street_view
-    from simbev_ros.viz.street.viewpoint import street_place
+    from simbev_ros.viz.street.viewpoint import find_viewpoint
 
-    write_picture(out.with_name(f"{out.stem}-above.png"), above(network, static, center_m))
-    place = street_place(network, static.tiles, center_m, within_m)
+    write_picture(out.with_name(f"{out.stem}-above.png"), overview_picture(network, static, center_m))
+    place = find_viewpoint(network, static.tiles, center_m, within_m)
     write_picture(out.with_name(f"{out.stem}-street.png"), street_view(network, static, *place))

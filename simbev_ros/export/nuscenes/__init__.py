@@ -1,1 +1,1 @@
-"""nuScenes' layout, as the nuscenes-devkit opens it."""
+"""Export to the layout of nuScenes, which the nuscenes-devkit can open."""

@@ -1,4 +1,4 @@
-"""The boxes of a scene's keyframes as nuScenes' annotations and instances."""
+"""Converts the boxes of a scene's keyframes to the rows of nuScenes' tables ``sample_annotation`` and ``instance``."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -13,11 +13,11 @@ from simbev_ros.geometry.transforms import quaternion_from_rpy
 from simbev_ros.types import Table
 
 _DECIMALS = 9
-"""Of metres, and of the parts of quaternions."""
+"""Number of decimals of lengths in meters and of the components of quaternions."""
 
 
 class Annotations:
-    """Those of one scene, keyframe by keyframe."""
+    """The annotations of one scene, collected keyframe by keyframe."""
 
     def __init__(self, scene: Scene, scene_token: str) -> None:
         self._scene_token = scene_token
@@ -26,7 +26,7 @@ class Annotations:
         self._category: dict[int, str] = {}
 
     def add(self, sample_token: str, frame: Frame) -> None:
-        """The next keyframe."""
+        """Add the boxes of the next keyframe."""
         boxes = frame["boxes"]
         ids, (categories, attributes) = boxes["id"].tolist(), self._taxonomy.of(frame)
         self._category.update(zip(ids, categories, strict=True))
@@ -40,7 +40,7 @@ class Annotations:
             self._found[box_id].append({**keys, **record})
 
     def tables(self) -> dict[str, list[Record]]:
-        """The tables ``sample_annotation``, in the map frame, and ``instance``."""
+        """The scene's rows of the tables ``sample_annotation``, with positions in the map frame, and ``instance``."""
         chains = {box_id: self._found[box_id] for box_id in sorted(self._found)}
         for chain in chains.values():
             link(chain)
@@ -51,14 +51,14 @@ class Annotations:
 
 
 def link(records: Sequence[Record]) -> None:
-    """Give records, in order of time, the tokens of those before and after."""
+    """Link records, which are in order of time: add the tokens of the previous and the next one, in place."""
     tokens = ["", *(record["token"] for record in records), ""]
-    for place, record in enumerate(records):
-        record["prev"], record["next"] = tokens[place], tokens[place + 2]
+    for index, record in enumerate(records):
+        record["prev"], record["next"] = tokens[index], tokens[index + 2]
 
 
 def _records(boxes: Table) -> Iterator[Record]:
-    """What a box alone says. Points are -1 only where neither lidar nor radar was received."""
+    """Fields that depend on the box alone. Lidar points are -1 only if neither lidar nor radar data were received."""
     unknown = (boxes["lidar_points"] < 0) & (boxes["radar_points"] < 0)
     values = {
         "visibility_token": visibility_tokens(boxes["visibility"]),

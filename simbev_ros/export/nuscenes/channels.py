@@ -1,9 +1,10 @@
-"""The sensors of a scene as nuScenes' channels: names, kinds, frames.
+"""Maps the sensors of a scene to nuScenes' channels: names, modalities and frames.
 
-Cameras have their optical frames, radars x forward, y left, z up, as ours. A lidar's frame is that of nuScenes'
-LIDAR_TOP, x right, y forward, z up, since code for training takes it so; its points are turned accordingly. The ego
-frame stays ours, on the ground below the middle of its box, where nuScenes' is below the rear axle: poses of the ego
-and of its sensors agree on it, so nothing in the world moves, and boxes, grids and bags keep one frame.
+A scene enters; one ``Channel`` for each exported sensor leaves. Cameras have their optical frames; radars have x
+forward, y left, z up, like ours. A lidar's frame is that of nuScenes' LIDAR_TOP, x right, y forward, z up, because
+training code expects it; its points are rotated accordingly. The ego frame remains ours, on the ground below the
+center of the ego's box, whereas nuScenes' is below the rear axle: the poses of the ego and of its sensors agree on it,
+so world positions are the same, and boxes, grids and bags keep one frame.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +23,7 @@ from simbev_ros.geometry.transforms import quaternion_from_rpy, rpy_from_rotatio
 from simbev_ros.types import Float64Array
 
 TOP_LIDAR = "LIDAR_TOP"
-"""What the devkit takes a sample's boxes and its place on the map from."""
+"""Channel from which the devkit takes a sample's boxes and its position on the map."""
 
 SENSOR_FROM_LIDAR = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """Sensor frame (x forward, y left, z up) from nuScenes' lidar frame (x right, y forward, z up)."""
@@ -38,13 +39,13 @@ _SUFFIX: dict[Modality, str] = {"camera": ".jpg", "lidar": ".pcd.bin", "radar": 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Channel:
-    """One sensor.
+    """One exported sensor of a scene.
 
     Attributes:
-        name: As ``CAM_FRONT``.
-        modality: The kind of sensor that nuScenes takes it for.
-        key: Of what it senses, in frames.
-        calibration: Of the sensor.
+        name: nuScenes' name of the channel, such as ``CAM_FRONT``.
+        modality: nuScenes' kind of the sensor.
+        key: Key of the sensor's data in frames.
+        calibration: Calibration of the sensor.
     """
 
     name: str
@@ -54,7 +55,7 @@ class Channel:
 
     @property
     def ego_from_channel(self) -> Float64Array:
-        """(4, 4) pose of the frame that nuScenes has its data in."""
+        """(4, 4) pose of the frame in which nuScenes expects the sensor's data."""
         if self.modality == "camera":
             return self.calibration.ego_from_optical
         ego_from_sensor = self.calibration.ego_from_sensor
@@ -62,11 +63,11 @@ class Channel:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height of a camera's images; else 0, 0."""
+        """Width and height of a camera's images; 0, 0 for other sensors."""
         return self.calibration.size_px if self.modality == "camera" else (0, 0)
 
     def file(self, stem: str, stamp_us: int) -> str:
-        """Name of the file of a sample, as nuScenes builds it."""
+        """Name of a data file in nuScenes' scheme."""
         return f"{stem}__{self.name}__{stamp_us}{_SUFFIX[self.modality]}"
 
     def sensor_record(self) -> Record:
@@ -74,7 +75,7 @@ class Channel:
         return {"token": token("sensor", self.name), "channel": self.name, "modality": self.modality}
 
     def calibration_record(self, scene: str) -> Record:
-        """Row of the table ``calibrated_sensor``; images have no distortion."""
+        """Row of the table ``calibrated_sensor``, which has no lens distortion, as images are rectified."""
         pose = self.ego_from_channel
         return {
             "token": token("calibrated_sensor", scene, self.name),
@@ -86,15 +87,15 @@ class Channel:
 
 
 def wxyz(xyzw: Float64Array) -> Float64Array:
-    """(…, 4) quaternions in nuScenes' order."""
+    """(…, 4) quaternions x, y, z, w in nuScenes' order w, x, y, z."""
     return np.roll(xyzw, 1, axis=-1)
 
 
 def channels_of(scene: Scene) -> list[Channel]:
-    """Those of a scene, in the order of its rig: cameras with RGB images, lidars, radars.
+    """Channels of a scene, in the order of its rig: cameras with RGB images, lidars, radars.
 
     Names are those of the sensors in capitals, but one lidar is LIDAR_TOP: the one of that name, or else the first.
-    Of sensors of one name in several bags of the scene the first bag's is taken.
+    If several bags of the scene have a sensor of one name, the first bag's sensor is used.
     """
     own = {name: known for name, known in scene.calibration.items() if "@" not in name}
     return [channel for channel in _channels(own) if channel.key in scene.sources]

@@ -1,9 +1,10 @@
-"""A whole dataset in nuScenes' layout: scenes side by side, each in a process, then masks of maps and tables."""
+"""Exports a dataset to nuScenes' layout: scenes in parallel processes, then masks of maps and the tables.
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+The entry point of ``simbev export nuscenes``: an opened dataset enters; a folder that the devkit can open leaves.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import repeat
 from pathlib import Path
 
 from simbev_ros.dataset import Dataset, Scene
@@ -11,23 +12,24 @@ from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import in_processes
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
-from simbev_ros.export.nuscenes.parts import Parts
-from simbev_ros.export.nuscenes.scene_part import make_part
+from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_ros.export.nuscenes.tables import write_tables
+from simbev_ros.export.parts import is_begun
+from simbev_ros.recording.whole_files import write_errors
 
 VERSION = "v1.0-trainval"
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What came of it.
+    """Result of an export.
 
     Attributes:
-        scenes: How many scenes are in the export.
-        made: How many of them this run has made.
-        samples: How many keyframes they have.
-        files: How many files of sensors.
-        failures: By name of scene why it could not be exported.
+        scenes: Number of scenes in the export.
+        made: Number of scenes that this run has exported; the others were already there.
+        samples: Number of keyframes of all scenes.
+        files: Number of sensor files of all scenes.
+        failures: Reasons why scenes could not be exported, by name of the scene.
     """
 
     scenes: int
@@ -47,73 +49,63 @@ def export_nuscenes(
     jobs: int = 1,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> Exported:
-    """Export scenes; those that are in the folder as they are now are left as they are.
+    """Export the finished scenes of a dataset; scenes that are already in the folder and have not changed are kept.
 
     Args:
-        dataset: The scenes.
-        out: The folder, nuScenes' ``dataroot``.
-        keyframe_hz: How often there is a keyframe, which has annotations; None: every frame is one.
-        sweeps: Whether to have what sensors saw between keyframes.
+        dataset: The dataset.
+        out: Folder of the export, nuScenes' ``dataroot``.
+        keyframe_hz: Number of keyframes, which have annotations, per second; None: every frame is one.
+        sweeps: Whether to write sensor data between keyframes.
         version: Name of the tables' folder.
-        jobs: How many scenes at once.
-        report: Told now and then how many frames are done, and how many there are to do.
+        jobs: Number of scenes that are exported in parallel.
+        report: Called from time to time with the number of finished frames and the number of all frames to export.
 
     Raises:
-        InputError: There is nothing to export, the folder cannot be written to or holds other data, another process
+        InputError: There is nothing to export, the folder cannot be written to or contains other data, another process
             writes into it, or a map's roads cannot be built.
         SimbevError: A process was killed.
     """
     if not dataset.scenes:
         raise InputError(f"{dataset.path}: it has no finished scene to export")
-    parts = Parts(out, {"keyframe_hz": keyframe_hz, "sweeps": sweeps})
-    if not parts.are_begun and any((out / name).exists() for name in (version, "samples", "maps")):
+    parts = parts_of(dataset, out, keyframe_hz=keyframe_hz, sweeps=sweeps)
+    if not is_begun(out) and any((out / name).exists() for name in (version, "samples", "maps")):
         raise InputError(f"{out}: it holds data of nuScenes' layout that simbev has not written; take another folder")
-    with DatasetLock(out), _writing(out):
-        missing = [scene for scene in dataset.scenes if not parts.is_done(scene)]
-        failures = _make(parts, missing, jobs, report)
-        scenes = [scene for scene in dataset.scenes if scene.name not in failures]
-        summaries = [{**parts.summary(scene), "bag": str(scene.path)} for scene in scenes]
-        if scenes:
+    with DatasetLock(out), write_errors(out):
+        missing = [part for part in parts if part.record() is None]
+        failures = _make_parts(missing, jobs, report)
+        finished = [part for part in parts if part.scene.name not in failures]
+        summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
+        if finished:
             sites = sites_of(summaries)
             for site in sites:
                 write_mask(site, out)
-            write_tables(parts, scenes, sites, version)
-        parts.tidy()
+            write_tables(out, finished, sites, version)
+        for part in parts:
+            part.tidy_up()
     samples, files = (sum(each[name] for each in summaries) for name in ("samples", "files"))
-    return Exported(len(scenes), len(missing) - len(failures), samples, files, failures)
+    return Exported(len(finished), len(missing) - len(failures), samples, files, failures)
 
 
-@contextmanager
-def _writing(out: Path) -> Iterator[None]:
-    """What cannot be written is said to the user."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
-
-
-def _make(parts: Parts, scenes: list[Scene], jobs: int, report: Callable[[int, int], None]) -> dict[str, str]:
-    """Make the parts of scenes; give of those that could not be made why."""
-    frames = sum(map(_frames_of, scenes))
-    work, jobs = zip(repeat(parts), scenes, strict=False), min(jobs, max(len(scenes), 1))
+def _make_parts(parts: Sequence[ScenePart], jobs: int, report: Callable[[int, int], None]) -> dict[str, str]:
+    """Make parts in parallel; return why scenes could not be exported, by name of the scene."""
+    frames = sum(_frame_count(part.scene) for part in parts)
     report(0, frames)
-    problems = list(in_processes(_make_part, work, jobs, lambda done: report(done, frames)))
+    problems = list(in_processes(_problem_of, parts, min(jobs, max(len(parts), 1)), lambda done: report(done, frames)))
     report(frames, frames)
-    return {scene.name: problem for scene, problem in zip(scenes, problems, strict=True) if problem is not None}
+    return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
 
 
-def _make_part(work: tuple[Parts, Scene]) -> str | None:
-    """Make one; give what is wrong with the scene, if anything is."""
-    parts, scene = work
+def _problem_of(part: ScenePart) -> str | None:
+    """Make one part; return what is wrong with the scene's bag, or None."""
     try:
-        make_part(scene, parts)
+        make_part(part)
     except BagError as error:
         return str(error)
     return None
 
 
-def _frames_of(scene: Scene) -> int:
-    """How many there are; of a damaged scene none, which is said when its turn comes."""
+def _frame_count(scene: Scene) -> int:
+    """Number of frames of a scene; 0 for a damaged one, which is reported when it is exported."""
     try:
         return len(scene)
     except BagError:

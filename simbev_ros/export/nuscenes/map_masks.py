@@ -1,8 +1,9 @@
-"""Masks of maps as the devkit reads them: white where there are streets and sidewalks, 0.1 m a pixel.
+"""Draws the masks of maps that nuScenes' devkit reads: white on streets and sidewalks, 0.1 m per pixel.
 
-A mask's lower left corner is the origin of nuScenes' global frame, in which nothing can be negative. So a mask covers
-what is around the ways of the scenes on its map, and all positions are given from its corner on. Where that would be
-too large a picture each scene has a mask of its own.
+Summaries of scenes enter; ``Site``s and their PNG files leave. A mask's lower left corner is the origin of nuScenes'
+global frame, in which coordinates cannot be negative. A mask therefore covers the surroundings of the ego's paths in
+all scenes on its map, and all positions are relative to its corner. Where that picture would be too large, each scene
+has its own mask.
 """
 
 from collections import defaultdict
@@ -20,30 +21,30 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.recording.mcap.syncing import sync, sync_names
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.replay import load_recorded_roads
+from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.types import UInt8Array
 
 PIXELS_PER_M = 10
 _MARGIN_M = 150.0
 _STEP_M = 10.0
-_LARGEST_M2 = 5e6
+_MAX_AREA_M2 = 5e6
 _WHITE = 255
 _FRACTION_BITS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A part of a map that some scenes take place on.
+    """A rectangle of a map in which some scenes take place, and which has one mask.
 
     Attributes:
         map: The map.
-        bag: That of one of the scenes.
-        scenes: Names of them all.
+        bag: Path of the bag of one of the scenes.
+        scenes: Names of all its scenes.
         low_m: Lower left corner, map frame, whole numbers.
-        high_m: Upper right corner.
-        name: The map's, with the scene's behind it if it is of one scene only.
+        high_m: Upper right corner, map frame, whole numbers.
+        name: Name of the map, followed by the name of the scene if the site is of one scene only.
     """
 
     map: MapSpec
@@ -55,7 +56,7 @@ class Site:
 
     @classmethod
     def around(cls, summaries: Iterable[Mapping[str, Any]], name: str) -> Self:
-        """That around the ways of scenes on one map."""
+        """The site around the ego's paths in scenes on one map, given their summaries."""
         summaries = list(summaries)
         low_m = np.min([each["low_m"] for each in summaries], axis=0) - _MARGIN_M
         high_m = np.max([each["high_m"] for each in summaries], axis=0) + _MARGIN_M
@@ -71,34 +72,34 @@ class Site:
 
     @property
     def token(self) -> str:
-        """Other than that of any other map or extent."""
+        """Token of the mask, different for each map and extent."""
         return token("map", self.map.name, self.map.seed, self.map.sha256, self.low_m, self.high_m)
 
     @property
     def filename(self) -> str:
-        """Where the mask is in the export."""
+        """Path of the mask, relative to the export's folder."""
         return f"maps/{self.token}.png"
 
     @property
     def area_m2(self) -> float:
-        """Of the mask."""
+        """Area of the mask."""
         return (self.high_m[0] - self.low_m[0]) * (self.high_m[1] - self.low_m[1])
 
     def record(self, logs: Iterable[str]) -> Record:
-        """Row of the table ``map``; ``origin_m`` is our addition: where the global frame's origin lies in the map's."""
+        """Row of the table ``map``; ``origin_m`` is our addition: the global frame's origin in the map frame."""
         kind = {"token": self.token, "category": "semantic_prior", "filename": self.filename}
         return {**kind, "log_tokens": sorted(logs), "origin_m": list(self.low_m)}
 
 
 def sites_of(summaries: Iterable[Mapping[str, Any]]) -> list[Site]:
-    """The sites of scenes, by what is known of these; each scene has one."""
-    of_map: defaultdict[str, list[Mapping[str, Any]]] = defaultdict(list)
+    """The sites of scenes, given their summaries; each scene belongs to exactly one site."""
+    by_map: defaultdict[str, list[Mapping[str, Any]]] = defaultdict(list)
     for summary in summaries:
-        of_map[_location(MapSpec.model_validate(summary["map"]))].append(summary)
+        by_map[_location(MapSpec.model_validate(summary["map"]))].append(summary)
     sites = []
-    for name, known in sorted(of_map.items()):
+    for name, known in sorted(by_map.items()):
         whole = Site.around(known, name)
-        if whole.area_m2 <= _LARGEST_M2:
+        if whole.area_m2 <= _MAX_AREA_M2:
             sites.append(whole)
         else:
             sites += [Site.around([each], f"{name} {each['name']}") for each in known]
@@ -106,35 +107,30 @@ def sites_of(summaries: Iterable[Mapping[str, Any]]) -> list[Site]:
 
 
 def _location(spec: MapSpec) -> str:
-    """A name for a map that no other one has."""
+    """A unique name of a map."""
     seed, content = (f"-{spec.seed}" if spec.seed else ""), (f"-{spec.sha256[:8]}" if spec.path else "")
     return f"{spec.name}{seed}{content}"
 
 
 def write_mask(site: Site, out: Path) -> None:
-    """Draw a site's mask, unless it is there.
+    """Draw and write the mask of a site, unless its file exists.
 
     Raises:
-        InputError: The roads cannot be built.
+        InputError: The map's roads cannot be built.
     """
     path = out / site.filename
     if path.exists():
         return
     with SceneBag(Path(site.bag)) as bag:
         load_recorded_roads(bag)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_suffix(".part")
-    _, data = cv2.imencode(".png", mask_of(load_network(site.map), site))
-    unfinished.write_bytes(data.tobytes())
-    sync(unfinished)
-    unfinished.replace(path)
-    sync_names([path])
+    _, data = cv2.imencode(".png", draw_mask(load_network(site.map), site))
+    write_whole(path, data.tobytes())
 
 
-def mask_of(network: RoadNetwork, site: Site) -> UInt8Array:
-    """(H, W) uint8, 255 on roads, shoulders and sidewalks of all levels; row 0 in the north.
+def draw_mask(network: RoadNetwork, site: Site) -> UInt8Array:
+    """Mask of a site: (H, W) uint8, 255 on roads, shoulders and sidewalks of all levels; row 0 is in the north.
 
-    Column c is at ``low_m[0] + 0.1 c``, row r at ``low_m[1] + 0.1 (H - r)``, as the devkit looks places up.
+    Column c is at ``low_m[0] + 0.1 c``, row r at ``low_m[1] + 0.1 (H - r)``, as the devkit looks positions up.
     """
     size_m = np.subtract(site.high_m, site.low_m)
     width_px, height_px = np.rint(size_m * PIXELS_PER_M).astype(int).tolist()
@@ -143,14 +139,14 @@ def mask_of(network: RoadNetwork, site: Site) -> UInt8Array:
         surfaces = surfaces_of(network.layout, level, shapely.box(*site.low_m, *site.high_m))
         for surface in (surfaces.road, surfaces.shoulder, surfaces.sidewalk):
             for polygon in surface.geoms:
-                _fill(mask, polygon, site)
+                _fill_polygon(mask, polygon, site)
     return mask
 
 
-def _fill(mask: UInt8Array, polygon: shapely.Polygon, site: Site) -> None:
+def _fill_polygon(mask: UInt8Array, polygon: shapely.Polygon, site: Site) -> None:
     rings = []
     for ring in (polygon.exterior, *polygon.interiors):
-        places_px = (np.array(ring.coords)[:, :2] - site.low_m) * PIXELS_PER_M
-        places_px[:, 1] = len(mask) - places_px[:, 1]
-        rings.append(np.rint(places_px * 2**_FRACTION_BITS).astype(np.int32))
+        corners_px = (np.array(ring.coords)[:, :2] - site.low_m) * PIXELS_PER_M
+        corners_px[:, 1] = len(mask) - corners_px[:, 1]
+        rings.append(np.rint(corners_px * 2**_FRACTION_BITS).astype(np.int32))
     cv2.fillPoly(mask, rings, _WHITE, cv2.LINE_8, _FRACTION_BITS)

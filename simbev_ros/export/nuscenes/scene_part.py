@@ -1,23 +1,29 @@
-"""One scene in nuScenes' layout: the files of its samples and sweeps, and its rows of the tables.
+"""Exports one scene to nuScenes' layout: writes the files of its samples and sweeps, and its rows of the tables.
 
-Positions are in the map frame here; the tables of the whole have them from the corner of the map's mask on.
+A scene enters; one part of the export (``export.parts``) leaves, from which ``tables`` later builds the tables of all
+scenes. Positions in a part are in the map frame; in the final tables they are relative to the corner of the map's mask.
 """
 
+import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from glob import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from simbev_ros.dataset import Frame, Scene
+from simbev_ros import __version__
+from simbev_ros.dataset import Dataset, Frame, Scene
 from simbev_ros.dataset.parallel import step
 from simbev_ros.export.nuscenes.annotations import Annotations, link
 from simbev_ros.export.nuscenes.channels import Channel, channels_of, wxyz
-from simbev_ros.export.nuscenes.keyframes import keyframes_of, taken_by, whole_ticks
-from simbev_ros.export.nuscenes.parts import Parts
-from simbev_ros.export.nuscenes.sensor_files import file_content
+from simbev_ros.export.nuscenes.keyframes import complete_ticks, keyframe_by_tick, keyframes_of
+from simbev_ros.export.nuscenes.sensor_files import encode_file
 from simbev_ros.export.nuscenes.taxonomy import Record, token
+from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
+from simbev_ros.recording.layout import bytes_of, mcap_files
 from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Int64Array
@@ -25,43 +31,98 @@ from simbev_ros.types import Int64Array
 _RAIN_PERCENT = 10.0
 
 
-def make_part(scene: Scene, parts: Parts) -> None:
-    """Write a scene's files, and put down its rows of the tables; each frame is a ``step`` of parallel work.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenePart(Part):
+    """A scene as one part of the export. Its record contains the item ``summary``, facts that the tables need early.
 
-    Args:
+    Attributes:
         scene: The scene.
-        parts: Where to. Settings: ``keyframe_hz``, None for all frames, and ``sweeps``, whether to have what is between
-            keyframes.
+        keyframe_hz: Number of keyframes per second; None: every frame is one.
+        sweeps: Whether to write sensor data between keyframes.
+    """
+
+    scene: Scene
+    keyframe_hz: float | None
+    sweeps: bool
+
+    @property
+    def rows_file(self) -> str:
+        """Path of the file with the scene's rows of the tables, relative to ``out``."""
+        return f"{PARTS_FOLDER}/{self.name}.json"
+
+    def summary(self) -> Json:
+        """Facts about the scene of the finished part."""
+        summary: Json = self.finished_record()["summary"]
+        return summary
+
+    def rows(self) -> dict[str, list[Record]]:
+        """The rows of the tables of the finished part, by name of the table."""
+        rows: dict[str, list[Record]] = json.loads((self.out / self.rows_file).read_bytes())
+        return rows
+
+
+def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: bool) -> list[ScenePart]:
+    """The parts of all finished scenes of a dataset, finished or not.
 
     Raises:
-        InputError: The scene has no such keyframes; an earlier part of it stays.
-        BagError: The bag is damaged, or lacks what the tables need.
+        BagError: A bag cannot be read.
     """
-    ticks, keyframes = whole_ticks(scene), keyframes_of(scene, parts.settings["keyframe_hz"])
-    job = _Job(scene, parts.begin(scene), keyframes, sweeps=parts.settings["sweeps"])
+    settings = {"keyframe_hz": keyframe_hz, "sweeps": sweeps}
+    return [
+        ScenePart(
+            out=out,
+            name=scene.name,
+            identity={"made_from": {**_fingerprint(scene), "by": __version__, **settings}},
+            patterns=(f"*/*/{escape(scene.name)}__*",),
+            record_suffix=".head.json",
+            scene=scene,
+            keyframe_hz=keyframe_hz,
+            sweeps=sweeps,
+        )
+        for scene in dataset.scenes
+    ]
+
+
+def _fingerprint(scene: Scene) -> Json:
+    """Fingerprint of a scene's bags; without additional ones it is that of earlier versions."""
+    newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(scene.path))
+    own = {"bytes": bytes_of(scene.path), "mtime_ns": newest_ns}
+    additional = [fingerprint_of(bag) for bag in scene.additional.values()]
+    return {**own, "additional": additional} if additional else own
+
+
+def make_part(part: ScenePart) -> None:
+    """Make the part of one scene: its files and its rows of the tables; each frame is one ``step`` of parallel work.
+
+    Raises:
+        InputError: The scene cannot have keyframes at that rate, and an earlier part of the scene is kept; or a file
+            cannot be written.
+        BagError: The bag is damaged or lacks data that the tables need.
+    """
+    ticks, keyframes = complete_ticks(part.scene), keyframes_of(part.scene, part.keyframe_hz)
+    job = _Job(part, keyframes)
+    part.begin()
     for tick in ticks.tolist():
-        job.add(scene[tick])
+        job.add(part.scene[tick])
         step()
-    parts.move_in(scene, job.summary(), job.tables())
+    part.write(part.rows_file, json.dumps(job.tables()).encode())
+    part.finish({"summary": job.summary()})
 
 
 class _Job:
-    """A scene on its way."""
+    """The export of one scene, frame by frame: writes files and collects the rows of the tables."""
 
-    def __init__(self, scene: Scene, folder: Path, ticks: Int64Array, *, sweeps: bool) -> None:
-        self._scene, self._folder, self._ticks, self._sweeps = scene, folder, ticks, sweeps
-        self._token = token("scene", scene.name, scene.spec.seed)
-        self._channels = channels_of(scene)
-        self._is_key = {channel.name: taken_by(scene, channel, ticks) for channel in self._channels}
+    def __init__(self, part: ScenePart, ticks: Int64Array) -> None:
+        self._part, self._scene, self._ticks = part, part.scene, ticks
+        self._token = token("scene", self._scene.name, self._scene.spec.seed)
+        self._channels = channels_of(self._scene)
+        self._is_key = {channel.name: keyframe_by_tick(self._scene, channel, ticks) for channel in self._channels}
         self._data: dict[str, list[Record]] = {channel.name: [] for channel in self._channels}
         self._poses: list[Record] = []
-        self._annotations = Annotations(scene, self._token)
-        for channel in self._channels:
-            for part in ("samples", "sweeps") if sweeps else ("samples",):
-                (folder / part / channel.name).mkdir(parents=True)
+        self._annotations = Annotations(self._scene, self._token)
 
     def add(self, frame: Frame) -> None:
-        """The next frame."""
+        """Write the files of the next frame and collect its rows."""
         if frame.tick in self._ticks:
             self._annotations.add(self._sample_token(frame.tick), frame)
         written = [channel for channel in self._channels if channel.key in frame and self._is_wanted(channel, frame)]
@@ -71,21 +132,21 @@ class _Job:
             self._data[channel.name].append(self._write(channel, frame))
 
     def summary(self) -> dict[str, Any]:
-        """What is to be known of all scenes before the tables are written."""
-        places = np.array([pose["translation"][:2] for pose in self._poses]).reshape(-1, 2)
+        """The facts that must be known of all scenes before the tables are written; plain values."""
+        positions_m = np.array([pose["translation"][:2] for pose in self._poses]).reshape(-1, 2)
         return {
             "name": self._scene.name,
             "split": self._scene.split,
             "map": self._scene.spec.map.model_dump(mode="json"),
-            "low_m": places.min(axis=0).tolist(),
-            "high_m": places.max(axis=0).tolist(),
+            "low_m": positions_m.min(axis=0).tolist(),
+            "high_m": positions_m.max(axis=0).tolist(),
             "samples": len(self._ticks),
             "files": sum(map(len, self._data.values())),
             "sensors": [channel.sensor_record() for channel in self._channels],
         }
 
     def tables(self) -> dict[str, list[Record]]:
-        """The rows of the tables that tell of scenes."""
+        """The scene's rows of the tables, by name of the table."""
         for chain in self._data.values():
             link(chain)
         samples = [self._sample(tick) for tick in self._ticks.tolist()]
@@ -102,21 +163,21 @@ class _Job:
         }
 
     def _is_wanted(self, channel: Channel, frame: Frame) -> bool:
-        return self._sweeps or frame.tick in self._is_key[channel.name]
+        return self._part.sweeps or frame.tick in self._is_key[channel.name]
 
     def _write(self, channel: Channel, frame: Frame) -> Record:
-        """Write a file; give its row of the table ``sample_data``."""
+        """Write the file of a channel at a frame, and return its row of the table ``sample_data``."""
         keyframe = self._is_key[channel.name].get(frame.tick)
-        name = channel.file(self._scene.name, _microseconds(frame))
+        name = channel.file(self._scene.name, _stamp_us(frame))
         file = Path("sweeps" if keyframe is None else "samples", channel.name, name)
-        (self._folder / file).write_bytes(file_content(frame, channel))
+        self._part.write(file.as_posix(), encode_file(frame, channel))
         width_px, height_px = channel.size_px
         return {
             "token": token("sample_data", self._token, channel.name, frame.tick),
-            "sample_token": self._sample_token(self._following(frame.tick) if keyframe is None else keyframe),
+            "sample_token": self._sample_token(self._keyframe_of_sweep(frame.tick) if keyframe is None else keyframe),
             "ego_pose_token": token("ego_pose", self._token, frame.tick),
             "calibrated_sensor_token": token("calibrated_sensor", self._token, channel.name),
-            "timestamp": _microseconds(frame),
+            "timestamp": _stamp_us(frame),
             "fileformat": "jpg" if channel.modality == "camera" else "pcd",
             "is_key_frame": keyframe is not None,
             "height": height_px,
@@ -124,15 +185,15 @@ class _Job:
             "filename": file.as_posix(),
         }
 
-    def _following(self, tick: int) -> int:
-        """The keyframe that a sweep belongs to: the next one, or the last."""
+    def _keyframe_of_sweep(self, tick: int) -> int:
+        """Tick of the keyframe that a sweep belongs to: the next one, or the last one at the end of the scene."""
         return int(self._ticks[min(int(np.searchsorted(self._ticks, tick)), len(self._ticks) - 1)])
 
     def _pose(self, frame: Frame) -> Record:
         row = frame["odom"][-1]
         return {
             "token": token("ego_pose", self._token, frame.tick),
-            "timestamp": _microseconds(frame),
+            "timestamp": _stamp_us(frame),
             "rotation": wxyz(row["orientation_xyzw"]).tolist(),
             "translation": row["position_m"].tolist(),
         }
@@ -160,12 +221,12 @@ class _Job:
         return token("sample", self._token, tick)
 
 
-def _microseconds(frame: Frame) -> int:
+def _stamp_us(frame: Frame) -> int:
     return frame.stamp_ns // 1000
 
 
 def _description(scene: Scene) -> str:
-    """Words as in nuScenes' own, by which code finds scenes at night and in rain."""
+    """Description of a scene in nuScenes' words, by which code finds scenes at night and in rain."""
     return ", ".join([scene.spec.map.name, *_weather_words(scene.weather)])
 
 

@@ -1,4 +1,4 @@
-"""What nuScenes calls the boxes of a scene."""
+"""Gives the boxes of a scene their nuScenes categories and attributes, which also depend on the scene's actors."""
 
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.errors import InputError
@@ -7,10 +7,10 @@ from simbev_ros.scene.state import EGO_ID
 
 
 class SceneTaxonomy:
-    """That of one scene.
+    """The nuScenes categories and attributes of one scene's boxes.
 
     Raises:
-        InputError: Nothing was recorded of /world/legend or /world/actors.
+        InputError: /world/legend or /world/actors was not recorded.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -21,7 +21,7 @@ class SceneTaxonomy:
         self._parked = {EGO_ID + k for k, each in enumerate(scene.spec.vehicles) if each.stands_at is not None}
 
     def of(self, frame: Frame) -> tuple[list[str], list[list[str]]]:
-        """Of each of a frame's boxes the category, and the attributes, at most one."""
+        """Category, and attributes, at most one, of each box of a frame."""
         boxes, ridden = frame["boxes"], set(frame["world/actors"]["parent"].tolist())
         categories = categories_of(boxes, self._blueprints)
         return categories, attributes_of(boxes, categories, self._parked, ridden)

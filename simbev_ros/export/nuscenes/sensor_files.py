@@ -1,4 +1,7 @@
-"""The files of samples: images as JPEG, lidar clouds as rows of float32, radar clouds as PCD."""
+"""Encodes sensor data as the files of nuScenes' layout: images as JPEG, lidar clouds as float32 rows, radar as PCD.
+
+A frame and a channel enter; the bytes of one file leave.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -16,13 +19,13 @@ from simbev_ros.recording.image_codecs import encode_rgb
 from simbev_ros.scene.state import EGO_ID
 from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
 
-_BRIGHTEST = 255.0
-"""nuScenes' lidar intensities go from 0 to this."""
+_MAX_INTENSITY = 255.0
+"""Upper end of nuScenes' lidar intensities, which start at 0."""
 
 _JPEG = b"\xff\xd8\xff"
-"""How a JPEG begins."""
+"""First bytes of a JPEG file."""
 
-_MOVES_MPS = 0.5
+_MIN_MOVING_MPS = 0.5
 _MOVING, _STATIONARY, _ONCOMING = 0, 1, 2  # dynamic properties
 _UNAMBIGUOUS = 3
 
@@ -34,7 +37,7 @@ RADAR_DTYPE = np.dtype(
         ("dyn_prop", "i1"),
         ("id", "<i2"),
         ("rcs", "<f4"),  # dB of 1 m²
-        ("vx", "<f4"),  # m/s, what is measured along the ray, relative to the radar
+        ("vx", "<f4"),  # m/s, measured along the ray, relative to the radar
         ("vy", "<f4"),
         ("vx_comp", "<f4"),  # the same without the motion of the radar
         ("vy_comp", "<f4"),
@@ -51,54 +54,54 @@ RADAR_DTYPE = np.dtype(
 """nuScenes' 18 fields of a radar detection."""
 
 
-def file_content(frame: Frame, channel: Channel) -> bytes:
-    """What a channel has sensed at a frame, as the bytes of its file."""
+def encode_file(frame: Frame, channel: Channel) -> bytes:
+    """Encode the data of a channel at a frame as the content of its file."""
     return _CONTENT[channel.modality](frame, channel)
 
 
 def _image(frame: Frame, channel: Channel) -> bytes:
-    """JPEG: as recorded, unless the image was recorded raw, or the lens bends it."""
+    """JPEG file of an image: as recorded, unless it was recorded raw or the lens distorts it."""
     camera = channel.calibration.camera
     if isinstance(camera, LensCamera):
-        return encode_rgb(_straight(frame[channel.key], camera))
+        return encode_rgb(_rectify(frame[channel.key], camera))
     message = frame.messages(channel.key)[-1]
     data = bytes(message.data)
     return data if data.startswith(_JPEG) else encode_rgb(frame[channel.key])
 
 
-def _straight(image: UInt8Array, camera: LensCamera) -> UInt8Array:
-    """The image that a pinhole camera of the same intrinsics takes; black where the lens sees nothing."""
-    places = _places(camera)
-    straight = cv2.remap(image, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    return np.asarray(straight, np.uint8)
+def _rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:
+    """Rectify an image to a pinhole camera with the same intrinsics; black where the lens sees nothing."""
+    pixels = _source_pixels(camera)
+    rectified = cv2.remap(image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return np.asarray(rectified, np.uint8)
 
 
 @lru_cache(maxsize=32)
-def _places(camera: LensCamera) -> Float32Array:
-    """(H, W, 2) where the lens shows what is in each pixel of the pinhole camera."""
+def _source_pixels(camera: LensCamera) -> Float32Array:
+    """(H, W, 2) x and y in the distorted image of each pixel of the pinhole camera."""
     pinhole = PinholeCamera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     v, u = np.mgrid[: camera.height_px, : camera.width_px]
-    places = camera.project(pinhole.rays(np.stack([u.ravel(), v.ravel()], axis=1)))
-    return np.nan_to_num(places, nan=-10.0).astype(np.float32).reshape(*u.shape, 2)
+    pixels = camera.project(pinhole.rays(np.stack([u.ravel(), v.ravel()], axis=1)))
+    return np.nan_to_num(pixels, nan=-10.0).astype(np.float32).reshape(*u.shape, 2)
 
 
 def _lidar(frame: Frame, channel: Channel) -> bytes:
-    """(N, 5) float32 x y z intensity ring. Points of a rolling scan are where they were at the stamp.
+    """Binary file of (N, 5) float32: x y z intensity ring. Points of a rolling scan are moved to the stamp.
 
-    A lidar without intensities has the cosines of the angles at which it hits instead, and no rings.
+    For a lidar without intensities, the cosine of the incidence angle replaces them, and rings are 0.
     """
     cloud: Table = frame[channel.key]
     ahead_m, left_m, up_m = _at_stamp(frame, channel, cloud)
     names = cloud.dtype.names or ()
     rows = np.zeros((len(cloud), 5), np.float32)
-    rows[:, 0], rows[:, 1], rows[:, 2] = -left_m, ahead_m, up_m  # as SENSOR_FROM_LIDAR says
-    rows[:, 3] = cloud["intensity" if "intensity" in names else "cos_angle"] * _BRIGHTEST
+    rows[:, 0], rows[:, 1], rows[:, 2] = -left_m, ahead_m, up_m  # axes of SENSOR_FROM_LIDAR
+    rows[:, 3] = cloud["intensity" if "intensity" in names else "cos_angle"] * _MAX_INTENSITY
     rows[:, 4] = cloud["ring"] if "ring" in names else 0
     return rows.tobytes()
 
 
 def _at_stamp(frame: Frame, channel: Channel, cloud: Table) -> Sequence[AnyArray]:
-    """(N,) x, y, z of points in the sensor's frame at the stamp."""
+    """(N,) x, y and z of points in the sensor's frame at the stamp of the frame."""
     if not getattr(channel.calibration.sensor, "rolling", False):
         return cloud["x"], cloud["y"], cloud["z"]
     map_from_sensor = frame.map_from_ego @ channel.calibration.ego_from_sensor
@@ -109,23 +112,23 @@ def _at_stamp(frame: Frame, channel: Channel, cloud: Table) -> Sequence[AnyArray
 
 
 def _radar(frame: Frame, channel: Channel) -> bytes:
-    """PCD of ``RADAR_DTYPE`` rows. Without detections it has one, of NaN, as the devkit demands."""
+    """PCD file of ``RADAR_DTYPE`` rows. Without detections it has one row of NaN, as the devkit requires."""
     sensor = channel.calibration.sensor
     assert isinstance(sensor, Radar)
     rows = radar_rows(frame[channel.key], _velocity_mps(frame, channel), sensor.reference_range_m)
     if not len(rows):
         rows = np.zeros(1, RADAR_DTYPE)
         rows["x"] = rows["y"] = rows["z"] = np.nan
-    return _pcd_head(len(rows)) + rows.tobytes() + b"\n"  # the devkit's reader wants a byte after the last row
+    return _pcd_head(len(rows)) + rows.tobytes() + b"\n"  # the devkit's reader requires a byte after the last row
 
 
 def radar_rows(cloud: Table, velocity_mps: Float64Array, reference_range_m: float) -> Table:
-    """(N,) ``RADAR_DTYPE`` rows.
+    """Radar detections as (N,) ``RADAR_DTYPE`` rows.
 
     Args:
-        cloud: Detections: x y z, doppler_velocity, amplitude.
-        velocity_mps: (3,) of the radar over ground, sensor frame.
-        reference_range_m: From which range 1 m² returns an amplitude of 0 dB.
+        cloud: (N,) detections: x y z, doppler_velocity, amplitude; sensor frame.
+        velocity_mps: (3,) velocity of the radar over ground, sensor frame.
+        reference_range_m: Range from which 1 m² returns an amplitude of 0 dB.
     """
     points_m = columns(cloud, "x", "y", "z").astype(np.float64)
     range_m = np.maximum(np.linalg.norm(points_m, axis=1), 1e-6)
@@ -139,13 +142,13 @@ def radar_rows(cloud: Table, velocity_mps: Float64Array, reference_range_m: floa
     rows["vx"], rows["vy"] = (rays[:, :2] * measured_mps[:, None]).T
     rows["vx_comp"], rows["vy_comp"] = (rays[:, :2] * over_ground_mps[:, None]).T
     moving = np.where(over_ground_mps > 0, _MOVING, _ONCOMING)
-    rows["dyn_prop"] = np.where(np.abs(over_ground_mps) < _MOVES_MPS, _STATIONARY, moving)
+    rows["dyn_prop"] = np.where(np.abs(over_ground_mps) < _MIN_MOVING_MPS, _STATIONARY, moving)
     rows["is_quality_valid"], rows["ambig_state"], rows["pdh0"] = 1, _UNAMBIGUOUS, 1
     return rows
 
 
 def _velocity_mps(frame: Frame, channel: Channel) -> Float64Array:
-    """(3,) of a sensor over ground, sensor frame."""
+    """(3,) velocity of a sensor over ground, sensor frame."""
     row, pose = frame["odom"][-1], channel.calibration.ego_from_sensor
     velocity_mps = row["velocity_mps"] + np.cross(row["angular_velocity_radps"], pose[:3, 3])
     return np.asarray(velocity_mps @ pose[:3, :3], np.float64)

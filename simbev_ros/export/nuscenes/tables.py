@@ -1,4 +1,7 @@
-"""The thirteen tables of the whole, put together from the parts of scenes, and the lists of splits."""
+"""Writes the thirteen tables of a nuScenes export from the parts of its scenes, and the lists of splits.
+
+The last stage of an export: finished parts and the sites of their maps enter; the folder of JSON tables leaves.
+"""
 
 import json
 import shutil
@@ -9,13 +12,12 @@ from pathlib import Path
 from typing import TextIO
 
 from simbev_ros.config.scenario import SPLITS
-from simbev_ros.dataset import Scene
 from simbev_ros.export.nuscenes.map_masks import Site
-from simbev_ros.export.nuscenes.parts import Parts
+from simbev_ros.export.nuscenes.scene_part import ScenePart
 from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
 from simbev_ros.recording.mcap.syncing import sync
 
-_OF_SCENES = (
+_SCENE_TABLES = (
     "scene",
     "log",
     "sample",
@@ -28,44 +30,44 @@ _OF_SCENES = (
 _DECIMALS = 9
 
 
-def write_tables(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], version: str) -> None:
-    """Write the folder of tables, in place of an earlier one.
+def write_tables(out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], version: str) -> None:
+    """Write the folder of tables and replace an earlier one with it.
 
     Args:
-        parts: Where the parts of the scenes are.
-        scenes: Those of which there are parts.
-        sites: Of all of them.
+        out: Folder of the export.
+        parts: The finished parts of the scenes.
+        sites: The sites of all these scenes.
         version: Name of the folder.
     """
-    folder = parts.out / version
-    unfinished, old = (parts.out / f".{version}{suffix}" for suffix in (".part", ".old"))
+    folder = out / version
+    unfinished, old = (out / f".{version}{suffix}" for suffix in (".part", ".old"))
     for leftover in (unfinished, old):
         shutil.rmtree(leftover, ignore_errors=True)
     unfinished.mkdir()
-    _write(parts, scenes, sites, unfinished)
+    _write(parts, sites, unfinished)
     sync(*unfinished.iterdir(), unfinished)
     if folder.exists():
         folder.rename(old)
     unfinished.rename(folder)
-    sync(parts.out)
+    sync(out)
     shutil.rmtree(old, ignore_errors=True)
-    _remove_masks(parts.out)
+    _remove_masks(out)
 
 
-def _write(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], folder: Path) -> None:
+def _write(parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path) -> None:
     site_of = {name: site for site in sites for name in site.scenes}
     logs: defaultdict[str, list[str]] = defaultdict(list)
     sensors: dict[str, Record] = {}
     splits: dict[str, list[str]] = {f"simbev_{split}": [] for split in SPLITS}
     with ExitStack() as stack:
-        files = {name: stack.enter_context(_Table(folder / f"{name}.json")) for name in _OF_SCENES}
-        for scene in scenes:
-            site, summary, content = site_of[scene.name], parts.summary(scene), parts.content(scene)
+        files = {name: stack.enter_context(_Table(folder / f"{name}.json")) for name in _SCENE_TABLES}
+        for part in parts:
+            site, summary, rows = site_of[part.scene.name], part.summary(), part.rows()
             for name, file in files.items():
-                file.add(_AT_SITE[name](content[name], site) if name in _AT_SITE else content[name])
-            logs[site.token] += [record["token"] for record in content["log"]]
+                file.add(_CONVERSIONS[name](rows[name], site) if name in _CONVERSIONS else rows[name])
+            logs[site.token] += [record["token"] for record in rows["log"]]
             sensors.update({record["token"]: record for record in summary["sensors"]})
-            splits[f"simbev_{summary['split']}"].append(scene.name)
+            splits[f"simbev_{summary['split']}"].append(part.scene.name)
     rest = {**taxonomy_tables(), "sensor": list(sensors.values())}
     rest["map"] = [site.record(logs[site.token]) for site in sites]
     for name, records in rest.items():
@@ -75,7 +77,7 @@ def _write(parts: Parts, scenes: Sequence[Scene], sites: Sequence[Site], folder:
 
 
 def _remove_masks(out: Path) -> None:
-    """Those that no table of maps names."""
+    """Remove the masks that no table of maps names."""
     maps = [json.loads(table.read_text(encoding="utf-8")) for table in out.glob("*/map.json")]
     kept = {record["filename"] for records in maps for record in records}
     for mask in (out / "maps").iterdir():
@@ -83,32 +85,36 @@ def _remove_masks(out: Path) -> None:
             mask.unlink()
 
 
-def _placed(records: Iterable[Record], site: Site) -> Iterator[Record]:
-    """Records with their positions in nuScenes' global frame."""
+def _relative_to_site(records: Iterable[Record], site: Site) -> Iterator[Record]:
+    """Records with their positions in nuScenes' global frame instead of the map frame."""
     for record in records:
         x_m, y_m, z_m = record["translation"]
-        place_m = [round(x_m - site.low_m[0], _DECIMALS), round(y_m - site.low_m[1], _DECIMALS), round(z_m, _DECIMALS)]
-        yield {**record, "translation": place_m}
+        position_m = [
+            round(x_m - site.low_m[0], _DECIMALS),
+            round(y_m - site.low_m[1], _DECIMALS),
+            round(z_m, _DECIMALS),
+        ]
+        yield {**record, "translation": position_m}
 
 
-def _located(records: Iterable[Record], site: Site) -> Iterator[Record]:
-    """Records with the name of the place."""
+def _with_location(records: Iterable[Record], site: Site) -> Iterator[Record]:
+    """Records with the name of their site as location."""
     return ({**record, "location": site.name} for record in records)
 
 
-_AT_SITE = {"ego_pose": _placed, "sample_annotation": _placed, "log": _located}
-"""What of a scene's rows depends on where its map's mask begins."""
+_CONVERSIONS = {"ego_pose": _relative_to_site, "sample_annotation": _relative_to_site, "log": _with_location}
+"""Conversions of the tables whose rows depend on the site of their scene, by name of the table."""
 
 
 class _Table:
-    """A JSON list that is written record by record, one a line."""
+    """A JSON list in a file that is written record by record, one on each line."""
 
     def __init__(self, path: Path) -> None:
         self._file: TextIO = path.open("w", encoding="utf-8")
         self._separator = "[\n"
 
     def add(self, records: Iterable[Record]) -> None:
-        """More records."""
+        """Append records."""
         for record in records:
             self._file.write(self._separator + json.dumps(record))
             self._separator = ",\n"

@@ -1,4 +1,7 @@
-"""nuScenes' categories, attributes and levels of visibility of our boxes; the tables are in taxonomy.yaml."""
+"""Gives boxes their nuScenes categories, attributes and visibility levels, and builds the tables that list these.
+
+Rows of /ego/boxes enter; names and tokens leave. The assignment is in ``taxonomy.yaml``.
+"""
 
 import hashlib
 from collections.abc import Collection, Sequence
@@ -14,19 +17,20 @@ from simbev_ros.scene.state import SignalState
 from simbev_ros.semantics import BOX_CLASSES, SIGN_TYPES
 from simbev_ros.types import AnyArray, Table
 
-_MOVES_MPS = 0.2
+_MIN_MOVING_MPS = 0.2
 _CYCLES = ("vehicle.motorcycle", "vehicle.bicycle")
 
 Record = dict[str, Any]
+"""One row of a nuScenes table."""
 
 
 def token(*parts: object) -> str:
-    """The token of something, the same in every export: 32 hexadecimal digits, as nuScenes' are."""
+    """Token of the object that ``parts`` identify, the same in every export: 32 hexadecimal digits like nuScenes'."""
     return hashlib.md5("/".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
 
 
 def taxonomy_tables() -> dict[str, list[Record]]:
-    """The tables ``category``, ``attribute`` and ``visibility``."""
+    """Rows of the tables ``category``, ``attribute`` and ``visibility``, by name of the table."""
     tables = _taxonomy()
     levels = tables["visibility"]
     return {
@@ -40,7 +44,7 @@ def taxonomy_tables() -> dict[str, list[Record]]:
 
 
 def categories_of(boxes: Table, blueprints: Sequence[str]) -> list[str]:
-    """Names of the categories of (N,) boxes, by names of the blueprints that they number."""
+    """Names of the categories of (N,) boxes; ``blueprints`` are the names that their column ``blueprint`` indexes."""
     by_class, by_blueprint = _taxonomy()["of_class"], _taxonomy()["of_blueprint"]
     names = []
     for box_class, blueprint in zip(boxes["class"].tolist(), boxes["blueprint"].tolist(), strict=True):
@@ -50,33 +54,33 @@ def categories_of(boxes: Table, blueprints: Sequence[str]) -> list[str]:
 
 
 def detection_class_of(category: str) -> str | None:
-    """Name of the class of nuScenes' detection task that a category belongs to; None: to none."""
+    """Name of the class of nuScenes' detection task that a category belongs to, or None."""
     classes = _taxonomy()["detection"].items()
     return next((name for name, each in classes if category in each["categories"]), None)
 
 
 def detection_ranges_m() -> dict[str, float]:
-    """By name of a class of the detection task from which distance to the ego on its boxes do not count."""
+    """Maximum distance to the ego at which boxes count in the detection task, by name of the class."""
     return {name: float(each["range_m"]) for name, each in _taxonomy()["detection"].items()}
 
 
 def attribute_names() -> list[str]:
-    """All attributes."""
+    """Names of all attributes, in the order of the table ``attribute``."""
     return list(_taxonomy()["attributes"])
 
 
 def attributes_of(
     boxes: Table, categories: Sequence[str], parked: Collection[int], ridden: Collection[int]
 ) -> list[list[str]]:
-    """Names of the attributes of (N,) boxes, at most one each, as the devkit's evaluation demands.
+    """Names of the attributes of (N,) boxes, at most one each, as the devkit's evaluation requires.
 
     Args:
-        boxes: ``BOX_DTYPE`` rows.
-        categories: Their categories.
-        parked: Ids of what stands for the whole scene.
-        ridden: Ids of what has a rider now.
+        boxes: (N,) ``BOX_DTYPE`` rows.
+        categories: (N,) names of their categories.
+        parked: Ids of the vehicles that are parked for the whole scene.
+        ridden: Ids of the vehicles that have a rider at this frame.
     """
-    moves = np.linalg.norm([boxes["vx"], boxes["vy"], boxes["vz"]], axis=0) > _MOVES_MPS
+    moves = np.linalg.norm([boxes["vx"], boxes["vy"], boxes["vz"]], axis=0) > _MIN_MOVING_MPS
     return [
         _attributes(category, row, moves=bool(moving), parked=row["id"] in parked, ridden=row["id"] in ridden)
         for row, category, moving in zip(boxes, categories, moves, strict=True)
@@ -99,11 +103,11 @@ def _attributes(category: str, row: Any, *, moves: bool, parked: bool, ridden: b
 
 
 def visibility_tokens(visibility: AnyArray) -> list[str]:
-    """Tokens of the levels of (N,) visible shares; what is in no image (NaN) has the lowest."""
+    """Tokens of the visibility levels of (N,) visible shares; boxes in no image (NaN) have the lowest level."""
     levels = _taxonomy()["visibility"]
     edges = [each["from"] for each in levels[1:]]
-    places = np.searchsorted(edges, np.nan_to_num(visibility), side="right")
-    return [levels[place]["token"] for place in places.tolist()]
+    indices = np.searchsorted(edges, np.nan_to_num(visibility), side="right")
+    return [levels[index]["token"] for index in indices.tolist()]
 
 
 def _named(table: str, name: str, description: str) -> Record:

@@ -1,1 +1,1 @@
-"""SimBEV's own layout, for training code that was written for it."""
+"""Export to the layout of SimBEV, for training code that was written for it."""

@@ -1,9 +1,10 @@
-"""Rows of /ego/boxes as the dictionaries of the SimBEV layout.
+"""Converts rows of /ego/boxes to the box dictionaries of the SimBEV layout, one file for each frame.
 
-Vectors are in the map frame, right-handed; angles are degrees. ``location`` is the middle of the box's lower face. The
-``opendrive_id`` is that of the signal in /world/map whose state a head shows: that of the straightest movement, as
-several signals of the file may share a head. It is None where an imported map has no signal for a controlled lane. A
-box that no lidar or radar was received for has no points.
+Boxes, signals and the legend of a scene enter; the bytes of a ground-truth file leave. Vectors are in the map frame,
+right-handed; angles are degrees. ``location`` is the center of the box's lower face. ``opendrive_id`` is that of the
+signal in /world/map whose state a head shows: the one of the straightest movement, as several signals of the file may
+share a head. It is None where an imported map has no signal for a controlled lane. The numbers of points are 0 for a
+box for which no lidar or radar data were received.
 """
 
 from collections import Counter
@@ -21,7 +22,7 @@ from simbev_ros.types import Float64Array, Table
 from simbev_ros.world.sumo.signals import ALL_RED_S, YELLOW_S
 
 _UNIT_CORNERS = np.array([(x, -y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-"""(8, 3) index 4·ix + 2·iy + iz along CARLA's axes, whose y points right: the first corners are those on the left."""
+"""(8, 3) corners of the unit box in CARLA's order: index 4·ix + 2·iy + iz along its axes, whose y points right."""
 
 _STATES = {
     SignalState.OFF: "Off",
@@ -30,13 +31,13 @@ _STATES = {
     SignalState.GREEN: "Green",
     SignalState.RED_YELLOW: "Red",
 }
-"""CARLA's names; red with yellow, which it does not know, still forbids to go."""
+"""CARLA's names of signal states; it has no red with yellow, which still forbids driving."""
 
 _MPS_TO_KMH = 3.6
 
 
 def box_file(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> bytes:
-    """A frame's file: an array of objects; arguments are those of ``box_records``."""
+    """Content of a frame's box file: an array of dictionaries in numpy's format; arguments as for ``box_records``."""
     records = box_records(boxes, signals, legend)
     array = np.empty(len(records), object)
     array[:] = records
@@ -44,21 +45,21 @@ def box_file(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> bytes:
 
 
 def box_records(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One dictionary for each box.
+    """The boxes of a frame as dictionaries of the SimBEV layout, one for each box.
 
     Args:
         boxes: (N,) rows of /ego/boxes.
         signals: Rows of /world/signals of the same tick.
-        legend: /world/legend.
+        legend: Content of /world/legend.
     """
     rpy_rad = np.stack([boxes[name] for name in ("roll", "pitch", "yaw")], axis=1).astype(np.float64)
     size_m = np.stack([boxes[name] for name in ("length", "width", "height")], axis=1).astype(np.float64)
     center_m = _vectors(boxes, "x", "y", "z")
-    turns = rotations_from_rpy(rpy_rad)
-    corners_m = np.einsum("nij,nkj->nki", turns, _UNIT_CORNERS * size_m[:, None]) + center_m[:, None]
+    map_from_box = rotations_from_rpy(rpy_rad)
+    corners_m = np.einsum("nij,nkj->nki", map_from_box, _UNIT_CORNERS * size_m[:, None]) + center_m[:, None]
     vectors = {
         "bounding_box": corners_m,
-        "location": center_m - turns[:, :, 2] * size_m[:, 2:] / 2.0,
+        "location": center_m - map_from_box[:, :, 2] * size_m[:, 2:] / 2.0,
         "rotation": np.degrees(rpy_rad),
         "linear_velocity": _vectors(boxes, "vx", "vy", "vz"),
         "angular_velocity": np.degrees(_vectors(boxes, "wx", "wy", "wz")),
@@ -72,8 +73,8 @@ def box_records(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> list
             **_labels(row),
         }
         if row["tag"] == Tag.TRAFFIC_LIGHT:
-            place = int(row["id"]) - LIGHT_IDS - 1
-            record |= _light(row, signals[place]) | heads[place]
+            signal_row = int(row["id"]) - LIGHT_IDS - 1
+            record |= _light(row, signals[signal_row]) | heads[signal_row]
         elif row["tag"] == Tag.TRAFFIC_SIGN:
             record["sign_type"] = SIGN_TYPES[row["sign"]]
         records.append(record)
@@ -81,7 +82,7 @@ def box_records(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> list
 
 
 def _heads(signals: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Of each entry of a legend's signals its OpenDRIVE id, and its index among the heads of its programme."""
+    """For each signal of a legend its OpenDRIVE id, and its index among the heads of its signal program."""
     counts, heads = Counter[str](), []
     for signal in signals:
         heads.append({"opendrive_id": signal["opendrive_id"], "pole_index": counts[signal["programme"]]})
@@ -93,7 +94,7 @@ def _identity(row: Table, blueprints: Sequence[Mapping[str, Any]]) -> dict[str, 
     blueprint = blueprints[int(row["blueprint"])] if row["blueprint"] != NO_BLUEPRINT else None
     return {
         "id": int(row["id"]),
-        "type": blueprint["name"] if blueprint else _type_of_standing(row),
+        "type": blueprint["name"] if blueprint else _static_type(row),
         "is_alive": True,
         "is_active": True,
         "is_dormant": False,
@@ -103,8 +104,8 @@ def _identity(row: Table, blueprints: Sequence[Mapping[str, Any]]) -> dict[str, 
     }
 
 
-def _type_of_standing(row: Table) -> str:
-    """CARLA's name of a traffic light or sign."""
+def _static_type(row: Table) -> str:
+    """CARLA's type name of a traffic light or sign."""
     if row["tag"] == Tag.TRAFFIC_LIGHT:
         return "traffic.traffic_light"
     kind = SIGN_TYPES[row["sign"]]
@@ -112,7 +113,7 @@ def _type_of_standing(row: Table) -> str:
 
 
 def _attributes(row: Table, blueprint: Mapping[str, Any]) -> dict[str, str]:
-    """As strings, in CARLA's manner; the bits are those of /world/legend."""
+    """Attributes of an actor as strings, like CARLA's; the bits are explained in /world/legend."""
     color = int(row["color"])
     return {
         "role_name": "autopilot",

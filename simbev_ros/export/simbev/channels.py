@@ -1,4 +1,7 @@
-"""Which files the SimBEV layout has for a frame, and from what of ours each is made."""
+"""Defines the files that the SimBEV layout has for a frame, and the topics and encoding from which each is made.
+
+A scene enters; its ``Channel``s leave, one for each sensor or label that the layout knows and the scene has.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -14,21 +17,24 @@ from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.boxes import box_file
 
 CAMERAS = ("front_left", "front", "front_right", "back_left", "back", "back_right")
+"""Names of the layout's cameras; in rigs they begin with ``cam_``."""
+
 RADARS = ("left", "front", "right", "back")
+"""Names of the layout's radars; in rigs they begin with ``radar_``."""
 
 S = TypeVar("S", bound=Sensor)
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One file a frame.
+    """A sensor or label of the layout, which has one file for each frame.
 
     Attributes:
-        name: Of the sensor or label, as the layout calls it.
-        folder: Below the layout's root.
-        extension: Of the files.
-        keys: What of a frame it is made from; a frame without them has no such file.
-        encode: Makes the file.
+        name: The layout's name of the sensor or label.
+        folder: Folder of the files, relative to the layout's root.
+        extension: Extension of the files.
+        keys: Keys of a frame from which its file is made; a frame that lacks one of them has no such file.
+        encode: Makes the content of a frame's file.
     """
 
     name: str
@@ -38,30 +44,34 @@ class Channel:
     encode: Callable[[Frame], bytes]
 
     def path(self, scene: int, frame: int) -> str:
-        """Of a frame's file, below the layout's root."""
+        """Path of a frame's file, relative to the layout's root."""
         return f"{self.folder}/SimBEV-scene-{scene:04d}-frame-{frame:04d}-{self.name}.{self.extension}"
 
 
 def channels(scene: Scene) -> tuple[Channel, ...]:
-    """All that can be made of a scene. Raises BagError if it was recorded by a version that did not say all of it."""
+    """All channels that can be made from a scene.
+
+    Raises:
+        BagError: The scene was recorded by another version, whose legend lacks signals.
+    """
     known = set(scene.keys)
     wanted = (*_cameras(), *_others(scene), *_ground_truth(scene))
     return tuple(channel for channel in wanted if known.issuperset(channel.keys))
 
 
 def left_out(scene: Scene) -> list[str]:
-    """What the layout knows and a scene lacks, and what a scene has and the layout has no place for, a line each."""
+    """Lines of text that name the layout's channels that a scene lacks, and its sensors that the layout lacks."""
     made = channels(scene)
     names = {channel.name for channel in made}
     missing = [name for name in _all_names() if name not in names]
     used = {key.partition("/")[0] for channel in made for key in channel.keys}
     others = [name for name in scene.calibration if name not in used]
-    said = {"not recorded": missing, "the layout has no place for": others}
-    return [f"{what}: {', '.join(found)}" for what, found in said.items() if found]
+    names_by_reason = {"not recorded": missing, "the layout has no place for": others}
+    return [f"{reason}: {', '.join(found)}" for reason, found in names_by_reason.items() if found]
 
 
 def lidar_of(scene: Scene) -> Lidar | None:
-    """The lidar that counts: the first."""
+    """The lidar that is exported, the first of the rig, or None."""
     return _first(scene, Lidar)
 
 
@@ -73,7 +83,7 @@ def _all_names() -> Iterator[str]:
 
 
 def _sweep(name: str, extension: str, encode: Callable[..., bytes], *keys: str) -> Channel:
-    """Files of a sensor, made by a function of what a frame has under some keys."""
+    """Channel of a sensor, whose files a function makes from a frame's values of some keys."""
     return Channel(name, f"sweeps/{name}", extension, keys, lambda frame: encode(*(frame[key] for key in keys)))
 
 
@@ -82,8 +92,8 @@ def _truth(name: str, folder: str, extension: str, encode: Callable[..., bytes],
 
 
 def _cameras() -> Iterator[Channel]:
-    for place in CAMERAS:
-        topic, name = f"cam_{place}", f"CAM_{place.upper()}"
+    for position in CAMERAS:
+        topic, name = f"cam_{position}", f"CAM_{position.upper()}"
         yield _sweep(f"RGB-{name}", "jpg", encodings.jpeg, f"{topic}/rgb")
         yield _sweep(f"SEG-{name}", "png", encodings.semantic_png, f"{topic}/semantic")
         yield _sweep(f"IST-{name}", "png", encodings.instance_png, f"{topic}/semantic", f"{topic}/instance")
@@ -96,8 +106,8 @@ def _others(scene: Scene) -> Iterator[Channel]:
     if lidar is not None:
         yield _sweep("LIDAR", "npz", encodings.lidar_npz, f"{lidar.name}/points")
         yield _sweep("SEG-LIDAR", "npz", encodings.semantic_lidar_npz, f"{lidar.name}/semantic_points")
-    for place in RADARS:
-        yield _sweep(f"RAD_{place.upper()}", "npz", encodings.radar_npz, f"radar_{place}/points")
+    for position in RADARS:
+        yield _sweep(f"RAD_{position.upper()}", "npz", encodings.radar_npz, f"radar_{position}/points")
     if gnss is not None:
         yield _sweep("GNSS", "bin", encodings.gnss_bin, f"{gnss.name}/fix")
     if imu is not None:

@@ -1,4 +1,7 @@
-"""How the SimBEV layout writes images, clouds and grids: arrays as the reader gives them in, bytes of files out."""
+"""Encodes images, point clouds, measurements and grids as the files of the SimBEV layout.
+
+Arrays as ``simbev_ros.dataset`` reads them enter; the bytes of files leave.
+"""
 
 import io
 import json
@@ -18,62 +21,63 @@ from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Ar
 
 _JPEG_QUALITY = 80
 _ZIP_LEVEL = 4
-_FARTHEST_M = 1000.0
-_TOP_CODE = (1 << 24) - 1
+_MAX_DEPTH_M = 1000.0
+_MAX_CODE = (1 << 24) - 1
 _EGO_HALF_LENGTH_M, _EGO_HALF_WIDTH_M = 2.44, 1.04
 
 SEMANTIC_LIDAR_DTYPE = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("CosAngle", "<f4"), ("ObjIdx", "<u4"), ("ObjTag", "<u4")]
 )
+"""One point of a semantic lidar, with CARLA's names of the columns."""
 
 
 def jpeg(image: UInt8Array) -> bytes:
-    """An (H, W, 3) RGB image."""
+    """JPEG file of an (H, W, 3) uint8 RGB image."""
     return encode_rgb(image, _JPEG_QUALITY)
 
 
 def semantic_png(tags: UInt8Array) -> bytes:
-    """(H, W) semantic tags, in CARLA's colours."""
+    """PNG file of (H, W) semantic tags, in CARLA's colors."""
     return _png(semantic_color(tags))
 
 
 def instance_png(tags: UInt8Array, ids: UInt16Array) -> bytes:
-    """(H, W) semantic tags and ids of actors: red is the tag, green the low and blue the high byte of the id."""
+    """PNG file of (H, W) tags and actor ids: red is the tag, green the low and blue the high byte of the id."""
     return _png(np.stack([tags, (ids & 255).astype(np.uint8), (ids >> 8).astype(np.uint8)], axis=-1))
 
 
 def depth_png(depth_m: Float32Array) -> bytes:
-    """(H, W) depth, 1000 m in 2²⁴ - 1 steps, red the lowest byte; sky, and all that is farther, is at 1000 m."""
-    share = np.clip(depth_m.astype(np.float64) / _FARTHEST_M, 0.0, 1.0)
-    code = np.rint(share * _TOP_CODE).astype(np.uint32)
+    """PNG file of (H, W) depth: 1000 m in 2²⁴ - 1 steps, red the lowest byte; sky and larger depths are at 1000 m."""
+    share = np.clip(depth_m.astype(np.float64) / _MAX_DEPTH_M, 0.0, 1.0)
+    code = np.rint(share * _MAX_CODE).astype(np.uint32)
     return _png(np.stack([code & 255, code >> 8 & 255, code >> 16], axis=-1).astype(np.uint8))
 
 
 def npz(array: AnyArray) -> bytes:
-    """One array under the key ``data``; numpy's own writer takes three times as long to make it a fifth smaller."""
+    """NPZ file of one array under the key ``data``; numpy's own writer is three times slower for a fifth less size."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_ZIP_LEVEL) as archive:
-        entry = zipfile.ZipInfo("data.npy")  # of no time: the same array gives the same bytes
+        entry = zipfile.ZipInfo("data.npy")  # without a time stamp: the same array gives the same bytes
         archive.writestr(entry, npy(array), zipfile.ZIP_DEFLATED, _ZIP_LEVEL)
     return file.getvalue()
 
 
 def npy(array: AnyArray) -> bytes:
-    """One array, in numpy's own format; arrays of objects are pickled."""
+    """NPY file of one array; arrays of objects are pickled."""
     file = io.BytesIO()
     np.save(file, array, allow_pickle=True)
     return file.getvalue()
 
 
 def lidar_npz(cloud: Table) -> bytes:
-    """(n, 3) points of a cloud, sensor frame; those on the ego itself are dropped."""
+    """NPZ file of (n, 3) points of a cloud, sensor frame, without those on the ego itself."""
     points = np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=1)
     on_ego = (np.abs(points[:, 0]) <= _EGO_HALF_LENGTH_M) & (np.abs(points[:, 1]) <= _EGO_HALF_WIDTH_M)
     return npz(points[~on_ego])
 
 
 def semantic_lidar_npz(cloud: Table) -> bytes:
-    """(n,) ``SEMANTIC_LIDAR_DTYPE`` of a semantic cloud, sensor frame."""
+    """NPZ file of (n,) ``SEMANTIC_LIDAR_DTYPE`` of a semantic cloud, sensor frame."""
     points = np.empty(len(cloud), SEMANTIC_LIDAR_DTYPE)
     sources = ("x", "y", "z", "cos_angle", "object_id", "tag")
     for name, source in zip(SEMANTIC_LIDAR_DTYPE.names or (), sources, strict=True):
@@ -82,24 +86,25 @@ def semantic_lidar_npz(cloud: Table) -> bytes:
 
 
 def radar_npz(cloud: Table) -> bytes:
-    """(n, 4) depth m, altitude rad, azimuth rad counter-clockwise, velocity m/s, positive recedes."""
+    """NPZ file of (n, 4) depth m, altitude rad, azimuth rad counterclockwise, velocity m/s, positive if receding."""
     return npz(np.stack([cloud[name] for name in ("range", "elevation", "azimuth", "doppler_velocity")], axis=1))
 
 
 def voxel_npz(rows: Table, grid: VoxelGrid) -> bytes:
-    """(x, y, z) semantic tags, 0 = empty, of the occupied voxels."""
+    """NPZ file of an (x, y, z) grid of semantic tags, 0 where empty, from the rows of occupied voxels."""
     return npz(dense_tags(rows, grid))
 
 
 def gnss_bin(fixes: Table) -> bytes:
-    """(3,) latitude °, longitude °, altitude m of the last fix."""
+    """NPY file of (3,) latitude °, longitude °, altitude m of the last fix."""
     return npy(np.array([fixes[-1][name] for name in ("latitude_deg", "longitude_deg", "altitude_m")], np.float64))
 
 
 def imu_bin(rows: Table) -> bytes:
-    """(7,) acceleration m/s², angular rate rad/s, both in the sensor's frame, and compass rad of the last measurement.
+    """NPY file of (7,) values of the last measurement: acceleration m/s², angular rate rad/s, compass rad.
 
-    The compass runs clockwise from the map's y axis, which is north unless the map says otherwise, in [0, 2π).
+    Acceleration and angular rate are in the sensor's frame. The compass is measured clockwise from the map's y axis,
+    which is north unless the map says otherwise, in [0, 2π).
     """
     row = rows[-1]
     forward = matrices_from_xyz_quaternion(np.zeros(3), row["orientation_xyzw"])[:3, 0]
@@ -108,18 +113,18 @@ def imu_bin(rows: Table) -> bytes:
 
 
 def bev_npz(labels: UInt16Array) -> bytes:
-    """(classes, d, d) bool of a grid of labels."""
+    """NPZ file of (classes, d, d) bool masks of a grid of labels."""
     bits = 1 << np.arange(len(BEV_CLASSES), dtype=np.uint16)
     return npz(labels & bits[:, None, None] != 0)
 
 
 def bev_jpeg(labels: UInt16Array) -> bytes:
-    """A grid of labels in colours."""
+    """JPEG file of a grid of labels in colors."""
     return jpeg(bev_color(labels))
 
 
 def hd_map_json(record: dict[str, Any]) -> bytes:
-    """The record of the lane under the ego."""
+    """JSON file of the record of the lane under the ego, without its stamp."""
     return json.dumps({name: value for name, value in record.items() if name != "stamp_ns"}).encode()
 
 

@@ -1,4 +1,7 @@
-"""What the info files of the SimBEV layout say: where sensors sit, and of each scene its settings and its frames."""
+"""Content of the SimBEV layout's info files: sensor poses, and the settings and frames of each scene.
+
+Scenes and frames enter; plain values for JSON leave.
+"""
 
 from typing import Any
 
@@ -14,12 +17,12 @@ from simbev_ros.geometry.transforms import inverse
 from simbev_ros.types import Float64Array
 
 _NS_PER_US = 1000
-_UNSAID = ("rig", "vehicles", "pedestrians", "map", "green_time_s", "hazards")
-"""Of a scene's settings what is long, and is in its configuration or its tables."""
+_LEFT_OUT = ("rig", "vehicles", "pedestrians", "map", "green_time_s", "hazards")
+"""Settings of a scene that are left out because they are long; they are in its configuration or its tables."""
 
 
 def metadata(scene: Scene) -> dict[str, Any]:
-    """Poses of sensors, intrinsics and the voxels' extent."""
+    """Metadata of an info file: poses of the sensors, camera intrinsics and the extent of the voxel grid."""
     lidar = lidar_of(scene)
     ego_from_lidar = np.eye(4) if lidar is None else scene.calibration[lidar.name].ego_from_sensor
     poses = _poses(scene)
@@ -40,15 +43,15 @@ def metadata(scene: Scene) -> dict[str, Any]:
 
 
 def scene_info(scene: Scene) -> dict[str, Any]:
-    """The map and the settings of a scene."""
+    """The entry of a scene: its map, numbers of actors, and settings."""
     spec = scene.spec
-    settings = {name: value for name, value in spec.model_dump(mode="json").items() if name not in _UNSAID}
+    settings = {name: value for name, value in spec.model_dump(mode="json").items() if name not in _LEFT_OUT}
     counts = {"vehicles": len(spec.vehicles), "pedestrians": len(spec.pedestrians)}
     return {"map": spec.map.name, **counts, **settings}
 
 
 def frame_info(frame: Frame) -> dict[str, Any]:
-    """Pose of the ego and time, µs; the paths of files are added later."""
+    """The entry of a frame: pose of the ego and time in µs; the paths of its files are added later."""
     map_from_ego = frame.map_from_ego
     return {
         "ego2global_translation": map_from_ego[:3, 3].tolist(),
@@ -60,7 +63,7 @@ def frame_info(frame: Frame) -> dict[str, Any]:
 
 
 def _poses(scene: Scene) -> dict[str, Float64Array]:
-    """(4, 4) ego from sensor by the layout's names; cameras' are optical."""
+    """(4, 4) ego_from_sensor by the layout's names of sensors; those of cameras are of the optical frame."""
     known, poses = scene.calibration, {}
     lidar = lidar_of(scene)
     if lidar is not None:
@@ -89,6 +92,6 @@ def _pose(ego_from_sensor: Float64Array, ego_from_lidar: Float64Array) -> dict[s
 
 
 def _wxyz(transform: Float64Array) -> list[float]:
-    """The rotation of a (4, 4) transform as a unit quaternion."""
+    """The rotation of a (4, 4) transform as a unit quaternion w, x, y, z."""
     x, y, z, w = Rotation.from_matrix(transform[:3, :3]).as_quat().tolist()
     return [w, x, y, z]

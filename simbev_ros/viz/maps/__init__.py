@@ -1,1 +1,1 @@
-"""Pictures of maps: plans and views from above."""
+"""Pictures of maps: plan drawings and orthophotos."""

@@ -1,4 +1,7 @@
-"""Pictures of a map: from above, as a plan beside an aerial view of a part of it, and from the street."""
+"""Draws a map from overview_picture: a plan of the whole map beside an orthophoto of a part of it.
+
+A road network and its static scene enter; one RGB picture leaves.
+"""
 
 from pathlib import Path
 
@@ -14,7 +17,7 @@ from simbev_ros.viz.maps.map_plan import MapPlan
 from simbev_ros.viz.maps.orthophoto import orthophoto
 
 WHOLE_M, DETAIL_M = 720.0, 560.0
-"""Up to the first the aerial view shows the whole map; otherwise a square of the second."""
+"""Maximum side of a map whose orthophoto shows all of it, and the side of the shown square of a larger map."""
 _SIDE_PX, _GAP_PX = 900, 12
 _MARGIN = 1.06
 _BAR_PX = 0.22
@@ -22,33 +25,42 @@ _DARK: Color = (40, 40, 44)
 _LIGHT: Color = (250, 250, 250)
 
 
-def above(network: RoadNetwork, static: StaticScene, place_m: Float64Array) -> UInt8Array:
-    """(900, 1812, 3) uint8 RGB: on the left all of the map, on the right the surroundings of (2,) ``place_m``."""
-    middle_m, whole_m = square_around(network)
-    plan = MapPlan(network, middle_m, whole_m, _SIDE_PX)
+def overview_picture(network: RoadNetwork, static: StaticScene, position_m: Float64Array) -> UInt8Array:
+    """Draw the plan of a map and, to its right, an orthophoto of the surroundings of a position.
+
+    Args:
+        network: The map.
+        static: Its static scene.
+        position_m: (2,) position that the orthophoto should show, map frame; a small map is shown as a whole.
+
+    Returns:
+        (900, 1812, 3) uint8 RGB.
+    """
+    center_m, whole_m = bounding_square(network)
+    plan = MapPlan(network, center_m, whole_m, _SIDE_PX)
     detail_m = whole_m if whole_m <= WHOLE_M else DETAIL_M
-    play_m = (whole_m - detail_m) / 2.0
-    place_m = np.clip(place_m, middle_m - play_m, middle_m + play_m)
-    if play_m > 0.0:
-        plan.frame(place_m, detail_m)
-    left, right = plan.picture(), orthophoto(static.tiles, place_m, detail_m, _SIDE_PX)
-    _scale_bar(left, whole_m, _DARK, _LIGHT)
-    _scale_bar(right, detail_m, _LIGHT, _DARK)
+    margin_m = (whole_m - detail_m) / 2.0
+    position_m = np.clip(position_m, center_m - margin_m, center_m + margin_m)
+    if margin_m > 0.0:
+        plan.draw_frame(position_m, detail_m)
+    left, right = plan.picture(), orthophoto(static.tiles, position_m, detail_m, _SIDE_PX)
+    _draw_scale_bar(left, whole_m, _DARK, _LIGHT)
+    _draw_scale_bar(right, detail_m, _LIGHT, _DARK)
     return np.concatenate([left, np.full((_SIDE_PX, _GAP_PX, 3), 255, np.uint8), right], axis=1)
 
 
-def square_around(network: RoadNetwork) -> tuple[Float64Array, float]:
-    """(2,) middle, map frame, and side of the square that all lanes lie in, with a margin; metres."""
+def bounding_square(network: RoadNetwork) -> tuple[Float64Array, float]:
+    """(2,) center, map frame, and side of the square that contains all lanes, with a margin; meters."""
     points_m = np.concatenate([lane.centerline_m[:, :2] for lane in network.lanes.values()])
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
     return (low_m + high_m) / 2.0, float((high_m - low_m).max()) * _MARGIN
 
 
 def write_picture(path: Path, picture: UInt8Array) -> None:
-    """Write a PNG.
+    """Write (H, W, 3) RGB as a PNG file, and make its folder if necessary.
 
     Raises:
-        InputError: It cannot be written there.
+        InputError: The file cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,8 +69,8 @@ def write_picture(path: Path, picture: UInt8Array) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def _scale_bar(picture: UInt8Array, side_m: float, color: Color, background: Color) -> None:
-    """A bar of a round length in the lower left corner."""
+def _draw_scale_bar(picture: UInt8Array, side_m: float, color: Color, background: Color) -> None:
+    """Draw a scale bar of a round length in the lower left corner, in place."""
     wanted_m = _BAR_PX * side_m
     power = 10.0 ** np.floor(np.log10(wanted_m))
     length_m = next(step * power for step in (5.0, 2.0, 1.0) if step * power <= wanted_m)

@@ -1,4 +1,7 @@
-"""A map as a plan: land use, relief, water, prescribed buildings, and the roads, level above level."""
+"""Draws a map as a plan: land use, relief, water, prescribed buildings, and the roads, from the lowest level upward.
+
+A road network enters; an RGB picture, north up, leaves. Colors come from ``map_plan.yaml``.
+"""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -24,16 +27,16 @@ _EXAGGERATION = 2.5
 
 
 class MapPlan:
-    """A square drawing, north up, with ways to put further marks on it."""
+    """A square plan drawing of a map, north up, to which further marks can be added."""
 
     def __init__(self, network: RoadNetwork, center_m: Float64Array, extent_m: float, size_px: int) -> None:
-        """Draw it.
+        """Draw the plan.
 
         Args:
             network: The map.
-            center_m: (2,) middle of the drawing, map frame.
-            extent_m: Its side.
-            size_px: Its side in pixels.
+            center_m: (2,) center of the drawing, map frame.
+            extent_m: Side of the drawing in meters.
+            size_px: Side of the drawing in pixels.
         """
         self._count = size_px * _OVERSAMPLING
         self._size_px = size_px
@@ -44,13 +47,18 @@ class MapPlan:
         for level in network.layout.levels:
             self._draw_roads([strip for strip in network.layout.strips if strip.level == level])
 
-    def frame(self, center_m: Float64Array, extent_m: float) -> None:
-        """Mark a square."""
+    def draw_frame(self, center_m: Float64Array, extent_m: float) -> None:
+        """Draw the outline of a square.
+
+        Args:
+            center_m: (2,) center of the square, map frame.
+            extent_m: Side of the square.
+        """
         corners_m = center_m + extent_m / 2.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        self._outline([self._pixels(corners_m)], palette()["frame"], 3 * _OVERSAMPLING)
+        self._draw_lines([self._pixels(corners_m)], palette()["frame"], 3 * _OVERSAMPLING)
 
     def picture(self) -> UInt8Array:
-        """(size_px, size_px, 3) uint8 RGB."""
+        """The drawing as (size_px, size_px, 3) uint8 RGB."""
         picture = cv2.resize(self._canvas, (self._size_px, self._size_px), interpolation=cv2.INTER_AREA)
         return np.asarray(picture, np.uint8)
 
@@ -58,16 +66,16 @@ class MapPlan:
         features, colors = network.features, palette()
         self._canvas[:] = colors[features.surroundings.use]
         for zone in features.zones:
-            self._area(zone.area, colors[zone.surroundings.use])
+            self._fill_area(zone.area, colors[zone.surroundings.use])
         self._canvas[:] = np.clip(self._canvas * self._hill_shade(network)[..., None], 0, 255)
         for water in features.water:
-            self._area(water.area, colors["water"])
+            self._fill_area(water.area, colors["water"])
         for building in features.buildings or ():
-            self._area(building.outline, colors["building"])
-            self._outline([self._pixels(np.array(building.outline.exterior.coords))], colors["building_line"], 1)
+            self._fill_area(building.outline, colors["building"])
+            self._draw_lines([self._pixels(np.array(building.outline.exterior.coords))], colors["building_line"], 1)
 
     def _hill_shade(self, network: RoadNetwork) -> Float32Array:
-        """(count, count) factor of brightness; exactly 1 on level land."""
+        """(count, count) brightness factor of the relief; exactly 1 on level land."""
         steps = np.arange(0, self._count + _RELIEF_CELL_PX, _RELIEF_CELL_PX) * self._cell_m
         x_m, y_m = np.meshgrid(self._corner_m[0] + steps, self._corner_m[1] - steps)
         height_m = Terrain(network).far_m(np.column_stack([x_m.ravel(), y_m.ravel()])).reshape(x_m.shape)
@@ -78,33 +86,35 @@ class MapPlan:
         return np.asarray(cv2.resize(factor, (size, size))[: self._count, : self._count], np.float32)
 
     def _draw_roads(self, strips: list[Strip]) -> None:
-        """One level: first everything a little wider in the casing's colour, then the lanes, fast roads last."""
+        """Draw the roads of one level: first the casing, slightly wider, then the lanes, fast roads last."""
         colors = palette()
         areas = [self._pixels(_ring(strip)) for strip in strips]
         driven = [strip.kind is LaneKind.DRIVING for strip in strips]
-        self._outline([area for area, road in zip(areas, driven, strict=True) if road], colors["casing"], 3)
+        self._draw_lines([area for area, road in zip(areas, driven, strict=True) if road], colors["casing"], 3)
         for strip, area in zip(strips, areas, strict=True):
             if strip.kind is not LaneKind.DRIVING:
                 self._fill([area], colors[_NAMES[strip.kind]])
         for name in ("road", "main_road", "motorway"):
-            chosen = [k for k, strip in enumerate(strips) if driven[k] and _class_of(strip) == name]
-            for k in chosen:  # one by one: in one call areas that overlap would cancel each other
+            chosen = [k for k, strip in enumerate(strips) if driven[k] and _road_class(strip) == name]
+            for k in chosen:  # one by one: overlapping areas in one call would cancel each other
                 self._fill([areas[k]], colors[name])
             lines = [self._pixels(strips[k].center_m[:, :2]) for k in chosen]
-            self._outline(lines, colors[name], _OVERSAMPLING, closed=False)  # seen even where lanes are thinner
+            self._draw_lines(
+                lines, colors[name], _OVERSAMPLING, closed=False
+            )  # visible even where lanes are thinner than a pixel
 
-    def _area(self, area: shapely.Polygon, color: Color) -> None:
+    def _fill_area(self, area: shapely.Polygon, color: Color) -> None:
         self._fill([self._pixels(np.array(ring.coords)) for ring in (area.exterior, *area.interiors)], color)
 
     def _fill(self, rings: list[Int32Array], color: Color) -> None:
         if rings:
             cv2.fillPoly(self._canvas, rings, color, cv2.LINE_AA, _FRACTION_BITS)
 
-    def _outline(self, lines: list[Int32Array], color: Color, width_px: int, *, closed: bool = True) -> None:
+    def _draw_lines(self, lines: list[Int32Array], color: Color, width_px: int, *, closed: bool = True) -> None:
         cv2.polylines(self._canvas, lines, closed, color, width_px, cv2.LINE_AA, _FRACTION_BITS)
 
     def _pixels(self, xy_m: Float64Array) -> Int32Array:
-        """(N, 2) fixed-point columns and rows; far outside the drawing they are moved nearer."""
+        """(N, 2) fixed-point columns and rows; clipped far outside the drawing to avoid overflow."""
         pixels = (xy_m - self._corner_m) * (1.0, -1.0) / self._cell_m
         fixed = np.clip(pixels, -8 * self._count, 8 * self._count) * 2**_FRACTION_BITS
         return np.asarray(np.rint(fixed), np.int32)
@@ -112,7 +122,7 @@ class MapPlan:
 
 @lru_cache(maxsize=1)
 def palette() -> dict[str, Color]:
-    """Colours by name; those of land by ``SurroundingsRecipe.use``."""
+    """Colors of the plan by name; those of land by ``SurroundingsRecipe.use``."""
     table = yaml.safe_load(files("simbev_ros.viz.maps").joinpath("map_plan.yaml").read_text(encoding="utf-8"))
     return {name: (color[0], color[1], color[2]) for name, color in {**table.pop("land"), **table}.items()}
 
@@ -128,7 +138,7 @@ _NAMES = {
 }
 
 
-def _class_of(strip: Strip) -> str:
+def _road_class(strip: Strip) -> str:
     if strip.speed_mps < _MAIN_ROAD_MPS:
         return "road"
     return "motorway" if strip.speed_mps >= _MOTORWAY_MPS else "main_road"

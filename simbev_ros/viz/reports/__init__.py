@@ -1,1 +1,1 @@
-"""Reports as single HTML pages: datasets and evaluations, with charts as SVG."""
+"""Reports of datasets and evaluations as single HTML pages with SVG charts."""

@@ -1,4 +1,7 @@
-"""What a dataset's report says of its boxes: how many, where, how large, and how much of them sensors get."""
+"""Figures of a dataset report about its boxes: counts, positions, sizes, and how well sensors see them.
+
+A dataset's ``Statistics`` enter; HTML figures with SVG charts leave.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -28,7 +31,7 @@ _RINGS_M = (40, 80, 120)
 
 
 def box_figures(statistics: Statistics) -> Iterator[str]:
-    """How many boxes there are, how far, how fast, how large, and how much of them sensors get."""
+    """Figures of the boxes' number by class, distance, visibility, difficulty, position and sensor points."""
     counts, frames = statistics.tally.counts, max(statistics.tally.frames, 1)
     colors = {name: class_color(name) for name in BOX_CLASSES if counts["boxes"][BOX_CLASSES.index(name)]}
     rows = [BOX_CLASSES.index(name) for name in colors]
@@ -37,7 +40,7 @@ def box_figures(statistics: Statistics) -> Iterator[str]:
     parts = [Series("valid", valid), Series("not valid", boxes - valid, _PALE)]
     note = '<p class="note">Valid: at least one point of a lidar or radar is inside.</p>'
     yield figure("Boxes a frame, by class", bars(names, parts), legend({"valid": INK, "not valid": _PALE}) + note)
-    together = histogram([Series("frames", _merged(counts["all_per_frame"], 4))], 4, "boxes", "frames")
+    together = histogram([Series("frames", _merge_bins(counts["all_per_frame"], 4))], 4, "boxes", "frames")
     yield figure("Boxes in a frame, all classes", together)
 
     def stacked(name: str) -> list[Series]:
@@ -52,8 +55,8 @@ def box_figures(statistics: Statistics) -> Iterator[str]:
         Series(name, counts["difficulty"][rows, k] / frames, colors_of[name]) for k, name in enumerate(DIFFICULTIES)
     ]
     yield figure("Difficulty, boxes a frame", bars(names, grades), legend(colors_of))
-    yield _around(counts["places"], ("car", "truck", "bus", "motorcycle", "bicycle"), "Where vehicles are")
-    yield _around(counts["places"], ("pedestrian",), "Where pedestrians are")
+    yield _position_figure(counts["places"], ("car", "truck", "bus", "motorcycle", "bicycle"), "Where vehicles are")
+    yield _position_figure(counts["places"], ("pedestrian",), "Where pedestrians are")
     for kind in ("lidar", "radar"):
         if counts[f"{kind}_points"].any():
             yield from _point_figures(
@@ -62,19 +65,19 @@ def box_figures(statistics: Statistics) -> Iterator[str]:
 
 
 def crowd_figures(statistics: Statistics) -> Iterator[str]:
-    """How many boxes of each class are in a frame."""
+    """Figures of the number of boxes in a frame, one for each class."""
     for name, counts in zip(BOX_CLASSES, statistics.tally.counts["per_frame"], strict=True):
         if counts[1:].any():
-            most = int(np.flatnonzero(counts).max())
-            step = most // _COLUMNS + 1
-            series = Series("frames", _merged(counts, step), class_color(name))
+            maximum = int(np.flatnonzero(counts).max())
+            step = maximum // _COLUMNS + 1
+            series = Series("frames", _merge_bins(counts, step), class_color(name))
             yield figure(
                 f"{words(name).capitalize()}: boxes in a frame", histogram([series], step, "boxes", "", size=SMALL)
             )
 
 
 def size_figures(statistics: Statistics) -> Iterator[str]:
-    """Speeds and sizes, class by class."""
+    """Figures of speeds and sizes, for each class."""
     counts = statistics.tally.counts
     for name in BOX_CLASSES:
         row, color = BOX_CLASSES.index(name), class_color(name)
@@ -91,7 +94,7 @@ def size_figures(statistics: Statistics) -> Iterator[str]:
 def _point_figures(
     boxes: Int64Array, points: Int64Array, levels: Int64Array, kind: str, rows: Sequence[int]
 ) -> Iterator[str]:
-    """Points per box over distance, of one kind of sensor."""
+    """Figures of sensor points in a box over distance, for one kind of sensor."""
     middles_m = (np.arange(boxes.shape[1], dtype=np.float64) + 0.5) * DISTANCE_STEP_M
     mean = points / np.maximum(boxes, 1)
     series = [Series(words(BOX_CLASSES[row]), mean[row], class_color(BOX_CLASSES[row])) for row in rows]
@@ -106,34 +109,34 @@ def _point_figures(
 
 
 def _level_heat(levels: Int64Array, names: Sequence[str]) -> str:
-    """Distance to the right, points upward, in doubling steps."""
+    """Heat map of the number of points in a box: distance to the right, points upward, in doubling steps."""
     sheet, left, floor = Drawing(560, 260), 46.0, 224.0
     used, top = levels.shape
     share = levels / np.maximum(levels.sum(axis=1, keepdims=True), 1)
     sheet.picture(left, 22, (504, floor - 22), *heat(share.T[::-1]))
     for level in range(0, top, 2):
         sheet.text(left - 6, floor - (level + 0.5) * (floor - 22) / top + 3.5, names[level], anchor="end")
-    for place in range(0, used + 1, max(used // 6, 1)):
-        sheet.text(left + place * 504 / used, floor + 14, number(place * DISTANCE_STEP_M))
+    for step in range(0, used + 1, max(used // 6, 1)):
+        sheet.text(left + step * 504 / used, floor + 14, number(step * DISTANCE_STEP_M))
     sheet.text(550, 255, "m", "label", "end")
     sheet.text(0, 10, "points, from", "label", "start")
     return sheet.svg()
 
 
-def _around(places: Int64Array, names: Sequence[str], title: str) -> str:
-    """Boxes of some classes around the ego, which looks up."""
+def _position_figure(positions: Int64Array, names: Sequence[str], title: str) -> str:
+    """Figure of the positions of boxes of some classes around the ego, which faces up."""
     side = 560.0
-    sheet, values = Drawing(side, side), places[[BOX_CLASSES.index(name) for name in names]].sum(axis=0)
+    sheet, values = Drawing(side, side), positions[[BOX_CLASSES.index(name) for name in names]].sum(axis=0)
     sheet.picture(0, 0, (side, side), *heat(values, class_color(names[0])))
     for radius_m in _RINGS_M:
         radius = radius_m / (PLACES * PLACE_STEP_M) * side
         sheet.add(f'<circle class="ring" cx="{side / 2}" cy="{side / 2}" r="{radius:.1f}"/>')
         sheet.text(side / 2 + 4, side / 2 - radius + 12, f"{radius_m} m", "tick", "start")
     sheet.mark_ego(side / 2, side / 2)
-    return figure(title, sheet.svg(), "The ego is in the middle and looks up.")
+    return figure(title, sheet.svg(), "The ego is in the middle and faces up.")
 
 
-def _merged(counts: Int64Array, by: int) -> Int64Array:
-    """Counts of bins that are so many times as wide."""
-    merged: Int64Array = np.add.reduceat(counts, np.arange(0, len(counts), by))
-    return merged
+def _merge_bins(counts: Int64Array, by: int) -> Int64Array:
+    """Counts of bins that are ``by`` times as wide."""
+    counts_wide: Int64Array = np.add.reduceat(counts, np.arange(0, len(counts), by))
+    return counts_wide

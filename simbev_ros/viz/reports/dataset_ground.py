@@ -1,4 +1,7 @@
-"""What a dataset's report says of the ground: classes of the bird's-eye view, and where on the maps scenes are."""
+"""Figures of a dataset report about the ground: classes of the bird's-eye view, and the scenes' locations on the maps.
+
+A dataset's ``Statistics`` enter; HTML figures with SVG pictures leave.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,16 +17,16 @@ from simbev_ros.viz.reports.dataset_scenes import SPLIT_COLORS
 from simbev_ros.viz.reports.svg_charts import SMALL, Series, bars, figure, legend, words
 from simbev_ros.viz.reports.svg_drawing import Color, Drawing, css, heat, number, ramp, ticks
 
-_MOST_PIXELS = 180
+_MAX_PIXELS = 180
 _MAP_PIXELS = 280
 _MAP_SIDE = 560.0
 _VISITED: Color = (176, 190, 199)
 _MARGIN_M = 20.0
-_DARKEST_SUM = 480
+_MAX_COLOR_SUM = 480
 
 
 def cover_figures(statistics: Statistics) -> Iterator[str]:
-    """How much of the bird's-eye view each class covers, and how often there is any of it."""
+    """Figures of the share of bird's-eye-view cells that each class covers, and of the frames that contain it."""
     tally = statistics.tally
     if tally.bev is not None:
         frames = int(tally.counts["bev_frames"])
@@ -35,28 +38,28 @@ def cover_figures(statistics: Statistics) -> Iterator[str]:
 
 
 def grid_figures(statistics: Statistics) -> Iterator[str]:
-    """Where in the bird's-eye view each class is."""
+    """Figures of the positions of each class in the bird's-eye view."""
     grids = statistics.tally.bev
     for name, counts in zip(BEV_CLASSES, grids, strict=True) if grids is not None else ():
-        most = 100.0 * float(counts.max()) / int(statistics.tally.counts["bev_frames"])
-        values = _smaller(counts)
+        max_percent = 100.0 * float(counts.max()) / int(statistics.tally.counts["bev_frames"])
+        values = _shrink(counts)
         sheet = Drawing(SMALL[0], SMALL[0] * values.shape[0] / values.shape[1])
-        sheet.picture(0, 0, (sheet.width, sheet.height), *heat(values, _deep(class_color(name))))
+        sheet.picture(0, 0, (sheet.width, sheet.height), *heat(values, _darken(class_color(name))))
         sheet.mark_ego(sheet.width / 2, sheet.height / 2)
-        yield figure(words(name).capitalize(), sheet.svg(), f"at most in {number(most)} % of frames")
+        yield figure(words(name).capitalize(), sheet.svg(), f"at most in {number(max_percent)} % of frames")
 
 
 def map_figures(statistics: Statistics) -> Iterator[str]:
-    """Each map from above: where the ego drove, and where others were."""
+    """Figures of each map from above: the paths of the ego, and the positions of other actors."""
     for name, cells in statistics.visited.items():
         scenes = [scene for scene in statistics.scenes if scene.map == name]
         yield figure(name, _map(cells, scenes), legend(SPLIT_COLORS))
 
 
 def _map(cells: Int64Array, scenes: Sequence[SceneFacts]) -> str:
-    """Cells in which others were, and the ways of the ego."""
-    ways_m = [scene.ego_m for scene in scenes]
-    corners_m = np.concatenate([cells * CELL_M, (cells + 1) * CELL_M, *ways_m])
+    """SVG of a map: cells in which other actors were, and the paths of the ego."""
+    paths_m = [scene.ego_m for scene in scenes]
+    corners_m = np.concatenate([cells * CELL_M, (cells + 1) * CELL_M, *paths_m])
     low_m, high_m = corners_m.min(axis=0) - _MARGIN_M, corners_m.max(axis=0) + _MARGIN_M
     middle_m, extent_m = (low_m + high_m) / 2.0, float((high_m - low_m).max())
     scale = _MAP_SIDE / extent_m
@@ -64,11 +67,11 @@ def _map(cells: Int64Array, scenes: Sequence[SceneFacts]) -> str:
     visited = _raster((cells + 0.5) * CELL_M - middle_m + extent_m / 2.0, extent_m)
     sheet.picture(0, 0, (_MAP_SIDE, _MAP_SIDE), (visited > 0).astype(np.uint8), ramp(_VISITED)[[0, 200]])
     for scene in scenes:
-        places = ((scene.ego_m - middle_m) * [1.0, -1.0] + extent_m / 2.0) * scale
-        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places.tolist())
+        points_px = ((scene.ego_m - middle_m) * [1.0, -1.0] + extent_m / 2.0) * scale
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in points_px.tolist())
         color, title = css(SPLIT_COLORS[scene.split]), f"<title>{scene.name}, {scene.split}</title>"
-        sheet.add(f'<polyline class="way" stroke="{color}" points="{points}">{title}</polyline>')
-        x, y = places[0].tolist()
+        sheet.add(f'<polyline class="path" stroke="{color}" points="{points}">{title}</polyline>')
+        x, y = points_px[0].tolist()
         sheet.add(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{color}">{title}</circle>')
     bar_m = ticks(0.0, extent_m)[1]
     sheet.line(10, _MAP_SIDE - 10, 10 + bar_m * scale, _MAP_SIDE - 10, "axis")
@@ -76,26 +79,26 @@ def _map(cells: Int64Array, scenes: Sequence[SceneFacts]) -> str:
     return sheet.svg()
 
 
-def _raster(places_m: AnyArray, extent_m: float) -> AnyArray:
-    """(P, P) how many of (K, 2) places are in each cell of a square of some extent, the last row at y = 0."""
+def _raster(positions_m: AnyArray, extent_m: float) -> AnyArray:
+    """(P, P) number of (K, 2) positions in each cell of a square of side ``extent_m``; the last row is at y = 0."""
     pixels = int(min(_MAP_PIXELS, np.ceil(extent_m / CELL_M)))
-    column, up = np.clip(places_m / extent_m * pixels, 0, pixels - 1).astype(int).T
+    column, up = np.clip(positions_m / extent_m * pixels, 0, pixels - 1).astype(int).T
     raster = np.zeros((pixels, pixels))
     np.add.at(raster, (pixels - 1 - up, column), 1.0)
     return raster
 
 
-def _smaller(values: Int64Array) -> AnyArray:
-    """As a picture of few pixels."""
+def _shrink(values: Int64Array) -> AnyArray:
+    """(h, w) values averaged to at most ``_MAX_PIXELS`` rows and columns."""
     rows, columns = values.shape
-    share = min(1.0, _MOST_PIXELS / max(rows, columns))
+    share = min(1.0, _MAX_PIXELS / max(rows, columns))
     size = max(1, round(columns * share)), max(1, round(rows * share))
     return np.asarray(cv2.resize(values.astype(np.float32), size, interpolation=cv2.INTER_AREA))
 
 
-def _deep(color: Color) -> Color:
-    """A colour that can be told from paper."""
-    if sum(color) <= _DARKEST_SUM:
+def _darken(color: Color) -> Color:
+    """The color, darkened if necessary to stand out from the paper."""
+    if sum(color) <= _MAX_COLOR_SUM:
         return color
-    red, green, blue = (round(part * _DARKEST_SUM / sum(color)) for part in color)
+    red, green, blue = (round(part * _MAX_COLOR_SUM / sum(color)) for part in color)
     return red, green, blue

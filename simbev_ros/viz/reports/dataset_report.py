@@ -1,4 +1,4 @@
-"""A dataset's statistics as one page, HTML, that needs nothing beside itself."""
+"""Builds the report of a dataset: from its ``Statistics`` to one self-contained HTML page."""
 
 from simbev_ros.dataset.statistics import Statistics
 from simbev_ros.viz.reports import page
@@ -11,14 +11,14 @@ _STYLE_FILE = "dataset_report.css"
 
 
 def dataset_report(statistics: Statistics) -> str:
-    """The page."""
-    up = "The ego is in the middle and looks up; darker: more often."
+    """The report of a dataset as a self-contained HTML page."""
+    up = "The ego is in the middle and faces up; darker: more often."
     sections = [
         section("Scenes", sheet("wide", scene_figures(statistics))),
         section(
             "Boxes",
             sheet("wide", box_figures(statistics)) + sheet("small", crowd_figures(statistics)),
-            _sampling(statistics),
+            _sampling_note(statistics),
         ),
         section("Speed and size, class by class", sheet("small", size_figures(statistics))),
         section(
@@ -27,7 +27,7 @@ def dataset_report(statistics: Statistics) -> str:
         section(
             "Maps",
             sheet("wide", map_figures(statistics)),
-            "Ways of the ego, from the dot on; grey: where others were.",
+            "Paths of the ego, starting at the dot; gray: where other actors were.",
         ),
         section("Weather", sheet("small", weather_figures(statistics)), "At the first frames."),
         section("All scenes", scene_table(statistics)),
@@ -36,6 +36,6 @@ def dataset_report(statistics: Statistics) -> str:
     return page.page(statistics.path.resolve().name, head, "".join(sections), _STYLE_FILE)
 
 
-def _sampling(statistics: Statistics) -> str:
+def _sampling_note(statistics: Statistics) -> str:
     looked_at = statistics.tally.frames
-    return "" if statistics.every == 1 else f"Each {statistics.every}th frame was looked at: {looked_at:,} in all."
+    return "" if statistics.every == 1 else f"Every {statistics.every}th frame was sampled: {looked_at:,} in all."

@@ -1,4 +1,7 @@
-"""What a dataset's report says of its scenes: how many there are of each map, and what was drawn for them."""
+"""Figures of a dataset report about its scenes: counts by map, traffic, weather, and a table of all scenes.
+
+A dataset's ``Statistics`` enter; HTML figures with SVG charts, and one HTML table, leave.
+"""
 
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -16,7 +19,7 @@ from simbev_ros.viz.reports.svg_charts import SMALL, Series, bars, figure, histo
 from simbev_ros.viz.reports.svg_drawing import Color, css, number
 
 SPLIT_COLORS: dict[str, Color] = {"train": (47, 111, 143), "val": (217, 142, 50), "test": (166, 68, 92)}
-_MOST_KINDS = 20
+_MAX_KINDS = 20
 _COLUMNS = 24
 _WEATHER_BINS = 20
 _WEATHER_ENDS: dict[str, tuple[float, float, str]] = {
@@ -34,7 +37,7 @@ _WEATHER_ENDS: dict[str, tuple[float, float, str]] = {
 
 
 def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
-    """Numbers for the head of the page, each with what it counts."""
+    """Key numbers for the head of the page, each with its label."""
     scenes, tally = statistics.scenes, statistics.tally
     frames = sum(scene.frames for scene in scenes)
     minutes = sum(scene.duration_s for scene in scenes) / 60.0
@@ -50,7 +53,7 @@ def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
 
 
 def scene_figures(statistics: Statistics) -> Iterator[str]:
-    """Scenes by map and split, and what was drawn for them."""
+    """Figures of scenes by map and split, of the number of actors, of the ego's speed and of the kinds of actors."""
     scenes = statistics.scenes
     maps = sorted({scene.map for scene in scenes})
     counts = {split: [sum(s.map == name and s.split == split for s in scenes) for name in maps] for split in SPLITS}
@@ -62,7 +65,7 @@ def scene_figures(statistics: Statistics) -> Iterator[str]:
         yield figure(title, histogram(_by_split(scenes, values, 0.0, step), step, name, "scenes"))
     speeds = statistics.tally.counts["ego_speed"]
     yield figure("Speed of the ego", histogram([Series("frames", speeds)], SPEED_STEP_MPS, "m/s", "frames"))
-    kinds = statistics.tally.actors.most_common(_MOST_KINDS)
+    kinds = statistics.tally.actors.most_common(_MAX_KINDS)
     drawn = Series("actors", np.array([count for _, count in kinds]))
     yield figure(
         "Most frequent actors", bars([name for name, _ in kinds], [drawn]), "In the first frames of all scenes."
@@ -70,7 +73,7 @@ def scene_figures(statistics: Statistics) -> Iterator[str]:
 
 
 def weather_figures(statistics: Statistics) -> Iterator[str]:
-    """Each parameter of the weather, over the scenes."""
+    """Figures of the distribution of each weather parameter over the scenes."""
     for name in Weather.model_fields:
         low, high, unit = _WEATHER_ENDS[name]
         values = np.array([getattr(scene.weather, name) for scene in statistics.scenes])
@@ -84,7 +87,7 @@ def weather_figures(statistics: Statistics) -> Iterator[str]:
 
 
 def scene_table(statistics: Statistics) -> str:
-    """A row for each scene."""
+    """HTML table with a row for each scene."""
     scene_heads = ("scene", "split", "frames", "s", "vehicles", "pedestrians", "hazards")
     heads = (*scene_heads, "sun °", "clouds", "rain", "fog", "boxes a frame", "ego m", "MB")
     lines = []
@@ -103,10 +106,10 @@ def scene_table(statistics: Statistics) -> str:
 
 
 def _by_split(scenes: Sequence[SceneFacts], values: AnyArray, low: float, step: float) -> list[Series]:
-    """How many scenes of each split have values in bins from ``low`` on."""
-    place = np.maximum(np.floor((values - low) / step).astype(int), 0)
+    """Number of scenes of each split whose values are in each bin of width ``step``, starting at ``low``."""
+    bin_index = np.maximum(np.floor((values - low) / step).astype(int), 0)
     found = []
     for split, color in SPLIT_COLORS.items():
         rows = [scene.split == split for scene in scenes]
-        found.append(Series(split, np.bincount(place[rows], minlength=int(place.max()) + 1), color))
+        found.append(Series(split, np.bincount(bin_index[rows], minlength=int(bin_index.max()) + 1), color))
     return found

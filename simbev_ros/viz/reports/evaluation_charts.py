@@ -1,4 +1,7 @@
-"""The curves of an evaluation: precision over recall, and what becomes of figures with conditions and thresholds."""
+"""Charts of an evaluation report: precision over recall, and metrics over conditions and thresholds.
+
+An ``Evaluation`` or its figures enter; HTML figures with SVG charts leave.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -23,25 +26,25 @@ _UNORDERED = ("weather",)
 
 
 def threshold_colors(evaluation: Evaluation, method: Method) -> dict[str, Color]:
-    """Colours of a method's thresholds by their names, from the most lenient to the strictest."""
+    """Colors of a matching method's thresholds by their names, from the most lenient to the strictest."""
     limits = [limit for each, limit in evaluation.options.detection.thresholds if each == method]
     strictness = sorted(limits, reverse=method == "distance")
-    places = np.linspace(0.0, 2.0, max(len(limits), 2))[: len(limits)]
+    stop_positions = np.linspace(0.0, 2.0, max(len(limits), 2))[: len(limits)]
     stops = np.array([_LENIENT, _MIDDLE, _STRICT], np.float64)
     found = {}
-    for limit, place in zip(strictness, places, strict=True):
-        red, green, blue = (round(float(np.interp(place, (0, 1, 2), stops[:, k]))) for k in range(3))
+    for limit, stop_position in zip(strictness, stop_positions, strict=True):
+        red, green, blue = (round(float(np.interp(stop_position, (0, 1, 2), stops[:, k]))) for k in range(3))
         found[threshold_name(method, limit)] = red, green, blue
     return found
 
 
 def threshold_name(method: Method, limit: float) -> str:
-    """As people say it."""
+    """A matching threshold as displayed text."""
     return f"IoU > {limit:g}" if method == "iou" else f"< {limit:g} m"
 
 
 def precision_recall_figures(evaluation: Evaluation, detection: Figures, method: Method) -> Iterator[str]:
-    """A small chart for each class, with a line for each threshold."""
+    """Figures of precision over recall: one small chart for each class, with a line for each threshold."""
     colors, thresholds = threshold_colors(evaluation, method), evaluation.options.detection.thresholds
     for name, values in detection["classes"].items():
         lines = []
@@ -56,7 +59,13 @@ def precision_recall_figures(evaluation: Evaluation, detection: Figures, method:
 
 
 def condition_figures(key: str, boxes: Figures, cells: Figures) -> Iterator[str]:
-    """AP and IoU of each class over the rows of a table that have something; arguments as of ``condition_table``."""
+    """Figures of AP and IoU of each class over the non-empty rows of a table by condition.
+
+    Args:
+        key: Name of the condition.
+        boxes: Detection figures by the condition's value.
+        cells: Segmentation figures by the condition's value.
+    """
     boxes = {_short(name): row for name, row in boxes.items() if row["boxes"]}
     cells = {_short(name): row for name, row in cells.items() if row["frames"]}
     joined = key not in _UNORDERED
@@ -73,7 +82,7 @@ def condition_figures(key: str, boxes: Figures, cells: Figures) -> Iterator[str]
 
 
 def cell_figures(segmentation: Figures) -> Iterator[str]:
-    """IoU of each class over the thresholds of the score."""
+    """Figure of the bird's-eye-view IoU of each class over the score thresholds."""
     values = {name: [*own.values()] for name, own in segmentation["IoU_at"].items()}
     yield _profile("IoU by threshold of the score", "IoU", [*segmentation["mean_IoU_at"]], values, joined=True)
 
@@ -87,7 +96,7 @@ def _profile(
 
 
 def _short(name: str) -> str:
-    """A row's name, so that many fit side by side."""
+    """A shortened row name, so that many fit side by side."""
     return name.replace(" to ", "–").replace(" and more", " +")
 
 
@@ -97,6 +106,6 @@ def _numbers(values: Iterable[float | None]) -> Float64Array:
 
 @lru_cache(maxsize=1)
 def class_colors() -> dict[str, Color]:
-    """Of all classes of boxes and cells."""
+    """Chart colors of all box and bird's-eye-view classes by name."""
     codes = yaml.safe_load(files("simbev_ros.viz.reports").joinpath("class_colors.yaml").read_text(encoding="utf-8"))
     return {name: (code >> 16, code >> 8 & 255, code & 255) for name, code in codes.items()}

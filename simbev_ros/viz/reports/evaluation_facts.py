@@ -1,4 +1,7 @@
-"""What was evaluated, in words, for the head of a report."""
+"""Describes for the head of an evaluation report what was evaluated and how, with the main figures.
+
+Figures and ``EvaluationOptions`` enter; text and HTML leave.
+"""
 
 from collections.abc import Iterator
 from html import escape
@@ -15,7 +18,7 @@ from simbev_ros.viz.reports.svg_drawing import number
 
 
 def headline(figures: Figures) -> Iterator[tuple[str, str]]:
-    """The few figures that are to be seen first, and what they are."""
+    """The main figures of an evaluation: their values as text, and their labels."""
     detection, frames = figures.get("detection", {}), figures["frames"]
     for method, name in METHOD_NAMES.items():
         if method in detection:
@@ -30,8 +33,8 @@ def headline(figures: Figures) -> Iterator[tuple[str, str]]:
 
 
 def facts(figures: Figures, options: EvaluationOptions) -> str:
-    """Where it is from, what counts and how it was measured, as HTML."""
-    lines = "".join(f"<dt>{what}</dt><dd>{escape(said)}</dd>" for what, said in _facts(figures, options))
+    """Source of the data, conditions on what counts, and the method of measurement, as an HTML list."""
+    lines = "".join(f"<dt>{label}</dt><dd>{escape(text)}</dd>" for label, text in _facts(figures, options))
     return f'<dl class="facts">{lines}</dl>'
 
 
@@ -47,9 +50,9 @@ def _facts(figures: Figures, options: EvaluationOptions) -> Iterator[tuple[str, 
 
 
 def _counted(base: Cut, options: EvaluationOptions) -> Iterator[str]:
-    """Conditions that leave something out."""
+    """The conditions that exclude some boxes, cells or frames, as text."""
     if options.every > 1:
-        yield f"each {options.every}th frame of a scene"
+        yield f"every {options.every}th frame of each scene"
     for what, chosen, known in (
         ("boxes of", options.box_classes, BOX_CLASSES),
         ("cells of", options.bev_classes, BEV_CLASSES),
@@ -73,7 +76,7 @@ def _measured(options: EvaluationOptions) -> Iterator[str]:
     if detection.ious:
         yield f"3D IoU above {', '.join(f'{each:g}' for each in detection.ious)}"
     if detection.distances_m:
-        yield f"centres closer than {', '.join(f'{each:g}' for each in detection.distances_m)} m"
+        yield f"centers closer than {', '.join(f'{each:g}' for each in detection.distances_m)} m"
     yield "distances and velocities " + ("in the plane" if detection.planar else "in space")
     envelope = "the envelope of precision over recall, as Pascal VOC"
     yield "area under " + (envelope if detection.area == "envelope" else "precision over recall, in steps")

@@ -1,4 +1,7 @@
-"""The worst frames of an evaluation with pictures, as HTML."""
+"""Shows the worst frames of an evaluation with pictures, as HTML cards for its report.
+
+An ``Evaluation``, its scenes and predictions enter; HTML leaves.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
@@ -16,48 +19,48 @@ from simbev_ros.evaluation.worst_frames import WorstFrame, worst_frames, worst_g
 from simbev_ros.palette import class_color
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Table
-from simbev_ros.viz.reports.evaluation_cameras import in_camera
+from simbev_ros.viz.reports.evaluation_cameras import camera_picture
 from simbev_ros.viz.reports.evaluation_grids import FALSE, MISSED, RIGHT, grid_pictures
-from simbev_ros.viz.reports.evaluation_pictures import extent_m, from_above, marked_boxes
+from simbev_ros.viz.reports.evaluation_pictures import marked_boxes, picture_half_extent_m, top_view
 from simbev_ros.viz.reports.page import table as html_table
 from simbev_ros.viz.reports.svg_charts import legend, words
 from simbev_ros.viz.reports.svg_drawing import Color
 
-_APART_S = 1.0
+_MIN_INTERVAL_S = 1.0
 _FRAMES, _GRIDS = 12, 6
 _KINDS = {
     "found": "found",
     "missed": "missed",
-    "answer": "predicted rightly",
-    "false": "predicted in vain",
-    "unsure": "predicted, but less sure than others",
+    "answer": "predicted correctly",
+    "false": "predicted falsely",
+    "unsure": "predicted, but with a lower score than others",
     "uncounted": "does not count",
 }
 _Choice = Callable[[Mapping[str, Table], int, Callable[[str], int]], list[WorstFrame]]
 
 
 def worst_frame_cards(evaluation: Evaluation, scenes: Sequence[Scene], predictions: PredictionSet) -> str:
-    """Frames that miss most boxes, each from above and in a camera; nothing if boxes are not evaluated."""
+    """Cards of the frames with the most missed boxes, from above and in a camera; empty if boxes are not evaluated."""
     if not evaluation.detections:
         return ""
-    items = "".join(f'<span><i class="{kind}"></i>{said}</span>' for kind, said in _KINDS.items())
+    items = "".join(f'<span><i class="{kind}"></i>{caption}</span>' for kind, caption in _KINDS.items())
     cards = "".join(
         _frame_card(each, frame, outcomes_of(frame.scene, predicted, each.tick, evaluation.options))
-        for each, frame, predicted in _picked(worst_frames, _FRAMES, evaluation, scenes, predictions)
+        for each, frame, predicted in _chosen_frames(worst_frames, _FRAMES, evaluation, scenes, predictions)
     )
     return f'<p class="legend">{items}</p>{cards}' if cards else ""
 
 
 def worst_grid_cards(evaluation: Evaluation, scenes: Sequence[Scene], predictions: PredictionSet) -> str:
-    """Frames whose cells have the least IoU; nothing if grids are not evaluated."""
+    """Cards of the frames with the lowest IoU of cells; empty if grids are not evaluated."""
     if not evaluation.segmentations:
         return ""
     cards = []
-    for each, frame, predicted in _picked(worst_grids, _GRIDS, evaluation, scenes, predictions):
+    for each, frame, predicted in _chosen_frames(worst_grids, _GRIDS, evaluation, scenes, predictions):
         grid = predicted.grid(each.tick)
         if grid is not None:
             pictures = grid_pictures(frame, grid, evaluation.grid_classes)
-            views = "".join(_view(said, picture) for said, picture in pictures.items())
+            views = "".join(_view(caption, picture) for caption, picture in pictures.items())
             cards.append(_card(frame, f"mean IoU {each.iou:.3f}", f'<div class="cells">{views}</div>'))
     return f"{legend(_cell_colors(evaluation.grid_classes))}{''.join(cards)}" if cards else ""
 
@@ -66,41 +69,41 @@ def _cell_colors(classes: Sequence[str]) -> dict[str, Color]:
     return {"right": RIGHT, "missed": MISSED, "false": FALSE, **{words(name): class_color(name) for name in classes}}
 
 
-def _picked(
+def _chosen_frames(
     choose: _Choice, count: int, evaluation: Evaluation, scenes: Sequence[Scene], predictions: PredictionSet
 ) -> Iterator[tuple[WorstFrame, Frame, PredictedScene]]:
-    by_name, said = {scene.name: scene for scene in scenes}, dict[str, PredictedScene]()
-    for each in choose(evaluation.frames, count, lambda name: round(_APART_S * 1e9 / by_name[name].tick_ns)):
+    by_name, predicted = {scene.name: scene for scene in scenes}, dict[str, PredictedScene]()
+    for each in choose(evaluation.frames, count, lambda name: round(_MIN_INTERVAL_S * 1e9 / by_name[name].tick_ns)):
         scene = by_name[each.scene]
-        if each.scene not in said:
-            said[each.scene] = predictions.scene(scene.name, scene.stamps_ns)
-        yield each, scene[each.tick], said[each.scene]
+        if each.scene not in predicted:
+            predicted[each.scene] = predictions.scene(scene.name, scene.stamps_ns)
+        yield each, scene[each.tick], predicted[each.scene]
 
 
 def _frame_card(worst: WorstFrame, frame: Frame, outcomes: Outcomes) -> str:
     boxes = marked_boxes(outcomes)
     grid = frame.scene.spec.annotation.bev
-    picture = from_above(frame, boxes, extent_m(outcomes, grid.columns * grid.cell_m / 2.0))
-    views, seen = _view("from above", picture), in_camera(frame, outcomes, boxes)
+    picture = top_view(frame, boxes, picture_half_extent_m(outcomes, grid.columns * grid.cell_m / 2.0))
+    views, seen = _view("from above", picture), camera_picture(frame, outcomes, boxes)
     if seen is not None:
         views += _view(seen[1], seen[0])
-    said = f"{worst.found} of {worst.boxes} boxes found"
-    return _card(frame, said, f'<div class="views">{views}<div>{_class_table(outcomes)}</div></div>')
+    caption = f"{worst.found} of {worst.boxes} boxes found"
+    return _card(frame, caption, f'<div class="views">{views}<div>{_class_table(outcomes)}</div></div>')
 
 
 def _class_table(outcomes: Outcomes) -> str:
-    """What became of the boxes of each class."""
+    """HTML table with the outcomes of the boxes of each class."""
     table, missed = outcomes.table, outcomes.counted & ~outcomes.found
     sensed = np.maximum(table["lidar_points"], table["radar_points"]) > 0
-    vain = outcomes.predictions.boxes.label[outcomes.taken & (outcomes.outcome == MISS)]
+    false_labels = outcomes.predictions.boxes.label[outcomes.taken & (outcomes.outcome == MISS)]
     shown = (table["class"][chosen] for chosen in (outcomes.counted, outcomes.found, missed, missed & sensed))
-    columns = [np.bincount(labels, minlength=len(BOX_CLASSES)) for labels in (*shown, vain)]
+    columns = [np.bincount(labels, minlength=len(BOX_CLASSES)) for labels in (*shown, false_labels)]
     rows = [
         f"<th>{words(name)}</th>" + "".join(f"<td>{count or '–'}</td>" for count in counts)
         for name, *counts in zip(BOX_CLASSES, *(column.tolist() for column in columns), strict=True)
         if any(counts)
     ]
-    return html_table(("class", "boxes", "found", "missed", "of them with points", "in vain"), rows)
+    return html_table(("class", "boxes", "found", "missed", "of them with points", "false"), rows)
 
 
 def _card(frame: Frame, note: str, body: str) -> str:
@@ -111,5 +114,5 @@ def _card(frame: Frame, note: str, body: str) -> str:
     return f'<article>{head}<p class="note">{escape(note)}</p>{body}</article>'
 
 
-def _view(said: str, picture: str) -> str:
-    return f'<div><p class="note">{escape(said)}</p>{picture}</div>'
+def _view(caption: str, picture: str) -> str:
+    return f'<div><p class="note">{escape(caption)}</p>{picture}</div>'

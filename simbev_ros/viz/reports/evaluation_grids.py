@@ -1,4 +1,7 @@
-"""Pictures of single frames' cells: the truth, what is predicted, and where they differ, as SVG."""
+"""Draws the bird's-eye-view cells of single frames as SVG: ground truth, prediction, and their difference.
+
+A frame and a ``ScoreGrid`` enter; SVG text leaves.
+"""
 
 import numpy as np
 
@@ -18,26 +21,26 @@ _RIGHT_OPACITY = 90
 
 
 def grid_pictures(frame: Frame, predicted: ScoreGrid, classes: tuple[str, ...]) -> dict[str, str]:
-    """By what they show: pictures of a frame's cells, the ego in the middle, looking up.
+    """SVG pictures of a frame's cells by what they show, the ego in the middle, facing up.
 
     Args:
-        frame: With the truth.
-        predicted: Scores of it.
-        classes: Those that are evaluated.
+        frame: The frame, with the ground truth.
+        predicted: Predicted scores of the frame.
+        classes: The evaluated classes.
     """
     chosen = sum(1 << BEV_CLASSES.index(name) for name in classes)
     truth = frame["bev/labels"] & np.uint16(chosen)
     answer = _labels(predicted) & np.uint16(chosen)
     missed, false = truth & ~answer != 0, answer & ~truth != 0
     return {
-        "truth": _svg(*_painted(bev_color(truth), truth == 0)),
-        "predicted": _svg(*_painted(bev_color(answer), answer == 0)),
+        "truth": _svg(*_indexed(bev_color(truth), truth == 0)),
+        "predicted": _svg(*_indexed(bev_color(answer), answer == 0)),
         "difference": _svg(*_difference(truth != 0, missed, false)),
     }
 
 
 def _labels(predicted: ScoreGrid) -> UInt16Array:
-    """(H, W) labels, bit k for class k, where scores are at the threshold of tables."""
+    """(H, W) uint16 labels, bit k for class k, set where scores reach the threshold of the tables."""
     (limit,) = limits_of((TABLE_THRESHOLD,), predicted.scores.dtype)
     labels = np.zeros(predicted.scores.shape[1:], np.uint16)
     for name, scores in zip(predicted.classes, predicted.scores, strict=True):
@@ -45,8 +48,8 @@ def _labels(predicted: ScoreGrid) -> UInt16Array:
     return labels
 
 
-def _painted(colors: UInt8Array, empty: BoolArray) -> tuple[UInt8Array, UInt8Array]:
-    """Indices and (256, 4) colours of an (H, W, 3) picture of few colours, of which some cells are not painted."""
+def _indexed(colors: UInt8Array, empty: BoolArray) -> tuple[UInt8Array, UInt8Array]:
+    """Indices and (256, 4) RGBA colors of an (H, W, 3) picture of few colors; ``empty`` cells are transparent."""
     found, index = np.unique(colors.reshape(-1, 3), axis=0, return_inverse=True)
     ramp = np.zeros((256, 4), np.uint8)
     ramp[1 : len(found) + 1] = np.column_stack([found, np.full(len(found), 255)])
@@ -54,7 +57,7 @@ def _painted(colors: UInt8Array, empty: BoolArray) -> tuple[UInt8Array, UInt8Arr
 
 
 def _difference(right: BoolArray, missed: BoolArray, false: BoolArray) -> tuple[UInt8Array, UInt8Array]:
-    """What is missed lies over what is false."""
+    """Picture of the difference: missed cells over false ones over those that are right."""
     indices, ramp = np.zeros(right.shape, np.uint8), np.zeros((256, 4), np.uint8)
     for index, (cells, color, opacity) in enumerate(
         ((right, RIGHT, _RIGHT_OPACITY), (false, FALSE, 255), (missed, MISSED, 255)), start=1

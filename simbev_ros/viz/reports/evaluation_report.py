@@ -1,4 +1,4 @@
-"""An evaluation as one page, HTML, that needs nothing beside itself."""
+"""Builds the report of an evaluation: from an ``Evaluation`` and its figures to one self-contained HTML page."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -41,21 +41,22 @@ _BOXES_NOTE = (
 )
 
 _SCENES_NOTE = (
-    "Found: share of boxes that as many surest predictions of a frame find. Frames without an answer count as missed."
+    "Found: share of a frame's boxes that the same number of top-scored predictions find. Frames without an answer "
+    "count as missed."
 )
 
 
 def write_evaluation_report(
     path: Path, evaluation: Evaluation, scenes: Sequence[Scene], predictions: PredictionSet, figures: Figures
 ) -> None:
-    """Write the page, with pictures of the worst frames.
+    """Write the report page with pictures of the worst frames.
 
     Args:
-        path: The file.
-        evaluation: What is shown.
-        scenes: That were evaluated.
-        predictions: Of them.
-        figures: ``evaluation.figures.figures_of`` it, and names of the ``dataset`` and the ``predictions``.
+        path: The HTML file.
+        evaluation: The evaluation to show.
+        scenes: The evaluated scenes.
+        predictions: Their predictions.
+        figures: Result of ``evaluation.figures.figures_of``, plus the names of the ``dataset`` and the ``predictions``.
 
     Raises:
         InputError: The file cannot be written.
@@ -69,13 +70,13 @@ def write_evaluation_report(
 
 
 def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "", cells: str = "") -> str:
-    """The page.
+    """The report of an evaluation as a self-contained HTML page.
 
     Args:
-        evaluation: As of ``write_evaluation_report``.
-        figures: As well.
-        boxes: HTML of the worst frames by boxes.
-        cells: And by cells.
+        evaluation: The evaluation to show.
+        figures: As for ``write_evaluation_report``.
+        boxes: HTML of the frames with the most missed boxes, or empty.
+        cells: HTML of the frames with the lowest IoU of cells, or empty.
     """
     detection, segmentation = figures.get("detection", {}), figures.get("segmentation", {})
     sections = [
@@ -84,8 +85,8 @@ def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "",
         *_conditions(figures),
         _nuscenes(figures.get("nuscenes", {})),
         section("Scenes", scene_table(evaluation), _SCENES_NOTE),
-        section("Frames that miss most boxes", boxes, _found_note(evaluation)),
-        section("Frames with the least IoU of cells", cells, "Classes that are evaluated, at the table's threshold."),
+        section("Frames with the most missed boxes", boxes, _found_note(evaluation)),
+        section("Frames with the lowest IoU of cells", cells, "Evaluated classes, at the table's threshold."),
     ]
     head = key_figures(headline(figures)) + facts(figures, evaluation.options)
     title = " on ".join(Path(figures[what]).resolve().name for what in ("predictions", "dataset"))
@@ -93,7 +94,7 @@ def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "",
 
 
 def _boxes(evaluation: Evaluation, detection: Figures) -> str:
-    """Tables and curves of detection."""
+    """Section with the tables and curves of detection."""
     if not detection:
         return ""
     parts = [html_table(summary_table(detection))]
@@ -110,13 +111,13 @@ def _boxes(evaluation: Evaluation, detection: Figures) -> str:
 def _found_note(evaluation: Evaluation) -> str:
     method, limit = evaluation.options.detection.thresholds[found_column(evaluation.options.detection)]
     return (
-        f"Of each class only as many surest predictions are taken as the frame has boxes. Matched by "
+        f"Of each class, only as many top-scored predictions are used as the frame has boxes. Matched by "
         f"{METHOD_NAMES[method]}, {threshold_name(method, limit)}. Point at a box to read what it is."
     )
 
 
 def _conditions(figures: Figures) -> Iterator[str]:
-    """A section for each condition by which tables are sliced."""
+    """Sections with tables and charts, one for each condition by which the evaluation is sliced."""
     for condition in conditions_of(figures):
         boxes, cells = (figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation"))
         charts = sheet("pair", condition_figures(condition, boxes, cells))
@@ -127,7 +128,9 @@ def _cells(segmentation: Figures) -> str:
     if not segmentation:
         return ""
     body = html_table(segmentation_table(segmentation)) + sheet("pair", cell_figures(segmentation))
-    return section("Bird's-eye view", body, "IoU of cells by class, if a class is where its score is at least so high.")
+    return section(
+        "Bird's-eye view", body, "IoU of cells by class; a class is present where its score is at least the threshold."
+    )
 
 
 def _nuscenes(nuscenes: Figures) -> str:

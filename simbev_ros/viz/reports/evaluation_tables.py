@@ -1,4 +1,4 @@
-"""Draws the tables of an evaluation as HTML."""
+"""Formats the tables of an evaluation as HTML for its report."""
 
 from html import escape
 
@@ -20,7 +20,7 @@ def html_table(figures: FigureTable) -> str:
 
 
 def scene_table(evaluation: Evaluation) -> str:
-    """A row for each scene: what was answered, and how well."""
+    """HTML table with a row for each scene: answered frames, found boxes, mean IoU and the unanswered ticks."""
     boxes, grids = bool(evaluation.detections), bool(evaluation.segmentations)
     asked = [*(["answered_boxes"] if boxes else []), *(["answered_grid"] if grids else [])]
     lacking = any(not frames[name].all() for frames in evaluation.frames.values() for name in asked)
@@ -45,7 +45,7 @@ def _answered(answered: BoolArray) -> str:
 
 
 def _unanswered(frames: Table, name: str) -> str:
-    """Ticks of frames that were not answered, as the first few spans."""
+    """Ticks of the frames that were not answered, as text: the first ``_MAX_SPANS`` spans."""
     rows = np.flatnonzero(~frames[name])
     spans = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
     ends = [(int(frames["tick"][span[0]]), int(frames["tick"][span[-1]])) for span in spans[:_MAX_SPANS]]

@@ -1,4 +1,4 @@
-"""Pages of HTML that need nothing beside themselves: no scripts, no other files."""
+"""Builds self-contained HTML pages of sections, figures and tables, without scripts or other files."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -10,13 +10,13 @@ _STYLE_FILE = "page.css"
 
 
 def page(title: str, head: str, body: str, *style_files: str) -> str:
-    """The whole page.
+    """A complete HTML page.
 
     Args:
-        title: Its name, as text.
+        title: Title of the page, as text.
         head: HTML below the title.
         body: HTML of all sections.
-        style_files: Of this package, on top of what all pages look like.
+        style_files: Names of style sheets in this package that are added to the common one.
     """
     folder = files("simbev_ros.viz.reports")
     style = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in (_STYLE_FILE, *style_files))
@@ -29,25 +29,25 @@ def page(title: str, head: str, body: str, *style_files: str) -> str:
 
 
 def key_figures(figures: Iterable[tuple[str, str]]) -> str:
-    """What is to be seen first: values, and what they are."""
+    """HTML of the key figures at the head of a page: (value, label) pairs, as text."""
     shown = "".join(f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in figures)
     return f'<div class="key">{shown}</div>'
 
 
 def section(title: str, body: str, note: str = "") -> str:
-    """Nothing if there is nothing in it."""
+    """HTML of a section with a title and an optional note, as text; empty if ``body`` is."""
     said = f'<p class="lead">{escape(note)}</p>' if note else ""
     return f"<section><h2>{escape(title)}</h2>{said}{body}</section>" if body else ""
 
 
 def sheet(kind: str, figures: Iterable[str]) -> str:
-    """Wide or small figures beside each other."""
+    """HTML of figures beside each other; ``kind`` is the style class: ``wide``, ``small`` or ``pair``."""
     body = "".join(figures)
     return f'<div class="{kind}">{body}</div>' if body else ""
 
 
 def table(heads: Sequence[str], rows: Iterable[str]) -> str:
-    """Heads as text, above rows of cells in HTML."""
+    """HTML table with column heads, as text, and rows, each the HTML of its cells."""
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     body = "".join(f"<tr>{cells}</tr>" for cells in rows)
     return f'<div class="table"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'

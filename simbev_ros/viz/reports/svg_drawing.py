@@ -1,4 +1,7 @@
-"""Marks on a sheet, as SVG text to be put into a page, whose style sheet gives texts and lines their looks."""
+"""Draws marks on a sheet as SVG text for HTML pages, whose style sheet formats text and lines.
+
+The lowest layer of reports' charts and pictures: text, lines, shapes, and embedded pictures, with colors and ticks.
+"""
 
 import base64
 import io
@@ -22,77 +25,77 @@ _TOP_SHARE = 0.998
 
 @dataclass(slots=True)
 class Drawing:
-    """Marks on a sheet of some size."""
+    """A sheet of a given size and the SVG marks on it, in painting order."""
 
     width: float
     height: float
     marks: list[str] = field(default_factory=list)
 
     def add(self, mark: str) -> None:
-        """Put a mark on top."""
+        """Add an SVG mark on top of the others."""
         self.marks.append(mark)
 
     def text(self, x: float, y: float, text: str, kind: str = "tick", anchor: str = "middle") -> None:
-        """One line of text; ``kind`` is its class in the style sheet."""
+        """Add one line of text; ``kind`` is its class in the style sheet."""
         self.add(f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>')
 
     def line(self, x0: float, y0: float, x1: float, y1: float, kind: str = "grid") -> None:
-        """A straight line."""
+        """Add a straight line; ``kind`` is its class in the style sheet."""
         self.add(f'<line class="{kind}" x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>')
 
     def block(self, x: float, y: float, width: float, height: float, color: Color, title: str = "") -> None:
-        """A filled rectangle."""
-        place = f'x="{x:.2f}" y="{y:.2f}" width="{max(width, 0):.2f}" height="{max(height, 0):.2f}"'
-        self.add(f'<rect {place} fill="{css(color)}"><title>{escape(title)}</title></rect>')
+        """Add a filled rectangle; ``title`` is shown under the pointer."""
+        box = f'x="{x:.2f}" y="{y:.2f}" width="{max(width, 0):.2f}" height="{max(height, 0):.2f}"'
+        self.add(f'<rect {box} fill="{css(color)}"><title>{escape(title)}</title></rect>')
 
     def dot(self, x: float, y: float, color: Color, title: str = "", radius: float = 2.0) -> None:
-        """A filled circle."""
-        said = f"<title>{escape(title)}</title>"
-        self.add(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" fill="{css(color)}">{said}</circle>')
+        """Add a filled circle; ``title`` is shown under the pointer."""
+        tooltip = f"<title>{escape(title)}</title>"
+        self.add(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" fill="{css(color)}">{tooltip}</circle>')
 
-    def path(self, kind: str, places: str, title: str = "") -> None:
-        """Lines along SVG's path data; ``kind`` is their class in the style sheet."""
-        said = f"<title>{escape(title)}</title>" if title else ""
-        self.add(f'<path class="{kind}" d="{places}">{said}</path>')
+    def path(self, kind: str, data: str, title: str = "") -> None:
+        """Add lines along SVG path data; ``kind`` is their class in the style sheet."""
+        tooltip = f"<title>{escape(title)}</title>" if title else ""
+        self.add(f'<path class="{kind}" d="{data}">{tooltip}</path>')
 
     def picture(self, x: float, y: float, size: Size, indices: AnyArray, ramp: AnyArray) -> None:
-        """(H, W) uint8 indices into (256, 3) colours, or (256, 4) with opacities."""
+        """Add a picture of (H, W) uint8 indices into (256, 3) RGB or (256, 4) RGBA colors."""
         self.photo(x, y, size, _png(indices, ramp))
 
     def photo(self, x: float, y: float, size: Size, address: str) -> None:
-        """A picture at an address, as that of ``jpeg``."""
-        place = f'x="{x:.1f}" y="{y:.1f}" width="{size[0]:.1f}" height="{size[1]:.1f}"'
-        self.add(f'<image {place} preserveAspectRatio="none" href="{address}"/>')
+        """Add a picture at an address, such as a result of ``jpeg``."""
+        box = f'x="{x:.1f}" y="{y:.1f}" width="{size[0]:.1f}" height="{size[1]:.1f}"'
+        self.add(f'<image {box} preserveAspectRatio="none" href="{address}"/>')
 
     def mark_ego(self, x: float, y: float) -> None:
-        """A small arrow that points up."""
+        """Add the ego's mark, a small arrow that points up."""
         self.add(f'<path class="ego" d="M{x:.1f} {y - 7:.1f}l5 12l-5 -3l-5 3z"/>')
 
     def svg(self) -> str:
-        """All of it."""
+        """The whole sheet as SVG text."""
         box = f"0 0 {self.width:.0f} {self.height:.0f}"
         return f'<svg viewBox="{box}" width="{self.width:.0f}" role="img">{"".join(self.marks)}</svg>'
 
 
 def heat(values: AnyArray, color: Color = INK, gamma: float = 0.5) -> tuple[AnyArray, AnyArray]:
-    """Picture of (H, W) values ≥ 0: (H, W) uint8 indices and their (256, 3) colours, from paper to dark.
+    """Heat map of (H, W) values ≥ 0: (H, W) uint8 indices and their (256, 3) colors, from paper to dark.
 
-    The few highest values, such as where the ego itself is, are all as dark as the next.
+    The top 0.2 % of values, such as at the ego's own position, saturate.
     """
     top = float(np.quantile(values, _TOP_SHARE)) or float(values.max()) or 1.0
     return np.rint(np.minimum(values / top, 1.0) ** gamma * 255).astype(np.uint8), ramp(color)
 
 
 def ramp(color: Color) -> AnyArray:
-    """(256, 3) uint8 from paper over a colour to a darker one."""
+    """(256, 3) uint8 color ramp from paper over a color to a darker version of it."""
     dark = np.array(color) * 0.35
     stops = np.array([_PAPER, np.array(color), dark], np.float64)
-    places = np.linspace(0, 2, 256)
-    return np.stack([np.interp(places, (0, 1.4, 2), stops[:, k]) for k in range(3)], axis=1).round().astype(np.uint8)
+    positions = np.linspace(0, 2, 256)
+    return np.stack([np.interp(positions, (0, 1.4, 2), stops[:, k]) for k in range(3)], axis=1).round().astype(np.uint8)
 
 
 def number(value: float) -> str:
-    """A number as people write it, in at most five characters or so."""
+    """A number as short text, about five characters, with a unit prefix (k, M, G) if it is large."""
     size = abs(value)
     for scale, unit in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if size >= max(scale, 1e4):
@@ -101,14 +104,14 @@ def number(value: float) -> str:
 
 
 def css(color: Color) -> str:
-    """As style sheets have colours."""
+    """A color in CSS notation, ``#rrggbb``."""
     red, green, blue = color
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-def ticks(low: float, high: float, least: float = 0.0) -> list[float]:
-    """Round values between two others, at least some step apart."""
-    rough = max((high - low) / _TICKS, least)
+def ticks(low: float, high: float, min_step: float = 0.0) -> list[float]:
+    """Round tick values between two limits, at least ``min_step`` apart."""
+    rough = max((high - low) / _TICKS, min_step)
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * factor for factor in (1, 2, 2.5, 5, 10) if power * factor >= rough * 0.999)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -116,7 +119,7 @@ def ticks(low: float, high: float, least: float = 0.0) -> list[float]:
 
 
 def jpeg(picture: UInt8Array, quality: int = 82) -> str:
-    """An address that holds a (H, W, 3) picture itself."""
+    """A data URL that contains a (H, W, 3) uint8 RGB picture as JPEG."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, optimize=True)
     return _address("jpeg", file)

@@ -1,1 +1,1 @@
-"""Contact sheets and videos of recorded scenes."""
+"""Contact sheets and videos of recorded scenes, drawn from a scene's bag."""

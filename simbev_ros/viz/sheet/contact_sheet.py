@@ -1,4 +1,7 @@
-"""One frame of a scene as one picture: cameras, the front camera's other modalities, lidar and labels from above."""
+"""Draws one frame of a scene as one picture: cameras, the front camera's other modalities, lidar and labels from above.
+
+The last stage of a preview: a ``SheetFrame`` enters, an RGB picture leaves. The layout is fixed once for a bag.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,20 +17,20 @@ from simbev_ros.viz.sheet.sheet_panels import LABEL_PANEL, PanelPainter
 from simbev_ros.viz.sheet.views import Views
 
 DESIGN_WIDTH_PX = 1920
-"""All lengths below are for this width and scale with it."""
+"""Sheet width in pixels for which the lengths below are given; they scale with the actual width."""
 
 _MARGIN, _GAP, _HEADER, _RADIUS = 24, 10, 78, 7
 
 
 @dataclass(frozen=True, slots=True)
 class Captions:
-    """The words on a sheet.
+    """The text on a contact sheet.
 
     Attributes:
-        title: The scene.
-        facts: What it is like, in a line.
-        frames: How many frames it has.
-        start_ns: Stamp from which time is counted.
+        title: Name of the scene.
+        facts: Description of the scene in one line.
+        frames: Number of frames of the scene.
+        start_ns: Stamp at which the displayed time is zero.
     """
 
     title: str
@@ -37,11 +40,11 @@ class Captions:
 
 
 class ContactSheet:
-    """The layout for one bag, drawn again for each frame.
+    """A contact sheet with a layout fixed for one bag, drawn again for each frame.
 
     Attributes:
         size_px: Width and height of the sheet, both even.
-        boxes: Where each picture lies on the sheet, by its topic or ``LABEL_PANEL``.
+        boxes: Box of each picture on the sheet, by its topic or ``LABEL_PANEL``.
     """
 
     def __init__(
@@ -56,11 +59,11 @@ class ContactSheet:
         """Prepare the layout.
 
         Args:
-            views: What is shown.
+            views: The topics to show.
             aspects: Width over height of each topic's picture.
-            captions: The words.
+            captions: The text.
             width_px: Width of the sheet, even; its height follows.
-            half_extent_m: From the ego to the edge of the lidar's picture.
+            half_extent_m: Distance from the ego to the edge of the lidar's picture.
         """
         self._captions = captions
         self._scale = width_px / DESIGN_WIDTH_PX
@@ -72,12 +75,12 @@ class ContactSheet:
         self.size_px = (width_px, bottom + bottom % 2)
 
     def draw(self, frame: SheetFrame) -> UInt8Array:
-        """(H, W, 3) RGB picture of a frame; a topic without anything recent leaves its place empty."""
+        """Draw a frame as (H, W, 3) uint8 RGB; the box of a topic without a recent sample stays empty."""
         width, height = self.size_px
         sheet = np.full((height, width, 3), BACKGROUND, np.uint8)
         self._draw_header(sheet, frame)
         for panel in self._panels:
-            box = self.boxes[panel.place]
+            box = self.boxes[panel.key]
             if any(topic in frame.arrays for topic in panel.topics):
                 picture, note = panel.paint(frame, box), panel.note
             else:
@@ -87,7 +90,7 @@ class ContactSheet:
         return sheet
 
     def _draw_header(self, sheet: UInt8Array, frame: SheetFrame) -> None:
-        """Scene, facts and time, over a line that fills as the scene goes on."""
+        """Write the scene's name, facts and time above a progress line."""
         scale, captions = self._scale, self._captions
         left, right = self._margin, self.size_px[0] - self._margin
         baseline = 44 * scale
@@ -95,8 +98,8 @@ class ContactSheet:
         draw_text(sheet, captions.facts, end + 20 * scale, baseline, size=18 * scale, color=DIM)
         seconds = (frame.stamp_ns - captions.start_ns) / 1e9
         start = draw_text(sheet, f"{seconds:.2f} s", right, baseline, size=24 * scale, weight=BOLD, right=True)
-        place = f"frame {frame.index + 1} of {captions.frames}"
-        draw_text(sheet, place, start - 16 * scale, baseline, size=18 * scale, color=DIM, right=True)
+        position = f"frame {frame.index + 1} of {captions.frames}"
+        draw_text(sheet, position, start - 16 * scale, baseline, size=18 * scale, color=DIM, right=True)
         top, height = round(60 * scale), max(1, round(2 * scale))
         done = left + round((right - left) * (frame.index + 1) / captions.frames)
         sheet[top : top + height, left:right] = LINE
@@ -104,9 +107,9 @@ class ContactSheet:
 
 
 def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
-    """Cameras in rows of a panorama; below them modalities, and the views with labels.
+    """The sheet's layout: cameras in panorama rows; below them the modalities and the views with labels.
 
-    Without a picture with labels, four modalities are put two by two beside the views from above.
+    Without a picture with labels, four modalities form a 2 x 2 block beside the views from above.
     """
 
     def row(topics: Sequence[str]) -> Row:
@@ -116,7 +119,7 @@ def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
     above = row([topic for topic in (views.points, next(iter(views.radars), None), views.bev) if topic is not None])
     if views.label_panel is not None:
         above = Row([Tile(LABEL_PANEL, aspects[views.label_panel[1].rgb]), *above.blocks])
-    if len(cameras) == 1:  # it alone would fill the sheet
+    if len(cameras) == 1:  # a single camera would fill the sheet
         return Column([part for part in (Row([*row(cameras).blocks, *above.blocks]), row(others)) if part.blocks])
     rows = -(-len(cameras) // (3 if len(cameras) <= 6 else 4))
     lengths = [len(cameras) // rows + (i < len(cameras) % rows) for i in range(rows)]

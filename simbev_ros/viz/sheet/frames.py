@@ -1,4 +1,7 @@
-"""Reads a bag as a series of sheet frames: at each stamp the latest sample of every sensor that is shown."""
+"""Reads a bag as a series of sheet frames: at each stamp the latest sample of every topic that is shown.
+
+A bag and the ``Views`` of it enter; ``SheetFrame``s, which contact sheets and videos draw, leave.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,21 +17,21 @@ from simbev_ros.viz.sheet.truth import Sample, Truth, truth_at
 from simbev_ros.viz.sheet.views import Views
 
 HOLD_NS = NS_PER_S
-"""A slower sensor is shown with its last sample, unless that is older than this."""
+"""Maximum age of the sample with which a slower sensor is shown, ns."""
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
 
 
 @dataclass(frozen=True, slots=True)
 class SheetFrame:
-    """The samples shown together at one stamp. Unlike a dataset's frame it holds slower sensors' last samples.
+    """The samples shown together at one stamp. Unlike a dataset's frame it includes the last samples of slower sensors.
 
     Attributes:
         index: Index among the bag's sheet frames.
-        stamp_ns: Its time.
+        stamp_ns: Time of the frame.
         stamps_ns: Time of the sample by topic; only topics that have a recent one.
-        arrays: The sample by topic.
-        truths: Ground truth at the time of the sample by topic; only where that is known.
+        arrays: Value of the sample by topic.
+        truths: Ground truth at the time of the sample by topic; only topics for which it is known.
     """
 
     index: int
@@ -37,18 +40,18 @@ class SheetFrame:
     arrays: Mapping[str, AnyArray]
     truths: Mapping[str, Truth]
 
-    def beside(self, topic: str | None, other: str) -> AnyArray | None:
-        """The sample of a topic if it is of the very time of another topic's."""
+    def simultaneous(self, topic: str | None, other: str) -> AnyArray | None:
+        """The sample of a topic if its stamp equals that of another topic's sample, else None."""
         return self.arrays[topic] if topic and self.stamps_ns.get(topic) == self.stamps_ns[other] else None
 
 
 class FrameReader:
-    """The sheet frames of a bag.
+    """Reader of the sheet frames of a bag.
 
     Attributes:
         bag: The bag.
-        views: The topics that are shown.
-        stamps_ns: Stamp of each frame: every stamp that any of the topics with a picture has.
+        views: The topics to show.
+        stamps_ns: Stamp of each frame: the union of the stamps of all topics with a picture, in order.
     """
 
     def __init__(self, bag: IndexedBag, views: Views) -> None:
@@ -61,17 +64,17 @@ class FrameReader:
 
     @property
     def rate_hz(self) -> float:
-        """Frames per second of simulated time; 1 if there is one frame only."""
+        """Frames per second of simulated time; 1 if there is only one frame."""
         return NS_PER_S / float(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else 1.0
 
     def aspects(self) -> dict[str, float]:
-        """Width over height of each topic's picture; a point cloud's is square."""
+        """Width over height of each topic's picture; 1 for a point cloud."""
         firsts = {topic: self._sources[topic] for topic in self.views.topics}
         arrays = {topic: source.value(source.topic.places[:1]) for topic, source in firsts.items()}
         return {topic: a.shape[1] / a.shape[0] if a.ndim > 1 else 1.0 for topic, a in arrays.items()}
 
     def frames(self, first: int, count: int) -> Iterator[SheetFrame]:
-        """Read ``count`` frames from the one at index ``first`` on."""
+        """Read up to ``count`` consecutive frames, starting at index ``first``."""
         for index, stamp_ns in enumerate(self.stamps_ns[first : first + count], first):
             yield self._frame(index, stamp_ns)
             self._forget(stamp_ns - 2 * HOLD_NS)
@@ -93,19 +96,19 @@ class FrameReader:
         )
 
     def _latest(self, topic: str, stamp_ns: int) -> Sample | None:
-        """The last sample of a topic at or before a stamp that is not too old to be shown with it."""
+        """The last sample of a topic at or before a stamp, unless it is older than ``HOLD_NS``."""
         source = self._sources[topic]
-        places = source.topic.between(stamp_ns - HOLD_NS - 1, stamp_ns)[-1:]
-        if not len(places):
+        rows = source.topic.between(stamp_ns - HOLD_NS - 1, stamp_ns)[-1:]
+        if not len(rows):
             return None
-        key = topic, int(places[0, 0])
+        key = topic, int(rows[0, 0])
         if key not in self._samples:
-            value = source.value(places)
+            value = source.value(rows)
             self._samples[key] = poses_from_odometry(value[-1]) if source.type_name == _ODOMETRY else value
         return key[1], self._samples[key]
 
     def _forget(self, before_ns: int) -> None:
-        """Drop samples that no later frame shows."""
+        """Drop cached samples that no later frame shows."""
         latest = dict(sorted(self._samples))  # the highest stamp of a topic comes last
         truth = self.views.truth.names
         self._samples = {

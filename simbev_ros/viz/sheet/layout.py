@@ -1,19 +1,24 @@
-"""Layout of a picture: tiles of fixed aspect, side by side and one above the other, all edges flush.
+"""Layout of a sheet of pictures: tiles of fixed aspect ratio in nested rows and columns, with all edges flush.
 
-The width of a row whose tiles keep their aspects is a linear function of its height, and so is that of a column: any
-nesting of them has exactly one height for a given width.
+A tree of rows, columns and tiles and a width enter; one box in pixels for each tile leaves. The width of a row whose
+tiles keep their aspect ratios is a linear function of its height, and the same holds for a column: any nesting of them
+has exactly one height for a given width.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, assert_never
 
-LabelPlace = Literal["off", "panel", "cameras"]
-"""Where labels are drawn: nowhere; over a second picture of the main camera, and from above; over all cameras too."""
+LabelPlacement = Literal["off", "panel", "cameras"]
+"""Where labels are drawn.
+
+``off``: nowhere. ``panel``: over a second picture of the main camera, and over the views from above. ``cameras``: over
+all cameras, and over the views from above.
+"""
 
 
 class Box(NamedTuple):
-    """A rectangle, pixels."""
+    """A rectangle on the sheet, in pixels; x to the right, y downward."""
 
     left: int
     top: int
@@ -23,7 +28,12 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One picture, ``aspect`` being its width over its height."""
+    """A leaf of the layout: one picture.
+
+    Attributes:
+        key: Name under which ``place_in_width`` returns its box.
+        aspect: Width over height.
+    """
 
     key: str
     aspect: float
@@ -31,14 +41,14 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Blocks of one height, from left to right; at least one."""
+    """At least one block, all of the same height, from left to right."""
 
     blocks: Sequence["Block"]
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Blocks of one width, from top to bottom; at least one."""
+    """At least one block, all of the same width, from top to bottom."""
 
     blocks: Sequence["Block"]
 
@@ -47,7 +57,15 @@ Block = Tile | Row | Column
 
 
 def place_in_width(block: Block, left: int, top: int, width: int, gap_px: int) -> dict[str, Box]:
-    """The boxes of a block's tiles, by key, when it is ``width`` pixels wide."""
+    """Lay out a block and return the box of each of its tiles, by key.
+
+    Args:
+        block: The tree of rows, columns and tiles.
+        left: Left edge of the block, pixels.
+        top: Top edge of the block, pixels.
+        width: Width of the block, pixels; its height follows.
+        gap_px: Gap between neighboring blocks, pixels.
+    """
     return dict(_place(block, left, top, width, gap_px))
 
 
@@ -74,7 +92,7 @@ def _place(block: Block, left: float, top: float, width: float, gap_px: int) -> 
 
 
 def _width_line(block: Block, gap_px: int) -> tuple[float, float]:
-    """Slope and offset of a block's width over its height."""
+    """Slope and offset of a block's width as a linear function of its height."""
     if isinstance(block, Tile):
         return block.aspect, 0.0
     lines = [_width_line(part, gap_px) for part in block.blocks]

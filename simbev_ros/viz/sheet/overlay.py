@@ -1,4 +1,7 @@
-"""Labels drawn over pictures: the bird's-eye view on the ground, boxes as wireframes and from above."""
+"""Draws labels over pictures: bird's-eye-view classes on the ground, boxes as wireframes or from above.
+
+A sensor's picture and the ground truth at its time enter; the picture with labels leaves.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,37 +14,38 @@ from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
 from simbev_ros.palette import class_color
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import AnyArray, BoolArray, Float32Array, Float64Array, Int32Array, Table, UInt8Array
-from simbev_ros.viz.box_lines import Lines, fronts, outlines, wireframes
+from simbev_ros.viz.box_lines import Lines, box_outlines, front_faces, wireframes
 from simbev_ros.viz.sheet.ground_tint import ground_labels, tint_ground
 from simbev_ros.viz.sheet.truth import Truth
 
-LEAST_VISIBILITY = 0.05
-"""Boxes of which a smaller share is seen are not drawn over cameras."""
+MIN_VISIBILITY = 0.05
+"""Minimum visible share of a box that is drawn over a camera's picture."""
 
 _FAINT = 0.3
-"""Strength of lines that are behind something, and from above of boxes that were not measured."""
+"""Opacity of occluded lines and, from above, of boxes without sensor points."""
 
-_FARTHEST_M, _FAR = 120.0, 0.4
-"""At this distance and beyond, lines have this strength; below it grows towards the camera."""
+_FADE_DISTANCE_M, _FAR_STRENGTH = 120.0, 0.4
+"""Distance from which lines have their minimum opacity, and that opacity; closer lines are more opaque."""
 
-_FRONT = 0.2
-"""Strength of the front faces."""
+_FRONT_STRENGTH = 0.2
+"""Opacity of the front faces."""
 
 _LEVELS = 5
 _HIDDEN_M, _HIDDEN_SHARE = 0.1, 0.03
-"""So far behind what the camera sees a line is hidden: metres, and share of the depth (pixels are coarse)."""
+"""Tolerance beyond which a line behind the visible surface is hidden: meters, plus a share of the depth, because pixels
+are coarse."""
 
 _FRACTION_BITS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What a camera saw at one time.
+    """Images of one camera at one time.
 
     Attributes:
-        rgb: (H, W, 3).
-        depth_m: (H, W) along the optical axis: tells what hides ground and boxes.
-        tags: (H, W) semantic tags: tell ground from what stands on it.
+        rgb: (H, W, 3) uint8.
+        depth_m: (H, W) depth along the optical axis, which tells what occludes ground and boxes; None if unknown.
+        tags: (H, W) semantic tags, which distinguish ground from objects on it; None if unknown.
     """
 
     rgb: UInt8Array
@@ -49,22 +53,25 @@ class Sight:
     tags: UInt8Array | None = None
 
 
-def camera_labels(
+def draw_camera_labels(
     sight: Sight, camera: Camera, truth: Truth, size_px: tuple[int, int], *, half_extent_m: float, line_px: float
 ) -> UInt8Array:
-    """A camera's picture with the ground in the colours of its labels and with boxes as wireframes.
+    """Draw a camera's picture with the ground tinted by its labels and with boxes as wireframes.
 
     Args:
-        sight: The picture.
-        camera: That of the rig.
-        truth: At the picture's time.
+        sight: The camera's images.
+        camera: The camera of the rig.
+        truth: Ground truth at the picture's time.
         size_px: Width and height of the result.
-        half_extent_m: From the ego to the left edge of the labels.
+        half_extent_m: Distance from the ego to the left edge of the labels' grid.
         line_px: Width of the lines.
+
+    Returns:
+        (height, width, 3) uint8 RGB.
     """
     ego_from_optical = camera.pose.ego_from_sensor @ SENSOR_FROM_OPTICAL
-    way = cv2.INTER_AREA if camera.width_px > size_px[0] else cv2.INTER_CUBIC
-    picture = np.asarray(cv2.resize(sight.rgb, size_px, interpolation=way), np.uint8)
+    interpolation = cv2.INTER_AREA if camera.width_px > size_px[0] else cv2.INTER_CUBIC
+    picture = np.asarray(cv2.resize(sight.rgb, size_px, interpolation=interpolation), np.uint8)
     if truth.labels is not None:
         cell_m = 2 * half_extent_m / truth.labels.shape[1]
         seen = ground_labels(
@@ -85,14 +92,14 @@ def draw_wireframes(
     depth_m: Float32Array | None,
     line_px: float,
 ) -> None:
-    """Draw boxes over a camera's picture of any size; those of which nothing is seen are left out.
+    """Draw boxes as wireframes over a camera's picture of any size, in place; fully occluded boxes are left out.
 
     Args:
-        picture: Changed in place.
+        picture: (h, w, 3) uint8 RGB, changed in place.
         boxes: (N,) rows of /ego/boxes.
-        camera: That of the rig.
+        camera: The camera of the rig.
         optical_from_map: (4, 4), at the picture's time.
-        depth_m: (H, W) of the camera at that time; None: nothing hides anything.
+        depth_m: (H, W) depth of the camera at that time; None: nothing is occluded.
         line_px: Width of the lines.
     """
     lines = wireframes(boxes, camera.model, optical_from_map)
@@ -101,11 +108,11 @@ def draw_wireframes(
     strength = _strengths(boxes) * in_sight
     classes = _column(boxes, "class", 255)
     factor = np.array(picture.shape[1::-1]) / [camera.width_px, camera.height_px]
-    faces, row = fronts(boxes, camera.model, optical_from_map)
+    faces, row = front_faces(boxes, camera.model, optical_from_map)
     layer = picture.copy()
     for face, kind in zip(_fixed(faces, factor)[strength[row] > 0], classes[row[strength[row] > 0]], strict=True):
         cv2.fillConvexPoly(layer, face, _class_colors()[kind], cv2.LINE_AA, _FRACTION_BITS)
-    _blend(picture, layer, _FRONT)
+    _blend(picture, layer, _FRONT_STRENGTH)
     levels = np.rint(strength[lines.row] * np.where(hidden, _FAINT, 1.0) * _LEVELS)
     for level in range(1, _LEVELS + 1):
         these = levels == level
@@ -121,19 +128,21 @@ def draw_boxes_from_above(
     line_px: float,
     faint_without: str,
 ) -> None:
-    """Draw rectangles with a line to the front, x up and y to the left, the frame's origin in the middle.
+    """Draw boxes as rectangles with a heading line over a picture from above, in place.
+
+    The frame's origin is in the middle of the picture, x points up and y to the left.
 
     Args:
-        picture: Changed in place.
+        picture: (h, w, 3) uint8 RGB, changed in place.
         boxes: (N,) rows of /ego/boxes.
-        frame_from_map: (4, 4); z points up.
-        half_extent_m: From the middle to the left edge.
+        frame_from_map: (4, 4), into a frame whose z points up.
+        half_extent_m: Distance from the middle to the left edge of the picture.
         line_px: Width of the lines.
-        faint_without: A column; boxes with 0 there are faint.
+        faint_without: Name of a column; boxes with 0 in it are drawn faint.
     """
     size_px = np.array(picture.shape[1::-1])
-    places = outlines(boxes, frame_from_map)[..., ::-1]
-    pixels = size_px / 2 - places * size_px[0] / (2 * half_extent_m) - 0.5
+    corners_m = box_outlines(boxes, frame_from_map)[..., ::-1]
+    pixels = size_px / 2 - corners_m * size_px[0] / (2 * half_extent_m) - 0.5
     near = (np.abs(pixels - size_px / 2) < size_px).all(axis=(1, 2))
     faint = _column(boxes, faint_without, -1) == 0
     classes = _column(boxes, "class", 255)
@@ -143,16 +152,16 @@ def draw_boxes_from_above(
 
 
 def _strengths(boxes: Table) -> Float64Array:
-    """(N,) in 0..1: what is far or mostly hidden is weak; 0 for what is hidden."""
+    """(N,) opacities in 0..1: lower for boxes that are far or mostly occluded, 0 below the minimum visibility."""
     visibility = np.asarray(_column(boxes, "visibility", np.nan), np.float64)
     visibility = np.where(np.isfinite(visibility), visibility, 1.0)
-    near = 1.0 - (1.0 - _FAR) * np.minimum(_column(boxes, "distance", 0.0) / _FARTHEST_M, 1.0)
-    strength: Float64Array = near * np.clip(2.0 * visibility, 0.5, 1.0) * (visibility >= LEAST_VISIBILITY)
+    near = 1.0 - (1.0 - _FAR_STRENGTH) * np.minimum(_column(boxes, "distance", 0.0) / _FADE_DISTANCE_M, 1.0)
+    strength: Float64Array = near * np.clip(2.0 * visibility, 0.5, 1.0) * (visibility >= MIN_VISIBILITY)
     return strength
 
 
 def _hidden(lines: Lines, depth_m: Float32Array | None) -> BoolArray:
-    """(S,) whether a line is behind what the camera sees there, or outside the image."""
+    """(S,) whether a line segment is occluded or outside the image."""
     if depth_m is None:
         return np.zeros(len(lines.row), bool)
     size_px = np.array(depth_m.shape[::-1])
@@ -164,7 +173,7 @@ def _hidden(lines: Lines, depth_m: Float32Array | None) -> BoolArray:
 
 
 def _draw_lines(picture: UInt8Array, pixels: Int32Array, classes: AnyArray, strength: float, line_px: float) -> None:
-    """Draw (S, 2, 2) lines, each in the colour of its box class."""
+    """Draw (S, 2, 2) lines, each in the color of its box class, in place."""
     layer = picture.copy()
     for kind in np.unique(classes).tolist():
         these = list(pixels[classes == kind])
@@ -177,18 +186,18 @@ def _blend(picture: UInt8Array, layer: UInt8Array, strength: float) -> None:
 
 
 def _fixed(pixels: Float64Array, factor: Float64Array | float = 1.0) -> Int32Array:
-    """Places in a picture that is larger by a factor, in OpenCV's fixed-point numbers."""
+    """Pixel coordinates scaled to a picture larger by ``factor``, as OpenCV's fixed-point numbers."""
     return np.rint(((pixels + 0.5) * factor - 0.5) * (1 << _FRACTION_BITS)).astype(np.int32)
 
 
 def _column(boxes: Table, name: str, missing: float) -> AnyArray:
-    """A column, which older bags may lack."""
+    """A column of the boxes, or ``missing`` for all rows: older bags may lack it."""
     return boxes[name] if name in (boxes.dtype.names or ()) else np.full(len(boxes), missing)
 
 
 @lru_cache(maxsize=1)
 def _class_colors() -> list[tuple[float, ...]]:
-    """Colour of each box class, grey for all other numbers below 256; a little lighter, to show on the dark."""
+    """Color of each box class, gray for all other numbers below 256; lightened for contrast with dark backgrounds."""
     colors = np.full((256, 3), 160.0)
     colors[: len(BOX_CLASSES)] = [class_color(name) for name in BOX_CLASSES]
     return [tuple(color) for color in (0.8 * colors + 0.2 * 255).round().tolist()]

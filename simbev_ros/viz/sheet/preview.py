@@ -1,4 +1,4 @@
-"""A bag → contact sheet (PNG) and video (MP4)."""
+"""Writes the preview of a recorded scene: from a bag's frames to a contact sheet (PNG) or a video (MP4)."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -8,6 +8,7 @@ import av
 import cv2
 from av.video.reformatter import ColorRange, Colorspace
 
+from simbev_ros.recording.whole_files import whole_file, write_whole
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.sheet.contact_sheet import DESIGN_WIDTH_PX, Captions, ContactSheet
@@ -19,24 +20,32 @@ _QUALITY = "21"
 
 
 def write_picture(reader: FrameReader, index: int, path: Path) -> None:
-    """Write the contact sheet of the frame at an index as PNG."""
+    """Write the contact sheet of one frame as PNG.
+
+    Args:
+        reader: The bag's frames.
+        index: Index of the frame in ``reader.stamps_ns``.
+        path: The file.
+    """
     sheet = _sheet(reader, DESIGN_WIDTH_PX)
     (frame,) = reader.frames(index, 1)
     _, data = cv2.imencode(".png", cv2.cvtColor(sheet.draw(frame), cv2.COLOR_RGB2BGR))
-    path.write_bytes(data.tobytes())
+    write_whole(path, data.tobytes())
 
 
 def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -> None:
     """Write all frames as H.264 in MP4, at the scene's own rate.
 
     Args:
-        reader: The frames.
-        path: The file; it has this name only once it is whole.
+        reader: The bag's frames.
+        path: The file; it gets this name only once it is complete.
         progress: Called after each frame.
     """
     sheet = _sheet(reader, VIDEO_WIDTH_PX)
-    unfinished = path.with_name(path.name + ".part")
-    with av.open(str(unfinished), "w", format="mp4", options={"movflags": "faststart"}) as container:
+    with (
+        whole_file(path) as unfinished,
+        av.open(str(unfinished), "w", format="mp4", options={"movflags": "faststart"}) as container,
+    ):
         stream = container.add_stream("libx264", rate=Fraction(reader.rate_hz).limit_denominator(1000))
         stream.width, stream.height = sheet.size_px
         stream.pix_fmt = "yuv420p"
@@ -48,7 +57,6 @@ def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -
             container.mux(stream.encode(_video_frame(sheet.draw(frame))))
             progress()
         container.mux(stream.encode())
-    unfinished.rename(path)
 
 
 def _video_frame(picture: UInt8Array) -> av.VideoFrame:
@@ -70,15 +78,15 @@ def _facts(spec: SceneSpec) -> str:
     parts = [
         f"seed {spec.seed}",
         f"{len(spec.vehicles)} vehicles, {len(spec.pedestrians)} pedestrians",
-        f"sun {_course(spec, 'sun_altitude_deg')}°",
-        f"clouds {_course(spec, 'cloudiness')} %",
-        f"rain {_course(spec, 'precipitation')} %",
-        f"fog {_course(spec, 'fog_density')} %",
+        f"sun {_weather_range(spec, 'sun_altitude_deg')}°",
+        f"clouds {_weather_range(spec, 'cloudiness')} %",
+        f"rain {_weather_range(spec, 'precipitation')} %",
+        f"fog {_weather_range(spec, 'fog_density')} %",
     ]
     return "  ·  ".join(parts)
 
 
-def _course(spec: SceneSpec, parameter: str) -> str:
-    """What a parameter of the weather is, and what it becomes."""
+def _weather_range(spec: SceneSpec, parameter: str) -> str:
+    """A weather parameter at the start of the scene and, if it changes, at the end."""
     moments = [spec.weather] if spec.final_weather is None else [spec.weather, spec.final_weather]
     return " → ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)

@@ -1,4 +1,7 @@
-"""The pictures of a contact sheet: what each is of, its words, and how it is made from a frame."""
+"""Defines the panels of a contact sheet: the topics, the caption, and the function that draws each from a frame.
+
+The topics of a bag (``Views``) enter; one ``Panel`` for each picture of the sheet leaves.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -11,25 +14,27 @@ from simbev_ros.viz.sheet import overlay, panels
 from simbev_ros.viz.sheet.frames import SheetFrame
 from simbev_ros.viz.sheet.layout import Box
 from simbev_ros.viz.sheet.truth import Truth
-from simbev_ros.viz.sheet.views import LabelledCamera, Views
+from simbev_ros.viz.sheet.views import LabeledCamera, Views
 
 LABEL_PANEL = "labels"
-"""The place of the picture with labels: that of no topic."""
+"""Key of the picture with labels, which is a second picture of a camera; other panels have a topic's name as key."""
 
 _Paint = Callable[[SheetFrame, Box], UInt8Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One picture.
+    """One picture of a contact sheet.
 
     Attributes:
-        place: Name of its place on the sheet.
-        topics: What it is of; without any of them it stays empty.
-        paint: Makes the picture for a box.
+        key: Name of the picture in the layout.
+        topics: Topics that it shows; if a frame has none of them, the picture stays empty.
+        title: Caption.
+        note: Addition to the caption.
+        paint: Draws the picture of a frame for a box.
     """
 
-    place: str
+    key: str
     topics: Sequence[str]
     title: str
     note: str
@@ -38,10 +43,11 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class PanelPainter:
-    """Makes the panels of a sheet.
+    """Factory of the panels of a sheet.
 
     Attributes:
-        half_extent_m: From the ego to the left edge of a picture from above.
+        views: The topics to show.
+        half_extent_m: Distance from the ego to the left edge of a picture from above.
         scale: Width of thin lines, pixels.
     """
 
@@ -50,19 +56,19 @@ class PanelPainter:
     scale: float
 
     def panels(self) -> Iterator[Panel]:
-        """All of them."""
+        """All panels of the sheet, in reading order."""
         views, main = self.views, self.views.main_camera
         for camera, topic in views.cameras.items():
-            labelled = views.labelled.get(camera) if views.labels == "cameras" else None
-            yield Panel(topic, [topic], _words(camera), "", self._camera(topic, labelled))
+            labeled = views.labeled.get(camera) if views.labels == "cameras" else None
+            yield Panel(topic, [topic], _caption(camera), "", self._camera(topic, labeled))
         rgb = views.cameras.get(main)
         for modality, topic in views.modalities.items():
             entry = panels.MODALITY_PICTURES[modality]
-            note = ", ".join(part for part in (_words(main).lower(), entry.note) if part)
+            note = ", ".join(part for part in (_caption(main).lower(), entry.note) if part)
             yield Panel(topic, [topic], entry.title, note, _modality(topic, rgb, entry.picture))
         if views.label_panel is not None:
             camera, each = views.label_panel
-            note = f"{_words(camera).lower()}, boxes and ground"
+            note = f"{_caption(camera).lower()}, boxes and ground"
             yield Panel(LABEL_PANEL, [each.rgb], "Labels", note, self._camera(each.rgb, each))
         if views.points is not None:
             yield Panel(views.points, [views.points], "Lidar", "from above, by class", self._lidar(views.points))
@@ -72,15 +78,17 @@ class PanelPainter:
         if views.bev is not None:
             yield Panel(views.bev, [views.bev], "Bird's-eye view", "ground truth", self._bev(views.bev))
 
-    def _camera(self, topic: str, labelled: LabelledCamera | None) -> _Paint:
+    def _camera(self, topic: str, labeled: LabeledCamera | None) -> _Paint:
         def paint(frame: SheetFrame, box: Box) -> UInt8Array:
             rgb, truth = frame.arrays[topic], frame.truths.get(topic)
-            if labelled is None or truth is None:
+            if labeled is None or truth is None:
                 return rgb
-            _require_size(topic, rgb, labelled.camera)
-            return overlay.camera_labels(
-                overlay.Sight(rgb, frame.beside(labelled.depth, topic), frame.beside(labelled.semantic, topic)),
-                labelled.camera,
+            _require_size(topic, rgb, labeled.camera)
+            return overlay.draw_camera_labels(
+                overlay.Sight(
+                    rgb, frame.simultaneous(labeled.depth, topic), frame.simultaneous(labeled.semantic, topic)
+                ),
+                labeled.camera,
                 truth,
                 (box.width, box.height),
                 half_extent_m=self.half_extent_m,
@@ -141,6 +149,6 @@ def _modality(topic: str, rgb: str | None, picture: panels.ModalityPicture) -> _
     return lambda frame, box: picture(frame.arrays[topic], frame.arrays.get(rgb) if rgb else None, box.width)
 
 
-def _words(camera: str) -> str:
-    """``cam_front_left`` → ``Front left``."""
+def _caption(camera: str) -> str:
+    """A camera's name as a caption: ``cam_front_left`` → ``Front left``."""
     return camera.removeprefix("cam_").replace("_", " ").capitalize()

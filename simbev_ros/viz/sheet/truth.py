@@ -1,4 +1,7 @@
-"""Ground truth around the ego at the time of a picture, read from the labels that a bag has of about that time."""
+"""Ground truth around the ego at the time of a picture, from the most recent boxes and labels of a bag.
+
+A stamp and a way to look up samples enter; a ``Truth`` with the ego's pose, boxes and bird's-eye-view labels leaves.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +12,7 @@ from simbev_ros.geometry.transforms import matrices_from_xyz_rpy, rpy_from_rotat
 from simbev_ros.types import AnyArray, Float64Array, Table, UInt16Array
 
 Sample = tuple[int, AnyArray]
-"""Stamp in ns and value of one message."""
+"""Stamp (ns) and value of one message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +21,9 @@ class Truth:
 
     Attributes:
         map_from_ego: (4, 4) pose of the ego at that time.
-        boxes: (N,) rows of /ego/boxes, map frame; None if there are none of about that time.
-        labels: (rows, columns) bird's-eye-view labels; None if there are none of about that time.
-        map_from_grid: (4, 4) pose of the labels' grid: level, along the ego's heading when they were made.
+        boxes: (N,) rows of /ego/boxes, map frame; None if there are no recent ones.
+        labels: (rows, columns) uint16 bird's-eye-view labels; None if there are no recent ones.
+        map_from_grid: (4, 4) pose of the labels' grid: leveled_pose, along the ego's heading at the labels' stamp.
     """
 
     map_from_ego: Float64Array
@@ -31,7 +34,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class TruthTopics:
-    """Topics of a bag that hold ground truth; None where it has no such topic."""
+    """The topics of a bag that hold ground truth; None where the bag has no such topic."""
 
     boxes: str | None = None
     odometry: str | None = None
@@ -39,18 +42,18 @@ class TruthTopics:
 
     @property
     def names(self) -> list[str]:
-        """The topics that the bag has."""
+        """Names of the topics that the bag has."""
         return [topic for topic in (self.boxes, self.odometry, self.labels) if topic is not None]
 
 
 def truth_at(stamp_ns: int, topics: TruthTopics, latest: Callable[[str, int], Sample | None]) -> Truth | None:
-    """Ground truth at a stamp; None where the ego's pose at exactly that time was not recorded.
+    """Ground truth at a stamp; None if the ego's pose at exactly that time was not recorded.
 
     Args:
         stamp_ns: Time of the picture.
-        topics: Where to find it.
-        latest: The last sample of a topic at or before a stamp, if there is a recent one; odometry as (4, 4)
-            map_from_ego.
+        topics: The topics with ground truth.
+        latest: Returns the last sample of a topic at or before a stamp, or None if there is no recent one; odometry
+            as (4, 4) map_from_ego.
     """
 
     def find(topic: str | None, before_ns: int) -> Sample | None:
@@ -69,11 +72,11 @@ def truth_at(stamp_ns: int, topics: TruthTopics, latest: Callable[[str, int], Sa
         map_from_ego,
         None if boxes is None else boxes[1],
         None if labels is None or map_from_labels is None else labels[1],
-        level(map_from_ego if map_from_labels is None else map_from_labels),
+        leveled_pose(map_from_ego if map_from_labels is None else map_from_labels),
     )
 
 
-def level(map_from_ego: Float64Array) -> Float64Array:
-    """The ego's pose without its roll and pitch."""
+def leveled_pose(map_from_ego: Float64Array) -> Float64Array:
+    """(4, 4) pose of the ego without its roll and pitch."""
     yaw_rad = rpy_from_rotation(map_from_ego[:3, :3])[2]
     return matrices_from_xyz_rpy(map_from_ego[:3, 3], np.array([0.0, 0.0, yaw_rad]))

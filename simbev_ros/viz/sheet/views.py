@@ -1,4 +1,7 @@
-"""What of a bag is looked at: its cameras in order, the front one's modalities, lidar, radars and labels."""
+"""Chooses the topics of a bag that a preview shows: cameras, the front one's modalities, lidar, radars and labels.
+
+A bag enters; its ``Views``, from which frames are read and panels are drawn, leave.
+"""
 
 import re
 from collections.abc import Mapping
@@ -12,11 +15,14 @@ from simbev_ros.config.rig import Rig
 from simbev_ros.errors import BagError
 from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.types import Float64Array
-from simbev_ros.viz.sheet.layout import LabelPlace
+from simbev_ros.viz.sheet.layout import LabelPlacement
 from simbev_ros.viz.sheet.truth import TruthTopics
 
 CAMERA_ORDER = ("front_left", "front", "front_right", "back_left", "back", "back_right")
+"""Names of cameras without ``cam_`` in panorama order; all others come after them, by name."""
+
 MODALITIES = ("semantic", "instance", "depth", "flow")
+"""Modalities of the main camera that are shown, in order."""
 
 _IMAGE = re.compile(r"/[^/]+/(?P<camera>[^/]+)/(?P<modality>[^/]+)/image_raw(/compressed(Depth)?)?")
 _POINTS = re.compile(r"/[^/]+/[^/]+/semantic_points")
@@ -26,14 +32,15 @@ _ODOMETRY = re.compile(r"/[^/]+/odom")
 
 
 @dataclass(frozen=True, slots=True)
-class LabelledCamera:
+class LabeledCamera:
     """A camera over whose picture labels are drawn.
 
     Attributes:
-        camera: That of the scene's rig.
+        camera: The camera of the scene's rig.
         rgb: Topic of the picture.
-        depth: Topic of what tells what is hidden, if it was recorded.
-        semantic: Topic of what tells ground from what stands on it, if it was recorded.
+        depth: Topic of the depth image, which tells what is occluded; None if it was not recorded.
+        semantic: Topic of the semantic image, which distinguishes ground from objects on it; None if it was not
+            recorded.
     """
 
     camera: Camera
@@ -44,19 +51,19 @@ class LabelledCamera:
 
 @dataclass(frozen=True, slots=True)
 class Views:
-    """The topics that are looked at.
+    """The topics of a bag that a preview shows.
 
     Attributes:
         cameras: RGB topic by camera, in panorama order.
         main_camera: The camera whose other modalities are shown.
         modalities: Topic by modality, of the main camera.
-        points: Topic of the semantic lidar.
-        ego_from_lidar: (4, 4) where that is.
+        points: Topic of the semantic lidar, or None.
+        ego_from_lidar: (4, 4) pose of that lidar.
         radars: (4, 4) ego_from_radar by the radar's topic.
-        bev: Topic of the bird's-eye-view labels.
-        truth: Topics of what is drawn over the others.
-        labels: Where that is drawn.
-        labelled: By name, the cameras that have it drawn over.
+        bev: Topic of the bird's-eye-view labels, or None.
+        truth: Topics of the ground truth that is drawn over the other pictures.
+        labels: Where the ground truth is drawn.
+        labeled: Cameras over whose pictures ground truth is drawn, by name.
     """
 
     cameras: Mapping[str, str]
@@ -67,36 +74,36 @@ class Views:
     radars: Mapping[str, Float64Array]
     bev: str | None
     truth: TruthTopics
-    labels: LabelPlace
-    labelled: Mapping[str, LabelledCamera]
+    labels: LabelPlacement
+    labeled: Mapping[str, LabeledCamera]
 
     @property
-    def label_panel(self) -> tuple[str, LabelledCamera] | None:
-        """The camera of which there is a second picture with labels."""
-        return next(iter(self.labelled.items()), None) if self.labels == "panel" else None
+    def label_panel(self) -> tuple[str, LabeledCamera] | None:
+        """Name and topics of the camera that has a second picture with labels, or None."""
+        return next(iter(self.labeled.items()), None) if self.labels == "panel" else None
 
     @property
     def topics(self) -> list[str]:
-        """All that have a picture of their own."""
+        """The topics that have a picture of their own."""
         single = [topic for topic in (self.points, self.bev) if topic is not None]
         return [*self.cameras.values(), *self.modalities.values(), *self.radars, *single]
 
     @property
     def read_topics(self) -> set[str]:
-        """All that are needed to draw them."""
-        beside = [topic for each in self.labelled.values() for topic in (each.depth, each.semantic) if topic]
+        """All topics that are needed to draw the sheet, including ground truth."""
+        beside = [topic for each in self.labeled.values() for topic in (each.depth, each.semantic) if topic]
         return {*self.topics, *self.truth.names, *beside}
 
 
-def find_views(bag: IndexedBag, labels: LabelPlace = "panel") -> Views:
-    """Choose topics by the patterns of their names; raw images before compressed ones.
+def find_views(bag: IndexedBag, labels: LabelPlacement = "panel") -> Views:
+    """Choose the topics of a bag by patterns of their names; raw images are preferred to compressed ones.
 
     Args:
-        bag: The scene.
+        bag: The bag of a scene.
         labels: Where labels are drawn.
 
     Raises:
-        BagError: There is nothing to look at.
+        BagError: The bag has no topic that can be shown.
     """
     names = sorted(name for name, topic in bag.topics.items() if len(topic.stamps_ns))
     spec = bag.spec
@@ -105,12 +112,12 @@ def find_views(bag: IndexedBag, labels: LabelPlace = "panel") -> Views:
     for name in sorted(names, key=len):
         if match := _IMAGE.fullmatch(name):
             images.setdefault((match["camera"], match["modality"]), name)
-    cameras = sorted({camera for camera, modality in images if modality == "rgb"}, key=_panorama_place)
-    others = sorted({camera for camera, modality in images if modality in MODALITIES}, key=main_place)
+    cameras = sorted({camera for camera, modality in images if modality == "rgb"}, key=_panorama_rank)
+    others = sorted({camera for camera, modality in images if modality in MODALITIES}, key=main_camera_rank)
     main = others[0] if others else ""
     points = _first(_POINTS, names)
     truth = TruthTopics(_first(_BOXES, names), _first(_ODOMETRY, names), _first(_BEV, names))
-    labelled = cameras if labels == "cameras" else sorted(cameras, key=main_place)[:1]
+    labeled = cameras if labels == "cameras" else sorted(cameras, key=main_camera_rank)[:1]
     views = Views(
         {camera: images[camera, "rgb"] for camera in cameras},
         main,
@@ -121,7 +128,7 @@ def find_views(bag: IndexedBag, labels: LabelPlace = "panel") -> Views:
         truth.labels,
         truth if labels != "off" else TruthTopics(),
         labels,
-        _labelled(rig, labelled, images) if labels != "off" and truth.odometry else {},
+        _labeled(rig, labeled, images) if labels != "off" and truth.odometry else {},
     )
     if not views.topics:
         raise BagError(f"{bag.file}: no images, semantic points or bird's-eye-view labels to show")
@@ -133,22 +140,22 @@ def _first(pattern: re.Pattern[str], names: list[str]) -> str | None:
 
 
 def _radar_poses(rig: Rig | None) -> dict[str, Float64Array]:
-    """Topic of each radar of the scene's rig → where it is."""
+    """(4, 4) ego_from_radar of each radar of the scene's rig, by topic."""
     radars = rig.of_type(Radar) if rig else ()
     return {f"/{rig.agent}/{radar.name}/points": radar.pose.ego_from_sensor for radar in radars} if rig else {}
 
 
 def _lidar_pose(rig: Rig | None, points: str | None) -> Float64Array:
-    """(4, 4) ego_from_lidar of a topic, where the rig has it; else the lidar is taken for the ego."""
+    """(4, 4) ego_from_lidar of a topic; the identity if the rig does not have that lidar."""
     poses = {f"/{rig.agent}/{s.name}/semantic_points": s.pose.ego_from_sensor for s in rig.sensors} if rig else {}
     return poses.get(points or "", np.eye(4))
 
 
-def _labelled(rig: Rig | None, names: list[str], images: Mapping[tuple[str, str], str]) -> dict[str, LabelledCamera]:
-    """Those of some cameras with a colour picture that the rig knows."""
+def _labeled(rig: Rig | None, names: list[str], images: Mapping[tuple[str, str], str]) -> dict[str, LabeledCamera]:
+    """The named cameras that the rig has, with the topics of their images, by name."""
     cameras = {camera.name: camera for camera in rig.of_type(Camera)} if rig else {}
     return {
-        name: LabelledCamera(
+        name: LabeledCamera(
             cameras[name], images[name, "rgb"], images.get((name, "depth")), images.get((name, "semantic"))
         )
         for name in names
@@ -156,11 +163,11 @@ def _labelled(rig: Rig | None, names: list[str], images: Mapping[tuple[str, str]
     }
 
 
-def _panorama_place(camera: str) -> tuple[int, str]:
+def _panorama_rank(camera: str) -> tuple[int, str]:
     name = camera.removeprefix("cam_")
     return (CAMERA_ORDER.index(name) if name in CAMERA_ORDER else len(CAMERA_ORDER), name)
 
 
-def main_place(camera: str) -> tuple[bool, int, str]:
-    """The front camera first, then in panorama order."""
-    return (camera.removeprefix("cam_") != "front", *_panorama_place(camera))
+def main_camera_rank(camera: str) -> tuple[bool, int, str]:
+    """Sort key of camera names: the front camera first, then the panorama order."""
+    return (camera.removeprefix("cam_") != "front", *_panorama_rank(camera))

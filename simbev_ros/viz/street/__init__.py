@@ -1,1 +1,1 @@
-"""Pictures from the street, rendered without a graph."""
+"""Pictures from the street of a map, rendered directly, without a ROS graph."""

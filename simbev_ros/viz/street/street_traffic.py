@@ -1,4 +1,7 @@
-"""Cars on the road and people on the sidewalks of a picture, which show how large things are. Nobody moves."""
+"""Places cars on the roads and pedestrians on the sidewalks around a viewpoint, to give a picture a sense of scale.
+
+A map and a position enter; a table of actors leaves. The actors do not move.
+"""
 
 from collections.abc import Sequence
 
@@ -14,31 +17,35 @@ from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array, Table
 
-_REACH_M, _CLEAR_M = 130.0, 15.0
-_LONGEST_M = 7.0
+_MAX_DISTANCE_M, _MIN_DISTANCE_M = 130.0, 15.0
+_MAX_LENGTH_M = 7.0
 _CAR_SPACING_M, _CAR_SHARE = 9.0, 0.22
 _WALKER_SPACING_M, _WALKER_SHARE, _ASIDE_M = 6.0, 0.16, 0.5
 
 
-def bystanders(network: RoadNetwork, place_m: Float64Array, first_id: int, busy: float = 1.0) -> Table:
-    """Who is around a place, but not close to it; the same for a map and a place.
+def bystanders(network: RoadNetwork, position_m: Float64Array, first_id: int, busy: float = 1.0) -> Table:
+    """Actors around a position, but not close to it; always the same for one map and position.
 
     Args:
         network: The map.
-        place_m: (3,) the place.
-        first_id: Of the actors.
-        busy: How many there are, 1 being usual.
+        position_m: (3,) the position, map frame.
+        first_id: Id of the first actor; the others count up from it.
+        busy: Density of traffic; 1 is usual.
 
     Returns:
         (N,) ``ACTOR_DTYPE``.
     """
-    rng = stream(network.seed, f"bystanders.{place_m[0]:.0f}.{place_m[1]:.0f}")
+    rng = stream(network.seed, f"bystanders.{position_m[0]:.0f}.{position_m[1]:.0f}")
     kinds = load_blueprints()
-    cars = [k for k, kind in enumerate(kinds) if kind.tag in (Tag.CAR, Tag.TRUCK) and kind.size_m[0] < _LONGEST_M]
+    cars = [k for k, kind in enumerate(kinds) if kind.tag in (Tag.CAR, Tag.TRUCK) and kind.size_m[0] < _MAX_LENGTH_M]
     people = [k for k, kind in enumerate(kinds) if kind.tag == Tag.PEDESTRIAN]
-    driving = _placed(network, LaneKind.DRIVING, place_m, _CAR_SPACING_M, rng.spawn(1)[0], cars, busy * _CAR_SHARE)
+    driving = _actors_on_lanes(
+        network, LaneKind.DRIVING, position_m, _CAR_SPACING_M, rng.spawn(1)[0], cars, busy * _CAR_SHARE
+    )
     share = busy * _WALKER_SHARE
-    walking = _placed(network, LaneKind.SIDEWALK, place_m, _WALKER_SPACING_M, rng.spawn(1)[0], people, share)
+    walking = _actors_on_lanes(
+        network, LaneKind.SIDEWALK, position_m, _WALKER_SPACING_M, rng.spawn(1)[0], people, share
+    )
     walking["z"] += CURB_HEIGHT_M
     walking["yaw"] += np.pi * rng.integers(0, 2, len(walking))
     aside_m = rng.uniform(-_ASIDE_M, _ASIDE_M, len(walking))
@@ -51,23 +58,23 @@ def bystanders(network: RoadNetwork, place_m: Float64Array, first_id: int, busy:
     return table
 
 
-def _placed(
+def _actors_on_lanes(
     network: RoadNetwork,
     kind: LaneKind,
-    place_m: Float64Array,
+    position_m: Float64Array,
     spacing_m: float,
     rng: np.random.Generator,
     blueprints: Sequence[int],
     share: float,
 ) -> Table:
-    """A share of the places along lanes of a kind outside junctions, each taken by one of some blueprints."""
+    """Actors of random blueprints at a share of evenly spaced positions on lanes of a kind, outside junctions."""
     lines = Polylines.from_lines([lane.centerline_m for lane in network.lanes_of(kind) if not lane.junction])
     count = np.floor(lines.length_m / spacing_m).astype(np.int64)
     row = np.repeat(np.arange(len(lines)), count)
     s_m: Float64Array = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + np.float64(0.5)
     s_m *= spacing_m
-    distance_m = np.hypot(*(lines.values(lines.parameter(row, s_m))[:, :2] - place_m[:2]).T)
-    chosen = np.flatnonzero((distance_m > _CLEAR_M) & (distance_m < _REACH_M))
+    distance_m = np.hypot(*(lines.values(lines.parameter(row, s_m))[:, :2] - position_m[:2]).T)
+    chosen = np.flatnonzero((distance_m > _MIN_DISTANCE_M) & (distance_m < _MAX_DISTANCE_M))
     chosen = chosen[rng.random(len(chosen)) < share]
     back_m, middle_m, front_m = (lines.values(lines.parameter(row[chosen], s_m[chosen] + step)) for step in (-1, 0, 1))
     step_m, kinds = front_m - back_m, load_blueprints()

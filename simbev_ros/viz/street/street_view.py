@@ -1,4 +1,7 @@
-"""Pictures from the street: what a driver sees, in any weather, with others on the road and on the sidewalks."""
+"""Renders pictures from the street: a driver's view in any weather, with actors on the roads and sidewalks.
+
+A map, its static scene, a position and a direction enter; camera images leave. Needs OpenGL, but no ROS graph.
+"""
 
 from collections.abc import Sequence
 from typing import Self
@@ -22,28 +25,30 @@ from simbev_ros.viz.street.street_traffic import bystanders
 from simbev_ros.world.lights import needs_low_beam
 
 SIZE_PX = (1600, 900)
-"""Of pictures, unless asked for otherwise: width and height."""
+"""Default width and height of pictures."""
 
 _FIELD_OF_VIEW_RAD = np.radians(72.0)
 _EYE_M = 2.4
-_BEHIND_M = 6.0  # the car that every scene has stands so far behind the camera
-_SUN_BESIDE_DEG = 26.0  # the sun stands behind the camera, so far to the side
-_BRAKING_SHARE = 4  # one vehicle of so many stands and shows its brake lights
+_BEHIND_M = 6.0  # distance of the mandatory ego car behind the camera
+_SUN_BESIDE_DEG = 26.0  # angle of the sun from the direction straight behind the camera
+_BRAKING_INTERVAL = 4  # every Nth vehicle stands and shows its brake lights
 _FRAME_S = 0.05
 _WHEEL_RADIUS_M = 0.33
-_MPS = 9.0  # of vehicles that do not brake
+_SPEED_MPS = 9.0  # speed of vehicles that do not brake
 
 
 class StreetView:
-    """A place and a direction, to be photographed. As a context manager it frees what it has on the GPU.
+    """A viewpoint on a street that can be photographed in several weathers.
+
+    As a context manager it frees its GPU resources on exit.
 
     Args:
         network: The map.
-        static: What stands there.
-        place_m: (3,) the place on the ground, map frame.
-        yaw_rad: The direction to look in.
-        quality: Of colour images.
-        busy: How many others there are, 1 being usual.
+        static: The static scene of the map.
+        position_m: (3,) position on the ground, map frame.
+        yaw_rad: Viewing direction, map frame.
+        quality: Quality of color images.
+        busy: Density of other traffic; 1 is usual.
 
     Raises:
         RenderError: OpenGL is not usable here.
@@ -53,22 +58,25 @@ class StreetView:
         self,
         network: RoadNetwork,
         static: StaticScene,
-        place_m: Float64Array,
+        position_m: Float64Array,
         yaw_rad: float,
         quality: Quality = "medium",
         busy: float = 1.0,
     ) -> None:
         models = load_models()
         ego = np.zeros(1, ACTOR_DTYPE)
-        ego["x"], ego["y"], ego["z"] = place_m - _BEHIND_M * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+        ego["x"], ego["y"], ego["z"] = position_m - _BEHIND_M * np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
         ego["yaw"], ego["id"], ego["tag"] = yaw_rad, EGO_ID, Tag.CAR
         ego["blueprint"] = next(k for k, model in enumerate(models) if model.tag == Tag.CAR)
-        self._actors: Table = np.concatenate([ego, bystanders(network, place_m, EGO_ID + 1, busy)])
+        self._actors: Table = np.concatenate([ego, bystanders(network, position_m, EGO_ID + 1, busy)])
         self._driving = self._actors["tag"] != Tag.PEDESTRIAN
-        self._braking = self._driving & (self._actors["id"] % _BRAKING_SHARE == 0)
+        self._braking = self._driving & (self._actors["id"] % _BRAKING_INTERVAL == 0)
         rolling = self._driving & ~self._braking
         yaws_rad = self._actors["yaw"][rolling]
-        self._actors["vx"][rolling], self._actors["vy"][rolling] = _MPS * np.cos(yaws_rad), _MPS * np.sin(yaws_rad)
+        self._actors["vx"][rolling], self._actors["vy"][rolling] = (
+            _SPEED_MPS * np.cos(yaws_rad),
+            _SPEED_MPS * np.sin(yaws_rad),
+        )
         self._signals = np.zeros(len(network.signals), SIGNAL_DTYPE)
         self._signals["state"] = SignalState.GREEN
         self._yaw_rad = yaw_rad
@@ -77,7 +85,13 @@ class StreetView:
     def photograph(
         self, weather: Weather, size_px: tuple[int, int] = SIZE_PX, modalities: Sequence[Modality] = ("rgb",)
     ) -> CameraImages:
-        """What is seen in a weather, signals on green; the flow is that of a frame 50 ms after another."""
+        """Render the view in a weather, with all signals green.
+
+        Args:
+            weather: The weather.
+            size_px: Width and height of the images.
+            modalities: The modalities to render; optical flow is that over the last 50 ms.
+        """
         actors = self._actors.copy()
         actors["lights"][self._driving] = Light.LOW_BEAM if needs_low_beam(weather) else 0
         actors["lights"][self._braking] |= np.uint16(Light.BRAKE)
@@ -89,11 +103,11 @@ class StreetView:
         return images
 
     def sun_azimuth_deg(self, bearing_deg: float) -> float:
-        """Where the sun is in the map when it stands so far to the left of where the camera looks."""
+        """Azimuth of the sun in the map for an angle from the viewing direction to the sun, to the left, degrees."""
         return float((np.degrees(self._yaw_rad) + bearing_deg) % 360.0)
 
     def fair_weather(self) -> Weather:
-        """A sunny day, the sun behind the camera."""
+        """Weather of a sunny day, with the sun behind the camera."""
         return Weather(
             cloudiness=25,
             precipitation=0,
@@ -114,20 +128,29 @@ class StreetView:
         self._renderer.close()
 
 
-def street_view(network: RoadNetwork, static: StaticScene, place_m: Float64Array, yaw_rad: float) -> UInt8Array:
-    """(900, 1600, 3) uint8 RGB of a sunny day there.
+def street_view(network: RoadNetwork, static: StaticScene, position_m: Float64Array, yaw_rad: float) -> UInt8Array:
+    """Render the view from a position on a sunny day, without keeping the renderer.
+
+    Args:
+        network: The map.
+        static: The static scene of the map.
+        position_m: (3,) position on the ground, map frame.
+        yaw_rad: Viewing direction, map frame.
+
+    Returns:
+        (900, 1600, 3) uint8 RGB.
 
     Raises:
         RenderError: OpenGL is not usable here.
     """
-    with StreetView(network, static, place_m, yaw_rad) as view:
+    with StreetView(network, static, position_m, yaw_rad) as view:
         images = view.photograph(view.fair_weather())
     assert images.rgb is not None
     return images.rgb
 
 
 def _a_frame_before(actors: Table) -> Table:
-    """Where all were who move straight on."""
+    """The actors one frame earlier, assuming straight motion at constant speed."""
     before: Table = actors.copy()
     before["x"] -= actors["vx"] * _FRAME_S
     before["y"] -= actors["vy"] * _FRAME_S

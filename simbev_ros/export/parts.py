@@ -1,0 +1,173 @@
+"""Divides an export into parts and records which are finished, so that a killed export resumes. All exporters use it.
+
+A part is the files of one scene, or of some of its frames. Parts can be made in any order and in many processes, one
+process for a part; a part is small and is sent there. Whatever ends a run, a power cut too, this holds:
+
+1. ``Part.begin`` removes what an earlier part of the same name has left, and makes a staging folder.
+2. ``Part.write`` writes files to the staging folder.
+3. ``Part.finish`` syncs them to the disk, moves them to their final paths, and writes the part's record last.
+
+So files at final paths are complete, and a part with a record is finished. The record contains the part's identity, the
+bags and settings from which it was made: with another identity the part is outdated and is made again. Files of a part
+without a record belong to an interrupted run; the staging folder is the mark by which ``begin`` finds and removes them.
+Records and staging folders are in the export's folder ``.parts``. The caller holds the folder's ``DatasetLock``.
+"""
+
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from simbev_ros.errors import InputError
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, locate_mcap
+from simbev_ros.recording.mcap.syncing import sync
+from simbev_ros.recording.whole_files import write_errors, write_whole
+
+PARTS_FOLDER = ".parts"
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One part of an export, finished or not. Exporters add what they need to make it in a subclass.
+
+    Attributes:
+        out: Folder of the export.
+        name: Name of the part, unique in the export and the same in every run.
+        identity: Items that the record of the finished part has: what the part was made from, such as a fingerprint of
+            the scene's bags, and settings. Plain values.
+        patterns: Glob patterns, relative to ``out``, of all files that a part of this name can have, whatever its
+            identity.
+        record_suffix: Suffix of the record's file name behind ``name``.
+    """
+
+    out: Path
+    name: str
+    identity: Json
+    patterns: tuple[str, ...]
+    record_suffix: str = ".json"
+
+    def record(self) -> Json | None:
+        """The record of the part; None if the part is not finished, or outdated."""
+        try:
+            record: Json = json.loads(self._record_path.read_bytes())
+        except (OSError, ValueError):
+            return None
+        return record if self.identity.items() <= record.items() else None
+
+    def finished_record(self) -> Json:
+        """The record of a part that is finished.
+
+        Raises:
+            InputError: It is not; another process has changed the export.
+        """
+        record = self.record()
+        if record is None:
+            raise InputError(f"{self._record_path}: this part of the export has been changed meanwhile")
+        return record
+
+    def begin(self) -> None:
+        """Remove an earlier or interrupted part of this name, and make an empty staging folder.
+
+        Raises:
+            InputError: The folder cannot be written to.
+        """
+        self.remove()
+        with write_errors(self.out):
+            self._staging.mkdir(parents=True)
+
+    def write(self, path: str, content: bytes) -> None:
+        """Write a file of the part, which appears at its final path when the part is finished.
+
+        Args:
+            path: Final path, relative to ``out``.
+            content: Content of the file.
+
+        Raises:
+            InputError: The file cannot be written.
+        """
+        file = self._staging / path
+        with write_errors(self.out / path):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content)
+
+    def finish(self, facts: Json) -> None:
+        """Move the files of the part to their final paths, then write its record.
+
+        Args:
+            facts: Items of the record besides the identity, such as what the last stage of the export needs to know of
+                this part. Plain values.
+
+        Raises:
+            InputError: A file cannot be written.
+        """
+        staging = self._staging
+        targets = {file: self.out / file.relative_to(staging) for file in staging.rglob("*") if file.is_file()}
+        folders = {folder for path in targets.values() for folder in path.parents if folder.is_relative_to(self.out)}
+        with write_errors(self.out):
+            sync(*targets)
+            for file, path in targets.items():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                file.replace(path)
+            sync(*sorted(folders))
+            write_whole(self._record_path, json.dumps({**self.identity, **facts}).encode())
+            shutil.rmtree(staging)
+
+    def remove(self) -> None:
+        """Remove the record, the files and the staging folder of the part, whatever its identity, as far as they exist.
+
+        Raises:
+            InputError: A file cannot be removed.
+        """
+        if not (self._staging.exists() or self._record_path.exists()):
+            return
+        with write_errors(self.out):
+            self._staging.mkdir(parents=True, exist_ok=True)  # if the run ends here, the next one continues the removal
+            self._record_path.unlink(missing_ok=True)
+            sync(self._record_path.parent)  # a record must not outlive its files
+            for pattern in self.patterns:
+                for file in list(self.out.glob(pattern)):
+                    file.unlink()
+            shutil.rmtree(self._staging)
+
+    def tidy_up(self) -> None:
+        """Remove what an interruption or failure after ``begin`` has left, at the end of a run; a finished part stays.
+
+        Raises:
+            InputError: A file cannot be removed.
+        """
+        if self._staging.exists():
+            if self.record() is None:
+                self.remove()
+            else:
+                with write_errors(self.out):
+                    shutil.rmtree(self._staging)
+
+    @property
+    def _record_path(self) -> Path:
+        return self.out / PARTS_FOLDER / f"{self.name}{self.record_suffix}"
+
+    @property
+    def _staging(self) -> Path:
+        return self.out / PARTS_FOLDER / f"{self.name}{PARTIAL_SUFFIX}"
+
+
+def fingerprint_of(bag: Path) -> str:
+    """Fingerprint of a bag for the identity of parts: another bag at the same path has another one.
+
+    Raises:
+        BagError: There is no bag.
+    """
+    return f"{bytes_of(bag)} {locate_mcap(bag).stat().st_mtime_ns}"
+
+
+def is_begun(out: Path) -> bool:
+    """Whether a folder contains an export in parts, finished or not."""
+    return (out / PARTS_FOLDER).is_dir()
+
+
+def part_names(out: Path) -> set[str]:
+    """Names of all parts in an export's folder, finished or interrupted; of names without dots."""
+    return {file.name.partition(".")[0] for file in (out / PARTS_FOLDER).glob("*")}

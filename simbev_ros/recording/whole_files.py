@@ -1,0 +1,74 @@
+"""Writes files whole: a file gets its name only when its content is complete and on the disk.
+
+For all files that other processes may read while they are replaced, or whose writer may be killed: plans, indexes,
+records of exports, pictures. Content enters; one file leaves. A killed writer leaves ``NAME.part`` behind, which the
+next writer of the same file overwrites.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from simbev_ros.errors import InputError
+from simbev_ros.recording.mcap.syncing import sync, sync_names
+
+_UNFINISHED_SUFFIX = ".part"
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Lend a temporary path to write a file to; afterwards the file is synced to the disk and renamed.
+
+    If the block raises, the temporary file is removed and an earlier file at ``path`` stays as it is.
+
+    Args:
+        path: Final path of the file; its folder is made if necessary.
+
+    Yields:
+        Path in the same folder for the content.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    unfinished = path.with_name(path.name + _UNFINISHED_SUFFIX)
+    has_new_folder = not path.parent.exists()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        yield unfinished
+        sync(unfinished)
+        unfinished.replace(path)
+    except BaseException:
+        unfinished.unlink(missing_ok=True)
+        raise
+    sync_names([path, path.parent] if has_new_folder else [path])
+
+
+def write_whole(path: Path, content: bytes | Iterable[bytes]) -> None:
+    """Write a file whole, from bytes or from pieces that are produced one after the other.
+
+    Args:
+        path: The file; its folder is made if necessary.
+        content: Content of the file, or its consecutive pieces.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    with whole_file(path) as unfinished, unfinished.open("wb") as file:
+        file.writelines([content] if isinstance(content, bytes) else content)
+
+
+@contextmanager
+def write_errors(path: Path) -> Iterator[None]:
+    """Turn errors of the operating system within a block into ``InputError`` for the user.
+
+    Args:
+        path: Path that the message names if the error names none.
+
+    Raises:
+        InputError: A file cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        file = str(error.filename or path).removesuffix(_UNFINISHED_SUFFIX)
+        raise InputError(f"{file}: cannot be written: {error.strerror or error}") from None

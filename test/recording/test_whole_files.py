@@ -1,0 +1,48 @@
+"""Tests that files are written whole: complete and on the disk before they get their name, or not at all."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.errors import InputError
+from simbev_ros.recording.whole_files import whole_file, write_errors, write_whole
+
+
+def test_a_file_is_written_from_bytes_or_pieces_and_its_folder_is_made(tmp_path: Path) -> None:
+    write_whole(tmp_path / "new" / "a.json", b"whole")
+    write_whole(tmp_path / "new" / "b.json", iter([b"in ", b"pieces"]))
+    files = {path.name: path.read_bytes() for path in (tmp_path / "new").iterdir()}
+    assert files == {"a.json": b"whole", "b.json": b"in pieces"}
+
+
+def test_a_failing_writer_leaves_the_earlier_file(tmp_path: Path) -> None:
+    def pieces() -> Iterator[bytes]:
+        yield b"half of "
+        raise KeyboardInterrupt
+
+    (tmp_path / "a").write_bytes(b"before")
+    with pytest.raises(KeyboardInterrupt):
+        write_whole(tmp_path / "a", pieces())
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("a", b"before")]
+
+
+def test_the_content_is_on_the_disk_before_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[tuple[int, bool]] = []
+    monkeypatch.setattr(
+        os, "fsync", lambda descriptor: synced.append((os.fstat(descriptor).st_ino, (tmp_path / "new/a").exists()))
+    )
+    with whole_file(tmp_path / "new" / "a") as unfinished:
+        unfinished.write_bytes(b"content")
+    file, *folders = synced
+    assert file == ((tmp_path / "new/a").stat().st_ino, False)
+    assert {inode for inode, _ in folders} == {tmp_path.stat().st_ino, (tmp_path / "new").stat().st_ino}
+    assert all(named for _, named in folders)
+
+
+def test_errors_name_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    with pytest.raises(InputError, match=r"/a: cannot be written: Is a directory"), write_errors(tmp_path / "a"):
+        write_whole(tmp_path / "a", b"")
+    assert list(tmp_path.iterdir()) == [tmp_path / "a"]

@@ -1,1 +1,1 @@
-"""Metrics of detections and bird's-eye-view segmentations against the truth: pure functions of arrays."""
+"""Evaluation of perception stacks: predictions are compared with the ground truth, and metrics and tables result."""

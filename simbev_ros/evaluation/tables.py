@@ -1,6 +1,6 @@
-"""The tables of an evaluation as data: which figures stand in which row and column, whatever draws them.
+"""Tables of an evaluation as data: titles, headings and typed cells, independent of how they are drawn.
 
-``evaluation.figures.figures_of`` goes in; the command line and the HTML report draw what comes out.
+The values of ``evaluation.figures.figures_of`` enter; the command line and the HTML report draw the tables that leave.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,17 +13,17 @@ from simbev_ros.evaluation.metrics.errors import ERRORS
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD
 
 METHOD_NAMES: Mapping[str, str] = {"iou": "3D IoU", "distance": "distance"}
-"""Readable name of each way to match boxes."""
+"""Display name of each matching method."""
 _UNITS: Mapping[str, str] = {"ATE": " m", "AOE": " rad", "AVE": " m/s"}
 ERROR_HEADS: Sequence[str] = [f"{name}{_UNITS.get(name, '')}" for name in ERRORS]
-"""Errors of ``metrics.errors.ERRORS`` with their units."""
+"""Headings of the errors of ``metrics.errors.ERRORS``, with their units."""
 
 Figures = Mapping[str, Any]
-"""Figures of ``evaluation.figures.figures_of``, or a part of them."""
+"""The values of ``evaluation.figures.figures_of``, or a part of them."""
 
 
-class Kind(Enum):
-    """What a cell holds, which decides how it is drawn."""
+class CellKind(Enum):
+    """Kind of value in a cell, which decides how it is drawn."""
 
     NAME = "name"
     COUNT = "count"
@@ -32,20 +32,20 @@ class Kind(Enum):
 
 
 class Cell(NamedTuple):
-    """One value of a table; None where it is undefined."""
+    """One value of a table; None if it is undefined."""
 
-    kind: Kind
+    kind: CellKind
     value: str | float | None
 
 
 @dataclass(frozen=True, slots=True)
 class FigureTable:
-    """One table.
+    """One table of an evaluation.
 
     Attributes:
-        title: Heading over the table.
+        title: Heading above the table.
         heads: Heading of each column.
-        rows: Cells of each row, one for each column.
+        rows: Cells of each row, one per column.
     """
 
     title: str
@@ -54,7 +54,7 @@ class FigureTable:
 
 
 def evaluation_tables(figures: Figures) -> Iterator[FigureTable]:
-    """All tables of an evaluation, in the order in which people read them."""
+    """All tables of an evaluation, in reading order."""
     if detection := figures.get("detection"):
         yield summary_table(detection)
         for method in measured_methods([detection]):
@@ -69,7 +69,7 @@ def evaluation_tables(figures: Figures) -> Iterator[FigureTable]:
 
 
 def summary_table(detection: Figures) -> FigureTable:
-    """One row per way to match boxes: mAP, mean errors, SDS."""
+    """One row per matching method: mAP, mean errors, SDS."""
     rows = [
         [
             _name(METHOD_NAMES[method]),
@@ -95,7 +95,7 @@ def precision_table(detection: Figures, method: str) -> FigureTable:
 
 
 def error_table(detection: Figures) -> FigureTable:
-    """One row per class: mean errors over the thresholds, for each way to match boxes."""
+    """One row per class: errors averaged over the thresholds, for each matching method."""
     methods = measured_methods([detection])
     rows = [
         [_name(name), *_numbers(own[method][error] for method in methods for error in ERRORS)]
@@ -106,7 +106,7 @@ def error_table(detection: Figures) -> FigureTable:
 
 
 def segmentation_table(segmentation: Figures) -> FigureTable:
-    """One row per class: IoU at each threshold of the score; the mean last."""
+    """One row per class: IoU at each score threshold; the last row is the mean."""
     means = segmentation["mean_IoU_at"]
     rows = [[_name(name), *_shares(own.values())] for name, own in segmentation["IoU_at"].items()]
     rows.append([_name("mean"), *_shares(means.values())])
@@ -114,7 +114,7 @@ def segmentation_table(segmentation: Figures) -> FigureTable:
 
 
 def condition_table(condition: str, figures: Figures, *, with_empty: bool = False) -> FigureTable:
-    """One row per slice of a condition, such as ``weather``; slices without boxes and frames only if wanted."""
+    """One row per slice of a condition, such as ``weather``; empty slices only if ``with_empty``."""
     boxes, cells = (figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation"))
     methods = measured_methods(boxes.values())
     scores = [(method, score) for method in methods for score in ("mAP", "SDS")]
@@ -131,11 +131,11 @@ def condition_table(condition: str, figures: Figures, *, with_empty: bool = Fals
 
 
 def nuscenes_table(nuscenes: Figures) -> FigureTable:
-    """NuScenes' metrics: the means first, then one row per class with AP at each distance and errors."""
+    """NuScenes metrics: a row of means, then one row per class with AP at each distance and errors."""
     classes = nuscenes["classes"]
     distances = list(next(iter(classes.values()))["AP_at"])
     errors = [name for name in nuscenes if name not in ("classes", "mAP", "NDS")]
-    blank = [Cell(Kind.NAME, "")] * len(distances)
+    blank = [Cell(CellKind.NAME, "")] * len(distances)
     rows = [[_name("mean"), _share(nuscenes["mAP"]), *blank, *_numbers(nuscenes[error] for error in errors)]]
     rows += [
         [_name(name), _share(own["AP"]), *_shares(own["AP_at"].values()), *_numbers(own[error] for error in errors)]
@@ -146,37 +146,37 @@ def nuscenes_table(nuscenes: Figures) -> FigureTable:
 
 
 def measured_methods(boxes: Iterable[Figures]) -> list[str]:
-    """The ways to match boxes that any of these figures of detection were measured by."""
+    """Matching methods for which at least one of these detection results has values."""
     known = list(boxes)
     return [method for method in METHODS if any(method in figures for figures in known)]
 
 
 def conditions_of(figures: Figures) -> list[str]:
-    """The conditions by which figures are sliced, such as ``weather``."""
+    """Conditions by which these values are sliced, such as ``weather``."""
     keys = (key for part in ("detection", "segmentation") for key in figures.get(part, ()))
     return list(dict.fromkeys(key.removeprefix("by_") for key in keys if key.startswith("by_")))
 
 
 def at_table_threshold(figures: Mapping[str, float | None]) -> float | None:
-    """The one of figures by threshold of the score that tables and charts show."""
+    """The value at the score threshold that tables and charts show."""
     return figures[f"{TABLE_THRESHOLD:g}"]
 
 
 def text_of(value: float | None) -> str:
-    """A figure as all tables show it; a dash where it is undefined."""
+    """A value as all tables print it; a dash if it is undefined."""
     return "–" if value is None else f"{value:.3f}"
 
 
 def _name(text: str) -> Cell:
-    return Cell(Kind.NAME, text)
+    return Cell(CellKind.NAME, text)
 
 
 def _count(value: int) -> Cell:
-    return Cell(Kind.COUNT, value)
+    return Cell(CellKind.COUNT, value)
 
 
 def _share(value: float | None) -> Cell:
-    return Cell(Kind.SHARE, value)
+    return Cell(CellKind.SHARE, value)
 
 
 def _shares(values: Iterable[float | None]) -> list[Cell]:
@@ -184,4 +184,4 @@ def _shares(values: Iterable[float | None]) -> list[Cell]:
 
 
 def _numbers(values: Iterable[float | None]) -> list[Cell]:
-    return [Cell(Kind.NUMBER, value) for value in values]
+    return [Cell(CellKind.NUMBER, value) for value in values]

@@ -84,15 +84,15 @@ def viewing_cameras(spec: SceneSpec) -> list[Camera]:
     return [each for each in spec.rig.of_type(Camera) if spec.annotation.views and "instance" in each.modalities]
 
 
-def read_by_annotator(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
+def annotator_inputs(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
     """Topics that the annotator reads, by the sensor's name: clouds, and instance images in one of their two forms.
 
     From a lidar it reads the cloud with errors if there is one, because perception gets that one.
     """
-    return dict(_read_by_annotator(spec, compressed_images))
+    return dict(_annotator_inputs(spec, compressed_images))
 
 
-def _read_by_annotator(spec: SceneSpec, compressed_images: bool) -> Iterator[tuple[str, Topic]]:
+def _annotator_inputs(spec: SceneSpec, compressed_images: bool) -> Iterator[tuple[str, Topic]]:
     for lidar in spec.rig.of_type(Lidar):
         yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
     for radar in spec.rig.of_type(Radar):

@@ -42,7 +42,7 @@ def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
     )
 
 
-def labels_of_image(message: Image) -> AnyArray:
+def labels_from_image(message: Image) -> AnyArray:
     """(H, W) of a mono8 or mono16 image as ``image_message`` makes it; shares the message's data."""
     kind = {"mono8": "u1", "mono16": "<u2"}[message.encoding]
     return np.frombuffer(message.data, kind).reshape(message.height, message.width)

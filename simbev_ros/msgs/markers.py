@@ -20,7 +20,7 @@ _BOX_ALPHA, _ACTOR_ALPHA = 0.5, 0.9
 _LINE_M = 0.08
 _LAMP_M = 0.4
 _HEADING, _VELOCITY = (1.0, 1.0, 1.0, 0.9), (1.0, 0.75, 0.1, 0.9)
-_MOVES_MPS = 0.2
+_MIN_SPEED_MPS = 0.2
 
 
 def box_markers(boxes: Table, stamp_ns: int) -> MarkerArray:
@@ -36,7 +36,7 @@ def box_markers(boxes: Table, stamp_ns: int) -> MarkerArray:
     stamped = header(stamp_ns, MAP_FRAME)
     names = [BOX_CLASSES[number] for number in boxes["class"].tolist()]
     colors = [_color(class_color(name), _BOX_ALPHA) for name in names]
-    return _in_place_of_those_before(stamped, _solids(stamped, boxes, _columns(boxes, "x y z"), names, colors))
+    return _replace_previous_markers(stamped, _cubes_and_lines(stamped, boxes, _columns(boxes, "x y z"), names, colors))
 
 
 def world_markers(state: WorldState) -> MarkerArray:
@@ -49,11 +49,11 @@ def world_markers(state: WorldState) -> MarkerArray:
     center_m = ground_m + rotations_from_rpy(rpy_rad)[:, :, 2] * actors["height"][:, None] / 2.0
     names = [Tag(tag).name.lower() for tag in actors["tag"].tolist()]
     colors = [_color((code >> 16, code >> 8 & 255, code & 255), _ACTOR_ALPHA) for code in actors["color"].tolist()]
-    markers = [*_solids(stamped, actors, center_m, names, colors), *_lamps(stamped, state.signals)]
-    return _in_place_of_those_before(stamped, markers)
+    markers = [*_cubes_and_lines(stamped, actors, center_m, names, colors), *_signal_balls(stamped, state.signals)]
+    return _replace_previous_markers(stamped, markers)
 
 
-def _in_place_of_those_before(stamped: Header, markers: Iterable[Marker]) -> MarkerArray:
+def _replace_previous_markers(stamped: Header, markers: Iterable[Marker]) -> MarkerArray:
     """With a DELETEALL ahead.
 
     It removes what has gone, so nothing has a lifetime: it would run out where a simulation is slower than its clock,
@@ -62,28 +62,28 @@ def _in_place_of_those_before(stamped: Header, markers: Iterable[Marker]) -> Mar
     return MarkerArray(markers=[Marker(header=stamped, action=Marker.DELETEALL), *markers])
 
 
-def _solids(
+def _cubes_and_lines(
     stamped: Header, table: Table, center_m: Float64Array, names: Sequence[str], colors: Sequence[ColorRGBA]
 ) -> Iterator[Marker]:
     """Cubes, and the lines of where they go."""
     rpy_rad, size_m = _columns(table, "roll pitch yaw"), _columns(table, "length width height")
     velocity_mps = _columns(table, "vx vy vz")
     forward, _, up = np.moveaxis(rotations_from_rpy(rpy_rad) * size_m[:, None] / 2.0, -1, 0)
-    turns = quaternion_from_rpy(rpy_rad).tolist()
-    rows = zip(names, table["id"].tolist(), center_m.tolist(), turns, size_m.tolist(), colors, strict=True)
+    orientations = quaternion_from_rpy(rpy_rad).tolist()
+    rows = zip(names, table["id"].tolist(), center_m.tolist(), orientations, size_m.tolist(), colors, strict=True)
     yield from (_cube(stamped, *row) for row in rows)
-    moving = np.linalg.norm(velocity_mps, axis=1) > _MOVES_MPS
+    moving = np.linalg.norm(velocity_mps, axis=1) > _MIN_SPEED_MPS
     yield from _lines(stamped, "heading", center_m + up, center_m + up + forward, _HEADING)
     yield from _lines(stamped, "velocity", center_m[moving], (center_m + velocity_mps)[moving], _VELOCITY)
 
 
-def _lamps(stamped: Header, signals: Table) -> Iterator[Marker]:
+def _signal_balls(stamped: Header, signals: Table) -> Iterator[Marker]:
     """A ball at each head."""
-    for place, identity, state in zip(
+    for position, identity, state in zip(
         _columns(signals, "x y z").tolist(), signals["id"].tolist(), signals["state"].tolist(), strict=True
     ):
         color = _color(signal_color(SignalState(state).name), 1.0)
-        ball = (place, [0.0, 0.0, 0.0, 1.0], [_LAMP_M] * 3)
+        ball = (position, [0.0, 0.0, 0.0, 1.0], [_LAMP_M] * 3)
         yield _cube(stamped, "traffic_light", identity, *ball, color, Marker.SPHERE)
 
 
@@ -91,14 +91,14 @@ def _cube(
     stamped: Header,
     name: str,
     identity: int,
-    place_m: list[float],
+    position_m: list[float],
     xyzw: list[float],
     size_m: list[float],
     color: ColorRGBA,
     kind: int = Marker.CUBE,
 ) -> Marker:
     """A cube, or a ball in one."""
-    (x, y, z), (qx, qy, qz, qw), (length, width, height) = place_m, xyzw, size_m
+    (x, y, z), (qx, qy, qz, qw), (length, width, height) = position_m, xyzw, size_m
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
     scale = Vector3(x=length, y=width, z=height)
     return Marker(header=stamped, ns=name, id=identity, type=kind, pose=pose, scale=scale, color=color)

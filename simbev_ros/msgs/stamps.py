@@ -24,7 +24,7 @@ def stamp_of(time: Time) -> int:
     return int(time.sec) * NS_PER_S + int(time.nanosec)
 
 
-def stamp_of_serialised(payload: bytes, type_name: str) -> int | None:
+def serialized_stamp_ns(payload: bytes, type_name: str) -> int | None:
     """Stamp of a message in little-endian CDR, without deserialising it.
 
     Messages that begin with a Header or a Time carry it after the 4 bytes of encapsulation, arrays of such messages

@@ -28,7 +28,7 @@ EVALUATION = "/evaluation"
 TF = "/tf"
 TF_STATIC = "/tf_static"
 
-REPLAYED = (SCENE, MAP, ACTORS, SIGNALS, WEATHER, EVENTS)
+REPLAY_TOPICS = (SCENE, MAP, ACTORS, SIGNALS, WEATHER, EVENTS)
 """What a replay needs: it is always recorded, so that all else can be had again."""
 
 
@@ -77,10 +77,10 @@ class TopicFilter:
     exclude: Sequence[str] = ()
 
     def __contains__(self, name: object) -> bool:
-        return name in REPLAYED or (self._any(name, self.include) and not self._any(name, self.exclude))
+        return name in REPLAY_TOPICS or (self._matches(name, self.include) and not self._matches(name, self.exclude))
 
     @staticmethod
-    def _any(name: object, patterns: Sequence[str]) -> bool:
+    def _matches(name: object, patterns: Sequence[str]) -> bool:
         return any(fnmatchcase(str(name), pattern) for pattern in patterns)
 
 

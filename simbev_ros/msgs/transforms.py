@@ -47,7 +47,7 @@ def ego_transform(odometry: Odometry) -> TransformStamped:
     return transform
 
 
-def serialised_transforms(transforms: Iterable[TransformStamped]) -> bytes:
+def serialize_transforms(transforms: Iterable[TransformStamped]) -> bytes:
     """A tf2_msgs/TFMessage in CDR, also where tf2_msgs is not installed."""
     message = _TYPES.types["tf2_msgs/msg/TFMessage"]([_as_rosbags(transform) for transform in transforms])
     return bytes(_TYPES.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))

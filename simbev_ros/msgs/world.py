@@ -59,12 +59,12 @@ def event_message(event: Event, state: WorldState) -> String:
     )
 
 
-def stamp_of_weather(message: String) -> int:
+def weather_stamp_ns(message: String) -> int:
     """Stamp inside a weather message."""
     return int(json.loads(message.data)["stamp_ns"])
 
 
-def world_state(actors: PointCloud2, signals: PointCloud2, weather: String, tick: int) -> WorldState:
+def world_state_from_messages(actors: PointCloud2, signals: PointCloud2, weather: String, tick: int) -> WorldState:
     """The world at one tick from its three messages, which carry one stamp."""
     fields = json.loads(weather.data)
     del fields["stamp_ns"]
@@ -94,9 +94,10 @@ def odometry_message(actor: Table, stamp_ns: int, child_frame: str) -> Odometry:
 
 def map_from_ego(odometry: Odometry) -> Float64Array:
     """(4, 4) pose in ``odometry_message``."""
-    place, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    position, orientation = odometry.pose.pose.position, odometry.pose.pose.orientation
     return matrices_from_xyz_quaternion(
-        np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
+        np.array([position.x, position.y, position.z]),
+        np.array([orientation.x, orientation.y, orientation.z, orientation.w]),
     )
 
 

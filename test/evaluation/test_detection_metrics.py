@@ -7,21 +7,21 @@ import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, no_boxes
+from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, empty_boxes
 from simbev_ros.evaluation.metrics.detection import (
     DetectionOptions,
     DetectionResult,
     detection_result,
-    merge,
+    merge_tallies,
     precision_recall,
 )
 from simbev_ros.evaluation.metrics.overlap import iou_of_pairs
-from simbev_ros.evaluation.metrics.scene_matching import Counting, tally
+from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, match_and_tally
 from simbev_ros.semantics import BOX_CLASSES
 
 CAR, TRUCK = BOX_CLASSES.index("car"), BOX_CLASSES.index("truck")
 FRAME = np.array([0])
-NOTHING = Predictions(no_boxes(), np.zeros(0))
+NOTHING = Predictions(empty_boxes(), np.zeros(0))
 
 
 def scored(boxes: Boxes, *scores: float) -> Predictions:
@@ -29,12 +29,12 @@ def scored(boxes: Boxes, *scores: float) -> Predictions:
 
 
 def measured(truth: Boxes, predictions: Predictions, options: DetectionOptions | None = None) -> DetectionResult:
-    return detection_result(tally(truth, predictions, FRAME, options), options)
+    return detection_result(match_and_tally(truth, predictions, FRAME, options), options)
 
 
 def test_truth_as_prediction_is_perfect() -> None:
     truth = random_truth(np.random.default_rng(1), frames=20, per_frame=40)
-    result = detection_result(tally(truth, Predictions(truth, np.ones(len(truth))), np.arange(20)))
+    result = detection_result(match_and_tally(truth, Predictions(truth, np.ones(len(truth))), np.arange(20)))
     np.testing.assert_allclose(result.ap, 1.0)
     np.testing.assert_allclose(result.errors, 0.0, atol=1e-12)
     for method in ("iou", "distance"):
@@ -50,7 +50,7 @@ def test_average_precision_by_hand() -> None:
     np.testing.assert_allclose(steps.ap[CAR], (1 + 2 / 3 + 3 / 4) / 4)
     envelope = measured(truth, predictions, DetectionOptions(area="envelope"))
     np.testing.assert_allclose(envelope.ap[CAR], (1 + 3 / 4 + 3 / 4) / 4)
-    curve = precision_recall(tally(truth, predictions, FRAME), CAR, 0)
+    curve = precision_recall(match_and_tally(truth, predictions, FRAME), CAR, 0)
     np.testing.assert_allclose(curve.precision, [1, 1 / 2, 2 / 3, 3 / 4, 3 / 5])
     np.testing.assert_allclose(curve.recall, [1 / 4, 1 / 4, 1 / 2, 3 / 4, 3 / 4])
 
@@ -122,7 +122,7 @@ def test_matching_is_that_of_one_after_another() -> None:
     truth = random_truth(rng, frames=6, per_frame=200)
     truth = replace(truth, label=truth.label % 2, size_m=truth.size_m + 2)
     predictions = random_predictions(rng, truth, noise=0.1)
-    outcome = tally(truth, predictions, np.arange(6)).outcome
+    outcome = match_and_tally(truth, predictions, np.arange(6)).outcome
     expected = greedy_outcomes(truth, predictions)
     assert (expected.mean(axis=0) > 0.1).all() and (expected.mean(axis=0) < 0.9).all()
     np.testing.assert_array_equal(outcome, expected)
@@ -133,12 +133,14 @@ def test_parts_merged_are_the_whole() -> None:
     truth = random_truth(rng, frames=9, per_frame=50)
     predictions = random_predictions(rng, truth)
     parts = [
-        tally(truth.take(truth.frame // 3 == part), predictions.take(predictions.boxes.frame // 3 == part), frames)
+        match_and_tally(
+            truth.take(truth.frame // 3 == part), predictions.take(predictions.boxes.frame // 3 == part), frames
+        )
         for part, frames in enumerate(np.arange(9).reshape(3, 3))
     ]
-    whole = detection_result(tally(truth, predictions, np.arange(9)))
+    whole = detection_result(match_and_tally(truth, predictions, np.arange(9)))
     for order in (parts, parts[::-1]):
-        merged = detection_result(merge(order))
+        merged = detection_result(merge_tallies(order))
         np.testing.assert_allclose(merged.ap, whole.ap, rtol=1e-12)
         np.testing.assert_allclose(merged.errors, whole.errors, rtol=1e-12)
 
@@ -149,8 +151,8 @@ def test_frames_may_be_stamps() -> None:
     predictions = random_predictions(rng, truth)
     stamps_ns = 1_760_000_000_000_000_000 + 50_000_000 * np.arange(5)
     stamped = Predictions(replace(predictions.boxes, frame=stamps_ns[predictions.boxes.frame]), predictions.score)
-    outcome = tally(replace(truth, frame=stamps_ns[truth.frame]), stamped, stamps_ns).outcome
-    np.testing.assert_array_equal(outcome, tally(truth, predictions, np.arange(5)).outcome)
+    outcome = match_and_tally(replace(truth, frame=stamps_ns[truth.frame]), stamped, stamps_ns).outcome
+    np.testing.assert_array_equal(outcome, match_and_tally(truth, predictions, np.arange(5)).outcome)
 
 
 def test_without_predictions_all_is_missed() -> None:
@@ -168,7 +170,7 @@ def test_a_class_without_truth_is_in_no_mean() -> None:
 
 
 def test_without_any_truth_nothing_is_defined() -> None:
-    result = measured(no_boxes(), scored(some_boxes([(0, 0, 0)]), 1.0))
+    result = measured(empty_boxes(), scored(some_boxes([(0, 0, 0)]), 1.0))
     assert np.isnan(result.mean_ap("iou")) and np.isnan(result.sds("distance"))
 
 
@@ -182,8 +184,8 @@ def test_boxes_that_do_not_count_are_neither_right_nor_wrong() -> None:
     """A car that counts, one that does not, found twice, and two finds of nothing, of which one does not count."""
     truth = some_boxes([(0, 0, 0), (20, 0, 0)])
     found = scored(some_boxes([(20, 0, 0), (20.1, 0, 0), (0, 0, 0), (50, 0, 0), (70, 0, 0)]), 0.9, 0.8, 0.7, 0.6, 0.5)
-    counting = Counting(np.array([True, False]), np.array([True, True, True, True, False]))
-    part = tally(truth, found, FRAME, counting=counting)
+    counting = CountedBoxes(np.array([True, False]), np.array([True, True, True, True, False]))
+    part = match_and_tally(truth, found, FRAME, counting=counting)
     np.testing.assert_array_equal(part.outcome[:, 0], [0, 1, 0])
     np.testing.assert_array_equal(part.score, [0.8, 0.7, 0.6])
     assert part.truths[CAR] == 1
@@ -195,7 +197,7 @@ def test_far_and_huge_predictions_are_harmless() -> None:
     found = some_boxes(
         [(0, 0, 0), (1e15, 0, 0), (0, 0, 0)], label=[CAR, CAR, TRUCK], size_m=[(4, 2, 2), (4, 2, 2), (1e15, 1, 1)]
     )
-    part = tally(truth, scored(found, 0.9, 0.8, 0.7), FRAME)
+    part = match_and_tally(truth, scored(found, 0.9, 0.8, 0.7), FRAME)
     np.testing.assert_array_equal(part.outcome, np.outer([1, 0, 0], np.ones(11)))
 
 
@@ -210,9 +212,9 @@ def test_matching_needs_a_threshold() -> None:
 
 
 def test_another_scenes_predictions_are_refused() -> None:
-    strange = scored(some_boxes([(0, 0, 0)], frame=321), 0.5)
+    unknown = scored(some_boxes([(0, 0, 0)], frame=321), 0.5)
     with pytest.raises(InputError, match="predictions: frame: 321 is not of this scene, which has 320 frames, from 1 "):
-        tally(no_boxes(), strange, np.arange(1, 321))
+        match_and_tally(empty_boxes(), unknown, np.arange(1, 321))
 
 
 @pytest.mark.parametrize(

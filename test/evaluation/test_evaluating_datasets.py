@@ -17,7 +17,7 @@ from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions
 from simbev_ros.evaluation.options import EvaluationOptions, options_of
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
-from simbev_ros.evaluation.slices import Cut, cuts_of
+from simbev_ros.evaluation.slices import TableSlice, table_slices
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +36,13 @@ def written(folder: Path, *parts: Predictions, grids: bool = False, frame_id: st
 
 def measured(dataset: Path, predictions: Path, options: EvaluationOptions | None = None, jobs: int = 1) -> Evaluation:
     scenes = open_dataset(dataset).scenes
-    said = open_predictions(predictions).of_dataset([scene.name for scene in scenes])
+    said = open_predictions(predictions).for_dataset([scene.name for scene in scenes])
     return evaluate(scenes, said, options, jobs)
 
 
 def test_truth_as_prediction_is_perfect_in_every_table(dataset: Path, tmp_path: Path) -> None:
     groups = ("distance", "visibility", "points", "difficulty", "daytime", "weather")
-    options = EvaluationOptions(tuple(cuts_of(Cut(), groups)))
+    options = EvaluationOptions(tuple(table_slices(TableSlice(), groups)))
     folder = written(tmp_path, made.as_predicted(), made.as_predicted(), grids=True)
     result = measured(dataset, folder, options)
     rows = [each for each in result.detections.values() if each.truths.sum()]
@@ -64,7 +64,7 @@ def test_known_errors_come_out_as_they_went_in(dataset: Path, tmp_path: Path) ->
         size_m=own.size_m * [1.0, 1.0, 1.25],
         velocity_mps=own.velocity_mps + np.array([3.0, 0.0, 4.0]),
     )
-    result = measured(dataset, written(tmp_path, off, off)).detections[Cut()]
+    result = measured(dataset, written(tmp_path, off, off)).detections[TableSlice()]
     expected = {"ATE": 0.05, "AOE": 0.01, "ASE": 0.2, "AVE": 5.0}
     assert result.mean_errors("distance") == pytest.approx(expected, abs=1e-6)
     assert result.sds("distance") == pytest.approx((4 + 0.95 + 0.99 + 0.8 + 0) / 8, abs=1e-6)
@@ -75,7 +75,7 @@ def test_what_is_not_answered_is_missed(dataset: Path, tmp_path: Path) -> None:
     even = made.as_predicted()
     result = measured(dataset, written(tmp_path, even.take(even.boxes.frame % 2 == 0)))
     assert result.answered_boxes == {made.NAMES[0]: made.TICKS // 2, made.NAMES[1]: 0}
-    assert result.detections[Cut()].mean_ap("distance") == pytest.approx(0.25)
+    assert result.detections[TableSlice()].mean_ap("distance") == pytest.approx(0.25)
     np.testing.assert_array_equal(result.frames[made.NAMES[0]]["found"], [3, 0] * (made.TICKS // 2))
     assert not result.segmentations
 
@@ -84,14 +84,16 @@ def test_frames_without_scores_are_missed(dataset: Path, tmp_path: Path) -> None
     write_grid(tmp_path, made.NAMES[0], 0, made.scores(0))
     result = measured(dataset, tmp_path)
     assert not result.detections and result.answered_grids[made.NAMES[0]] == 1
-    tally = result.segmentations[Cut()]
+    tally = result.segmentations[TableSlice()]
     assert tally.frames == 2 * made.TICKS
     assert tally.iou()[made.ROAD, 4] == pytest.approx(1 / (2 * made.TICKS))
     assert tally.iou()[made.CAR, 4] == pytest.approx(3 / (2 * made.TICKS * 2.5))
 
 
 def test_rows_of_a_table_have_the_boxes_and_cells_that_belong_there(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(cuts_of(Cut(), ("distance", "points", "daytime", "weather"), (0, 20, 40))))
+    options = EvaluationOptions(
+        tuple(table_slices(TableSlice(), ("distance", "points", "daytime", "weather"), (0, 20, 40)))
+    )
     figures = figures_of(measured(dataset, written(tmp_path, made.as_predicted(), grids=True), options))
     detection, segmentation = figures["detection"], figures["segmentation"]
     assert {name: row["boxes"] for name, row in detection["by_distance"].items()} == {
@@ -118,7 +120,7 @@ def test_what_does_not_count_is_in_no_figure(dataset: Path, tmp_path: Path) -> N
     own = made.truth()
     wrong = own.center_m.copy()
     wrong[own.center_m[:, 0] > 60] += (0.0, 30.0, 0.0)
-    near = Cut(boxes=BoxFilter(range_m=(0, 40)), daytimes=("day",))
+    near = TableSlice(boxes=BoxFilter(range_m=(0, 40)), daytimes=("day",))
     options = EvaluationOptions((near,), box_classes=("car",))
     predicted = made.as_predicted(center_m=wrong)
     result = measured(dataset, written(tmp_path, predicted, predicted), options)
@@ -157,7 +159,7 @@ def test_scores_of_another_size_are_refused(dataset: Path, tmp_path: Path) -> No
 
 
 def test_without_a_frame_nothing_is_evaluated(dataset: Path, tmp_path: Path) -> None:
-    fog = EvaluationOptions((Cut(weathers=("fog",)),))
+    fog = EvaluationOptions((TableSlice(weathers=("fog",)),))
     with pytest.raises(InputError, match="no frame"):
         measured(dataset, written(tmp_path, made.as_predicted()), fog)
 
@@ -166,7 +168,7 @@ def test_nothing_found_has_no_area_and_the_worst_errors(dataset: Path, tmp_path:
     nothing = made.as_predicted()
     folder = tmp_path / "boxes.parquet"
     write_predictions(folder, [(made.NAMES[0], nothing.take(slice(0, 0)), range(made.TICKS))])
-    result = measured(dataset, folder).detections[Cut()]
+    result = measured(dataset, folder).detections[TableSlice()]
     assert result.mean_ap("iou") == 0 and result.sds("iou") == 0
     assert set(result.mean_errors("iou").values()) == {1.0}
 
@@ -177,12 +179,12 @@ def test_nothing_found_has_no_area_and_the_worst_errors(dataset: Path, tmp_path:
 )
 def test_tables_that_cannot_be_are_refused(groups: list[str], rings: tuple[float, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        cuts_of(Cut(), groups, rings)
+        table_slices(TableSlice(), groups, rings)
 
 
 def test_conditions_that_there_are_not_are_refused() -> None:
     with pytest.raises(InputError, match="weathers: 'snow' is not allowed; allowed: clear, cloudy, fog, rain"):
-        Cut(weathers=("snow",))
+        TableSlice(weathers=("snow",))
     with pytest.raises(InputError, match="box_classes: there is no 'tram'"):
         EvaluationOptions(box_classes=("tram",))
 
@@ -195,7 +197,7 @@ def test_only_frames_with_truth_are_evaluated(tmp_path: Path) -> None:
     scene = open_dataset(dataset).scenes[1]
     result = evaluate([scene], open_predictions(said))
     assert result.frames[scene.name]["tick"].tolist() == [0, 2, 4, 6, 8]
-    assert result.detections[Cut()].mean_ap("iou") == pytest.approx(1)
+    assert result.detections[TableSlice()].mean_ap("iou") == pytest.approx(1)
 
 
 def test_answers_to_frames_whose_pose_was_lost_do_not_count(tmp_path: Path) -> None:
@@ -205,7 +207,7 @@ def test_answers_to_frames_whose_pose_was_lost_do_not_count(tmp_path: Path) -> N
     said = written(tmp_path, predictions, predictions, frame_id="ego/base_link")
     result = evaluate([open_dataset(dataset).scenes[1]], open_predictions(said))
     assert result.frame_count == 5
-    assert result.detections[Cut()].mean_ap("iou") == pytest.approx(1)
+    assert result.detections[TableSlice()].mean_ap("iou") == pytest.approx(1)
 
 
 def test_what_nuscenes_needs_must_have_been_recorded(dataset: Path, tmp_path: Path) -> None:
@@ -217,9 +219,9 @@ def test_a_configuration_says_what_counts() -> None:
     section = {"range_m": 50, "least_points": 5, "least_visibility": 0.2, "classes": ["car", "road"], "by": ["weather"]}
     options = options_of(EvaluationSection.model_validate(section))
     assert (options.box_classes, options.bev_classes) == (("car",), ("road", "car"))
-    base = options.cuts[0].boxes
+    base = options.slices[0].boxes
     assert (base.range_m, base.points, base.visibility) == ((0, 50), (5, np.inf), (0.2, np.inf))
-    assert {cut.group for cut in options.cuts} == {"", "weather"}
+    assert {table_slice.group for table_slice in options.slices} == {"", "weather"}
     assert options_of(EvaluationSection()) == EvaluationOptions()
 
 

@@ -9,22 +9,22 @@ from made_up_scene import made_up_scene
 
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.evaluation import evaluation_of
+from simbev_ros.evaluation.evaluation import evaluation_from_tallies
 from simbev_ros.evaluation.figures import figures_of
-from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, Books, OpenFrame
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame
 from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, live_figures
-from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_of
+from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_from_tables
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
-from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, joined
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, join_boxes
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.scene_evaluation import evaluate_scene
-from simbev_ros.evaluation.slices import Cut, cuts_of
+from simbev_ros.evaluation.slices import TableSlice, table_slices
 
 TICKS = 80
 """More than are matched at once."""
 FRAME = "ego/cam_front"
-OPTIONS = EvaluationOptions(cuts=tuple(cuts_of(Cut(), ("distance", "points"))))
+OPTIONS = EvaluationOptions(slices=tuple(table_slices(TableSlice(), ("distance", "points"))))
 
 
 @pytest.fixture(scope="module")
@@ -39,11 +39,13 @@ def answers(scene: Scene, tick: int) -> dict[str, Any]:
     rng, frame = np.random.default_rng(tick), scene[tick]
     found: dict[str, Any] = {}
     if tick % 7:
-        boxes = boxes_of({tick: frame["boxes"]}).take(rng.random(len(frame["boxes"])) < 0.8)
+        boxes = boxes_from_tables({tick: frame["boxes"]}).take(rng.random(len(frame["boxes"])) < 0.8)
         frame_from_map = np.linalg.inv(frame.map_from_sensor("cam_front"))
         guess_m = boxes.center_m + rng.normal(0, 0.5, boxes.center_m.shape)
         boxes.center_m[:] = guess_m @ frame_from_map[:3, :3].T + frame_from_map[:3, 3]
-        found["/boxes"] = PredictedBoxes.of(Predictions(boxes, rng.random(len(boxes))), Reference(FRAME, "/boxes"))
+        found["/boxes"] = PredictedBoxes.with_reference(
+            Predictions(boxes, rng.random(len(boxes))), Reference(FRAME, "/boxes")
+        )
     for name in ("road", "car") if tick % 5 else ():
         found[f"/bev/{name}"] = ScoreGrid((name,), rng.random((1, *frame["bev/labels"].shape)), f"/bev/{name}")
     return found
@@ -59,7 +61,9 @@ def written(scene: Scene, folder: Path) -> Path:
     """The same answers as files."""
     found = {tick: answers(scene, tick) for tick in range(TICKS)}
     boxes = [(tick, said["/boxes"].predictions) for tick, said in found.items() if "/boxes" in said]
-    predictions = joined([PredictedBoxes.of(each, Reference(FRAME, "")) for _, each in boxes]).predictions
+    predictions = join_boxes(
+        [PredictedBoxes.with_reference(each, Reference(FRAME, "")) for _, each in boxes]
+    ).predictions
     folder.mkdir()
     write_predictions(folder / "boxes.parquet", [(scene.name, predictions, [tick for tick, _ in boxes])], FRAME)
     for tick, said in found.items():
@@ -87,10 +91,10 @@ def test_live_figures_equal_those_of_the_recorded_scene(scene: Scene, tmp_path: 
             live.running()
     predicted = open_predictions(written(scene, tmp_path / "answers")).scene(scene.name, scene.stamps_ns)
     expected = evaluate_scene(scene, predicted, OPTIONS, grids=True)
-    found = live.scene(Books())
+    found = live.scene(JoinCounts())
     for name in expected.frames.dtype.names or ():
         assert found.tally.frames[name] == pytest.approx(expected.frames[name], nan_ok=True)
-    figures = figures_of(evaluation_of([expected], OPTIONS))
+    figures = figures_of(evaluation_from_tallies([expected], OPTIONS))
     assert 0.1 < figures["detection"]["iou"]["SDS"] < 0.9
     assert_alike(live_figures([found], OPTIONS), figures)
 
@@ -100,7 +104,7 @@ def test_running_figures_are_those_of_the_frames_so_far(scene: Scene) -> None:
     assert live.running() == {"frames": 0, "answered_boxes": 0, "answered_grids": 0}
     for tick in range(10):
         live.add(frame_of(scene, tick))
-    running, figures = live.running(), live_figures([live.scene(Books())], OPTIONS)
+    running, figures = live.running(), live_figures([live.scene(JoinCounts())], OPTIONS)
     assert (running["frames"], running["answered_boxes"], running["answered_grids"]) == (10, 8, 8)
     assert running["mAP_iou"] == pytest.approx(figures["detection"]["iou"]["mAP"])
     assert running["SDS_distance"] == pytest.approx(figures["detection"]["distance"]["SDS"])
@@ -112,7 +116,7 @@ def test_latency_is_that_of_complete_frames(scene: Scene) -> None:
     live = LiveEvaluation(scene.spec, OPTIONS)
     for tick in range(12):
         live.add(frame_of(scene, tick, is_complete=tick <= 10, input_s=7.0, answered_s=7.0 + 0.001 * tick))
-    latency_ms = live_figures([live.scene(Books())], OPTIONS)["latency_ms"]
+    latency_ms = live_figures([live.scene(JoinCounts())], OPTIONS)["latency_ms"]
     assert latency_ms == {"p50": pytest.approx(5.0), "p90": pytest.approx(9.0), "p99": pytest.approx(9.9)}
 
 
@@ -121,7 +125,7 @@ def test_several_scenes_are_counted_together(scene: Scene) -> None:
     for missed in (1, 2):
         live = LiveEvaluation(scene.spec, OPTIONS)
         live.add(frame_of(scene, 1, answers={}))
-        scenes.append(live.scene(Books(missed=missed, late=3)))
+        scenes.append(live.scene(JoinCounts(missed=missed, late=3)))
     figures = live_figures(scenes, OPTIONS)
     assert (figures["frames"]["missed"], figures["frames"]["late"]) == (3, 6)
     assert figures["latency_ms"] == {"p50": None, "p90": None, "p99": None}
@@ -131,10 +135,12 @@ def test_several_scenes_are_counted_together(scene: Scene) -> None:
 
 def test_boxes_of_an_unknown_frame_are_refused(scene: Scene) -> None:
     live = LiveEvaluation(scene.spec, OPTIONS)
-    boxes = PredictedBoxes.of(answers(scene, 1)["/boxes"].predictions, Reference("base_link", "/boxes: tick 1"))
+    boxes = PredictedBoxes.with_reference(
+        answers(scene, 1)["/boxes"].predictions, Reference("base_link", "/boxes: tick 1")
+    )
     with pytest.raises(InputError, match=r"^/boxes: tick 1: frame_id: there is no 'base_link' in scene Blocks-0000; "):
         live.add(frame_of(scene, 1, answers={"/boxes": boxes}))
-    assert live_figures([live.scene(Books())], OPTIONS)["frames"]["evaluated"] == 0
+    assert live_figures([live.scene(JoinCounts())], OPTIONS)["frames"]["evaluated"] == 0
 
 
 def test_grids_of_classes_must_be_of_one_size(scene: Scene) -> None:

@@ -8,7 +8,7 @@ import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 
 from simbev_ros.bench.devkit_comparison import devkit_numbers, devkit_python
-from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, no_boxes
+from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, empty_boxes
 from simbev_ros.evaluation.metrics.nuscenes import (
     CLASSES,
     DISTANCES_M,
@@ -99,4 +99,4 @@ def test_by_hand() -> None:
 
 def test_without_truth_all_is_zero() -> None:
     found = Predictions(some_boxes([(1, 0, 0)]), np.array([0.7]))
-    assert measured(no_boxes(), found).nds == 0.0
+    assert measured(empty_boxes(), found).nds == 0.0

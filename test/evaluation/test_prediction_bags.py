@@ -40,7 +40,7 @@ def scene_message(number: int) -> tuple[str, int, Any]:
 
 
 def read(path: Path, scenes: Sequence[str] = (SCENE,)) -> PredictedScene:
-    return open_predictions(path).of_dataset(scenes).scene(SCENE, STAMPS_NS)
+    return open_predictions(path).for_dataset(scenes).scene(SCENE, STAMPS_NS)
 
 
 def test_tables_answer_their_frames_also_without_boxes(tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_markers_are_read_and_empty_arrays_answer_nothing(tmp_path: Path) -> Non
 def test_score_images_and_topics_of_ones_choice(tmp_path: Path) -> None:
     said = [("/stack/bev", 1, image(CELLS, int(STAMPS_NS[1]))), ("/stack/boxes", 1, tables([2])[0][2])]
     path = write_bag(tmp_path / "bag", said)
-    scene = open_predictions(path, "/stack/boxes", "/stack/bev").of_dataset([SCENE]).scene(SCENE, STAMPS_NS)
+    scene = open_predictions(path, "/stack/boxes", "/stack/bev").for_dataset([SCENE]).scene(SCENE, STAMPS_NS)
     grid = scene.grid(1)
     assert grid is not None and grid.classes == BEV_CLASSES and scene.grid(2) is None
     np.testing.assert_array_equal(np.moveaxis(grid.scores, 0, -1), CELLS)
@@ -98,7 +98,7 @@ def test_a_bag_of_several_scenes_is_told_apart_by_stamps(tmp_path: Path) -> None
     stamps = [drawn.start_ns + drawn.tick_ns * np.arange(4) for drawn in (first, second)]
     before = [(BOXES, 1, table_message(table(1, 0), first.start_ns - first.tick_ns))]  # of the warm-up
     said = [scene_message(0), *before, *tables([0, 1], stamps[0]), scene_message(1), *tables([2, 3], stamps[1])]
-    predicted = open_predictions(write_bag(tmp_path / "live", said)).of_dataset([first.name, second.name])
+    predicted = open_predictions(write_bag(tmp_path / "live", said)).for_dataset([first.name, second.name])
     assert predicted.scenes == (first.name, second.name)
     found = [predicted.scene(name, each) for name, each in zip(predicted.scenes, stamps, strict=True)]
     assert [sorted(scene.ticks_with_boxes) for scene in found] == [[0, 1], [2, 3]]
@@ -112,7 +112,7 @@ def test_a_folder_of_bags_and_a_dataset_with_predictions_in_its_bags(tmp_path: P
             write_bag(folder / name, tables() if name == SCENE else tables([1]))
         write_bag(folder / f"{SCENE}.more", [scene_message(0)])  # without predictions
     for path in (tmp_path / "answers", tmp_path / "dataset"):
-        predicted = open_predictions(path).of_dataset([SCENE, OTHER])
+        predicted = open_predictions(path).for_dataset([SCENE, OTHER])
         assert set(predicted.scenes) == {SCENE, OTHER}
         assert predicted.scene(OTHER, STAMPS_NS).ticks_with_boxes == {1}
         sent = pickle.loads(pickle.dumps(predicted))
@@ -191,4 +191,4 @@ def test_a_bag_that_names_no_scene_must_be_called_like_one(tmp_path: Path) -> No
     predicted = open_predictions(write_bag(tmp_path / "mine", tables()))
     assert predicted.scenes == ("mine",)
     with pytest.raises(InputError, match=r"mine: scene: there is no 'mine', which its file's name says, as nothing"):
-        predicted.of_dataset([SCENE, OTHER])
+        predicted.for_dataset([SCENE, OTHER])

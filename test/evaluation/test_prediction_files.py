@@ -34,7 +34,7 @@ def to_npz(path: Path, columns: dict[str, AnyArray]) -> Path:
 
 
 def read(path: Path, scene: str = SCENE) -> PredictedScene:
-    return open_predictions(path).of_dataset([SCENE, OTHER]).scene(scene, STAMPS_NS)
+    return open_predictions(path).for_dataset([SCENE, OTHER]).scene(scene, STAMPS_NS)
 
 
 BOTH = pytest.mark.parametrize("write", [to_parquet, to_npz])
@@ -130,13 +130,13 @@ def test_rows_in_any_order_and_grouping_are_found(tmp_path: Path, row_group_size
 @BOTH
 def test_without_a_scene_column_the_stem_or_the_only_scene_counts(tmp_path: Path, write: Writer) -> None:
     named = open_predictions(write(tmp_path / SCENE, some_columns(scene=None)))
-    assert named.scenes == (SCENE,) and named.of_dataset([SCENE, OTHER]).scenes == (SCENE,)
+    assert named.scenes == (SCENE,) and named.for_dataset([SCENE, OTHER]).scenes == (SCENE,)
     nameless = open_predictions(write(tmp_path / "mine", some_columns(scene=None)))
     assert nameless.scenes == ("mine",)
-    only = nameless.of_dataset([OTHER])
+    only = nameless.for_dataset([OTHER])
     assert only.scenes == (OTHER,) and len(only.scene(OTHER, STAMPS_NS).boxes()) == 3
     with pytest.raises(InputError, match=r"mine.*: scene: there is no 'mine', which its file's name says.*Blocks-0000"):
-        nameless.of_dataset([SCENE, OTHER])
+        nameless.for_dataset([SCENE, OTHER])
 
 
 def test_files_of_a_folder_count_together(tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ def test_a_velocity_needs_both_horizontal_parts(tmp_path: Path, write: Writer) -
 def test_an_unknown_scene_is_named(tmp_path: Path, write: Writer) -> None:
     predicted = open_predictions(write(tmp_path / "a", some_columns()))
     with pytest.raises(InputError, match=r"scene: there is no 'Blocks-0001'; the dataset has Blocks-0000"):
-        predicted.of_dataset([SCENE])
+        predicted.for_dataset([SCENE])
 
 
 def test_columns_of_an_npz_file_are_lists_of_numbers_or_of_texts(tmp_path: Path) -> None:

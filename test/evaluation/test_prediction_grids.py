@@ -15,7 +15,7 @@ ALL = np.random.default_rng(2).random((len(BEV_CLASSES), 4, 3))
 
 
 def read(path: Path) -> PredictedScene:
-    return open_predictions(path).of_dataset([SCENE, OTHER]).scene(SCENE, STAMPS_NS)
+    return open_predictions(path).for_dataset([SCENE, OTHER]).scene(SCENE, STAMPS_NS)
 
 
 def save(path: Path, name: str = "000002.npz", **arrays: AnyArray) -> Path:
@@ -89,7 +89,7 @@ def test_a_file_of_no_frame_is_named(tmp_path: Path, name: str) -> None:
 def test_a_folder_of_no_scene_is_named(tmp_path: Path) -> None:
     save(tmp_path, scores=ALL)
     with pytest.raises(InputError, match=r"grids: scene: there is no 'Blocks-0000'; the dataset has Blocks-0001"):
-        open_predictions(tmp_path).of_dataset([OTHER])
+        open_predictions(tmp_path).for_dataset([OTHER])
 
 
 def test_a_truncated_file_is_no_traceback(tmp_path: Path) -> None:

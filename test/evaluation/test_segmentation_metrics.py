@@ -5,7 +5,7 @@ import pytest
 
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.figures import segmentation_figures
-from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, no_frames, segmentation_tally
+from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, empty_tally, segmentation_tally
 from simbev_ros.semantics import BEV_CLASSES
 
 ROAD_AND_CAR = 1 << BEV_CLASSES.index("road") | 1 << BEV_CLASSES.index("car")
@@ -24,7 +24,7 @@ def test_frames_add_up_as_one_large_frame() -> None:
     rng = np.random.default_rng(6)
     labels = rng.integers(0, 1 << len(BEV_CLASSES), (5, 20, 20), np.uint16)
     scores = rng.random((5, len(BEV_CLASSES), 20, 20))
-    total = sum((segmentation_tally(*each) for each in zip(labels, scores, strict=True)), no_frames())
+    total = sum((segmentation_tally(*each) for each in zip(labels, scores, strict=True)), empty_tally())
     assert total.frames == 5
     whole = segmentation_tally(labels.reshape(-1, 20), np.concatenate([*scores], axis=1))
     np.testing.assert_array_equal(total.iou(), whole.iou())
@@ -64,7 +64,7 @@ def test_a_class_that_is_nowhere_is_in_no_mean() -> None:
     figures = segmentation_figures(segmentation_tally(labels, scores), ("road", "car"))
     assert set(figures["IoU_at"]["car"].values()) == {None}
     assert set(figures["mean_IoU_at"].values()) == {1}
-    assert set(segmentation_figures(no_frames(), BEV_CLASSES)["mean_IoU_at"].values()) == {None}
+    assert set(segmentation_figures(empty_tally(), BEV_CLASSES)["mean_IoU_at"].values()) == {None}
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_predictions
 from simbev_ros.evaluation.scene_boxes import found_column
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, outcomes_of
-from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.evaluation.worst_frames import worst_frames, worst_grids
 from simbev_ros.types import Table
 
@@ -85,6 +85,6 @@ def test_what_became_of_each_box_of_a_frame(tmp_path: Path) -> None:
     outcomes = outcomes_of(scene, predicted, 1, EvaluationOptions())
     assert outcomes.counted.all() and outcomes.found.tolist() == [True, False, False]
     assert outcomes.outcome.tolist() == [MISS, HIT, HIT] and outcomes.taken.tolist() == [True, True, False]
-    near = outcomes_of(scene, predicted, 1, EvaluationOptions((Cut(boxes=BoxFilter(range_m=(0.0, 60.0))),)))
+    near = outcomes_of(scene, predicted, 1, EvaluationOptions((TableSlice(boxes=BoxFilter(range_m=(0.0, 60.0))),)))
     assert near.counted.tolist() == [True, False, True] and not near.found.any()
     assert near.outcome.tolist() == [MISS, HIT, UNCOUNTED] and near.taken.tolist() == [True, False, False]

@@ -20,9 +20,9 @@ from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, image_message
-from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised, time_message
+from simbev_ros.msgs.stamps import header, serialized_stamp_ns, stamp_of, time_message
 from simbev_ros.msgs.tables import message_from_table, table_from_message
-from simbev_ros.msgs.transforms import serialised_transforms, static_transforms
+from simbev_ros.msgs.transforms import serialize_transforms, static_transforms
 from simbev_ros.msgs.world import odometry_message, record_message
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.lights import STREET_LIGHT_DTYPE
@@ -102,16 +102,16 @@ def test_stamps_are_exact(stamp_ns: int) -> None:
 
 def test_stamp_is_read_from_serialised_messages_without_decoding() -> None:
     cloud = serialize_message(message_from_table(np.zeros(1, POINT_DTYPE), STAMP_NS, "f"))
-    assert stamp_of_serialised(cloud, "sensor_msgs/msg/PointCloud2") == STAMP_NS
+    assert serialized_stamp_ns(cloud, "sensor_msgs/msg/PointCloud2") == STAMP_NS
     markers = MarkerArray(markers=[Marker(header=header(STAMP_NS, "map"))])
-    assert stamp_of_serialised(serialize_message(markers), "visualization_msgs/msg/MarkerArray") == STAMP_NS
-    assert stamp_of_serialised(serialize_message(MarkerArray()), "visualization_msgs/msg/MarkerArray") is None
+    assert serialized_stamp_ns(serialize_message(markers), "visualization_msgs/msg/MarkerArray") == STAMP_NS
+    assert serialized_stamp_ns(serialize_message(MarkerArray()), "visualization_msgs/msg/MarkerArray") is None
 
 
 def test_transforms_can_be_written_without_tf2_msgs() -> None:
     transform = TransformStamped(header=header(STAMP_NS, "map"), child_frame_id="ego/base_link")
     transform.transform.translation.y = 4.25
-    message = TYPES.deserialize_cdr(serialised_transforms([transform, transform]), "tf2_msgs/msg/TFMessage")
+    message = TYPES.deserialize_cdr(serialize_transforms([transform, transform]), "tf2_msgs/msg/TFMessage")
     assert len(message.transforms) == 2
     second = message.transforms[1]
     assert (second.header.frame_id, second.child_frame_id, second.transform.translation.y) == (
@@ -153,7 +153,7 @@ def test_the_record_of_the_egos_lane_carries_the_stamp_and_names_the_lane() -> N
     row["x"], row["y"], row["z"] = (before + after) / 2.0
     place_m = np.array([row["x"][0], row["y"][0], row["z"][0]])
     message = record_message(lane_record(network, place_m, float(row["yaw"][0])), STAMP_NS)
-    assert stamp_of_serialised(serialize_message(message), "std_msgs/msg/String") == STAMP_NS
+    assert serialized_stamp_ns(serialize_message(message), "std_msgs/msg/String") == STAMP_NS
     record = json.loads(message.data)
     assert (record["id"], record["lane_type"]) == (strip.lane, "Driving")
     assert record["transform"]["location"] == pytest.approx(((before + after) / 2.0).tolist(), abs=0.01)

@@ -4,7 +4,7 @@ import pytest
 from made_up_scene import made_up_spec
 
 from simbev_ros.config.rig import SENSOR_KINDS
-from simbev_ros.msgs.annotation_topics import read_by_annotator
+from simbev_ros.msgs.annotation_topics import annotator_inputs
 from simbev_ros.msgs.sensor_topics import sensor_topics, topics_of_sensor
 from simbev_ros.msgs.topics import manifest
 
@@ -65,7 +65,7 @@ def test_a_tick_is_written_in_the_order_world_transforms_sensors_labels() -> Non
 def test_the_annotator_reads_one_cloud_of_each_lidar_and_radar_and_the_instances_of_each_camera(
     compressed: bool,
 ) -> None:
-    read = read_by_annotator(made_up_spec(RIG), compressed_images=compressed)
+    read = annotator_inputs(made_up_spec(RIG), compressed_images=compressed)
     assert {sensor: topic.name for sensor, topic in read.items()} == {
         "cam": f"/ego/cam/instance/image_raw{'/compressed' * compressed}",
         "both": "/ego/both/points",

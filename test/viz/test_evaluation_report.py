@@ -21,7 +21,7 @@ from simbev_ros.evaluation.metrics.detection import DetectionOptions
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
-from simbev_ros.evaluation.slices import GROUPS, Cut, cuts_of
+from simbev_ros.evaluation.slices import GROUPS, TableSlice, table_slices
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
 from simbev_ros.viz.reports.svg_charts import Series
@@ -77,7 +77,7 @@ def said(values: Iterable[float | None]) -> list[str]:
 
 
 def test_all_of_it_is_in_one_page_and_says_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(cuts_of(Cut(), [*GROUPS])))
+    options = EvaluationOptions(tuple(table_slices(TableSlice(), [*GROUPS])))
     page, figures = report(dataset, tmp_path, some_boxes(), range(5), options, own_nuscenes=nuscenes_by_chance())
     by = [f"By {name}" for name in GROUPS]
     assert page.headings == [
@@ -101,7 +101,7 @@ def test_all_of_it_is_in_one_page_and_says_the_figures(dataset: Path, tmp_path: 
 
 
 def test_tables_by_condition_say_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(cuts_of(Cut(), [*GROUPS])))
+    options = EvaluationOptions(tuple(table_slices(TableSlice(), [*GROUPS])))
     page, figures = report(dataset, tmp_path, some_boxes(), range(5), options)
     detection, segmentation = figures["detection"], figures["segmentation"]
     for group in GROUPS:
@@ -136,8 +136,8 @@ def test_boxes_alone_and_cells_alone_have_their_parts(dataset: Path, tmp_path: P
 
 def test_what_has_no_figure_is_a_dash(dataset: Path, tmp_path: Path) -> None:
     """No box has so many points, and one way to match is not asked for."""
-    base = Cut(boxes=BoxFilter(points=(1000, np.inf)))
-    options = EvaluationOptions(tuple(cuts_of(base, ["distance"])), DetectionOptions(ious=()))
+    base = TableSlice(boxes=BoxFilter(points=(1000, np.inf)))
+    options = EvaluationOptions(tuple(table_slices(base, ["distance"])), DetectionOptions(ious=()))
     page, _ = report(dataset, tmp_path, some_boxes(), options=options)
     assert page.table("matched by") == {
         "matched by": ["mAP", "ATE m", "AOE rad", "ASE", "AVE m/s", "SDS"],

@@ -1,1 +1,1 @@
-"""Evaluates a running scene: joins truth and answers by stamp and keeps running figures."""
+"""Evaluation of a perception stack while the scene runs: answers are joined with the ground truth, frame by frame."""

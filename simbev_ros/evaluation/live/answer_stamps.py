@@ -1,4 +1,7 @@
-"""Which frame of a running scene an answer is to, by its stamp."""
+"""Assignment of answers to the frames of a running scene, by stamp.
+
+The stamp of a message of the perception stack enters; the tick of the scene that it answers leaves.
+"""
 
 from collections.abc import Collection
 
@@ -7,15 +10,15 @@ from simbev_ros.scene.spec import SceneSpec, scene_number_of
 
 
 def answered_tick(stamp_ns: int, spec: SceneSpec, scenes: Collection[int]) -> int | None:
-    """The tick that an answer is to; None: it is one of the lead-in, or of another of the scenes.
+    """Tick that an answer belongs to; None if it belongs to the warm-up or to another of the scenes.
 
     Args:
-        stamp_ns: Of the answer.
-        spec: The scene that runs.
-        scenes: Numbers of all scenes so far, of this one too.
+        stamp_ns: Stamp of the answer.
+        spec: The running scene.
+        scenes: Numbers of all scenes so far, including this one.
 
     Raises:
-        InputError: The stamp is that of no tick.
+        InputError: No tick has this stamp.
     """
     number = scene_number_of(stamp_ns)
     if stamp_ns < spec.start_ns if number == spec.number else number in scenes:

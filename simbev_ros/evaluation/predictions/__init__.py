@@ -1,1 +1,1 @@
-"""Reads and writes the predictions of a perception stack: files, bags and messages."""
+"""Predictions of a perception stack: reading them from files, bags and messages, checking them, and writing them."""

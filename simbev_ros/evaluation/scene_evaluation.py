@@ -108,7 +108,7 @@ def _ticks_with_truth(scene: Scene, *, grids: bool) -> list[int]:
     keys = ("odom", "boxes", *(("bev/labels",) if grids else ()))
     missing = [key for key in keys if key not in scene.sources]
     if missing:
-        raise InputError(f"{scene.path}: cannot be evaluated, as nothing was recorded of {', '.join(missing)}")
+        raise InputError(f"{scene.path}: cannot be evaluated, because the bag lacks {', '.join(missing)}")
     ticks: list[int] = np.flatnonzero(scene.has(keys)).tolist()
     return ticks
 

@@ -1,1 +1,1 @@
-"""Topic names, QoS, and arrays to and from messages."""
+"""Conversion between arrays and ROS messages, and the names, types and QoS of all topics."""

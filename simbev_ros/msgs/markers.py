@@ -1,4 +1,4 @@
-"""Boxes, actors and traffic lights → markers for RViz and Foxglove."""
+"""Conversion of boxes, actors and traffic lights to markers for RViz and Foxglove."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
@@ -24,10 +24,11 @@ _MIN_SPEED_MPS = 0.2
 
 
 def box_markers(boxes: Table, stamp_ns: int) -> MarkerArray:
-    """A cube for each box, in a namespace for each class, with the box's id; and lines that show where boxes go.
+    """Cube markers for boxes, with lines for heading and velocity.
 
-    Of the lines, all of a kind are one marker: ``heading`` from the middle of the roof to its front edge, ``velocity``
-    from the centre to where it is in a second; there is none without lines.
+    Each class is a namespace, and the id of a marker is that of its box. All lines of a kind are one marker, which is
+    omitted if it has no lines: ``heading`` from the middle of the roof to its front edge, ``velocity`` from the center
+    to its position after one second.
 
     Args:
         boxes: (N,) ``BOX_DTYPE``.
@@ -40,9 +41,9 @@ def box_markers(boxes: Table, stamp_ns: int) -> MarkerArray:
 
 
 def world_markers(state: WorldState) -> MarkerArray:
-    """A cube for each actor, as ``box_markers`` has them for boxes, and a ball for each traffic light.
+    """Cube markers for actors, with lines as in ``box_markers``, and spheres for traffic lights.
 
-    Actors are in a namespace for each semantic tag and have their own colour; traffic lights have that of their state.
+    Each semantic tag is a namespace; actors have their own color, and traffic lights that of their state.
     """
     stamped, actors = header(state.stamp_ns, MAP_FRAME), state.actors
     ground_m, rpy_rad = _columns(actors, "x y z"), _columns(actors, "roll pitch yaw")
@@ -54,10 +55,10 @@ def world_markers(state: WorldState) -> MarkerArray:
 
 
 def _replace_previous_markers(stamped: Header, markers: Iterable[Marker]) -> MarkerArray:
-    """With a DELETEALL ahead.
+    """Put a DELETEALL before the markers.
 
-    It removes what has gone, so nothing has a lifetime: it would run out where a simulation is slower than its clock,
-    or paused.
+    It removes markers that have disappeared, so none needs a lifetime, which would run out if a simulation is paused or
+    slower than its clock.
     """
     return MarkerArray(markers=[Marker(header=stamped, action=Marker.DELETEALL), *markers])
 
@@ -65,7 +66,7 @@ def _replace_previous_markers(stamped: Header, markers: Iterable[Marker]) -> Mar
 def _cubes_and_lines(
     stamped: Header, table: Table, center_m: Float64Array, names: Sequence[str], colors: Sequence[ColorRGBA]
 ) -> Iterator[Marker]:
-    """Cubes, and the lines of where they go."""
+    """Cubes, and lines for heading and velocity."""
     rpy_rad, size_m = _columns(table, "roll pitch yaw"), _columns(table, "length width height")
     velocity_mps = _columns(table, "vx vy vz")
     forward, _, up = np.moveaxis(rotations_from_rpy(rpy_rad) * size_m[:, None] / 2.0, -1, 0)
@@ -78,7 +79,7 @@ def _cubes_and_lines(
 
 
 def _signal_balls(stamped: Header, signals: Table) -> Iterator[Marker]:
-    """A ball at each head."""
+    """A sphere at each signal head."""
     for position, identity, state in zip(
         _columns(signals, "x y z").tolist(), signals["id"].tolist(), signals["state"].tolist(), strict=True
     ):
@@ -97,7 +98,7 @@ def _cube(
     color: ColorRGBA,
     kind: int = Marker.CUBE,
 ) -> Marker:
-    """A cube, or a ball in one."""
+    """A cube, or a sphere inscribed in one."""
     (x, y, z), (qx, qy, qz, qw), (length, width, height) = position_m, xyzw, size_m
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
     scale = Vector3(x=length, y=width, z=height)
@@ -107,7 +108,7 @@ def _cube(
 def _lines(
     stamped: Header, name: str, starts_m: Float64Array, ends_m: Float64Array, rgba: tuple[float, float, float, float]
 ) -> Iterator[Marker]:
-    """Lines between (N, 3) points, as one marker; none: no marker."""
+    """One marker with lines between (N, 3) points; no marker if there are none."""
     if not len(starts_m):
         return
     red, green, blue, alpha = rgba

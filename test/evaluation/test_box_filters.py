@@ -1,4 +1,4 @@
-"""Which boxes of a dataset count, and how its tables become columns."""
+"""Selection of the boxes that count, and conversion of box tables to columns."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def table() -> Table:
         (BoxFilter(range_m=(0, 30), points=(1, np.inf)), [1, 1, 0, 0]),
     ],
 )
-def test_boxes_count_that_meet_all_conditions(condition: BoxFilter, expected: list[int]) -> None:
+def test_only_boxes_that_meet_all_conditions_count(condition: BoxFilter, expected: list[int]) -> None:
     np.testing.assert_array_equal(condition.truth_mask(table()), np.array(expected, bool))
 
 

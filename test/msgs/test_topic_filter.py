@@ -1,4 +1,4 @@
-"""Which topics are recorded, by patterns; what a replay needs always is."""
+"""Patterns select the recorded topics; those that a replay needs are always recorded."""
 
 import pytest
 from pydantic import ValidationError
@@ -27,6 +27,6 @@ def test_patterns_choose_topics(include: list[str], exclude: list[str], recorded
 
 
 @pytest.mark.parametrize("patterns", [{"include": []}, {"include": ["ego/*"]}, {"exclude": ["rgb"]}])
-def test_patterns_that_can_fit_nothing_are_refused(patterns: dict[str, list[str]]) -> None:
+def test_patterns_that_match_no_topic_are_refused(patterns: dict[str, list[str]]) -> None:
     with pytest.raises(ValidationError):
         RecordedTopics.model_validate(patterns)

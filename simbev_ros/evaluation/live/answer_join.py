@@ -137,7 +137,7 @@ class AnswerJoin:
         """
         self._idle_s = 0.0
         if (topic, tick) in self._answered and self._limits.grace_ticks is None:
-            raise InputError(f"{topic}: tick {tick} is answered twice; allowed is one answer to each frame")
+            raise InputError(f"{topic}: tick {tick} is answered twice; each frame may be answered once")
         self._answered.add((topic, tick))
         newest = self._newest_answer.get(topic)
         self._newest_answer[topic] = tick if newest is None else max(newest, tick)

@@ -26,5 +26,5 @@ def answered_tick(stamp_ns: int, spec: SceneSpec, scenes: Collection[int]) -> in
     tick = min(max(spec.tick_of(stamp_ns + spec.tick_ns // 2), 0), spec.ticks - 1)
     if spec.stamp_ns(tick) != stamp_ns:
         nearest = f"the nearest is {spec.stamp_ns(tick)}, that of tick {tick}"
-        raise InputError(f"header.stamp: {stamp_ns} is that of no tick of {spec.name}; {nearest}")
+        raise InputError(f"header.stamp: {stamp_ns} belongs to no tick of {spec.name}; {nearest}")
     return tick

@@ -110,7 +110,7 @@ def require_frames(boxes: Boxes, frames: Int64Array, what: str) -> None:
     unknown = np.setdiff1d(boxes.frame, frames)
     if len(unknown):
         known = f"{len(frames)} frames, from {frames.min()} to {frames.max()}" if len(frames) else "no frame"
-        raise InputError(f"{what}: frame: {unknown[0]} is not of this scene, which has {known}")
+        raise InputError(f"{what}: frame: {unknown[0]} is not in this scene, which has {known}")
 
 
 def _columns(table: Table) -> Float64Array:

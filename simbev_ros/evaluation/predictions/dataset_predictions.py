@@ -177,7 +177,11 @@ class PredictionSet:
                     names[own] = scenes[0]
                 elif own not in known:
                     some = ", ".join(sorted(known)[:5]) + (", …" if len(known) > 5 else "")
-                    which = "" if source.has_scene_names else ", which its file's name says, as nothing in it names one"
+                    which = (
+                        ""
+                        if source.has_scene_names
+                        else ", taken from the file's name because nothing in it names a scene"
+                    )
                     text = f"scene: there is no {own!r}{which}; the dataset has {some or 'no scene'}"
                     raise InputError(f"{source.path}: {text}")
         return PredictionSet(self.path, self._box_sources, self._grid_sources, names)

@@ -35,5 +35,5 @@ def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyA
 def _reason(error: BaseException) -> str:
     """Reason in terms of the person who wrote the file."""
     if "Object arrays" in str(error):
-        return "it holds Python objects; texts must be arrays of a text type, as np.array([...], str)"
+        return "it holds Python objects; texts must be arrays of a text type, such as np.array([...], str)"
     return getattr(error, "strerror", None) or str(error) or type(error).__name__

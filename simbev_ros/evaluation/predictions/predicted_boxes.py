@@ -117,8 +117,8 @@ def _pose(reference: Reference, tick: int, map_from_frame: Callable[[int, str], 
         raise InputError(f"{source}: {error}") from None
     if pose[2, 2] < UPRIGHT:
         raise InputError(
-            f"{source}: frame_id: the z axis of {frame_id!r} does not point up, as boxes need it; of a camera allowed "
-            "is the frame without _optical"
+            f"{source}: frame_id: the z axis of {frame_id!r} does not point up, as boxes require; for a camera, use "
+            "the frame without _optical"
         )
     return pose
 
@@ -219,7 +219,9 @@ def _velocity_mps(columns: Mapping[str, AnyArray], rows: Rows) -> Float64Array:
         rows.require(name, ~np.isinf(values), values, "a finite number, or NaN where it is unknown")
     for name, other in (("vx", "vy"), ("vy", "vx"), ("vz", "vx")):
         if name in columns and other not in columns:
-            raise InputError(f"{rows.source}: {other}: there is no such column, but {name}; a velocity needs vx and vy")
+            raise InputError(
+                f"{rows.source}: {other}: this column is missing, although there is {name}; a velocity needs vx and vy"
+            )
     if not present:
         return np.full((len(rows.number), 3), np.nan)
     vx, vy = (np.asarray(columns[name], np.float64) for name in ("vx", "vy"))

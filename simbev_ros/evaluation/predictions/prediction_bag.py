@@ -66,7 +66,7 @@ class PredictionBag:
         self._grids_topic = grids_topic
         if self._grids and self._classes:
             both = f"{grids_topic} and {grids_topic}/{next(iter(self._classes))}"
-            raise InputError(f"{self._bag.file}: there are scores on {both}; allowed is one or the other")
+            raise InputError(f"{self._bag.file}: there are scores on {both}; only one of them is allowed")
         self.topics = tuple(sorted(self._bag.topics))
         self.has_answers = bool(self._boxes or self._grids or self._classes)
         specs = self._specs()
@@ -137,7 +137,7 @@ class PredictionBag:
         locations: dict[int, Int64Array] = {}
         for tick, (stamp, location) in sorted(zip(ticks, own, strict=True), key=lambda each: each[0]):
             if tick in locations:
-                raise InputError(f"{rows.source}: stamp {stamp}: two answers to tick {tick}; allowed is one")
+                raise InputError(f"{rows.source}: stamp {stamp}: two answers to tick {tick}; only one is allowed")
             locations[tick] = location
         return locations
 

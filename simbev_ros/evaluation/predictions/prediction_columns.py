@@ -102,7 +102,7 @@ def parse_answers(
     none = label == NO_BOX
     if none.any():
         score = np.asarray(columns["score"], np.float64)
-        rows.require("score", ~none | np.isnan(score), score, "empty as well, as the class is: the row has no box")
+        rows.require("score", ~none | np.isnan(score), score, "empty, like the class: the row has no box")
         columns = {name: values[~none] for name, values in columns.items()}
         rows = Rows(rows.source, rows.number[~none])
     predictions = predictions_from_columns(columns, label[~none], tick[~none], rows)

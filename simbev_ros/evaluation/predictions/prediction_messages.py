@@ -83,7 +83,7 @@ def message_boxes(type_name: str, message: Any, tick: int, source: str) -> Predi
     header = header_of(message)
     frame_id = "" if header is None else header.frame_id
     if not frame_id and len(label):
-        raise InputError(f"{source}: header.frame_id: is empty; it must be a frame of reference, as 'map'")
+        raise InputError(f"{source}: header.frame_id: is empty; it must be a frame of reference, such as 'map'")
     return PredictedBoxes.with_reference(predictions, Reference(frame_id, source))
 
 
@@ -100,7 +100,7 @@ def image_scores(message: Any, source: str) -> AnyArray:
     data = np.frombuffer(message.data, np.uint8)
     if message.step < row_bytes or data.size != message.step * message.height:
         size = f"{message.width} x {message.height} {message.encoding}"
-        raise InputError(f"{source}: data: {data.size} bytes, step {message.step}, are no image of {size}")
+        raise InputError(f"{source}: data: {data.size} bytes, step {message.step}, are not an image of {size}")
     rows = np.ascontiguousarray(data.reshape(message.height, message.step)[:, :row_bytes])
     cells = rows.view(dtype.newbyteorder(">" if message.is_bigendian else "<"))
     layers = np.moveaxis(cells.reshape(message.height, message.width, len(BEV_CLASSES)), -1, 0)
@@ -117,7 +117,7 @@ def occupancy_scores(message: Any, source: str) -> Float32Array:
     """
     info, cells = message.info, np.frombuffer(message.data, np.int8)
     if cells.size != info.width * info.height:
-        raise InputError(f"{source}: data: {cells.size} cells are no grid of {info.width} x {info.height}")
+        raise InputError(f"{source}: data: {cells.size} cells do not form a grid of {info.width} x {info.height}")
     _require_centered(info, source)
     bad = (cells < -1) | (cells > _FULL_PERCENT)
     if bad.any():
@@ -172,7 +172,7 @@ def _marker_columns(message: Any, source: str) -> _Columns:
     header = header_of(message)
     for row, each in enumerate(cubes):
         if header is not None and each.header != header:
-            raise InputError(f"{source}: header: row {row} has another one than the first marker; allowed is one")
+            raise InputError(f"{source}: header: that of row {row} differs from the first marker's; all must be equal")
     poses = [(each.pose, each.scale) for each in cubes]
     scores = [_parse_score(each.text, row, source) for row, each in enumerate(cubes)]
     return _box_columns(poses, scores, [each.ns for each in cubes], source)
@@ -188,7 +188,7 @@ def _detection_columns(message: Any, source: str) -> _Columns:
         poses = [(each.bbox.center, each.bbox.size) for each in message.detections]
         return _box_columns(poses, scores, classes, source)
     except AttributeError as error:  # of these types, only this one has changed between ROS releases
-        raise InputError(f"{source}: {error}; allowed is vision_msgs as of ROS 2 Galactic or later") from None
+        raise InputError(f"{source}: {error}; vision_msgs of ROS 2 Galactic or later is required") from None
 
 
 def _box_columns(poses: list[tuple[Any, Any]], scores: list[float], classes: list[str], source: str) -> _Columns:

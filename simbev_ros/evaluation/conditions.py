@@ -8,7 +8,7 @@ from simbev_ros.scene.weather import Weather
 DAYTIMES: tuple[str, ...] = ("day", "twilight", "night")
 WEATHERS: tuple[str, ...] = ("clear", "cloudy", "fog", "rain")
 _CIVIL_TWILIGHT_DEG = 6.0
-_RAIN_FROM, _FOG_FROM, _CLOUDY_FROM = 10.0, 20.0, 60.0
+_MIN_RAIN_PERCENT, _MIN_FOG_PERCENT, _MIN_CLOUDS_PERCENT = 10.0, 20.0, 60.0
 
 
 def daytime_of(weather: Weather) -> str:
@@ -26,8 +26,8 @@ def weather_of(weather: Weather) -> str:
 
     Rain: a precipitation of at least 10 %; else fog: a density of at least 20 %; else cloudy: at least 60 % clouds.
     """
-    if weather.precipitation >= _RAIN_FROM:
+    if weather.precipitation >= _MIN_RAIN_PERCENT:
         return "rain"
-    if weather.fog_density >= _FOG_FROM:
+    if weather.fog_density >= _MIN_FOG_PERCENT:
         return "fog"
-    return "cloudy" if weather.cloudiness >= _CLOUDY_FROM else "clear"
+    return "cloudy" if weather.cloudiness >= _MIN_CLOUDS_PERCENT else "clear"

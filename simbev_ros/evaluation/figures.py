@@ -57,9 +57,9 @@ def _by_slice(figures: Mapping[TableSlice, Any]) -> dict[str, Any]:
 def _detection(result: DetectionResult) -> dict[str, Any]:
     totals: dict[str, Any] = {
         method: {
-            "mAP": _number(result.mean_ap(method)),
-            **_numbers(result.mean_errors(method)),
-            "SDS": _number(result.sds(method)),
+            "mAP": _finite_or_none(result.mean_ap(method)),
+            **_finite_values(result.mean_errors(method)),
+            "SDS": _finite_or_none(result.sds(method)),
         }
         for method in METHODS
         if len(result.columns(method))
@@ -76,9 +76,9 @@ def _class(result: DetectionResult, label: int) -> dict[str, Any]:
             names = [f"{result.options.thresholds[column][1]:g}" for column in columns]
             errors = mean_ignoring_nan(result.errors[label, columns], axis=0)
             figures[method] = {
-                "AP": _number(float(mean_ignoring_nan(result.ap[label, columns]))),
-                **_named(ERRORS, errors),
-                "AP_at": _named(names, result.ap[label, columns]),
+                "AP": _finite_or_none(float(mean_ignoring_nan(result.ap[label, columns]))),
+                **_by_name(ERRORS, errors),
+                "AP_at": _by_name(names, result.ap[label, columns]),
             }
     return figures
 
@@ -87,31 +87,31 @@ def segmentation_figures(tally: SegmentationTally, classes: Iterable[str]) -> di
     """IoU by class and score threshold, and the mean IoU over the given classes."""
     rows = [BEV_CLASSES.index(name) for name in classes]
     iou, names = tally.iou()[rows], [f"{each:g}" for each in THRESHOLDS]
-    by_class = {BEV_CLASSES[row]: _named(names, values) for row, values in zip(rows, iou, strict=True)}
-    return {"frames": tally.frames, "mean_IoU_at": _named(names, mean_ignoring_nan(iou, axis=0)), "IoU_at": by_class}
+    by_class = {BEV_CLASSES[row]: _by_name(names, values) for row, values in zip(rows, iou, strict=True)}
+    return {"frames": tally.frames, "mean_IoU_at": _by_name(names, mean_ignoring_nan(iou, axis=0)), "IoU_at": by_class}
 
 
 def _nuscenes(result: NuscenesResult) -> dict[str, Any]:
     distances = [f"{each:g}" for each in DISTANCES_M]
     classes = {
-        name: {"AP": _number(ap.mean()), **_named(NUSCENES_ERRORS, errors), "AP_at": _named(distances, ap)}
+        name: {"AP": _finite_or_none(ap.mean()), **_by_name(NUSCENES_ERRORS, errors), "AP_at": _by_name(distances, ap)}
         for name, ap, errors in zip(CLASSES, result.ap, result.errors, strict=True)
     }
     return {
-        "mAP": _number(result.mean_ap),
-        **_numbers(result.mean_errors),
-        "NDS": _number(result.nds),
+        "mAP": _finite_or_none(result.mean_ap),
+        **_finite_values(result.mean_errors),
+        "NDS": _finite_or_none(result.nds),
         "classes": classes,
     }
 
 
-def _named(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
-    return _numbers(dict(zip(names, values, strict=True)))
+def _by_name(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
+    return _finite_values(dict(zip(names, values, strict=True)))
 
 
-def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: _number(value) for name, value in values.items()}
+def _finite_values(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: _finite_or_none(value) for name, value in values.items()}
 
 
-def _number(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None

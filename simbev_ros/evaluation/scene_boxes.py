@@ -23,7 +23,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
 
-_FOUND_WITHIN_M = 2.0
+_FOUND_DISTANCE_M = 2.0
 
 
 def found_column(options: DetectionOptions) -> int:
@@ -31,7 +31,7 @@ def found_column(options: DetectionOptions) -> int:
 
     This is the distance of 2 m at which nuScenes measures errors, or else the first threshold.
     """
-    at = ("distance", _FOUND_WITHIN_M)
+    at = ("distance", _FOUND_DISTANCE_M)
     return options.thresholds.index(at) if at in options.thresholds else 0
 
 
@@ -128,6 +128,7 @@ class SceneBoxes:
         return Outcomes(self._table, truth.frame, counting.truth, found, self._predictions, taken, outcome)
 
     def _counting(self, table_slice: TableSlice) -> CountedBoxes:
+        """Boxes that count in a table slice."""
         truth, predicted = self._matching.truth, self._predictions.boxes
         in_frame = np.array([table_slice.has(each) for each in self._conditions], np.bool_)
         chosen = np.isin(BOX_CLASSES, self._options.box_classes)
@@ -140,6 +141,7 @@ class SceneBoxes:
         )
 
     def _rows_of(self, tick: Int64Array) -> Int64Array:
+        """Row of each tick among the evaluated frames."""
         return np.searchsorted(self._ticks, tick)
 
 

@@ -72,10 +72,10 @@ def summary_table(detection: Figures) -> FigureTable:
     """One row per matching method: mAP, mean errors, SDS."""
     rows = [
         [
-            _name(METHOD_NAMES[method]),
-            _share(detection[method]["mAP"]),
-            *_numbers(detection[method][error] for error in ERRORS),
-            _share(detection[method]["SDS"]),
+            _name_cell(METHOD_NAMES[method]),
+            _share_cell(detection[method]["mAP"]),
+            *_number_cells(detection[method][error] for error in ERRORS),
+            _share_cell(detection[method]["SDS"]),
         ]
         for method in measured_methods([detection])
     ]
@@ -88,7 +88,12 @@ def precision_table(detection: Figures, method: str) -> FigureTable:
     thresholds = list(next(iter(classes.values()))[method]["AP_at"]) if classes else []
     signed = [f"> {each}" if method == "iou" else f"< {each} m" for each in thresholds]
     rows = [
-        [_name(name), _count(own["boxes"]), _share(own[method]["AP"]), *_shares(own[method]["AP_at"].values())]
+        [
+            _name_cell(name),
+            _count_cell(own["boxes"]),
+            _share_cell(own[method]["AP"]),
+            *_share_cells(own[method]["AP_at"].values()),
+        ]
         for name, own in classes.items()
     ]
     return FigureTable(f"average precision by {METHOD_NAMES[method]}", ("class", "boxes", "AP", *signed), rows)
@@ -98,7 +103,7 @@ def error_table(detection: Figures) -> FigureTable:
     """One row per class: errors averaged over the thresholds, for each matching method."""
     methods = measured_methods([detection])
     rows = [
-        [_name(name), *_numbers(own[method][error] for method in methods for error in ERRORS)]
+        [_name_cell(name), *_number_cells(own[method][error] for method in methods for error in ERRORS)]
         for name, own in detection["classes"].items()
     ]
     title = f"errors, matched by {' and by '.join(METHOD_NAMES[method] for method in methods)}"
@@ -108,8 +113,8 @@ def error_table(detection: Figures) -> FigureTable:
 def segmentation_table(segmentation: Figures) -> FigureTable:
     """One row per class: IoU at each score threshold; the last row is the mean."""
     means = segmentation["mean_IoU_at"]
-    rows = [[_name(name), *_shares(own.values())] for name, own in segmentation["IoU_at"].items()]
-    rows.append([_name("mean"), *_shares(means.values())])
+    rows = [[_name_cell(name), *_share_cells(own.values())] for name, own in segmentation["IoU_at"].items()]
+    rows.append([_name_cell("mean"), *_share_cells(means.values())])
     return FigureTable("bird's-eye-view IoU by threshold of the score", ("class", *means), rows)
 
 
@@ -122,11 +127,15 @@ def condition_table(condition: str, figures: Figures, *, with_empty: bool = Fals
     heads += ["frames", "mean IoU"] if cells else []
     rows = []
     for name in dict.fromkeys((*boxes, *cells)):
-        own, seen = boxes.get(name, {}), cells.get(name, {})
-        if with_empty or own.get("boxes") or seen.get("frames"):
-            row = [_count(own["boxes"]), *_shares(own[m][score] for m, score in scores)] if boxes else []
-            row += [_count(seen["frames"]), _share(at_table_threshold(seen["mean_IoU_at"]))] if cells else []
-            rows.append([_name(name), *row])
+        own, cell_values = boxes.get(name, {}), cells.get(name, {})
+        if with_empty or own.get("boxes") or cell_values.get("frames"):
+            row = [_count_cell(own["boxes"]), *_share_cells(own[m][score] for m, score in scores)] if boxes else []
+            row += (
+                [_count_cell(cell_values["frames"]), _share_cell(at_table_threshold(cell_values["mean_IoU_at"]))]
+                if cells
+                else []
+            )
+            rows.append([_name_cell(name), *row])
     return FigureTable(f"by {condition}", (condition, *heads), rows)
 
 
@@ -136,9 +145,16 @@ def nuscenes_table(nuscenes: Figures) -> FigureTable:
     distances = list(next(iter(classes.values()))["AP_at"])
     errors = [name for name in nuscenes if name not in ("classes", "mAP", "NDS")]
     blank = [Cell(CellKind.NAME, "")] * len(distances)
-    rows = [[_name("mean"), _share(nuscenes["mAP"]), *blank, *_numbers(nuscenes[error] for error in errors)]]
+    rows = [
+        [_name_cell("mean"), _share_cell(nuscenes["mAP"]), *blank, *_number_cells(nuscenes[error] for error in errors)]
+    ]
     rows += [
-        [_name(name), _share(own["AP"]), *_shares(own["AP_at"].values()), *_numbers(own[error] for error in errors)]
+        [
+            _name_cell(name),
+            _share_cell(own["AP"]),
+            *_share_cells(own["AP_at"].values()),
+            *_number_cells(own[error] for error in errors),
+        ]
         for name, own in classes.items()
     ]
     title = f"nuScenes: mAP {text_of(nuscenes['mAP'])}, NDS {text_of(nuscenes['NDS'])}"
@@ -167,21 +183,21 @@ def text_of(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}"
 
 
-def _name(text: str) -> Cell:
+def _name_cell(text: str) -> Cell:
     return Cell(CellKind.NAME, text)
 
 
-def _count(value: int) -> Cell:
+def _count_cell(value: int) -> Cell:
     return Cell(CellKind.COUNT, value)
 
 
-def _share(value: float | None) -> Cell:
+def _share_cell(value: float | None) -> Cell:
     return Cell(CellKind.SHARE, value)
 
 
-def _shares(values: Iterable[float | None]) -> list[Cell]:
-    return [_share(value) for value in values]
+def _share_cells(values: Iterable[float | None]) -> list[Cell]:
+    return [_share_cell(value) for value in values]
 
 
-def _numbers(values: Iterable[float | None]) -> list[Cell]:
+def _number_cells(values: Iterable[float | None]) -> list[Cell]:
     return [Cell(CellKind.NUMBER, value) for value in values]

@@ -17,9 +17,9 @@ from simbev_ros.semantics import BOX_CLASSES, Tag
 from simbev_ros.types import Float64Array, Table
 
 _BOX_ALPHA, _ACTOR_ALPHA = 0.5, 0.9
-_LINE_M = 0.08
-_LAMP_M = 0.4
-_HEADING, _VELOCITY = (1.0, 1.0, 1.0, 0.9), (1.0, 0.75, 0.1, 0.9)
+_LINE_WIDTH_M = 0.08
+_SIGNAL_SIZE_M = 0.4
+_HEADING_RGBA, _VELOCITY_RGBA = (1.0, 1.0, 1.0, 0.9), (1.0, 0.75, 0.1, 0.9)
 _MIN_SPEED_MPS = 0.2
 
 
@@ -74,8 +74,8 @@ def _cubes_and_lines(
     rows = zip(names, table["id"].tolist(), center_m.tolist(), orientations, size_m.tolist(), colors, strict=True)
     yield from (_cube(stamped, *row) for row in rows)
     moving = np.linalg.norm(velocity_mps, axis=1) > _MIN_SPEED_MPS
-    yield from _lines(stamped, "heading", center_m + up, center_m + up + forward, _HEADING)
-    yield from _lines(stamped, "velocity", center_m[moving], (center_m + velocity_mps)[moving], _VELOCITY)
+    yield from _lines(stamped, "heading", center_m + up, center_m + up + forward, _HEADING_RGBA)
+    yield from _lines(stamped, "velocity", center_m[moving], (center_m + velocity_mps)[moving], _VELOCITY_RGBA)
 
 
 def _signal_balls(stamped: Header, signals: Table) -> Iterator[Marker]:
@@ -84,7 +84,7 @@ def _signal_balls(stamped: Header, signals: Table) -> Iterator[Marker]:
         _columns(signals, "x y z").tolist(), signals["id"].tolist(), signals["state"].tolist(), strict=True
     ):
         color = _color(signal_color(SignalState(state).name), 1.0)
-        ball = (position, [0.0, 0.0, 0.0, 1.0], [_LAMP_M] * 3)
+        ball = (position, [0.0, 0.0, 0.0, 1.0], [_SIGNAL_SIZE_M] * 3)
         yield _cube(stamped, "traffic_light", identity, *ball, color, Marker.SPHERE)
 
 
@@ -113,7 +113,10 @@ def _lines(
         return
     red, green, blue, alpha = rgba
     points = [Point(x=x, y=y, z=z) for x, y, z in np.stack([starts_m, ends_m], axis=1).reshape(-1, 3).tolist()]
-    color, scale = ColorRGBA(r=red, g=green, b=blue, a=alpha), Vector3(x=_LINE_M, y=_LINE_M, z=_LINE_M)
+    color, scale = (
+        ColorRGBA(r=red, g=green, b=blue, a=alpha),
+        Vector3(x=_LINE_WIDTH_M, y=_LINE_WIDTH_M, z=_LINE_WIDTH_M),
+    )
     yield Marker(header=stamped, ns=name, id=0, type=Marker.LINE_LIST, points=points, scale=scale, color=color)
 
 

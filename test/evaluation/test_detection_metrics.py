@@ -24,7 +24,7 @@ FRAME = np.array([0])
 NOTHING = Predictions(empty_boxes(), np.zeros(0))
 
 
-def scored(boxes: Boxes, *scores: float) -> Predictions:
+def with_scores(boxes: Boxes, *scores: float) -> Predictions:
     return Predictions(boxes, np.array(scores))
 
 
@@ -45,7 +45,7 @@ def test_average_precision_by_hand() -> None:
     """Four cars, hits at ranks 1, 3 and 4 of five: precision 1, 2/3, 3/4 at recalls 1/4, 1/2, 3/4."""
     truth = some_boxes([(0, 0, 0), (10, 0, 0), (20, 0, 0), (30, 0, 0)])
     found = some_boxes([(0.2, 0, 0), (90, 0, 0), (10, 0, 0), (20, 0, 0), (80, 0, 0)])
-    predictions = scored(found, 0.9, 0.8, 0.7, 0.6, 0.5)
+    predictions = with_scores(found, 0.9, 0.8, 0.7, 0.6, 0.5)
     steps = compute_metrics(truth, predictions)
     np.testing.assert_allclose(steps.ap[CAR], (1 + 2 / 3 + 3 / 4) / 4)
     envelope = compute_metrics(truth, predictions, DetectionOptions(area="envelope"))
@@ -58,13 +58,13 @@ def test_average_precision_by_hand() -> None:
 def test_predictions_with_equal_scores_form_one_point() -> None:
     truth = some_boxes([(0, 0, 0)])
     for centers_m in ([(0, 0, 0), (50, 0, 0)], [(50, 0, 0), (0, 0, 0)]):
-        assert compute_metrics(truth, scored(some_boxes(centers_m), 0.5, 0.5)).mean_ap("distance") == 0.5
+        assert compute_metrics(truth, with_scores(some_boxes(centers_m), 0.5, 0.5)).mean_ap("distance") == 0.5
 
 
 def test_errors_and_score_by_hand() -> None:
     """A car 0.75 m ahead and 1 m up, turned by 0.1 rad past a full turn, half as long, 1 m/s too fast on each axis."""
     truth = some_boxes([(5, 5, 0)], yaw_rad=np.pi, velocity_mps=(3, 0, 0))
-    found = scored(some_boxes([(5.75, 5, 1)], yaw_rad=-np.pi + 0.1, size_m=(2, 2, 2), velocity_mps=(4, 1, 1)), 1.0)
+    found = with_scores(some_boxes([(5.75, 5, 1)], yaw_rad=-np.pi + 0.1, size_m=(2, 2, 2), velocity_mps=(4, 1, 1)), 1.0)
     result = compute_metrics(truth, found)
     # 1.25 m apart it is a hit at 2 and 4 m; at 0.5 and 1 m, errors are 1.
     np.testing.assert_allclose(result.ap[CAR, result.columns("distance")], [0, 0, 1, 1])
@@ -77,13 +77,13 @@ def test_errors_and_score_by_hand() -> None:
 
 
 def test_a_prediction_exactly_at_a_threshold_is_no_hit() -> None:
-    result = compute_metrics(some_boxes([(0, 0, 0)]), scored(some_boxes([(0.5, 0, 0)]), 1.0))
+    result = compute_metrics(some_boxes([(0, 0, 0)]), with_scores(some_boxes([(0.5, 0, 0)]), 1.0))
     np.testing.assert_allclose(result.ap[CAR, result.columns("distance")], [0, 1, 1, 1])
 
 
 def test_iou_thresholds_by_hand() -> None:
     """Shifted by a fifth of its length, a box overlaps by 0.8 / 1.2 = 2/3."""
-    result = compute_metrics(some_boxes([(0, 0, 0)]), scored(some_boxes([(0.8, 0, 0)]), 1.0))
+    result = compute_metrics(some_boxes([(0, 0, 0)]), with_scores(some_boxes([(0.8, 0, 0)]), 1.0))
     np.testing.assert_allclose(result.ap[CAR, result.columns("iou")], [1, 1, 1, 1, 0, 0, 0])
     assert result.mean_ap("iou") == pytest.approx(4 / 7)
     assert result.mean_errors("iou")["ATE"] == pytest.approx((4 * 0.8 + 3) / 7)
@@ -94,7 +94,7 @@ def test_known_noise_gives_its_errors() -> None:
     truth = some_boxes([(20 * k, 0, 0) for k in range(4000)])
     offset_m = rng.normal(0, 0.05, (4000, 3))
     noisy = replace(truth, center_m=truth.center_m + offset_m, yaw_rad=rng.normal(0, 0.1, 4000))
-    errors = compute_metrics(truth, scored(noisy, *np.ones(4000))).mean_errors("distance")
+    errors = compute_metrics(truth, with_scores(noisy, *np.ones(4000))).mean_errors("distance")
     # Mean of a Maxwell and of a half-normal distribution.
     assert errors["ATE"] == pytest.approx(0.05 * np.sqrt(8 / np.pi), rel=0.03)
     assert errors["AOE"] == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.03)
@@ -164,26 +164,28 @@ def test_without_predictions_all_is_missed() -> None:
 def test_a_class_without_truth_is_in_no_mean() -> None:
     truth = some_boxes([(0, 0, 0)])
     found = some_boxes([(0, 0, 0), (9, 0, 0)], label=[CAR, TRUCK])
-    result = compute_metrics(truth, scored(found, 1.0, 1.0))
+    result = compute_metrics(truth, with_scores(found, 1.0, 1.0))
     assert np.isnan(result.ap[TRUCK]).all() and np.isnan(result.errors[TRUCK]).all()
     assert result.sds("iou") == pytest.approx(1.0)
 
 
 def test_without_any_truth_nothing_is_defined() -> None:
-    result = compute_metrics(empty_boxes(), scored(some_boxes([(0, 0, 0)]), 1.0))
+    result = compute_metrics(empty_boxes(), with_scores(some_boxes([(0, 0, 0)]), 1.0))
     assert np.isnan(result.mean_ap("iou")) and np.isnan(result.sds("distance"))
 
 
 def test_unknown_velocities_are_ignored() -> None:
     truth = some_boxes([(0, 0, 0), (9, 0, 0)])
     found = some_boxes([(0, 0, 0), (9, 0, 0)], velocity_mps=[(0.5, 0, 0), (np.nan,) * 3])
-    assert compute_metrics(truth, scored(found, 1.0, 1.0)).mean_errors("iou")["AVE"] == pytest.approx(0.5)
+    assert compute_metrics(truth, with_scores(found, 1.0, 1.0)).mean_errors("iou")["AVE"] == pytest.approx(0.5)
 
 
 def test_boxes_that_do_not_count_are_neither_right_nor_wrong() -> None:
     """A car that counts, one that does not, found twice, and two false positives, one of which does not count."""
     truth = some_boxes([(0, 0, 0), (20, 0, 0)])
-    found = scored(some_boxes([(20, 0, 0), (20.1, 0, 0), (0, 0, 0), (50, 0, 0), (70, 0, 0)]), 0.9, 0.8, 0.7, 0.6, 0.5)
+    found = with_scores(
+        some_boxes([(20, 0, 0), (20.1, 0, 0), (0, 0, 0), (50, 0, 0), (70, 0, 0)]), 0.9, 0.8, 0.7, 0.6, 0.5
+    )
     counting = CountedBoxes(np.array([True, False]), np.array([True, True, True, True, False]))
     part = match_and_tally(truth, found, FRAME, counting=counting)
     np.testing.assert_array_equal(part.outcome[:, 0], [0, 1, 0])
@@ -197,13 +199,13 @@ def test_far_and_huge_predictions_are_harmless() -> None:
     found = some_boxes(
         [(0, 0, 0), (1e15, 0, 0), (0, 0, 0)], label=[CAR, CAR, TRUCK], size_m=[(4, 2, 2), (4, 2, 2), (1e15, 1, 1)]
     )
-    part = match_and_tally(truth, scored(found, 0.9, 0.8, 0.7), FRAME)
+    part = match_and_tally(truth, with_scores(found, 0.9, 0.8, 0.7), FRAME)
     np.testing.assert_array_equal(part.outcome, np.outer([1, 0, 0], np.ones(11)))
 
 
 def test_a_score_that_is_not_a_number_is_refused() -> None:
     with pytest.raises(InputError, match="boxes: score: row 1 is nan; it must be finite"):
-        scored(some_boxes([(0, 0, 0), (1, 0, 0)]), 0.5, np.nan)
+        with_scores(some_boxes([(0, 0, 0), (1, 0, 0)]), 0.5, np.nan)
 
 
 def test_matching_needs_a_threshold() -> None:
@@ -212,7 +214,7 @@ def test_matching_needs_a_threshold() -> None:
 
 
 def test_predictions_of_another_scene_are_refused() -> None:
-    unknown = scored(some_boxes([(0, 0, 0)], frame=321), 0.5)
+    unknown = with_scores(some_boxes([(0, 0, 0)], frame=321), 0.5)
     with pytest.raises(InputError, match="predictions: frame: 321 is not in this scene, which has 320 frames, from 1 "):
         match_and_tally(empty_boxes(), unknown, np.arange(1, 321))
 

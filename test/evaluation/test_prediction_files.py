@@ -144,7 +144,7 @@ def test_files_in_a_folder_are_combined(tmp_path: Path) -> None:
     to_npz(tmp_path / "more", some_columns(frame_id=np.array("ego/lidar")))
     found = read(tmp_path).boxes()
     assert len(found) == 5
-    assert [found.references[place].frame_id for place in found.reference] == ["map"] * 3 + ["ego/lidar"] * 2
+    assert [found.references[index].frame_id for index in found.reference] == ["map"] * 3 + ["ego/lidar"] * 2
 
 
 def test_written_predictions_are_read_back(tmp_path: Path) -> None:

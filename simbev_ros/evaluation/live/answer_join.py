@@ -26,7 +26,7 @@ _MAX_UNANSWERED = 2
 class WaitLimits:
     """Limits on how long frames wait for answers.
 
-    In lockstep, a topic that failed to answer twice within ``idle_s`` is not waited for until it sends again.
+    In lockstep, a topic that failed to answer within ``idle_s`` twice in a row is not waited for until it sends again.
 
     Attributes:
         grace_ticks: Live: a frame waits until the ground truth is this number of ticks ahead. None: lockstep, where no
@@ -92,7 +92,7 @@ class AnswerJoin:
     def __init__(self, is_due: Callable[[int], bool], limits: WaitLimits) -> None:
         self._is_due, self._limits = is_due, limits
         self._frames: dict[int, OpenFrame] = {}
-        self._newest = dict.fromkeys(_TRUTH, -1)
+        self._newest_truth = dict.fromkeys(_TRUTH, -1)
         self._newest_answer: dict[str, int | None] = {}
         self._answered: set[tuple[str, int]] = set()
         self._silent: set[str] = set()
@@ -116,17 +116,17 @@ class AnswerJoin:
     def add_truth(self, part: str, tick: int, value: Any) -> None:
         """Add a part of the ground truth, with a value as in ``OpenFrame``; each part in the order of the ticks."""
         self._idle_s = 0.0
-        self._newest[part] = max(self._newest[part], tick)
+        self._newest_truth[part] = max(self._newest_truth[part], tick)
         if (frame := self._frame(tick)) is not None:
             frame.truth[part] = value
 
-    def add_input(self, tick: int, at_s: float) -> None:
+    def add_input(self, tick: int, arrival_s: float) -> None:
         """Record the arrival of the stack's input."""
         self._idle_s = 0.0
         if (frame := self._frame(tick)) is not None:
-            frame.input_s = at_s
+            frame.input_s = arrival_s
 
-    def add_answer(self, topic: str, tick: int, value: Any, at_s: float) -> None:
+    def add_answer(self, topic: str, tick: int, value: Any, arrival_s: float) -> None:
         """Add an answer, even to a tick that has no frame.
 
         Live, a later answer to the same tick replaces the earlier one: a live scene may restart while an answer to its
@@ -148,7 +148,7 @@ class AnswerJoin:
             self.counts.late += self._is_due(tick)
             return
         frame.answers[topic] = value
-        frame.answered_s = max(frame.answered_s, at_s)
+        frame.answered_s = max(frame.answered_s, arrival_s)
 
     def mark_stack_finished(self, tick: int) -> None:
         """Record that the stack has reported a tick as finished."""
@@ -188,22 +188,25 @@ class AnswerJoin:
 
     @property
     def _is_idle(self) -> bool:
+        """Whether nothing has arrived for the idle time."""
         return self._idle_s >= self._limits.idle_s
 
     def _may_finish(self, tick: int) -> bool:
+        """Whether nothing more is expected for a tick."""
         is_live, is_idle = self._limits.grace_ticks is not None, self._is_idle
-        if self._newest[POSE] < tick:
+        if self._newest_truth[POSE] < tick:
             return is_live and is_idle and self._last_tick is not None
         if not self._is_due(tick):
             return True
         frame = self._frames.get(tick) or OpenFrame(tick)
         missing = [part for part in _TRUTH if part not in frame.truth]
         if missing:
-            return any(self._newest[part] > tick for part in missing) or (is_live and is_idle)
+            return any(self._newest_truth[part] > tick for part in missing) or (is_live and is_idle)
         is_past = is_live and self._ended_s >= self._limits.idle_s
         return is_idle or is_past or all(self._is_settled(topic, frame) for topic in self._awaited_topics())
 
     def _awaited_topics(self) -> list[str]:
+        """Topics that are waited for: all but those that were silent while others answered."""
         return [topic for topic in self._newest_answer if topic not in self._silent]
 
     def _is_settled(self, topic: str, frame: OpenFrame) -> bool:
@@ -213,7 +216,7 @@ class AnswerJoin:
         if self._stack_tick >= frame.tick and self._idle_s >= _WAIT_AFTER_REPORT_S:
             return True
         if self._limits.grace_ticks is not None:
-            return self._newest[POSE] >= frame.tick + self._limits.grace_ticks
+            return self._newest_truth[POSE] >= frame.tick + self._limits.grace_ticks
         newest = self._newest_answer[topic]
         return newest is not None and newest > frame.tick
 

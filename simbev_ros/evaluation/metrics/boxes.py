@@ -105,12 +105,12 @@ def empty_boxes() -> Boxes:
     )
 
 
-def require_frames(boxes: Boxes, frames: Int64Array, what: str) -> None:
+def require_frames(boxes: Boxes, frames: Int64Array, owner: str) -> None:
     """Raise InputError if a box belongs to a frame that is not evaluated, for example of another scene."""
     unknown = np.setdiff1d(boxes.frame, frames)
     if len(unknown):
         known = f"{len(frames)} frames, from {frames.min()} to {frames.max()}" if len(frames) else "no frame"
-        raise InputError(f"{what}: frame: {unknown[0]} is not in this scene, which has {known}")
+        raise InputError(f"{owner}: frame: {unknown[0]} is not in this scene, which has {known}")
 
 
 def _columns(table: Table) -> Float64Array:

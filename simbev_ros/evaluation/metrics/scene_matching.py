@@ -68,8 +68,8 @@ class Matching:
             near = pairs[method].take(pairs[method].cost < (-limit if method == "iou" else limit))
             self.found[row] = match(near, self.rank, len(truth))
             hits = np.flatnonzero(self.found[row] >= 0)
-            of_hits = truth.take(self.found[row, hits]), predictions.boxes.take(hits)
-            self._errors.append(errors_of(*of_hits, self.options.planar))
+            hit_boxes = truth.take(self.found[row, hits]), predictions.boxes.take(hits)
+            self._errors.append(errors_of(*hit_boxes, self.options.planar))
 
     def tally(self, counting: CountedBoxes | None = None) -> DetectionTally:
         """Tally of the scene at every threshold; predictions that count nowhere are left out.
@@ -103,9 +103,9 @@ class Matching:
         found = self.found.T
         if counting is None:
             return np.where(found >= 0, HIT, MISS).astype(np.int8)
-        of_hit = np.where(np.append(counting.truth, False)[found], HIT, UNCOUNTED)
-        of_miss = np.where(counting.predictions, MISS, UNCOUNTED)[:, None]
-        return np.where(found >= 0, of_hit, of_miss).astype(np.int8)
+        hit_outcome = np.where(np.append(counting.truth, False)[found], HIT, UNCOUNTED)
+        miss_outcome = np.where(counting.predictions, MISS, UNCOUNTED)[:, None]
+        return np.where(found >= 0, hit_outcome, miss_outcome).astype(np.int8)
 
 
 def match_and_tally(

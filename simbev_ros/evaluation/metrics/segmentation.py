@@ -104,10 +104,15 @@ def tallies_by_region(
         has_class = labels >> labels.dtype.type(BEV_CLASSES.index(name)) & labels.dtype.type(1)
         codes = offset + (reached[row] << np.uint8(1) | has_class.astype(np.uint8))
         counts[:, row] = np.bincount(codes.ravel(), minlength=regions * 2 * levels).reshape(regions, levels, 2)
-    at_least = counts[:, :, ::-1].cumsum(axis=2)[:, :, ::-1]
+    cumulative = counts[:, :, ::-1].cumsum(axis=2)[:, :, ::-1]
     return [
-        SegmentationTally(1, both=of_region[:, 1:, 1], predicted=of_region[:, 1:].sum(axis=2), truth=of_region[:, 0, 1])
-        for of_region in at_least
+        SegmentationTally(
+            1,
+            both=counts_at_least[:, 1:, 1],
+            predicted=counts_at_least[:, 1:].sum(axis=2),
+            truth=counts_at_least[:, 0, 1],
+        )
+        for counts_at_least in cumulative
     ]
 
 

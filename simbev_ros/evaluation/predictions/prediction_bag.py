@@ -128,6 +128,7 @@ class PredictionBag:
         return known[topic.name]
 
     def _locate_messages(self, topic: IndexedTopic, scene: str, stamps_ns: Int64Array) -> dict[int, Int64Array]:
+        """Find the message of each tick; raise InputError if a tick has two."""
         stamped = [(self._stamp_ns(topic, location), location) for location in topic.places]
         own = [
             (stamp, location) for stamp, location in stamped if stamp is not None and self._concerns(stamp, stamps_ns)

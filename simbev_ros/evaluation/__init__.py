@@ -1,1 +1,1 @@
-"""Evaluation of perception stacks: predictions are compared with the ground truth, and metrics and tables result."""
+"""Compares the predictions of perception stacks with the ground truth, and computes metrics and tables."""

@@ -1,6 +1,6 @@
-"""Conditions by which evaluation tables are sliced: the time of day and the weather of a frame.
+"""Names the time of day and the weather of a frame, the conditions by which evaluation tables are sliced.
 
-The weather parameters of a frame enter; exactly one time of day and one weather name leave.
+Both are derived from the frame's weather parameters. Each frame has exactly one of each.
 """
 
 from simbev_ros.scene.weather import Weather

@@ -1,7 +1,7 @@
-"""Offline evaluation of a whole dataset, optionally in several processes.
+"""Evaluates predictions on a whole dataset offline, optionally in several processes.
 
-Recorded scenes and the predictions of a perception stack enter. One ``Evaluation`` with the metrics of all scenes
-leaves, which ``figures`` turns into plain values and ``tables`` into tables.
+``evaluate`` takes recorded scenes and the predictions of a perception stack, and returns one ``Evaluation`` with the
+metrics of all scenes. ``figures`` converts it to plain values, and ``tables`` makes tables from those.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,6 @@
-"""Metrics of an evaluation as plain values for JSON; undefined values are null.
+"""Converts the metrics of an ``Evaluation`` to plain values for JSON; undefined values are null.
 
-An ``Evaluation`` enters, nested dictionaries leave. The files of ``simbev evaluate``, the tables and the HTML report
-are all made from them.
+The result is a nested dictionary. The files of ``simbev evaluate``, the tables and the HTML report are made from it.
 """
 
 from collections.abc import Iterable, Mapping

@@ -1,6 +1,6 @@
 """Filters that decide which ground-truth boxes count in an evaluation.
 
-The columns of a box table enter; a mask of the boxes that must be found leaves.
+A ``BoxFilter`` takes the columns of a box table and returns a mask of the boxes that must be found.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
-"""Box matching for the frames of one scene.
+"""Matches the boxes in frames of one scene.
 
-Ground-truth frames and predictions in the map frame enter and are matched once. The scene's
-part of every table, and the boxes that each frame has found, are derived from that match.
+Ground truth and predictions in the map frame are matched once. The scene's part of every table, and the boxes that each
+frame has found, are derived from that match.
 """
 
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ class Outcomes:
     outcome: AnyArray
 
 
-class TrueFrame(NamedTuple):
+class GroundTruthFrame(NamedTuple):
     """Ground truth of one frame, as far as box evaluation needs it.
 
     Attributes:
@@ -91,7 +91,7 @@ class SceneBoxes:
     """
 
     def __init__(
-        self, spec: SceneSpec, truth: Sequence[TrueFrame], predictions: Predictions, options: EvaluationOptions
+        self, spec: SceneSpec, truth: Sequence[GroundTruthFrame], predictions: Predictions, options: EvaluationOptions
     ) -> None:
         self._ticks = np.array([each.tick for each in truth], np.int64)
         self._conditions, self._options = [each.conditions for each in truth], options
@@ -145,7 +145,7 @@ class SceneBoxes:
         return np.searchsorted(self._ticks, tick)
 
 
-def _ego_centers_m(spec: SceneSpec, truth: Sequence[TrueFrame]) -> Float64Array:
+def _ego_centers_m(spec: SceneSpec, truth: Sequence[GroundTruthFrame]) -> Float64Array:
     """(F, 3) centers of the ego's box in the map frame; distances of boxes are measured from there."""
     height_m = load_blueprints()[blueprint_index()[spec.vehicles[0].blueprint]].size_m[2]
     poses = [each.map_from_ego for each in truth]

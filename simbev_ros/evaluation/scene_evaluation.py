@@ -1,7 +1,7 @@
-"""Offline evaluation of one scene.
+"""Evaluates one recorded scene offline.
 
-A recorded scene with ground truth and the predictions for it enter. A ``SceneTally`` leaves, which has the scene's
-counts for every row of every table and can be added to those of other scenes.
+The result is a ``SceneTally`` with the scene's counts for every row of every table, computed from the recorded ground
+truth and the predictions. The metrics of a dataset are computed from the tallies of all scenes.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from simbev_ros.evaluation.metrics.segmentation import SegmentationTally
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, boxes_in_map
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
-from simbev_ros.evaluation.scene_boxes import Outcomes, SceneBoxes, TrueFrame
+from simbev_ros.evaluation.scene_boxes import Outcomes, SceneBoxes, GroundTruthFrame
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.types import Table
@@ -81,10 +81,10 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
     frames["answered_boxes"] = [tick in predicted.ticks_with_boxes for tick in ticks]
     frames["answered_grid"] = [tick in predicted.ticks_with_grid for tick in ticks]
     cells = SceneGrids(scene.spec.annotation.bev.grid, options.slices)
-    truth: list[TrueFrame] = []
+    truth: list[GroundTruthFrame] = []
     for row, tick in enumerate(ticks):
         frame = scene[tick]
-        truth.append(TrueFrame.from_frame(frame))
+        truth.append(GroundTruthFrame.from_frame(frame))
         if grids:
             conditions = truth[-1].conditions
             frames["iou"][row] = cells.add_frame(frame["bev/labels"], conditions, predicted.grid(tick), base)
@@ -121,7 +121,7 @@ def outcomes_of(scene: Scene, predicted: PredictedScene, tick: int, options: Eva
         BagError: As ``evaluate_scene``.
     """
     boxes = boxes_in_map(predicted.boxes().at_ticks([tick]), ReferenceFrames.from_scene(scene))
-    return SceneBoxes(scene.spec, [TrueFrame.from_frame(scene[tick])], boxes, options).outcomes()
+    return SceneBoxes(scene.spec, [GroundTruthFrame.from_frame(scene[tick])], boxes, options).outcomes()
 
 
 def _nuscenes(scene: Scene, predictions: Predictions) -> NuscenesTally:

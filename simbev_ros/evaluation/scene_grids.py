@@ -1,6 +1,6 @@
-"""Segmentation counts of one scene, accumulated frame by frame for every row of every table.
+"""Counts the bird's-eye-view cells of one scene, frame by frame, for every row of every table.
 
-Ground-truth labels and predicted scores of bird's-eye-view cells enter; a ``SegmentationTally`` per table slice leaves.
+Ground-truth labels and predicted scores are reduced to one ``SegmentationTally`` per table slice.
 """
 
 from collections.abc import Mapping, Sequence

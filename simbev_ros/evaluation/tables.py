@@ -1,6 +1,6 @@
 """Tables of an evaluation as data: titles, headings and typed cells, independent of how they are drawn.
 
-The values of ``evaluation.figures.figures_of`` enter; the command line and the HTML report draw the tables that leave.
+They are made from the values of ``evaluation.figures.figures_of``. The command line and the HTML report draw them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

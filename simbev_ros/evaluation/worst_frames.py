@@ -1,6 +1,6 @@
-"""Selection of the frames with the worst predictions, for the pictures of the report.
+"""Selects the frames with the worst predictions, for the pictures of the report.
 
-The evaluated frames of all scenes enter; a short list of frames that are worth looking at leaves.
+From the evaluated frames of all scenes, a short list of those that miss most boxes, or have the lowest IoU, is made.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,1 +1,1 @@
-"""Conversion between arrays and ROS messages, and the names, types and QoS of all topics."""
+"""Converts between arrays and ROS messages, and defines the names, types and QoS of all topics."""

@@ -1,6 +1,6 @@
 """Topics of the annotator: the labels that it publishes, and the sensor data that it reads.
 
-A scene's specification enters, topics leave. The code is pure and imports no ROS.
+All of them follow from a scene's specification. Pure: imports no ROS.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Conversion between arrays and Image or CompressedImage messages, and CameraInfo of a camera model."""
+"""Converts between arrays and Image or CompressedImage messages, and makes the CameraInfo of a camera model."""
 
 from array import array
 

@@ -1,4 +1,4 @@
-"""Conversion of boxes, actors and traffic lights to markers for RViz and Foxglove."""
+"""Converts boxes, actors and traffic lights to markers for RViz and Foxglove."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""Message classes by type name, for code that subscribes to topics of any type."""
+"""Finds message classes by type name, for code that subscribes to topics of any type."""
 
 import importlib
 from typing import Any

@@ -1,4 +1,4 @@
-"""Conversion of GNSS fixes and IMU samples to ROS messages."""
+"""Converts GNSS fixes and IMU samples to ROS messages."""
 
 from collections.abc import Iterator
 

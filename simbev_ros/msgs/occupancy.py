@@ -1,4 +1,4 @@
-"""Conversion of one class of a bird's-eye-view grid to nav_msgs/OccupancyGrid."""
+"""Converts one class of a bird's-eye-view grid to nav_msgs/OccupancyGrid."""
 
 from array import array
 

@@ -1,8 +1,8 @@
-"""Topics of a rig's sensors: every name, type and rate is defined here only.
+"""Topics of a rig's sensors: every name, type and rate is defined here and nowhere else.
 
-A scene's specification enters, topics leave; the code imports no ROS. Each kind of sensor has a function that gives its
-topics. Its node publishes on them, and ``topics_of_sensor`` adds them to the manifest, by which recorder, evaluator and
-annotator know what a sensor sends.
+Each kind of sensor has a function that gives its topics from a scene's specification. Its node publishes on them, and
+``topics_of_sensor`` adds them to the manifest, from which recorder, evaluator and annotator know what a sensor sends.
+Pure: imports no ROS.
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Conversion between integer nanoseconds and builtin_interfaces/Time, and reading the stamp of a serialized message."""
+"""Converts between integer nanoseconds and builtin_interfaces/Time, and reads the stamp of a serialized message."""
 
 import json
 import struct

@@ -1,4 +1,4 @@
-"""Conversion between structured arrays and sensor_msgs/PointCloud2: one point per row, one field per column."""
+"""Converts between structured arrays and sensor_msgs/PointCloud2: one point per row, one field per column."""
 
 from array import array
 

@@ -1,4 +1,4 @@
-"""Description of one topic, on which publisher, recorder and readers must agree; imports no ROS."""
+"""Describes one topic, on which publisher, recorder and readers must agree. Pure: imports no ROS."""
 
 from dataclasses import dataclass
 

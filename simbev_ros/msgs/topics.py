@@ -1,6 +1,6 @@
 """Manifest of a scene: name, type and rate of every topic.
 
-A scene's specification enters, topics leave; nodes take theirs from here. The code imports no ROS.
+All of them follow from the scene's specification; nodes take theirs from here. Pure: imports no ROS.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,7 @@
 """Transforms of the rig: /tf_static for the sensors, /tf for the ego.
 
-A scene's specification and the odometry enter; messages or serialized messages leave. They are published live only if
-tf2_msgs is installed, but always recorded.
+The scene's specification gives the static ones, the odometry the ego's. They are always recorded, but published live
+only if tf2_msgs is installed.
 """
 
 from collections.abc import Iterable, Iterator

@@ -1,4 +1,4 @@
-"""Conversion between the world state and ROS messages."""
+"""Converts between the world state and ROS messages."""
 
 import json
 from dataclasses import asdict

@@ -1,1 +1,1 @@
-"""Evaluation of a perception stack while the scene runs: answers are joined with the ground truth, frame by frame."""
+"""Evaluates a perception stack while the scene runs: joins answers with the ground truth, frame by frame."""

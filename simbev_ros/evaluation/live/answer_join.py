@@ -1,9 +1,9 @@
-"""Join of the messages of a running scene into complete frames, for live evaluation.
+"""Joins the messages of a running scene into complete frames, for live evaluation.
 
-Ground truth, the stack's input and the stack's answers enter in any order, each with its tick. Frames leave in the
-order of the ticks, to be evaluated by ``live_evaluation``. There is a frame at every tick at which the stack's input is
-due. It leaves once its ground truth is there and each kind of answer that the stack gives has come, or will not come
-any more. The code is pure: the caller passes the time.
+``AnswerJoin`` receives ground truth, the stack's input and the stack's answers in any order, each with its tick. It
+releases frames in the order of the ticks, to be evaluated by ``live_evaluation``. There is a frame at every tick at
+which the stack's input is due. A frame leaves the join once its ground truth is there and each kind of answer that the
+stack gives has arrived or can no longer be expected. The code reads no clock: the caller passes the time.
 """
 
 from collections import Counter

@@ -1,6 +1,6 @@
-"""Assignment of answers to the frames of a running scene, by stamp.
+"""Assigns answers of a perception stack to the ticks of the running scene, by stamp.
 
-The stamp of a message of the perception stack enters; the tick of the scene that it answers leaves.
+Answers to the warm-up and to other scenes are ignored; any other stamp must be that of a tick.
 """
 
 from collections.abc import Collection

@@ -1,7 +1,7 @@
-"""Evaluation of one scene while it runs.
+"""Evaluates one scene while it runs.
 
-Frames that ``answer_join`` has completed enter. Running metrics leave at any time, and at the end the tally of the
-scene, equal to the one that ``scene_evaluation`` makes of a recording.
+``LiveEvaluation`` takes the frames that ``answer_join`` has completed. It gives running metrics at any time, and at the
+end the tally of the scene, equal to the one that ``scene_evaluation`` computes from a recording.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
 )
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
-from simbev_ros.evaluation.scene_boxes import SceneBoxes, TrueFrame
+from simbev_ros.evaluation.scene_boxes import SceneBoxes, GroundTruthFrame
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, SceneTally
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
@@ -65,7 +65,7 @@ class LiveEvaluation:
 
     def __init__(self, spec: SceneSpec, options: EvaluationOptions) -> None:
         self._spec, self._options, self._calibration = spec, options, calibrations(spec.rig)
-        self._waiting: list[tuple[TrueFrame, PredictedBoxes]] = []
+        self._waiting: list[tuple[GroundTruthFrame, PredictedBoxes]] = []
         self._cells = SceneGrids(spec.annotation.bev.grid, options.slices)
         self._rows: list[Table] = []
         self._tallies: dict[TableSlice, list[DetectionTally]] = {table_slice: [] for table_slice in options.slices}
@@ -90,7 +90,7 @@ class LiveEvaluation:
             join_boxes(boxes), ReferenceFrames(self._spec, self._calibration, lambda tick: map_from_ego)
         )
         iou = self._cells.add_frame(frame.truth[LABELS], conditions, _merge_grids(grids), self._options.slices[0])
-        truth = TrueFrame(frame.tick, frame.truth[BOXES], map_from_ego, conditions)
+        truth = GroundTruthFrame(frame.tick, frame.truth[BOXES], map_from_ego, conditions)
         self._waiting.append((truth, PredictedBoxes.with_reference(predictions, Reference(MAP_FRAME, ""))))
         self._answered.append((bool(boxes), bool(grids)))
         self._iou.append(iou)

@@ -1,4 +1,4 @@
-"""Box arrays that all detection metrics work on, of ground truth and predictions; values are checked on entry."""
+"""Box arrays of ground truth and predictions, the input of all detection metrics; values are checked on entry."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields

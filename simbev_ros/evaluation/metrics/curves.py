@@ -1,6 +1,6 @@
-"""Precision-recall curves and the area under them.
+"""Computes precision-recall curves and the area under them.
 
-Scores and outcomes of matched predictions of one class enter; the curve and its average precision leave.
+Both are computed from the scores and outcomes of the matched predictions of one class.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,7 @@
-"""Greedy assignment of predictions to ground-truth boxes, in order of falling confidence.
+"""Matches predictions with ground-truth boxes greedily, in order of falling confidence.
 
-Boxes enter; candidate pairs, and then the box that each prediction is matched with, leave.
+``near_pairs`` finds candidate pairs of boxes, and ``match`` selects from them the box that each prediction is matched
+with.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Ground truth for the nuScenes metrics, as nuscenes-devkit 1.2.0 would see it in an export of the scene.
 
-A recorded scene enters. Boxes of its keyframes leave, if they belong to a class of the nuScenes detection task, are
-near enough to the ego for their class, and are hit by a lidar or radar. The class is that of the exported category: a
+From the keyframes of a recorded scene, boxes are taken that belong to a class of the nuScenes detection task, are near
+enough to the ego for their class, and are hit by a lidar or radar. The class is that of the exported category: a
 pick-up is a truck; an ambulance and a person in a wheelchair have no class. Velocities are the devkit's, derived from
 positions in the neighboring keyframes.
 """

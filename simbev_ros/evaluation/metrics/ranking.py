@@ -1,7 +1,7 @@
-"""Selection of the predictions by which single frames are judged.
+"""Selects the predictions by which single frames are judged.
 
-Of each class, only as many of the most confident predictions are taken as the frame has boxes. The share of them that
-are right tells how well the frame is answered.
+From each class, only as many of the most confident predictions are taken as the frame has boxes. The share of these
+that is correct tells how well the frame is answered.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""Matching of one scene's predictions with its ground truth, by 3D IoU and by center distance.
+"""Matches one scene's predictions with its ground truth, by 3D IoU and by center distance.
 
-Boxes of both enter and are matched once. ``DetectionTally`` objects for any number of tables leave, each with its own
+``Matching`` matches the boxes once. It then gives a ``DetectionTally`` for any number of tables, each with its own
 selection of boxes that count.
 """
 

@@ -1,6 +1,6 @@
 """The paper's bird's-eye-view segmentation metric: IoU of each class at several score thresholds.
 
-Labels and scores of the cells of a frame enter; counts leave, which can be added over frames.
+Labels and scores of the cells of a frame are reduced to counts, which can be added over frames.
 """
 
 from collections.abc import Sequence

@@ -1,1 +1,1 @@
-"""Predictions of a perception stack: reading them from files, bags and messages, checking them, and writing them."""
+"""Reads predictions of a perception stack from files, bags and messages, checks them, and writes them."""

@@ -1,7 +1,7 @@
 """Predictions for the scenes of a dataset, from files or bags: boxes and bird's-eye-view scores.
 
-``open_predictions`` opens them for offline evaluation. Paths enter; a ``PredictionSet`` leaves, from which each scene
-reads its boxes and grids.
+``open_predictions`` opens them for offline evaluation. It returns a ``PredictionSet``, from which each scene reads its
+boxes and grids. The formats are:
 
 **Boxes in files** are Parquet or NPZ, with one row per box and these columns:
 

@@ -1,4 +1,4 @@
-"""Safe reading of NPZ files from other software: arrays by name, never a pickled object."""
+"""Reads NPZ files from other software safely: arrays by name, never a pickled object."""
 
 from collections.abc import Collection
 from pathlib import Path

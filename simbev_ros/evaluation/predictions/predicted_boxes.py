@@ -1,7 +1,7 @@
 """Checked boxes of a perception stack, each in a coordinate frame that the stack chose.
 
-Columns of files or messages enter and are checked. ``PredictedBoxes`` leave, which ``boxes_in_map`` transforms to the
-map frame for the metrics.
+Columns of files or messages are checked and become ``PredictedBoxes``. ``boxes_in_map`` transforms these to the map
+frame for the metrics.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,6 @@
-"""Reading of predictions from MCAP bags, with message types from ROS 2 Jazzy or from the file's own definitions.
+"""Reads predictions from MCAP bags, with message types from ROS 2 Jazzy or from the file's own definitions.
 
-A bag of a perception stack enters; boxes and score grids by scene and tick leave. ``dataset_predictions`` describes the
-topics.
+``PredictionBag`` gives the boxes and score grids of each scene and tick. ``dataset_predictions`` describes the topics.
 """
 
 import struct

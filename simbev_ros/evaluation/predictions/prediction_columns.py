@@ -1,6 +1,7 @@
-"""Predictions as columns, independent of the file format: assignment of rows to scenes and frames, and checks.
+"""Predictions as columns, independent of the file format: assigns rows to scenes and frames, and checks values.
 
-The columns of a Parquet or NPZ file enter; checked ``PredictedBoxes`` and the answered ticks of one scene leave.
+From the columns of a Parquet or NPZ file, ``parse_answers`` makes checked ``PredictedBoxes`` and the answered ticks of
+one scene.
 """
 
 from collections.abc import Collection, Mapping, Sequence

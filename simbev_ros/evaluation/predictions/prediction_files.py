@@ -1,6 +1,6 @@
-"""Reading of predicted boxes from Parquet and NPZ files, scene by scene.
+"""Reads predicted boxes from Parquet and NPZ files, scene by scene.
 
-A file enters; the boxes of a requested scene and the answered ticks leave. ``dataset_predictions`` describes the
+For a requested scene, both kinds of file give the boxes and the answered ticks. ``dataset_predictions`` describes the
 columns.
 """
 

@@ -1,7 +1,7 @@
-"""Conversion of a perception stack's messages to boxes and score grids.
+"""Converts a perception stack's messages to boxes and score grids.
 
-Messages as objects of rclpy or of rosbags enter; ``PredictedBoxes`` and score arrays leave. Bags and the live evaluator
-share this code, which imports no ROS.
+Messages may be objects of rclpy or of rosbags; the results are ``PredictedBoxes`` and score arrays. The bag reader and
+the live evaluator share this code, which imports no ROS.
 
 Boxes:
 
@@ -83,7 +83,7 @@ def message_boxes(type_name: str, message: Any, tick: int, source: str) -> Predi
     header = header_of(message)
     frame_id = "" if header is None else header.frame_id
     if not frame_id and len(label):
-        raise InputError(f"{source}: header.frame_id: is empty; it must be a frame of reference, such as 'map'")
+        raise InputError(f"{source}: header.frame_id: is empty; it must be a coordinate frame, such as 'map'")
     return PredictedBoxes.with_reference(predictions, Reference(frame_id, source))
 
 

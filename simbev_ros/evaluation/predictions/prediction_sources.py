@@ -1,4 +1,4 @@
-"""Interfaces of the sources of predictions: files and bags that answer some scenes.
+"""Interfaces of the sources of predictions: files and bags with answers for some scenes.
 
 ``dataset_predictions`` reads every source through these protocols.
 """

@@ -1,4 +1,4 @@
-"""Writing of predictions in the format that ``dataset_predictions`` reads.
+"""Writes predictions in the format that ``dataset_predictions`` reads.
 
 ::
 

@@ -1,6 +1,7 @@
 """Coordinate frames of a scene, by their names in /tf and /tf_static.
 
-Calibration and ego poses of a scene enter; the pose of any of its frames in the map frame leaves.
+From the calibration and the ego poses of a scene, ``ReferenceFrames`` computes the pose of each of its frames in the
+map frame.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,6 +1,6 @@
-"""Bird's-eye-view scores of a perception stack, checked, and the files that hold them.
+"""Checked bird's-eye-view scores of a perception stack, and the files that hold them.
 
-NPZ files or arrays enter; a ``ScoreGrid`` per frame leaves.
+Arrays or NPZ files become one ``ScoreGrid`` per frame.
 """
 
 import re

@@ -31,8 +31,8 @@ def found_column(options: DetectionOptions) -> int:
 
     This is the distance of 2 m at which nuScenes measures errors, or else the first threshold.
     """
-    at = ("distance", _FOUND_DISTANCE_M)
-    return options.thresholds.index(at) if at in options.thresholds else 0
+    preferred = ("distance", _FOUND_DISTANCE_M)
+    return options.thresholds.index(preferred) if preferred in options.thresholds else 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,7 @@ class GroundTruthFrame(NamedTuple):
     conditions: Conditions
 
     @classmethod
-    def from_frame(cls, frame: Frame) -> "TrueFrame":
+    def from_frame(cls, frame: Frame) -> "GroundTruthFrame":
         """Ground truth of a recorded frame."""
         conditions = Conditions.from_weather(frame.scene.spec.weather_at(frame.tick))
         return cls(frame.tick, frame["boxes"], frame.map_from_ego, conditions)

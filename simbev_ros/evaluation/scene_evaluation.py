@@ -20,7 +20,7 @@ from simbev_ros.evaluation.metrics.segmentation import SegmentationTally
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, boxes_in_map
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
-from simbev_ros.evaluation.scene_boxes import Outcomes, SceneBoxes, GroundTruthFrame
+from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, Outcomes, SceneBoxes
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.types import Table

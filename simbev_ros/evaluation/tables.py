@@ -90,11 +90,11 @@ def precision_table(detection: Figures, method: str) -> FigureTable:
     rows = [
         [
             _name_cell(name),
-            _count_cell(own["boxes"]),
-            _share_cell(own[method]["AP"]),
-            *_share_cells(own[method]["AP_at"].values()),
+            _count_cell(values["boxes"]),
+            _share_cell(values[method]["AP"]),
+            *_share_cells(values[method]["AP_at"].values()),
         ]
-        for name, own in classes.items()
+        for name, values in classes.items()
     ]
     return FigureTable(f"average precision by {METHOD_NAMES[method]}", ("class", "boxes", "AP", *signed), rows)
 
@@ -103,8 +103,8 @@ def error_table(detection: Figures) -> FigureTable:
     """One row per class: errors averaged over the thresholds, for each matching method."""
     methods = measured_methods([detection])
     rows = [
-        [_name_cell(name), *_number_cells(own[method][error] for method in methods for error in ERRORS)]
-        for name, own in detection["classes"].items()
+        [_name_cell(name), *_number_cells(values[method][error] for method in methods for error in ERRORS)]
+        for name, values in detection["classes"].items()
     ]
     title = f"errors, matched by {' and by '.join(METHOD_NAMES[method] for method in methods)}"
     return FigureTable(title, ("class", *(list(ERROR_HEADS) * len(methods))), rows)
@@ -113,7 +113,7 @@ def error_table(detection: Figures) -> FigureTable:
 def segmentation_table(segmentation: Figures) -> FigureTable:
     """One row per class: IoU at each score threshold; the last row is the mean."""
     means = segmentation["mean_IoU_at"]
-    rows = [[_name_cell(name), *_share_cells(own.values())] for name, own in segmentation["IoU_at"].items()]
+    rows = [[_name_cell(name), *_share_cells(values.values())] for name, values in segmentation["IoU_at"].items()]
     rows.append([_name_cell("mean"), *_share_cells(means.values())])
     return FigureTable("bird's-eye-view IoU by threshold of the score", ("class", *means), rows)
 
@@ -127,9 +127,11 @@ def condition_table(condition: str, figures: Figures, *, with_empty: bool = Fals
     heads += ["frames", "mean IoU"] if cells else []
     rows = []
     for name in dict.fromkeys((*boxes, *cells)):
-        own, cell_values = boxes.get(name, {}), cells.get(name, {})
-        if with_empty or own.get("boxes") or cell_values.get("frames"):
-            row = [_count_cell(own["boxes"]), *_share_cells(own[m][score] for m, score in scores)] if boxes else []
+        values, cell_values = boxes.get(name, {}), cells.get(name, {})
+        if with_empty or values.get("boxes") or cell_values.get("frames"):
+            row = (
+                [_count_cell(values["boxes"]), *_share_cells(values[m][score] for m, score in scores)] if boxes else []
+            )
             row += (
                 [_count_cell(cell_values["frames"]), _share_cell(at_table_threshold(cell_values["mean_IoU_at"]))]
                 if cells
@@ -151,11 +153,11 @@ def nuscenes_table(nuscenes: Figures) -> FigureTable:
     rows += [
         [
             _name_cell(name),
-            _share_cell(own["AP"]),
-            *_share_cells(own["AP_at"].values()),
-            *_number_cells(own[error] for error in errors),
+            _share_cell(values["AP"]),
+            *_share_cells(values["AP_at"].values()),
+            *_number_cells(values[error] for error in errors),
         ]
-        for name, own in classes.items()
+        for name, values in classes.items()
     ]
     title = f"nuScenes: mAP {text_of(nuscenes['mAP'])}, NDS {text_of(nuscenes['NDS'])}"
     return FigureTable(title, ("class", "AP", *(f"< {each} m" for each in distances), *errors), rows)

@@ -53,9 +53,9 @@ def record_message(record: dict[str, Any], stamp_ns: int) -> String:
 
 def event_message(event: Event, state: WorldState) -> String:
     """Message with an event of this tick as JSON, including the stamp that a String lacks."""
-    happened = asdict(event)
+    fields = asdict(event)
     return String(
-        data=json.dumps({"type": happened.pop("type"), "stamp_ns": state.stamp_ns, "tick": state.tick, **happened})
+        data=json.dumps({"type": fields.pop("type"), "stamp_ns": state.stamp_ns, "tick": state.tick, **fields})
     )
 
 

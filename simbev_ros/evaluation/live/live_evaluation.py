@@ -27,7 +27,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
 )
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
-from simbev_ros.evaluation.scene_boxes import SceneBoxes, GroundTruthFrame
+from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, SceneBoxes
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, SceneTally
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice

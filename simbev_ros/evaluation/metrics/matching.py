@@ -103,17 +103,17 @@ def match(pairs: Pairs, rank: Int64Array, truths: int) -> Int64Array:
         (M,) index of the ground-truth box, -1: none was left.
     """
     bounds = np.searchsorted(pairs.prediction, np.arange(len(rank) + 1))
-    at, end = bounds[:-1].copy(), bounds[1:]
-    keeper = np.full(truths, len(rank))
-    asking = np.flatnonzero(at < end)
-    while len(asking):
-        wanted = pairs.truth[at[asking]]
-        np.minimum.at(keeper, wanted, rank[asking])
-        refused = asking[keeper[wanted] != rank[asking]]
-        if not len(refused):
+    cursor, end = bounds[:-1].copy(), bounds[1:]
+    best_rank = np.full(truths, len(rank))
+    active = np.flatnonzero(cursor < end)
+    while len(active):
+        target = pairs.truth[cursor[active]]
+        np.minimum.at(best_rank, target, rank[active])
+        rejected = active[best_rank[target] != rank[active]]
+        if not len(rejected):
             break
-        at[refused] += 1
-        asking = asking[at[asking] < end[asking]]
+        cursor[rejected] += 1
+        active = active[cursor[active] < end[active]]
     result = np.full(len(rank), -1)
-    result[asking] = pairs.truth[at[asking]]
+    result[active] = pairs.truth[cursor[active]]
     return result

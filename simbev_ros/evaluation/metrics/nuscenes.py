@@ -138,8 +138,8 @@ def nuscenes_result(total: NuscenesTally, classes: Sequence[str] = CLASSES) -> N
             order = chosen[np.argsort(total.score[chosen], kind="stable")][::-1]
             score, hit, truths = total.score[order], total.hit[order], int(total.truths[label])
             ap[row] = [_average_precision(each, truths) for each in hit.T]
-            at = hit[:, _ERRORS_AT]
-            errors[row] = _mean_errors(score, at, total.errors[row_of_hit[order[at]]], truths)
+            hit_at = hit[:, _ERRORS_AT]
+            errors[row] = _mean_errors(score, hit_at, total.errors[row_of_hit[order[hit_at]]], truths)
         errors[row, [ERRORS.index(error) for error in _NO_FIGURE.get(name, ())]] = np.nan
     return NuscenesResult(ap, errors)
 

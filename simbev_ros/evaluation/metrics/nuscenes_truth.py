@@ -103,8 +103,8 @@ def _is_near(boxes: Boxes, ticks: Int64Array, ego_m: Float64Array) -> BoolArray:
 def _lidar_ticks(scene: Scene, ticks: Int64Array) -> Int64Array:
     """(K,) ticks of the uppermost lidar's data for (K,) keyframes: the devkit takes the ego's position from there."""
     keys = [channel.key for channel in channels_of(scene) if channel.name == TOP_LIDAR]
-    own = np.flatnonzero(scene.has(keys)) if keys else ticks
-    return own[np.maximum(np.searchsorted(own, ticks, side="right") - 1, 0)]
+    lidar_ticks = np.flatnonzero(scene.has(keys)) if keys else ticks
+    return lidar_ticks[np.maximum(np.searchsorted(lidar_ticks, ticks, side="right") - 1, 0)]
 
 
 def _velocities_mps(ids: Int64Array, stamp_s: Float64Array, center_m: Float64Array) -> Float64Array:

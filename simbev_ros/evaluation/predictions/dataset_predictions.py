@@ -172,17 +172,17 @@ class PredictionSet:
         known, names = set(scenes), dict[str, str]()
         sources: list[PredictionSource] = [*self._box_sources, *self._grid_sources]
         for source in sources:
-            for own in source.scenes:
-                if own not in known and not source.has_scene_names and len(known) == 1:
-                    names[own] = scenes[0]
-                elif own not in known:
-                    some = ", ".join(sorted(known)[:5]) + (", …" if len(known) > 5 else "")
-                    which = (
+            for source_scene in source.scenes:
+                if source_scene not in known and not source.has_scene_names and len(known) == 1:
+                    names[source_scene] = scenes[0]
+                elif source_scene not in known:
+                    examples = ", ".join(sorted(known)[:5]) + (", …" if len(known) > 5 else "")
+                    hint = (
                         ""
                         if source.has_scene_names
                         else ", taken from the file's name because nothing in it names a scene"
                     )
-                    text = f"scene: there is no {own!r}{which}; the dataset has {some or 'no scene'}"
+                    text = f"scene: there is no {source_scene!r}{hint}; the dataset has {examples or 'no scene'}"
                     raise InputError(f"{source.path}: {text}")
         return PredictionSet(self.path, self._box_sources, self._grid_sources, names)
 
@@ -200,9 +200,9 @@ def _by_scene(sources: Sequence[_AnySource], names: Mapping[str, str]) -> dict[s
     """Sources of each scene, with the scene's name there."""
     found: dict[str, list[tuple[_AnySource, str]]] = {}
     for source in sources:
-        for own in source.scenes:
-            name = own if source.has_scene_names else names.get(own, own)
-            found.setdefault(name, []).append((source, own))
+        for source_scene in source.scenes:
+            name = source_scene if source.has_scene_names else names.get(source_scene, source_scene)
+            found.setdefault(name, []).append((source, source_scene))
     return found
 
 

@@ -92,15 +92,15 @@ def boxes_in_map(boxes: PredictedBoxes, map_from_frame: Callable[[int, str], Flo
     poses = np.stack([_pose(boxes.references[key % count], key // count, map_from_frame) for key in pairs.tolist()])[
         pair
     ]
-    turn, cosine, sine = poses[:, :3, :3], np.cos(own.yaw_rad), np.sin(own.yaw_rad)
-    ahead = turn[:, :2, 0] * cosine[:, None] + turn[:, :2, 1] * sine[:, None]
+    rotation, cosine, sine = poses[:, :3, :3], np.cos(own.yaw_rad), np.sin(own.yaw_rad)
+    ahead = rotation[:, :2, 0] * cosine[:, None] + rotation[:, :2, 1] * sine[:, None]
     transformed = Boxes(
         own.frame,
         own.label,
-        np.einsum("nij,nj->ni", turn, own.center_m) + poses[:, :3, 3],
+        np.einsum("nij,nj->ni", rotation, own.center_m) + poses[:, :3, 3],
         own.size_m,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
-        np.einsum("nij,nj->ni", turn, own.velocity_mps),
+        np.einsum("nij,nj->ni", rotation, own.velocity_mps),
         own.attribute,
     )
     return Predictions(transformed, boxes.predictions.score)

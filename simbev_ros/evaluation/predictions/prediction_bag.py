@@ -105,8 +105,8 @@ class PredictionBag:
                 layers[name] = occupancy_scores(self._message(topic, location), self._source(topic.name, tick))
         shapes = {scores.shape: name for name, scores in layers.items()}
         if len(shapes) > 1:
-            several = ", ".join(f"{rows} x {columns} of {name}" for (rows, columns), name in shapes.items())
-            raise InputError(f"{self._source(self._grids_topic, tick)}: info: {several} cells; all must have the same")
+            sizes = ", ".join(f"{rows} x {columns} of {name}" for (rows, columns), name in shapes.items())
+            raise InputError(f"{self._source(self._grids_topic, tick)}: info: {sizes} cells; all must have the same")
         return ScoreGrid(tuple(layers), np.stack([*layers.values()]), self._source(self._grids_topic, tick))
 
     def _source(self, topic: str, tick: int) -> str:
@@ -129,13 +129,13 @@ class PredictionBag:
     def _locate_messages(self, topic: IndexedTopic, scene: str, stamps_ns: Int64Array) -> dict[int, Int64Array]:
         """Find the message of each tick; raise InputError if a tick has two."""
         stamped = [(self._stamp_ns(topic, location), location) for location in topic.places]
-        own = [
+        relevant = [
             (stamp, location) for stamp, location in stamped if stamp is not None and self._concerns(stamp, stamps_ns)
         ]
-        rows = Rows(f"{self._bag.file}: {topic.name}", np.arange(len(own)))
-        ticks = ticks_of_stamps(np.array([stamp for stamp, _ in own], np.int64), rows, scene, stamps_ns).tolist()
+        rows = Rows(f"{self._bag.file}: {topic.name}", np.arange(len(relevant)))
+        ticks = ticks_of_stamps(np.array([stamp for stamp, _ in relevant], np.int64), rows, scene, stamps_ns).tolist()
         locations: dict[int, Int64Array] = {}
-        for tick, (stamp, location) in sorted(zip(ticks, own, strict=True), key=lambda each: each[0]):
+        for tick, (stamp, location) in sorted(zip(ticks, relevant, strict=True), key=lambda each: each[0]):
             if tick in locations:
                 raise InputError(f"{rows.source}: stamp {stamp}: two answers to tick {tick}; only one is allowed")
             locations[tick] = location

@@ -133,13 +133,16 @@ def _require_centered(info: Any, source: str) -> None:
 
     The origin of our own grids is half a grid behind and right of the ego, or slightly less if the car is tilted.
     """
-    index, turn = info.origin.position, info.origin.orientation
+    position, orientation = info.origin.position, info.origin.orientation
     corner_m = -info.resolution * np.array([info.width, info.height]) / 2.0
-    origin_m = np.array([index.x, index.y])
-    yaw_rad = np.arctan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+    origin_m = np.array([position.x, position.y])
+    yaw_rad = np.arctan2(
+        2 * (orientation.w * orientation.z + orientation.x * orientation.y),
+        1 - 2 * (orientation.y**2 + orientation.z**2),
+    )
     tolerance_m = 0.02 * float(np.abs(corner_m).max()) + info.resolution
     if not (np.abs(origin_m - corner_m).max() <= tolerance_m and abs(yaw_rad) <= _MAX_YAW_RAD):
-        found = f"x {index.x:g}, y {index.y:g}, yaw {yaw_rad:.3g}"
+        found = f"x {position.x:g}, y {position.y:g}, yaw {yaw_rad:.3g}"
         allowed = f"x {corner_m[0]:g}, y {corner_m[1]:g}, yaw 0: the grid is centered on the ego and turns with it"
         raise InputError(f"{source}: info.origin: is {found}; it must be {allowed}")
 
@@ -195,11 +198,11 @@ def _box_columns(poses: list[tuple[Any, Any]], scores: list[float], classes: lis
     """Columns and labels from (pose, size) pairs."""
     rows = Rows(source, np.arange(len(poses)))
     vectors = np.array([(p.position.x, p.position.y, p.position.z, s.x, s.y, s.z) for p, s in poses]).reshape(-1, 6)
-    turns = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p, _ in poses]
+    orientations = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p, _ in poses]
     code = {name: index for index, name in enumerate(dict.fromkeys(classes))}
     label = named_labels([*code], np.array([code[name] for name in classes], np.int64), rows, may_be_empty=False)
     columns = dict(zip(("x", "y", "z", "length", "width", "height"), vectors.T, strict=True))
-    yaw_rad = _yaws_rad(np.array(turns, np.float64).reshape(-1, 4), rows)
+    yaw_rad = _yaws_rad(np.array(orientations, np.float64).reshape(-1, 4), rows)
     return {**columns, "score": np.array(scores, np.float64), "yaw": yaw_rad}, label
 
 

@@ -55,8 +55,8 @@ class ScoreGrid:
     def require_shape(self, rows: int, columns: int) -> None:
         """Raise InputError if the grid differs in size from the ground truth."""
         if self.scores.shape[1:] != (rows, columns):
-            here = " x ".join(str(size) for size in self.scores.shape[1:])
-            raise InputError(f"{self.source}: scores: have {here} cells; the truth has {rows} x {columns}")
+            size = " x ".join(str(count) for count in self.scores.shape[1:])
+            raise InputError(f"{self.source}: scores: have {size} cells; the truth has {rows} x {columns}")
 
 
 class GridFolder:

@@ -1,4 +1,4 @@
-"""Stamps are assigned to ticks; other scenes are ignored, and stamps between ticks are refused."""
+"""Stamps are assigned to ticks; other scenes are ignored, and stamps that belong to no tick are refused."""
 
 import pytest
 from evaluated_dataset import TICKS, spec
@@ -30,7 +30,7 @@ def test_the_warm_up_and_earlier_scenes_are_ignored() -> None:
         (1_763_800_000_123_456_789, TICKS - 1),
     ],
 )
-def test_a_stamp_between_ticks_is_refused(stamp_ns: int, nearest: int) -> None:
+def test_a_stamp_that_belongs_to_no_tick_is_refused(stamp_ns: int, nearest: int) -> None:
     where = f"the nearest is {SCENE.stamp_ns(nearest)}, that of tick {nearest}"
     with pytest.raises(InputError, match=rf"^header.stamp: {stamp_ns} belongs to no tick of Blocks-0001; {where}$"):
         answered_tick(stamp_ns, SCENE, SCENES)

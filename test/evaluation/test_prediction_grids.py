@@ -81,12 +81,12 @@ def test_bad_scores_are_named(tmp_path: Path, arrays: dict[str, AnyArray], messa
 
 
 @pytest.mark.parametrize("name", ["000004.npz", "2.npz", "frame.npz"])
-def test_a_file_without_a_frame_is_named(tmp_path: Path, name: str) -> None:
+def test_a_file_whose_name_is_no_tick_is_named(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match=rf"{name}: its name must be the tick: .*, 000000.npz to 000003.npz"):
         _ = read(save(tmp_path, name, scores=ALL)).ticks_with_grid
 
 
-def test_a_folder_without_a_scene_is_named(tmp_path: Path) -> None:
+def test_a_folder_of_an_unknown_scene_is_named(tmp_path: Path) -> None:
     save(tmp_path, scores=ALL)
     with pytest.raises(InputError, match=r"grids: scene: there is no 'Blocks-0000'; the dataset has Blocks-0001"):
         open_predictions(tmp_path).for_dataset([OTHER])

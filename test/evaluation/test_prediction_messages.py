@@ -132,7 +132,7 @@ BAD = [
     (TABLE, table_message(table_without("yaw"), 1), r"yaw: there is no such field; it has note, x"),
     (TABLE, table_message(table().astype([*TABLE_DTYPE.descr[:8], ("class", "<f4"), *TABLE_DTYPE.descr[9:]]), 1),
      r"class: is of the type float32; it must be a whole-number type"),
-    (TABLE, table_message(table(), 1, ""), r"header.frame_id: is empty; it must be a frame of reference"),
+    (TABLE, table_message(table(), 1, ""), r"header.frame_id: is empty; it must be a coordinate frame"),
     (TABLE, table_message(table(), 1, data=np.zeros(3, np.uint8)), r"fields: point cloud of 2x1: row step"),
     (MARKERS, markers([("tram", *ENTRIES[0][1:])], header(1)), r"class: row 0 is 'tram'; it must be one of car"),
     (MARKERS, markers([("", *ENTRIES[0][1:])], header(1)), r"class: row 0 is ''; it must be one of car"),

@@ -32,7 +32,7 @@ class CellKind(Enum):
 
 
 class Cell(NamedTuple):
-    """One value of a table; None if it is undefined."""
+    """Typed value in a table; None if it is undefined."""
 
     kind: CellKind
     value: str | float | None
@@ -40,7 +40,7 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FigureTable:
-    """One table of an evaluation.
+    """Table of an evaluation, ready to be drawn.
 
     Attributes:
         title: Heading above the table.
@@ -69,7 +69,7 @@ def evaluation_tables(figures: Figures) -> Iterator[FigureTable]:
 
 
 def summary_table(detection: Figures) -> FigureTable:
-    """One row per matching method: mAP, mean errors, SDS."""
+    """Table with a row per matching method: mAP, mean errors, SDS."""
     rows = [
         [
             _name_cell(METHOD_NAMES[method]),
@@ -83,7 +83,7 @@ def summary_table(detection: Figures) -> FigureTable:
 
 
 def precision_table(detection: Figures, method: str) -> FigureTable:
-    """One row per class: number of boxes, AP, and AP at each threshold."""
+    """Table with a row per class: number of boxes, AP, and AP at each threshold."""
     classes = detection["classes"]
     thresholds = list(next(iter(classes.values()))[method]["AP_at"]) if classes else []
     signed = [f"> {each}" if method == "iou" else f"< {each} m" for each in thresholds]
@@ -100,7 +100,7 @@ def precision_table(detection: Figures, method: str) -> FigureTable:
 
 
 def error_table(detection: Figures) -> FigureTable:
-    """One row per class: errors averaged over the thresholds, for each matching method."""
+    """Table with a row per class: errors averaged over the thresholds, for each matching method."""
     methods = measured_methods([detection])
     rows = [
         [_name_cell(name), *_number_cells(values[method][error] for method in methods for error in ERRORS)]
@@ -111,7 +111,7 @@ def error_table(detection: Figures) -> FigureTable:
 
 
 def segmentation_table(segmentation: Figures) -> FigureTable:
-    """One row per class: IoU at each score threshold; the last row is the mean."""
+    """Table with a row per class: IoU at each score threshold; the last row is the mean."""
     means = segmentation["mean_IoU_at"]
     rows = [[_name_cell(name), *_share_cells(values.values())] for name, values in segmentation["IoU_at"].items()]
     rows.append([_name_cell("mean"), *_share_cells(means.values())])
@@ -119,7 +119,7 @@ def segmentation_table(segmentation: Figures) -> FigureTable:
 
 
 def condition_table(condition: str, figures: Figures, *, with_empty: bool = False) -> FigureTable:
-    """One row per slice of a condition, such as ``weather``; empty slices only if ``with_empty``."""
+    """Table with a row per slice of a condition, such as ``weather``; empty slices only if ``with_empty``."""
     boxes, cells = (figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation"))
     methods = measured_methods(boxes.values())
     scores = [(method, score) for method in methods for score in ("mAP", "SDS")]

@@ -108,7 +108,7 @@ def _cube(
 def _lines(
     stamped: Header, name: str, starts_m: Float64Array, ends_m: Float64Array, rgba: tuple[float, float, float, float]
 ) -> Iterator[Marker]:
-    """One marker with lines between (N, 3) points; no marker if there are none."""
+    """Marker with lines between (N, 3) points; no marker if there are none."""
     if not len(starts_m):
         return
     red, green, blue, alpha = rgba

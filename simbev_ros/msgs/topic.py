@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One topic of a scene; its QoS follows from these fields, see ``msgs.qos``.
+    """Description of a topic of a scene; its QoS follows from these fields, see ``msgs.qos``.
 
     Attributes:
         name: Name with leading slash.

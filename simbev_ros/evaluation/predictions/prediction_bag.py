@@ -42,7 +42,7 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 class PredictionBag:
-    """One bag with predictions for one scene, or for several in sequence.
+    """Reader of a bag with predictions for one scene, or for several in sequence.
 
     Attributes:
         scenes: Names of the scenes in /world/scene, or else the stem of the bag.

@@ -40,7 +40,7 @@ _MAX_CACHED_BYTES = 1 << 30
 
 
 class ParquetBoxes:
-    """One Parquet file of boxes; for each scene, only the row groups that hold it are read.
+    """Reader of a Parquet file of boxes; for each scene, only the row groups that hold it are read.
 
     As many row groups are cached as one scene may need. A file in the order of its scenes is therefore read once and in
     little memory, whatever the order within scenes.
@@ -126,7 +126,7 @@ class ParquetBoxes:
 
 
 class NpzBoxes:
-    """One NPZ file of boxes. It is read and kept as a whole, so Parquet is the better choice for many boxes.
+    """Reader of an NPZ file of boxes, which is read and kept as a whole; Parquet is better for many boxes.
 
     Raises:
         InputError: The file cannot be read, lacks a column, or has one of a wrong type or length.

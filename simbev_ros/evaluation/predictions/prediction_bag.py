@@ -75,7 +75,7 @@ class PredictionBag:
         self._found: dict[str, dict[str, dict[int, Int64Array]]] = {}
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
-        """Implement ``prediction_sources.BoxSource``."""
+        """Boxes of a scene, and the ticks that were answered; see ``prediction_sources.BoxSource``."""
         topic = self._boxes
         if topic is None:
             return join_boxes([]), frozenset()
@@ -87,12 +87,12 @@ class PredictionBag:
         return join_boxes(parts), frozenset(locations)
 
     def grid_ticks(self, scene: str, stamps_ns: Int64Array) -> frozenset[int]:
-        """Implement ``prediction_sources.GridSource``."""
+        """Ticks of a scene that have scores; see ``prediction_sources.GridSource``."""
         topics = [self._grids] if self._grids else [*self._classes.values()]
         return frozenset(tick for topic in topics for tick in self._locations(topic, scene, stamps_ns))
 
     def grid(self, scene: str, tick: int, stamps_ns: Int64Array) -> ScoreGrid:
-        """Implement ``prediction_sources.GridSource``."""
+        """Scores of a tick; see ``prediction_sources.GridSource``."""
         if self._grids:
             source = self._source(self._grids.name, tick)
             message = self._message(self._grids, self._locations(self._grids, scene, stamps_ns)[tick])

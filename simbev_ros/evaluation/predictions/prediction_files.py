@@ -65,7 +65,7 @@ class ParquetBoxes:
         self._kept: OrderedDict[int, pa.Table] = OrderedDict()
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
-        """Implement ``prediction_sources.BoxSource``."""
+        """Boxes of a scene, and the ticks that were answered; see ``prediction_sources.BoxSource``."""
         number = self._rows.rows(scene)
         group = np.searchsorted(self._starts, number, side="right") - 1
         with _damage_as_input_error(self.path):
@@ -150,7 +150,7 @@ class NpzBoxes:
         self._arrays: dict[str, AnyArray] = arrays
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
-        """Implement ``prediction_sources.BoxSource``."""
+        """Boxes of a scene, and the ticks that were answered; see ``prediction_sources.BoxSource``."""
         number = self._rows.rows(scene)
         columns = {name: values[number] for name, values in self._arrays.items()}
         rows, classes = Rows(str(self.path), number), columns.pop("class")

@@ -13,9 +13,9 @@ from simbev_ros.bench.evaluation_load import FRAMES, synthetic_scene
 from simbev_ros.bench.stopwatch import Cost, Stopwatch
 from simbev_ros.dataset.parallel import in_processes
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions
-from simbev_ros.evaluation.metrics.detection import DetectionOptions, DetectionTally, detection_result, merge
+from simbev_ros.evaluation.metrics.detection import DetectionOptions, DetectionTally, detection_result, merge_tallies
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merge, nuscenes_result, nuscenes_tally
-from simbev_ros.evaluation.metrics.scene_matching import tally
+from simbev_ros.evaluation.metrics.scene_matching import match_and_tally
 
 _TIMED = 5
 """Number of scenes whose parts are timed; the first one is for warm-up."""
@@ -114,7 +114,7 @@ def timed_evaluation(scenes: int, jobs: int, advance: Callable[[], None] = lambd
         tallies.append(each)
         advance()
     scenes_s = time.perf_counter() - began_s
-    total = merge(tallies)
+    total = merge_tallies(tallies)
     detection_result(total)
     result_s = time.perf_counter() - began_s - scenes_s
     truths, predictions = int(total.truths.sum()), len(total.score)
@@ -123,7 +123,7 @@ def timed_evaluation(scenes: int, jobs: int, advance: Callable[[], None] = lambd
 
 def _tally_of(seed: int) -> DetectionTally:
     truth, predictions = synthetic_scene(seed)
-    return tally(truth, predictions, np.arange(FRAMES))
+    return match_and_tally(truth, predictions, np.arange(FRAMES))
 
 
 def _costs() -> list[Cost]:
@@ -131,7 +131,7 @@ def _costs() -> list[Cost]:
     for seed in range(_TIMED):
         boxes = synthetic_scene(seed)
         for name, options in _WAYS.items():
-            watch.run(name, partial(tally, *boxes, frames, options))
+            watch.run(name, partial(match_and_tally, *boxes, frames, options))
         watch.run(_NUSCENES, partial(nuscenes_tally, *boxes, frames))
     return [watch.cost(name) for name in (*_WAYS, _NUSCENES)]
 

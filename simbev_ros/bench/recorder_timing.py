@@ -101,7 +101,7 @@ class _Sender:
         self._tick = {name: bytearray(message) for name, message in {**state, **tick}.items()}
         self._publishers: dict[str, Any] = {topics.END: node.create_publisher(String, topics.END, rclpy_qos(LATCHED))}
         for topic in topics.manifest(spec, compressed_images=recording.images == "compressed"):
-            if topic.name in topics.REPLAYED or topic.name in tick:
+            if topic.name in topics.REPLAY_TOPICS or topic.name in tick:
                 qos = rclpy_qos(qos_of(topic, live=False))
                 self._publishers[topic.name] = node.create_publisher(message_class(topic.type), topic.name, qos)
 

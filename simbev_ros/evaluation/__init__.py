@@ -1,1 +1,1 @@
-"""Metrics of detections and bird's-eye-view segmentations against the truth: pure functions of arrays."""
+"""Compares the predictions of perception stacks with the ground truth, and computes metrics and tables."""

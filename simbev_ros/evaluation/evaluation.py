@@ -1,4 +1,8 @@
-"""Evaluating predictions over a dataset: scenes in, in as many processes as wanted, tables out."""
+"""Evaluates predictions on a whole dataset offline, optionally in several processes.
+
+``evaluate`` takes recorded scenes and the predictions of a perception stack, and returns one ``Evaluation`` with the
+metrics of all scenes. ``figures`` converts it to plain values, and ``tables`` makes tables from those.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,15 +17,15 @@ from simbev_ros.evaluation.metrics.detection import (
     DetectionResult,
     DetectionTally,
     detection_result,
-    merge,
+    merge_tallies,
     precision_recall,
 )
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merge, nuscenes_result
-from simbev_ros.evaluation.metrics.segmentation import SegmentationTally, no_frames
+from simbev_ros.evaluation.metrics.segmentation import SegmentationTally, empty_tally
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictionSet
 from simbev_ros.evaluation.scene_evaluation import SceneTally, evaluate_scene
-from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import Table
 
@@ -30,34 +34,34 @@ _CURVE_POINTS = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """All figures of some predictions.
+    """All metrics of one set of predictions.
 
     Attributes:
-        options: What was evaluated.
-        frames: By scene, its evaluated frames (``scene_evaluation.FRAME_DTYPE``).
-        answered_boxes: Of the frames with an answer about boxes, by scene.
-        answered_grids: As well, about grids.
-        detections: By cut; empty: nothing is said about boxes.
-        curves: Of the first cut, by class (of ``BOX_CLASSES``) and threshold (of ``DetectionOptions.thresholds``), of
-            at most ``200`` points each.
-        segmentations: By cut; empty: nothing is said about grids.
-        grid_classes: Those that some grid has scores of, of ``BEV_CLASSES``; the others are in no figure.
-        nuscenes: nuScenes' metrics, if asked for.
+        options: The options of the evaluation.
+        frames: The evaluated frames of each scene (``scene_evaluation.FRAME_DTYPE``), by scene name.
+        answered_boxes: Number of frames with an answer about boxes, by scene name.
+        answered_grids: Number of frames with an answer about grids, by scene name.
+        detections: Detection metrics by table slice; empty if there are no predicted boxes.
+        curves: Precision-recall curves of the first table slice, by class (index into ``BOX_CLASSES``) and threshold
+            (index into ``DetectionOptions.thresholds``); each has at most ``200`` points.
+        segmentations: Segmentation counts by table slice; empty if there are no predicted grids.
+        grid_classes: The classes of ``BEV_CLASSES`` for which at least one grid has scores; metrics omit the others.
+        nuscenes: The nuScenes metrics, or None if they were not requested.
     """
 
     options: EvaluationOptions
     frames: Mapping[str, Table]
     answered_boxes: Mapping[str, int]
     answered_grids: Mapping[str, int]
-    detections: Mapping[Cut, DetectionResult]
+    detections: Mapping[TableSlice, DetectionResult]
     curves: Mapping[tuple[int, int], Curve]
-    segmentations: Mapping[Cut, SegmentationTally]
+    segmentations: Mapping[TableSlice, SegmentationTally]
     grid_classes: tuple[str, ...]
     nuscenes: NuscenesResult | None
 
     @property
     def frame_count(self) -> int:
-        """How many frames were evaluated."""
+        """Number of evaluated frames."""
         return sum(map(len, self.frames.values()))
 
 
@@ -68,39 +72,46 @@ def evaluate(
     jobs: int = 1,
     report: Callable[[int], None] = lambda frames: None,
 ) -> Evaluation:
-    """Evaluate predictions.
+    """Evaluate predictions on recorded scenes.
 
     Args:
-        scenes: With the truth; those of which nothing is predicted count as missed.
-        predictions: Of these scenes, and perhaps of others.
-        options: What is evaluated; None: as the paper.
-        jobs: How many processes.
-        report: Told how many frames are done.
+        scenes: Scenes with ground truth; a scene without predictions counts as missed.
+        predictions: Predictions for these scenes; predictions for other scenes are ignored.
+        options: What to evaluate; None selects the settings of the paper.
+        jobs: Number of processes.
+        report: Callback that receives the number of finished frames.
 
     Raises:
-        InputError: What is predicted does not fit the scenes, a bag has no truth, or there is no frame to evaluate.
+        InputError: The predictions do not fit the scenes, a bag has no ground truth, or there is no frame to evaluate.
         BagError: A bag is damaged.
     """
     options = options or EvaluationOptions()
-    work = _Work(predictions, options)
-    tallies = list(in_processes(work, scenes, min(jobs, max(len(scenes), 1)), report))
+    task = _SceneTask(predictions, options)
+    tallies = list(in_processes(task, scenes, min(jobs, max(len(scenes), 1)), report))
     if not any(len(each.frames) for each in tallies):
         raise InputError(f"{predictions.path}: no frame of {len(tallies)} scenes is left to evaluate")
-    return evaluation_of(tallies, options)
+    return evaluation_from_tallies(tallies, options)
 
 
-def evaluation_of(tallies: Sequence[SceneTally], options: EvaluationOptions) -> Evaluation:
-    """The figures of at least one scene's tally; ``options`` as they were made with."""
+def evaluation_from_tallies(tallies: Sequence[SceneTally], options: EvaluationOptions) -> Evaluation:
+    """Compute the metrics from the tallies of at least one scene.
+
+    Args:
+        tallies: One tally per scene.
+        options: The options with which the tallies were made.
+    """
     boxes = {each.scene: int(each.frames["answered_boxes"].sum()) for each in tallies}
     grids = {each.scene: int(each.frames["answered_grid"].sum()) for each in tallies}
     detections = {
-        cut: merge([each.detections[cut] for each in tallies])
-        for cut in options.cuts
+        table_slice: merge_tallies([each.detections[table_slice] for each in tallies])
+        for table_slice in options.slices
         if any(boxes.values()) and options.box_classes
     }
     classes = frozenset(name for each in tallies for name in each.grid_classes).intersection(options.bev_classes)
     cells = {
-        cut: _sum([each.segmentations[cut] for each in tallies]) for cut in options.cuts if cut.of_cells and classes
+        table_slice: _sum_tallies([each.segmentations[table_slice] for each in tallies])
+        for table_slice in options.slices
+        if table_slice.includes_cells and classes
     }
     nuscenes = [each.nuscenes for each in tallies if each.nuscenes is not None]
     return Evaluation(
@@ -108,8 +119,10 @@ def evaluation_of(tallies: Sequence[SceneTally], options: EvaluationOptions) -> 
         frames={each.scene: each.frames for each in tallies},
         answered_boxes=boxes,
         answered_grids=grids,
-        detections={cut: detection_result(total, options.detection) for cut, total in detections.items()},
-        curves=_curves(detections[options.cuts[0]], options) if detections else {},
+        detections={
+            table_slice: detection_result(total, options.detection) for table_slice, total in detections.items()
+        },
+        curves=_curves(detections[options.slices[0]], options) if detections else {},
         segmentations=cells,
         grid_classes=tuple(name for name in BEV_CLASSES if name in classes),
         nuscenes=nuscenes_result(nuscenes_merge(nuscenes)) if nuscenes else None,
@@ -117,8 +130,8 @@ def evaluation_of(tallies: Sequence[SceneTally], options: EvaluationOptions) -> 
 
 
 @dataclass(frozen=True, slots=True)
-class _Work:
-    """Tallies a scene, in whatever process."""
+class _SceneTask:
+    """Tallies one scene in any process."""
 
     predictions: PredictionSet
     options: EvaluationOptions
@@ -128,20 +141,20 @@ class _Work:
         return evaluate_scene(scene, predicted, self.options, grids=self.predictions.has_grids)
 
 
-def _sum(tallies: Sequence[SegmentationTally]) -> SegmentationTally:
-    return sum(tallies, no_frames())
+def _sum_tallies(tallies: Sequence[SegmentationTally]) -> SegmentationTally:
+    return sum(tallies, empty_tally())
 
 
 def _curves(total: DetectionTally, options: EvaluationOptions) -> dict[tuple[int, int], Curve]:
-    """Of all classes that there are, thinned out evenly."""
+    """Precision-recall curves of all classes that occur, thinned out evenly."""
     thresholds = len(options.detection.thresholds)
     return {
-        (label, column): _thinned(precision_recall(total, label, column))
+        (label, column): _thin_curve(precision_recall(total, label, column))
         for label in np.flatnonzero(total.truths).tolist()
         for column in range(thresholds)
     }
 
 
-def _thinned(curve: Curve) -> Curve:
+def _thin_curve(curve: Curve) -> Curve:
     kept = np.unique(np.linspace(0, len(curve.score) - 1, min(_CURVE_POINTS, len(curve.score))).astype(np.int64))
     return Curve(curve.score[kept], curve.precision[kept], curve.recall[kept])

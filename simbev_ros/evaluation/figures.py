@@ -1,4 +1,7 @@
-"""The figures of an evaluation as plain values, for JSON; what is undefined is null."""
+"""Converts the metrics of an ``Evaluation`` to plain values for JSON; undefined values are null.
+
+The result is a nested dictionary. The files of ``simbev evaluate``, the tables and the HTML report are made from it.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -6,41 +9,45 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.evaluation.evaluation import Evaluation
-from simbev_ros.evaluation.metrics.averages import known_mean
+from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
 from simbev_ros.evaluation.metrics.detection import DetectionResult, Method
 from simbev_ros.evaluation.metrics.errors import ERRORS
 from simbev_ros.evaluation.metrics.nuscenes import CLASSES, DISTANCES_M, NuscenesResult
 from simbev_ros.evaluation.metrics.nuscenes import ERRORS as NUSCENES_ERRORS
 from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, SegmentationTally
-from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 
 METHODS: tuple[Method, ...] = ("iou", "distance")
 
 
 def figures_of(evaluation: Evaluation) -> dict[str, Any]:
-    """All of them: frames, detection and segmentation by cut, nuScenes."""
+    """Convert an evaluation to plain values: frame counts, detection and segmentation by slice, and nuScenes."""
     frames = {"evaluated": evaluation.frame_count, "scenes": len(evaluation.frames)}
-    for what in ("boxes", "grids"):
-        frames[f"answered_{what}"] = sum(getattr(evaluation, f"answered_{what}").values())
+    for kind in ("boxes", "grids"):
+        frames[f"answered_{kind}"] = sum(getattr(evaluation, f"answered_{kind}").values())
     figures: dict[str, Any] = {"frames": frames}
     if evaluation.detections:
-        figures["detection"] = _by_cut({cut: _detection(each) for cut, each in evaluation.detections.items()})
+        figures["detection"] = _by_slice(
+            {table_slice: _detection(each) for table_slice, each in evaluation.detections.items()}
+        )
     if evaluation.segmentations:
         chosen = evaluation.grid_classes
-        cells = {cut: segmentation_figures(each, chosen) for cut, each in evaluation.segmentations.items()}
-        figures["segmentation"] = _by_cut(cells)
+        cells = {
+            table_slice: segmentation_figures(each, chosen) for table_slice, each in evaluation.segmentations.items()
+        }
+        figures["segmentation"] = _by_slice(cells)
     if evaluation.nuscenes is not None:
         figures["nuscenes"] = _nuscenes(evaluation.nuscenes)
     return figures
 
 
-def _by_cut(figures: Mapping[Cut, Any]) -> dict[str, Any]:
-    """All of it first, then tables by what they are cut by."""
+def _by_slice(figures: Mapping[TableSlice, Any]) -> dict[str, Any]:
+    """Values of the slice with everything at the top level, those of the other slices below their condition."""
     result: dict[str, Any] = {}
-    for cut, values in figures.items():
-        if cut.group:
-            result.setdefault(f"by_{cut.group}", {})[cut.name] = values
+    for table_slice, values in figures.items():
+        if table_slice.group:
+            result.setdefault(f"by_{table_slice.group}", {})[table_slice.name] = values
         else:
             result.update(values)
     return result
@@ -49,9 +56,9 @@ def _by_cut(figures: Mapping[Cut, Any]) -> dict[str, Any]:
 def _detection(result: DetectionResult) -> dict[str, Any]:
     totals: dict[str, Any] = {
         method: {
-            "mAP": _number(result.mean_ap(method)),
-            **_numbers(result.mean_errors(method)),
-            "SDS": _number(result.sds(method)),
+            "mAP": _finite_or_none(result.mean_ap(method)),
+            **_finite_values(result.mean_errors(method)),
+            "SDS": _finite_or_none(result.sds(method)),
         }
         for method in METHODS
         if len(result.columns(method))
@@ -66,44 +73,44 @@ def _class(result: DetectionResult, label: int) -> dict[str, Any]:
         columns = result.columns(method)
         if len(columns):
             names = [f"{result.options.thresholds[column][1]:g}" for column in columns]
-            errors = known_mean(result.errors[label, columns], axis=0)
+            errors = mean_ignoring_nan(result.errors[label, columns], axis=0)
             figures[method] = {
-                "AP": _number(float(known_mean(result.ap[label, columns]))),
-                **_named(ERRORS, errors),
-                "AP_at": _named(names, result.ap[label, columns]),
+                "AP": _finite_or_none(float(mean_ignoring_nan(result.ap[label, columns]))),
+                **_by_name(ERRORS, errors),
+                "AP_at": _by_name(names, result.ap[label, columns]),
             }
     return figures
 
 
 def segmentation_figures(tally: SegmentationTally, classes: Iterable[str]) -> dict[str, Any]:
-    """IoU by class and threshold of the score, and their mean over the classes that are asked for."""
+    """IoU by class and score threshold, and the mean IoU over the given classes."""
     rows = [BEV_CLASSES.index(name) for name in classes]
     iou, names = tally.iou()[rows], [f"{each:g}" for each in THRESHOLDS]
-    by_class = {BEV_CLASSES[row]: _named(names, values) for row, values in zip(rows, iou, strict=True)}
-    return {"frames": tally.frames, "mean_IoU_at": _named(names, known_mean(iou, axis=0)), "IoU_at": by_class}
+    by_class = {BEV_CLASSES[row]: _by_name(names, values) for row, values in zip(rows, iou, strict=True)}
+    return {"frames": tally.frames, "mean_IoU_at": _by_name(names, mean_ignoring_nan(iou, axis=0)), "IoU_at": by_class}
 
 
 def _nuscenes(result: NuscenesResult) -> dict[str, Any]:
     distances = [f"{each:g}" for each in DISTANCES_M]
     classes = {
-        name: {"AP": _number(ap.mean()), **_named(NUSCENES_ERRORS, errors), "AP_at": _named(distances, ap)}
+        name: {"AP": _finite_or_none(ap.mean()), **_by_name(NUSCENES_ERRORS, errors), "AP_at": _by_name(distances, ap)}
         for name, ap, errors in zip(CLASSES, result.ap, result.errors, strict=True)
     }
     return {
-        "mAP": _number(result.mean_ap),
-        **_numbers(result.mean_errors),
-        "NDS": _number(result.nds),
+        "mAP": _finite_or_none(result.mean_ap),
+        **_finite_values(result.mean_errors),
+        "NDS": _finite_or_none(result.nds),
         "classes": classes,
     }
 
 
-def _named(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
-    return _numbers(dict(zip(names, values, strict=True)))
+def _by_name(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
+    return _finite_values(dict(zip(names, values, strict=True)))
 
 
-def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: _number(value) for name, value in values.items()}
+def _finite_values(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: _finite_or_none(value) for name, value in values.items()}
 
 
-def _number(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None

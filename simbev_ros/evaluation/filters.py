@@ -1,4 +1,7 @@
-"""Which boxes of the truth count, by what the dataset says of them."""
+"""Filters that decide which ground-truth boxes count in an evaluation.
+
+A ``BoxFilter`` takes the columns of a box table and returns a mask of the boxes that must be found.
+"""
 
 from dataclasses import dataclass
 
@@ -13,15 +16,15 @@ _Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class BoxFilter:
-    """Conditions that must all hold; without any, all boxes count, as in the paper.
+    """Conditions on boxes that must all hold; with the defaults every box counts, as in the paper.
 
-    Spans are from the first value on and below the second.
+    Each span includes its first value and excludes its second.
 
     Attributes:
-        range_m: Of distances from the centre of the ego's box.
-        visibility: Of visible shares, 0 … 1; those that no camera sees have 0.
-        difficulties: Of ``DIFFICULTIES``.
-        points: Of points of lidars and radars together; a sensor that was not received has none.
+        range_m: Span of the distance from the center of the ego's box.
+        visibility: Span of the visible share, 0 … 1; a box that no camera sees has 0.
+        difficulties: Allowed difficulties, out of ``DIFFICULTIES``.
+        points: Span of the number of lidar and radar points together; a sensor that was not received counts as 0.
     """
 
     range_m: _Span = (0.0, np.inf)
@@ -30,32 +33,32 @@ class BoxFilter:
     points: _Span = (0, np.inf)
 
     def __post_init__(self) -> None:
-        """Raise InputError for what no box could pass."""
+        """Raise InputError for conditions that no box can meet."""
         for name in ("range_m", "visibility", "points"):
             low, high = getattr(self, name)
             if not 0 <= low < high:
                 raise InputError(f"{name}: {low:g} to {high:g}: the first must be at least 0, the second above it")
         if self.visibility[0] > 1:
             raise InputError(f"visibility: from {self.visibility[0]:g}: shares are 0 to 1")
-        strange = [name for name in self.difficulties if name not in DIFFICULTIES]
-        if strange or not self.difficulties:
-            wrong = repr(strange[0]) if strange else "empty"
+        unknown = [name for name in self.difficulties if name not in DIFFICULTIES]
+        if unknown or not self.difficulties:
+            wrong = repr(unknown[0]) if unknown else "empty"
             raise InputError(f"difficulties: {wrong} is not allowed; allowed: {', '.join(DIFFICULTIES)}")
 
-    def of_truth(self, boxes: Table) -> BoolArray:
-        """(N,) which of ``annotation.boxes.BOX_DTYPE`` boxes count."""
+    def truth_mask(self, boxes: Table) -> BoolArray:
+        """(N,) mask of the ``annotation.boxes.BOX_DTYPE`` boxes that count."""
         points = np.maximum(boxes["lidar_points"], 0) + np.maximum(boxes["radar_points"], 0)
         difficulties = [DIFFICULTIES.index(name) for name in self.difficulties]
         chosen: BoolArray = (
-            self.in_range(boxes["distance"].astype(np.float64))
+            self.range_mask(boxes["distance"].astype(np.float64))
             & _within(np.nan_to_num(boxes["visibility"]), self.visibility)
             & np.isin(boxes["difficulty"], difficulties)
             & _within(points, self.points)
         )
         return chosen
 
-    def in_range(self, distance_m: Float64Array) -> BoolArray:
-        """(M,) whether predictions at (M,) distances from the ego count where they find nothing."""
+    def range_mask(self, distance_m: Float64Array) -> BoolArray:
+        """(M,) mask of the predictions, at (M,) distances from the ego, that count as wrong if they match no box."""
         return _within(distance_m, self.range_m)
 
 

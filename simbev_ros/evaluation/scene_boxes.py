@@ -1,4 +1,8 @@
-"""Boxes of one scene's frames, matched once: their part of every table, and which of them each frame has found."""
+"""Matches the boxes in frames of one scene.
+
+Ground truth and predictions in the map frame are matched once. The scene's part of every table, and the boxes that each
+frame has found, are derived from that match.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,37 +12,40 @@ import numpy as np
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.dataset import Frame
-from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_of
+from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_from_tables
 from simbev_ros.evaluation.metrics.detection import HIT, DetectionOptions, DetectionTally
-from simbev_ros.evaluation.metrics.ranking import surest
-from simbev_ros.evaluation.metrics.scene_matching import Counting, Matching
+from simbev_ros.evaluation.metrics.ranking import top_predictions
+from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, Matching
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.slices import Conditions, Cut
+from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
 
-_FOUND_WITHIN_M = 2.0
+_FOUND_DISTANCE_M = 2.0
 
 
 def found_column(options: DetectionOptions) -> int:
-    """At which of the ``thresholds`` boxes of single frames are found: 2 m, as errors of nuScenes; else the first."""
-    at = ("distance", _FOUND_WITHIN_M)
-    return options.thresholds.index(at) if at in options.thresholds else 0
+    """Index of the threshold in ``DetectionOptions.thresholds`` at which single frames are judged.
+
+    This is the distance of 2 m at which nuScenes measures errors, or else the first threshold.
+    """
+    preferred = ("distance", _FOUND_DISTANCE_M)
+    return options.thresholds.index(preferred) if preferred in options.thresholds else 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
-    """What became of each box at the threshold of ``found_column``, if only the ``surest`` predictions are taken.
+    """Outcome of every box at the threshold of ``found_column``, with only the ``top_predictions`` of each frame.
 
     Attributes:
-        table: (N,) boxes of the truth, ``BOX_DTYPE``.
-        tick: (N,) of their frames.
-        counted: (N,) whether they are to be found.
-        found: (N,) whether they are.
-        predictions: (M,) in the map frame; ``frame`` is the tick.
-        taken: (M,) whether they are taken.
+        table: (N,) ground-truth boxes, ``BOX_DTYPE``.
+        tick: (N,) tick of each ground-truth box.
+        counted: (N,) whether the box must be found.
+        found: (N,) whether the box is found.
+        predictions: (M,) predictions in the map frame; ``frame`` is the tick.
+        taken: (M,) whether the prediction is among the top predictions.
         outcome: (M,) ``detection.HIT``, ``MISS`` or ``UNCOUNTED``.
     """
 
@@ -51,14 +58,14 @@ class Outcomes:
     outcome: AnyArray
 
 
-class TrueFrame(NamedTuple):
-    """The truth of a frame, as far as boxes need it.
+class GroundTruthFrame(NamedTuple):
+    """Ground truth of one frame, as far as box evaluation needs it.
 
     Attributes:
-        tick: Its place in the scene.
+        tick: Index of the frame in the scene.
         boxes: (N,) ``BOX_DTYPE``.
         map_from_ego: (4, 4) pose of the ego.
-        conditions: Of the frame.
+        conditions: Time of day and weather of the frame.
     """
 
     tick: int
@@ -67,77 +74,79 @@ class TrueFrame(NamedTuple):
     conditions: Conditions
 
     @classmethod
-    def of(cls, frame: Frame) -> "TrueFrame":
-        """That of a recorded frame."""
-        conditions = Conditions.of(frame.scene.spec.weather_at(frame.tick))
+    def from_frame(cls, frame: Frame) -> "GroundTruthFrame":
+        """Ground truth of a recorded frame."""
+        conditions = Conditions.from_weather(frame.scene.spec.weather_at(frame.tick))
         return cls(frame.tick, frame["boxes"], frame.map_from_ego, conditions)
 
 
 class SceneBoxes:
-    """Boxes of some frames of a scene.
+    """Matched boxes of some frames of a scene.
 
     Args:
         spec: The scene.
-        truth: (F) the frames that are evaluated, by ascending tick.
-        predictions: In the map frame, whose ``frame`` is the tick; those of other ticks are left out.
-        options: What is evaluated.
+        truth: (F) ground truth of the evaluated frames, by ascending tick.
+        predictions: Predictions in the map frame, whose ``frame`` is the tick; those of other ticks are ignored.
+        options: What to evaluate.
     """
 
     def __init__(
-        self, spec: SceneSpec, truth: Sequence[TrueFrame], predictions: Predictions, options: EvaluationOptions
+        self, spec: SceneSpec, truth: Sequence[GroundTruthFrame], predictions: Predictions, options: EvaluationOptions
     ) -> None:
         self._ticks = np.array([each.tick for each in truth], np.int64)
         self._conditions, self._options = [each.conditions for each in truth], options
         tables = {each.tick: each.boxes for each in truth}
         self._table = np.concatenate([np.zeros(0, BOX_DTYPE), *tables.values()])
         self._predictions = predictions.take(np.isin(predictions.boxes.frame, self._ticks))
-        self._matching = Matching(boxes_of(tables), self._predictions, self._ticks, options.detection)
-        ego_m = _ego_centers_m(spec, truth)[self._row(self._predictions.boxes.frame)]
-        self._apart_m = np.linalg.norm(self._predictions.boxes.center_m - ego_m, axis=1)
-        self._labelled = self._apart_m <= spec.annotation.box_radius_m  # farther away nobody knows the truth
+        self._matching = Matching(boxes_from_tables(tables), self._predictions, self._ticks, options.detection)
+        ego_m = _ego_centers_m(spec, truth)[self._rows_of(self._predictions.boxes.frame)]
+        self._distance_m = np.linalg.norm(self._predictions.boxes.center_m - ego_m, axis=1)
+        self._is_labeled = self._distance_m <= spec.annotation.box_radius_m  # there are no labels beyond this radius
 
-    def tally(self, cut: Cut) -> DetectionTally:
-        """The part of a row of a table."""
-        return self._matching.tally(self._counting(cut))
+    def tally(self, table_slice: TableSlice) -> DetectionTally:
+        """Tally of the scene for one row of a table."""
+        return self._matching.tally(self._counting(table_slice))
 
-    def found(self) -> tuple[Int64Array, Int64Array]:
-        """(F,) boxes that count, and (F,) those found by as many surest predictions."""
+    def count_found(self) -> tuple[Int64Array, Int64Array]:
+        """(F,) numbers of boxes that count, and (F,) numbers of those found by the top predictions."""
         outcomes = self.outcomes()
-        row, frames = self._row(outcomes.tick), len(self._ticks)
+        row, frames = self._rows_of(outcomes.tick), len(self._ticks)
         counted, found = (np.bincount(row[chosen], minlength=frames) for chosen in (outcomes.counted, outcomes.found))
         return counted, found
 
     def outcomes(self) -> Outcomes:
-        """What became of each box."""
-        counting = self._counting(self._options.cuts[0])
+        """Outcome of every box and prediction of the first table slice."""
+        counting = self._counting(self._options.slices[0])
         truth, predicted = self._matching.truth, self._predictions.boxes
         counts = np.zeros((len(self._ticks), len(BOX_CLASSES)), np.int64)
-        np.add.at(counts, (self._row(truth.frame), truth.label), counting.truth)
+        np.add.at(counts, (self._rows_of(truth.frame), truth.label), counting.truth)
         column = found_column(self._options.detection)
         outcome = self._matching.outcome(counting)[:, column]
-        taken = surest(self._row(predicted.frame), predicted.label, self._matching.rank, outcome, counts)
+        taken = top_predictions(self._rows_of(predicted.frame), predicted.label, self._matching.rank, outcome, counts)
         found = np.zeros(len(truth), np.bool_)
         found[self._matching.found[column, taken & (outcome == HIT)]] = True
         return Outcomes(self._table, truth.frame, counting.truth, found, self._predictions, taken, outcome)
 
-    def _counting(self, cut: Cut) -> Counting:
+    def _counting(self, table_slice: TableSlice) -> CountedBoxes:
+        """Boxes that count in a table slice."""
         truth, predicted = self._matching.truth, self._predictions.boxes
-        in_frame = np.array([cut.has(each) for each in self._conditions], np.bool_)
+        in_frame = np.array([table_slice.has(each) for each in self._conditions], np.bool_)
         chosen = np.isin(BOX_CLASSES, self._options.box_classes)
-        return Counting(
-            cut.boxes.of_truth(self._table) & in_frame[self._row(truth.frame)] & chosen[truth.label],
-            cut.boxes.in_range(self._apart_m)
-            & in_frame[self._row(predicted.frame)]
+        return CountedBoxes(
+            table_slice.boxes.truth_mask(self._table) & in_frame[self._rows_of(truth.frame)] & chosen[truth.label],
+            table_slice.boxes.range_mask(self._distance_m)
+            & in_frame[self._rows_of(predicted.frame)]
             & chosen[predicted.label]
-            & self._labelled,
+            & self._is_labeled,
         )
 
-    def _row(self, tick: Int64Array) -> Int64Array:
+    def _rows_of(self, tick: Int64Array) -> Int64Array:
+        """Row of each tick among the evaluated frames."""
         return np.searchsorted(self._ticks, tick)
 
 
-def _ego_centers_m(spec: SceneSpec, truth: Sequence[TrueFrame]) -> Float64Array:
-    """(F, 3) centres of the ego's box, from which distances of boxes are measured, map frame."""
+def _ego_centers_m(spec: SceneSpec, truth: Sequence[GroundTruthFrame]) -> Float64Array:
+    """(F, 3) centers of the ego's box in the map frame; distances of boxes are measured from there."""
     height_m = load_blueprints()[blueprint_index()[spec.vehicles[0].blueprint]].size_m[2]
     poses = [each.map_from_ego for each in truth]
     return np.array([pose[:3, 3] + pose[:3, 2] * height_m / 2.0 for pose in poses]).reshape(-1, 3)

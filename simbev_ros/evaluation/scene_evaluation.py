@@ -1,4 +1,8 @@
-"""Evaluating one scene: recorded truth and what is predicted of it in, tallies out, for every row of every table."""
+"""Evaluates one recorded scene offline.
+
+The result is a ``SceneTally`` with the scene's counts for every row of every table, computed from the recorded ground
+truth and the predictions. The metrics of a dataset are computed from the tallies of all scenes.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,43 +18,43 @@ from simbev_ros.evaluation.metrics.nuscenes import NuscenesTally, nuscenes_tally
 from simbev_ros.evaluation.metrics.nuscenes_truth import nuscenes_truth
 from simbev_ros.evaluation.metrics.segmentation import SegmentationTally
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, in_map
+from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, boxes_in_map
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
-from simbev_ros.evaluation.scene_boxes import Outcomes, SceneBoxes, TrueFrame
+from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, Outcomes, SceneBoxes
 from simbev_ros.evaluation.scene_grids import SceneGrids
-from simbev_ros.evaluation.slices import Conditions, Cut
+from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.types import Table
 
 FRAME_DTYPE = np.dtype(
     [
         ("tick", "<i4"),
-        ("boxes", "<i4"),  # of the truth that count
-        ("found", "<i4"),  # of them by as many surest predictions of their classes (``ranking.surest``)
-        ("iou", "<f4"),  # mean of the classes' IoU at the table's threshold; NaN: no grids, or all are empty
-        ("answered_boxes", "?"),  # whether anything is said about boxes, be it that there are none
+        ("boxes", "<i4"),  # number of ground-truth boxes that count
+        ("found", "<i4"),  # how many of them the top predictions of their classes find (``ranking.top_predictions``)
+        ("iou", "<f4"),  # mean IoU of the classes at the table's threshold; NaN: no grids, or all are empty
+        ("answered_boxes", "?"),  # whether the stack answered about boxes, possibly that there are none
         ("answered_grid", "?"),
     ]
 )
-"""One evaluated frame."""
+"""Result of one evaluated frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneTally:
-    """What the tables need of one scene.
+    """Counts of one scene that the tables need.
 
     Attributes:
-        scene: Its name.
+        scene: Name of the scene.
         frames: (F,) ``FRAME_DTYPE``.
-        detections: By cut.
-        segmentations: By cut that says something of cells; empty: grids are not evaluated.
-        grid_classes: Those that some grid has scores of.
-        nuscenes: None: it is not asked for.
+        detections: Detection counts by table slice.
+        segmentations: Segmentation counts by table slice that includes cells; empty if grids are not evaluated.
+        grid_classes: Classes for which at least one grid has scores.
+        nuscenes: Counts of the nuScenes metrics, or None if they were not requested.
     """
 
     scene: str
     frames: Table
-    detections: Mapping[Cut, DetectionTally]
-    segmentations: Mapping[Cut, SegmentationTally]
+    detections: Mapping[TableSlice, DetectionTally]
+    segmentations: Mapping[TableSlice, SegmentationTally]
     grid_classes: frozenset[str]
     nuscenes: NuscenesTally | None
 
@@ -59,38 +63,40 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
     """Tally one scene.
 
     Args:
-        scene: With the truth.
-        predicted: What is said of it; frames of which nothing is said count as missed.
-        options: What is evaluated; its first cut decides which frames are.
-        grids: Whether grids are evaluated, although there may be none of this scene.
+        scene: The scene, with ground truth.
+        predicted: Predictions for the scene; frames without an answer count as missed.
+        options: What to evaluate; the first table slice decides which frames are evaluated.
+        grids: Whether to evaluate grids, even if this scene has none.
 
     Raises:
-        InputError: What is predicted does not fit the scene, or its bag has no truth.
+        InputError: The predictions do not fit the scene, or its bag has no ground truth.
         BagError: The bag is damaged.
     """
-    base, recorded = options.cuts[0], _ticks_with_truth(scene, grids=grids)
-    ticks = [tick for tick in recorded[:: options.every] if base.has(Conditions.of(scene.spec.weather_at(tick)))]
+    base, recorded = options.slices[0], _ticks_with_truth(scene, grids=grids)
+    ticks = [
+        tick for tick in recorded[:: options.every] if base.has(Conditions.from_weather(scene.spec.weather_at(tick)))
+    ]
     frames = np.zeros(len(ticks), FRAME_DTYPE)
     frames["tick"], frames["iou"] = ticks, np.nan
     frames["answered_boxes"] = [tick in predicted.ticks_with_boxes for tick in ticks]
     frames["answered_grid"] = [tick in predicted.ticks_with_grid for tick in ticks]
-    cells = SceneGrids(scene.spec.annotation.bev.grid, options.cuts)
-    truth: list[TrueFrame] = []
+    cells = SceneGrids(scene.spec.annotation.bev.grid, options.slices)
+    truth: list[GroundTruthFrame] = []
     for row, tick in enumerate(ticks):
         frame = scene[tick]
-        truth.append(TrueFrame.of(frame))
+        truth.append(GroundTruthFrame.from_frame(frame))
         if grids:
             conditions = truth[-1].conditions
-            frames["iou"][row] = cells.add(frame["bev/labels"], conditions, predicted.grid(tick), base)
+            frames["iou"][row] = cells.add_frame(frame["bev/labels"], conditions, predicted.grid(tick), base)
         step()
     with_pose = np.flatnonzero(scene.has(("odom",))).tolist()
-    boxes = in_map(predicted.boxes().of_ticks(with_pose), ReferenceFrames.of(scene))
+    boxes = boxes_in_map(predicted.boxes().at_ticks(with_pose), ReferenceFrames.from_scene(scene))
     scene_boxes = SceneBoxes(scene.spec, truth, boxes, options)
-    frames["boxes"], frames["found"] = scene_boxes.found()
+    frames["boxes"], frames["found"] = scene_boxes.count_found()
     return SceneTally(
         scene.name,
         frames,
-        {cut: scene_boxes.tally(cut) for cut in options.cuts},
+        {table_slice: scene_boxes.tally(table_slice) for table_slice in options.slices},
         cells.tallies if grids else {},
         frozenset(cells.classes),
         _nuscenes(scene, boxes) if options.nuscenes else None,
@@ -98,19 +104,24 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
 
 
 def _ticks_with_truth(scene: Scene, *, grids: bool) -> list[int]:
-    """Ticks of frames that were recorded with all that is to be compared; of a live scene some may lack it."""
+    """Ticks of the frames that have all required ground truth; live recordings may lack some of it."""
     keys = ("odom", "boxes", *(("bev/labels",) if grids else ()))
     missing = [key for key in keys if key not in scene.sources]
     if missing:
-        raise InputError(f"{scene.path}: cannot be evaluated, as nothing was recorded of {', '.join(missing)}")
+        raise InputError(f"{scene.path}: cannot be evaluated, because the bag lacks {', '.join(missing)}")
     ticks: list[int] = np.flatnonzero(scene.has(keys)).tolist()
     return ticks
 
 
 def outcomes_of(scene: Scene, predicted: PredictedScene, tick: int, options: EvaluationOptions) -> Outcomes:
-    """What became of each box of one frame, as in ``evaluate_scene``. Raises as that does."""
-    boxes = in_map(predicted.boxes().of_ticks([tick]), ReferenceFrames.of(scene))
-    return SceneBoxes(scene.spec, [TrueFrame.of(scene[tick])], boxes, options).outcomes()
+    """Outcome of every box of one frame, matched as in ``evaluate_scene``.
+
+    Raises:
+        InputError: As ``evaluate_scene``.
+        BagError: As ``evaluate_scene``.
+    """
+    boxes = boxes_in_map(predicted.boxes().at_ticks([tick]), ReferenceFrames.from_scene(scene))
+    return SceneBoxes(scene.spec, [GroundTruthFrame.from_frame(scene[tick])], boxes, options).outcomes()
 
 
 def _nuscenes(scene: Scene, predictions: Predictions) -> NuscenesTally:

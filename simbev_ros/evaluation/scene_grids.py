@@ -1,4 +1,7 @@
-"""Counting the cells of one scene, frame by frame, for every row of every table."""
+"""Counts the bird's-eye-view cells of one scene, frame by frame, for every row of every table.
+
+Ground-truth labels and predicted scores are reduced to one ``SegmentationTally`` per table slice.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,53 +12,57 @@ from simbev_ros.evaluation.metrics.segmentation import (
     TABLE_THRESHOLD,
     THRESHOLDS,
     SegmentationTally,
-    no_frames,
-    regional_tallies,
+    empty_tally,
+    tallies_by_region,
 )
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
-from simbev_ros.evaluation.slices import Conditions, Cut
+from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float64Array
 
 
 class SceneGrids:
-    """Adds up the cells of a scene's frames.
+    """Accumulates the cells of a scene's frames.
 
     Args:
-        grid: Of the truth.
-        cuts: Rows of tables, of which those count that say something of cells.
+        grid: Geometry of the ground-truth grid.
+        slices: Rows of tables; only those that include cells are counted.
 
     Attributes:
-        classes: Those that some frame had scores of.
+        classes: Classes for which some frame had scores.
     """
 
-    def __init__(self, grid: BevGrid, cuts: Sequence[Cut]) -> None:
-        apart_m: Float64Array = np.hypot(*np.moveaxis(grid.centers_ego, -1, 0))
-        self._edges_m = np.unique([edge_m for cut in cuts if cut.of_cells for edge_m in cut.boxes.range_m])
-        self._region = np.searchsorted(self._edges_m, apart_m, side="right").astype(np.uint8)
-        self._tallies = {cut: no_frames() for cut in cuts if cut.of_cells}
+    def __init__(self, grid: BevGrid, slices: Sequence[TableSlice]) -> None:
+        distance_m: Float64Array = np.hypot(*np.moveaxis(grid.centers_ego, -1, 0))
+        self._edges_m = np.unique(
+            [edge_m for table_slice in slices if table_slice.includes_cells for edge_m in table_slice.boxes.range_m]
+        )
+        self._region = np.searchsorted(self._edges_m, distance_m, side="right").astype(np.uint8)
+        self._tallies = {table_slice: empty_tally() for table_slice in slices if table_slice.includes_cells}
         self.classes: set[str] = set()
 
     @property
-    def tallies(self) -> Mapping[Cut, SegmentationTally]:
-        """Of all frames so far."""
+    def tallies(self) -> Mapping[TableSlice, SegmentationTally]:
+        """Counts of all frames so far, by table slice."""
         return self._tallies
 
-    def add(self, labels: AnyArray, conditions: Conditions, predicted: ScoreGrid | None, base: Cut) -> float:
-        """Count a frame; without scores all of its truth is missed.
+    def add_frame(
+        self, labels: AnyArray, conditions: Conditions, predicted: ScoreGrid | None, base: TableSlice
+    ) -> float:
+        """Count the cells of a frame; without scores all of its ground truth is missed.
 
         Args:
-            labels: (H, W) of the truth, as ``segmentation.segmentation_tally`` takes them.
-            conditions: Of the frame.
-            predicted: What is predicted.
-            base: One of the cuts.
+            labels: (H, W) ground truth, as ``segmentation.segmentation_tally`` takes it.
+            conditions: Time of day and weather of the frame.
+            predicted: Predicted scores, or None.
+            base: The table slice for the returned IoU.
 
         Returns:
-            The frame's own mean IoU within that cut.
+            Mean IoU of this frame alone within ``base``.
 
         Raises:
-            InputError: The scores have another size than the truth.
+            InputError: The scores and the ground truth differ in size.
         """
         scores = np.zeros((len(BEV_CLASSES), *labels.shape), np.uint8)
         if predicted is not None:
@@ -63,16 +70,16 @@ class SceneGrids:
             scores = scores.astype(predicted.scores.dtype)
             scores[[BEV_CLASSES.index(name) for name in predicted.classes]] = predicted.scores
             self.classes.update(predicted.classes)
-        tallies = regional_tallies(labels, scores, self._region, len(self._edges_m) + 1)
-        for cut in self._tallies:
-            if cut.has(conditions):
-                self._tallies[cut] += self._within(cut, tallies)
-        own = self._within(base, tallies)
+        tallies = tallies_by_region(labels, scores, self._region, len(self._edges_m) + 1)
+        for table_slice in self._tallies:
+            if table_slice.has(conditions):
+                self._tallies[table_slice] += self._tally_within(table_slice, tallies)
+        frame_tally = self._tally_within(base, tallies)
         known = [BEV_CLASSES.index(name) for name in sorted(self.classes)]
-        iou = own.iou()[known, THRESHOLDS.index(TABLE_THRESHOLD)]
+        iou = frame_tally.iou()[known, THRESHOLDS.index(TABLE_THRESHOLD)]
         return float(np.nanmean(iou)) if np.isfinite(iou).any() else float("nan")
 
-    def _within(self, cut: Cut, tallies: Sequence[SegmentationTally]) -> SegmentationTally:
-        """Of a frame's regions between two edges."""
-        first, last = np.searchsorted(self._edges_m, cut.boxes.range_m, side="right")
-        return replace(sum(tallies[first:last], no_frames()), frames=1)
+    def _tally_within(self, table_slice: TableSlice, tallies: Sequence[SegmentationTally]) -> SegmentationTally:
+        """Counts of a frame within the distance range of a table slice."""
+        first, last = np.searchsorted(self._edges_m, table_slice.boxes.range_m, side="right")
+        return replace(sum(tallies[first:last], empty_tally()), frames=1)

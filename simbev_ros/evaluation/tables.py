@@ -1,6 +1,6 @@
-"""The tables of an evaluation as data: which figures stand in which row and column, whatever draws them.
+"""Tables of an evaluation as data: titles, headings and typed cells, independent of how they are drawn.
 
-``evaluation.figures.figures_of`` goes in; the command line and the HTML report draw what comes out.
+They are made from the values of ``evaluation.figures.figures_of``. The command line and the HTML report draw them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,17 +13,17 @@ from simbev_ros.evaluation.metrics.errors import ERRORS
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD
 
 METHOD_NAMES: Mapping[str, str] = {"iou": "3D IoU", "distance": "distance"}
-"""Readable name of each way to match boxes."""
+"""Display name of each matching method."""
 _UNITS: Mapping[str, str] = {"ATE": " m", "AOE": " rad", "AVE": " m/s"}
 ERROR_HEADS: Sequence[str] = [f"{name}{_UNITS.get(name, '')}" for name in ERRORS]
-"""Errors of ``metrics.errors.ERRORS`` with their units."""
+"""Headings of the errors of ``metrics.errors.ERRORS``, with their units."""
 
 Figures = Mapping[str, Any]
-"""Figures of ``evaluation.figures.figures_of``, or a part of them."""
+"""The values of ``evaluation.figures.figures_of``, or a part of them."""
 
 
-class Kind(Enum):
-    """What a cell holds, which decides how it is drawn."""
+class CellKind(Enum):
+    """Kind of value in a cell, which decides how it is drawn."""
 
     NAME = "name"
     COUNT = "count"
@@ -32,20 +32,20 @@ class Kind(Enum):
 
 
 class Cell(NamedTuple):
-    """One value of a table; None where it is undefined."""
+    """Typed value in a table; None if it is undefined."""
 
-    kind: Kind
+    kind: CellKind
     value: str | float | None
 
 
 @dataclass(frozen=True, slots=True)
 class FigureTable:
-    """One table.
+    """Table of an evaluation, ready to be drawn.
 
     Attributes:
-        title: Heading over the table.
+        title: Heading above the table.
         heads: Heading of each column.
-        rows: Cells of each row, one for each column.
+        rows: Cells of each row, one per column.
     """
 
     title: str
@@ -54,7 +54,7 @@ class FigureTable:
 
 
 def evaluation_tables(figures: Figures) -> Iterator[FigureTable]:
-    """All tables of an evaluation, in the order in which people read them."""
+    """All tables of an evaluation, in reading order."""
     if detection := figures.get("detection"):
         yield summary_table(detection)
         for method in measured_methods([detection]):
@@ -69,13 +69,13 @@ def evaluation_tables(figures: Figures) -> Iterator[FigureTable]:
 
 
 def summary_table(detection: Figures) -> FigureTable:
-    """One row per way to match boxes: mAP, mean errors, SDS."""
+    """Table with a row per matching method: mAP, mean errors, SDS."""
     rows = [
         [
-            _name(METHOD_NAMES[method]),
-            _share(detection[method]["mAP"]),
-            *_numbers(detection[method][error] for error in ERRORS),
-            _share(detection[method]["SDS"]),
+            _name_cell(METHOD_NAMES[method]),
+            _share_cell(detection[method]["mAP"]),
+            *_number_cells(detection[method][error] for error in ERRORS),
+            _share_cell(detection[method]["SDS"]),
         ]
         for method in measured_methods([detection])
     ]
@@ -83,38 +83,43 @@ def summary_table(detection: Figures) -> FigureTable:
 
 
 def precision_table(detection: Figures, method: str) -> FigureTable:
-    """One row per class: number of boxes, AP, and AP at each threshold."""
+    """Table with a row per class: number of boxes, AP, and AP at each threshold."""
     classes = detection["classes"]
     thresholds = list(next(iter(classes.values()))[method]["AP_at"]) if classes else []
     signed = [f"> {each}" if method == "iou" else f"< {each} m" for each in thresholds]
     rows = [
-        [_name(name), _count(own["boxes"]), _share(own[method]["AP"]), *_shares(own[method]["AP_at"].values())]
-        for name, own in classes.items()
+        [
+            _name_cell(name),
+            _count_cell(values["boxes"]),
+            _share_cell(values[method]["AP"]),
+            *_share_cells(values[method]["AP_at"].values()),
+        ]
+        for name, values in classes.items()
     ]
     return FigureTable(f"average precision by {METHOD_NAMES[method]}", ("class", "boxes", "AP", *signed), rows)
 
 
 def error_table(detection: Figures) -> FigureTable:
-    """One row per class: mean errors over the thresholds, for each way to match boxes."""
+    """Table with a row per class: errors averaged over the thresholds, for each matching method."""
     methods = measured_methods([detection])
     rows = [
-        [_name(name), *_numbers(own[method][error] for method in methods for error in ERRORS)]
-        for name, own in detection["classes"].items()
+        [_name_cell(name), *_number_cells(values[method][error] for method in methods for error in ERRORS)]
+        for name, values in detection["classes"].items()
     ]
     title = f"errors, matched by {' and by '.join(METHOD_NAMES[method] for method in methods)}"
     return FigureTable(title, ("class", *(list(ERROR_HEADS) * len(methods))), rows)
 
 
 def segmentation_table(segmentation: Figures) -> FigureTable:
-    """One row per class: IoU at each threshold of the score; the mean last."""
+    """Table with a row per class: IoU at each score threshold; the last row is the mean."""
     means = segmentation["mean_IoU_at"]
-    rows = [[_name(name), *_shares(own.values())] for name, own in segmentation["IoU_at"].items()]
-    rows.append([_name("mean"), *_shares(means.values())])
+    rows = [[_name_cell(name), *_share_cells(values.values())] for name, values in segmentation["IoU_at"].items()]
+    rows.append([_name_cell("mean"), *_share_cells(means.values())])
     return FigureTable("bird's-eye-view IoU by threshold of the score", ("class", *means), rows)
 
 
 def condition_table(condition: str, figures: Figures, *, with_empty: bool = False) -> FigureTable:
-    """One row per slice of a condition, such as ``weather``; slices without boxes and frames only if wanted."""
+    """Table with a row per slice of a condition, such as ``weather``; empty slices only if ``with_empty``."""
     boxes, cells = (figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation"))
     methods = measured_methods(boxes.values())
     scores = [(method, score) for method in methods for score in ("mAP", "SDS")]
@@ -122,66 +127,79 @@ def condition_table(condition: str, figures: Figures, *, with_empty: bool = Fals
     heads += ["frames", "mean IoU"] if cells else []
     rows = []
     for name in dict.fromkeys((*boxes, *cells)):
-        own, seen = boxes.get(name, {}), cells.get(name, {})
-        if with_empty or own.get("boxes") or seen.get("frames"):
-            row = [_count(own["boxes"]), *_shares(own[m][score] for m, score in scores)] if boxes else []
-            row += [_count(seen["frames"]), _share(at_table_threshold(seen["mean_IoU_at"]))] if cells else []
-            rows.append([_name(name), *row])
+        values, cell_values = boxes.get(name, {}), cells.get(name, {})
+        if with_empty or values.get("boxes") or cell_values.get("frames"):
+            row = (
+                [_count_cell(values["boxes"]), *_share_cells(values[m][score] for m, score in scores)] if boxes else []
+            )
+            row += (
+                [_count_cell(cell_values["frames"]), _share_cell(at_table_threshold(cell_values["mean_IoU_at"]))]
+                if cells
+                else []
+            )
+            rows.append([_name_cell(name), *row])
     return FigureTable(f"by {condition}", (condition, *heads), rows)
 
 
 def nuscenes_table(nuscenes: Figures) -> FigureTable:
-    """NuScenes' metrics: the means first, then one row per class with AP at each distance and errors."""
+    """NuScenes metrics: a row of means, then one row per class with AP at each distance and errors."""
     classes = nuscenes["classes"]
     distances = list(next(iter(classes.values()))["AP_at"])
     errors = [name for name in nuscenes if name not in ("classes", "mAP", "NDS")]
-    blank = [Cell(Kind.NAME, "")] * len(distances)
-    rows = [[_name("mean"), _share(nuscenes["mAP"]), *blank, *_numbers(nuscenes[error] for error in errors)]]
+    blank = [Cell(CellKind.NAME, "")] * len(distances)
+    rows = [
+        [_name_cell("mean"), _share_cell(nuscenes["mAP"]), *blank, *_number_cells(nuscenes[error] for error in errors)]
+    ]
     rows += [
-        [_name(name), _share(own["AP"]), *_shares(own["AP_at"].values()), *_numbers(own[error] for error in errors)]
-        for name, own in classes.items()
+        [
+            _name_cell(name),
+            _share_cell(values["AP"]),
+            *_share_cells(values["AP_at"].values()),
+            *_number_cells(values[error] for error in errors),
+        ]
+        for name, values in classes.items()
     ]
     title = f"nuScenes: mAP {text_of(nuscenes['mAP'])}, NDS {text_of(nuscenes['NDS'])}"
     return FigureTable(title, ("class", "AP", *(f"< {each} m" for each in distances), *errors), rows)
 
 
 def measured_methods(boxes: Iterable[Figures]) -> list[str]:
-    """The ways to match boxes that any of these figures of detection were measured by."""
+    """Matching methods for which at least one of these detection results has values."""
     known = list(boxes)
     return [method for method in METHODS if any(method in figures for figures in known)]
 
 
 def conditions_of(figures: Figures) -> list[str]:
-    """The conditions by which figures are sliced, such as ``weather``."""
+    """Conditions by which these values are sliced, such as ``weather``."""
     keys = (key for part in ("detection", "segmentation") for key in figures.get(part, ()))
     return list(dict.fromkeys(key.removeprefix("by_") for key in keys if key.startswith("by_")))
 
 
 def at_table_threshold(figures: Mapping[str, float | None]) -> float | None:
-    """The one of figures by threshold of the score that tables and charts show."""
+    """The value at the score threshold that tables and charts show."""
     return figures[f"{TABLE_THRESHOLD:g}"]
 
 
 def text_of(value: float | None) -> str:
-    """A figure as all tables show it; a dash where it is undefined."""
+    """A value as all tables print it; a dash if it is undefined."""
     return "–" if value is None else f"{value:.3f}"
 
 
-def _name(text: str) -> Cell:
-    return Cell(Kind.NAME, text)
+def _name_cell(text: str) -> Cell:
+    return Cell(CellKind.NAME, text)
 
 
-def _count(value: int) -> Cell:
-    return Cell(Kind.COUNT, value)
+def _count_cell(value: int) -> Cell:
+    return Cell(CellKind.COUNT, value)
 
 
-def _share(value: float | None) -> Cell:
-    return Cell(Kind.SHARE, value)
+def _share_cell(value: float | None) -> Cell:
+    return Cell(CellKind.SHARE, value)
 
 
-def _shares(values: Iterable[float | None]) -> list[Cell]:
-    return [_share(value) for value in values]
+def _share_cells(values: Iterable[float | None]) -> list[Cell]:
+    return [_share_cell(value) for value in values]
 
 
-def _numbers(values: Iterable[float | None]) -> list[Cell]:
-    return [Cell(Kind.NUMBER, value) for value in values]
+def _number_cells(values: Iterable[float | None]) -> list[Cell]:
+    return [Cell(CellKind.NUMBER, value) for value in values]

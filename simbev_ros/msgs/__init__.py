@@ -1,1 +1,1 @@
-"""Topic names, QoS, and arrays to and from messages."""
+"""Converts between arrays and ROS messages, and defines the names, types and QoS of all topics."""

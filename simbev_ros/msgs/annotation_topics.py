@@ -1,4 +1,7 @@
-"""The topics of the annotator: labels that it publishes, and sensor data that it reads. Pure: imports no ROS."""
+"""Topics of the annotator: the labels that it publishes, and the sensor data that it reads.
+
+All of them follow from a scene's specification. Pure: imports no ROS.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,15 +20,15 @@ class AnnotationTopics:
     """Topics that the annotator publishes in one scene.
 
     Attributes:
-        bev_labels: The bird's-eye-view grid, a bit a class.
-        bev_color: A picture of it.
+        bev_labels: The bird's-eye-view grid, one bit per class.
+        bev_color: The grid as a color image.
         boxes: The 3D boxes.
-        box_markers: The boxes for displays.
+        box_markers: The boxes as markers for displays.
         hd_map: The lane under the ego.
-        views: For each camera with instance images, how it sees the boxes; by the camera's name.
-        occupancy: Occupied voxels; None: the configuration does not ask for them.
-        vector_map: The roads around the ego; None: the configuration does not ask for them.
-        grids: One class of the grid each, for displays, by the name of the class. No bag has them.
+        views: How each camera with instance images sees the boxes, by the camera's name.
+        occupancy: Occupied voxels; None: not configured.
+        vector_map: The roads around the ego; None: not configured.
+        grids: The grid of each class for displays, by the name of the class; not recorded in bags.
     """
 
     bev_labels: Topic
@@ -40,7 +43,7 @@ class AnnotationTopics:
 
     @property
     def recorded(self) -> tuple[Topic, ...]:
-        """The topics that a bag has, in its order."""
+        """Topics that a bag contains, in its order."""
         always = (self.bev_labels, self.bev_color, self.boxes, self.box_markers, self.hd_map)
         asked = (topic for topic in (self.occupancy, self.vector_map) if topic is not None)
         return (*always, *self.views.values(), *asked)
@@ -80,19 +83,19 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
 
 
 def viewing_cameras(spec: SceneSpec) -> list[Camera]:
-    """Cameras whose views of the boxes are published: those with instance images, if views are asked for."""
+    """Cameras whose views of the boxes are published: those with instance images, if views are configured."""
     return [each for each in spec.rig.of_type(Camera) if spec.annotation.views and "instance" in each.modalities]
 
 
-def read_by_annotator(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
+def annotator_inputs(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
     """Topics that the annotator reads, by the sensor's name: clouds, and instance images in one of their two forms.
 
-    From a lidar it reads the cloud with errors if there is one, because perception gets that one.
+    It reads the noisy cloud of a lidar if there is one, because perception receives that one.
     """
-    return dict(_read_by_annotator(spec, compressed_images))
+    return dict(_annotator_inputs(spec, compressed_images))
 
 
-def _read_by_annotator(spec: SceneSpec, compressed_images: bool) -> Iterator[tuple[str, Topic]]:
+def _annotator_inputs(spec: SceneSpec, compressed_images: bool) -> Iterator[tuple[str, Topic]]:
     for lidar in spec.rig.of_type(Lidar):
         yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
     for radar in spec.rig.of_type(Radar):

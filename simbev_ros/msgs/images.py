@@ -1,4 +1,4 @@
-"""Arrays ↔ Image and CompressedImage; CameraInfo."""
+"""Converts between arrays and Image or CompressedImage messages, and makes the CameraInfo of a camera model."""
 
 from array import array
 
@@ -22,13 +22,13 @@ def encoding_of(image: AnyArray) -> str:
     """ROS encoding of an (H, W) or (H, W, C) array.
 
     Raises:
-        KeyError: none fits its dtype and channels.
+        KeyError: No encoding has this data type and number of channels.
     """
     return _ENCODING[image.dtype.name, image.shape[2] if image.ndim == 3 else 1]
 
 
 def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
-    """Image of an (H, W) or (H, W, C) array."""
+    """Image message from an (H, W) or (H, W, C) array."""
     height, width = image.shape[:2]
     image = np.ascontiguousarray(image)
     return Image(
@@ -42,22 +42,22 @@ def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
     )
 
 
-def labels_of_image(message: Image) -> AnyArray:
-    """(H, W) of a mono8 or mono16 image as ``image_message`` makes it; shares the message's data."""
+def labels_from_image(message: Image) -> AnyArray:
+    """(H, W) view of the data of a mono8 or mono16 image that ``image_message`` made."""
     kind = {"mono8": "u1", "mono16": "<u2"}[message.encoding]
     return np.frombuffer(message.data, kind).reshape(message.height, message.width)
 
 
 def compressed_image_message(data: bytes, image_format: str, stamp_ns: int, frame: str) -> CompressedImage:
-    """CompressedImage of encoded bytes."""
+    """CompressedImage message from encoded bytes."""
     return CompressedImage(header=header(stamp_ns, frame), format=image_format, data=array("B", data))
 
 
 def camera_info_message(camera: PinholeCamera, stamp_ns: int, frame: str) -> CameraInfo:
-    """CameraInfo of a camera.
+    """CameraInfo message of a camera.
 
-    The images are as the lens distorts them (``image_raw``). P is that of a rectified image with the same K, as most
-    drivers publish it: of a monocular camera, so R is the identity and P has no fourth column.
+    The images are distorted by the lens (``image_raw``). P belongs to a rectified image with the same K, as most
+    drivers publish it. The camera is monocular, so R is the identity and the fourth column of P is zero.
     """
     matrix = camera.matrix
     return CameraInfo(

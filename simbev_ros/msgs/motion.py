@@ -1,4 +1,4 @@
-"""GNSS fixes and IMU samples → messages."""
+"""Converts GNSS fixes and IMU samples to ROS messages."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,10 @@ from simbev_ros.sensors.imu import ImuSamples
 
 
 def fix_message(fix: GnssFix, stamp_ns: int, frame: str) -> NavSatFix:
-    """NavSatFix with the covariance of its errors; without a fix NaN, of unknown covariance, as drivers send it."""
+    """NavSatFix message with the covariance of the fix.
+
+    Without a fix, the position is NaN and its covariance unknown, as GNSS drivers publish it.
+    """
     message = NavSatFix(
         header=header(stamp_ns, frame),
         status=NavSatStatus(status=NavSatStatus.STATUS_NO_FIX, service=NavSatStatus.SERVICE_GPS),
@@ -28,7 +31,10 @@ def fix_message(fix: GnssFix, stamp_ns: int, frame: str) -> NavSatFix:
 
 
 def imu_messages(samples: ImuSamples, frame: str, *, oriented: bool) -> Iterator[Imu]:
-    """Imu, one a sample; without orientation its covariance begins with -1, as the message's definition asks."""
+    """Imu messages, one per sample.
+
+    Without orientation, its covariance starts with -1, as the message definition requires.
+    """
     rate_covariance = samples.angular_velocity_covariance.ravel().tolist()
     force_covariance = samples.linear_acceleration_covariance.ravel().tolist()
     orientation_covariance = samples.orientation_covariance.ravel().tolist() if oriented else [-1.0] + [0.0] * 8

@@ -1,4 +1,4 @@
-"""One class of a bird's-eye-view grid → nav_msgs/OccupancyGrid."""
+"""Converts one class of a bird's-eye-view grid to nav_msgs/OccupancyGrid."""
 
 from array import array
 
@@ -14,18 +14,18 @@ from simbev_ros.types import BoolArray, Table
 
 
 def occupancy_grid_message(covered: BoolArray, grid: BevGrid, stamp_ns: int, frame: str, ego: Table) -> OccupancyGrid:
-    """OccupancyGrid, 100 where covered and 0 elsewhere.
+    """OccupancyGrid message of one class, 100 where covered and 0 elsewhere.
 
-    Its cell (0, 0) is the one at the smallest x and y (behind and right of the ego) and x runs fastest, so that the
-    grid of (rows, columns) with row 0 ahead and column 0 left is turned. The grid is level, the ego's frame is not: the
-    pose of its origin turns it back, by nothing on a level road.
+    Its cell (0, 0) has the smallest x and y (behind and right of the ego), and x runs fastest, so the grid of (rows,
+    columns) with row 0 ahead and column 0 left is rotated. The grid is level but the ego's frame is not, so the
+    orientation of the origin undoes the tilt; on a level road it is the identity.
 
     Args:
-        covered: (rows, columns).
-        grid: Its geometry.
+        covered: (rows, columns) whether each cell is covered.
+        grid: Geometry of the grid.
         stamp_ns: Stamp.
-        frame: The ego's frame, fixed to the car.
-        ego: Its ``ACTOR_DTYPE`` row, shape ().
+        frame: Name of the ego's frame, fixed to the car.
+        ego: ``ACTOR_DTYPE`` row of the ego, shape ().
     """
     tilt_rad = np.array([ego["roll"], ego["pitch"], 0.0])
     corner_m = np.array([-grid.rows, -grid.columns, 0.0]) * grid.cell_m / 2.0

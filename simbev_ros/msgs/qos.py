@@ -8,18 +8,18 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.recording.qos import QosProfile
 
 _DEPTH = 16
-"""Deeper than the lockstep window can fill: at most 8 ticks are under way."""
+"""More than the lockstep window can fill: at most 8 ticks are in flight."""
 
 LATCHED = QosProfile(reliability="reliable", durability="transient_local", depth=1)
 STATE = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 EVENTS = QosProfile(reliability="reliable", durability="volatile", depth=1000)
-"""A pile-up is many events at once, none of which may be lost."""
+"""A pile-up causes many events at once, none of which may be lost."""
 SENSOR_LOCKSTEP = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 SENSOR_LIVE = QosProfile(reliability="best_effort", durability="volatile", depth=5)
 
 
 def qos_of(topic: Topic, *, live: bool) -> QosProfile:
-    """QoS that a topic is published with."""
+    """QoS profile with which a topic is published."""
     if topic.period_ticks == 0:
         return LATCHED
     if topic.sporadic:
@@ -31,7 +31,7 @@ def qos_of(topic: Topic, *, live: bool) -> QosProfile:
 
 
 def rclpy_qos(profile: QosProfile) -> QoSProfile:
-    """The same for rclpy."""
+    """The same profile as an object of rclpy."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=profile.depth,

@@ -1,7 +1,8 @@
-"""The topics of a rig's sensors: each name, type and rate is stated here and nowhere else. Pure: imports no ROS.
+"""Topics of a rig's sensors: every name, type and rate is defined here and nowhere else.
 
-Each kind of sensor has a function that gives its topics. Its node publishes on them, and ``topics_of_sensor`` passes
-them to the manifest, from which recorder, evaluator and annotator know what a sensor sends.
+Each kind of sensor has a function that gives its topics from a scene's specification. Its node publishes on them, and
+``topics_of_sensor`` adds them to the manifest, from which recorder, evaluator and annotator know what a sensor sends.
+Pure: imports no ROS.
 """
 
 from collections.abc import Iterator
@@ -33,8 +34,8 @@ class CameraTopics(NamedTuple):
 
     Attributes:
         raw: Its images.
-        compressed: Its images compressed, named as image_transport does.
-        info: The CameraInfo beside them.
+        compressed: Its compressed images, named as in image_transport.
+        info: The CameraInfo of the images.
     """
 
     raw: Topic
@@ -42,19 +43,19 @@ class CameraTopics(NamedTuple):
     info: Topic
 
     def recorded(self, *, compressed: bool) -> tuple[Topic, Topic]:
-        """The topics that a bag has: images in one of the two forms, and their CameraInfo."""
+        """Topics that a bag contains: images in one of the two forms, and their CameraInfo."""
         return (self.compressed if compressed else self.raw), self.info
 
 
 class LidarTopics(NamedTuple):
-    """Topics of a lidar; None: the rig has this cloud switched off. At least one is on."""
+    """Topics of a lidar; None: this cloud is switched off. At least one is on."""
 
     points: Topic | None
     semantic_points: Topic | None
 
 
 class ImuTopics(NamedTuple):
-    """Topics of an IMU (REP-145): samples without the orientation, and with it."""
+    """Topics of an IMU (REP-145): samples without and with orientation."""
 
     raw: Topic
     oriented: Topic
@@ -92,12 +93,12 @@ def lidar_topics(spec: SceneSpec, lidar: Lidar) -> LidarTopics:
 
 
 def radar_topic(spec: SceneSpec, radar: Radar) -> Topic:
-    """Topic of a radar: its detections."""
+    """Topic with the detections of a radar."""
     return _topic(spec, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
 
 
 def gnss_topic(spec: SceneSpec, gnss: Gnss) -> Topic:
-    """Topic of a GNSS receiver: its fixes."""
+    """Topic with the fixes of a GNSS receiver."""
     return _topic(spec, gnss, "fix", "sensor_msgs/msg/NavSatFix")
 
 
@@ -110,13 +111,13 @@ def imu_topics(spec: SceneSpec, imu: Imu) -> ImuTopics:
 
 
 def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:
-    """Topics of all sensors of a scene's rig; of images the compressed or the raw form."""
+    """Topics of all sensors of a scene's rig; images in compressed or raw form."""
     for sensor in spec.rig.sensors:
         yield from topics_of_sensor(spec, sensor, compressed_images=compressed_images)
 
 
 def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: bool) -> tuple[Topic, ...]:
-    """Topics of one sensor, whatever its kind, in the order in which a bag has them."""
+    """Topics of one sensor of any kind, in the order in which they are in a bag."""
     match sensor:
         case Camera():
             modalities = camera_topics(spec, sensor).values()

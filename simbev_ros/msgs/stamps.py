@@ -1,4 +1,4 @@
-"""Integer nanoseconds ↔ builtin_interfaces/Time, and reading the stamp of a serialised message."""
+"""Converts between integer nanoseconds and builtin_interfaces/Time, and reads the stamp of a serialized message."""
 
 import json
 import struct
@@ -10,28 +10,32 @@ NS_PER_S = 1_000_000_000
 
 
 def time_message(stamp_ns: int) -> Time:
-    """Time of integer nanoseconds."""
+    """Time message from integer nanoseconds."""
     return Time(sec=stamp_ns // NS_PER_S, nanosec=stamp_ns % NS_PER_S)
 
 
 def header(stamp_ns: int, frame: str) -> Header:
-    """Header of integer nanoseconds and a frame."""
+    """Header message from integer nanoseconds and a frame name."""
     return Header(stamp=time_message(stamp_ns), frame_id=frame)
 
 
 def stamp_of(time: Time) -> int:
-    """Integer nanoseconds of a Time."""
+    """Integer nanoseconds from a Time message."""
     return int(time.sec) * NS_PER_S + int(time.nanosec)
 
 
-def stamp_of_serialised(payload: bytes, type_name: str) -> int | None:
-    """Stamp of a message in little-endian CDR, without deserialising it.
+def serialized_stamp_ns(payload: bytes, type_name: str) -> int | None:
+    """Stamp of a message in little-endian CDR, without deserializing it.
 
-    Messages that begin with a Header or a Time carry it after the 4 bytes of encapsulation, arrays of such messages
-    after their length, and our JSON strings in ``stamp_ns``.
+    Messages that begin with a Header or a Time have the stamp after the 4 bytes of encapsulation, arrays of such
+    messages after their length, and our JSON strings in ``stamp_ns``.
+
+    Args:
+        payload: The serialized message.
+        type_name: Its type, such as ``sensor_msgs/msg/Image``.
 
     Returns:
-        Nanoseconds, or None where the message has no stamp (a JSON string without ``stamp_ns``, an empty array).
+        Nanoseconds, or None if the message has no stamp (a JSON string without ``stamp_ns``, an empty array).
     """
     if type_name == "std_msgs/msg/String":
         stamp = json.loads(payload[8:].rstrip(b"\0")).get("stamp_ns")

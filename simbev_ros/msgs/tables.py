@@ -1,4 +1,4 @@
-"""Structured arrays ↔ sensor_msgs/PointCloud2: one point a row, one field a column."""
+"""Converts between structured arrays and sensor_msgs/PointCloud2: one point per row, one field per column."""
 
 from array import array
 
@@ -22,10 +22,10 @@ _CODE = {datatype: code for code, datatype in _DATATYPE.items()}
 
 
 def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: bool = True) -> PointCloud2:
-    """PointCloud2 of (N,) rows; offsets and point_step are those of the array's dtype.
+    """PointCloud2 message from (N,) rows; offsets and point_step are those of the array's dtype.
 
     Raises:
-        KeyError: a column has a type that PointCloud2 does not know (64-bit integers, for one).
+        KeyError: A column has a type that PointCloud2 does not support, such as a 64-bit integer.
     """
     dtype = table.dtype
     assert dtype.fields is not None and dtype.names is not None

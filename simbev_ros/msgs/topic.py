@@ -1,20 +1,20 @@
-"""One topic: what its publisher, its recorder and its readers must agree on. Pure: imports no ROS."""
+"""Describes one topic, on which publisher, recorder and readers must agree. Pure: imports no ROS."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One topic of a scene. Its QoS follows from these fields: see ``msgs.qos``.
+    """Description of a topic of a scene; its QoS follows from these fields, see ``msgs.qos``.
 
     Attributes:
-        name: With leading slash.
-        type: ROS type, e.g. ``sensor_msgs/msg/Image``.
-        period_ticks: One message every ``period_ticks`` ticks from tick 0 on; 0: latched, one message a scene.
-        sensor: Sensor data, which live graphs send as best effort.
-        sporadic: Messages come when something happens: none, one or more at a tick.
-        messages_per_tick: Messages at each tick but the first, stamped at equal distances, the last one at the tick; at
-            tick 0 there is one. Above 1 only where ``period_ticks`` is 1.
+        name: Name with leading slash.
+        type: ROS type, such as ``sensor_msgs/msg/Image``.
+        period_ticks: One message every ``period_ticks`` ticks, from tick 0 on; 0: latched, one message per scene.
+        sensor: Whether this is sensor data, which live graphs send as best effort.
+        sporadic: Whether messages depend on events: none, one or more per tick.
+        messages_per_tick: Number of messages at each tick but the first, stamped at equal intervals, the last one at
+            the tick; at tick 0 there is one. Above 1 only if ``period_ticks`` is 1.
     """
 
     name: str

@@ -1,4 +1,7 @@
-"""The manifest: name, type and rate of every topic of a scene. Nodes take theirs from it. Pure: imports no ROS."""
+"""Manifest of a scene: name, type and rate of every topic.
+
+All of them follow from the scene's specification; nodes take theirs from here. Pure: imports no ROS.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -28,8 +31,8 @@ EVALUATION = "/evaluation"
 TF = "/tf"
 TF_STATIC = "/tf_static"
 
-REPLAYED = (SCENE, MAP, ACTORS, SIGNALS, WEATHER, EVENTS)
-"""What a replay needs: it is always recorded, so that all else can be had again."""
+REPLAY_TOPICS = (SCENE, MAP, ACTORS, SIGNALS, WEATHER, EVENTS)
+"""Topics that a replay needs; always recorded, so that everything else can be computed again."""
 
 
 def odometry_name(agent: str) -> str:
@@ -38,7 +41,7 @@ def odometry_name(agent: str) -> str:
 
 
 def odometry_topic(spec: SceneSpec) -> Topic:
-    """The topic with the ego's true motion."""
+    """Topic with the ego's true motion."""
     return Topic(odometry_name(spec.rig.agent), "nav_msgs/msg/Odometry")
 
 
@@ -58,34 +61,34 @@ def world_topics(spec: SceneSpec) -> Iterator[Topic]:
 
 
 def unrecorded_world_topics() -> Iterator[Topic]:
-    """Topics of the world node that no bag has: the end of a scene, and displays."""
+    """Topics of the world node that are not recorded: the end of a scene, and displays."""
     yield Topic(END, "std_msgs/msg/String", 0)
     yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
 
 
 def transform_topics() -> Iterator[Topic]:
-    """Transforms; in a bag they are always there, also where the graph cannot publish them."""
+    """Topics of the transforms; they are in every bag, even if the graph cannot publish them."""
     yield Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", 0)
     yield Topic(TF, "tf2_msgs/msg/TFMessage")
 
 
 @dataclass(frozen=True, slots=True)
 class TopicFilter:
-    """Which topics are recorded: those that one of some patterns fits and none of some others, as in a shell."""
+    """Filter for the recorded topics: those that match an ``include`` and no ``exclude`` pattern, as in a shell."""
 
     include: Sequence[str] = ("*",)
     exclude: Sequence[str] = ()
 
     def __contains__(self, name: object) -> bool:
-        return name in REPLAYED or (self._any(name, self.include) and not self._any(name, self.exclude))
+        return name in REPLAY_TOPICS or (self._matches(name, self.include) and not self._matches(name, self.exclude))
 
     @staticmethod
-    def _any(name: object, patterns: Sequence[str]) -> bool:
+    def _matches(name: object, patterns: Sequence[str]) -> bool:
         return any(fnmatchcase(str(name), pattern) for pattern in patterns)
 
 
 def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
-    """Every topic that a scene's bag can have, in the order in which a tick is written."""
+    """All topics that a scene's bag can have, in the order in which a tick is written."""
     return (
         *world_topics(spec),
         *transform_topics(),

@@ -1,4 +1,8 @@
-"""Transforms of the rig: /tf_static for the sensors, /tf for the ego. Live only where tf2_msgs is installed."""
+"""Transforms of the rig: /tf_static for the sensors, /tf for the ego.
+
+The scene's specification gives the static ones, the odometry the ego's. They are always recorded, but published live
+only if tf2_msgs is installed.
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -20,14 +24,14 @@ from simbev_ros.types import Float64Array
 
 try:
     from tf2_msgs.msg import TFMessage
-except ImportError:  # not among the wheels; bags get their transforms all the same
+except ImportError:  # not available as a wheel; bags contain the transforms nevertheless
     TFMessage = None
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 def static_transforms(spec: SceneSpec) -> Iterator[TransformStamped]:
-    """``<agent>/base_link`` to every sensor's frame, and from each camera's body to its optical frame."""
+    """Transforms from ``<agent>/base_link`` to every sensor, and from each camera's body to its optical frame."""
     agent = spec.rig.agent
     for sensor in spec.rig.sensors:
         frame = f"{agent}/{sensor.name}"
@@ -37,7 +41,7 @@ def static_transforms(spec: SceneSpec) -> Iterator[TransformStamped]:
 
 
 def ego_transform(odometry: Odometry) -> TransformStamped:
-    """Map to ``<agent>/base_link``, from the odometry."""
+    """Transform from map to ``<agent>/base_link``, from the odometry."""
     position = odometry.pose.pose.position
     transform = TransformStamped(header=odometry.header, child_frame_id=odometry.child_frame_id)
     transform.transform = Transform(
@@ -47,14 +51,14 @@ def ego_transform(odometry: Odometry) -> TransformStamped:
     return transform
 
 
-def serialised_transforms(transforms: Iterable[TransformStamped]) -> bytes:
-    """A tf2_msgs/TFMessage in CDR, also where tf2_msgs is not installed."""
+def serialize_transforms(transforms: Iterable[TransformStamped]) -> bytes:
+    """Serialize transforms to a tf2_msgs/TFMessage in CDR, even if tf2_msgs is not installed."""
     message = _TYPES.types["tf2_msgs/msg/TFMessage"]([_as_rosbags(transform) for transform in transforms])
     return bytes(_TYPES.serialize_cdr(message, "tf2_msgs/msg/TFMessage"))
 
 
 def _as_rosbags(message: Any) -> Any:
-    """A message without arrays, as the same type of rosbags' store."""
+    """Convert a message without arrays to the same type in rosbags' store."""
     fields = message.get_fields_and_field_types()
     values = [getattr(message, name) for name in fields]
     package, kind = type(message).__module__.split(".")[0], type(message).__name__
@@ -72,7 +76,7 @@ def _stamped(stamp_ns: int, parent: str, child: str, parent_from_child: Float64A
 
 
 class TransformBroadcaster:
-    """Publishes /tf and /tf_static live, where tf2_msgs can be imported."""
+    """Publisher of /tf and /tf_static for live graphs; does nothing if tf2_msgs cannot be imported."""
 
     def __init__(self, node: Node) -> None:
         self._publishers: dict[str, Any] = {}
@@ -82,7 +86,7 @@ class TransformBroadcaster:
                 self._publishers[topic.name] = node.create_publisher(TFMessage, topic.name, qos)
 
     def start_scene(self, spec: SceneSpec) -> None:
-        """Latch the rig's transforms."""
+        """Publish the rig's transforms, latched."""
         if self._publishers:
             self._publishers[topics.TF_STATIC].publish(TFMessage(transforms=list(static_transforms(spec))))
 

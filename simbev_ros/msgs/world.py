@@ -1,4 +1,4 @@
-"""World state ↔ messages."""
+"""Converts between the world state and ROS messages."""
 
 import json
 from dataclasses import asdict
@@ -22,50 +22,50 @@ MAP_FRAME = "map"
 
 
 def actors_message(state: WorldState) -> PointCloud2:
-    """The actors table."""
+    """PointCloud2 message with the actors table."""
     return message_from_table(state.actors, state.stamp_ns, MAP_FRAME)
 
 
 def signals_message(state: WorldState) -> PointCloud2:
-    """The traffic-lights table."""
+    """PointCloud2 message with the traffic-lights table."""
     return message_from_table(state.signals, state.stamp_ns, MAP_FRAME)
 
 
 def lights_message(table: Table, stamp_ns: int) -> PointCloud2:
-    """The street-lights table."""
+    """PointCloud2 message with the street-lights table."""
     return message_from_table(table, stamp_ns, MAP_FRAME)
 
 
 def building_lights_message(lights: BuildingLightSpec) -> String:
-    """Switch, share of lit windows and their colours as JSON."""
+    """Message with the switch, share and colors of lit windows as JSON."""
     return String(data=lights.model_dump_json())
 
 
 def weather_message(state: WorldState) -> String:
-    """The weather as JSON, with the stamp that a String lacks."""
+    """Message with the weather as JSON, including the stamp that a String lacks."""
     return String(data=json.dumps({"stamp_ns": state.stamp_ns, **state.weather.model_dump()}))
 
 
 def record_message(record: dict[str, Any], stamp_ns: int) -> String:
-    """A record as JSON, with the stamp that a String lacks."""
+    """Message with a record as JSON, including the stamp that a String lacks."""
     return String(data=json.dumps({"stamp_ns": stamp_ns, **record}))
 
 
 def event_message(event: Event, state: WorldState) -> String:
-    """Something that happened at this tick as JSON, with the stamp that a String lacks."""
-    happened = asdict(event)
+    """Message with an event of this tick as JSON, including the stamp that a String lacks."""
+    fields = asdict(event)
     return String(
-        data=json.dumps({"type": happened.pop("type"), "stamp_ns": state.stamp_ns, "tick": state.tick, **happened})
+        data=json.dumps({"type": fields.pop("type"), "stamp_ns": state.stamp_ns, "tick": state.tick, **fields})
     )
 
 
-def stamp_of_weather(message: String) -> int:
-    """Stamp inside a weather message."""
+def weather_stamp_ns(message: String) -> int:
+    """Stamp inside a weather message, ns."""
     return int(json.loads(message.data)["stamp_ns"])
 
 
-def world_state(actors: PointCloud2, signals: PointCloud2, weather: String, tick: int) -> WorldState:
-    """The world at one tick from its three messages, which carry one stamp."""
+def world_state_from_messages(actors: PointCloud2, signals: PointCloud2, weather: String, tick: int) -> WorldState:
+    """World state at one tick from its three messages, which have the same stamp."""
     fields = json.loads(weather.data)
     del fields["stamp_ns"]
     return WorldState(
@@ -79,7 +79,10 @@ def world_state(actors: PointCloud2, signals: PointCloud2, weather: String, tick
 
 
 def odometry_message(actor: Table, stamp_ns: int, child_frame: str) -> Odometry:
-    """True pose in the map frame and twist in the child frame of one ``ACTOR_DTYPE`` row; covariances zero."""
+    """Odometry message from one ``ACTOR_DTYPE`` row.
+
+    The true pose is in the map frame, the twist in the child frame; the covariances are zero.
+    """
     rpy = np.array([actor["roll"], actor["pitch"], actor["yaw"]], np.float64)
     child_from_map = rotations_from_rpy(rpy).T
     message = Odometry(header=header(stamp_ns, MAP_FRAME), child_frame_id=child_frame)
@@ -93,18 +96,19 @@ def odometry_message(actor: Table, stamp_ns: int, child_frame: str) -> Odometry:
 
 
 def map_from_ego(odometry: Odometry) -> Float64Array:
-    """(4, 4) pose in ``odometry_message``."""
-    place, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    """(4, 4) pose from an ``odometry_message``."""
+    position, orientation = odometry.pose.pose.position, odometry.pose.pose.orientation
     return matrices_from_xyz_quaternion(
-        np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
+        np.array([position.x, position.y, position.z]),
+        np.array([orientation.x, orientation.y, orientation.z, orientation.w]),
     )
 
 
 def quaternion_message(xyzw: Float64Array) -> Quaternion:
-    """Quaternion of (4,) x y z w."""
+    """Quaternion message from (4,) x y z w."""
     return Quaternion(x=float(xyzw[0]), y=float(xyzw[1]), z=float(xyzw[2]), w=float(xyzw[3]))
 
 
 def vector_message(xyz: Float64Array) -> Vector3:
-    """Vector3 of (3,)."""
+    """Vector3 message from (3,)."""
     return Vector3(x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))

@@ -22,13 +22,13 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.msgs.annotation_topics import annotation_topics, read_by_annotator, viewing_cameras
-from simbev_ros.msgs.images import image_message, labels_of_image
+from simbev_ros.msgs.annotation_topics import annotation_topics, annotator_inputs, viewing_cameras
+from simbev_ros.msgs.images import image_message, labels_from_image
 from simbev_ros.msgs.markers import box_markers
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
-from simbev_ros.msgs.stamps import stamp_of_serialised
+from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import MAP_FRAME, record_message
@@ -93,7 +93,7 @@ class AnnotatorNode(Participant):
 
     def _read_sensors(self, spec: SceneSpec) -> None:
         """Subscribe to what the boxes need, once for all scenes that have it."""
-        self._sensors = read_by_annotator(spec, compressed_images=self._compressed)
+        self._sensors = annotator_inputs(spec, compressed_images=self._compressed)
         names = {topic.name for topic in self._sensors.values()}
         for name in self._subscriptions_of.keys() - names:
             self.inputs.remove(self._subscriptions_of[name])
@@ -110,7 +110,7 @@ class AnnotatorNode(Participant):
 
     def _callback(self, sensor: str, topic: Topic) -> Callable[[bytes], None]:
         def receive(payload: bytes) -> None:
-            spec, stamp_ns = self.spec, stamp_of_serialised(payload, topic.type)
+            spec, stamp_ns = self.spec, serialized_stamp_ns(payload, topic.type)
             if spec is not None and stamp_ns is not None:
                 self._join.add(sensor, spec.tick_of(stamp_ns), payload)
                 self._publish_seen(spec)
@@ -206,7 +206,7 @@ class AnnotatorNode(Participant):
         """(H, W) ids of an instance image."""
         if self._compressed:
             return decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
-        return labels_of_image(deserialize_message(payload, Image))
+        return labels_from_image(deserialize_message(payload, Image))
 
     def close(self) -> None:
         """End the threads that decode."""

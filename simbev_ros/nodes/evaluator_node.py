@@ -19,17 +19,17 @@ from std_msgs.msg import Header, String
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, Patience
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits
 from simbev_ros.evaluation.live.answer_stamps import answered_tick
 from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, LiveScene, live_figures
 from simbev_ros.evaluation.options import options_of
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics
-from simbev_ros.msgs.images import labels_of_image
+from simbev_ros.msgs.images import labels_from_image
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
 from simbev_ros.msgs.sensor_topics import sensor_topics
-from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised
+from simbev_ros.msgs.stamps import header, serialized_stamp_ns, stamp_of
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import map_from_ego
@@ -70,7 +70,7 @@ class EvaluatorNode(GraphNode):
         self._patience_s: float = self.declared("patience_s", 60.0, "So long the first scene waits for the stack")
         stack = self._evaluation.participants
         idle_s = math.inf if stack else self._patience_s / 2
-        self._patience = Patience(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else Patience(None, idle_s)
+        self._patience = WaitLimits(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else WaitLimits(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
         self._numbers: set[int] = set()
         self._spec: SceneSpec | None = None
@@ -99,11 +99,11 @@ class EvaluatorNode(GraphNode):
         self._join = AnswerJoin(lambda tick: tick % answered.period_ticks == 0, self._patience)
         self._live_evaluation = LiveEvaluation(spec, self._options)
         for name in self._answers.found:
-            self._join.offer(name)
+            self._join.add_topic(name)
         labels = annotation_topics(spec)
         self._subscribe(topics.odometry_topic(spec), self._truth(POSE, map_from_ego))
         self._subscribe(labels.boxes, self._truth(BOXES, _boxes))
-        self._subscribe(labels.bev_labels, self._truth(LABELS, labels_of_image))
+        self._subscribe(labels.bev_labels, self._truth(LABELS, labels_from_image))
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._since_s = 0, False, time.monotonic()
         self._spec = spec
@@ -134,7 +134,7 @@ class EvaluatorNode(GraphNode):
         return receive
 
     def _on_input(self, payload: bytes, info: Any) -> None:
-        stamp_ns = stamp_of_serialised(payload, self._input_type)
+        stamp_ns = serialized_stamp_ns(payload, self._input_type)
         tick = None if stamp_ns is None else self._tick(stamp_ns)
         if tick is not None:
             self._join.add_input(tick, received_s(info))
@@ -160,18 +160,18 @@ class EvaluatorNode(GraphNode):
     def _on_ready(self, message: Header) -> None:
         name, _, scene = message.frame_id.partition(":")
         if self._spec is not None and scene == self._spec.name and name in self._evaluation.participants:
-            self._join.stack_finished(self._spec.tick_of(stamp_of(message.stamp)))
+            self._join.mark_stack_finished(self._spec.tick_of(stamp_of(message.stamp)))
 
     def _on_end(self, message: String) -> None:
         end = SceneEnd.model_validate_json(message.data)
         if self._spec is not None and end.scene == self._spec.name:
-            self._join.end(end.tick)
+            self._join.end_scene(end.tick)
             self._advance()
 
     def _look_for_answers(self) -> None:
         for name in self._answers.look():
             if self._spec is not None:
-                self._join.offer(name)
+                self._join.add_topic(name)
 
     def _report_loaded(self) -> None:
         """Report the scene as loaded once everything is connected, the stack too; a timer tries until then."""
@@ -191,9 +191,9 @@ class EvaluatorNode(GraphNode):
         if spec is None:
             return
         before, now_s = self._join.finished_tick, time.monotonic()
-        for frame in self._join.leaving(now_s):
+        for frame in self._join.pop_ready_frames(now_s):
             with self.meter.busy():
-                self._live_evaluation.add(frame)
+                self._live_evaluation.add_frame(frame)
         if self._join.finished_tick > before:
             self.report_finished(spec, self._join.finished_tick)
         if self._join.is_over:
@@ -205,13 +205,13 @@ class EvaluatorNode(GraphNode):
             self._next_figures_s = now_s + max(1.0, took_s / _SHARE_OF_TIME)
 
     def _publish_figures(self, spec: SceneSpec) -> None:
-        books = self._join.books
-        figures = {**self._live_evaluation.running(), **asdict(books)}
+        counts = self._join.counts
+        figures = {**self._live_evaluation.running_figures(), **asdict(counts)}
         shown = [f"{name} {figures[name]:.3f}" for name in _SHOWN if name in figures]
         status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if books.missed else DiagnosticStatus.OK,
+            level=DiagnosticStatus.WARN if counts.missed else DiagnosticStatus.OK,
             name=f"simbev: evaluation of {spec.name}",
-            message=", ".join([f"{figures['frames']:g} frames, {books.missed} missed", *shown]),
+            message=", ".join([f"{figures['frames']:g} frames, {counts.missed} missed", *shown]),
             hardware_id=self.get_name(),
             values=[KeyValue(key=key, value=f"{value:g}") for key, value in figures.items()],
         )
@@ -221,7 +221,7 @@ class EvaluatorNode(GraphNode):
     def _finish_scene(self, spec: SceneSpec) -> None:
         """Write the figures of all scenes so far, and those of this one."""
         self._publish_figures(spec)
-        self._scenes.append(self._live_evaluation.scene(self._join.books))
+        self._scenes.append(self._live_evaluation.finish(self._join.counts))
         self._spec = None
         for path in self._files:
             if path.suffix == ".json":

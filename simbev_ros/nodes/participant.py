@@ -6,10 +6,10 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.annotation_topics import read_by_annotator
+from simbev_ros.msgs.annotation_topics import annotator_inputs
 from simbev_ros.msgs.qos import LATCHED, STATE, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of
-from simbev_ros.msgs.world import stamp_of_weather, world_state
+from simbev_ros.msgs.world import weather_stamp_ns, world_state_from_messages
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -94,7 +94,7 @@ class Participant(GraphNode):
 
     def _readers_of(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """How many readers each topic will have."""
-        forms = [read_by_annotator(spec, compressed_images=compressed) for compressed in (False, True)]
+        forms = [annotator_inputs(spec, compressed_images=compressed) for compressed in (False, True)]
         labelled = {topic.name for form in forms for topic in form.values()}
         return {
             name: (self.recorded and name in self._recorded_topics)
@@ -110,7 +110,7 @@ class Participant(GraphNode):
         self._take(self._signals, stamp_of(message.header.stamp), message)
 
     def _on_weather(self, message: String) -> None:
-        self._take(self._weather, stamp_of_weather(message), message)
+        self._take(self._weather, weather_stamp_ns(message), message)
 
     def _take(self, waiting: dict[int, Any], stamp_ns: int, message: Any) -> None:
         """Keep a message; when it completes a tick, process it (live: only the newest complete one)."""
@@ -121,7 +121,9 @@ class Participant(GraphNode):
                 return
             stamp_ns = max(complete) if self.live else min(complete)
             tick = self.spec.tick_of(stamp_ns)
-            state = world_state(self._actors[stamp_ns], self._signals[stamp_ns], self._weather[stamp_ns], tick)
+            state = world_state_from_messages(
+                self._actors[stamp_ns], self._signals[stamp_ns], self._weather[stamp_ns], tick
+            )
             for table in (self._actors, self._signals, self._weather):
                 for old in [key for key in table if key <= stamp_ns]:
                     del table[old]

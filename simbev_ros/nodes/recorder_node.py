@@ -18,10 +18,10 @@ from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
-from simbev_ros.msgs.stamps import stamp_of_serialised
+from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.transforms import ego_transform, serialised_transforms, static_transforms
+from simbev_ros.msgs.transforms import ego_transform, serialize_transforms, static_transforms
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
 from simbev_ros.recording.bag_writer import SceneBagWriter
@@ -95,7 +95,7 @@ class RecorderNode(GraphNode):
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
                 self._subscribe(topic)
         self._take(topics.SCENE, spec.start_ns, payload)
-        self._take(topics.TF_STATIC, spec.start_ns, serialised_transforms(static_transforms(spec)))
+        self._take(topics.TF_STATIC, spec.start_ns, serialize_transforms(static_transforms(spec)))
 
     def _subscribe(self, topic: Topic) -> None:
         """Take a topic, once; a latched one anew for each scene: a new reader gets its present value and no other."""
@@ -116,7 +116,7 @@ class RecorderNode(GraphNode):
             if self._spec is None:
                 return
             latched = topic.period_ticks == 0
-            stamp_ns = self._spec.start_ns if latched else stamp_of_serialised(payload, topic.type)
+            stamp_ns = self._spec.start_ns if latched else serialized_stamp_ns(payload, topic.type)
             if stamp_ns is None:
                 return
             if stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
@@ -128,7 +128,7 @@ class RecorderNode(GraphNode):
                 self._take(topic.name, stamp_ns, payload)  # the last message of a scene ends it
                 if topic.name == odometry:
                     transform = ego_transform(deserialize_message(payload, Odometry))
-                    self._take(topics.TF, stamp_ns, serialised_transforms([transform]))
+                    self._take(topics.TF, stamp_ns, serialize_transforms([transform]))
 
         return receive
 

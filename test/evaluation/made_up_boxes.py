@@ -1,4 +1,4 @@
-"""Boxes for the tests of the metrics: by hand, and random ones with predictions that are partly right."""
+"""Boxes for tests of the metrics: hand-made ones, and random ones with partly correct predictions."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from simbev_ros.semantics import BOX_CLASSES
 
 
 def some_boxes(centers_m: Sequence[Sequence[float]], **columns: Any) -> Boxes:
-    """Cars of 4 x 2 x 2 m at rest in frame 0, but for the columns that are named."""
+    """Cars of 4 x 2 x 2 m at rest in frame 0, except for the given columns."""
     count = len(centers_m)
     values = {
         "frame": 0,
@@ -52,7 +52,7 @@ def random_truth(rng: np.random.Generator, frames: int, per_frame: int) -> Boxes
 
 
 def random_predictions(rng: np.random.Generator, truth: Boxes, noise: float = 1.0) -> Predictions:
-    """Some of the truth twice, some not at all, with noise; a third is anywhere, and many scores are equal."""
+    """Noisy predictions: some boxes twice, some missing, a third far off, and many equal scores."""
     chosen = np.sort(rng.integers(0, len(truth), len(truth)))
     base, count = truth.take(chosen), len(chosen)
     center_m = base.center_m + rng.normal(0, 1, (count, 3)) * rng.choice([0.1, 0.8, 10.0], (count, 1)) * noise

@@ -1,4 +1,4 @@
-"""Messages of a perception stack, and bags of them written by rosbags, with vision_msgs as that package defines it."""
+"""Messages of a perception stack, and bags of them, written by rosbags with the definitions of vision_msgs."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -35,7 +35,7 @@ TABLE_DTYPE = np.dtype(
 )
 _CODES = {"u1": 2, "u2": 4, "f4": 7, "f8": 8}
 Entry = tuple[str, float, Sequence[float], Sequence[float], Sequence[float]]
-"""Class, score, place, size, orientation x y z w."""
+"""Class, score, position, size, orientation x y z w."""
 
 
 def make(type_name: str, **fields: Any) -> Any:
@@ -67,10 +67,10 @@ def table_message(table: Table, stamp_ns: int, frame_id: str = "map", **changes:
     return make("sensor_msgs/PointCloud2", **{**values, **changes})
 
 
-def pose(place: Sequence[float], xyzw: Sequence[float]) -> Any:
-    point = make("geometry_msgs/Point", **dict(zip("xyz", map(float, place), strict=True)))
-    turn = make("geometry_msgs/Quaternion", **dict(zip("xyzw", map(float, xyzw), strict=True)))
-    return make("geometry_msgs/Pose", position=point, orientation=turn)
+def pose(position: Sequence[float], xyzw: Sequence[float]) -> Any:
+    point = make("geometry_msgs/Point", **dict(zip("xyz", map(float, position), strict=True)))
+    orientation = make("geometry_msgs/Quaternion", **dict(zip("xyzw", map(float, xyzw), strict=True)))
+    return make("geometry_msgs/Pose", position=point, orientation=orientation)
 
 
 def vector(values: Sequence[float]) -> Any:
@@ -78,7 +78,7 @@ def vector(values: Sequence[float]) -> Any:
 
 
 def marker(entry: Entry, head: Any, *, kind: int = 1, action: int = 0, text: str | None = None) -> Any:
-    name, score, place, size, xyzw = entry
+    name, score, position, size, xyzw = entry
     empty = make("sensor_msgs/CompressedImage", header=header(0, ""), format="", data=np.zeros(0, np.uint8))
     zero = make("builtin_interfaces/Duration", sec=0, nanosec=0)
     return make(
@@ -88,7 +88,7 @@ def marker(entry: Entry, head: Any, *, kind: int = 1, action: int = 0, text: str
         id=0,
         type=kind,
         action=action,
-        pose=pose(place, xyzw),
+        pose=pose(position, xyzw),
         scale=vector(size),
         color=make("std_msgs/ColorRGBA", r=0.0, g=0.0, b=0.0, a=1.0),
         lifetime=zero,
@@ -106,7 +106,7 @@ def marker(entry: Entry, head: Any, *, kind: int = 1, action: int = 0, text: str
 
 
 def markers(entries: Iterable[Entry], head: Any) -> Any:
-    """With a DELETEALL that has no header, and lines."""
+    """MarkerArray of cubes, with a DELETEALL that has no header, and lines."""
     clear = marker(("", 0, (0, 0, 0), (0, 0, 0), (0, 0, 0, 1)), header(0, ""), kind=0, action=3)
     lines = marker(("velocity", 0, (0, 0, 0), (0, 0, 0), (0, 0, 0, 1)), head, kind=5)
     cubes = [marker(entry, head) for entry in entries]
@@ -115,18 +115,18 @@ def markers(entries: Iterable[Entry], head: Any) -> Any:
 
 def detections(entries: Iterable[Entry], head: Any, *, empty_results: bool = False) -> Any:
     found = []
-    for name, score, place, size, xyzw in entries:
+    for name, score, position, size, xyzw in entries:
         at = make("geometry_msgs/PoseWithCovariance", pose=pose((9, 9, 9), (0, 0, 0, 1)), covariance=np.zeros(36))
         best = make("vision_msgs/ObjectHypothesis", class_id=name, score=score)
         result = make("vision_msgs/ObjectHypothesisWithPose", hypothesis=best, pose=at)
-        box = make("vision_msgs/BoundingBox3D", center=pose(place, xyzw), size=vector(size))
+        box = make("vision_msgs/BoundingBox3D", center=pose(position, xyzw), size=vector(size))
         results = [] if empty_results else [result]
         found.append(make("vision_msgs/Detection3D", header=header(0, ""), results=results, bbox=box, id=""))
     return make("vision_msgs/Detection3DArray", header=head, detections=found)
 
 
 def image(cells: AnyArray, stamp_ns: int, **changes: Any) -> Any:
-    """Of (H, W, C), with some bytes of padding behind each row."""
+    """Image from (H, W, C) cells, with padding bytes after each row."""
     height, width, channels = cells.shape
     rows = cells.reshape(height, -1).view(np.uint8)
     padded = np.concatenate([rows, np.full((height, 5), 77, np.uint8)], axis=1)
@@ -143,7 +143,7 @@ def image(cells: AnyArray, stamp_ns: int, **changes: Any) -> Any:
 
 
 def occupancy(data: AnyArray, stamp_ns: int, origin: Any = None, resolution_m: float = 0.5) -> Any:
-    """Of (height, width) int8 as the message has them: x along a row."""
+    """OccupancyGrid from (height, width) int8 in message order: x along a row."""
     height, width = data.shape
     corner = pose((-width * resolution_m / 2, -height * resolution_m / 2, 0), (0, 0, 0, 1))
     info = make(
@@ -158,7 +158,7 @@ def occupancy(data: AnyArray, stamp_ns: int, origin: Any = None, resolution_m: f
 
 
 def write_bag(path: Path, messages: Iterable[tuple[str, int, Any]]) -> Path:
-    """A bag of (topic, log time, message)."""
+    """Write a bag of (topic, log time, message)."""
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         known: dict[str, Any] = {}
         for topic, stamp_ns, message in messages:

@@ -1,4 +1,4 @@
-"""Predictions for tests: as columns, and their frames' stamps."""
+"""Predictions for tests, as columns, and the stamps of their frames."""
 
 from typing import Any
 

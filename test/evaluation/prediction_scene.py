@@ -1,4 +1,4 @@
-"""A scene to predict, and a bag of it with nothing but the ego's motion."""
+"""A scene for tests of predictions, and a bag of it that contains only the ego's motion."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def spec(number: int = 0) -> SceneSpec:
 
 
 def record(path: Path) -> Path:
-    """The ego at x = tick, y 2, z 0.5, with a yaw of 0.1 times the tick."""
+    """Record the ego at x = tick, y = 2, z = 0.5, with a yaw of 0.1 times the tick."""
     scene = spec()
     with SceneBagWriter(path) as writer:
         writer.add_attachment("scene.json", "application/json", scene.model_dump_json().encode())

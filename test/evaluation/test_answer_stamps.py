@@ -1,4 +1,4 @@
-"""Which tick a stamp is of; what is of another scene does not count, what is of none is refused."""
+"""Stamps are assigned to ticks; other scenes are ignored, and stamps that belong to no tick are refused."""
 
 import pytest
 from evaluated_dataset import TICKS, spec
@@ -10,11 +10,11 @@ SCENE = spec(1)
 SCENES = {0, 1}
 
 
-def test_answers_are_to_their_ticks() -> None:
+def test_stamps_of_frames_give_their_ticks() -> None:
     assert [answered_tick(SCENE.stamp_ns(tick), SCENE, SCENES) for tick in (0, TICKS - 1)] == [0, TICKS - 1]
 
 
-def test_the_lead_in_and_scenes_before_do_not_count() -> None:
+def test_the_warm_up_and_earlier_scenes_are_ignored() -> None:
     for stamp_ns in (SCENE.stamp_ns(-1), SCENE.stamp_ns(0) - 1, spec(0).stamp_ns(3), spec(0).stamp_ns(-1) + 7):
         assert answered_tick(stamp_ns, SCENE, SCENES) is None
 
@@ -30,7 +30,7 @@ def test_the_lead_in_and_scenes_before_do_not_count() -> None:
         (1_763_800_000_123_456_789, TICKS - 1),
     ],
 )
-def test_a_stamp_of_no_tick_is_refused(stamp_ns: int, nearest: int) -> None:
+def test_a_stamp_that_belongs_to_no_tick_is_refused(stamp_ns: int, nearest: int) -> None:
     where = f"the nearest is {SCENE.stamp_ns(nearest)}, that of tick {nearest}"
-    with pytest.raises(InputError, match=rf"^header.stamp: {stamp_ns} is that of no tick of Blocks-0001; {where}$"):
+    with pytest.raises(InputError, match=rf"^header.stamp: {stamp_ns} belongs to no tick of Blocks-0001; {where}$"):
         answered_tick(stamp_ns, SCENE, SCENES)

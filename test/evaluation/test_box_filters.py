@@ -1,4 +1,4 @@
-"""Which boxes of a dataset count, and how its tables become columns."""
+"""Selection of the boxes that count, and conversion of box tables to columns."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from simbev_ros.annotation.boxes.boxes import blank_boxes
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.filters import BoxFilter
-from simbev_ros.evaluation.metrics.boxes import boxes_of
+from simbev_ros.evaluation.metrics.boxes import boxes_from_tables
 from simbev_ros.types import Table
 
 
@@ -31,8 +31,8 @@ def table() -> Table:
         (BoxFilter(range_m=(0, 30), points=(1, np.inf)), [1, 1, 0, 0]),
     ],
 )
-def test_boxes_count_that_meet_all_conditions(condition: BoxFilter, expected: list[int]) -> None:
-    np.testing.assert_array_equal(condition.of_truth(table()), np.array(expected, bool))
+def test_only_boxes_that_meet_all_conditions_count(condition: BoxFilter, expected: list[int]) -> None:
+    np.testing.assert_array_equal(condition.truth_mask(table()), np.array(expected, bool))
 
 
 @pytest.mark.parametrize(
@@ -51,10 +51,10 @@ def test_impossible_conditions_are_refused(values: dict[str, object], message: s
 def test_tables_become_columns_frame_by_frame() -> None:
     first, second = table()[:1], table()[1:3]
     second["x"], second["height"], second["vz"], second["class"] = [4, 5], [6, 7], [8, 9], [1, 2]
-    boxes = boxes_of({7: first, 3: second})
+    boxes = boxes_from_tables({7: first, 3: second})
     np.testing.assert_array_equal(boxes.frame, [7, 3, 3])
     np.testing.assert_array_equal(boxes.center_m[:, 0], [0, 4, 5])
     np.testing.assert_array_equal(boxes.size_m[:, 2], [0, 6, 7])
     np.testing.assert_array_equal(boxes.velocity_mps[:, 2], [0, 8, 9])
     np.testing.assert_array_equal(boxes.label, [0, 1, 2])
-    assert len(boxes_of({})) == 0
+    assert len(boxes_from_tables({})) == 0

@@ -1,4 +1,4 @@
-"""Overlap of boxes: against shapely's polygons, and by hand."""
+"""Overlap of boxes, compared with shapely's polygons and worked out by hand."""
 
 import numpy as np
 import pytest
@@ -31,11 +31,11 @@ def reference_iou(boxes: Boxes, others: Boxes) -> Float64Array:
 
 
 def random_pairs(rng: np.random.Generator, kind: str) -> tuple[Boxes, Boxes]:
-    """Pairs of boxes, on a map far from its origin."""
-    place_m = rng.uniform(-3000, 3000, (PAIRS, 3))
+    """Pairs of boxes on a map, far from its origin."""
+    position_m = rng.uniform(-3000, 3000, (PAIRS, 3))
     size_m, other_size_m = rng.uniform(0.2, 12, (2, PAIRS, 3))
     yaw_rad, other_yaw_rad = rng.uniform(-4, 4, (2, PAIRS))
-    apart_m = rng.normal(0, 2, (PAIRS, 3))
+    offset_m = rng.normal(0, 2, (PAIRS, 3))
     if kind != "any":
         other_yaw_rad = yaw_rad + rng.integers(0, 4, PAIRS) * np.pi / 2
         along_m = {
@@ -46,19 +46,19 @@ def random_pairs(rng: np.random.Generator, kind: str) -> tuple[Boxes, Boxes]:
             "degenerate": rng.normal(0, 1, PAIRS),
         }[kind]
         other_size_m = size_m * (0.5 if kind == "nested" else 1.0)
-        apart_m = np.stack([along_m * np.cos(yaw_rad), along_m * np.sin(yaw_rad), np.zeros(PAIRS)], axis=1)
+        offset_m = np.stack([along_m * np.cos(yaw_rad), along_m * np.sin(yaw_rad), np.zeros(PAIRS)], axis=1)
     if kind == "nearly parallel":
         other_yaw_rad = other_yaw_rad + 10.0 ** rng.uniform(-17, -3, PAIRS)
     if kind == "degenerate":
         other_size_m = other_size_m * rng.integers(0, 2, (PAIRS, 3))
         size_m = size_m * (rng.random((PAIRS, 3)) > 0.1)
-    centers_m = place_m.tolist()
+    centers_m = position_m.tolist()
     boxes = some_boxes(centers_m, size_m=size_m, yaw_rad=yaw_rad)
-    return boxes, some_boxes((place_m + apart_m).tolist(), size_m=other_size_m, yaw_rad=other_yaw_rad)
+    return boxes, some_boxes((position_m + offset_m).tolist(), size_m=other_size_m, yaw_rad=other_yaw_rad)
 
 
 @pytest.mark.parametrize("kind", ["any", "touching", "nested", "same", "nearly parallel", "degenerate"])
-def test_iou_is_that_of_shapely(kind: str) -> None:
+def test_iou_equals_shapely(kind: str) -> None:
     boxes, others = random_pairs(np.random.default_rng(5), kind)
     index = np.arange(PAIRS)
     iou = iou_of_pairs(boxes, others, index, index)
@@ -76,7 +76,7 @@ def test_iou_by_hand() -> None:
     np.testing.assert_allclose(found, [1, 1 / 3, 0, 1 / 3, 1 / 3, 0], atol=1e-9)
 
 
-def test_an_eighth_of_a_turn_leaves_an_octagon() -> None:
+def test_a_rotation_by_45_degrees_leaves_an_octagon() -> None:
     squares = some_boxes([(7, -3, 2), (7, -3, 2)], size_m=(2, 2, 1), yaw_rad=[0.3, 0.3 + np.pi / 4])
     octagon_m2 = 8 * (np.sqrt(2) - 1)
     found = iou_of_pairs(squares, squares, np.array([0]), np.array([1]))

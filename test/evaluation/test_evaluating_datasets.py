@@ -1,4 +1,4 @@
-"""From predictions in files to tables: worked by hand on two small scenes."""
+"""Evaluation from prediction files to tables, worked out by hand on two small scenes."""
 
 from dataclasses import fields, replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions
 from simbev_ros.evaluation.options import EvaluationOptions, options_of
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
-from simbev_ros.evaluation.slices import Cut, cuts_of
+from simbev_ros.evaluation.slices import TableSlice, table_slices
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +25,8 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made.record(tmp_path_factory.mktemp("evaluated"))
 
 
-def written(folder: Path, *parts: Predictions, grids: bool = False, frame_id: str = "map") -> Path:
-    """Predictions of the first scenes."""
+def write_answers(folder: Path, *parts: Predictions, grids: bool = False, frame_id: str = "map") -> Path:
+    """Write predictions for the first scenes."""
     write_predictions(folder / "boxes.parquet", list(zip(made.NAMES, parts, strict=False)), frame_id)
     for name in made.NAMES if grids else ():
         for tick in range(made.TICKS):
@@ -34,17 +34,19 @@ def written(folder: Path, *parts: Predictions, grids: bool = False, frame_id: st
     return folder
 
 
-def measured(dataset: Path, predictions: Path, options: EvaluationOptions | None = None, jobs: int = 1) -> Evaluation:
+def run_evaluation(
+    dataset: Path, predictions: Path, options: EvaluationOptions | None = None, jobs: int = 1
+) -> Evaluation:
     scenes = open_dataset(dataset).scenes
-    said = open_predictions(predictions).of_dataset([scene.name for scene in scenes])
-    return evaluate(scenes, said, options, jobs)
+    predictions = open_predictions(predictions).for_dataset([scene.name for scene in scenes])
+    return evaluate(scenes, predictions, options, jobs)
 
 
 def test_truth_as_prediction_is_perfect_in_every_table(dataset: Path, tmp_path: Path) -> None:
     groups = ("distance", "visibility", "points", "difficulty", "daytime", "weather")
-    options = EvaluationOptions(tuple(cuts_of(Cut(), groups)))
-    folder = written(tmp_path, made.as_predicted(), made.as_predicted(), grids=True)
-    result = measured(dataset, folder, options)
+    options = EvaluationOptions(tuple(table_slices(TableSlice(), groups)))
+    folder = write_answers(tmp_path, made.as_predicted(), made.as_predicted(), grids=True)
+    result = run_evaluation(dataset, folder, options)
     rows = [each for each in result.detections.values() if each.truths.sum()]
     assert len(rows) > len(groups)
     for row in rows:
@@ -64,35 +66,37 @@ def test_known_errors_come_out_as_they_went_in(dataset: Path, tmp_path: Path) ->
         size_m=own.size_m * [1.0, 1.0, 1.25],
         velocity_mps=own.velocity_mps + np.array([3.0, 0.0, 4.0]),
     )
-    result = measured(dataset, written(tmp_path, off, off)).detections[Cut()]
+    result = run_evaluation(dataset, write_answers(tmp_path, off, off)).detections[TableSlice()]
     expected = {"ATE": 0.05, "AOE": 0.01, "ASE": 0.2, "AVE": 5.0}
     assert result.mean_errors("distance") == pytest.approx(expected, abs=1e-6)
     assert result.sds("distance") == pytest.approx((4 + 0.95 + 0.99 + 0.8 + 0) / 8, abs=1e-6)
 
 
-def test_what_is_not_answered_is_missed(dataset: Path, tmp_path: Path) -> None:
-    """Only the first scene is predicted, and of it only the even ticks."""
+def test_unanswered_frames_are_missed(dataset: Path, tmp_path: Path) -> None:
+    """Only the first scene has predictions, and only at even ticks."""
     even = made.as_predicted()
-    result = measured(dataset, written(tmp_path, even.take(even.boxes.frame % 2 == 0)))
+    result = run_evaluation(dataset, write_answers(tmp_path, even.take(even.boxes.frame % 2 == 0)))
     assert result.answered_boxes == {made.NAMES[0]: made.TICKS // 2, made.NAMES[1]: 0}
-    assert result.detections[Cut()].mean_ap("distance") == pytest.approx(0.25)
+    assert result.detections[TableSlice()].mean_ap("distance") == pytest.approx(0.25)
     np.testing.assert_array_equal(result.frames[made.NAMES[0]]["found"], [3, 0] * (made.TICKS // 2))
     assert not result.segmentations
 
 
 def test_frames_without_scores_are_missed(dataset: Path, tmp_path: Path) -> None:
     write_grid(tmp_path, made.NAMES[0], 0, made.scores(0))
-    result = measured(dataset, tmp_path)
+    result = run_evaluation(dataset, tmp_path)
     assert not result.detections and result.answered_grids[made.NAMES[0]] == 1
-    tally = result.segmentations[Cut()]
+    tally = result.segmentations[TableSlice()]
     assert tally.frames == 2 * made.TICKS
     assert tally.iou()[made.ROAD, 4] == pytest.approx(1 / (2 * made.TICKS))
     assert tally.iou()[made.CAR, 4] == pytest.approx(3 / (2 * made.TICKS * 2.5))
 
 
-def test_rows_of_a_table_have_the_boxes_and_cells_that_belong_there(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(cuts_of(Cut(), ("distance", "points", "daytime", "weather"), (0, 20, 40))))
-    figures = figures_of(measured(dataset, written(tmp_path, made.as_predicted(), grids=True), options))
+def test_table_rows_count_only_their_own_boxes_and_cells(dataset: Path, tmp_path: Path) -> None:
+    options = EvaluationOptions(
+        tuple(table_slices(TableSlice(), ("distance", "points", "daytime", "weather"), (0, 20, 40)))
+    )
+    figures = figures_of(run_evaluation(dataset, write_answers(tmp_path, made.as_predicted(), grids=True), options))
     detection, segmentation = figures["detection"], figures["segmentation"]
     assert {name: row["boxes"] for name, row in detection["by_distance"].items()} == {
         "0 to 20 m": 20,
@@ -113,60 +117,60 @@ def test_rows_of_a_table_have_the_boxes_and_cells_that_belong_there(dataset: Pat
     assert segmentation["by_distance"]["20 to 40 m"]["IoU_at"]["car"]["0.5"] is None
 
 
-def test_what_does_not_count_is_in_no_figure(dataset: Path, tmp_path: Path) -> None:
-    """The far car is predicted wrongly, and a ghost stands far away, too."""
+def test_boxes_that_do_not_count_are_ignored(dataset: Path, tmp_path: Path) -> None:
+    """The far car is predicted wrongly, and there is also a far false positive."""
     own = made.truth()
     wrong = own.center_m.copy()
     wrong[own.center_m[:, 0] > 60] += (0.0, 30.0, 0.0)
-    near = Cut(boxes=BoxFilter(range_m=(0, 40)), daytimes=("day",))
+    near = TableSlice(boxes=BoxFilter(range_m=(0, 40)), daytimes=("day",))
     options = EvaluationOptions((near,), box_classes=("car",))
     predicted = made.as_predicted(center_m=wrong)
-    result = measured(dataset, written(tmp_path, predicted, predicted), options)
+    result = run_evaluation(dataset, write_answers(tmp_path, predicted, predicted), options)
     assert result.detections[near].truths.sum() == 14
     assert result.detections[near].mean_ap("iou") == pytest.approx(1)
     assert result.frame_count == 14
 
 
-def test_of_a_frame_as_many_surest_predictions_as_boxes_are_looked_at(dataset: Path, tmp_path: Path) -> None:
-    """A surer ghost costs one of two cars its place; the pedestrian is of another class."""
+def test_frames_are_judged_by_as_many_top_predictions_as_boxes(dataset: Path, tmp_path: Path) -> None:
+    """A more confident false positive displaces one of two cars; the pedestrian is of another class."""
     own = made.truth()
     near = own.take((own.center_m[:, 0] > 0) & (own.center_m[:, 0] < 20))
     ghosts = replace(near, center_m=near.center_m + np.array([0.0, 30.0, 0.0]))
     columns = (np.concatenate([getattr(own, each.name), getattr(ghosts, each.name)]) for each in fields(Boxes))
     both = Predictions(Boxes(*columns), np.repeat([1.0, 2.0], [len(own), len(ghosts)]))
-    result = measured(dataset, written(tmp_path, both))
+    result = run_evaluation(dataset, write_answers(tmp_path, both))
     np.testing.assert_array_equal(result.frames[made.NAMES[0]]["found"], [2] * made.TICKS)
 
 
 def test_processes_give_the_same_figures(dataset: Path, tmp_path: Path) -> None:
     own = made.truth()
     noisy = made.as_predicted(center_m=own.center_m + np.random.default_rng(1).normal(0, 0.5, own.center_m.shape))
-    folder = written(tmp_path, noisy, noisy, grids=True)
-    assert figures_of(measured(dataset, folder)) == figures_of(measured(dataset, folder, jobs=2))
+    folder = write_answers(tmp_path, noisy, noisy, grids=True)
+    assert figures_of(run_evaluation(dataset, folder)) == figures_of(run_evaluation(dataset, folder, jobs=2))
 
 
-def test_fewer_frames(dataset: Path, tmp_path: Path) -> None:
-    result = measured(dataset, written(tmp_path, made.as_predicted()), EvaluationOptions(every=4))
+def test_every_nth_frame_is_evaluated(dataset: Path, tmp_path: Path) -> None:
+    result = run_evaluation(dataset, write_answers(tmp_path, made.as_predicted()), EvaluationOptions(every=4))
     assert [each["tick"].tolist() for each in result.frames.values()] == [[0, 4, 8]] * 2
 
 
 def test_scores_of_another_size_are_refused(dataset: Path, tmp_path: Path) -> None:
     write_grid(tmp_path, made.NAMES[0], 3, made.scores(3)[:, :7])
     with pytest.raises(InputError, match=r"000003.npz: scores: have 7 x 20 cells; the truth has 20 x 20"):
-        measured(dataset, tmp_path)
+        run_evaluation(dataset, tmp_path)
 
 
-def test_without_a_frame_nothing_is_evaluated(dataset: Path, tmp_path: Path) -> None:
-    fog = EvaluationOptions((Cut(weathers=("fog",)),))
+def test_an_evaluation_without_frames_is_refused(dataset: Path, tmp_path: Path) -> None:
+    fog = EvaluationOptions((TableSlice(weathers=("fog",)),))
     with pytest.raises(InputError, match="no frame"):
-        measured(dataset, written(tmp_path, made.as_predicted()), fog)
+        run_evaluation(dataset, write_answers(tmp_path, made.as_predicted()), fog)
 
 
-def test_nothing_found_has_no_area_and_the_worst_errors(dataset: Path, tmp_path: Path) -> None:
+def test_empty_answers_have_zero_ap_and_maximum_errors(dataset: Path, tmp_path: Path) -> None:
     nothing = made.as_predicted()
     folder = tmp_path / "boxes.parquet"
     write_predictions(folder, [(made.NAMES[0], nothing.take(slice(0, 0)), range(made.TICKS))])
-    result = measured(dataset, folder).detections[Cut()]
+    result = run_evaluation(dataset, folder).detections[TableSlice()]
     assert result.mean_ap("iou") == 0 and result.sds("iou") == 0
     assert set(result.mean_errors("iou").values()) == {1.0}
 
@@ -175,55 +179,55 @@ def test_nothing_found_has_no_area_and_the_worst_errors(dataset: Path, tmp_path:
     ("groups", "rings", "message"),
     [(["colour"], (0, 20), "by: there is no 'colour'"), (["distance"], (20, 10), "must rise"), ((), (), "must rise")],
 )
-def test_tables_that_cannot_be_are_refused(groups: list[str], rings: tuple[float, ...], message: str) -> None:
+def test_invalid_tables_are_refused(groups: list[str], rings: tuple[float, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        cuts_of(Cut(), groups, rings)
+        table_slices(TableSlice(), groups, rings)
 
 
-def test_conditions_that_there_are_not_are_refused() -> None:
+def test_unknown_conditions_are_refused() -> None:
     with pytest.raises(InputError, match="weathers: 'snow' is not allowed; allowed: clear, cloudy, fog, rain"):
-        Cut(weathers=("snow",))
+        TableSlice(weathers=("snow",))
     with pytest.raises(InputError, match="box_classes: there is no 'tram'"):
         EvaluationOptions(box_classes=("tram",))
 
 
 def test_only_frames_with_truth_are_evaluated(tmp_path: Path) -> None:
     dataset = made.record(tmp_path / "dataset", without="/ego/boxes")
-    said = written(tmp_path, made.as_predicted(), made.as_predicted())
-    with pytest.raises(InputError, match="Blocks-0000: cannot be evaluated, as nothing was recorded of boxes"):
-        measured(dataset, said)
+    predictions = write_answers(tmp_path, made.as_predicted(), made.as_predicted())
+    with pytest.raises(InputError, match="Blocks-0000: cannot be evaluated, because the bag lacks boxes"):
+        run_evaluation(dataset, predictions)
     scene = open_dataset(dataset).scenes[1]
-    result = evaluate([scene], open_predictions(said))
+    result = evaluate([scene], open_predictions(predictions))
     assert result.frames[scene.name]["tick"].tolist() == [0, 2, 4, 6, 8]
-    assert result.detections[Cut()].mean_ap("iou") == pytest.approx(1)
+    assert result.detections[TableSlice()].mean_ap("iou") == pytest.approx(1)
 
 
 def test_answers_to_frames_whose_pose_was_lost_do_not_count(tmp_path: Path) -> None:
     dataset, ticks = made.record(tmp_path / "dataset", without="/ego/odom"), made.truth().frame
     offset_m = np.array([made.ego_m(tick) for tick in ticks])
     predictions = made.as_predicted(center_m=made.truth().center_m - offset_m)
-    said = written(tmp_path, predictions, predictions, frame_id="ego/base_link")
-    result = evaluate([open_dataset(dataset).scenes[1]], open_predictions(said))
+    predictions = write_answers(tmp_path, predictions, predictions, frame_id="ego/base_link")
+    result = evaluate([open_dataset(dataset).scenes[1]], open_predictions(predictions))
     assert result.frame_count == 5
-    assert result.detections[Cut()].mean_ap("iou") == pytest.approx(1)
+    assert result.detections[TableSlice()].mean_ap("iou") == pytest.approx(1)
 
 
-def test_what_nuscenes_needs_must_have_been_recorded(dataset: Path, tmp_path: Path) -> None:
+def test_nuscenes_metrics_need_the_legend(dataset: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="Blocks-0000: nothing was recorded of world/legend"):
-        measured(dataset, written(tmp_path, made.as_predicted()), EvaluationOptions(nuscenes=True))
+        run_evaluation(dataset, write_answers(tmp_path, made.as_predicted()), EvaluationOptions(nuscenes=True))
 
 
-def test_a_configuration_says_what_counts() -> None:
+def test_options_follow_the_configuration() -> None:
     section = {"range_m": 50, "least_points": 5, "least_visibility": 0.2, "classes": ["car", "road"], "by": ["weather"]}
     options = options_of(EvaluationSection.model_validate(section))
     assert (options.box_classes, options.bev_classes) == (("car",), ("road", "car"))
-    base = options.cuts[0].boxes
+    base = options.slices[0].boxes
     assert (base.range_m, base.points, base.visibility) == ((0, 50), (5, np.inf), (0.2, np.inf))
-    assert {cut.group for cut in options.cuts} == {"", "weather"}
+    assert {table_slice.group for table_slice in options.slices} == {"", "weather"}
     assert options_of(EvaluationSection()) == EvaluationOptions()
 
 
 @pytest.mark.parametrize(("section", "words"), [({"classes": ["tram"]}, "no 'tram'"), ({"by": ["colour"]}, "distance")])
-def test_a_configuration_that_cannot_be_is_refused(section: dict[str, list[str]], words: str) -> None:
+def test_an_invalid_configuration_is_refused(section: dict[str, list[str]], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         EvaluationSection.model_validate(section)

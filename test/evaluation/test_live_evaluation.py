@@ -1,4 +1,4 @@
-"""Live and afterwards the same figures come of the same frames; answers, latencies and misses are counted."""
+"""Live and offline evaluation of the same frames give the same metrics; answers, latencies and misses are counted."""
 
 from pathlib import Path
 from typing import Any
@@ -9,22 +9,22 @@ from made_up_scene import made_up_scene
 
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.evaluation import evaluation_of
+from simbev_ros.evaluation.evaluation import evaluation_from_tallies
 from simbev_ros.evaluation.figures import figures_of
-from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, Books, OpenFrame
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame
 from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, live_figures
-from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_of
+from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_from_tables
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
-from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, joined
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, join_boxes
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.scene_evaluation import evaluate_scene
-from simbev_ros.evaluation.slices import Cut, cuts_of
+from simbev_ros.evaluation.slices import TableSlice, table_slices
 
 TICKS = 80
-"""More than are matched at once."""
+"""More than the size of a matching batch."""
 FRAME = "ego/cam_front"
-OPTIONS = EvaluationOptions(cuts=tuple(cuts_of(Cut(), ("distance", "points"))))
+OPTIONS = EvaluationOptions(slices=tuple(table_slices(TableSlice(), ("distance", "points"))))
 
 
 @pytest.fixture(scope="module")
@@ -35,15 +35,17 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 def answers(scene: Scene, tick: int) -> dict[str, Any]:
-    """To most frames: the truth with errors, and scores of some classes."""
+    """Answers to most frames: ground truth with errors, and scores of some classes."""
     rng, frame = np.random.default_rng(tick), scene[tick]
     found: dict[str, Any] = {}
     if tick % 7:
-        boxes = boxes_of({tick: frame["boxes"]}).take(rng.random(len(frame["boxes"])) < 0.8)
+        boxes = boxes_from_tables({tick: frame["boxes"]}).take(rng.random(len(frame["boxes"])) < 0.8)
         frame_from_map = np.linalg.inv(frame.map_from_sensor("cam_front"))
         guess_m = boxes.center_m + rng.normal(0, 0.5, boxes.center_m.shape)
         boxes.center_m[:] = guess_m @ frame_from_map[:3, :3].T + frame_from_map[:3, 3]
-        found["/boxes"] = PredictedBoxes.of(Predictions(boxes, rng.random(len(boxes))), Reference(FRAME, "/boxes"))
+        found["/boxes"] = PredictedBoxes.with_reference(
+            Predictions(boxes, rng.random(len(boxes))), Reference(FRAME, "/boxes")
+        )
     for name in ("road", "car") if tick % 5 else ():
         found[f"/bev/{name}"] = ScoreGrid((name,), rng.random((1, *frame["bev/labels"].shape)), f"/bev/{name}")
     return found
@@ -55,26 +57,32 @@ def frame_of(scene: Scene, tick: int, **changes: Any) -> OpenFrame:
     return OpenFrame(**{"tick": tick, "truth": truth, "answers": answers(scene, tick), **changes})
 
 
-def written(scene: Scene, folder: Path) -> Path:
-    """The same answers as files."""
+def write_answers(scene: Scene, folder: Path) -> Path:
+    """Write the same answers as files."""
     found = {tick: answers(scene, tick) for tick in range(TICKS)}
-    boxes = [(tick, said["/boxes"].predictions) for tick, said in found.items() if "/boxes" in said]
-    predictions = joined([PredictedBoxes.of(each, Reference(FRAME, "")) for _, each in boxes]).predictions
+    boxes = [
+        (tick, frame_answers["/boxes"].predictions)
+        for tick, frame_answers in found.items()
+        if "/boxes" in frame_answers
+    ]
+    predictions = join_boxes(
+        [PredictedBoxes.with_reference(each, Reference(FRAME, "")) for _, each in boxes]
+    ).predictions
     folder.mkdir()
     write_predictions(folder / "boxes.parquet", [(scene.name, predictions, [tick for tick, _ in boxes])], FRAME)
-    for tick, said in found.items():
-        grids = [each for each in said.values() if isinstance(each, ScoreGrid)]
+    for tick, frame_answers in found.items():
+        grids = [each for each in frame_answers.values() if isinstance(each, ScoreGrid)]
         if grids:
             scores = np.concatenate([each.scores for each in grids])
             write_grid(folder, scene.name, tick, scores, [name for each in grids for name in each.classes])
     return folder
 
 
-def assert_alike(found: Any, expected: Any) -> None:
-    """All that is expected is there; sums in another order differ in the last digits."""
+def assert_matches(found: Any, expected: Any) -> None:
+    """Assert that all expected values are there; sums in another order differ in the last digits."""
     if isinstance(expected, dict):
         for name, value in expected.items():
-            assert_alike(found[name], value)
+            assert_matches(found[name], value)
     else:
         assert found == (expected if expected is None else pytest.approx(expected, rel=1e-9))
 
@@ -82,25 +90,25 @@ def assert_alike(found: Any, expected: Any) -> None:
 def test_live_figures_equal_those_of_the_recorded_scene(scene: Scene, tmp_path: Path) -> None:
     live = LiveEvaluation(scene.spec, OPTIONS)
     for tick in range(TICKS):
-        live.add(frame_of(scene, tick))
+        live.add_frame(frame_of(scene, tick))
         if tick % 20 == 5:
-            live.running()
-    predicted = open_predictions(written(scene, tmp_path / "answers")).scene(scene.name, scene.stamps_ns)
+            live.running_figures()
+    predicted = open_predictions(write_answers(scene, tmp_path / "answers")).scene(scene.name, scene.stamps_ns)
     expected = evaluate_scene(scene, predicted, OPTIONS, grids=True)
-    found = live.scene(Books())
+    found = live.finish(JoinCounts())
     for name in expected.frames.dtype.names or ():
         assert found.tally.frames[name] == pytest.approx(expected.frames[name], nan_ok=True)
-    figures = figures_of(evaluation_of([expected], OPTIONS))
+    figures = figures_of(evaluation_from_tallies([expected], OPTIONS))
     assert 0.1 < figures["detection"]["iou"]["SDS"] < 0.9
-    assert_alike(live_figures([found], OPTIONS), figures)
+    assert_matches(live_figures([found], OPTIONS), figures)
 
 
-def test_running_figures_are_those_of_the_frames_so_far(scene: Scene) -> None:
+def test_running_figures_cover_the_frames_so_far(scene: Scene) -> None:
     live = LiveEvaluation(scene.spec, OPTIONS)
-    assert live.running() == {"frames": 0, "answered_boxes": 0, "answered_grids": 0}
+    assert live.running_figures() == {"frames": 0, "answered_boxes": 0, "answered_grids": 0}
     for tick in range(10):
-        live.add(frame_of(scene, tick))
-    running, figures = live.running(), live_figures([live.scene(Books())], OPTIONS)
+        live.add_frame(frame_of(scene, tick))
+    running, figures = live.running_figures(), live_figures([live.finish(JoinCounts())], OPTIONS)
     assert (running["frames"], running["answered_boxes"], running["answered_grids"]) == (10, 8, 8)
     assert running["mAP_iou"] == pytest.approx(figures["detection"]["iou"]["mAP"])
     assert running["SDS_distance"] == pytest.approx(figures["detection"]["distance"]["SDS"])
@@ -108,11 +116,11 @@ def test_running_figures_are_those_of_the_frames_so_far(scene: Scene) -> None:
     assert not {name for name in running if name.startswith("latency")}
 
 
-def test_latency_is_that_of_complete_frames(scene: Scene) -> None:
+def test_latency_covers_complete_frames_only(scene: Scene) -> None:
     live = LiveEvaluation(scene.spec, OPTIONS)
     for tick in range(12):
-        live.add(frame_of(scene, tick, is_complete=tick <= 10, input_s=7.0, answered_s=7.0 + 0.001 * tick))
-    latency_ms = live_figures([live.scene(Books())], OPTIONS)["latency_ms"]
+        live.add_frame(frame_of(scene, tick, is_complete=tick <= 10, input_s=7.0, answered_s=7.0 + 0.001 * tick))
+    latency_ms = live_figures([live.finish(JoinCounts())], OPTIONS)["latency_ms"]
     assert latency_ms == {"p50": pytest.approx(5.0), "p90": pytest.approx(9.0), "p99": pytest.approx(9.9)}
 
 
@@ -120,8 +128,8 @@ def test_several_scenes_are_counted_together(scene: Scene) -> None:
     scenes = []
     for missed in (1, 2):
         live = LiveEvaluation(scene.spec, OPTIONS)
-        live.add(frame_of(scene, 1, answers={}))
-        scenes.append(live.scene(Books(missed=missed, late=3)))
+        live.add_frame(frame_of(scene, 1, answers={}))
+        scenes.append(live.finish(JoinCounts(missed=missed, late=3)))
     figures = live_figures(scenes, OPTIONS)
     assert (figures["frames"]["missed"], figures["frames"]["late"]) == (3, 6)
     assert figures["latency_ms"] == {"p50": None, "p90": None, "p99": None}
@@ -131,14 +139,16 @@ def test_several_scenes_are_counted_together(scene: Scene) -> None:
 
 def test_boxes_of_an_unknown_frame_are_refused(scene: Scene) -> None:
     live = LiveEvaluation(scene.spec, OPTIONS)
-    boxes = PredictedBoxes.of(answers(scene, 1)["/boxes"].predictions, Reference("base_link", "/boxes: tick 1"))
+    boxes = PredictedBoxes.with_reference(
+        answers(scene, 1)["/boxes"].predictions, Reference("base_link", "/boxes: tick 1")
+    )
     with pytest.raises(InputError, match=r"^/boxes: tick 1: frame_id: there is no 'base_link' in scene Blocks-0000; "):
-        live.add(frame_of(scene, 1, answers={"/boxes": boxes}))
-    assert live_figures([live.scene(Books())], OPTIONS)["frames"]["evaluated"] == 0
+        live.add_frame(frame_of(scene, 1, answers={"/boxes": boxes}))
+    assert live_figures([live.finish(JoinCounts())], OPTIONS)["frames"]["evaluated"] == 0
 
 
-def test_grids_of_classes_must_be_of_one_size(scene: Scene) -> None:
+def test_grids_of_different_sizes_are_refused(scene: Scene) -> None:
     sizes = {"car": 20, "bus": 9}
     grids = {name: ScoreGrid((name,), np.zeros((1, rows, 24)), f"/bev/{name}") for name, rows in sizes.items()}
     with pytest.raises(InputError, match=r"^/bev/bus: scores: have 9 x 24 cells; the truth has 20 x 24$"):
-        LiveEvaluation(scene.spec, OPTIONS).add(frame_of(scene, 1, answers=grids))
+        LiveEvaluation(scene.spec, OPTIONS).add_frame(frame_of(scene, 1, answers=grids))

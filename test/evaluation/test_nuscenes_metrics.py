@@ -1,4 +1,4 @@
-"""nuScenes' metrics: equal to nuscenes-devkit's own numbers."""
+"""The nuScenes metrics equal nuscenes-devkit's own numbers."""
 
 from dataclasses import replace
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 
 from simbev_ros.bench.devkit_comparison import devkit_numbers, devkit_python
-from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, no_boxes
+from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, empty_boxes
 from simbev_ros.evaluation.metrics.nuscenes import (
     CLASSES,
     DISTANCES_M,
@@ -25,8 +25,8 @@ ATTRIBUTES = ("vehicle.moving", "vehicle.parked", "vehicle.stopped")
 FRAMES, PER_FRAME = 12, 120
 
 
-def of_devkit(boxes: Boxes) -> Boxes:
-    """Without lights and signs, which the devkit does not know."""
+def devkit_classes_only(boxes: Boxes) -> Boxes:
+    """Boxes without lights and signs, which the devkit does not know."""
     return boxes.take(~np.isin(boxes.label, [BOX_CLASSES.index("traffic_light"), BOX_CLASSES.index("traffic_sign")]))
 
 
@@ -37,15 +37,15 @@ def expected_numbers(truth: Boxes, predictions: Predictions) -> dict[str, Any]:
     return devkit_numbers(python, truth, predictions, range(FRAMES), ATTRIBUTES)
 
 
-def measured(truth: Boxes, predictions: Predictions) -> NuscenesResult:
+def compute_metrics(truth: Boxes, predictions: Predictions) -> NuscenesResult:
     return nuscenes_result(nuscenes_tally(truth, predictions, np.arange(FRAMES)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["random", "sparse", "one class", "low scores", "without predictions"])
-def test_numbers_are_the_devkits(case: str) -> None:
+def test_numbers_equal_the_devkit(case: str) -> None:
     rng = np.random.default_rng(11)
-    truth = of_devkit(random_truth(rng, FRAMES, PER_FRAME))
+    truth = devkit_classes_only(random_truth(rng, FRAMES, PER_FRAME))
     if case == "sparse":
         truth = truth.take(rng.random(len(truth)) < 0.1)
     if case == "one class":
@@ -55,7 +55,7 @@ def test_numbers_are_the_devkits(case: str) -> None:
         predictions = Predictions(predictions.boxes, predictions.score.round(1) / 10)
     if case == "without predictions":
         predictions = predictions.take(np.zeros(len(predictions), np.bool_))
-    expected, found = expected_numbers(truth, predictions), measured(truth, predictions)
+    expected, found = expected_numbers(truth, predictions), compute_metrics(truth, predictions)
     assert found.mean_ap == pytest.approx(expected["mean_ap"], abs=1e-9)
     assert found.nds == pytest.approx(expected["nd_score"], abs=1e-9)
     names = dict(zip(ERRORS, DEVKIT_NAMES, strict=True))
@@ -66,7 +66,7 @@ def test_numbers_are_the_devkits(case: str) -> None:
         assert found.errors[row].tolist() == pytest.approx(errors, abs=1e-9, nan_ok=True)
 
 
-def test_parts_merged_are_the_whole() -> None:
+def test_merged_parts_equal_the_whole() -> None:
     rng = np.random.default_rng(12)
     truth = random_truth(rng, FRAMES, PER_FRAME)
     predictions = random_predictions(rng, truth)
@@ -74,7 +74,7 @@ def test_parts_merged_are_the_whole() -> None:
         nuscenes_tally(truth.take(truth.frame == k), predictions.take(predictions.boxes.frame == k), np.array([k]))
         for k in range(FRAMES)
     ]
-    merged, whole = nuscenes_result(nuscenes_merge(parts)), measured(truth, predictions)
+    merged, whole = nuscenes_result(nuscenes_merge(parts)), compute_metrics(truth, predictions)
     np.testing.assert_array_equal(merged.ap, whole.ap)
     np.testing.assert_allclose(merged.errors, whole.errors, rtol=1e-12)
 
@@ -87,7 +87,7 @@ def test_truth_as_prediction_is_perfect_but_for_absent_classes() -> None:
     assert nuscenes_result(total).mean_ap == pytest.approx(0.8)
 
 
-def test_by_hand() -> None:
+def test_metrics_by_hand() -> None:
     """One of two cars found, 1 m off and 9 m too low: precision is 1 up to a recall of 0.5, 40 of 90 bins."""
     truth = some_boxes([(0, 0, 0), (30, 0, 0)])
     found = Predictions(some_boxes([(1, 0, -9)], yaw_rad=0.2, size_m=(2, 2, 2)), np.array([0.7]))
@@ -99,4 +99,4 @@ def test_by_hand() -> None:
 
 def test_without_truth_all_is_zero() -> None:
     found = Predictions(some_boxes([(1, 0, 0)]), np.array([0.7]))
-    assert measured(no_boxes(), found).nds == 0.0
+    assert compute_metrics(empty_boxes(), found).nds == 0.0

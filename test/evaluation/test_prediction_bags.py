@@ -1,4 +1,4 @@
-"""Bags of predictions written by rosbags: boxes of each type, scores, whose scene they are, every documented error."""
+"""Bags of predictions written by rosbags: boxes of each type, scores, assignment to scenes, every documented error."""
 
 import pickle
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ def table(count: int, x: float) -> Any:
 
 
 def tables(ticks: Sequence[int] = (0, 2, 3), stamps_ns: Any = STAMPS_NS) -> list[tuple[str, int, Any]]:
-    """As many boxes as the tick's number, logged a little later than stamped."""
+    """Messages with as many boxes as the number of the tick, logged a little later than stamped."""
     return [
         (BOXES, int(stamps_ns[tick]) + 7, table_message(table(tick, tick), int(stamps_ns[tick]), "ego/lidar"))
         for tick in ticks
@@ -40,10 +40,10 @@ def scene_message(number: int) -> tuple[str, int, Any]:
 
 
 def read(path: Path, scenes: Sequence[str] = (SCENE,)) -> PredictedScene:
-    return open_predictions(path).of_dataset(scenes).scene(SCENE, STAMPS_NS)
+    return open_predictions(path).for_dataset(scenes).scene(SCENE, STAMPS_NS)
 
 
-def test_tables_answer_their_frames_also_without_boxes(tmp_path: Path) -> None:
+def test_tables_answer_their_frames_even_without_boxes(tmp_path: Path) -> None:
     scene = read(write_bag(tmp_path / SCENE, tables()), (SCENE, OTHER))
     found = scene.boxes()
     assert scene.ticks_with_boxes == {0, 2, 3}
@@ -52,9 +52,9 @@ def test_tables_answer_their_frames_also_without_boxes(tmp_path: Path) -> None:
     assert {each.frame_id for each in found.references} == {"ego/lidar"}
 
 
-def test_types_that_only_the_file_defines_are_read(tmp_path: Path) -> None:
-    said = [(BOXES, 1, detections([ENTRY], header(int(STAMPS_NS[1]), "ego/base_link")))]
-    scene = read(write_bag(tmp_path / "bag", said))
+def test_message_types_defined_only_in_the_file_are_read(tmp_path: Path) -> None:
+    messages = [(BOXES, 1, detections([ENTRY], header(int(STAMPS_NS[1]), "ego/base_link")))]
+    scene = read(write_bag(tmp_path / "bag", messages))
     found = scene.boxes()
     np.testing.assert_array_equal(found.predictions.boxes.center_m, [[1, 2, 3]])
     assert scene.ticks_with_boxes == {1} and found.references[0].frame_id == "ego/base_link"
@@ -63,42 +63,42 @@ def test_types_that_only_the_file_defines_are_read(tmp_path: Path) -> None:
 def test_markers_are_read_and_empty_arrays_answer_nothing(tmp_path: Path) -> None:
     nothing = markers([], header(1))
     nothing.markers = []
-    said = [(BOXES, 1, markers([ENTRY], header(int(STAMPS_NS[3])))), (BOXES, 2, nothing)]
-    scene = read(write_bag(tmp_path / "bag", said))
+    messages = [(BOXES, 1, markers([ENTRY], header(int(STAMPS_NS[3])))), (BOXES, 2, nothing)]
+    scene = read(write_bag(tmp_path / "bag", messages))
     assert len(scene.boxes()) == 1 and scene.ticks_with_boxes == {3}
 
 
-def test_score_images_and_topics_of_ones_choice(tmp_path: Path) -> None:
-    said = [("/stack/bev", 1, image(CELLS, int(STAMPS_NS[1]))), ("/stack/boxes", 1, tables([2])[0][2])]
-    path = write_bag(tmp_path / "bag", said)
-    scene = open_predictions(path, "/stack/boxes", "/stack/bev").of_dataset([SCENE]).scene(SCENE, STAMPS_NS)
+def test_score_images_on_chosen_topics_are_read(tmp_path: Path) -> None:
+    messages = [("/stack/bev", 1, image(CELLS, int(STAMPS_NS[1]))), ("/stack/boxes", 1, tables([2])[0][2])]
+    path = write_bag(tmp_path / "bag", messages)
+    scene = open_predictions(path, "/stack/boxes", "/stack/bev").for_dataset([SCENE]).scene(SCENE, STAMPS_NS)
     grid = scene.grid(1)
     assert grid is not None and grid.classes == BEV_CLASSES and scene.grid(2) is None
     np.testing.assert_array_equal(np.moveaxis(grid.scores, 0, -1), CELLS)
     assert scene.ticks_with_boxes == {2} and scene.ticks_with_grid == {1}
 
 
-def test_occupancy_grids_are_layers_of_the_classes_that_there_are(tmp_path: Path) -> None:
+def test_occupancy_grids_become_layers_of_their_classes(tmp_path: Path) -> None:
     car, road = np.full((3, 4), 100, np.int8), np.zeros((3, 4), np.int8)
     road[0, 3] = 50  # ahead, right
-    said = [
+    messages = [
         (f"{GRIDS}/car", 1, occupancy(car, int(STAMPS_NS[0]))),
         (f"{GRIDS}/road", 1, occupancy(road, int(STAMPS_NS[0]))),
         (f"{GRIDS}/car", 2, occupancy(car, int(STAMPS_NS[1]))),
     ]
-    scene = read(write_bag(tmp_path / "bag", said))
+    scene = read(write_bag(tmp_path / "bag", messages))
     both, one = scene.grid(0), scene.grid(1)
     assert both is not None and one is not None and one.classes == ("car",)
     assert both.classes == ("road", "car") and both.scores.shape == (2, 4, 3)
     assert both.scores[0, 0, 2] == 0.5 and both.scores[0].sum() == 0.5 and (both.scores[1] == 1).all()
 
 
-def test_a_bag_of_several_scenes_is_told_apart_by_stamps(tmp_path: Path) -> None:
+def test_stamps_separate_the_scenes_of_a_bag(tmp_path: Path) -> None:
     first, second = spec(0), spec(1)
     stamps = [drawn.start_ns + drawn.tick_ns * np.arange(4) for drawn in (first, second)]
     before = [(BOXES, 1, table_message(table(1, 0), first.start_ns - first.tick_ns))]  # of the warm-up
-    said = [scene_message(0), *before, *tables([0, 1], stamps[0]), scene_message(1), *tables([2, 3], stamps[1])]
-    predicted = open_predictions(write_bag(tmp_path / "live", said)).of_dataset([first.name, second.name])
+    messages = [scene_message(0), *before, *tables([0, 1], stamps[0]), scene_message(1), *tables([2, 3], stamps[1])]
+    predicted = open_predictions(write_bag(tmp_path / "live", messages)).for_dataset([first.name, second.name])
     assert predicted.scenes == (first.name, second.name)
     found = [predicted.scene(name, each) for name, each in zip(predicted.scenes, stamps, strict=True)]
     assert [sorted(scene.ticks_with_boxes) for scene in found] == [[0, 1], [2, 3]]
@@ -112,14 +112,14 @@ def test_a_folder_of_bags_and_a_dataset_with_predictions_in_its_bags(tmp_path: P
             write_bag(folder / name, tables() if name == SCENE else tables([1]))
         write_bag(folder / f"{SCENE}.more", [scene_message(0)])  # without predictions
     for path in (tmp_path / "answers", tmp_path / "dataset"):
-        predicted = open_predictions(path).of_dataset([SCENE, OTHER])
+        predicted = open_predictions(path).for_dataset([SCENE, OTHER])
         assert set(predicted.scenes) == {SCENE, OTHER}
         assert predicted.scene(OTHER, STAMPS_NS).ticks_with_boxes == {1}
         sent = pickle.loads(pickle.dumps(predicted))
         assert sent.scene(SCENE, STAMPS_NS).ticks_with_boxes == {0, 2, 3}
 
 
-def test_mcap_files_side_by_side_are_bags_of_their_own(tmp_path: Path) -> None:
+def test_mcap_files_in_one_folder_are_separate_bags(tmp_path: Path) -> None:
     together = tmp_path / "together"
     together.mkdir()
     for name in (SCENE, OTHER):
@@ -128,14 +128,14 @@ def test_mcap_files_side_by_side_are_bags_of_their_own(tmp_path: Path) -> None:
     assert open_predictions(together / f"{OTHER}.mcap").scenes == (OTHER,)
 
 
-def test_a_bag_that_was_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
+def test_a_truncated_bag_gives_its_complete_messages(tmp_path: Path) -> None:
     path = write_bag(tmp_path / SCENE, tables())
     file = next(path.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[:-8])
     assert read(path).ticks_with_boxes == {0, 2, 3}
 
 
-def test_missing_topics_and_other_types_are_named(tmp_path: Path) -> None:
+def test_missing_topics_and_wrong_types_are_named(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a", [scene_message(0)])
     text = r"there is no topic /prediction/boxes, /prediction/bev or /prediction/bev/<class>; it has /world/scene"
     with pytest.raises(BagError, match=text):
@@ -145,25 +145,25 @@ def test_missing_topics_and_other_types_are_named(tmp_path: Path) -> None:
         open_predictions(path)
 
 
-def test_stamps_of_no_frame_and_second_answers_are_named(tmp_path: Path) -> None:
+def test_unknown_stamps_and_second_answers_are_named(tmp_path: Path) -> None:
     late = [(BOXES, 1, table_message(table(1, 0), int(STAMPS_NS[1]) + 9))]
     text = r"/prediction/boxes: stamp_ns: row 0 is 3600100000009; .* nearest is 3600100000000, that of tick 1"
     with pytest.raises(InputError, match=text):
         read(write_bag(tmp_path / "a", late)).boxes()
     with pytest.raises(
-        InputError, match=r"/prediction/boxes: stamp 3600150000000: two answers to tick 2; allowed is one"
+        InputError, match=r"/prediction/boxes: stamp 3600150000000: two answers to tick 2; only one is allowed"
     ):
         read(write_bag(tmp_path / "b", [*tables(), *tables([2])])).boxes()
 
 
-def test_two_bags_that_answer_one_frame_are_named(tmp_path: Path) -> None:
+def test_two_bags_that_answer_the_same_frame_are_named(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_bag(tmp_path / name, [scene_message(0), *tables()])
     with pytest.raises(InputError, match=r"b: boxes of tick 0 of Blocks-0000 are also in .*a$"):
         read(tmp_path).boxes()
 
 
-def test_what_a_message_has_wrong_is_named_with_its_tick(tmp_path: Path) -> None:
+def test_errors_in_a_message_are_named_with_its_tick(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a", [(BOXES, 1, detections([("tram", *ENTRY[1:])], header(int(STAMPS_NS[2]))))])
     with pytest.raises(InputError, match=r"a.mcap: /prediction/boxes: tick 2: class: row 0 is 'tram'"):
         read(path).boxes()
@@ -178,17 +178,17 @@ def test_what_a_message_has_wrong_is_named_with_its_tick(tmp_path: Path) -> None
         read(write_bag(tmp_path / "c", unequal)).grid(2)
 
 
-def test_scores_are_said_in_one_way(tmp_path: Path) -> None:
+def test_scores_in_both_forms_are_refused(tmp_path: Path) -> None:
     stamp_ns = int(STAMPS_NS[0])
-    said = [(GRIDS, 1, image(CELLS, stamp_ns)), (f"{GRIDS}/car", 1, occupancy(np.zeros((3, 4), np.int8), stamp_ns))]
-    with pytest.raises(
-        InputError, match=r"there are scores on /prediction/bev and /prediction/bev/car; allowed is one"
-    ):
-        open_predictions(write_bag(tmp_path / "a", said))
+    messages = [(GRIDS, 1, image(CELLS, stamp_ns)), (f"{GRIDS}/car", 1, occupancy(np.zeros((3, 4), np.int8), stamp_ns))]
+    with pytest.raises(InputError, match=r"there are scores on /prediction/bev and /prediction/bev/car; only one"):
+        open_predictions(write_bag(tmp_path / "a", messages))
 
 
-def test_a_bag_that_names_no_scene_must_be_called_like_one(tmp_path: Path) -> None:
+def test_a_bag_without_scene_names_must_be_named_after_a_scene(tmp_path: Path) -> None:
     predicted = open_predictions(write_bag(tmp_path / "mine", tables()))
     assert predicted.scenes == ("mine",)
-    with pytest.raises(InputError, match=r"mine: scene: there is no 'mine', which its file's name says, as nothing"):
-        predicted.of_dataset([SCENE, OTHER])
+    with pytest.raises(
+        InputError, match=r"mine: scene: there is no 'mine', taken from the file's name because nothing"
+    ):
+        predicted.for_dataset([SCENE, OTHER])

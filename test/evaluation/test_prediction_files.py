@@ -1,4 +1,4 @@
-"""Files of predicted boxes, written by other libraries: what is read of them, and every documented error."""
+"""Files of predicted boxes, written by other libraries: their content, and every documented error."""
 
 import pickle
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def to_npz(path: Path, columns: dict[str, AnyArray]) -> Path:
 
 
 def read(path: Path, scene: str = SCENE) -> PredictedScene:
-    return open_predictions(path).of_dataset([SCENE, OTHER]).scene(scene, STAMPS_NS)
+    return open_predictions(path).for_dataset([SCENE, OTHER]).scene(scene, STAMPS_NS)
 
 
 BOTH = pytest.mark.parametrize("write", [to_parquet, to_npz])
@@ -70,7 +70,7 @@ def test_classes_may_be_numbers_or_numbers_as_text_and_columns_32_bit(tmp_path: 
 
 
 @BOTH
-def test_stamps_stand_for_ticks(tmp_path: Path, write: Writer) -> None:
+def test_stamps_can_replace_ticks(tmp_path: Path, write: Writer) -> None:
     stamps = some_columns(tick=None, stamp_ns=STAMPS_NS[[3, 0, 1]])
     np.testing.assert_array_equal(read(write(tmp_path / "a", stamps)).boxes().predictions.boxes.frame, [3, 1])
     both = write(tmp_path / "b", some_columns(tick=np.array([3, 0, 2]), stamp_ns=STAMPS_NS[[3, 0, 1]]))
@@ -78,7 +78,7 @@ def test_stamps_stand_for_ticks(tmp_path: Path, write: Writer) -> None:
         read(both).boxes()
 
 
-def test_frame_of_reference_stands_in_the_metadata(tmp_path: Path) -> None:
+def test_the_frame_of_reference_is_in_the_metadata(tmp_path: Path) -> None:
     path = to_npz(tmp_path / "n", some_columns(frame_id=np.array("ego/lidar")))
     assert read(path).boxes().references[0].frame_id == "ego/lidar"
     table = pa.table(some_columns()).replace_schema_metadata({"frame_id": "ego/radar"})
@@ -94,11 +94,11 @@ def test_an_empty_class_answers_without_a_box(tmp_path: Path, write: Writer) -> 
     scene = read(write(tmp_path / "a", columns))
     assert len(scene.boxes()) == 1 and scene.ticks_with_boxes == {0, 3}
     columns["score"][2] = 0.5
-    with pytest.raises(InputError, match=r"score: row 2 is 0.5; it must be empty as well, as the class is"):
+    with pytest.raises(InputError, match=r"score: row 2 is 0.5; it must be empty, like the class"):
         read(write(tmp_path / "b", columns)).boxes()
 
 
-def test_nulls_of_parquet_are_unknown_velocities_or_no_box(tmp_path: Path) -> None:
+def test_parquet_nulls_mean_unknown_velocity_or_no_box(tmp_path: Path) -> None:
     columns = {name: values.tolist() for name, values in some_columns().items()}
     columns |= {"vx": [None, 1.0, 2.0], "vz": [1.0, None, None], "class": [0, 1, None], "score": [0.5, 0.5, None]}
     pq.write_table(pa.table(columns), tmp_path / "a.parquet")
@@ -128,26 +128,26 @@ def test_rows_in_any_order_and_grouping_are_found(tmp_path: Path, row_group_size
 
 
 @BOTH
-def test_without_a_scene_column_the_stem_or_the_only_scene_counts(tmp_path: Path, write: Writer) -> None:
+def test_without_a_scene_column_the_stem_or_the_only_scene_is_used(tmp_path: Path, write: Writer) -> None:
     named = open_predictions(write(tmp_path / SCENE, some_columns(scene=None)))
-    assert named.scenes == (SCENE,) and named.of_dataset([SCENE, OTHER]).scenes == (SCENE,)
+    assert named.scenes == (SCENE,) and named.for_dataset([SCENE, OTHER]).scenes == (SCENE,)
     nameless = open_predictions(write(tmp_path / "mine", some_columns(scene=None)))
     assert nameless.scenes == ("mine",)
-    only = nameless.of_dataset([OTHER])
+    only = nameless.for_dataset([OTHER])
     assert only.scenes == (OTHER,) and len(only.scene(OTHER, STAMPS_NS).boxes()) == 3
-    with pytest.raises(InputError, match=r"mine.*: scene: there is no 'mine', which its file's name says.*Blocks-0000"):
-        nameless.of_dataset([SCENE, OTHER])
+    with pytest.raises(InputError, match=r"mine.*: scene: there is no 'mine', taken from the file's name.*Blocks-0000"):
+        nameless.for_dataset([SCENE, OTHER])
 
 
-def test_files_of_a_folder_count_together(tmp_path: Path) -> None:
+def test_files_in_a_folder_are_combined(tmp_path: Path) -> None:
     to_parquet(tmp_path / SCENE, some_columns(scene=None))
     to_npz(tmp_path / "more", some_columns(frame_id=np.array("ego/lidar")))
     found = read(tmp_path).boxes()
     assert len(found) == 5
-    assert [found.references[place].frame_id for place in found.reference] == ["map"] * 3 + ["ego/lidar"] * 2
+    assert [found.references[index].frame_id for index in found.reference] == ["map"] * 3 + ["ego/lidar"] * 2
 
 
-def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+def test_written_predictions_are_read_back(tmp_path: Path) -> None:
     boxes = some_boxes(
         [[3, 2, 1], [0, 0, 0]], frame=[2, 0], velocity_mps=[[1, 2, 3], [np.nan] * 3], yaw_rad=[0.5, -1.5], label=[4, 9]
     )
@@ -163,7 +163,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
         write_predictions(path, [])
 
 
-def test_no_rows_are_no_boxes(tmp_path: Path) -> None:
+def test_a_file_without_rows_has_no_boxes(tmp_path: Path) -> None:
     write_predictions(tmp_path / "a.parquet", [])
     assert open_predictions(tmp_path / "a.parquet").scenes == ()
     assert len(read(tmp_path / "a.parquet").boxes()) == 0
@@ -213,16 +213,16 @@ OPENING = [
 
 @BOTH
 @pytest.mark.parametrize(("changes", "message"), OPENING)
-def test_a_bad_column_is_named_when_it_is_opened(
-    tmp_path: Path, write: Writer, changes: dict[str, Any], message: str
-) -> None:
+def test_a_bad_column_is_named_on_opening(tmp_path: Path, write: Writer, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=rf"bad\..*: {message}"):
         open_predictions(write(tmp_path / "bad", some_columns(**changes)))
 
 
 @BOTH
 def test_a_velocity_needs_both_horizontal_parts(tmp_path: Path, write: Writer) -> None:
-    with pytest.raises(InputError, match=r"vy: there is no such column, but vx; a velocity needs vx and vy"):
+    with pytest.raises(
+        InputError, match=r"vy: this column is missing, although there is vx; a velocity needs vx and vy"
+    ):
         read(write(tmp_path / "a", some_columns(vy=None))).boxes()
 
 
@@ -230,10 +230,10 @@ def test_a_velocity_needs_both_horizontal_parts(tmp_path: Path, write: Writer) -
 def test_an_unknown_scene_is_named(tmp_path: Path, write: Writer) -> None:
     predicted = open_predictions(write(tmp_path / "a", some_columns()))
     with pytest.raises(InputError, match=r"scene: there is no 'Blocks-0001'; the dataset has Blocks-0000"):
-        predicted.of_dataset([SCENE])
+        predicted.for_dataset([SCENE])
 
 
-def test_columns_of_an_npz_file_are_lists_of_numbers_or_of_texts(tmp_path: Path) -> None:
+def test_npz_columns_of_other_types_are_refused(tmp_path: Path) -> None:
     as_bytes = {"class": np.array([b"car", b"bus", b"pedestrian"]), "scene": np.array([SCENE, OTHER, SCENE], bytes)}
     scene = read(to_npz(tmp_path / "a", some_columns(frame_id=np.array(b"ego/lidar"), **as_bytes)))
     assert [BOX_CLASSES[label] for label in scene.boxes().predictions.boxes.label] == ["car", "pedestrian"]
@@ -258,7 +258,7 @@ def test_a_missing_scene_or_tick_is_named(tmp_path: Path) -> None:
         read(tmp_path / "b.parquet").boxes()
 
 
-def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+def test_duplicate_column_names_are_refused(tmp_path: Path) -> None:
     table = pa.table(some_columns())
     pq.write_table(table.append_column("x", table.column("y")), tmp_path / "a.parquet")
     with pytest.raises(InputError, match=r"x: there is more than one column of this name"):
@@ -266,7 +266,7 @@ def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
 
 
 @BOTH
-def test_a_damaged_file_is_no_traceback(tmp_path: Path, write: Writer) -> None:
+def test_a_damaged_file_raises_input_error(tmp_path: Path, write: Writer) -> None:
     path = write(tmp_path / "a", some_columns())
     whole = path.read_bytes()
     for size in (0, 10, len(whole) // 2, len(whole) - 3):
@@ -300,7 +300,7 @@ def test_npz_of_objects_unequal_lengths_or_shapes_is_refused(tmp_path: Path) -> 
         open_predictions(tmp_path / "e.npz")
 
 
-def test_nothing_to_open_is_said(tmp_path: Path) -> None:
+def test_a_path_without_predictions_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere: no such file or folder"):
         open_predictions(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"holds no predictions; allowed are \*.parquet, \*.npz, grids/ and bags"):

@@ -1,4 +1,4 @@
-"""Predictions in other frames of reference than the map's: by hand, and those of a recorded scene."""
+"""Predictions in coordinate frames other than the map's: by hand, and those of a recorded scene."""
 
 from pathlib import Path
 
@@ -10,26 +10,28 @@ from prediction_scene import record
 from simbev_ros.dataset import open_dataset
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import Predictions
-from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, in_map, joined
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, boxes_in_map, join_boxes
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 
 
-def said(frame_id: str, **columns: object) -> PredictedBoxes:
+def predicted_in(frame_id: str, **columns: object) -> PredictedBoxes:
     boxes = some_boxes([[3, 1, -2]], yaw_rad=0.25, velocity_mps=(1, 2, 0), **columns)
-    return PredictedBoxes.of(Predictions(boxes, np.array([0.5])), Reference(frame_id, "answers.npz"))
+    return PredictedBoxes.with_reference(Predictions(boxes, np.array([0.5])), Reference(frame_id, "answers.npz"))
 
 
 def pose(tick: int, frame_id: str) -> Float64Array:
-    """An ego that looks left at x 10, y 20, with a lidar 1 m ahead and 2 m above that looks left of that."""
+    """Pose of an ego at x 10, y 20 that looks left, with a lidar 1 m ahead and 2 m above, turned left again."""
     assert frame_id == "ego/lidar"
     map_from_ego = matrices_from_xyz_rpy(np.array([10.0 + tick, 20, 0]), np.array([0, 0, np.pi / 2]))
     return map_from_ego @ matrices_from_xyz_rpy(np.array([1.0, 0, 2]), np.array([0, 0, np.pi / 2]))
 
 
-def test_boxes_of_a_turned_lidar_by_hand() -> None:
-    found = in_map(joined([said("ego/lidar"), said("map"), said("ego/lidar", frame=5)]), pose)
+def test_boxes_in_a_rotated_lidar_frame_by_hand() -> None:
+    found = boxes_in_map(
+        join_boxes([predicted_in("ego/lidar"), predicted_in("map"), predicted_in("ego/lidar", frame=5)]), pose
+    )
     boxes = found.boxes
     np.testing.assert_allclose(boxes.center_m, [[7, 20, 0], [3, 1, -2], [12, 20, 0]], atol=1e-12)
     np.testing.assert_allclose(boxes.yaw_rad, [0.25 - np.pi, 0.25, 0.25 - np.pi])
@@ -39,11 +41,11 @@ def test_boxes_of_a_turned_lidar_by_hand() -> None:
     np.testing.assert_array_equal(found.score, [0.5] * 3)
 
 
-def test_unknown_velocities_stay_unknown_and_boxes_of_a_tilted_frame_upright() -> None:
+def test_unknown_velocities_stay_unknown_and_boxes_in_a_tilted_frame_stay_upright() -> None:
     boxes = some_boxes([[10, 0, 0]], velocity_mps=[[np.nan] * 3])
-    predicted = PredictedBoxes.of(Predictions(boxes, np.ones(1)), Reference("ego/base_link", "a"))
+    predicted = PredictedBoxes.with_reference(Predictions(boxes, np.ones(1)), Reference("ego/base_link", "a"))
     uphill = matrices_from_xyz_rpy(np.zeros(3), np.array([0.0, -0.1, 0.5]))
-    found = in_map(predicted, lambda tick, frame_id: uphill).boxes
+    found = boxes_in_map(predicted, lambda tick, frame_id: uphill).boxes
     assert np.isnan(found.velocity_mps).all()
     np.testing.assert_allclose(found.yaw_rad, [0.5])
     np.testing.assert_allclose(
@@ -53,12 +55,12 @@ def test_unknown_velocities_stay_unknown_and_boxes_of_a_tilted_frame_upright() -
 
 def test_optical_frames_are_refused() -> None:
     with pytest.raises(InputError, match=r"^answers.npz: frame_id: the z axis of 'cam_optical' does not point up"):
-        in_map(said("cam_optical"), lambda tick, frame_id: SENSOR_FROM_OPTICAL)
+        boxes_in_map(predicted_in("cam_optical"), lambda tick, frame_id: SENSOR_FROM_OPTICAL)
 
 
 def test_frames_of_a_recorded_scene(tmp_path: Path) -> None:
     scene = open_dataset(record(tmp_path / "Blocks-0000")).scenes[0]
-    frames = ReferenceFrames.of(scene)
+    frames = ReferenceFrames.from_scene(scene)
     assert frames.names[:3] == ("map", "ego/base_link", "ego/cam_front") and "ego/lidar" in frames.names
     map_from_ego = matrices_from_xyz_rpy(np.array([3.0, 2, 0.5]), np.array([0, 0, 0.3]))
     np.testing.assert_allclose(frames(3, "ego/base_link"), map_from_ego, atol=1e-12)
@@ -71,4 +73,4 @@ def test_frames_of_a_recorded_scene(tmp_path: Path) -> None:
         r"^answers.npz: frame_id: there is no 'lidar' in scene Blocks-0000; allowed: map, ego/base_link, ego/cam_front"
     )
     with pytest.raises(InputError, match=text):
-        in_map(said("lidar"), frames)
+        boxes_in_map(predicted_in("lidar"), frames)

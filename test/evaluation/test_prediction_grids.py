@@ -1,4 +1,4 @@
-"""Files of bird's-eye-view scores: what is read of them, and every documented error."""
+"""Files of bird's-eye-view scores: their content, and every documented error."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ ALL = np.random.default_rng(2).random((len(BEV_CLASSES), 4, 3))
 
 
 def read(path: Path) -> PredictedScene:
-    return open_predictions(path).of_dataset([SCENE, OTHER]).scene(SCENE, STAMPS_NS)
+    return open_predictions(path).for_dataset([SCENE, OTHER]).scene(SCENE, STAMPS_NS)
 
 
 def save(path: Path, name: str = "000002.npz", **arrays: AnyArray) -> Path:
@@ -37,7 +37,7 @@ def test_grids_are_read_frame_by_frame(tmp_path: Path) -> None:
     np.testing.assert_array_equal(third.scores, ALL)
 
 
-def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+def test_written_grids_are_read_back(tmp_path: Path) -> None:
     write_grid(tmp_path, OTHER, 3, ALL[:1].astype(np.float16), ("bus",))
     grid = open_predictions(tmp_path).scene(OTHER, STAMPS_NS).grid(3)
     assert grid is not None and grid.classes == ("bus",)
@@ -46,7 +46,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
         write_grid(tmp_path, OTHER, 3, ALL[:1])
 
 
-def test_a_shape_other_than_the_truth_is_named(tmp_path: Path) -> None:
+def test_a_shape_that_differs_from_the_truth_is_named(tmp_path: Path) -> None:
     grid = read(save(tmp_path, scores=ALL)).grid(2)
     assert grid is not None
     grid.require_shape(4, 3)
@@ -81,18 +81,18 @@ def test_bad_scores_are_named(tmp_path: Path, arrays: dict[str, AnyArray], messa
 
 
 @pytest.mark.parametrize("name", ["000004.npz", "2.npz", "frame.npz"])
-def test_a_file_of_no_frame_is_named(tmp_path: Path, name: str) -> None:
+def test_a_file_whose_name_is_no_tick_is_named(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match=rf"{name}: its name must be the tick: .*, 000000.npz to 000003.npz"):
         _ = read(save(tmp_path, name, scores=ALL)).ticks_with_grid
 
 
-def test_a_folder_of_no_scene_is_named(tmp_path: Path) -> None:
+def test_a_folder_of_an_unknown_scene_is_named(tmp_path: Path) -> None:
     save(tmp_path, scores=ALL)
     with pytest.raises(InputError, match=r"grids: scene: there is no 'Blocks-0000'; the dataset has Blocks-0001"):
-        open_predictions(tmp_path).of_dataset([OTHER])
+        open_predictions(tmp_path).for_dataset([OTHER])
 
 
-def test_a_truncated_file_is_no_traceback(tmp_path: Path) -> None:
+def test_a_truncated_file_raises_input_error(tmp_path: Path) -> None:
     file = save(tmp_path, scores=ALL) / "grids" / SCENE / "000002.npz"
     file.write_bytes(file.read_bytes()[:300])
     with pytest.raises(InputError, match=r"000002.npz: cannot be read as NPZ"):

@@ -1,4 +1,4 @@
-"""Messages of rosbags and of rclpy become boxes and scores; orientation of grids against our own messages."""
+"""Messages of rosbags and of rclpy become boxes and scores; grid orientation is checked with our own messages."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -45,8 +45,8 @@ def all_messages() -> list[tuple[str, Any]]:
     ]
 
 
-def of_ros(type_name: str, message: Any) -> Any:
-    """The same as an object of rclpy."""
+def as_rclpy(type_name: str, message: Any) -> Any:
+    """The same message as an object of rclpy."""
     pytest.importorskip("rclpy")
     from rclpy.serialization import deserialize_message
 
@@ -55,7 +55,7 @@ def of_ros(type_name: str, message: Any) -> Any:
     return deserialize_message(bytes(TYPES.serialize_cdr(message, type_name)), message_class(type_name))
 
 
-def says(type_name: str, message: Any, tick: int = 7) -> Any:
+def read_message(type_name: str, message: Any, tick: int = 7) -> Any:
     return message_boxes(type_name, message, tick, "/prediction/boxes")
 
 
@@ -65,8 +65,8 @@ def test_boxes_of_each_type(type_name: str, message: Any, from_ros: bool) -> Non
     if from_ros:
         if type_name == DETECTIONS:
             pytest.importorskip("vision_msgs")
-        message = of_ros(type_name, message)
-    found = says(type_name, message)
+        message = as_rclpy(type_name, message)
+    found = read_message(type_name, message)
     boxes = found.predictions.boxes
     assert stamp_ns_of(message) == STAMP_NS and found.references[0].frame_id == "ego/lidar"
     np.testing.assert_array_equal(boxes.frame, [7, 7])
@@ -81,19 +81,19 @@ def test_boxes_of_each_type(type_name: str, message: Any, from_ros: bool) -> Non
 
 def test_messages_without_boxes_answer_a_frame() -> None:
     for message in (table_message(table()[:0], STAMP_NS), table_message(np.zeros(0, [("x", "<f4")]), STAMP_NS, "")):
-        assert len(says(TABLE, message)) == 0 and stamp_ns_of(message) == STAMP_NS
+        assert len(read_message(TABLE, message)) == 0 and stamp_ns_of(message) == STAMP_NS
     nothing = markers([], header(STAMP_NS))
     nothing.markers = nothing.markers[1:]
-    assert len(says(MARKERS, nothing)) == 0 and stamp_ns_of(nothing) == STAMP_NS
+    assert len(read_message(MARKERS, nothing)) == 0 and stamp_ns_of(nothing) == STAMP_NS
     nothing.markers = []
-    assert stamp_ns_of(nothing) is None and len(says(MARKERS, nothing)) == 0
-    assert len(says(DETECTIONS, detections([], header(STAMP_NS)))) == 0
+    assert stamp_ns_of(nothing) is None and len(read_message(MARKERS, nothing)) == 0
+    assert len(read_message(DETECTIONS, detections([], header(STAMP_NS)))) == 0
 
 
-def test_a_marker_without_text_is_sure_and_a_class_may_be_a_number() -> None:
+def test_a_marker_without_text_has_score_1_and_a_class_may_be_a_number() -> None:
     message = markers([("5", 0.5, *ENTRIES[0][2:])], header(STAMP_NS))
     message.markers[-1].text = ""
-    found = says(MARKERS, message)
+    found = read_message(MARKERS, message)
     assert found.predictions.score == [1.0] and found.predictions.boxes.label == [5]
 
 
@@ -104,20 +104,20 @@ def test_our_own_markers_are_perfect_predictions() -> None:
 
     truth = blank_boxes(3)
     truth["class"], truth["yaw"], truth["x"], truth["length"] = [0, 5, 9], [3, -2, 0.5], [1, 2, 3], [4, 1, 2]
-    found = says(MARKERS, box_markers(truth, STAMP_NS))
+    found = read_message(MARKERS, box_markers(truth, STAMP_NS))
     np.testing.assert_array_equal(found.predictions.boxes.label, truth["class"])
     np.testing.assert_allclose(found.predictions.boxes.yaw_rad, truth["yaw"], rtol=1e-6)
     np.testing.assert_array_equal(found.predictions.boxes.size_m[:, 0], truth["length"])
     np.testing.assert_array_equal(found.predictions.score, 1.0)
 
 
-def changed(name: str, value: float) -> Table:
+def table_with(name: str, value: float) -> Table:
     rows = table()
     rows[name][1] = value
     return rows
 
 
-def without(name: str) -> Table:
+def table_without(name: str) -> Table:
     from numpy.lib.recfunctions import drop_fields
 
     rows: Table = drop_fields(table(), name, usemask=False)
@@ -126,13 +126,13 @@ def without(name: str) -> Table:
 
 FLAT = (np.sin(np.pi / 4), 0, 0, np.cos(np.pi / 4))
 BAD = [
-    (TABLE, table_message(changed("score", np.nan), 1), r"score: row 1 is nan; it must be a finite number"),
-    (TABLE, table_message(changed("height", -1), 1), r"height: row 1 is -1.0; it must be at least 0"),
-    (TABLE, table_message(changed("class", 10), 1), r"class: row 1 is 10; it must be one of car"),
-    (TABLE, table_message(without("yaw"), 1), r"yaw: there is no such field; it has note, x"),
+    (TABLE, table_message(table_with("score", np.nan), 1), r"score: row 1 is nan; it must be a finite number"),
+    (TABLE, table_message(table_with("height", -1), 1), r"height: row 1 is -1.0; it must be at least 0"),
+    (TABLE, table_message(table_with("class", 10), 1), r"class: row 1 is 10; it must be one of car"),
+    (TABLE, table_message(table_without("yaw"), 1), r"yaw: there is no such field; it has note, x"),
     (TABLE, table_message(table().astype([*TABLE_DTYPE.descr[:8], ("class", "<f4"), *TABLE_DTYPE.descr[9:]]), 1),
      r"class: is of the type float32; it must be a whole-number type"),
-    (TABLE, table_message(table(), 1, ""), r"header.frame_id: is empty; it must be a frame of reference"),
+    (TABLE, table_message(table(), 1, ""), r"header.frame_id: is empty; it must be a coordinate frame"),
     (TABLE, table_message(table(), 1, data=np.zeros(3, np.uint8)), r"fields: point cloud of 2x1: row step"),
     (MARKERS, markers([("tram", *ENTRIES[0][1:])], header(1)), r"class: row 0 is 'tram'; it must be one of car"),
     (MARKERS, markers([("", *ENTRIES[0][1:])], header(1)), r"class: row 0 is ''; it must be one of car"),
@@ -145,23 +145,23 @@ BAD = [
 
 
 @pytest.mark.parametrize(("type_name", "message", "text"), BAD)
-def test_what_is_wrong_is_named(type_name: str, message: Any, text: str) -> None:
+def test_bad_messages_are_named(type_name: str, message: Any, text: str) -> None:
     with pytest.raises(InputError, match=rf"^/prediction/boxes: {text}"):
-        says(type_name, message)
+        read_message(type_name, message)
 
 
-def test_cubes_of_one_message_have_one_header() -> None:
+def test_cubes_with_different_headers_are_refused() -> None:
     message = markers(ENTRIES, header(1))
     message.markers[-1].header = header(1, "ego/lidar")
-    with pytest.raises(InputError, match=r"header: row 1 has another one than the first marker"):
-        says(MARKERS, message)
+    with pytest.raises(InputError, match=r"header: that of row 1 differs from the first marker's"):
+        read_message(MARKERS, message)
 
 
-def test_detections_of_before_galactic_are_refused() -> None:
+def test_detections_from_before_galactic_are_refused() -> None:
     message = detections(ENTRIES, header(1))
     message.detections[0].results = [SimpleNamespace(id="car", score=0.5)]
-    with pytest.raises(InputError, match=r"no attribute 'hypothesis'; allowed is vision_msgs as of ROS 2 Galactic"):
-        says(DETECTIONS, message)
+    with pytest.raises(InputError, match=r"no attribute 'hypothesis'; vision_msgs of ROS 2 Galactic or later"):
+        read_message(DETECTIONS, message)
 
 
 @pytest.mark.parametrize("dtype", ["u1", "<f4", ">f4"])
@@ -172,7 +172,7 @@ def test_images_become_layers(dtype: str, from_ros: bool) -> None:
         0, 256, (5, 3, len(BEV_CLASSES)), np.uint8
     )  # fmt: skip
     message = image(cells, STAMP_NS)
-    scores = image_scores(of_ros("sensor_msgs/msg/Image", message) if from_ros else message, "/prediction/bev")
+    scores = image_scores(as_rclpy("sensor_msgs/msg/Image", message) if from_ros else message, "/prediction/bev")
     assert scores.shape == (len(BEV_CLASSES), 5, 3) and scores.dtype == (np.uint8 if dtype == "u1" else np.float32)
     np.testing.assert_array_equal(np.moveaxis(scores, 0, -1), cells)
     assert stamp_ns_of(message) == STAMP_NS
@@ -182,32 +182,32 @@ def test_bad_images_are_named() -> None:
     cells = np.zeros((5, 3, len(BEV_CLASSES)), np.uint8)
     with pytest.raises(InputError, match=r"^/bev: encoding: is '8UC3'; allowed: 8UC14, 32FC14"):
         image_scores(image(cells[..., :3], 1), "/bev")
-    with pytest.raises(InputError, match=r"^/bev: data: 235 bytes, step 47, are no image of 4 x 5 8UC14"):
+    with pytest.raises(InputError, match=r"^/bev: data: 235 bytes, step 47, are not an image of 4 x 5 8UC14"):
         image_scores(image(cells, 1, width=4), "/bev")
 
 
 def cells_ahead() -> AnyArray:
-    """(3 left to right … as the message has them: 3 rows along y, 5 cells along x) with three known cells."""
+    """Cells in message order, 3 rows along y and 5 cells along x, three of which are known."""
     data = np.zeros((3, 5), np.int8)
     data[0, 0], data[2, 4], data[0, 4] = 30, 100, -1  # behind right, ahead left, ahead right
     return data
 
 
-def test_occupancy_is_turned_so_that_row_0_is_ahead_and_column_0_left() -> None:
+def test_occupancy_is_rotated_so_that_row_0_is_ahead_and_column_0_left() -> None:
     scores = occupancy_scores(occupancy(cells_ahead(), 1), "/bev")
     expected = np.zeros((5, 3), np.float32)
     expected[4, 2], expected[0, 0] = 0.3, 1.0
     np.testing.assert_array_equal(scores, expected)
 
 
-def test_every_percent_is_the_float_of_its_name() -> None:
+def test_every_percentage_is_the_nearest_float() -> None:
     cells = np.arange(100, dtype=np.int8).reshape(10, 10)
     found = np.sort(occupancy_scores(occupancy(cells, 1), "/bev"), axis=None)
     np.testing.assert_array_equal(found, np.array([float(f"0.{k:02d}") for k in range(100)], np.float32))
 
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.12])
-def test_our_own_occupancy_grids_are_read_as_they_were(tilt_rad: float) -> None:
+def test_our_own_occupancy_grids_are_read_back(tilt_rad: float) -> None:
     pytest.importorskip("rclpy")
     from simbev_ros.geometry.grid import BevGrid
     from simbev_ros.msgs.occupancy import occupancy_grid_message
@@ -231,5 +231,5 @@ def test_bad_occupancy_is_named() -> None:
         occupancy_scores(occupancy(data, 1), "/bev")
     message = occupancy(data, 1)
     message.info.width = 6
-    with pytest.raises(InputError, match=r"data: 15 cells are no grid of 6 x 3"):
+    with pytest.raises(InputError, match=r"data: 15 cells do not form a grid of 6 x 3"):
         occupancy_scores(message, "/bev")

@@ -1,11 +1,11 @@
-"""IoU of bird's-eye-view grids: worked by hand, and of each documented error."""
+"""IoU of bird's-eye-view grids: worked out by hand, and every documented error."""
 
 import numpy as np
 import pytest
 
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.figures import segmentation_figures
-from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, no_frames, segmentation_tally
+from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, empty_tally, segmentation_tally
 from simbev_ros.semantics import BEV_CLASSES
 
 ROAD_AND_CAR = 1 << BEV_CLASSES.index("road") | 1 << BEV_CLASSES.index("car")
@@ -20,19 +20,19 @@ def test_iou_by_hand() -> None:
     np.testing.assert_allclose(iou[1], [1 / 4, 1 / 3, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1, 0, 0])
 
 
-def test_frames_add_up_as_one_large_frame() -> None:
+def test_a_sum_of_frames_equals_one_large_frame() -> None:
     rng = np.random.default_rng(6)
     labels = rng.integers(0, 1 << len(BEV_CLASSES), (5, 20, 20), np.uint16)
     scores = rng.random((5, len(BEV_CLASSES), 20, 20))
-    total = sum((segmentation_tally(*each) for each in zip(labels, scores, strict=True)), no_frames())
+    total = sum((segmentation_tally(*each) for each in zip(labels, scores, strict=True)), empty_tally())
     assert total.frames == 5
     whole = segmentation_tally(labels.reshape(-1, 20), np.concatenate([*scores], axis=1))
     np.testing.assert_array_equal(total.iou(), whole.iou())
     for row in (0, 13):
-        of_class = labels >> row & 1 > 0
+        has_class = labels >> row & 1 > 0
         for column, threshold in enumerate(THRESHOLDS):
             above = scores[:, row] >= threshold
-            assert total.iou()[row, column] == (of_class & above).sum() / (of_class | above).sum()
+            assert total.iou()[row, column] == (has_class & above).sum() / (has_class | above).sum()
     mean = segmentation_figures(total, BEV_CLASSES)["mean_IoU_at"]
     np.testing.assert_allclose([*mean.values()], total.iou().mean(axis=0))
 
@@ -46,25 +46,25 @@ def test_truth_as_prediction_is_perfect(dtype: type) -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
-def test_a_score_at_a_threshold_is_predicted(dtype: type) -> None:
+def test_a_score_exactly_at_a_threshold_is_predicted(dtype: type) -> None:
     scores = np.array(THRESHOLDS, dtype).reshape(1, 1, -1)
     predicted = segmentation_tally(np.zeros((1, 9), np.uint16), scores, ("road",)).predicted
     np.testing.assert_array_equal(predicted, [np.arange(9, 0, -1)])
 
 
-def test_bytes_are_shares_of_255() -> None:
+def test_uint8_scores_are_fractions_of_255() -> None:
     scores = np.arange(256, dtype=np.uint8).reshape(1, 16, 16)
     predicted = segmentation_tally(np.zeros((16, 16), np.uint16), scores, ("road",)).predicted
     np.testing.assert_array_equal(predicted, [[256 - each for each in (26, 51, 77, 102, 128, 153, 179, 204, 230)]])
 
 
-def test_a_class_that_is_nowhere_is_in_no_mean() -> None:
+def test_an_absent_class_is_in_no_mean() -> None:
     labels, scores = np.full((2, 2), ROAD, np.uint16), np.zeros((len(BEV_CLASSES), 2, 2))
     scores[0] = 1
     figures = segmentation_figures(segmentation_tally(labels, scores), ("road", "car"))
     assert set(figures["IoU_at"]["car"].values()) == {None}
     assert set(figures["mean_IoU_at"].values()) == {1}
-    assert set(segmentation_figures(no_frames(), BEV_CLASSES)["mean_IoU_at"].values()) == {None}
+    assert set(segmentation_figures(empty_tally(), BEV_CLASSES)["mean_IoU_at"].values()) == {None}
 
 
 @pytest.mark.parametrize(

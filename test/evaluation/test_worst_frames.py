@@ -1,4 +1,4 @@
-"""The worst frames of made-up tables, and what became of the boxes of one frame, by hand."""
+"""Worst frames of made-up tables, and the outcomes of the boxes of one frame, by hand."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_predictions
 from simbev_ros.evaluation.scene_boxes import found_column
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, outcomes_of
-from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.evaluation.worst_frames import worst_frames, worst_grids
 from simbev_ros.types import Table
 
@@ -24,7 +24,7 @@ _OFF_M = np.array([[0.0, 9.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
 def frames(rows: Sequence[tuple[int, int, int, float]], answered: Sequence[bool] | bool = True) -> Table:
-    """Tick, boxes, found and IoU of each."""
+    """Frames from rows of tick, boxes, found and IoU."""
     table = np.zeros(len(rows), FRAME_DTYPE)
     for name, values in zip(("tick", "boxes", "found", "iou"), zip(*rows, strict=True), strict=True):
         table[name] = values
@@ -43,7 +43,7 @@ def test_the_worst_frame_misses_most_boxes_then_finds_the_smaller_share() -> Non
     assert worst_frames(by_scene, 2, lambda scene: 1) == chosen[:2]
 
 
-def test_frames_of_a_scene_that_look_alike_are_shown_once() -> None:
+def test_neighboring_frames_of_a_scene_are_skipped() -> None:
     rows = [(tick, 100 - tick, 0, 0.01 * tick) for tick in range(8)]
     by_scene = {"a": frames(rows), "b": frames([(1, 96, 0, 0.9)])}
     assert [each[:2] for each in worst_frames(by_scene, 9, {"a": 3, "b": 5}.__getitem__)] == [
@@ -51,13 +51,13 @@ def test_frames_of_a_scene_that_look_alike_are_shown_once() -> None:
     ]
 
 
-def test_frames_without_an_answer_have_nothing_to_look_at() -> None:
+def test_unanswered_frames_are_skipped() -> None:
     by_scene = {"a": frames([(0, 9, 0, 0.0), (1, 3, 1, 0.4)], [False, True])}
     assert [each.tick for each in worst_frames(by_scene, 9, lambda scene: 1)] == [1]
     assert [each.tick for each in worst_grids(by_scene, 9, lambda scene: 1)] == [1]
 
 
-def test_the_worst_grids_have_the_least_iou_and_some_class() -> None:
+def test_the_worst_grids_have_the_lowest_iou() -> None:
     by_scene = {"a": frames([(0, 1, 1, np.nan), (1, 1, 1, 0.5), (2, 1, 1, 1.0)]), "b": frames([(0, 1, 0, 0.25)])}
     chosen = worst_grids(by_scene, 9, lambda scene: 1)
     assert [(each.scene, each.tick, each.iou) for each in chosen] == [("b", 0, 0.25), ("a", 1, 0.5)]
@@ -71,12 +71,12 @@ def test_the_worst_grids_have_the_least_iou_and_some_class() -> None:
         (DetectionOptions(ious=(), distances_m=(4.0, 2.0)), 1),
     ],
 )
-def test_single_frames_are_matched_within_two_metres_if_asked_for(options: DetectionOptions, column: int) -> None:
+def test_single_frames_are_judged_at_two_meters_if_available(options: DetectionOptions, column: int) -> None:
     assert found_column(options) == column
 
 
-def test_what_became_of_each_box_of_a_frame(tmp_path: Path) -> None:
-    """The surest guess is in vain and takes the place of one of the two cars, which are both predicted rightly."""
+def test_outcomes_of_the_boxes_of_a_frame(tmp_path: Path) -> None:
+    """The most confident guess is a false positive and displaces one of two cars, both predicted correctly."""
     scene = open_dataset(made.record(tmp_path / "set")).scenes[0]
     boxes = made.truth().take(np.array([3, 3, 4]))
     guesses = Predictions(replace(boxes, center_m=boxes.center_m + _OFF_M), np.array([0.9, 0.8, 0.5]))
@@ -85,6 +85,6 @@ def test_what_became_of_each_box_of_a_frame(tmp_path: Path) -> None:
     outcomes = outcomes_of(scene, predicted, 1, EvaluationOptions())
     assert outcomes.counted.all() and outcomes.found.tolist() == [True, False, False]
     assert outcomes.outcome.tolist() == [MISS, HIT, HIT] and outcomes.taken.tolist() == [True, True, False]
-    near = outcomes_of(scene, predicted, 1, EvaluationOptions((Cut(boxes=BoxFilter(range_m=(0.0, 60.0))),)))
+    near = outcomes_of(scene, predicted, 1, EvaluationOptions((TableSlice(boxes=BoxFilter(range_m=(0.0, 60.0))),)))
     assert near.counted.tolist() == [True, False, True] and not near.found.any()
     assert near.outcome.tolist() == [MISS, HIT, UNCOUNTED] and near.taken.tolist() == [True, False, False]

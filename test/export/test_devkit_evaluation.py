@@ -12,7 +12,7 @@ from processes import run
 
 from simbev_ros.bench.devkit_comparison import devkit_records
 from simbev_ros.dataset import Scene, open_dataset
-from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_of
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_from_tables
 from simbev_ros.evaluation.metrics.nuscenes import (
     CLASSES,
     DISTANCES_M,
@@ -41,7 +41,7 @@ pytestmark = [pytest.mark.slow]
 
 def noisy(scene: Scene, truth: NuscenesTruth, rng: np.random.Generator) -> Predictions:
     """Noisy predictions of keyframes: boxes drawn with replacement, some of another class, some far off."""
-    boxes = boxes_of({tick: scene[tick]["boxes"] for tick in truth.ticks.tolist()})
+    boxes = boxes_from_tables({tick: scene[tick]["boxes"] for tick in truth.ticks.tolist()})
     boxes = boxes.take(~np.isin(boxes.label, NO_CLASSES))
     boxes = boxes.take(np.sort(rng.choice(len(boxes), len(boxes))))
     count = len(boxes)

@@ -13,7 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header, String
 
-from simbev_ros.msgs.images import labels_of_image
+from simbev_ros.msgs.images import labels_from_image
 from simbev_ros.msgs.stamps import header, stamp_of
 from simbev_ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.scene.spec import SceneSpec
@@ -79,7 +79,7 @@ class EchoStack(Node):
 
     def on_labels(self, message: Image) -> None:
         tick = self.spec.tick_of(stamp_of(message.header.stamp))
-        labels = labels_of_image(message)
+        labels = labels_from_image(message)
         layers = (labels[..., None] >> np.arange(CHANNELS, dtype=np.uint16) & 1).astype(np.uint8) * 255
         answer = Image(header=message.header, height=message.height, width=message.width, encoding=f"8UC{CHANNELS}")
         answer.step, answer.data = CHANNELS * message.width, layers.tobytes()

@@ -17,7 +17,7 @@ from subscriber import outside_node
 
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.annotation_topics import annotation_topics, read_by_annotator
+from simbev_ros.msgs.annotation_topics import annotation_topics, annotator_inputs
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.recording.canonical import canonical
 from simbev_ros.recording.reader import SceneBag
@@ -49,7 +49,7 @@ def test_labels_of_a_replayed_bag_are_those_that_were_recorded(recorded: Path) -
         assert bag.spec is not None
         messages = list(bag.messages())
         labels = {topic.name: topic.type for topic in annotation_topics(bag.spec).recorded}
-        sensors = read_by_annotator(bag.spec, compressed_images=True)
+        sensors = annotator_inputs(bag.spec, compressed_images=True)
     read = {topics.ACTORS, topics.SIGNALS, topics.WEATHER, *(topic.name for topic in sensors.values())}
     assert len(read) == 6
     got: dict[str, list[bytes]] = {name: [] for name in labels}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from commands import SCENE, Command, record
 
-from simbev_ros.msgs.topics import REPLAYED
+from simbev_ros.msgs.topics import REPLAY_TOPICS
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.layout import mcap_files
 from simbev_ros.recording.reader import SceneBag
@@ -43,7 +43,7 @@ def test_a_bag_of_few_topics_is_enough_to_get_all_the_others_again(
 ) -> None:
     bag = record(simbev, small_config(more=FEW), tmp_path / "few")
     few, everything = digests(bag), digests(recorded)
-    assert few.keys() == {"/tf", "/ego/cam_front/rgb/image_raw/compressed", *REPLAYED}
+    assert few.keys() == {"/tf", "/ego/cam_front/rgb/image_raw/compressed", *REPLAY_TOPICS}
     assert {name for name in few if few[name] != everything[name]} == set()
     assert len(mcap_files(bag)) > 1 and verify_bag(bag) == []
     code, output = simbev("replay", bag, small_config(name="all.yaml"), "--out", tmp_path / "all").finish()

@@ -1,4 +1,4 @@
-"""Grids and markers as RViz and Foxglove want them: checked by what a reader makes of the serialised messages."""
+"""Grids and markers follow the conventions of RViz and Foxglove, checked on deserialized messages."""
 
 import dataclasses
 
@@ -26,14 +26,14 @@ TILTS = [{}, {"roll": 0.06, "pitch": -0.11}]
 
 
 def pattern(points_m: Float64Array) -> BoolArray:
-    """An L, and a line through the ego, none of it symmetric, of (..., 2) map coordinates."""
+    """Asymmetric pattern of (..., 2) map coordinates: an L, and a line through the ego."""
     x, y = points_m[..., 0] - EGO["x"], points_m[..., 1] - EGO["y"]
     line: BoolArray = np.abs(0.4 * x - y) < 0.6
     return ((x > 1.0) & (x < 8.0) & (y > 2.0) & (y < 3.5)) | ((x > 1.0) & (x < 2.5) & (y > 2.0) & (y < 7.0)) | line
 
 
 def matrix(xyz: list[float], xyzw: list[float]) -> Float64Array:
-    """A pose as ROS means it."""
+    """(4, 4) pose in the convention of ROS."""
     x, y, z, w = xyzw
     pose = np.eye(4)
     pose[:3, :3] = [
@@ -48,22 +48,22 @@ def matrix(xyz: list[float], xyzw: list[float]) -> Float64Array:
 @pytest.mark.parametrize("tilt", TILTS)
 def test_grid_cells_are_where_the_message_puts_them_in_the_map(tilt: dict[str, float]) -> None:
     ego = actor(box_model(Tag.CAR, (4.0, 2.0, 1.5)), **EGO, **tilt)
-    turn = np.array([[np.cos(EGO["yaw"]), -np.sin(EGO["yaw"])], [np.sin(EGO["yaw"]), np.cos(EGO["yaw"])]])
-    covered = pattern(GRID.centers_ego @ turn.T + [EGO["x"], EGO["y"]])
+    rotation = np.array([[np.cos(EGO["yaw"]), -np.sin(EGO["yaw"])], [np.sin(EGO["yaw"]), np.cos(EGO["yaw"])]])
+    covered = pattern(GRID.centers_ego @ rotation.T + [EGO["x"], EGO["y"]])
     made = occupancy_grid_message(covered, GRID, STAMP_NS, "ego/base_link", ego[0])
     message = deserialize_message(serialize_message(made), OccupancyGrid)
     assert (message.header.frame_id, stamp_of(message.header.stamp)) == ("ego/base_link", STAMP_NS)
     info, position, q = message.info, message.info.origin.position, message.info.origin.orientation
     assert (info.width, info.height, info.resolution) == (GRID.rows, GRID.columns, 0.5)
     assert np.linalg.norm([q.x, q.y, q.z, q.w]) == pytest.approx(1.0)
-    data = np.array(message.data).reshape(info.height, info.width)  # as nav_msgs says: row by row from the origin
+    data = np.array(message.data).reshape(info.height, info.width)  # as nav_msgs defines it: row by row from the origin
     assert set(data.ravel().tolist()) == {0, 100}
     column, row = np.meshgrid(np.arange(info.width), np.arange(info.height))
     local_m = np.stack([column + 0.5, row + 0.5, np.zeros_like(row)], axis=-1).reshape(-1, 3) * info.resolution
     frame_from_grid = matrix([position.x, position.y, position.z], [q.x, q.y, q.z, q.w])
-    places_m = apply(map_from_actors(ego)[0] @ frame_from_grid, local_m)
-    assert np.array_equal(data.ravel() == 100, pattern(places_m[:, :2]))
-    assert places_m[:, 2] == pytest.approx(EGO["z"], abs=1e-5)  # level, whatever the ego's tilt
+    positions_m = apply(map_from_actors(ego)[0] @ frame_from_grid, local_m)
+    assert np.array_equal(data.ravel() == 100, pattern(positions_m[:, :2]))
+    assert positions_m[:, 2] == pytest.approx(EGO["z"], abs=1e-5)  # level, whatever the ego's tilt
 
 
 def boxes(count: int = 12) -> Table:
@@ -83,7 +83,7 @@ def read(table: Table, stamp_ns: int = STAMP_NS) -> list[Marker]:
     return markers
 
 
-def test_markers_replace_those_before_and_keep_their_ids() -> None:
+def test_markers_replace_previous_ones_and_keep_their_ids() -> None:
     table = boxes()
     first, second = read(table), read(table[1:], STAMP_NS + 1)
     for markers, stamp_ns in (first, STAMP_NS), (second, STAMP_NS + 1):
@@ -96,7 +96,7 @@ def test_markers_replace_those_before_and_keep_their_ids() -> None:
     assert [marker.ns for marker in first[1:13]] == [BOX_CLASSES[each] for each in table["class"]]
 
 
-def test_markers_can_be_drawn_as_they_are() -> None:
+def test_markers_are_valid_for_displays() -> None:
     for marker in read(boxes())[1:]:
         q, scale, color = marker.pose.orientation, marker.scale, marker.color
         assert np.linalg.norm([q.x, q.y, q.z, q.w]) == pytest.approx(1.0)
@@ -132,7 +132,7 @@ def test_without_boxes_only_the_old_markers_are_removed() -> None:
     assert [marker.action for marker in read(boxes(0))] == [Marker.DELETEALL]
 
 
-def test_actors_are_drawn_around_their_middles_in_their_own_colours_and_signals_as_they_shine() -> None:
+def test_actors_have_their_own_color_and_signals_that_of_their_state() -> None:
     bus = actor(box_model(Tag.BUS, (11.0, 2.5, 3.2)), **EGO, roll=0.1, pitch=-0.2, color=0xFF8000)
     signals = np.zeros(2, SIGNAL_DTYPE)
     signals["id"], signals["x"], signals["state"] = [1, 2], [5.0, 6.0], [SignalState.RED, SignalState.GREEN]

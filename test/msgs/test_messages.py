@@ -1,4 +1,4 @@
-"""Messages carry arrays without loss; offsets are those that consumers expect."""
+"""Messages carry arrays without loss, at the offsets that consumers expect."""
 
 import json
 
@@ -20,9 +20,9 @@ from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, image_message
-from simbev_ros.msgs.stamps import header, stamp_of, stamp_of_serialised, time_message
+from simbev_ros.msgs.stamps import header, serialized_stamp_ns, stamp_of, time_message
 from simbev_ros.msgs.tables import message_from_table, table_from_message
-from simbev_ros.msgs.transforms import serialised_transforms, static_transforms
+from simbev_ros.msgs.transforms import serialize_transforms, static_transforms
 from simbev_ros.msgs.world import odometry_message, record_message
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.lights import STREET_LIGHT_DTYPE
@@ -38,7 +38,7 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
     "dtype",
     [ACTOR_DTYPE, SIGNAL_DTYPE, STREET_LIGHT_DTYPE, BOX_DTYPE, POINT_DTYPE, SEMANTIC_POINT_DTYPE, RADAR_POINT_DTYPE],
 )
-def test_tables_survive_the_wire_and_their_fields_fit_into_point_step(dtype: np.dtype) -> None:
+def test_tables_survive_serialization_and_their_fields_fit_into_point_step(dtype: np.dtype) -> None:
     table = np.frombuffer(np.random.default_rng(0).bytes(5 * dtype.itemsize), dtype)
     message = deserialize_message(serialize_message(message_from_table(table, STAMP_NS, "map")), PointCloud2)
     assert table_from_message(message).tobytes() == table.tobytes()
@@ -82,7 +82,7 @@ def test_camera_info_projects_like_the_camera() -> None:
     assert projected[:2] / projected[2] == pytest.approx(camera.project(point[None])[0])
 
 
-def test_opencv_rectifies_and_projects_by_the_camera_info_of_a_lens() -> None:
+def test_opencv_rectifies_and_projects_with_the_camera_info_of_a_lens() -> None:
     camera = LensCamera(640, 480, 500.0, 510.0, 300.0, 250.0, (-0.3, 0.1, 0.002, -0.001, -0.01))
     info = deserialize_message(serialize_message(camera_info_message(camera, 0, "f")), CameraInfo)
     assert (info.distortion_model, info.width, info.height) == ("plumb_bob", 640, 480)
@@ -100,18 +100,18 @@ def test_stamps_are_exact(stamp_ns: int) -> None:
     assert stamp_of(time_message(stamp_ns)) == stamp_ns
 
 
-def test_stamp_is_read_from_serialised_messages_without_decoding() -> None:
+def test_stamp_is_read_from_serialized_messages_without_decoding() -> None:
     cloud = serialize_message(message_from_table(np.zeros(1, POINT_DTYPE), STAMP_NS, "f"))
-    assert stamp_of_serialised(cloud, "sensor_msgs/msg/PointCloud2") == STAMP_NS
+    assert serialized_stamp_ns(cloud, "sensor_msgs/msg/PointCloud2") == STAMP_NS
     markers = MarkerArray(markers=[Marker(header=header(STAMP_NS, "map"))])
-    assert stamp_of_serialised(serialize_message(markers), "visualization_msgs/msg/MarkerArray") == STAMP_NS
-    assert stamp_of_serialised(serialize_message(MarkerArray()), "visualization_msgs/msg/MarkerArray") is None
+    assert serialized_stamp_ns(serialize_message(markers), "visualization_msgs/msg/MarkerArray") == STAMP_NS
+    assert serialized_stamp_ns(serialize_message(MarkerArray()), "visualization_msgs/msg/MarkerArray") is None
 
 
 def test_transforms_can_be_written_without_tf2_msgs() -> None:
     transform = TransformStamped(header=header(STAMP_NS, "map"), child_frame_id="ego/base_link")
     transform.transform.translation.y = 4.25
-    message = TYPES.deserialize_cdr(serialised_transforms([transform, transform]), "tf2_msgs/msg/TFMessage")
+    message = TYPES.deserialize_cdr(serialize_transforms([transform, transform]), "tf2_msgs/msg/TFMessage")
     assert len(message.transforms) == 2
     second = message.transforms[1]
     assert (second.header.frame_id, second.child_frame_id, second.transform.translation.y) == (
@@ -132,7 +132,7 @@ def test_odometry_has_its_twist_in_the_child_frame() -> None:
     assert message.pose.pose.position.x == 10.0
 
 
-def test_every_sensor_hangs_on_base_link_and_cameras_have_an_optical_frame() -> None:
+def test_every_sensor_is_a_child_of_base_link_and_cameras_have_an_optical_frame() -> None:
     scenario = load_scenario("demo")
     planned = next(planned_scenes(scenario))
     spec = draw_scene(scenario, planned, load_network(planned.map))
@@ -144,7 +144,7 @@ def test_every_sensor_hangs_on_base_link_and_cameras_have_an_optical_frame() -> 
     assert back.transform.translation.x == -1.0
 
 
-def test_the_record_of_the_egos_lane_carries_the_stamp_and_names_the_lane() -> None:
+def test_the_record_of_the_ego_lane_has_stamp_and_lane() -> None:
     network = load_network(MapSpec(name="Blocks"))
     strip = next(strip for strip in network.layout.strips if strip.kind is LaneKind.DRIVING and not strip.junction)
     before, after = strip.center_m[:2]
@@ -153,7 +153,7 @@ def test_the_record_of_the_egos_lane_carries_the_stamp_and_names_the_lane() -> N
     row["x"], row["y"], row["z"] = (before + after) / 2.0
     place_m = np.array([row["x"][0], row["y"][0], row["z"][0]])
     message = record_message(lane_record(network, place_m, float(row["yaw"][0])), STAMP_NS)
-    assert stamp_of_serialised(serialize_message(message), "std_msgs/msg/String") == STAMP_NS
+    assert serialized_stamp_ns(serialize_message(message), "std_msgs/msg/String") == STAMP_NS
     record = json.loads(message.data)
     assert (record["id"], record["lane_type"]) == (strip.lane, "Driving")
     assert record["transform"]["location"] == pytest.approx(((before + after) / 2.0).tolist(), abs=0.01)

@@ -1,4 +1,4 @@
-"""GNSS and IMU messages against the words of REP-145 and of the message definitions."""
+"""GNSS and IMU messages, compared with REP-145 and the message definitions."""
 
 import math
 
@@ -36,13 +36,13 @@ def test_each_sample_is_a_message_with_its_own_stamp() -> None:
     assert np.array_equal(first.orientation_covariance.reshape(3, 3), np.eye(3) * 1e-12)
 
 
-def test_raw_data_say_that_they_have_no_orientation() -> None:
+def test_raw_data_are_marked_as_without_orientation() -> None:
     for message in imu_messages(SAMPLES, "ego/imu", oriented=False):
         assert message.orientation_covariance[0] == -1.0
         assert message.orientation == Quaternion()
 
 
-def test_a_fix_knows_its_covariance() -> None:
+def test_a_fix_has_its_covariance() -> None:
     covariance_m2 = np.diag([1.0, 2.0, 3.0])
     message = fix_message(GnssFix(48.0, 11.0, 500.0, covariance_m2), 5_000_000_010, "ego/gnss")
     assert (message.latitude, message.longitude, message.altitude) == (48.0, 11.0, 500.0)
@@ -51,7 +51,7 @@ def test_a_fix_knows_its_covariance() -> None:
     assert np.array_equal(message.position_covariance.reshape(3, 3), covariance_m2)
 
 
-def test_without_a_fix_there_are_nan_and_an_unknown_covariance() -> None:
+def test_without_a_fix_position_is_nan_and_covariance_unknown() -> None:
     message = fix_message(NO_FIX, 5_000_000_010, "ego/gnss")
     assert all(math.isnan(value) for value in (message.latitude, message.longitude, message.altitude))
     assert message.status.status == NavSatStatus.STATUS_NO_FIX
@@ -66,7 +66,7 @@ def test_queues_hold_as_many_ticks_of_a_fast_imu_as_of_a_slow_one() -> None:
         assert qos_of(fast, live=live).depth == 5 * qos_of(slow, live=live).depth
 
 
-def test_a_bias_is_the_same_on_all_axes_or_one_for_each() -> None:
+def test_a_bias_is_one_value_or_one_per_axis() -> None:
     (imu,) = Rig.model_validate(
         {"sensors": [{"type": "imu", "name": "a", "gyroscope_bias_radps": 0.1, "accelerometer_bias_mps2": [1, 2, 3]}]}
     ).of_type(Imu)

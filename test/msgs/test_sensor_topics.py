@@ -1,10 +1,10 @@
-"""The manifest has the topics of every kind of sensor, and what the annotator sends and reads."""
+"""The manifest has the topics of every kind of sensor, and those that the annotator sends and reads."""
 
 import pytest
 from made_up_scene import made_up_spec
 
 from simbev_ros.config.rig import SENSOR_KINDS
-from simbev_ros.msgs.annotation_topics import read_by_annotator
+from simbev_ros.msgs.annotation_topics import annotator_inputs
 from simbev_ros.msgs.sensor_topics import sensor_topics, topics_of_sensor
 from simbev_ros.msgs.topics import manifest
 
@@ -31,7 +31,7 @@ SENSED = {
     "imu/data_raw": ("Imu", 1, 5),
     "imu/data": ("Imu", 1, 5),
 }
-"""Below /ego: type of sensor_msgs, ticks from message to message, messages a tick."""
+"""Topics below /ego: type of sensor_msgs, ticks between messages, messages per tick."""
 LABELS = {
     "bev/labels": 1, "bev/color": 1, "boxes": 1, "boxes/markers": 1, "hd_map": 1, "cam/boxes": 2, "occupancy/points": 10
 }  # fmt: skip
@@ -45,7 +45,7 @@ def test_every_kind_has_topics(kind: str) -> None:
     assert topics and all(topic.name.startswith("/ego/some/") and topic.sensor for topic in topics)
 
 
-def test_sensors_send_what_it_says_in_the_table() -> None:
+def test_sensors_send_the_topics_of_the_table() -> None:
     topics = list(sensor_topics(made_up_spec(RIG), compressed_images=True))
     sensed = {f"/ego/{name}": (f"sensor_msgs/msg/{kind}", *rest) for name, (kind, *rest) in SENSED.items()}
     assert {t.name: (t.type, t.period_ticks, t.messages_per_tick) for t in topics} == sensed
@@ -62,10 +62,10 @@ def test_a_tick_is_written_in_the_order_world_transforms_sensors_labels() -> Non
 
 
 @pytest.mark.parametrize("compressed", [True, False])
-def test_the_annotator_reads_one_cloud_of_each_lidar_and_radar_and_the_instances_of_each_camera(
+def test_the_annotator_reads_one_cloud_per_lidar_and_radar_and_the_instances_of_each_camera(
     compressed: bool,
 ) -> None:
-    read = read_by_annotator(made_up_spec(RIG), compressed_images=compressed)
+    read = annotator_inputs(made_up_spec(RIG), compressed_images=compressed)
     assert {sensor: topic.name for sensor, topic in read.items()} == {
         "cam": f"/ego/cam/instance/image_raw{'/compressed' * compressed}",
         "both": "/ego/both/points",

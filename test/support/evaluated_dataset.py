@@ -7,7 +7,7 @@ import numpy as np
 from ros_messages import image, odometry, point_cloud
 
 from simbev_ros.annotation.boxes.boxes import blank_boxes
-from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, boxes_of
+from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, boxes_from_tables
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.scene.spec import SceneSpec
@@ -107,7 +107,7 @@ def messages(stamp_ns: int, tick: int) -> list[tuple[str, str, bytes]]:
 
 def truth() -> Boxes:
     """Ground-truth boxes of either scene."""
-    return boxes_of({tick: boxes(tick) for tick in range(TICKS)})
+    return boxes_from_tables({tick: boxes(tick) for tick in range(TICKS)})
 
 
 def as_predicted(**changes: AnyArray) -> Predictions:

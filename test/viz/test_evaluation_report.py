@@ -21,7 +21,7 @@ from simbev_ros.evaluation.metrics.detection import DetectionOptions
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
-from simbev_ros.evaluation.slices import GROUPS, Cut, cuts_of
+from simbev_ros.evaluation.slices import GROUPS, TableSlice, table_slices
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
 from simbev_ros.viz.reports.svg_charts import Series
@@ -77,7 +77,7 @@ def texts(values: Iterable[float | None]) -> list[str]:
 
 
 def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(cuts_of(Cut(), [*GROUPS])))
+    options = EvaluationOptions(tuple(table_slices(TableSlice(), [*GROUPS])))
     page, figures = report(dataset, tmp_path, some_boxes(), range(5), options, own_nuscenes=random_nuscenes_figures())
     by = [f"By {name}" for name in GROUPS]
     assert page.headings == [
@@ -101,7 +101,7 @@ def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path
 
 
 def test_tables_by_condition_show_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(cuts_of(Cut(), [*GROUPS])))
+    options = EvaluationOptions(tuple(table_slices(TableSlice(), [*GROUPS])))
     page, figures = report(dataset, tmp_path, some_boxes(), range(5), options)
     detection, segmentation = figures["detection"], figures["segmentation"]
     for group in GROUPS:
@@ -136,8 +136,8 @@ def test_boxes_or_cells_alone_have_only_their_sections(dataset: Path, tmp_path: 
 
 def test_a_missing_figure_is_a_dash(dataset: Path, tmp_path: Path) -> None:
     """No box has the required number of points, and only one matching method is requested."""
-    base = Cut(boxes=BoxFilter(points=(1000, np.inf)))
-    options = EvaluationOptions(tuple(cuts_of(base, ["distance"])), DetectionOptions(ious=()))
+    base = TableSlice(boxes=BoxFilter(points=(1000, np.inf)))
+    options = EvaluationOptions(tuple(table_slices(base, ["distance"])), DetectionOptions(ious=()))
     page, _ = report(dataset, tmp_path, some_boxes(), options=options)
     assert page.table("matched by") == {
         "matched by": ["mAP", "ATE m", "AOE rad", "ASE", "AVE m/s", "SDS"],

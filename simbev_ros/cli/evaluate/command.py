@@ -108,7 +108,7 @@ def evaluate(
     from simbev_ros.evaluation.metrics.detection import DetectionOptions
     from simbev_ros.evaluation.options import EvaluationOptions
     from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions
-    from simbev_ros.evaluation.slices import cuts_of
+    from simbev_ros.evaluation.slices import table_slices
 
     counted = parse.counted(
         distance=distance,
@@ -120,7 +120,7 @@ def evaluate(
     )
     box_classes, bev_classes = parse.classes("--classes", classes)
     options = EvaluationOptions(
-        cuts=tuple(cuts_of(counted, parse.words("--by", by) if by else (), parse.numbers("--rings", rings))),
+        slices=tuple(table_slices(counted, parse.words("--by", by) if by else (), parse.numbers("--rings", rings))),
         detection=DetectionOptions(
             ious=parse.thresholds("--ious", ious, 1.0),
             distances_m=parse.thresholds("--distances", distances, 1000.0),
@@ -136,7 +136,7 @@ def evaluate(
         require_place(file)
     opened, console = open_dataset(dataset, threads=1), Console(highlight=False)
     chosen = parse.chosen_scenes(opened, split, scenes)
-    predicted = open_predictions(predictions, boxes_topic, grids_topic).of_dataset([s.name for s in opened.scenes])
+    predicted = open_predictions(predictions, boxes_topic, grids_topic).for_dataset([s.name for s in opened.scenes])
     frames = sum(len(range(0, len(scene), every)) for scene in chosen)
     with counting_bar("frames", Console(stderr=True), frames) as bar:
         result = evaluate_dataset(chosen, predicted, options, jobs or os.cpu_count() or 1, bar.show)

@@ -7,7 +7,7 @@ from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS
 from simbev_ros.evaluation.filters import BoxFilter
-from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 
 
@@ -76,7 +76,7 @@ def classes(option: str, text: str | None) -> tuple[tuple[str, ...], tuple[str, 
 
 def counted(
     *, distance: str, visibility: float, points: int, difficulty: str | None, daytime: str | None, weather: str | None
-) -> Cut:
+) -> TableSlice:
     """Parse the conditions on boxes and frames that are evaluated at all; None: no condition.
 
     Raises:
@@ -88,7 +88,7 @@ def counted(
         points=(points, math.inf),
         difficulties=words("--difficulty", difficulty) if difficulty else DIFFICULTIES,
     )
-    return Cut(
+    return TableSlice(
         boxes=boxes,
         daytimes=words("--daytime", daytime) if daytime else DAYTIMES,
         weathers=words("--weather", weather) if weather else WEATHERS,

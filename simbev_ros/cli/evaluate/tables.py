@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simbev_ros.cli.console import plural
-from simbev_ros.evaluation.tables import Cell, FigureTable, Kind, evaluation_tables, text_of
+from simbev_ros.evaluation.tables import Cell, CellKind, FigureTable, evaluation_tables, text_of
 
 
 def print_tables(figures: Mapping[str, Any], console: Console) -> None:
@@ -37,6 +37,6 @@ def _draw(figure_table: FigureTable) -> Table:
 
 
 def _text(cell: Cell) -> str:
-    if cell.kind in (Kind.NAME, Kind.COUNT):
+    if cell.kind in (CellKind.NAME, CellKind.COUNT):
         return str(cell.value)
     return text_of(cell.value if isinstance(cell.value, float) else None)

@@ -1,1 +1,1 @@
-"""Evaluates a running scene: joins truth and answers by stamp and keeps running figures."""
+"""Evaluates a perception stack while the scene runs: joins answers with the ground truth, frame by frame."""

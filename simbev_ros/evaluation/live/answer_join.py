@@ -1,7 +1,9 @@
-"""Frames of a running scene, put together of what comes of them in any order: truth, the stack's input and its answers.
+"""Joins the messages of a running scene into complete frames, for live evaluation.
 
-A frame is one at which the stack's input is due. It leaves, in the order of the ticks, when its truth is there and each
-kind of answer that the stack gives has come, or will not come any more. Pure: the time is told.
+``AnswerJoin`` receives ground truth, the stack's input and the stack's answers in any order, each with its tick. It
+releases frames in the order of the ticks, to be evaluated by ``live_evaluation``. There is a frame at every tick at
+which the stack's input is due. A frame leaves the join once its ground truth is there and each kind of answer that the
+stack gives has arrived or can no longer be expected. The code reads no clock: the caller passes the time.
 """
 
 from collections import Counter
@@ -12,24 +14,25 @@ from typing import Any
 from simbev_ros.errors import InputError
 
 POSE, BOXES, LABELS = "pose", "boxes", "labels"
-"""The truth of a frame; poses come at all ticks."""
+"""Parts of the ground truth of a frame; poses arrive at all ticks."""
 _TRUTH = (POSE, BOXES, LABELS)
-_LONGEST_LOOK_S = 0.25
-"""Time that passes unobserved, while something is computed, is not waited: messages lie there that were not read."""
-_AFTER_REPORT_S = 1.0
-_MOST_IN_VAIN = 2
+_MAX_POLL_GAP_S = 0.25
+"""Upper bound on the waiting time that one poll adds: during a long computation, unread messages pile up."""
+_WAIT_AFTER_REPORT_S = 1.0
+_MAX_UNANSWERED = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
-    """How long frames wait for answers.
+class WaitLimits:
+    """Limits on how long frames wait for answers.
+
+    In lockstep, a topic that failed to answer within ``idle_s`` twice in a row is not waited for until it sends again.
 
     Attributes:
-        grace_ticks: Live: until the truth is so many ticks ahead; None: lockstep, where nothing is lost, so that an
-            answer to a later frame says that there is none to this one.
-        idle_s: Until nothing has come for so long; one second where the stack has said that it has finished the tick.
-            Live, answers are waited for no longer than that after the end.
-            In lockstep, a topic that was waited for in vain twice is not waited for before it speaks again.
+        grace_ticks: Live: a frame waits until the ground truth is this number of ticks ahead. None: lockstep, where no
+            message is lost, so an answer to a later frame means that there is none to this one.
+        idle_s: A frame waits until nothing has arrived for this time, s; for one second if the stack has reported the
+            tick as finished. Live, this is also the limit for answers after the end of the scene.
     """
 
     grace_ticks: int | None
@@ -38,15 +41,15 @@ class Patience:
 
 @dataclass(slots=True)
 class OpenFrame:
-    """What has come of a frame.
+    """Data of one frame that have arrived so far.
 
     Attributes:
-        tick: Its place in the scene.
-        truth: By part: (4, 4) map_from_ego, (N,) ``BOX_DTYPE``, (H, W) labels.
-        answers: By topic: ``PredictedBoxes`` or ``ScoreGrid``.
-        input_s: When the input came, on some clock.
-        answered_s: When the last answer came, on the same.
-        is_complete: Of a frame that has left: there is an answer of every kind.
+        tick: Index of the frame in the scene.
+        truth: Ground truth by part: (4, 4) map_from_ego, (N,) ``BOX_DTYPE``, (H, W) labels.
+        answers: ``PredictedBoxes`` or ``ScoreGrid``, by topic.
+        input_s: Time when the input arrived, on any clock; None: it has not.
+        answered_s: Time when the last answer arrived, on the same clock.
+        is_complete: Whether there is an answer of every kind; set when the frame leaves.
     """
 
     tick: int
@@ -58,14 +61,14 @@ class OpenFrame:
 
 
 @dataclass(slots=True)
-class Books:
-    """What became of frames and answers.
+class JoinCounts:
+    """Numbers of frames and answers with problems.
 
     Attributes:
         missed: Frames that lack an answer of some kind.
-        late: Answers that came after their frame had left.
-        without_input: Live: frames that are not evaluated, as a sensor left its message out, and nothing was answered.
-        without_truth: Live: frames that are not evaluated, as their truth was lost.
+        late: Answers that arrived after their frame had left.
+        without_input: Live: frames that are not evaluated as a sensor dropped its message and nothing was answered.
+        without_truth: Live: frames that are not evaluated because their ground truth was lost.
     """
 
     missed: int = 0
@@ -78,27 +81,27 @@ class AnswerJoin:
     """Joins the frames of one scene.
 
     Args:
-        is_due: Whether there is a frame at a tick.
-        patience: How long frames wait.
+        is_due: Tells whether there is a frame at a tick.
+        limits: Limits on how long frames wait.
 
     Attributes:
-        books: Of what has left.
-        finished_tick: The last tick of which nothing is open, nor of those before; -1: there is none.
+        counts: Counts of the frames that have left and of late answers.
+        finished_tick: The last tick up to which no frame is open; -1: there is none.
     """
 
-    def __init__(self, is_due: Callable[[int], bool], patience: Patience) -> None:
-        self._is_due, self._patience = is_due, patience
+    def __init__(self, is_due: Callable[[int], bool], limits: WaitLimits) -> None:
+        self._is_due, self._limits = is_due, limits
         self._frames: dict[int, OpenFrame] = {}
-        self._newest = dict.fromkeys(_TRUTH, -1)
+        self._newest_truth = dict.fromkeys(_TRUTH, -1)
         self._newest_answer: dict[str, int | None] = {}
         self._answered: set[tuple[str, int]] = set()
         self._silent: set[str] = set()
-        self._in_vain: Counter[str] = Counter()
+        self._unanswered: Counter[str] = Counter()
         self._stack_tick = -1
-        self._looked_s: float | None = None
+        self._last_poll_s: float | None = None
         self._idle_s = self._ended_s = 0.0
         self._last_tick: int | None = None
-        self.books = Books()
+        self.counts = JoinCounts()
         self.finished_tick = -1
 
     @property
@@ -106,125 +109,129 @@ class AnswerJoin:
         """Whether all frames of the scene have left."""
         return self._last_tick is not None and self.finished_tick >= self._last_tick
 
-    def offer(self, topic: str) -> None:
-        """There is a topic of answers: frames wait for it, until it turns out that nothing comes on it."""
+    def add_topic(self, topic: str) -> None:
+        """Register a topic of answers; frames wait for it until it turns out that nothing is sent on it."""
         self._newest_answer.setdefault(topic, None)
 
     def add_truth(self, part: str, tick: int, value: Any) -> None:
-        """A part of the truth, as ``OpenFrame`` has them; each in the order of the ticks."""
+        """Add a part of the ground truth, with a value as in ``OpenFrame``; each part in the order of the ticks."""
         self._idle_s = 0.0
-        self._newest[part] = max(self._newest[part], tick)
+        self._newest_truth[part] = max(self._newest_truth[part], tick)
         if (frame := self._frame(tick)) is not None:
             frame.truth[part] = value
 
-    def add_input(self, tick: int, at_s: float) -> None:
-        """The stack's input has come."""
+    def add_input(self, tick: int, arrival_s: float) -> None:
+        """Record the arrival of the stack's input."""
         self._idle_s = 0.0
         if (frame := self._frame(tick)) is not None:
-            frame.input_s = at_s
+            frame.input_s = arrival_s
 
-    def add_answer(self, topic: str, tick: int, value: Any, at_s: float) -> None:
-        """An answer, be it to a tick that has no frame. Live, a later one to the same tick takes its place.
+    def add_answer(self, topic: str, tick: int, value: Any, arrival_s: float) -> None:
+        """Add an answer, even to a tick that has no frame.
 
-        A live scene may start again, while an answer is on its way that was meant for what it was before.
+        Live, a later answer to the same tick replaces the earlier one: a live scene may restart while an answer to its
+        previous run is on its way.
 
         Raises:
-            InputError: In lockstep, there was one of this topic to this tick.
+            InputError: In lockstep, this topic has already answered this tick.
         """
         self._idle_s = 0.0
-        if (topic, tick) in self._answered and self._patience.grace_ticks is None:
-            raise InputError(f"{topic}: tick {tick} is answered twice; allowed is one answer to each frame")
+        if (topic, tick) in self._answered and self._limits.grace_ticks is None:
+            raise InputError(f"{topic}: tick {tick} is answered twice; each frame may be answered once")
         self._answered.add((topic, tick))
         newest = self._newest_answer.get(topic)
         self._newest_answer[topic] = tick if newest is None else max(newest, tick)
         self._silent.discard(topic)
-        self._in_vain[topic] = 0
+        self._unanswered[topic] = 0
         frame = self._frame(tick)
         if frame is None:
-            self.books.late += self._is_due(tick)
+            self.counts.late += self._is_due(tick)
             return
         frame.answers[topic] = value
-        frame.answered_s = max(frame.answered_s, at_s)
+        frame.answered_s = max(frame.answered_s, arrival_s)
 
-    def stack_finished(self, tick: int) -> None:
-        """The stack says that it has finished a tick."""
+    def mark_stack_finished(self, tick: int) -> None:
+        """Record that the stack has reported a tick as finished."""
         self._idle_s = 0.0
         self._stack_tick = max(self._stack_tick, tick)
 
-    def end(self, tick: int) -> None:
-        """The scene ends with a tick."""
+    def end_scene(self, tick: int) -> None:
+        """Record the last tick of the scene."""
         self._last_tick = tick
 
-    def leaving(self, now_s: float) -> Iterator[OpenFrame]:
-        """The frames that need not wait any longer and are to be evaluated; to be asked several times a second.
+    def pop_ready_frames(self, now_s: float) -> Iterator[OpenFrame]:
+        """Remove the frames that need not wait any longer, and yield those to evaluate; call it several times a second.
 
         Args:
-            now_s: On a clock that never runs backwards.
+            now_s: Time on a clock that never runs backwards, s.
         """
-        if self._looked_s is not None:
-            waited_s = min(now_s - self._looked_s, _LONGEST_LOOK_S)
+        if self._last_poll_s is not None:
+            waited_s = min(now_s - self._last_poll_s, _MAX_POLL_GAP_S)
             self._idle_s += waited_s
             self._ended_s += 0.0 if self._last_tick is None else waited_s
-        self._looked_s = now_s
-        while not self.is_over and self._may_leave(tick := self.finished_tick + 1):
+        self._last_poll_s = now_s
+        while not self.is_over and self._may_finish(tick := self.finished_tick + 1):
             frame = self._frames.pop(tick, None) or OpenFrame(tick)
             self.finished_tick = tick
             if self._is_due(tick):
-                if self._patience.grace_ticks is None and self._is_idle:
-                    self._in_vain.update(topic for topic in self._awaited() if topic not in frame.answers)
+                if self._limits.grace_ticks is None and self._is_idle:
+                    self._unanswered.update(topic for topic in self._awaited_topics() if topic not in frame.answers)
                     self._idle_s = 0.0
-                if self._counts(frame):
+                if self._count_frame(frame):
                     yield frame
 
     def _frame(self, tick: int) -> OpenFrame | None:
-        """That of a tick, unless it has left or there is none."""
+        """The open frame of a tick, or None if it has left or there is none."""
         if tick <= self.finished_tick or not self._is_due(tick):
             return None
         return self._frames.setdefault(tick, OpenFrame(tick))
 
     @property
     def _is_idle(self) -> bool:
-        return self._idle_s >= self._patience.idle_s
+        """Whether nothing has arrived for the idle time."""
+        return self._idle_s >= self._limits.idle_s
 
-    def _may_leave(self, tick: int) -> bool:
-        is_live, is_idle = self._patience.grace_ticks is not None, self._is_idle
-        if self._newest[POSE] < tick:
+    def _may_finish(self, tick: int) -> bool:
+        """Whether nothing more is expected for a tick."""
+        is_live, is_idle = self._limits.grace_ticks is not None, self._is_idle
+        if self._newest_truth[POSE] < tick:
             return is_live and is_idle and self._last_tick is not None
         if not self._is_due(tick):
             return True
         frame = self._frames.get(tick) or OpenFrame(tick)
         missing = [part for part in _TRUTH if part not in frame.truth]
         if missing:
-            return any(self._newest[part] > tick for part in missing) or (is_live and is_idle)
-        is_past = is_live and self._ended_s >= self._patience.idle_s
-        return is_idle or is_past or all(self._is_settled(topic, frame) for topic in self._awaited())
+            return any(self._newest_truth[part] > tick for part in missing) or (is_live and is_idle)
+        is_past = is_live and self._ended_s >= self._limits.idle_s
+        return is_idle or is_past or all(self._is_settled(topic, frame) for topic in self._awaited_topics())
 
-    def _awaited(self) -> list[str]:
+    def _awaited_topics(self) -> list[str]:
+        """Topics that are waited for: all but those that were silent while others answered."""
         return [topic for topic in self._newest_answer if topic not in self._silent]
 
     def _is_settled(self, topic: str, frame: OpenFrame) -> bool:
-        """Whether an answer has come, or will not come any more."""
-        if topic in frame.answers or self._in_vain[topic] >= _MOST_IN_VAIN:
+        """Whether the answer on a topic has arrived, or will not arrive any more."""
+        if topic in frame.answers or self._unanswered[topic] >= _MAX_UNANSWERED:
             return True
-        if self._stack_tick >= frame.tick and self._idle_s >= _AFTER_REPORT_S:
+        if self._stack_tick >= frame.tick and self._idle_s >= _WAIT_AFTER_REPORT_S:
             return True
-        if self._patience.grace_ticks is not None:
-            return self._newest[POSE] >= frame.tick + self._patience.grace_ticks
+        if self._limits.grace_ticks is not None:
+            return self._newest_truth[POSE] >= frame.tick + self._limits.grace_ticks
         newest = self._newest_answer[topic]
         return newest is not None and newest > frame.tick
 
-    def _counts(self, frame: OpenFrame) -> bool:
-        """Whether a frame that leaves is evaluated; enters it into the books."""
+    def _count_frame(self, frame: OpenFrame) -> bool:
+        """Update the counts with a frame that leaves, and return whether it is evaluated."""
         if len(frame.truth) < len(_TRUTH):
-            self.books.without_truth += 1
+            self.counts.without_truth += 1
             return False
-        if self._patience.grace_ticks is not None and frame.input_s is None and not frame.answers:
-            self.books.without_input += 1
+        if self._limits.grace_ticks is not None and frame.input_s is None and not frame.answers:
+            self.counts.without_input += 1
             return False
-        awaited = self._awaited()
-        lacking = [topic for topic in awaited if topic not in frame.answers]
-        frame.is_complete = bool(awaited) and not lacking
-        self.books.missed += not frame.is_complete
-        if frame.answers:  # something was answered, but never anything on these
-            self._silent.update(topic for topic in lacking if self._newest_answer[topic] is None)
+        awaited = self._awaited_topics()
+        missing = [topic for topic in awaited if topic not in frame.answers]
+        frame.is_complete = bool(awaited) and not missing
+        self.counts.missed += not frame.is_complete
+        if frame.answers:  # the stack answers, but never on these topics
+            self._silent.update(topic for topic in missing if self._newest_answer[topic] is None)
         return True

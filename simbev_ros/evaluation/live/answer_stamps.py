@@ -1,4 +1,7 @@
-"""Which frame of a running scene an answer is to, by its stamp."""
+"""Assigns answers of a perception stack to the ticks of the running scene, by stamp.
+
+Answers to the warm-up and to other scenes are ignored; any other stamp must be that of a tick.
+"""
 
 from collections.abc import Collection
 
@@ -7,15 +10,15 @@ from simbev_ros.scene.spec import SceneSpec, scene_number_of
 
 
 def answered_tick(stamp_ns: int, spec: SceneSpec, scenes: Collection[int]) -> int | None:
-    """The tick that an answer is to; None: it is one of the lead-in, or of another of the scenes.
+    """Tick that an answer belongs to; None if it belongs to the warm-up or to another of the scenes.
 
     Args:
-        stamp_ns: Of the answer.
-        spec: The scene that runs.
-        scenes: Numbers of all scenes so far, of this one too.
+        stamp_ns: Stamp of the answer.
+        spec: The running scene.
+        scenes: Numbers of all scenes so far, including this one.
 
     Raises:
-        InputError: The stamp is that of no tick.
+        InputError: No tick has this stamp.
     """
     number = scene_number_of(stamp_ns)
     if stamp_ns < spec.start_ns if number == spec.number else number in scenes:
@@ -23,5 +26,5 @@ def answered_tick(stamp_ns: int, spec: SceneSpec, scenes: Collection[int]) -> in
     tick = min(max(spec.tick_of(stamp_ns + spec.tick_ns // 2), 0), spec.ticks - 1)
     if spec.stamp_ns(tick) != stamp_ns:
         nearest = f"the nearest is {spec.stamp_ns(tick)}, that of tick {tick}"
-        raise InputError(f"header.stamp: {stamp_ns} is that of no tick of {spec.name}; {nearest}")
+        raise InputError(f"header.stamp: {stamp_ns} belongs to no tick of {spec.name}; {nearest}")
     return tick

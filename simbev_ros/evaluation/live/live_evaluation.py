@@ -1,4 +1,8 @@
-"""Evaluating a scene while it runs: frames that have been joined in, running figures and the scene's tally out."""
+"""Evaluates one scene while it runs.
+
+``LiveEvaluation`` takes the frames that ``answer_join`` has completed. It gives running metrics at any time, and at the
+end the tally of the scene, equal to the one that ``scene_evaluation`` computes from a recording.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -7,132 +11,140 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.dataset.calibration import calibrations
-from simbev_ros.evaluation.evaluation import evaluation_of
+from simbev_ros.evaluation.evaluation import evaluation_from_tallies
 from simbev_ros.evaluation.figures import METHODS, figures_of
-from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, Books, OpenFrame
-from simbev_ros.evaluation.metrics.averages import known_mean
-from simbev_ros.evaluation.metrics.detection import DetectionTally, detection_result, merge
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame
+from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
+from simbev_ros.evaluation.metrics.detection import DetectionTally, detection_result, merge_tallies
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD, THRESHOLDS
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.predictions.predicted_boxes import MAP_FRAME, PredictedBoxes, Reference, in_map, joined
+from simbev_ros.evaluation.predictions.predicted_boxes import (
+    MAP_FRAME,
+    PredictedBoxes,
+    Reference,
+    boxes_in_map,
+    join_boxes,
+)
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
-from simbev_ros.evaluation.scene_boxes import SceneBoxes, TrueFrame
+from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, SceneBoxes
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, SceneTally
 from simbev_ros.evaluation.scene_grids import SceneGrids
-from simbev_ros.evaluation.slices import Conditions, Cut
+from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import BoolArray, Float64Array, Table
 
-_FRAMES_TOGETHER = 64
-"""So many are matched at once at most: it takes less time together, but they must be kept until then."""
+_MATCH_BATCH_FRAMES = 64
+"""Upper bound on the number of frames matched in one batch: batches save time, but frames wait in memory."""
 _PERCENTILES = (50, 90, 99)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveScene:
-    """What is known of a scene that was evaluated live.
+    """Result of the live evaluation of one scene.
 
     Attributes:
-        tally: As of a recorded scene.
-        latency_ms: (L,) of the frames that were answered in every kind, from the input to the last answer.
-        books: What became of frames and answers.
+        tally: Tally of the scene, as of a recorded one.
+        latency_ms: (L,) time from the input to the last answer, of the frames that were answered in every kind.
+        counts: Numbers of missed frames and late answers.
     """
 
     tally: SceneTally
     latency_ms: Float64Array
-    books: Books
+    counts: JoinCounts
 
 
 class LiveEvaluation:
-    """Tallies one scene.
+    """Tallies one scene while it runs.
 
     Args:
         spec: The scene.
-        options: What is evaluated; neither ``every`` nor ``nuscenes``.
+        options: What to evaluate; ``every`` and ``nuscenes`` have no effect.
     """
 
     def __init__(self, spec: SceneSpec, options: EvaluationOptions) -> None:
         self._spec, self._options, self._calibration = spec, options, calibrations(spec.rig)
-        self._waiting: list[tuple[TrueFrame, PredictedBoxes]] = []
-        self._cells = SceneGrids(spec.annotation.bev.grid, options.cuts)
+        self._waiting: list[tuple[GroundTruthFrame, PredictedBoxes]] = []
+        self._cells = SceneGrids(spec.annotation.bev.grid, options.slices)
         self._rows: list[Table] = []
-        self._tallies: dict[Cut, list[DetectionTally]] = {cut: [] for cut in options.cuts}
+        self._tallies: dict[TableSlice, list[DetectionTally]] = {table_slice: [] for table_slice in options.slices}
         self._latency_ms: list[float] = []
         self._iou: list[float] = []
         self._answered: list[tuple[bool, bool]] = []
-        self._tally(SceneBoxes(spec, [], joined([]).predictions, options), [])
+        self._tally(SceneBoxes(spec, [], join_boxes([]).predictions, options), [])
 
-    def add(self, frame: OpenFrame) -> None:
-        """Count a frame, later than those before.
+    def add_frame(self, frame: OpenFrame) -> None:
+        """Count a frame; frames must come in order.
 
         Args:
-            frame: As ``answer_join.AnswerJoin`` gives it out.
+            frame: A frame that ``answer_join.AnswerJoin`` has released.
 
         Raises:
             InputError: An answer does not fit the scene.
         """
-        conditions, map_from_ego = Conditions.of(self._spec.weather_at(frame.tick)), frame.truth[POSE]
+        conditions, map_from_ego = Conditions.from_weather(self._spec.weather_at(frame.tick)), frame.truth[POSE]
         boxes = [each for each in frame.answers.values() if isinstance(each, PredictedBoxes)]
         grids = [each for each in frame.answers.values() if isinstance(each, ScoreGrid)]
-        predictions = in_map(joined(boxes), ReferenceFrames(self._spec, self._calibration, lambda tick: map_from_ego))
-        iou = self._cells.add(frame.truth[LABELS], conditions, _together(grids), self._options.cuts[0])
-        truth = TrueFrame(frame.tick, frame.truth[BOXES], map_from_ego, conditions)
-        self._waiting.append((truth, PredictedBoxes.of(predictions, Reference(MAP_FRAME, ""))))
+        predictions = boxes_in_map(
+            join_boxes(boxes), ReferenceFrames(self._spec, self._calibration, lambda tick: map_from_ego)
+        )
+        iou = self._cells.add_frame(frame.truth[LABELS], conditions, _merge_grids(grids), self._options.slices[0])
+        truth = GroundTruthFrame(frame.tick, frame.truth[BOXES], map_from_ego, conditions)
+        self._waiting.append((truth, PredictedBoxes.with_reference(predictions, Reference(MAP_FRAME, ""))))
         self._answered.append((bool(boxes), bool(grids)))
         self._iou.append(iou)
         if frame.is_complete and frame.input_s is not None:
             self._latency_ms.append(max(0.0, 1000.0 * (frame.answered_s - frame.input_s)))
-        if len(self._waiting) >= _FRAMES_TOGETHER:
+        if len(self._waiting) >= _MATCH_BATCH_FRAMES:
             self._match()
 
-    def running(self) -> dict[str, float]:
-        """Figures of all frames so far, by name; those that are undefined are missing."""
+    def running_figures(self) -> dict[str, float]:
+        """Metrics of all frames so far, by name; undefined ones are left out."""
         self._match()
-        base = self._options.cuts[0]
+        base = self._options.slices[0]
         figures: dict[str, float] = {"frames": sum(map(len, self._rows))}
-        with_boxes, with_grid = self._answered_of.sum(axis=0).tolist()
+        with_boxes, with_grid = self._answered_kinds.sum(axis=0).tolist()
         figures |= {"answered_boxes": with_boxes, "answered_grids": with_grid}
         if with_boxes:
-            self._tallies[base] = [merge(self._tallies[base])]
+            self._tallies[base] = [merge_tallies(self._tallies[base])]
             result = detection_result(self._tallies[base][0], self._options.detection)
             for method in METHODS:
                 figures |= {f"mAP_{method}": result.mean_ap(method), f"SDS_{method}": result.sds(method)}
         if self._cells.classes:
             rows = [BEV_CLASSES.index(name) for name in self._options.bev_classes if name in self._cells.classes]
             iou = self._cells.tallies[base].iou()[rows, THRESHOLDS.index(TABLE_THRESHOLD)]
-            figures["mean_IoU"] = float(known_mean(iou))
+            figures["mean_IoU"] = float(mean_ignoring_nan(iou))
         figures |= {f"latency_{name}_ms": value for name, value in _percentiles(np.array(self._latency_ms)).items()}
         return {name: value for name, value in figures.items() if np.isfinite(value)}
 
-    def scene(self, books: Books) -> LiveScene:
-        """All of it, as ``scene_evaluation.evaluate_scene`` has it of the same frames and answers."""
+    def finish(self, counts: JoinCounts) -> LiveScene:
+        """Result of the scene; its tally equals ``scene_evaluation.evaluate_scene`` for the same frames and answers."""
         self._match()
         rows = np.concatenate([np.zeros(0, FRAME_DTYPE), *self._rows])
-        rows["answered_boxes"], rows["answered_grid"] = self._answered_of.T
+        rows["answered_boxes"], rows["answered_grid"] = self._answered_kinds.T
         has_grids = bool(rows["answered_grid"].any())
         rows["iou"] = self._iou if has_grids else np.nan
         tally = SceneTally(
             self._spec.name,
             rows,
-            {cut: merge(tallies) for cut, tallies in self._tallies.items()},
+            {table_slice: merge_tallies(tallies) for table_slice, tallies in self._tallies.items()},
             self._cells.tallies if has_grids else {},
             frozenset(self._cells.classes),
             None,
         )
-        return LiveScene(tally, np.array(self._latency_ms), books)
+        return LiveScene(tally, np.array(self._latency_ms), counts)
 
     @property
-    def _answered_of(self) -> BoolArray:
-        """(F, 2) of all frames, whether there are boxes and scores of cells."""
+    def _answered_kinds(self) -> BoolArray:
+        """(F, 2) whether each frame has an answer with boxes, and one with scores of cells."""
         return np.array(self._answered, np.bool_).reshape(-1, 2)
 
     def _match(self) -> None:
-        """Match the boxes of the frames that wait."""
+        """Match the boxes of the waiting frames."""
         if not self._waiting:
             return
-        truth, predictions = [frame for frame, _ in self._waiting], joined([boxes for _, boxes in self._waiting])
+        truth, predictions = [frame for frame, _ in self._waiting], join_boxes([boxes for _, boxes in self._waiting])
         self._tally(
             SceneBoxes(self._spec, truth, predictions.predictions, self._options), [each.tick for each in truth]
         )
@@ -141,37 +153,37 @@ class LiveEvaluation:
     def _tally(self, boxes: SceneBoxes, ticks: Sequence[int]) -> None:
         rows = np.zeros(len(ticks), FRAME_DTYPE)
         rows["tick"] = ticks
-        rows["boxes"], rows["found"] = boxes.found()
+        rows["boxes"], rows["found"] = boxes.count_found()
         self._rows.append(rows)
-        for cut, tallies in self._tallies.items():
-            tallies.append(boxes.tally(cut))
+        for table_slice, tallies in self._tallies.items():
+            tallies.append(boxes.tally(table_slice))
 
 
 def live_figures(scenes: Sequence[LiveScene], options: EvaluationOptions) -> dict[str, Any]:
-    """The figures of at least one scene, as ``figures.figures_of``, and what is only known live.
+    """Metrics of at least one scene, as in ``figures.figures_of``, and those that are only known live.
 
-    These are ``latency_ms`` (percentiles; null where there is none), ``scenes`` (their names), and in ``frames`` what
-    ``answer_join.Books`` has.
+    The latter are ``latency_ms`` (percentiles; null if there is none), ``scenes`` (names), and the fields of
+    ``answer_join.JoinCounts`` in ``frames``.
     """
-    figures = figures_of(evaluation_of([each.tally for each in scenes], options))
-    books = [asdict(each.books) for each in scenes]
-    figures["frames"] |= {name: sum(each[name] for each in books) for name in books[0]}
+    figures = figures_of(evaluation_from_tallies([each.tally for each in scenes], options))
+    counts = [asdict(each.counts) for each in scenes]
+    figures["frames"] |= {name: sum(each[name] for each in counts) for name in counts[0]}
     percentiles = _percentiles(np.concatenate([each.latency_ms for each in scenes]))
     figures["latency_ms"] = {name: value if np.isfinite(value) else None for name, value in percentiles.items()}
     return {"scenes": [each.tally.scene for each in scenes], **figures}
 
 
 def _percentiles(values: Float64Array) -> dict[str, float]:
-    """By name, of (N,) values; NaN: there is none."""
+    """Percentiles of (N,) values by name; NaN if there are no values."""
     found = np.percentile(values, _PERCENTILES) if len(values) else np.full(len(_PERCENTILES), np.nan)
     return {f"p{each}": float(value) for each, value in zip(_PERCENTILES, found, strict=True)}
 
 
-def _together(grids: Sequence[ScoreGrid]) -> ScoreGrid | None:
-    """One grid of the classes of all; None: there is none.
+def _merge_grids(grids: Sequence[ScoreGrid]) -> ScoreGrid | None:
+    """Merge grids of different classes into one; None if there is none.
 
     Raises:
-        InputError: They differ in size, or have a class in common.
+        InputError: The grids differ in size, or have a class in common.
     """
     if len(grids) < 2:
         return grids[0] if grids else None

@@ -1,12 +1,12 @@
-"""Means of figures of which some may be undefined."""
+"""Averages of metrics, some of which may be undefined."""
 
 import numpy as np
 
 from simbev_ros.types import AnyArray, Float64Array
 
 
-def known_mean(values: Float64Array, axis: int | None = None) -> AnyArray:
-    """Mean of the values that are not NaN, along an axis or of all; NaN where there is none."""
+def mean_ignoring_nan(values: Float64Array, axis: int | None = None) -> AnyArray:
+    """Mean of the values that are not NaN, along an axis or over all; NaN if there are none."""
     known = ~np.isnan(values)
     count = known.sum(axis=axis)
     total = np.where(known, values, 0.0).sum(axis=axis)

@@ -1,4 +1,4 @@
-"""Boxes as the metrics take them: columns of numbers, of the truth and of predictions, checked once on entry."""
+"""Box arrays of ground truth and predictions, the input of all detection metrics; values are checked on entry."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -14,16 +14,16 @@ NO_ATTRIBUTE = 255
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
-    """Upright boxes of the frames of one scene, all in one frame of reference.
+    """Upright boxes in the frames of one scene, all in the same coordinate frame.
 
     Attributes:
-        frame: (N,) which frame each belongs to; any whole number, such as a tick or a stamp.
+        frame: (N,) frame that each box belongs to; any integer, such as a tick or a stamp.
         label: (N,) index into ``BOX_CLASSES``.
         center_m: (N, 3) finite.
         size_m: (N, 3) length, width, height; finite, not negative.
-        yaw_rad: (N,) finite. Roll and pitch do not count.
+        yaw_rad: (N,) finite. Roll and pitch are ignored.
         velocity_mps: (N, 3); NaN: unknown.
-        attribute: (N,) of nuScenes' metric only: any numbering, ``NO_ATTRIBUTE``: none.
+        attribute: (N,) for the nuScenes metrics only: any numbering; ``NO_ATTRIBUTE``: none.
     """
 
     frame: Int64Array
@@ -35,7 +35,7 @@ class Boxes:
     attribute: UInt8Array
 
     def __post_init__(self) -> None:
-        """Raise InputError for a shape or a value that no box can have."""
+        """Raise InputError for an invalid shape or value."""
         count = len(self.frame)
         for name in ("label", "yaw_rad", "attribute"):
             _require_shape(name, getattr(self, name), (count,))
@@ -51,24 +51,24 @@ class Boxes:
         return len(self.frame)
 
     def take(self, chosen: AnyArray) -> "Boxes":
-        """Those of a mask or of indices."""
+        """Boxes selected by a mask or by indices."""
         return Boxes(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predictions:
-    """Boxes with a confidence.
+    """Predicted boxes with their confidence.
 
     Attributes:
-        boxes: In the truth's frame of reference.
-        score: (N,) higher is surer; finite.
+        boxes: Boxes in the coordinate frame of the ground truth.
+        score: (N,) confidence, higher is more confident; finite.
     """
 
     boxes: Boxes
     score: Float64Array
 
     def __post_init__(self) -> None:
-        """Raise InputError where a score is missing or not finite."""
+        """Raise InputError if a score is missing or not finite."""
         _require_shape("score", self.score, (len(self.boxes),))
         _require("score", np.isfinite(self.score), self.score, "finite")
 
@@ -76,23 +76,23 @@ class Predictions:
         return len(self.boxes)
 
     def take(self, chosen: AnyArray) -> "Predictions":
-        """Those of a mask or of indices."""
+        """Predictions selected by a mask or by indices."""
         return Predictions(self.boxes.take(chosen), self.score[chosen])
 
 
-def boxes_of(tables: Mapping[int, Table]) -> Boxes:
-    """The truth: ``annotation.boxes.BOX_DTYPE`` tables by frame, frames in the order given."""
+def boxes_from_tables(tables: Mapping[int, Table]) -> Boxes:
+    """Ground-truth boxes from ``annotation.boxes.BOX_DTYPE`` tables by frame, in the order of the frames."""
     frame = np.repeat(np.array([*tables], np.int64), np.array([len(table) for table in tables.values()], np.int64))
     parts = [_columns(table) for table in tables.values()]
     if not parts:
-        return no_boxes()
+        return empty_boxes()
     label, vectors = np.concatenate([table["class"] for table in tables.values()]), np.concatenate(parts)
     attribute = np.full(len(frame), NO_ATTRIBUTE, np.uint8)
     return Boxes(frame, label, vectors[:, :3], vectors[:, 3:6], vectors[:, 6], vectors[:, 7:], attribute)
 
 
-def no_boxes() -> Boxes:
-    """None at all."""
+def empty_boxes() -> Boxes:
+    """Boxes without any rows."""
     triples = np.zeros((0, 3))
     return Boxes(
         np.zeros(0, np.int64),
@@ -105,12 +105,12 @@ def no_boxes() -> Boxes:
     )
 
 
-def require_frames(boxes: Boxes, frames: Int64Array, what: str) -> None:
-    """Raise InputError if a box belongs to a frame that is not among those evaluated, as of a wrong scene."""
-    strange = np.setdiff1d(boxes.frame, frames)
-    if len(strange):
+def require_frames(boxes: Boxes, frames: Int64Array, owner: str) -> None:
+    """Raise InputError if a box belongs to a frame that is not evaluated, for example of another scene."""
+    unknown = np.setdiff1d(boxes.frame, frames)
+    if len(unknown):
         known = f"{len(frames)} frames, from {frames.min()} to {frames.max()}" if len(frames) else "no frame"
-        raise InputError(f"{what}: frame: {strange[0]} is not of this scene, which has {known}")
+        raise InputError(f"{owner}: frame: {unknown[0]} is not in this scene, which has {known}")
 
 
 def _columns(table: Table) -> Float64Array:
@@ -125,5 +125,5 @@ def _require_shape(name: str, values: AnyArray, shape: tuple[int, ...]) -> None:
 
 def _require(name: str, good: AnyArray, values: AnyArray, allowed: str) -> None:
     if not good.all():
-        place = np.argwhere(~good)[0]
-        raise InputError(f"boxes: {name}: row {place[0]} is {values[tuple(place)]}; it must be {allowed}")
+        index = np.argwhere(~good)[0]
+        raise InputError(f"boxes: {name}: row {index[0]} is {values[tuple(index)]}; it must be {allowed}")

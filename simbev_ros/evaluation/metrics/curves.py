@@ -1,4 +1,7 @@
-"""Precision over recall, and the area under it."""
+"""Computes precision-recall curves and the area under them.
+
+Both are computed from the scores and outcomes of the matched predictions of one class.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,18 +11,21 @@ import numpy as np
 from simbev_ros.types import AnyArray, Float64Array
 
 Area = Literal["steps", "envelope"]
-"""``steps``: each recall at the precision with which it is reached. ``envelope``: at the best precision of this or any
-higher recall, as in Pascal VOC since 2010."""
+"""How the area under the curve is computed.
+
+``steps``: each recall counts at the precision at which it is reached. ``envelope``: at the maximum precision of this or
+any higher recall, as in Pascal VOC since 2010.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """Precision and recall if all predictions of at least a score are taken.
+    """Precision and recall of all predictions whose score reaches a limit, for each limit.
 
     Attributes:
-        score: (K,) falling, each once.
-        precision: (K,) hits over predictions.
-        recall: (K,) hits over truth, NaN without truth.
+        score: (K,) limits, descending, without duplicates.
+        precision: (K,) hits divided by predictions.
+        recall: (K,) hits divided by ground-truth boxes; NaN if there are none.
     """
 
     score: Float64Array
@@ -28,12 +34,12 @@ class Curve:
 
 
 def curve(score: Float64Array, outcome: AnyArray, truths: int) -> Curve:
-    """The curve of (M,) predictions in order of falling score; predictions of one score are taken together.
+    """Precision-recall curve of (M,) predictions; predictions with equal scores form one point.
 
     Args:
-        score: (M,) falling.
-        outcome: (M,) 1 a hit, 0 a miss, -1 neither.
-        truths: Number of boxes of the truth.
+        score: (M,) scores, descending.
+        outcome: (M,) 1: hit, 0: miss, -1: neither.
+        truths: Number of ground-truth boxes.
     """
     score, hit = score[outcome >= 0], outcome[outcome >= 0] > 0
     last = np.flatnonzero(np.append(score[1:] != score[:-1], True)[: len(score)])
@@ -42,9 +48,9 @@ def curve(score: Float64Array, outcome: AnyArray, truths: int) -> Curve:
     return Curve(score[last], hits / (last + 1), recall)
 
 
-def average_precision(of_class: Curve, area: Area = "steps") -> float:
-    """Area under the curve, 0 … 1; 0 without predictions."""
-    precision = of_class.precision
+def average_precision(class_curve: Curve, area: Area = "steps") -> float:
+    """Area under a precision-recall curve, 0 … 1; 0 without predictions."""
+    precision = class_curve.precision
     if area == "envelope":
         precision = np.maximum.accumulate(precision[::-1])[::-1]
-    return float((np.diff(of_class.recall, prepend=0.0) * precision).sum())
+    return float((np.diff(class_curve.recall, prepend=0.0) * precision).sum())

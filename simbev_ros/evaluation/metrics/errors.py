@@ -1,4 +1,4 @@
-"""How far predictions that match are from the truth."""
+"""Errors of matched predictions in position, orientation, size and velocity."""
 
 import numpy as np
 
@@ -7,19 +7,19 @@ from simbev_ros.evaluation.metrics.overlap import aligned_iou
 from simbev_ros.types import Float64Array
 
 ERRORS: tuple[str, ...] = ("ATE", "AOE", "ASE", "AVE")
-"""Of translation (m), orientation (rad), scale (1 - IoU of the sizes alone) and velocity (m/s)."""
+"""Errors of translation (m), orientation (rad), scale (1 - IoU of the sizes alone) and velocity (m/s)."""
 
 
 def errors_of(truth: Boxes, predicted: Boxes, planar: bool) -> Float64Array:
-    """Errors of boxes that match, row by row.
+    """Errors of matched boxes, row by row.
 
     Args:
-        truth: (K,) boxes.
-        predicted: (K,) boxes.
-        planar: Whether translation and velocity leave out z.
+        truth: (K,) ground-truth boxes.
+        predicted: (K,) predicted boxes.
+        planar: Whether translation and velocity ignore z.
 
     Returns:
-        (K, 4) in the order of ``ERRORS``; NaN where a velocity is unknown.
+        (K, 4) in the order of ``ERRORS``; NaN: unknown velocity.
     """
     turn_rad = angle_between_rad(truth.yaw_rad, predicted.yaw_rad)
     scale = 1.0 - aligned_iou(truth.size_m, predicted.size_m)
@@ -28,14 +28,14 @@ def errors_of(truth: Boxes, predicted: Boxes, planar: bool) -> Float64Array:
 
 
 def distance(values: Float64Array, others: Float64Array, planar: bool) -> Float64Array:
-    """(K,) distance of (K, 3) vectors, in x and y alone if planar."""
-    apart = (others - values)[:, : 2 if planar else 3]
-    result: Float64Array = np.sqrt(np.einsum("ki,ki->k", apart, apart))
+    """(K,) Euclidean distance between (K, 3) vectors, in x and y only if ``planar``."""
+    difference = (others - values)[:, : 2 if planar else 3]
+    result: Float64Array = np.sqrt(np.einsum("ki,ki->k", difference, difference))
     return result
 
 
 def angle_between_rad(yaw_rad: Float64Array, other_rad: Float64Array, period_rad: float = 2.0 * np.pi) -> Float64Array:
-    """(K,) smallest difference of yaws, 0 … half the period."""
+    """(K,) smallest difference between yaws, from 0 to half the period."""
     half_rad = period_rad / 2.0
     result: Float64Array = np.abs((yaw_rad - other_rad + half_rad) % period_rad - half_rad)
     return result

@@ -1,4 +1,8 @@
-"""Which prediction finds which box of the truth: the surest first, each the best that is still free."""
+"""Matches predictions with ground-truth boxes greedily, in order of falling confidence.
+
+``near_pairs`` finds candidate pairs of boxes, and ``match`` selects from them the box that each prediction is matched
+with.
+"""
 
 from dataclasses import dataclass
 
@@ -13,12 +17,12 @@ _ROUNDING_M = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Pairs of a prediction and a box of the truth that might match, in order of the prediction, then of cost.
+    """Candidate pairs of a prediction and a ground-truth box, ordered by prediction, then by cost.
 
     Attributes:
-        prediction: (K,) index.
-        truth: (K,) index.
-        cost: (K,) the lower, the better; of those that cost the same, the first of the truth comes first.
+        prediction: (K,) index of the prediction.
+        truth: (K,) index of the ground-truth box.
+        cost: (K,) lower is better; among equal costs the lower ground-truth index comes first.
     """
 
     prediction: Int64Array
@@ -26,26 +30,26 @@ class Pairs:
     cost: Float64Array
 
     def take(self, chosen: BoolArray) -> "Pairs":
-        """Those of a mask."""
+        """Pairs selected by a mask."""
         return Pairs(self.prediction[chosen], self.truth[chosen], self.cost[chosen])
 
 
 def sorted_pairs(prediction: Int64Array, truth: Int64Array, cost: Float64Array) -> Pairs:
-    """Pairs in their order."""
+    """Pairs in the order that ``Pairs`` requires."""
     order = np.lexsort((truth, cost, prediction))
     return Pairs(prediction[order], truth[order], cost[order])
 
 
-def near_pairs(truth: Boxes, predictions: Boxes, reach_m: Float64Array) -> tuple[Int64Array, Int64Array]:
-    """All pairs of one frame and class whose centres are no farther apart along x than a reach.
+def near_pairs(truth: Boxes, predictions: Boxes, max_distance_m: Float64Array) -> tuple[Int64Array, Int64Array]:
+    """All pairs of one frame and class whose centers are within a distance along x.
 
     Args:
-        truth: (N,) boxes.
-        predictions: (M,) boxes.
-        reach_m: (M,) of each prediction.
+        truth: (N,) ground-truth boxes.
+        predictions: (M,) predicted boxes.
+        max_distance_m: (M,) maximum distance for each prediction.
 
     Returns:
-        (K,) index of the prediction and (K,) of the truth.
+        (K,) index of the prediction and (K,) index of the ground-truth box.
     """
     none = np.zeros(0, np.int64)
     if not len(truth) or not len(predictions):
@@ -56,54 +60,60 @@ def near_pairs(truth: Boxes, predictions: Boxes, reach_m: Float64Array) -> tuple
     group, predicted_group = (
         index * len(BOX_CLASSES) + boxes.label for index, boxes in ((frame, truth), (predicted_frame, predictions))
     )
-    # Groups lie side by side on one axis, and what a prediction reaches ends within its own.
+    # Groups lie side by side on one axis, and the search range of a prediction ends within its own group.
     start_m = truth.center_m[:, 0].min()
     extent_m = truth.center_m[:, 0].max() - start_m
-    place_m = group * (extent_m + 4.0) + truth.center_m[:, 0] - start_m
-    order = np.argsort(place_m, kind="stable")
+    position_m = group * (extent_m + 4.0) + truth.center_m[:, 0] - start_m
+    order = np.argsort(position_m, kind="stable")
     predicted_m = predictions.center_m[:, 0] - start_m
-    low_m, high_m = (np.clip(predicted_m + sign * (reach_m + _ROUNDING_M), -1.0, extent_m + 1.0) for sign in (-1, 1))
+    low_m, high_m = (
+        np.clip(predicted_m + sign * (max_distance_m + _ROUNDING_M), -1.0, extent_m + 1.0) for sign in (-1, 1)
+    )
     group_m = predicted_group * (extent_m + 4.0)
-    first = np.searchsorted(place_m[order], group_m + low_m)
-    counts = np.where(known, np.searchsorted(place_m[order], group_m + high_m) - first, 0)
+    first = np.searchsorted(position_m[order], group_m + low_m)
+    counts = np.where(known, np.searchsorted(position_m[order], group_m + high_m) - first, 0)
     prediction = np.repeat(np.arange(len(predictions)), counts)
     within = np.arange(len(prediction)) - np.repeat(np.cumsum(counts) - counts, counts)
     return prediction, order[first[prediction] + within]
 
 
 def ranks(score: Float64Array) -> Int64Array:
-    """(M,) place of each prediction, 0 the surest; of equal ones the last comes first, as in nuscenes-devkit."""
+    """(M,) rank of each prediction, 0 the most confident.
+
+    Among equal scores the last prediction comes first, as in nuscenes-devkit.
+    """
     result = np.empty(len(score), np.int64)
     result[np.argsort(score, kind="stable")[::-1]] = np.arange(len(score))
     return result
 
 
 def match(pairs: Pairs, rank: Int64Array, truths: int) -> Int64Array:
-    """Let each prediction, the surest first, take the best of its pairs whose truth is still free.
+    """Match each prediction, the most confident first, with the best of its pairs whose ground-truth box is still free.
 
-    All at once instead of one by one: each asks for its best, the truth keeps the surest that ever asked, the others
-    go on to their next best. As all boxes of the truth prefer alike, the outcome is the same.
+    All predictions are processed at once instead of one after the other: each asks for its best box, each box keeps the
+    most confident prediction that ever asked, and the others ask for their next best. All boxes have the same
+    preference, so the outcome is the same.
 
     Args:
-        pairs: All that may match.
-        rank: (M,) place of each prediction, all different; 0 takes first.
-        truths: Number of boxes of the truth.
+        pairs: All pairs that may match.
+        rank: (M,) rank of each prediction, all different; 0 chooses first.
+        truths: Number of ground-truth boxes.
 
     Returns:
-        (M,) index of the truth, -1: none was left.
+        (M,) index of the ground-truth box, -1: none was left.
     """
     bounds = np.searchsorted(pairs.prediction, np.arange(len(rank) + 1))
-    at, end = bounds[:-1].copy(), bounds[1:]
-    keeper = np.full(truths, len(rank))
-    asking = np.flatnonzero(at < end)
-    while len(asking):
-        wanted = pairs.truth[at[asking]]
-        np.minimum.at(keeper, wanted, rank[asking])
-        refused = asking[keeper[wanted] != rank[asking]]
-        if not len(refused):
+    cursor, end = bounds[:-1].copy(), bounds[1:]
+    best_rank = np.full(truths, len(rank))
+    active = np.flatnonzero(cursor < end)
+    while len(active):
+        target = pairs.truth[cursor[active]]
+        np.minimum.at(best_rank, target, rank[active])
+        rejected = active[best_rank[target] != rank[active]]
+        if not len(rejected):
             break
-        at[refused] += 1
-        asking = asking[at[asking] < end[asking]]
+        cursor[rejected] += 1
+        active = active[cursor[active] < end[active]]
     result = np.full(len(rank), -1)
-    result[asking] = pairs.truth[at[asking]]
+    result[active] = pairs.truth[cursor[active]]
     return result

@@ -1,8 +1,9 @@
-"""The metrics of nuScenes as nuscenes-devkit 1.2.0 computes them, so that figures can be compared with others'.
+"""Detection metrics of nuScenes as nuscenes-devkit 1.2.0 computes them, for comparison with published values.
 
-They differ from the paper's: distances in the plane; precision at 101 recalls, its first tenth and what is below a
-precision of 0.1 cut off; errors at 2 m, as cumulative means over recall; a class without truth counts 0, with errors
-of 1; attributes count. Boxes out of range or without points are to be left out of truth and predictions beforehand.
+They differ from the paper's. Distances are in the plane. Precision is sampled at 101 recalls, without the first tenth
+and without the part below a precision of 0.1. Errors are cumulative means over recall at a distance of 2 m. A class
+without ground truth counts 0, with errors of 1. Attributes count. The caller must remove boxes that are out of range or
+without points from ground truth and predictions.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.evaluation.metrics.averages import known_mean
+from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, require_frames
 from simbev_ros.evaluation.metrics.detection import detection_score
 from simbev_ros.evaluation.metrics.errors import angle_between_rad, distance, errors_of
@@ -30,27 +31,27 @@ CLASSES: tuple[str, ...] = (
     "traffic_cone",
     "barrier",
 )
-"""Of nuScenes' detection task. We never have two of them."""
+"""Classes of the nuScenes detection task; two of them never occur in our scenes."""
 ERRORS: tuple[str, ...] = ("mATE", "mAOE", "mASE", "mAVE", "mAAE")
 DISTANCES_M: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
 _ERRORS_AT = DISTANCES_M.index(2.0)
-_LEAST_PRECISION = 0.1
+_MIN_PRECISION = 0.1
 _FIRST_BIN = 11
-"""Of 101 recalls: those up to 0.1 are cut off."""
+"""Index into the 101 recalls: those up to 0.1 are cut off."""
 _MAP_WEIGHT = 5.0
 _NO_FIGURE = {"traffic_cone": ("mAOE", "mAVE", "mAAE"), "barrier": ("mAVE", "mAAE")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NuscenesTally:
-    """What the metrics need of some scenes.
+    """Counts of some scenes that the metrics need.
 
     Attributes:
-        truths: (C,) boxes of the truth by class (``BOX_CLASSES``).
+        truths: (C,) number of ground-truth boxes by class (``BOX_CLASSES``).
         label: (M,) class of each prediction.
-        score: (M,) its score.
-        hit: (M, 4) whether it matches, by ``DISTANCES_M``.
-        errors: (K, 5) in the order of ``ERRORS``, of those that match at 2 m, in their order; NaN: unknown.
+        score: (M,) score of each prediction.
+        hit: (M, 4) whether the prediction matches, by ``DISTANCES_M``.
+        errors: (K, 5) errors of the predictions that match at 2 m, in their order; columns as ``ERRORS``; NaN: unknown.
     """
 
     truths: Int64Array
@@ -62,11 +63,11 @@ class NuscenesTally:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NuscenesResult:
-    """The table, by ``CLASSES``, or by those asked for.
+    """NuScenes metrics by class, in the order of ``CLASSES`` or of the requested classes.
 
     Attributes:
         ap: (C, 4) average precision.
-        errors: (C, 5) in the order of ``ERRORS``; NaN: has no such figure.
+        errors: (C, 5) in the order of ``ERRORS``; NaN: not defined for this class.
     """
 
     ap: Float64Array
@@ -74,17 +75,17 @@ class NuscenesResult:
 
     @property
     def mean_ap(self) -> float:
-        """Of all classes and distances."""
+        """Mean over all classes and distances."""
         return float(self.ap.mean())
 
     @property
     def mean_errors(self) -> dict[str, float]:
-        """Of the classes that have them."""
-        return dict(zip(ERRORS, known_mean(self.errors, axis=0).tolist(), strict=True))
+        """Means over the classes for which each error is defined."""
+        return dict(zip(ERRORS, mean_ignoring_nan(self.errors, axis=0).tolist(), strict=True))
 
     @property
     def nds(self) -> float:
-        """The detection score of nuScenes."""
+        """NuScenes detection score (NDS)."""
         return detection_score(self.mean_ap, [*self.mean_errors.values()], _MAP_WEIGHT)
 
 
@@ -92,9 +93,9 @@ def nuscenes_tally(truth: Boxes, predictions: Predictions, frames: Int64Array) -
     """Match the predictions of one scene.
 
     Args:
-        truth: (N,) boxes.
-        predictions: (M,) boxes and scores, in the same frame of reference.
-        frames: (F,) frames that are evaluated.
+        truth: (N,) ground-truth boxes.
+        predictions: (M,) predicted boxes and scores, in the same coordinate frame.
+        frames: (F,) evaluated frames.
 
     Raises:
         InputError: A box belongs to another frame.
@@ -103,8 +104,8 @@ def nuscenes_tally(truth: Boxes, predictions: Predictions, frames: Int64Array) -
     require_frames(predictions.boxes, frames, "predictions")
     predicted, rank = predictions.boxes, ranks(predictions.score)
     prediction, found = near_pairs(truth, predicted, np.full(len(predicted), max(DISTANCES_M)))
-    apart_m = distance(truth.center_m[found], predicted.center_m[prediction], planar=True)
-    pairs = sorted_pairs(prediction, found, apart_m)
+    distance_m = distance(truth.center_m[found], predicted.center_m[prediction], planar=True)
+    pairs = sorted_pairs(prediction, found, distance_m)
     matches = [match(pairs.take(pairs.cost < limit_m), rank, len(truth)) for limit_m in DISTANCES_M]
     hits = np.flatnonzero(matches[_ERRORS_AT] >= 0)
     errors = _errors(truth.take(matches[_ERRORS_AT][hits]), predicted.take(hits))
@@ -113,7 +114,7 @@ def nuscenes_tally(truth: Boxes, predictions: Predictions, frames: Int64Array) -
 
 
 def nuscenes_merge(tallies: Sequence[NuscenesTally]) -> NuscenesTally:
-    """All of at least one tally together; of predictions with one score, the last ones count as the surest."""
+    """Merge at least one tally into one; of predictions with equal scores, the last ones rank first."""
     return NuscenesTally(
         np.sum([each.truths for each in tallies], axis=0),
         np.concatenate([each.label for each in tallies]),
@@ -124,7 +125,10 @@ def nuscenes_merge(tallies: Sequence[NuscenesTally]) -> NuscenesTally:
 
 
 def nuscenes_result(total: NuscenesTally, classes: Sequence[str] = CLASSES) -> NuscenesResult:
-    """The table of a tally. Without those of ``CLASSES`` that never occur, NDS is higher than the devkit's."""
+    """Compute the metrics of a tally.
+
+    Without those of ``CLASSES`` that never occur, NDS is higher than the devkit's.
+    """
     ap, errors = np.zeros((len(classes), len(DISTANCES_M))), np.ones((len(classes), len(ERRORS)))
     row_of_hit = np.cumsum(total.hit[:, _ERRORS_AT]) - 1
     for row, name in enumerate(classes):
@@ -134,14 +138,14 @@ def nuscenes_result(total: NuscenesTally, classes: Sequence[str] = CLASSES) -> N
             order = chosen[np.argsort(total.score[chosen], kind="stable")][::-1]
             score, hit, truths = total.score[order], total.hit[order], int(total.truths[label])
             ap[row] = [_average_precision(each, truths) for each in hit.T]
-            at = hit[:, _ERRORS_AT]
-            errors[row] = _mean_errors(score, at, total.errors[row_of_hit[order[at]]], truths)
+            hit_at = hit[:, _ERRORS_AT]
+            errors[row] = _mean_errors(score, hit_at, total.errors[row_of_hit[order[hit_at]]], truths)
         errors[row, [ERRORS.index(error) for error in _NO_FIGURE.get(name, ())]] = np.nan
     return NuscenesResult(ap, errors)
 
 
 def _errors(truth: Boxes, predicted: Boxes) -> Float64Array:
-    """(K, 5) errors of boxes that match."""
+    """(K, 5) errors of matched boxes."""
     geometric = errors_of(truth, predicted, planar=True)
     barrier = truth.label == BOX_CLASSES.index("barrier")
     half_turn_rad = angle_between_rad(truth.yaw_rad, predicted.yaw_rad, np.pi)
@@ -151,17 +155,17 @@ def _errors(truth: Boxes, predicted: Boxes) -> Float64Array:
 
 
 def _average_precision(hit: BoolArray, truths: int) -> float:
-    """Of (M,) predictions of one class, the surest first."""
+    """Average precision of (M,) predictions of one class, the most confident first."""
     if not hit.any():
         return 0.0
     hits = np.cumsum(hit)
     precision = np.interp(_recalls(), hits / truths, hits / np.arange(1, len(hit) + 1), right=0)
-    above = np.maximum(precision[_FIRST_BIN:] - _LEAST_PRECISION, 0.0)
-    return float(above.mean()) / (1.0 - _LEAST_PRECISION)
+    above = np.maximum(precision[_FIRST_BIN:] - _MIN_PRECISION, 0.0)
+    return float(above.mean()) / (1.0 - _MIN_PRECISION)
 
 
 def _mean_errors(score: Float64Array, hit: BoolArray, errors: Float64Array, truths: int) -> Float64Array:
-    """(5,) errors of one class: of (M,) predictions, the surest first, and of the (K, 5) errors of their hits."""
+    """(5,) mean errors of a class, from (M,) predictions, most confident first, and (K, 5) errors of their hits."""
     if not hit.any():
         return np.ones(len(ERRORS))
     confidence = np.interp(_recalls(), np.cumsum(hit) / truths, score, right=0)
@@ -175,7 +179,7 @@ def _mean_errors(score: Float64Array, hit: BoolArray, errors: Float64Array, trut
 
 
 def _cumulative_means(errors: Float64Array) -> Float64Array:
-    """(K, 5) means of the known errors so far: 0 before the first one, 1 where all are unknown."""
+    """(K, 5) running means of the known errors: 0 before the first one, 1 where all are unknown."""
     known = ~np.isnan(errors)
     counts = np.cumsum(known, axis=0)
     sums = np.cumsum(np.where(known, errors, 0.0), axis=0)

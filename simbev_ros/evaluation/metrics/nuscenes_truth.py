@@ -1,8 +1,9 @@
-"""What nuscenes-devkit 1.2.0 compares predictions with, taken from a scene as it would be from its export.
+"""Ground truth for the nuScenes metrics, as nuscenes-devkit 1.2.0 would see it in an export of the scene.
 
-Of the keyframes those boxes count that are of a class of nuScenes' detection task, near enough to the ego for their
-class, and hit by a lidar or radar. The class is that of the exported category: a pick-up is a truck, an ambulance and a
-person in a wheelchair are nothing. Velocities are what the devkit makes of the positions in the keyframes around.
+From the keyframes of a recorded scene, boxes are taken that belong to a class of the nuScenes detection task, are near
+enough to the ego for their class, and are hit by a lidar or radar. The class is that of the exported category: a
+pick-up is a truck; an ambulance and a person in a wheelchair have no class. Velocities are the devkit's, derived from
+positions in the neighboring keyframes.
 """
 
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from simbev_ros.dataset import Scene
-from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_of
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_from_tables
 from simbev_ros.export.nuscenes.channels import TOP_LIDAR, channels_of
 from simbev_ros.export.nuscenes.keyframes import keyframes_of
 from simbev_ros.export.nuscenes.scene_taxonomy import SceneTaxonomy
@@ -19,21 +20,21 @@ from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
 
 ATTRIBUTES: tuple[str, ...] = tuple(attribute_names())
-"""What the boxes' attributes number."""
+"""Attribute names; the boxes' attributes are indices into them."""
 
-_LONGEST_S = 1.5
-"""Between two positions that make a velocity; twice that between those before and after."""
+_MAX_INTERVAL_S = 1.5
+"""Maximum time between two positions that give a velocity; twice that between the previous and the next one."""
 _NO_CLASS = 255
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NuscenesTruth:
-    """One scene's.
+    """Ground truth of one scene.
 
     Attributes:
-        boxes: Those that count, map frame; ``frame`` is the tick.
-        ticks: (K,) of keyframes, ascending.
-        ego_m: (K, 2) where the ego is at each, map frame, x and y.
+        boxes: Boxes that count, map frame; ``frame`` is the tick.
+        ticks: (K,) ticks of the keyframes, ascending.
+        ego_m: (K, 2) position of the ego at each keyframe, map frame, x and y.
     """
 
     boxes: Boxes
@@ -41,27 +42,27 @@ class NuscenesTruth:
     ego_m: Float64Array
 
     def counted(self, predictions: Predictions) -> Predictions:
-        """Those of predictions in the map frame that count: of keyframes, and of a class and place as those here."""
+        """Predictions in the map frame that count: in keyframes, and within the range of a nuScenes class."""
         return predictions.take(_is_near(predictions.boxes, self.ticks, self.ego_m))
 
 
 def nuscenes_truth(scene: Scene, keyframe_hz: float | None = 2.0) -> NuscenesTruth:
-    """The truth of a scene.
+    """Ground truth of a scene for the nuScenes metrics.
 
     Args:
         scene: The scene.
-        keyframe_hz: How often there is a keyframe; None: every frame is one.
+        keyframe_hz: Rate of the keyframes; None: every frame is one.
 
     Raises:
         InputError: The scene has no such keyframes.
-        BagError: The bag is damaged, or lacks what an export needs.
+        BagError: The bag is damaged, or lacks data that an export needs.
     """
     taxonomy, ticks = SceneTaxonomy(scene), keyframes_of(scene, keyframe_hz)
     frames = {tick: scene[tick] for tick in ticks.tolist()}
     tables = {tick: frame["boxes"] for tick, frame in frames.items()}
     labels, attributes = zip(*(_numbers(*taxonomy.of(frame)) for frame in frames.values()), strict=True)
     table, label = np.concatenate([*tables.values()]), np.concatenate(labels)
-    boxes = boxes_of(tables)
+    boxes = boxes_from_tables(tables)
     stamp_s = (scene.stamps_ns[boxes.frame] // 1000).astype(np.float64) * 1e-6
     boxes = replace(
         boxes,
@@ -75,7 +76,7 @@ def nuscenes_truth(scene: Scene, keyframe_hz: float | None = 2.0) -> NuscenesTru
 
 
 def _numbers(categories: list[str], attributes: list[list[str]]) -> tuple[UInt8Array, UInt8Array]:
-    """(N,) index into ``BOX_CLASSES`` of the classes of boxes, and into ``ATTRIBUTES``."""
+    """(N,) index into ``BOX_CLASSES`` of the class of each box, and (N,) index into ``ATTRIBUTES``."""
     classes = [detection_class_of(category) for category in categories]
     label = [BOX_CLASSES.index(name) if name in BOX_CLASSES else _NO_CLASS for name in classes]
     attribute = [ATTRIBUTES.index(names[0]) if names else NO_ATTRIBUTE for names in attributes]
@@ -83,37 +84,37 @@ def _numbers(categories: list[str], attributes: list[list[str]]) -> tuple[UInt8A
 
 
 def _is_hit(table: Table) -> BoolArray:
-    """(N,) whether sensors have points in boxes, or no sensor was received that could have."""
-    most = np.maximum(table["lidar_points"], table["radar_points"])
-    hit: BoolArray = most != 0  # -1: not received
+    """(N,) whether sensors have points in each box, or no sensor was received that could have."""
+    num_points = np.maximum(table["lidar_points"], table["radar_points"])
+    hit: BoolArray = num_points != 0  # -1: not received
     return hit
 
 
 def _is_near(boxes: Boxes, ticks: Int64Array, ego_m: Float64Array) -> BoolArray:
-    """(N,) whether boxes are of keyframes, and of nuScenes' classes and within their ranges there."""
+    """(N,) whether each box belongs to a keyframe and a nuScenes class, and is within the range of that class."""
     ranges_m = detection_ranges_m()
-    place = np.minimum(np.searchsorted(ticks, boxes.frame), len(ticks) - 1)
-    apart_m = boxes.center_m[:, :2] - ego_m[place]
-    reach_m = np.array([ranges_m.get(name, 0.0) for name in BOX_CLASSES])[boxes.label]
-    near: BoolArray = (np.sqrt((apart_m**2).sum(axis=1)) < reach_m) & (ticks[place] == boxes.frame)
+    keyframe = np.minimum(np.searchsorted(ticks, boxes.frame), len(ticks) - 1)
+    offset_m = boxes.center_m[:, :2] - ego_m[keyframe]
+    max_range_m = np.array([ranges_m.get(name, 0.0) for name in BOX_CLASSES])[boxes.label]
+    near: BoolArray = (np.sqrt((offset_m**2).sum(axis=1)) < max_range_m) & (ticks[keyframe] == boxes.frame)
     return near
 
 
 def _lidar_ticks(scene: Scene, ticks: Int64Array) -> Int64Array:
-    """(K,) ticks of what the uppermost lidar has for (K,) keyframes: the devkit looks there for the ego."""
+    """(K,) ticks of the uppermost lidar's data for (K,) keyframes: the devkit takes the ego's position from there."""
     keys = [channel.key for channel in channels_of(scene) if channel.name == TOP_LIDAR]
-    own = np.flatnonzero(scene.has(keys)) if keys else ticks
-    return own[np.maximum(np.searchsorted(own, ticks, side="right") - 1, 0)]
+    lidar_ticks = np.flatnonzero(scene.has(keys)) if keys else ticks
+    return lidar_ticks[np.maximum(np.searchsorted(lidar_ticks, ticks, side="right") - 1, 0)]
 
 
 def _velocities_mps(ids: Int64Array, stamp_s: Float64Array, center_m: Float64Array) -> Float64Array:
-    """(N, 3) from the boxes of the same ids before and after, or one of them; NaN: they are too far off in time."""
+    """(N, 3) velocities from the boxes of the same ids before and after, or one of them; NaN: too far apart in time."""
     order = np.lexsort((stamp_s, ids))
     has_next = np.append(ids[order][1:] == ids[order][:-1], False)[: len(ids)]
-    has_last, places = np.roll(has_next, 1), np.arange(len(ids))
-    first, last = order[places - has_last], order[places + has_next]
+    has_last, index = np.roll(has_next, 1), np.arange(len(ids))
+    first, last = order[index - has_last], order[index + has_next]
     time_s = stamp_s[last] - stamp_s[first]
-    known = (time_s > 0) & (time_s <= _LONGEST_S * np.where(has_next & has_last, 2.0, 1.0))
+    known = (time_s > 0) & (time_s <= _MAX_INTERVAL_S * np.where(has_next & has_last, 2.0, 1.0))
     result = np.full((len(ids), 3), np.nan)
     result[order[known]] = (center_m[last] - center_m[first])[known] / time_s[known, None]
     return result

@@ -1,4 +1,4 @@
-"""Exact overlap of upright 3D boxes: intersection over union."""
+"""Exact intersection over union of upright 3D boxes, in batches of pairs."""
 
 import numpy as np
 
@@ -6,23 +6,23 @@ from simbev_ros.evaluation.metrics.boxes import Boxes
 from simbev_ros.types import Float64Array, Int64Array
 
 _CHUNK = 8192
-"""Pairs at a time: their temporaries stay in the cache, and memory is bounded."""
-_SMALLEST_SLOPE = 1e-12
-"""Sines and cosines are kept from zero, so that edges along an axis need no case of their own."""
+"""Number of pairs in a batch: temporaries stay in the cache, and memory is bounded."""
+_MIN_SLOPE = 1e-12
+"""Minimum absolute sine and cosine, so that edges along an axis need no special case."""
 _CORNERS = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], np.float64)
 
 
 def iou_of_pairs(boxes: Boxes, others: Boxes, box: Int64Array, other: Int64Array) -> Float64Array:
-    """Overlap of pairs of upright boxes.
+    """Intersection over union of pairs of upright boxes.
 
     Args:
-        boxes: Some.
-        others: Others.
+        boxes: Boxes.
+        others: Other boxes, in the same coordinate frame.
         box: (K,) index into ``boxes`` of each pair.
-        other: (K,) index into ``others``.
+        other: (K,) index into ``others`` of each pair.
 
     Returns:
-        (K,) intersection over union of the volumes, 0 … 1; 0 where both boxes have no volume.
+        (K,) intersection over union of the volumes, 0 … 1; 0 if both boxes have no volume.
     """
     result = np.zeros(len(box))
     for start in range(0, len(box), _CHUNK):
@@ -32,22 +32,22 @@ def iou_of_pairs(boxes: Boxes, others: Boxes, box: Int64Array, other: Int64Array
 
 
 def aligned_iou(size_m: Float64Array, other_size_m: Float64Array) -> Float64Array:
-    """(K,) overlap of boxes of (K, 3) sizes that share centre and orientation; 0 where neither has a volume."""
+    """(K,) IoU of boxes of (K, 3) sizes with the same center and orientation; 0 if neither has a volume."""
     return _over_union(np.minimum(size_m, other_size_m).prod(axis=1), size_m, other_size_m)
 
 
 def _iou(boxes: Boxes, others: Boxes, box: Int64Array, other: Int64Array) -> Float64Array:
     size_m, other_size_m = boxes.size_m[box], others.size_m[other]
-    apart_m = boxes.center_m[box] - others.center_m[other]
-    common_height_m = (size_m[:, 2] + other_size_m[:, 2]) / 2 - np.abs(apart_m[:, 2])
+    offset_m = boxes.center_m[box] - others.center_m[other]
+    common_height_m = (size_m[:, 2] + other_size_m[:, 2]) / 2 - np.abs(offset_m[:, 2])
     common_height_m = np.clip(common_height_m, 0, np.minimum(size_m[:, 2], other_size_m[:, 2]))
     yaw_rad = others.yaw_rad[other]
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    apart_other_m = np.stack(
-        [apart_m[:, 0] * cos + apart_m[:, 1] * sin, apart_m[:, 1] * cos - apart_m[:, 0] * sin], axis=1
+    offset_other_m = np.stack(
+        [offset_m[:, 0] * cos + offset_m[:, 1] * sin, offset_m[:, 1] * cos - offset_m[:, 0] * sin], axis=1
     )
     turn_rad = boxes.yaw_rad[box] - yaw_rad
-    area_m2 = _common_area_m2(apart_other_m, turn_rad, size_m[:, :2] / 2, other_size_m[:, :2] / 2)
+    area_m2 = _common_area_m2(offset_other_m, turn_rad, size_m[:, :2] / 2, other_size_m[:, :2] / 2)
     return _over_union(area_m2 * common_height_m, size_m, other_size_m)
 
 
@@ -58,27 +58,27 @@ def _over_union(common_m3: Float64Array, size_m: Float64Array, other_size_m: Flo
 
 
 def _common_area_m2(
-    center_m: Float64Array, turn_rad: Float64Array, half_m: Float64Array, still_half_m: Float64Array
+    center_m: Float64Array, turn_rad: Float64Array, half_m: Float64Array, fixed_half_m: Float64Array
 ) -> Float64Array:
-    """Common area of a turned rectangle with one that lies still at the origin, along the axes.
+    """Area shared by a rotated rectangle and an axis-aligned one at the origin.
 
-    Along x, the length along y that both hold is linear between breaks: corners, crossings, and the ends of the one
-    that lies still. Its value in the middle of two breaks, times their distance, is therefore exact.
+    Along x, the shared length along y is linear between breaks: corners, crossings, and the ends of the axis-aligned
+    rectangle. Its value halfway between two breaks, times their distance, is therefore exact.
 
     Args:
-        center_m: (K, 2) of the turned one.
-        turn_rad: (K,) its turn.
+        center_m: (K, 2) center of the rotated rectangle.
+        turn_rad: (K,) rotation.
         half_m: (K, 2) half its length and width.
-        still_half_m: (K, 2) those of the other.
+        fixed_half_m: (K, 2) half the length and width of the axis-aligned rectangle.
 
     Returns:
         (K,) area.
     """
-    cos, sin = _from_zero(np.cos(turn_rad))[:, None], _from_zero(np.sin(turn_rad))[:, None]
+    cos, sin = _away_from_zero(np.cos(turn_rad))[:, None], _away_from_zero(np.sin(turn_rad))[:, None]
     corner_m = half_m[:, None] * _CORNERS
     x_m = center_m[:, :1] + corner_m[..., 0] * cos - corner_m[..., 1] * sin
     y_m = center_m[:, 1:] + corner_m[..., 0] * sin + corner_m[..., 1] * cos
-    end_m, side_m = still_half_m[:, :1], still_half_m[:, 1:]
+    end_m, side_m = fixed_half_m[:, :1], fixed_half_m[:, 1:]
     breaks_m = np.concatenate([x_m, _crossings_m(x_m, y_m, side_m), _crossings_m(x_m, y_m, -side_m)], axis=1)
     breaks_m = np.concatenate([np.clip(breaks_m, -end_m, end_m), -end_m, end_m], axis=1)
     breaks_m.sort(axis=1)
@@ -93,7 +93,7 @@ def _common_area_m2(
 
 
 def _crossings_m(x_m: Float64Array, y_m: Float64Array, side_m: Float64Array) -> Float64Array:
-    """(K, 4) x where the edges of (K, 4) corners cross y = ``side_m``; that of a corner where they do not."""
+    """(K, 4) x where the edges of (K, 4) corners cross y = ``side_m``; the x of a corner where they do not."""
     rise_m, run_m = np.roll(y_m, -1, axis=1) - y_m, np.roll(x_m, -1, axis=1) - x_m
     low_m, high_m = np.minimum(y_m, y_m + rise_m), np.maximum(y_m, y_m + rise_m)
     crosses = (low_m < side_m) & (side_m < high_m)
@@ -101,5 +101,5 @@ def _crossings_m(x_m: Float64Array, y_m: Float64Array, side_m: Float64Array) -> 
     return x_m + share * run_m
 
 
-def _from_zero(values: Float64Array) -> Float64Array:
-    return np.copysign(np.maximum(np.abs(values), _SMALLEST_SLOPE), values)
+def _away_from_zero(values: Float64Array) -> Float64Array:
+    return np.copysign(np.maximum(np.abs(values), _MIN_SLOPE), values)

@@ -1,4 +1,8 @@
-"""Matching one scene's predictions with its truth, by 3D IoU and by centre distance, for any number of tables."""
+"""Matches one scene's predictions with its ground truth, by 3D IoU and by center distance.
+
+``Matching`` matches the boxes once. It then gives a ``DetectionTally`` for any number of tables, each with its own
+selection of boxes that count.
+"""
 
 from dataclasses import dataclass
 
@@ -21,12 +25,12 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Counting:
-    """Which boxes count, so that tables can be cut by condition.
+class CountedBoxes:
+    """Selection of the boxes that count, by which tables are sliced.
 
     Attributes:
-        truth: (N,) whether a box of the truth is to be found; finding another is neither right nor wrong.
-        predictions: (M,) whether a prediction that finds nothing is wrong, else it does not count.
+        truth: (N,) whether a ground-truth box must be found; finding one of the others is neither right nor wrong.
+        predictions: (M,) whether a prediction that matches no box is wrong; otherwise it does not count.
     """
 
     truth: BoolArray
@@ -34,17 +38,17 @@ class Counting:
 
 
 class Matching:
-    """Predictions of one scene, or of some of its frames, against the truth; matched once, for any number of tables.
+    """Match of the predictions of a scene, or of some of its frames, with the ground truth.
 
     Args:
-        truth: (N,) boxes.
-        predictions: (M,) boxes and scores, in the same frame of reference.
-        frames: (F,) frames that are evaluated; one without predictions counts as missed.
-        options: How; None: as the paper.
+        truth: (N,) ground-truth boxes.
+        predictions: (M,) predicted boxes and scores, in the same coordinate frame.
+        frames: (F,) evaluated frames; one without predictions counts as missed.
+        options: Settings of the metrics; None: those of the paper.
 
     Attributes:
-        rank: (M,) place of each prediction, 0 the surest.
-        found: (T, M) box of the truth that each prediction finds, by threshold; -1: none.
+        rank: (M,) rank of each prediction, 0 the most confident.
+        found: (T, M) index of the ground-truth box that each prediction matches, by threshold; -1: none.
 
     Raises:
         InputError: A box belongs to another frame.
@@ -64,14 +68,14 @@ class Matching:
             near = pairs[method].take(pairs[method].cost < (-limit if method == "iou" else limit))
             self.found[row] = match(near, self.rank, len(truth))
             hits = np.flatnonzero(self.found[row] >= 0)
-            of_hits = truth.take(self.found[row, hits]), predictions.boxes.take(hits)
-            self._errors.append(errors_of(*of_hits, self.options.planar))
+            hit_boxes = truth.take(self.found[row, hits]), predictions.boxes.take(hits)
+            self._errors.append(errors_of(*hit_boxes, self.options.planar))
 
-    def tally(self, counting: Counting | None = None) -> DetectionTally:
-        """What the metrics need, at every threshold; predictions that count nowhere are not in it.
+    def tally(self, counting: CountedBoxes | None = None) -> DetectionTally:
+        """Tally of the scene at every threshold; predictions that count nowhere are left out.
 
         Args:
-            counting: Which boxes count; None: all.
+            counting: Boxes that count; None: all.
         """
         label = self.predictions.boxes.label
         sums = np.zeros((len(BOX_CLASSES), len(self.found), len(ERRORS)))
@@ -88,47 +92,56 @@ class Matching:
         truths = np.bincount(counted, minlength=len(BOX_CLASSES))
         return DetectionTally(truths, label[kept], self.predictions.score[kept], outcome[kept], sums, counts)
 
-    def outcome(self, counting: Counting | None = None) -> AnyArray:
-        """(M, T) int8 ``HIT``, ``MISS``, or ``UNCOUNTED``: what it finds does not count, or what it does not find."""
+    def outcome(self, counting: CountedBoxes | None = None) -> AnyArray:
+        """(M, T) int8 outcome of each prediction at each threshold: ``HIT``, ``MISS`` or ``UNCOUNTED``.
+
+        A prediction is uncounted if its box does not count, or if it matches no box and does not count itself.
+
+        Args:
+            counting: Boxes that count; None: all.
+        """
         found = self.found.T
         if counting is None:
             return np.where(found >= 0, HIT, MISS).astype(np.int8)
-        of_hit = np.where(np.append(counting.truth, False)[found], HIT, UNCOUNTED)
-        of_miss = np.where(counting.predictions, MISS, UNCOUNTED)[:, None]
-        return np.where(found >= 0, of_hit, of_miss).astype(np.int8)
+        hit_outcome = np.where(np.append(counting.truth, False)[found], HIT, UNCOUNTED)
+        miss_outcome = np.where(counting.predictions, MISS, UNCOUNTED)[:, None]
+        return np.where(found >= 0, hit_outcome, miss_outcome).astype(np.int8)
 
 
-def tally(
+def match_and_tally(
     truth: Boxes,
     predictions: Predictions,
     frames: Int64Array,
     options: DetectionOptions | None = None,
-    counting: Counting | None = None,
+    counting: CountedBoxes | None = None,
 ) -> DetectionTally:
-    """One table's part of a scene: ``Matching`` and its ``tally``."""
+    """Match a scene and tally it for a single table.
+
+    The arguments are those of ``Matching`` and its ``tally``.
+    """
     return Matching(truth, predictions, frames, options).tally(counting)
 
 
 def _pairs(truth: Boxes, predicted: Boxes, options: DetectionOptions) -> dict[Method, Pairs]:
     """Pairs that match at the most lenient threshold of each method."""
-    reach_m = max(options.distances_m, default=0.0)
-    prediction, found = near_pairs(truth, predicted, np.full(len(predicted), reach_m))
-    apart_m = distance(truth.center_m[found], predicted.center_m[prediction], options.planar)
-    near = apart_m < reach_m
-    by_distance = sorted_pairs(prediction[near], found[near], apart_m[near])
-    least = min(options.ious, default=1.0)
+    max_distance_m = max(options.distances_m, default=0.0)
+    prediction, found = near_pairs(truth, predicted, np.full(len(predicted), max_distance_m))
+    distance_m = distance(truth.center_m[found], predicted.center_m[prediction], options.planar)
+    near = distance_m < max_distance_m
+    by_distance = sorted_pairs(prediction[near], found[near], distance_m[near])
+    min_iou = min(options.ious, default=1.0)
     half_m, predicted_half_m = (np.hypot(each.size_m[:, 0], each.size_m[:, 1]) / 2 for each in (truth, predicted))
     prediction, found = near_pairs(truth, predicted, predicted_half_m + half_m.max(initial=0.0))
-    # Turning and moving apart only takes overlap away: most pairs are out by their sizes and heights alone.
+    # Rotation and distance only reduce the overlap, so sizes and heights alone rule out most pairs.
     near = (
         distance(truth.center_m[found], predicted.center_m[prediction], True)
         <= half_m[found] + predicted_half_m[prediction]
     )
     prediction, found = prediction[near], found[near]
     volume_m3, predicted_m3 = truth.size_m[found].prod(axis=1), predicted.size_m[prediction].prod(axis=1)
-    near = np.minimum(volume_m3, predicted_m3) > least * np.maximum(volume_m3, predicted_m3)
+    near = np.minimum(volume_m3, predicted_m3) > min_iou * np.maximum(volume_m3, predicted_m3)
     prediction, found = prediction[near], found[near]
     iou = iou_of_pairs(truth, predicted, found, prediction)
-    near = iou > least
+    near = iou > min_iou
     by_iou = sorted_pairs(prediction[near], found[near], -iou[near])
     return {"iou": by_iou, "distance": by_distance}

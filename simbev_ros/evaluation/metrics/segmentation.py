@@ -1,4 +1,7 @@
-"""The paper's bird's-eye-view metric: IoU of each class at thresholds of the score. Counts of frames can be added."""
+"""The paper's bird's-eye-view segmentation metric: IoU of each class at several score thresholds.
+
+Labels and scores of the cells of a frame are reduced to counts, which can be added over frames.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,19 +14,19 @@ from simbev_ros.types import AnyArray, Float64Array, Int64Array, UInt8Array
 
 THRESHOLDS: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 TABLE_THRESHOLD = 0.5
-"""Of the paper's table."""
+"""Threshold of the paper's table."""
 _FULL = 255.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentationTally:
-    """Counts of cells of some frames, whatever their number: memory does not grow.
+    """Counts of cells in some frames; the memory does not grow with their number.
 
     Attributes:
-        frames: How many.
-        both: (C, T) cells that are of a class and predicted at a threshold.
-        predicted: (C, T) cells that are predicted.
-        truth: (C,) cells that are of a class.
+        frames: Number of frames.
+        both: (C, T) number of cells that are of a class and predicted at a threshold.
+        predicted: (C, T) number of cells that are predicted at a threshold.
+        truth: (C,) number of cells that are of a class.
     """
 
     frames: int
@@ -40,14 +43,14 @@ class SegmentationTally:
         )
 
     def iou(self) -> Float64Array:
-        """(C, T) cells in both over cells in either; NaN where a class is in neither."""
+        """(C, T) cells in both over cells in either; NaN: the class is in neither."""
         either = self.truth[:, None] + self.predicted - self.both
         iou: Float64Array = np.divide(self.both, either, out=np.full(either.shape, np.nan), where=either > 0)
         return iou
 
 
-def no_frames(classes: int = len(BEV_CLASSES), thresholds: int = len(THRESHOLDS)) -> SegmentationTally:
-    """The tally to begin with."""
+def empty_tally(classes: int = len(BEV_CLASSES), thresholds: int = len(THRESHOLDS)) -> SegmentationTally:
+    """Tally of no frames, to start a sum with."""
     zeros = np.zeros((classes, thresholds), np.int64)
     return SegmentationTally(0, zeros, zeros, np.zeros(classes, np.int64))
 
@@ -58,21 +61,21 @@ def segmentation_tally(
     classes: Sequence[str] = BEV_CLASSES,
     thresholds: Sequence[float] = THRESHOLDS,
 ) -> SegmentationTally:
-    """Count the cells of one frame; one is predicted where its score is at least the threshold.
+    """Count the cells of one frame; a cell is predicted where its score is at least the threshold.
 
     Args:
         labels: (H, W) unsigned; bit k of a cell is class k of ``BEV_CLASSES``.
         scores: (C, H, W) of ``classes``: floating, 0 … 1, or uint8, where 255 is 1.
-        classes: Which are predicted, of ``BEV_CLASSES``.
-        thresholds: Above 0, rising.
+        classes: Predicted classes, out of ``BEV_CLASSES``.
+        thresholds: Score thresholds above 0, ascending.
 
     Raises:
         InputError: Shape, type or a score is not as above.
     """
-    return regional_tallies(labels, scores, np.zeros(labels.shape, np.uint8), 1, classes, thresholds)[0]
+    return tallies_by_region(labels, scores, np.zeros(labels.shape, np.uint8), 1, classes, thresholds)[0]
 
 
-def regional_tallies(
+def tallies_by_region(
     labels: AnyArray,
     scores: AnyArray,
     region: UInt8Array,
@@ -80,37 +83,42 @@ def regional_tallies(
     classes: Sequence[str] = BEV_CLASSES,
     thresholds: Sequence[float] = THRESHOLDS,
 ) -> list[SegmentationTally]:
-    """The cells of one frame as ``segmentation_tally``, each region of the grid by itself.
+    """Count the cells of one frame as ``segmentation_tally`` does, separately for each region of the grid.
 
     Args:
         labels: (H, W).
         scores: (C, H, W).
-        region: (H, W) that each cell belongs to.
-        regions: How many there are.
-        classes: Which are predicted.
-        thresholds: Above 0, rising.
+        region: (H, W) index of the region that each cell belongs to.
+        regions: Number of regions.
+        classes: Predicted classes.
+        thresholds: Score thresholds above 0, ascending.
 
     Raises:
         InputError: As ``segmentation_tally``.
     """
     _check(labels, scores, classes)
-    reached, levels = _reached(scores, thresholds), len(thresholds) + 1
-    place = region.astype(np.intp) * (2 * levels)
+    reached, levels = _count_reached(scores, thresholds), len(thresholds) + 1
+    offset = region.astype(np.intp) * (2 * levels)
     counts = np.empty((regions, len(classes), levels, 2), np.int64)
     for row, name in enumerate(classes):
-        of_class = labels >> labels.dtype.type(BEV_CLASSES.index(name)) & labels.dtype.type(1)
-        codes = place + (reached[row] << np.uint8(1) | of_class.astype(np.uint8))
+        has_class = labels >> labels.dtype.type(BEV_CLASSES.index(name)) & labels.dtype.type(1)
+        codes = offset + (reached[row] << np.uint8(1) | has_class.astype(np.uint8))
         counts[:, row] = np.bincount(codes.ravel(), minlength=regions * 2 * levels).reshape(regions, levels, 2)
-    at_least = counts[:, :, ::-1].cumsum(axis=2)[:, :, ::-1]
+    cumulative = counts[:, :, ::-1].cumsum(axis=2)[:, :, ::-1]
     return [
-        SegmentationTally(1, both=own[:, 1:, 1], predicted=own[:, 1:].sum(axis=2), truth=own[:, 0, 1])
-        for own in at_least
+        SegmentationTally(
+            1,
+            both=counts_at_least[:, 1:, 1],
+            predicted=counts_at_least[:, 1:].sum(axis=2),
+            truth=counts_at_least[:, 0, 1],
+        )
+        for counts_at_least in cumulative
     ]
 
 
-def _reached(scores: AnyArray, thresholds: Sequence[float]) -> UInt8Array:
-    """(C, H, W) how many thresholds each score is at or above."""
-    limits = limits_of(thresholds, scores.dtype)
+def _count_reached(scores: AnyArray, thresholds: Sequence[float]) -> UInt8Array:
+    """(C, H, W) number of thresholds that each score reaches."""
+    limits = thresholds_in_dtype(thresholds, scores.dtype)
     if scores.dtype == np.uint8:
         table = np.searchsorted(limits, np.arange(256), side="right").astype(np.uint8)
         return table[scores]
@@ -120,17 +128,17 @@ def _reached(scores: AnyArray, thresholds: Sequence[float]) -> UInt8Array:
     return reached
 
 
-def limits_of(thresholds: Sequence[float], dtype: np.dtype[np.generic]) -> AnyArray:
-    """Thresholds in the scores' own type, so that a score that equals one is at it."""
+def thresholds_in_dtype(thresholds: Sequence[float], dtype: np.dtype[np.generic]) -> AnyArray:
+    """Thresholds in the data type of the scores, so that a score equal to a threshold reaches it."""
     if dtype == np.uint8:
         return np.ceil(np.round(np.array(thresholds) * _FULL, 6)).astype(np.uint8)
     return np.array(thresholds, dtype)
 
 
 def _check(labels: AnyArray, scores: AnyArray, classes: Sequence[str]) -> None:
-    strange = [name for name in classes if name not in BEV_CLASSES]
-    if strange:
-        raise InputError(f"scores: classes: there is no {strange[0]!r}; allowed: {', '.join(BEV_CLASSES)}")
+    unknown = [name for name in classes if name not in BEV_CLASSES]
+    if unknown:
+        raise InputError(f"scores: classes: there is no {unknown[0]!r}; allowed: {', '.join(BEV_CLASSES)}")
     shape = (len(classes), *labels.shape)
     if scores.shape != shape:
         raise InputError(f"scores: have the shape {scores.shape}; it must be {shape}: classes, rows, columns")
@@ -138,7 +146,7 @@ def _check(labels: AnyArray, scores: AnyArray, classes: Sequence[str]) -> None:
         return
     if scores.dtype.kind != "f":
         raise InputError(f"scores: are of the type {scores.dtype}; allowed: floating and uint8")
-    # A NaN is neither, and so are extremes of arrays that hold one.
+    # NaN fails both comparisons, and min and max of an array with NaN are NaN.
     if scores.size and not (scores.min() >= 0 and scores.max() <= 1):
         bad = scores[~((scores >= 0) & (scores <= 1))][0]
         raise InputError(f"scores: one is {bad}; allowed: 0 to 1")

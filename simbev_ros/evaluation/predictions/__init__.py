@@ -1,1 +1,1 @@
-"""Reads and writes the predictions of a perception stack: files, bags and messages."""
+"""Reads predictions of a perception stack from files, bags and messages, checks them, and writes them."""

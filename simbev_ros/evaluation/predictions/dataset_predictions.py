@@ -1,31 +1,37 @@
-"""What a perception stack says of a dataset's scenes, from files or bags: boxes and bird's-eye-view scores.
+"""Predictions for the scenes of a dataset, from files or bags: boxes and bird's-eye-view scores.
 
-**Boxes in files**: Parquet or NPZ with one row a box and the columns
+``open_predictions`` opens them for offline evaluation. It returns a ``PredictionSet``, from which each scene reads its
+boxes and grids. The formats are:
+
+**Boxes in files** are Parquet or NPZ, with one row per box and these columns:
 
 | column | |
 |---|---|
-| scene | name of the scene; may be missing: then it is the file's stem, or the dataset's only scene |
-| tick or stamp_ns | whole numbers: place of the frame in the scene, from 0, or its stamp, exactly |
+| scene | name of the scene; optional: without it, it is the file's stem, or the dataset's only scene |
+| tick or stamp_ns | integers: index of the frame in the scene, from 0, or its exact stamp |
 | class | name or number of ``semantics.BOX_CLASSES`` |
-| score | higher is surer; finite |
-| x y z length width height yaw | centre and size, m, and heading about z, rad |
-| vx vy vz | optional: velocity over ground, m/s; missing, null or NaN: unknown; only vz is: 0 |
+| score | confidence, higher is more confident; finite |
+| x y z length width height yaw | center and size, m, and heading about z, rad |
+| vx vy vz | optional: velocity over ground, m/s; missing, null or NaN: unknown; if only vz is: 0 |
 
-``frame_id``, in the metadata of the Parquet schema or as a text in the NPZ, is their frame of reference, any of /tf:
-``map`` (if missing), ``ego/base_link``, ``ego/lidar`` …; velocities are turned into its axes, but remain over ground.
-Boxes are upright in it. A frame without rows is not answered, which counts like an answer without boxes, but is
-reported; a row with class and score both empty (null, ""; NaN; of numbers of classes -1) answers one without boxes.
+``frame_id``, in the metadata of the Parquet schema or as a text in the NPZ, is the coordinate frame of the boxes, any
+of /tf: ``map`` (the default), ``ego/base_link``, ``ego/lidar`` …. Velocities are given along its axes, but are over
+ground. Boxes are upright in it. A frame without rows is not answered, which counts like an answer without boxes, but is
+reported. A row whose class and score are both empty (null, "" or NaN; -1 for class numbers) answers a frame without
+boxes.
 
 **Scores** of frames are in ``grids/<scene>/<tick:06d>.npz``: ``scores`` (C, H, W), row 0 ahead, column 0 left, uint8
-(255 is 1) or floating (0 … 1); ``classes`` (C,) names if they are not all of ``semantics.BEV_CLASSES`` in order.
+(255 is 1) or floating (0 … 1); ``classes`` (C,) names, unless they are all of ``semantics.BEV_CLASSES`` in order.
 
-**A folder** stands for all that lies in it: ``*.parquet``, ``*.npz``, ``grids``, bags; a dataset for its scenes' bags.
+**A folder** stands for everything in it: ``*.parquet``, ``*.npz``, ``grids``, bags. A dataset stands for its scenes'
+bags.
 
-**A bag** (MCAP) has boxes on /prediction/boxes and scores on /prediction/bev, as ``prediction_messages`` says; the
-stamp is that of the frame which is answered. Its scene is named by /world/scene in it, without that by its stem, or is
-the dataset's only scene; with several scenes each has its span of stamps. Answers to frames before tick 0 are left out.
+**A bag** (MCAP) has boxes on /prediction/boxes and scores on /prediction/bev, as ``prediction_messages`` describes.
+The stamp of a message is that of the frame it answers. The scene is named by /world/scene in the bag; otherwise it is
+the bag's stem, or the dataset's only scene. With several scenes, each has its own range of stamps. Answers to frames
+before tick 0 are ignored.
 
-A file of boxes without this package::
+To write a file of boxes without this package::
 
     import pyarrow as pa, pyarrow.parquet as pq
     rows = []
@@ -37,7 +43,7 @@ A file of boxes without this package::
     table = pa.Table.from_pylist(rows).replace_schema_metadata({"frame_id": "ego/lidar"})
     pq.write_table(table.sort_by([("scene", "ascending"), ("tick", "ascending")]), "predictions.parquet")
 
-With it, ``write_predictions`` and ``write_grid`` do that.
+With this package, use ``write_predictions`` and ``write_grid``.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -48,17 +54,17 @@ from typing import TypeVar
 
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC
 from simbev_ros.errors import BagError, InputError
-from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, in_map, joined
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, boxes_in_map, join_boxes
 from simbev_ros.evaluation.predictions.prediction_bag import PredictionBag
 from simbev_ros.evaluation.predictions.prediction_files import NpzBoxes, ParquetBoxes
-from simbev_ros.evaluation.predictions.prediction_sources import BoxSource, GridSource, Source
+from simbev_ros.evaluation.predictions.prediction_sources import BoxSource, GridSource, PredictionSource
 from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
 from simbev_ros.evaluation.predictions.score_grid import GRIDS_FOLDER, GridFolder, ScoreGrid
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, REPLACED_SUFFIX, is_dataset, numbered_files, scenes_of
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.types import Int64Array
 
-__all__ = ["PredictedScene", "PredictionSet", "in_map", "open_predictions", "write_grid", "write_predictions"]
+__all__ = ["PredictedScene", "PredictionSet", "boxes_in_map", "open_predictions", "write_grid", "write_predictions"]
 
 _CACHE_BYTES = 64 << 20
 _AnySource = TypeVar("_AnySource", BoxSource, GridSource)
@@ -66,13 +72,13 @@ _AnySource = TypeVar("_AnySource", BoxSource, GridSource)
 
 @dataclass(frozen=True, eq=False)
 class PredictedScene:
-    """All that is said of one scene. Reading raises InputError where something is not as it must be.
+    """Predictions for one scene; reading them raises InputError where a value is invalid.
 
     Attributes:
-        name: Of the scene.
-        stamps_ns: (T,) of its frames.
-        box_sources: Each with the scene's name there.
-        grid_sources: As well.
+        name: Name of the scene.
+        stamps_ns: (T,) stamps of its frames.
+        box_sources: Sources of boxes, each with the scene's name there.
+        grid_sources: Sources of grids, each with the scene's name there.
     """
 
     name: str
@@ -81,36 +87,36 @@ class PredictedScene:
     grid_sources: tuple[tuple[GridSource, str], ...]
 
     def boxes(self) -> PredictedBoxes:
-        """All boxes."""
-        return joined([boxes for boxes, _ in self._said])
+        """All boxes of the scene."""
+        return join_boxes([boxes for boxes, _ in self._box_answers])
 
     def grid(self, tick: int) -> ScoreGrid | None:
-        """Scores of a frame; None: there are none."""
+        """Scores of a frame; None if there are none."""
         source = self._grids.get(tick)
         return None if source is None else source[0].grid(source[1], tick, self.stamps_ns)
 
     @cached_property
     def ticks_with_grid(self) -> frozenset[int]:
-        """Those that have scores."""
+        """Ticks that have scores."""
         return frozenset(self._grids)
 
     @cached_property
     def ticks_with_boxes(self) -> frozenset[int]:
-        """Those of which something is said about boxes, be it that there are none."""
-        return frozenset(tick for _, ticks in self._said for tick in ticks)
+        """Ticks with an answer about boxes, possibly that there are none."""
+        return frozenset(tick for _, ticks in self._box_answers for tick in ticks)
 
     @cached_property
-    def _said(self) -> list[tuple[PredictedBoxes, frozenset[int]]]:
-        said = [source.boxes(name, self.stamps_ns) for source, name in self.box_sources]
+    def _box_answers(self) -> list[tuple[PredictedBoxes, frozenset[int]]]:
+        answers = [source.boxes(name, self.stamps_ns) for source, name in self.box_sources]
         answered: dict[int, Path] = {}
-        for (source, _), (_, ticks) in zip(self.box_sources, said, strict=True):
+        for (source, _), (_, ticks) in zip(self.box_sources, answers, strict=True):
             if isinstance(source, PredictionBag):
                 for tick in sorted(ticks):
                     if answered.setdefault(tick, source.path) != source.path:
                         raise InputError(
                             f"{source.path}: boxes of tick {tick} of {self.name} are also in {answered[tick]}"
                         )
-        return said
+        return answers
 
     @cached_property
     def _grids(self) -> dict[int, tuple[GridSource, str]]:
@@ -126,11 +132,11 @@ class PredictedScene:
 
 
 class PredictionSet:
-    """What is said of several scenes. It can be sent to other processes.
+    """Predictions for several scenes; can be sent to other processes.
 
     Attributes:
-        path: Where it is.
-        scenes: Names, each once; of sources that name no scene their stems.
+        path: File or folder of the predictions.
+        scenes: Names of the scenes, without duplicates; the stem for a source that names no scene.
     """
 
     def __init__(
@@ -140,7 +146,7 @@ class PredictionSet:
         grid_sources: Sequence[GridSource],
         names: Mapping[str, str] | None = None,
     ) -> None:
-        """Takes sources, and names of scenes by what sources that name none are called."""
+        """Take the sources, and the scene name for each source that names none, by its stem."""
         self.path, self._box_sources, self._grid_sources = path, tuple(box_sources), tuple(grid_sources)
         self._boxes = _by_scene(self._box_sources, names or {})
         self._grids = _by_scene(self._grid_sources, names or {})
@@ -148,36 +154,44 @@ class PredictionSet:
 
     @property
     def has_grids(self) -> bool:
-        """Whether anything may be said about scores."""
+        """Whether there may be scores."""
         return bool(self._grid_sources)
 
-    def of_dataset(self, scenes: Sequence[str]) -> "PredictionSet":
-        """The same of a dataset with these scenes: ``scenes`` are some of them.
+    def for_dataset(self, scenes: Sequence[str]) -> "PredictionSet":
+        """The same predictions with ``scenes`` limited to those of a dataset.
 
-        A source that names no scene, and has no scene's name as its stem, belongs to the only scene, if there is one.
+        A source that names no scene, and whose stem is no scene's name, belongs to the only scene of the dataset, if
+        it has just one.
+
+        Args:
+            scenes: Names of the scenes of the dataset.
 
         Raises:
-            InputError: There are predictions of a scene that the dataset does not have.
+            InputError: There are predictions for a scene that the dataset does not have.
         """
         known, names = set(scenes), dict[str, str]()
-        sources: list[Source] = [*self._box_sources, *self._grid_sources]
+        sources: list[PredictionSource] = [*self._box_sources, *self._grid_sources]
         for source in sources:
-            for own in source.scenes:
-                if own not in known and not source.is_named and len(known) == 1:
-                    names[own] = scenes[0]
-                elif own not in known:
-                    some = ", ".join(sorted(known)[:5]) + (", …" if len(known) > 5 else "")
-                    which = "" if source.is_named else ", which its file's name says, as nothing in it names one"
-                    text = f"scene: there is no {own!r}{which}; the dataset has {some or 'no scene'}"
+            for source_scene in source.scenes:
+                if source_scene not in known and not source.has_scene_names and len(known) == 1:
+                    names[source_scene] = scenes[0]
+                elif source_scene not in known:
+                    examples = ", ".join(sorted(known)[:5]) + (", …" if len(known) > 5 else "")
+                    hint = (
+                        ""
+                        if source.has_scene_names
+                        else ", taken from the file's name because nothing in it names a scene"
+                    )
+                    text = f"scene: there is no {source_scene!r}{hint}; the dataset has {examples or 'no scene'}"
                     raise InputError(f"{source.path}: {text}")
         return PredictionSet(self.path, self._box_sources, self._grid_sources, names)
 
     def scene(self, name: str, stamps_ns: Int64Array) -> PredictedScene:
-        """What is said of a scene, which may be nothing.
+        """Predictions for a scene, possibly none.
 
         Args:
-            name: Of the scene.
-            stamps_ns: (T,) of its frames, ascending.
+            name: Name of the scene.
+            stamps_ns: (T,) stamps of its frames, ascending.
         """
         return PredictedScene(name, stamps_ns, tuple(self._boxes.get(name, ())), tuple(self._grids.get(name, ())))
 
@@ -186,22 +200,22 @@ def _by_scene(sources: Sequence[_AnySource], names: Mapping[str, str]) -> dict[s
     """Sources of each scene, with the scene's name there."""
     found: dict[str, list[tuple[_AnySource, str]]] = {}
     for source in sources:
-        for own in source.scenes:
-            name = own if source.is_named else names.get(own, own)
-            found.setdefault(name, []).append((source, own))
+        for source_scene in source.scenes:
+            name = source_scene if source.has_scene_names else names.get(source_scene, source_scene)
+            found.setdefault(name, []).append((source, source_scene))
     return found
 
 
 def open_predictions(path: Path | str, boxes_topic: str = BOXES_TOPIC, grids_topic: str = GRIDS_TOPIC) -> PredictionSet:
-    """Open files, bags, or a folder of them; the head of this module says what is in them.
+    """Open files, bags, or a folder of them; the docstring of this module describes the formats.
 
     Args:
         path: A Parquet, NPZ or MCAP file, a bag, a folder, or a dataset with predictions in its bags.
-        boxes_topic: Of boxes in bags.
-        grids_topic: Of scores in bags; OccupancyGrids have a topic a class below it.
+        boxes_topic: Topic of boxes in bags.
+        grids_topic: Topic of scores in bags; OccupancyGrids have one topic per class below it.
 
     Raises:
-        InputError: There is nothing, or it cannot be read, lacks a column, or one is of a wrong type.
+        InputError: There is nothing, or it cannot be read, lacks a column, or has a column of a wrong type.
     """
     path = Path(path)
     if not path.exists():
@@ -210,11 +224,11 @@ def open_predictions(path: Path | str, boxes_topic: str = BOXES_TOPIC, grids_top
     boxes: list[BoxSource] = [_BOX_FILES[file.suffix](file) for file in files if file.suffix in _BOX_FILES]
     grids: list[GridSource] = [GridFolder(file) for file in files if file.name == GRIDS_FOLDER and file.is_dir()]
     cache = ChunkCache(_CACHE_BYTES)
-    bags = [PredictionBag(bag, cache, boxes_topic, grids_topic) for bag in _bags(path)]
+    bags = [PredictionBag(bag, cache, boxes_topic, grids_topic) for bag in _bag_paths(path)]
     answering = [bag for bag in bags if bag.has_answers]
     if bags and not answering:
         known = bags[0].topics
-        has = ", ".join(known[:_MOST_NAMED]) + (", …" if len(known) > _MOST_NAMED else "") or "none"
+        has = ", ".join(known[:_MAX_TOPICS_NAMED]) + (", …" if len(known) > _MAX_TOPICS_NAMED else "") or "none"
         raise BagError(
             f"{bags[0].path}: there is no topic {boxes_topic}, {grids_topic} or {grids_topic}/<class>; it has {has}"
         )
@@ -225,13 +239,13 @@ def open_predictions(path: Path | str, boxes_topic: str = BOXES_TOPIC, grids_top
     return PredictionSet(path, [*boxes, *answering], [*grids, *answering])
 
 
-_MOST_NAMED = 12
-"""Topics, in a message."""
+_MAX_TOPICS_NAMED = 12
+"""Maximum number of topics that an error message lists."""
 _BOX_FILES: dict[str, Callable[[Path], BoxSource]] = {".parquet": ParquetBoxes, ".npz": NpzBoxes}
 
 
-def _bags(path: Path) -> list[Path]:
-    """Bags at a path: itself, those in a folder, those of a dataset."""
+def _bag_paths(path: Path) -> list[Path]:
+    """Bags at a path: the path itself, those in the folder, or those of the dataset."""
     if path.is_file():
         return [path] if path.suffix == ".mcap" else []
     if is_dataset(path):
@@ -240,5 +254,5 @@ def _bags(path: Path) -> list[Path]:
     folders = sorted({file.parent for file in path.glob("*/*.mcap")})
     try:
         return [*([path] if files and numbered_files(path) else []), *folders]
-    except BagError:  # not the parts of one bag, so each is one
+    except BagError:  # the files are not the parts of one bag, so each is a bag
         return [*files, *folders]

@@ -1,4 +1,4 @@
-"""NPZ files of others: arrays by name, never a pickled object."""
+"""Reads NPZ files from other software safely: arrays by name, never a pickled object."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -10,14 +10,14 @@ from simbev_ros.types import AnyArray
 
 
 def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyArray]:
-    """Arrays of a file, by name.
+    """Read the arrays of an NPZ file, by name.
 
     Args:
         path: The file.
-        names: Only these, where they are there; None: all.
+        names: Names of the arrays to read if present; None: all.
 
     Raises:
-        InputError: It cannot be read, is no NPZ file, or is damaged; an array holds Python objects.
+        InputError: The file cannot be read, is no NPZ file, or is damaged; an array holds Python objects.
     """
     name = ""
     try:
@@ -28,12 +28,12 @@ def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyA
                     arrays[name] = file[name]
             return arrays
     except NPZ_DAMAGE as error:
-        place = f"{name}: " if name else ""
-        raise InputError(f"{path}: {place}cannot be read as NPZ: {_reason(error)}") from None
+        prefix = f"{name}: " if name else ""
+        raise InputError(f"{path}: {prefix}cannot be read as NPZ: {_reason(error)}") from None
 
 
 def _reason(error: BaseException) -> str:
-    """In words of the file's maker."""
+    """Reason in terms of the person who wrote the file."""
     if "Object arrays" in str(error):
-        return "it holds Python objects; texts must be arrays of a text type, as np.array([...], str)"
+        return "it holds Python objects; texts must be arrays of a text type, such as np.array([...], str)"
     return getattr(error, "strerror", None) or str(error) or type(error).__name__

@@ -1,4 +1,8 @@
-"""Boxes as a perception stack says them: checked columns, each box in a frame of reference of the stack's choice."""
+"""Checked boxes of a perception stack, each in a coordinate frame that the stack chose.
+
+Columns of files or messages are checked and become ``PredictedBoxes``. ``boxes_in_map`` transforms these to the map
+frame for the metrics.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -7,22 +11,22 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, no_boxes
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, empty_boxes
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, UInt8Array
 
 MAP_FRAME = "map"
 NO_BOX = 255
-"""Label of a row that holds no box: it says that its frame was answered."""
+"""Label of a row without a box, which only states that its frame was answered."""
 BOX_COLUMNS = ("x", "y", "z", "length", "width", "height", "yaw")
 VELOCITY_COLUMNS = ("vx", "vy", "vz")
 UPRIGHT = float(np.cos(np.pi / 4))
-"""Least cosine between two axes that both count as pointing up."""
+"""Minimum cosine of the angle between two axes that both count as pointing up."""
 CLASSES_ALLOWED = f"one of {', '.join(BOX_CLASSES)}, or its number, 0 to {len(BOX_CLASSES) - 1}"
 
 
 class Reference(NamedTuple):
-    """A frame of reference, and who says so: a file or a topic, for messages."""
+    """Coordinate frame, and the file or topic that states it, for error messages."""
 
     frame_id: str
     source: str
@@ -30,12 +34,12 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedBoxes:
-    """Boxes of a scene, upright in their frames of reference.
+    """Boxes of a scene, upright in their coordinate frames.
 
     Attributes:
-        predictions: (N,) boxes and scores, each in its own frame of reference; ``frame`` is the tick.
-        references: All frames of reference.
-        reference: (N,) index into them.
+        predictions: (N,) boxes and scores, each in its own coordinate frame; ``frame`` is the tick.
+        references: All coordinate frames.
+        reference: (N,) index into ``references``.
     """
 
     predictions: Predictions
@@ -45,41 +49,41 @@ class PredictedBoxes:
     def __len__(self) -> int:
         return len(self.predictions)
 
-    def of_ticks(self, ticks: Sequence[int]) -> "PredictedBoxes":
-        """Those of some frames."""
+    def at_ticks(self, ticks: Sequence[int]) -> "PredictedBoxes":
+        """Boxes of the given frames."""
         chosen = np.isin(self.predictions.boxes.frame, ticks)
         return PredictedBoxes(self.predictions.take(chosen), self.references, self.reference[chosen])
 
     @classmethod
-    def of(cls, predictions: Predictions, reference: Reference) -> "PredictedBoxes":
-        """Boxes that all have the same frame of reference."""
+    def with_reference(cls, predictions: Predictions, reference: Reference) -> "PredictedBoxes":
+        """Boxes that all have the same coordinate frame."""
         return cls(predictions, (reference,), np.zeros(len(predictions), np.int64))
 
 
-def joined(parts: Sequence[PredictedBoxes]) -> PredictedBoxes:
-    """The boxes of all parts, one part behind the other."""
+def join_boxes(parts: Sequence[PredictedBoxes]) -> PredictedBoxes:
+    """Concatenate the boxes of all parts."""
     own = [part.predictions.boxes for part in parts]
     if not own:
-        return PredictedBoxes(Predictions(no_boxes(), np.zeros(0)), (), np.zeros(0, np.int64))
+        return PredictedBoxes(Predictions(empty_boxes(), np.zeros(0)), (), np.zeros(0, np.int64))
     boxes = Boxes(*(np.concatenate([getattr(each, field.name) for each in own]) for field in fields(Boxes)))
     number = {
-        each: place for place, each in enumerate(dict.fromkeys(each for part in parts for each in part.references))
+        each: index for index, each in enumerate(dict.fromkeys(each for part in parts for each in part.references))
     }
-    places = [np.array([number[each] for each in part.references], np.int64)[part.reference] for part in parts]
+    indices = [np.array([number[each] for each in part.references], np.int64)[part.reference] for part in parts]
     score = np.concatenate([part.predictions.score for part in parts])
-    return PredictedBoxes(Predictions(boxes, score), tuple(number), np.concatenate(places))
+    return PredictedBoxes(Predictions(boxes, score), tuple(number), np.concatenate(indices))
 
 
-def in_map(boxes: PredictedBoxes, map_from_frame: Callable[[int, str], Float64Array]) -> Predictions:
-    """The boxes in the map frame: centres, yaws and velocities; sizes stay.
+def boxes_in_map(boxes: PredictedBoxes, map_from_frame: Callable[[int, str], Float64Array]) -> Predictions:
+    """Transform boxes to the map frame: centers, yaws and velocities; sizes stay.
 
     Args:
-        boxes: Of one scene.
-        map_from_frame: Gives the (4, 4) pose of a frame of reference at a tick; asked once for each pair. It raises
-            InputError for a frame of reference that there is not. ``reference_frames.ReferenceFrames`` is one.
+        boxes: Boxes of one scene.
+        map_from_frame: Gives the (4, 4) pose of a coordinate frame at a tick; called once for each pair. It raises
+            InputError for an unknown coordinate frame. ``reference_frames.ReferenceFrames`` is one such function.
 
     Raises:
-        InputError: There is no such frame of reference, or its z axis does not point up, as that of optical frames.
+        InputError: A coordinate frame is unknown, or its z axis does not point up, as in optical frames.
     """
     own, count = boxes.predictions.boxes, len(boxes.references)
     if all(each.frame_id == MAP_FRAME for each in boxes.references):
@@ -88,22 +92,22 @@ def in_map(boxes: PredictedBoxes, map_from_frame: Callable[[int, str], Float64Ar
     poses = np.stack([_pose(boxes.references[key % count], key // count, map_from_frame) for key in pairs.tolist()])[
         pair
     ]
-    turn, cosine, sine = poses[:, :3, :3], np.cos(own.yaw_rad), np.sin(own.yaw_rad)
-    ahead = turn[:, :2, 0] * cosine[:, None] + turn[:, :2, 1] * sine[:, None]
-    moved = Boxes(
+    rotation, cosine, sine = poses[:, :3, :3], np.cos(own.yaw_rad), np.sin(own.yaw_rad)
+    ahead = rotation[:, :2, 0] * cosine[:, None] + rotation[:, :2, 1] * sine[:, None]
+    transformed = Boxes(
         own.frame,
         own.label,
-        np.einsum("nij,nj->ni", turn, own.center_m) + poses[:, :3, 3],
+        np.einsum("nij,nj->ni", rotation, own.center_m) + poses[:, :3, 3],
         own.size_m,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
-        np.einsum("nij,nj->ni", turn, own.velocity_mps),
+        np.einsum("nij,nj->ni", rotation, own.velocity_mps),
         own.attribute,
     )
-    return Predictions(moved, boxes.predictions.score)
+    return Predictions(transformed, boxes.predictions.score)
 
 
 def _pose(reference: Reference, tick: int, map_from_frame: Callable[[int, str], Float64Array]) -> Float64Array:
-    """(4, 4) map from a frame of reference."""
+    """(4, 4) map from a coordinate frame."""
     frame_id, source = reference
     if frame_id == MAP_FRAME:
         return np.eye(4)
@@ -113,19 +117,19 @@ def _pose(reference: Reference, tick: int, map_from_frame: Callable[[int, str], 
         raise InputError(f"{source}: {error}") from None
     if pose[2, 2] < UPRIGHT:
         raise InputError(
-            f"{source}: frame_id: the z axis of {frame_id!r} does not point up, as boxes need it; of a camera allowed "
-            "is the frame without _optical"
+            f"{source}: frame_id: the z axis of {frame_id!r} does not point up, as boxes require; for a camera, use "
+            "the frame without _optical"
         )
     return pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Rows of a file or of a message, for what is said of them.
+    """Rows of a file or of a message, for error messages.
 
     Attributes:
-        source: File or topic, as in messages.
-        number: (N,) of each row, from 0, as in messages.
+        source: File or topic.
+        number: (N,) number of each row, from 0.
     """
 
     source: str
@@ -134,18 +138,18 @@ class Rows:
     def require(self, name: str, good: BoolArray, values: AnyArray, allowed: str) -> None:
         """Raise InputError for the first of (N,) values of a column that is not good."""
         if not good.all():
-            place = int(np.argmin(good))
-            value = values[place].tolist() if hasattr(values[place], "tolist") else values[place]
-            raise InputError(f"{self.source}: {name}: row {self.number[place]} is {value!r}; it must be {allowed}")
+            index = int(np.argmin(good))
+            value = values[index].tolist() if hasattr(values[index], "tolist") else values[index]
+            raise InputError(f"{self.source}: {name}: row {self.number[index]} is {value!r}; it must be {allowed}")
 
 
 def numbered_labels(numbers: AnyArray, rows: Rows, *, may_be_empty: bool) -> UInt8Array:
-    """(N,) labels of (N,) whole numbers of classes.
+    """(N,) labels from (N,) class numbers.
 
     Args:
         numbers: Indices into ``BOX_CLASSES``.
-        rows: Whose classes these are.
-        may_be_empty: -1 is allowed, and is ``NO_BOX``.
+        rows: Rows of the numbers.
+        may_be_empty: Whether -1 is allowed, which becomes ``NO_BOX``.
 
     Raises:
         InputError: There is no such class.
@@ -156,13 +160,13 @@ def numbered_labels(numbers: AnyArray, rows: Rows, *, may_be_empty: bool) -> UIn
 
 
 def named_labels(names: Sequence[str | None], code: AnyArray, rows: Rows, *, may_be_empty: bool) -> UInt8Array:
-    """(N,) labels of classes by name, or their numbers as text.
+    """(N,) labels from class names, or from class numbers as text.
 
     Args:
-        names: What occurs.
-        code: (N,) index into it.
-        rows: Whose classes these are.
-        may_be_empty: "" and None are allowed, and are ``NO_BOX``.
+        names: Distinct names.
+        code: (N,) index into ``names``.
+        rows: Rows of the names.
+        may_be_empty: Whether "" and None are allowed, which become ``NO_BOX``.
 
     Raises:
         InputError: There is no such class.
@@ -176,17 +180,19 @@ def named_labels(names: Sequence[str | None], code: AnyArray, rows: Rows, *, may
     return label.astype(np.uint8)
 
 
-def predictions_of(columns: Mapping[str, AnyArray], label: UInt8Array, tick: Int64Array, rows: Rows) -> Predictions:
-    """Checked boxes of columns.
+def predictions_from_columns(
+    columns: Mapping[str, AnyArray], label: UInt8Array, tick: Int64Array, rows: Rows
+) -> Predictions:
+    """Checked boxes from columns.
 
     Args:
-        columns: (N,) each: ``BOX_COLUMNS``, ``score``, and some or none of ``VELOCITY_COLUMNS``.
+        columns: (N,) each: ``BOX_COLUMNS``, ``score``, and any of ``VELOCITY_COLUMNS``.
         label: (N,) index into ``BOX_CLASSES``.
-        tick: (N,) of their frames.
-        rows: Whose columns these are.
+        tick: (N,) tick of each box's frame.
+        rows: Rows of the columns.
 
     Raises:
-        InputError: A value is none that a box can have.
+        InputError: A value is not valid for a box.
     """
     own = {name: np.asarray(columns[name], np.float64) for name in ("score", *BOX_COLUMNS)}
     for name, values in own.items():
@@ -206,14 +212,16 @@ def predictions_of(columns: Mapping[str, AnyArray], label: UInt8Array, tick: Int
 
 
 def _velocity_mps(columns: Mapping[str, AnyArray], rows: Rows) -> Float64Array:
-    """(N, 3) NaN where vx or vy is missing or NaN; where only vz is, that is 0."""
+    """(N, 3) velocities; NaN if vx or vy is missing or NaN; if only vz is, it is 0."""
     present = [name for name in VELOCITY_COLUMNS if name in columns]
     for name in present:
         values = np.asarray(columns[name], np.float64)
         rows.require(name, ~np.isinf(values), values, "a finite number, or NaN where it is unknown")
     for name, other in (("vx", "vy"), ("vy", "vx"), ("vz", "vx")):
         if name in columns and other not in columns:
-            raise InputError(f"{rows.source}: {other}: there is no such column, but {name}; a velocity needs vx and vy")
+            raise InputError(
+                f"{rows.source}: {other}: this column is missing, although there is {name}; a velocity needs vx and vy"
+            )
     if not present:
         return np.full((len(rows.number), 3), np.nan)
     vx, vy = (np.asarray(columns[name], np.float64) for name in ("vx", "vy"))

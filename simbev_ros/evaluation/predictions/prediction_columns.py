@@ -1,4 +1,8 @@
-"""Predictions in columns, whatever file they are from: which rows are of which scene, and what rows say."""
+"""Predictions as columns, independent of the file format: assigns rows to scenes and frames, and checks values.
+
+From the columns of a Parquet or NPZ file, ``parse_answers`` makes checked ``PredictedBoxes`` and the answered ticks of
+one scene.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 
@@ -12,7 +16,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
     PredictedBoxes,
     Reference,
     Rows,
-    predictions_of,
+    predictions_from_columns,
 )
 from simbev_ros.types import AnyArray, Int64Array, UInt8Array
 
@@ -23,7 +27,7 @@ ALL_COLUMNS = (*TEXT_COLUMNS, *FRAME_COLUMNS, *NUMBER_COLUMNS)
 
 
 def require_columns(source: str, names: Collection[str]) -> None:
-    """Raise InputError if a column is missing without which there are no predictions."""
+    """Raise InputError if a required column is missing."""
     has = f"it has {', '.join(sorted(names)) or 'none'}"
     for name in ("class", "score", *BOX_COLUMNS):
         if name not in names:
@@ -33,81 +37,83 @@ def require_columns(source: str, names: Collection[str]) -> None:
 
 
 class SceneRows:
-    """Which rows are of which scene, found at once for all scenes.
+    """Index of the rows of each scene, built for all scenes at once.
 
     Attributes:
-        scenes: In the order in which they occur.
+        scenes: Names of the scenes, in order of occurrence.
     """
 
     def __init__(self, scenes: Sequence[str], code: Int64Array, start: Int64Array, stop: Int64Array) -> None:
-        """Takes scenes, and of (R,) runs of rows of one scene its index, the first row, and that after the last."""
+        """Take the scenes, and for (R,) runs of rows of one scene its index, first row, and row after the last."""
         order = np.argsort(code, kind="stable")
         self.scenes = tuple(scenes)
-        self._place = {scene: place for place, scene in enumerate(scenes)}
+        self._scene_index = {scene: index for index, scene in enumerate(scenes)}
         self._first = np.searchsorted(code[order], np.arange(len(scenes) + 1))
         self._code, self._start, self._stop = code[order], start[order], stop[order]
 
-    def most_parts(self, starts: Int64Array) -> int:
-        """Into how many of the parts that begin at some rows the rows of one scene fall at most; runs fall into one."""
+    def max_parts_per_scene(self, starts: Int64Array) -> int:
+        """Maximum number of parts, given their first rows, that the rows of one scene spread over; no run spans two."""
         part = np.searchsorted(starts, self._start, side="right") - 1
         pairs = np.unique(self._code * len(starts) + part)
         return int(np.bincount(pairs // len(starts)).max(initial=1))
 
     @classmethod
-    def of_codes(cls, scenes: Sequence[str], code: AnyArray) -> "SceneRows":
-        """Of (N,) indices into the scenes, one a row."""
+    def from_codes(cls, scenes: Sequence[str], code: AnyArray) -> "SceneRows":
+        """Index from (N,) scene numbers, one per row."""
         start, stop = runs(code)
         return cls(scenes, code[start].astype(np.int64), start, stop)
 
     def rows(self, scene: str) -> Int64Array:
-        """(N,) those of a scene, ascending."""
-        place = self._place[scene]
-        chosen = slice(self._first[place], self._first[place + 1])
+        """(N,) row numbers of a scene, ascending."""
+        index = self._scene_index[scene]
+        chosen = slice(self._first[index], self._first[index + 1])
         start, length = self._start[chosen], self._stop[chosen] - self._start[chosen]
         before = np.cumsum(length) - length
         return np.repeat(start - before, length) + np.arange(length.sum())
 
 
 def runs(values: AnyArray) -> tuple[Int64Array, Int64Array]:
-    """(R,) first place of each run of equal values, and the place after its last."""
+    """(R,) start index of each run of equal values, and (R,) index after its last value."""
     edges = np.flatnonzero(values[1:] != values[:-1]) + 1
     none = np.zeros(0, np.int64)
     start = np.concatenate([none, [0] if len(values) else none, edges]).astype(np.int64)
     return start, np.append(start[1:], len(values)).astype(np.int64)[: len(start)]
 
 
-def answers_of(
+def parse_answers(
     columns: Mapping[str, AnyArray], label: UInt8Array, rows: Rows, frame_id: str, scene: str, stamps_ns: Int64Array
 ) -> tuple[PredictedBoxes, frozenset[int]]:
-    """What some rows say.
+    """Check the rows of one scene and convert them to boxes.
 
     Args:
         columns: (N,) each, of ``FRAME_COLUMNS`` and ``NUMBER_COLUMNS``.
-        label: (N,) their classes; ``NO_BOX``: the row says only that its frame was answered.
-        rows: Whose these are.
-        frame_id: Frame of reference.
-        scene: Whose boxes these are.
-        stamps_ns: (T,) of its frames.
+        label: (N,) labels; ``NO_BOX``: the row only states that its frame was answered.
+        rows: Rows of the columns.
+        frame_id: Coordinate frame.
+        scene: Name of the scene.
+        stamps_ns: (T,) stamps of its frames.
 
     Returns:
         The boxes, and the ticks that were answered.
 
     Raises:
-        InputError: A value is none that it can have, or there is no such frame.
+        InputError: A value is invalid, or there is no such frame.
     """
     tick = _ticks(columns, rows, scene, stamps_ns)
     none = label == NO_BOX
     if none.any():
         score = np.asarray(columns["score"], np.float64)
-        rows.require("score", ~none | np.isnan(score), score, "empty as well, as the class is: the row has no box")
+        rows.require("score", ~none | np.isnan(score), score, "empty, like the class: the row has no box")
         columns = {name: values[~none] for name, values in columns.items()}
         rows = Rows(rows.source, rows.number[~none])
-    predictions = predictions_of(columns, label[~none], tick[~none], rows)
-    return PredictedBoxes.of(predictions, Reference(frame_id, rows.source)), frozenset(np.unique(tick).tolist())
+    predictions = predictions_from_columns(columns, label[~none], tick[~none], rows)
+    return PredictedBoxes.with_reference(predictions, Reference(frame_id, rows.source)), frozenset(
+        np.unique(tick).tolist()
+    )
 
 
 def _ticks(columns: Mapping[str, AnyArray], rows: Rows, scene: str, stamps_ns: Int64Array) -> Int64Array:
-    """(N,) by tick or stamp; where both are given they must agree."""
+    """(N,) ticks from column tick or stamp_ns; if both are given they must agree."""
     count = len(stamps_ns)
     if "stamp_ns" not in columns:
         tick = columns["tick"].astype(np.int64)
@@ -121,10 +127,10 @@ def _ticks(columns: Mapping[str, AnyArray], rows: Rows, scene: str, stamps_ns: I
 
 
 def ticks_of_stamps(stamp_ns: Int64Array, rows: Rows, scene: str, stamps_ns: Int64Array) -> Int64Array:
-    """(N,) ticks of (N,) stamps, which must be those of a scene's (T,) frames exactly.
+    """(N,) ticks of (N,) stamps, each of which must equal one of a scene's (T,) stamps.
 
     Raises:
-        InputError: A stamp is that of no frame; names the nearest one.
+        InputError: No frame has this stamp; the message names the nearest one.
     """
     if not len(stamps_ns):
         rows.require("stamp_ns", stamp_ns != stamp_ns, stamp_ns, f"none, as {scene} has no frame")

@@ -1,4 +1,8 @@
-"""Parquet and NPZ files of predicted boxes, read scene by scene. ``predictions`` says what is in them."""
+"""Reads predicted boxes from Parquet and NPZ files, scene by scene.
+
+For a requested scene, both kinds of file give the boxes and the answered ticks. ``dataset_predictions`` describes the
+columns.
+"""
 
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -25,45 +29,46 @@ from simbev_ros.evaluation.predictions.prediction_columns import (
     FRAME_COLUMNS,
     TEXT_COLUMNS,
     SceneRows,
-    answers_of,
+    parse_answers,
     require_columns,
     runs,
 )
 from simbev_ros.types import AnyArray, Int64Array, UInt8Array
 
-_KEPT_BYTES = 1 << 30
-"""Of one file's row groups; the one read last always is."""
+_MAX_CACHED_BYTES = 1 << 30
+"""Size limit of one file's cached row groups; the last one read is always kept."""
 
 
 class ParquetBoxes:
-    """One Parquet file. Of a scene only the row groups are read that hold it, and as many are kept as a scene may have.
+    """Reader of a Parquet file of boxes; for each scene, only the row groups that hold it are read.
 
-    So files in the order of their scenes are read once and in little memory, whatever the order within scenes.
+    As many row groups are cached as one scene may need. A file in the order of its scenes is therefore read once and in
+    little memory, whatever the order within scenes.
 
     Raises:
-        InputError: It cannot be read, lacks a column, or one is of a wrong type.
+        InputError: The file cannot be read, lacks a column, or has a column of a wrong type.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with _readable(path):
+        with _damage_as_input_error(path):
             schema = pq.read_schema(path)
             self._texts = [name for name in TEXT_COLUMNS if name in schema.names and _is_text(schema.field(name).type)]
             _require_types(path, schema)
             self._columns = [name for name in ALL_COLUMNS if name in schema.names and name != "scene"]
             self.frame_id = (schema.metadata or {}).get(b"frame_id", MAP_FRAME.encode()).decode()
-            self.is_named = "scene" in schema.names
+            self.has_scene_names = "scene" in schema.names
             self._read_starts()
             self._rows = self._scene_rows()
         self.scenes = self._rows.scenes
-        self._span = self._rows.most_parts(self._starts)
+        self._max_row_groups = self._rows.max_parts_per_scene(self._starts)
         self._kept: OrderedDict[int, pa.Table] = OrderedDict()
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
-        """As ``prediction_sources.BoxSource``."""
+        """Boxes of a scene, and the ticks that were answered; see ``prediction_sources.BoxSource``."""
         number = self._rows.rows(scene)
         group = np.searchsorted(self._starts, number, side="right") - 1
-        with _readable(self.path):
+        with _damage_as_input_error(self.path):
             parts = [self._part(int(group[a]), number[a:b]) for a, b in zip(*runs(group), strict=True)]
             table = pa.concat_tables(parts) if parts else self._file().schema_arrow.empty_table().select(self._columns)
             rows = Rows(str(self.path), number)
@@ -74,14 +79,14 @@ class ParquetBoxes:
                     missing = columns[name].is_null().to_numpy()
                     rows.require(name, ~missing, np.full(len(missing), None), "a number")
             arrays = {name: column.to_numpy() for name, column in columns.items()}
-        return answers_of(arrays, label, rows, self.frame_id, scene, stamps_ns)
+        return parse_answers(arrays, label, rows, self.frame_id, scene, stamps_ns)
 
     def _part(self, group: int, number: Int64Array) -> pa.Table:
         """Rows of one row group, by their numbers in the file."""
         if group in self._kept:
             self._kept.move_to_end(group)
         else:
-            while self._kept and (len(self._kept) >= self._span or self._kept_bytes() > _KEPT_BYTES):
+            while self._kept and (len(self._kept) >= self._max_row_groups or self._kept_bytes() > _MAX_CACHED_BYTES):
                 self._kept.popitem(last=False)
             self._kept[group] = self._file().read_row_group(group, columns=self._columns)
         table, first, count = self._kept[group], int(number[0] - self._starts[group]), len(number)
@@ -96,19 +101,19 @@ class ParquetBoxes:
         return pq.ParquetFile(self.path, read_dictionary=self._texts)
 
     def _read_starts(self) -> None:
-        """(G + 1,) first row of each row group, and how many rows there are."""
+        """Read the (G + 1,) first row of each row group; the last entry is the number of rows."""
         metadata = self._file().metadata
         counts = [metadata.row_group(group).num_rows for group in range(metadata.num_row_groups)]
         self._starts: Int64Array = np.cumsum([0, *counts]).astype(np.int64)
 
     def _scene_rows(self) -> SceneRows:
-        """From the column alone, row group by row group."""
-        if not self.is_named:
-            return SceneRows.of_codes([self.path.stem], np.zeros(int(self._starts[-1]), np.uint8))
+        """Index of scenes, from the scene column alone, row group by row group."""
+        if not self.has_scene_names:
+            return SceneRows.from_codes([self.path.stem], np.zeros(int(self._starts[-1]), np.uint8))
         file, numbers = self._file(), dict[str, int]()
         parts: list[tuple[Int64Array, ...]] = [(np.zeros(0, np.int64),) * 3]
         for group, first in enumerate(self._starts[:-1].tolist()):
-            names, code = _coded(file.read_row_group(group, columns=["scene"]).column(0))
+            names, code = _encode_categories(file.read_row_group(group, columns=["scene"]).column(0))
             start, stop = runs(code)
             rows = Rows(str(self.path), first + start)
             rows.require("scene", code[start] < len(names) - 1, np.full(len(start), None), "the name of a scene")
@@ -121,31 +126,31 @@ class ParquetBoxes:
 
 
 class NpzBoxes:
-    """One NPZ file. All of it is read at once and kept, so many boxes should rather be in Parquet.
+    """Reader of an NPZ file of boxes, which is read and kept as a whole; Parquet is better for many boxes.
 
     Raises:
-        InputError: It cannot be read, lacks a column, one is of a wrong type or length.
+        InputError: The file cannot be read, lacks a column, or has one of a wrong type or length.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         read = read_npz(path, (*ALL_COLUMNS, "frame_id"))
-        arrays = {name: _decoded(path, name, values) for name, values in read.items()}
+        arrays = {name: _decode_text(path, name, values) for name, values in read.items()}
         frame_id = arrays.pop("frame_id", np.array(MAP_FRAME))
-        self.frame_id = _one_text(frame_id, path)
+        self.frame_id = _require_one_text(frame_id, path)
         require_columns(str(path), arrays)
         for name, values in arrays.items():
             _require_kind(path, name, str(values.dtype), _KINDS.get(values.dtype.kind, "") if values.ndim == 1 else "")
         for name, values in arrays.items():
             if len(values) != len(arrays["class"]):
                 raise InputError(f"{path}: {name}: has {len(values)} rows; class has {len(arrays['class'])}")
-        self.is_named = "scene" in arrays
+        self.has_scene_names = "scene" in arrays
         self._rows = _npz_rows(path, arrays)
         self.scenes = self._rows.scenes
         self._arrays: dict[str, AnyArray] = arrays
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
-        """As ``prediction_sources.BoxSource``."""
+        """Boxes of a scene, and the ticks that were answered; see ``prediction_sources.BoxSource``."""
         number = self._rows.rows(scene)
         columns = {name: values[number] for name, values in self._arrays.items()}
         rows, classes = Rows(str(self.path), number), columns.pop("class")
@@ -154,7 +159,7 @@ class NpzBoxes:
         else:
             names, code = np.unique(classes, return_inverse=True)
             label = named_labels(names.tolist(), code, rows, may_be_empty=True)
-        return answers_of(columns, label, rows, self.frame_id, scene, stamps_ns)
+        return parse_answers(columns, label, rows, self.frame_id, scene, stamps_ns)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return NpzBoxes, (self.path,)
@@ -192,8 +197,8 @@ def _is_text(kind: pa.DataType) -> bool:
     return any(holds(kind) for holds in (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view))
 
 
-def _coded(column: pa.ChunkedArray) -> tuple[list[str | None], AnyArray]:
-    """What occurs in a column of text, None last, and (N,) index into that."""
+def _encode_categories(column: pa.ChunkedArray) -> tuple[list[str | None], AnyArray]:
+    """Distinct values of a text column, None last, and (N,) index into them."""
     if not pa.types.is_dictionary(column.type):
         column = pc.dictionary_encode(column)
     chunks = column.unify_dictionaries().chunks
@@ -211,28 +216,28 @@ def _parquet_labels(column: pa.ChunkedArray, rows: Rows) -> UInt8Array:
     if pa.types.is_integer(column.type):
         numbers = column.cast(pa.int64()).fill_null(-1).to_numpy()
         return numbered_labels(numbers, rows, may_be_empty=True)
-    names, code = _coded(column)
+    names, code = _encode_categories(column)
     return named_labels(names, code, rows, may_be_empty=True)
 
 
 def _npz_rows(path: Path, arrays: dict[str, AnyArray]) -> SceneRows:
     if "scene" not in arrays:
-        return SceneRows.of_codes([path.stem], np.zeros(len(arrays["class"]), np.uint8))
+        return SceneRows.from_codes([path.stem], np.zeros(len(arrays["class"]), np.uint8))
     scene = arrays.pop("scene")
     start, stop = runs(scene)
     names, code = np.unique(scene[start], return_inverse=True)
     return SceneRows(names.tolist(), code, start, stop)
 
 
-def _decoded(path: Path, name: str, values: AnyArray) -> AnyArray:
-    """Texts of bytes as texts of characters; other values as they are."""
+def _decode_text(path: Path, name: str, values: AnyArray) -> AnyArray:
+    """Decode byte strings as UTF-8; return other values unchanged."""
     try:
         return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: {name}: is not UTF-8: {error.reason}") from None
 
 
-def _one_text(value: AnyArray, path: Path) -> str:
+def _require_one_text(value: AnyArray, path: Path) -> str:
     if value.size != 1 or value.dtype.kind != "U":
         raise InputError(
             f"{path}: frame_id: has the shape {value.shape} and the type {value.dtype}; it must be one text"
@@ -241,8 +246,8 @@ def _one_text(value: AnyArray, path: Path) -> str:
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Turn what reading a damaged file raises into InputError."""
+def _damage_as_input_error(path: Path) -> Iterator[None]:
+    """Turn the errors from reading a damaged file into InputError."""
     try:
         yield
     except (pa.ArrowException, OSError, MemoryError, UnicodeDecodeError) as error:

@@ -1,20 +1,23 @@
-"""Messages of a perception stack → boxes and score grids. Takes the objects of rclpy and of rosbags alike; no ROS here.
+"""Converts a perception stack's messages to boxes and score grids.
+
+Messages may be objects of rclpy or of rosbags; the results are ``PredictedBoxes`` and score arrays. The bag reader and
+the live evaluator share this code, which imports no ROS.
 
 Boxes:
 
 * sensor_msgs/msg/PointCloud2: a table with the fields x y z length width height yaw, class (a number) and score;
-  optional vx vy vz; further ones are ignored.
+  optional vx vy vz; other fields are ignored.
 * visualization_msgs/msg/MarkerArray: each CUBE with action ADD is a box: ns = class, text = score ("": 1.0), pose =
-  centre and heading, scale = length, width, height; markers of other types are ignored.
+  center and heading, scale = length, width, height; markers of other types are ignored.
 * vision_msgs/msg/Detection3DArray: results[0].hypothesis.class_id (name or number) and score, bbox.center, bbox.size.
 
 Scores:
 
 * sensor_msgs/msg/Image of all BEV classes, 8UC14, where 255 is 1, or 32FC14, 0 … 1; row 0 ahead, column 0 left.
-* nav_msgs/msg/OccupancyGrid of one class: 0 … 100, and -1 as 0; centred on the ego like our own, x running fastest,
-  the first cell behind and right of it.
+* nav_msgs/msg/OccupancyGrid of one class: 0 … 100, and -1 as 0; centered on the ego as in our own messages, with x
+  running fastest and the first cell behind and right of the ego.
 
-The header gives stamp and frame of reference, of a MarkerArray that of its first marker with a frame_id. An empty
+The header gives stamp and coordinate frame; in a MarkerArray it is that of the first marker with a frame_id. An empty
 MarkerArray has neither, and so answers no frame: a stack that finds nothing should send DELETEALL with a header.
 """
 
@@ -33,7 +36,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
     Rows,
     named_labels,
     numbered_labels,
-    predictions_of,
+    predictions_from_columns,
 )
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.semantics import BEV_CLASSES
@@ -45,50 +48,50 @@ _SCORE_DTYPES: Mapping[str, np.dtype[Any]] = {
     f"8UC{len(BEV_CLASSES)}": np.dtype("u1"),
     f"32FC{len(BEV_CLASSES)}": np.dtype("f4"),
 }
-_TURNED_RAD = 0.1
-"""Most that the x axis of an OccupancyGrid may deviate from the ego's."""
+_MAX_YAW_RAD = 0.1
+"""Maximum angle between the x axis of an OccupancyGrid and the ego's."""
 
 
 def header_of(message: Any) -> Any | None:
-    """The header that gives stamp and frame of reference; None: a MarkerArray that has none."""
+    """The header with stamp and coordinate frame; None for a MarkerArray without one."""
     if not hasattr(message, "markers"):
         return message.header
     return next((each.header for each in message.markers if each.header.frame_id), None)
 
 
 def stamp_ns_of(message: Any) -> int | None:
-    """Stamp of the frame that a message answers, ns; None: it says none."""
+    """Stamp of the frame that a message answers, ns; None if it has none."""
     header = header_of(message)
     return None if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def message_boxes(type_name: str, message: Any, tick: int, source: str) -> PredictedBoxes:
-    """Boxes of one frame.
+    """Boxes of one frame from a message.
 
     Args:
         type_name: One of ``BOX_TYPES``.
-        message: Of this type.
-        tick: Which frame it answers.
-        source: Its topic, for messages; rows of errors are points, cubes or detections, from 0.
+        message: Message of this type.
+        tick: Tick of the frame that it answers.
+        source: Its topic, for error messages, which count points, cubes or detections as rows, from 0.
 
     Raises:
-        InputError: What it holds are no boxes.
+        InputError: The content is not valid boxes.
     """
     columns, label = BOX_TYPES[type_name](message, source)
     rows = Rows(source, np.arange(len(label)))
-    predictions = predictions_of(columns, label, np.full(len(label), tick, np.int64), rows)
+    predictions = predictions_from_columns(columns, label, np.full(len(label), tick, np.int64), rows)
     header = header_of(message)
     frame_id = "" if header is None else header.frame_id
     if not frame_id and len(label):
-        raise InputError(f"{source}: header.frame_id: is empty; it must be a frame of reference, as 'map'")
-    return PredictedBoxes.of(predictions, Reference(frame_id, source))
+        raise InputError(f"{source}: header.frame_id: is empty; it must be a coordinate frame, such as 'map'")
+    return PredictedBoxes.with_reference(predictions, Reference(frame_id, source))
 
 
 def image_scores(message: Any, source: str) -> AnyArray:
-    """(C, H, W) scores of all BEV classes of a ``sensor_msgs/msg/Image``; uint8 or float32.
+    """(C, H, W) scores of all BEV classes from a ``sensor_msgs/msg/Image``; uint8 or float32.
 
     Raises:
-        InputError: The encoding is another, or the data do not have the size that the head says.
+        InputError: The encoding is not supported, or the size of the data disagrees with the header fields.
     """
     dtype = _SCORE_DTYPES.get(message.encoding)
     if dtype is None:
@@ -97,7 +100,7 @@ def image_scores(message: Any, source: str) -> AnyArray:
     data = np.frombuffer(message.data, np.uint8)
     if message.step < row_bytes or data.size != message.step * message.height:
         size = f"{message.width} x {message.height} {message.encoding}"
-        raise InputError(f"{source}: data: {data.size} bytes, step {message.step}, are no image of {size}")
+        raise InputError(f"{source}: data: {data.size} bytes, step {message.step}, are not an image of {size}")
     rows = np.ascontiguousarray(data.reshape(message.height, message.step)[:, :row_bytes])
     cells = rows.view(dtype.newbyteorder(">" if message.is_bigendian else "<"))
     layers = np.moveaxis(cells.reshape(message.height, message.width, len(BEV_CLASSES)), -1, 0)
@@ -106,35 +109,41 @@ def image_scores(message: Any, source: str) -> AnyArray:
 
 
 def occupancy_scores(message: Any, source: str) -> Float32Array:
-    """(H, W) float32 scores of one class of a ``nav_msgs/msg/OccupancyGrid``, row 0 ahead, column 0 left.
+    """(H, W) float32 scores of one class from a ``nav_msgs/msg/OccupancyGrid``, row 0 ahead, column 0 left.
 
     Raises:
-        InputError: It is not centred on the ego and turned with it, a value is none, or the data do not have the size
-            that the head says.
+        InputError: The grid is not centered on the ego and aligned with it, a value is invalid, or the size of the data
+            disagrees with the header fields.
     """
     info, cells = message.info, np.frombuffer(message.data, np.int8)
     if cells.size != info.width * info.height:
-        raise InputError(f"{source}: data: {cells.size} cells are no grid of {info.width} x {info.height}")
-    _require_centred(info, source)
+        raise InputError(f"{source}: data: {cells.size} cells do not form a grid of {info.width} x {info.height}")
+    _require_centered(info, source)
     bad = (cells < -1) | (cells > _FULL_PERCENT)
     if bad.any():
-        place = int(np.argmax(bad))
-        raise InputError(f"{source}: data: cell {place} is {cells[place]}; allowed: 0 to {_FULL_PERCENT}, and -1")
+        index = int(np.argmax(bad))
+        raise InputError(f"{source}: data: cell {index} is {cells[index]}; allowed: 0 to {_FULL_PERCENT}, and -1")
     percent = cells.reshape(info.height, info.width).T[::-1, ::-1].clip(0)
     scores: Float32Array = np.ascontiguousarray(percent, np.float32) / np.float32(_FULL_PERCENT)
     return scores
 
 
-def _require_centred(info: Any, source: str) -> None:
-    """Of our own grids the origin is half the grid behind and right of the ego; a tilted car's a little nearer."""
-    place, turn = info.origin.position, info.origin.orientation
+def _require_centered(info: Any, source: str) -> None:
+    """Raise InputError unless the grid is centered on the ego and aligned with it.
+
+    The origin of our own grids is half a grid behind and right of the ego, or slightly less if the car is tilted.
+    """
+    position, orientation = info.origin.position, info.origin.orientation
     corner_m = -info.resolution * np.array([info.width, info.height]) / 2.0
-    here_m = np.array([place.x, place.y])
-    yaw_rad = np.arctan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+    origin_m = np.array([position.x, position.y])
+    yaw_rad = np.arctan2(
+        2 * (orientation.w * orientation.z + orientation.x * orientation.y),
+        1 - 2 * (orientation.y**2 + orientation.z**2),
+    )
     tolerance_m = 0.02 * float(np.abs(corner_m).max()) + info.resolution
-    if not (np.abs(here_m - corner_m).max() <= tolerance_m and abs(yaw_rad) <= _TURNED_RAD):
-        found = f"x {place.x:g}, y {place.y:g}, yaw {yaw_rad:.3g}"
-        allowed = f"x {corner_m[0]:g}, y {corner_m[1]:g}, yaw 0: the grid is centred on the ego and turns with it"
+    if not (np.abs(origin_m - corner_m).max() <= tolerance_m and abs(yaw_rad) <= _MAX_YAW_RAD):
+        found = f"x {position.x:g}, y {position.y:g}, yaw {yaw_rad:.3g}"
+        allowed = f"x {corner_m[0]:g}, y {corner_m[1]:g}, yaw 0: the grid is centered on the ego and turns with it"
         raise InputError(f"{source}: info.origin: is {found}; it must be {allowed}")
 
 
@@ -166,9 +175,9 @@ def _marker_columns(message: Any, source: str) -> _Columns:
     header = header_of(message)
     for row, each in enumerate(cubes):
         if header is not None and each.header != header:
-            raise InputError(f"{source}: header: row {row} has another one than the first marker; allowed is one")
+            raise InputError(f"{source}: header: that of row {row} differs from the first marker's; all must be equal")
     poses = [(each.pose, each.scale) for each in cubes]
-    scores = [_number(each.text, row, source) for row, each in enumerate(cubes)]
+    scores = [_parse_score(each.text, row, source) for row, each in enumerate(cubes)]
     return _box_columns(poses, scores, [each.ns for each in cubes], source)
 
 
@@ -181,24 +190,24 @@ def _detection_columns(message: Any, source: str) -> _Columns:
         scores, classes = [each.score for each in best], [each.class_id for each in best]
         poses = [(each.bbox.center, each.bbox.size) for each in message.detections]
         return _box_columns(poses, scores, classes, source)
-    except AttributeError as error:  # the one type here that has changed
-        raise InputError(f"{source}: {error}; allowed is vision_msgs as of ROS 2 Galactic or later") from None
+    except AttributeError as error:  # of these types, only this one has changed between ROS releases
+        raise InputError(f"{source}: {error}; vision_msgs of ROS 2 Galactic or later is required") from None
 
 
 def _box_columns(poses: list[tuple[Any, Any]], scores: list[float], classes: list[str], source: str) -> _Columns:
-    """Columns of (pose, size) pairs."""
+    """Columns and labels from (pose, size) pairs."""
     rows = Rows(source, np.arange(len(poses)))
-    places = np.array([(p.position.x, p.position.y, p.position.z, s.x, s.y, s.z) for p, s in poses]).reshape(-1, 6)
-    turns = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p, _ in poses]
-    code = {name: place for place, name in enumerate(dict.fromkeys(classes))}
+    vectors = np.array([(p.position.x, p.position.y, p.position.z, s.x, s.y, s.z) for p, s in poses]).reshape(-1, 6)
+    orientations = [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p, _ in poses]
+    code = {name: index for index, name in enumerate(dict.fromkeys(classes))}
     label = named_labels([*code], np.array([code[name] for name in classes], np.int64), rows, may_be_empty=False)
-    columns = dict(zip(("x", "y", "z", "length", "width", "height"), places.T, strict=True))
-    yaw_rad = _yaws_rad(np.array(turns, np.float64).reshape(-1, 4), rows)
+    columns = dict(zip(("x", "y", "z", "length", "width", "height"), vectors.T, strict=True))
+    yaw_rad = _yaws_rad(np.array(orientations, np.float64).reshape(-1, 4), rows)
     return {**columns, "score": np.array(scores, np.float64), "yaw": yaw_rad}, label
 
 
 def _yaws_rad(xyzw: Float64Array, rows: Rows) -> Float64Array:
-    """(N,) yaws of (N, 4) quaternions, of whatever length but zero."""
+    """(N,) yaws of (N, 4) quaternions of any length but zero."""
     length = np.linalg.norm(xyzw, axis=1)
     rows.require("orientation", np.isfinite(length) & (length > 0), xyzw, "a quaternion x y z w other than 0")
     x, y, z, w = (xyzw / length[:, None]).T
@@ -211,7 +220,7 @@ def _is_box(marker: Any) -> bool:
     return bool(marker.type == _CUBE and marker.action == _ADD)
 
 
-def _number(text: str, row: int, source: str) -> float:
+def _parse_score(text: str, row: int, source: str) -> float:
     try:
         return float(text) if text else 1.0
     except ValueError:
@@ -225,4 +234,4 @@ BOX_TYPES: Mapping[str, Callable[[Any, str], _Columns]] = {
     MARKERS_TYPE: _marker_columns,
     "vision_msgs/msg/Detection3DArray": _detection_columns,
 }
-"""Columns and labels of a message, by its type."""
+"""Function that extracts columns and labels from a message, by message type."""

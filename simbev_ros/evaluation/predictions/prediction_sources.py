@@ -1,4 +1,7 @@
-"""What predictions can come from: files and bags, each with what it says of some scenes."""
+"""Interfaces of the sources of predictions: files and bags with answers for some scenes.
+
+``dataset_predictions`` reads every source through these protocols.
+"""
 
 from pathlib import Path
 from typing import Protocol
@@ -8,44 +11,44 @@ from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.types import Int64Array
 
 
-class Source(Protocol):
-    """Something on a disk that can be sent to other processes.
+class PredictionSource(Protocol):
+    """Source on disk that can be sent to other processes.
 
     Attributes:
-        path: Where it is.
-        scenes: Names of those that it says something of.
-        is_named: False: nothing in it says of which scene it is, and ``scenes`` is its stem.
+        path: File or folder of the source.
+        scenes: Names of the scenes for which it has predictions.
+        has_scene_names: Whether its content names the scenes; otherwise ``scenes`` is its stem.
     """
 
     path: Path
     scenes: tuple[str, ...]
-    is_named: bool
+    has_scene_names: bool
 
 
-class BoxSource(Source, Protocol):
-    """What predicts boxes."""
+class BoxSource(PredictionSource, Protocol):
+    """Source of predicted boxes."""
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
         """Boxes of a scene, whose (T,) frames have these stamps, and the ticks that were answered.
 
         Raises:
-            InputError: It is damaged, or a value is none that it can have.
+            InputError: The source is damaged, or a value is invalid.
         """
 
 
-class GridSource(Source, Protocol):
-    """What predicts bird's-eye-view scores."""
+class GridSource(PredictionSource, Protocol):
+    """Source of bird's-eye-view scores."""
 
     def grid_ticks(self, scene: str, stamps_ns: Int64Array) -> frozenset[int]:
-        """Ticks of a scene, whose (T,) frames have these stamps, that have scores of at least one class.
+        """Ticks with scores of at least one class, of a scene whose (T,) frames have these stamps.
 
         Raises:
-            InputError: Something is said of what is no frame, or twice of one.
+            InputError: There is an answer to a frame that does not exist, or there are two to the same frame.
         """
 
     def grid(self, scene: str, tick: int, stamps_ns: Int64Array) -> ScoreGrid:
         """Scores of a tick that has some.
 
         Raises:
-            InputError: They are damaged, or not as ``ScoreGrid`` says.
+            InputError: The scores are damaged, or not as ``ScoreGrid`` requires.
         """

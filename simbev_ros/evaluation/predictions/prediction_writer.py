@@ -1,4 +1,4 @@
-"""Writing predictions in the layout that ``predictions`` reads.
+"""Writes predictions in the format that ``dataset_predictions`` reads.
 
 ::
 
@@ -35,13 +35,13 @@ def write_predictions(
     scenes: Iterable[tuple[str, Predictions] | tuple[str, Predictions, Iterable[int]]],
     frame_id: str = MAP_FRAME,
 ) -> None:
-    """Write boxes as Parquet, a row group a scene; no more than one scene is in memory.
+    """Write boxes as Parquet, one row group per scene; only one scene is in memory at a time.
 
     Args:
         path: A new ``.parquet`` file.
-        scenes: Name and boxes of each scene, whose ``frame`` is the tick; perhaps also the ticks that were answered, so
-            that those among them without boxes are known to be.
-        frame_id: Frame of reference of all boxes.
+        scenes: Name and boxes of each scene, whose ``frame`` is the tick; optionally also the ticks that were answered,
+            so that answers without boxes are recorded.
+        frame_id: Coordinate frame of all boxes.
 
     Raises:
         InputError: The file exists, or cannot be written.
@@ -62,11 +62,11 @@ def write_grid(folder: Path, scene: str, tick: int, scores: AnyArray, classes: S
     """Write the scores of one frame below ``grids`` in a folder of predictions.
 
     Args:
-        folder: Beside the files of boxes.
+        folder: Folder that also holds the files of boxes.
         scene: Name of the scene.
-        tick: Of the frame.
+        tick: Tick of the frame.
         scores: (C, H, W) floating, 0 … 1, or uint8, where 255 is 1; row 0 ahead, column 0 left.
-        classes: Of ``BEV_CLASSES``.
+        classes: Classes of the layers, out of ``BEV_CLASSES``.
 
     Raises:
         InputError: The scores are not as above, or the file cannot be written.

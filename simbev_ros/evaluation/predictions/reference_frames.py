@@ -1,4 +1,8 @@
-"""Frames of reference of a scene: those of /tf and /tf_static, by their names there."""
+"""Coordinate frames of a scene, by their names in /tf and /tf_static.
+
+From the calibration and the ego poses of a scene, ``ReferenceFrames`` computes the pose of each of its frames in the
+map frame.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import Self
@@ -13,11 +17,11 @@ from simbev_ros.types import Float64Array
 
 
 class ReferenceFrames:
-    """Poses in the map frame, by tick and name: what ``predicted_boxes.in_map`` asks for.
+    """Poses in the map frame, by tick and name of the coordinate frame, for ``predicted_boxes.boxes_in_map``.
 
     Args:
         spec: The scene.
-        calibration: Of its sensors, by name.
+        calibration: Calibration of its sensors, by name.
         map_from_ego: Gives the (4, 4) pose of the ego at a tick.
 
     Attributes:
@@ -36,20 +40,20 @@ class ReferenceFrames:
                 self._fixed[f"{agent}/{name}_optical"] = each.ego_from_sensor @ SENSOR_FROM_OPTICAL
 
     @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """Those of a recorded scene."""
+    def from_scene(cls, scene: Scene) -> Self:
+        """Coordinate frames of a recorded scene."""
         return cls(scene.spec, scene.calibration, lambda tick: scene[tick].map_from_ego)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all frames of reference."""
+        """Names of all coordinate frames."""
         return (MAP_FRAME, *self._fixed)
 
     def __call__(self, tick: int, frame_id: str) -> Float64Array:
-        """(4, 4) map from a frame of reference at a tick.
+        """(4, 4) map from a coordinate frame at a tick.
 
         Raises:
-            InputError: There is no such frame of reference.
+            InputError: There is no such coordinate frame.
         """
         if frame_id not in self._fixed:
             raise InputError(

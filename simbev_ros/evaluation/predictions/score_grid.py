@@ -1,4 +1,7 @@
-"""Bird's-eye-view scores as a perception stack says them, and their files."""
+"""Checked bird's-eye-view scores of a perception stack, and the files that hold them.
+
+Arrays or NPZ files become one ``ScoreGrid`` per frame.
+"""
 
 import re
 from collections.abc import Sequence
@@ -18,12 +21,12 @@ _TICK = re.compile(r"\d{6,}")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreGrid:
-    """Scores of one frame, checked.
+    """Checked scores of one frame.
 
     Attributes:
-        classes: Which are predicted, of ``BEV_CLASSES``.
-        scores: (C, H, W) of them: floating, 0 … 1, or uint8, where 255 is 1; row 0 ahead, column 0 left.
-        source: File or topic, for messages.
+        classes: Predicted classes, out of ``BEV_CLASSES``.
+        scores: (C, H, W), one layer per class: floating, 0 … 1, or uint8, where 255 is 1; row 0 ahead, column 0 left.
+        source: File or topic, for error messages.
     """
 
     classes: tuple[str, ...]
@@ -31,10 +34,10 @@ class ScoreGrid:
     source: str
 
     def __post_init__(self) -> None:
-        """Raise InputError for anything but the above."""
-        strange = [name for name in self.classes if name not in BEV_CLASSES]
-        if strange:
-            raise InputError(f"{self.source}: classes: there is no {strange[0]!r}; allowed: {', '.join(BEV_CLASSES)}")
+        """Raise InputError for an invalid class, shape, type or score."""
+        unknown = [name for name in self.classes if name not in BEV_CLASSES]
+        if unknown:
+            raise InputError(f"{self.source}: classes: there is no {unknown[0]!r}; allowed: {', '.join(BEV_CLASSES)}")
         if len(set(self.classes)) != len(self.classes):
             raise InputError(f"{self.source}: classes: {', '.join(self.classes)}: each is allowed once")
         scores, shape = self.scores, self.scores.shape
@@ -43,27 +46,27 @@ class ScoreGrid:
             raise InputError(f"{self.source}: scores: have the shape {shape}; it must be {allowed}")
         if scores.dtype != np.uint8 and scores.dtype.kind != "f":
             raise InputError(f"{self.source}: scores: are of the type {scores.dtype}; allowed: floating and uint8")
-        # A NaN is neither, and so are extremes of arrays that hold one.
+        # NaN fails both comparisons, and min and max of an array with NaN are NaN.
         if scores.dtype.kind == "f" and scores.size and not (scores.min() >= 0 and scores.max() <= 1):
-            place = tuple(np.argwhere(~((scores >= 0) & (scores <= 1)))[0].tolist())
-            value = f"{self.classes[place[0]]} at row {place[1]}, column {place[2]} is {scores[place]}"
+            index = tuple(np.argwhere(~((scores >= 0) & (scores <= 1)))[0].tolist())
+            value = f"{self.classes[index[0]]} at row {index[1]}, column {index[2]} is {scores[index]}"
             raise InputError(f"{self.source}: scores: {value}; allowed: 0 to 1")
 
     def require_shape(self, rows: int, columns: int) -> None:
-        """Raise InputError if the grid is not as large as that of the truth."""
+        """Raise InputError if the grid differs in size from the ground truth."""
         if self.scores.shape[1:] != (rows, columns):
-            here = " x ".join(str(size) for size in self.scores.shape[1:])
-            raise InputError(f"{self.source}: scores: have {here} cells; the truth has {rows} x {columns}")
+            size = " x ".join(str(count) for count in self.scores.shape[1:])
+            raise InputError(f"{self.source}: scores: have {size} cells; the truth has {rows} x {columns}")
 
 
 class GridFolder:
-    """Files ``<scene>/<tick:06d>.npz`` in a folder, with ``scores`` and perhaps ``classes``; read one by one.
+    """Folder of files ``<scene>/<tick:06d>.npz`` with ``scores`` and optionally ``classes``; read one by one.
 
     Attributes:
-        scenes: In order of name.
+        scenes: Names of the scenes, sorted.
     """
 
-    is_named = True
+    has_scene_names = True
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -73,27 +76,31 @@ class GridFolder:
         """Ticks of a scene that have a file.
 
         Raises:
-            InputError: A file's name is no tick of the scene.
+            InputError: The name of a file is not a tick of the scene.
         """
         return frozenset(_tick_of(file, len(stamps_ns)) for file in sorted((self.path / scene).glob("*.npz")))
 
     def grid(self, scene: str, tick: int, stamps_ns: Int64Array) -> ScoreGrid:
-        """That of a tick which has a file.
+        """Scores of a tick that has a file.
 
         Raises:
-            InputError: The file is damaged, or its content is not as ``ScoreGrid`` says.
+            InputError: The file is damaged, or its content is not as ``ScoreGrid`` requires.
         """
         del stamps_ns  # files are named by ticks
         return read_grid(grid_file(self.path, scene, tick))
 
 
 def grid_file(folder: Path, scene: str, tick: int) -> Path:
-    """Where the grid of a frame lies."""
+    """Path of the file with the grid of a frame."""
     return folder / scene / f"{tick:06d}.npz"
 
 
 def read_grid(path: Path) -> ScoreGrid:
-    """One file. Raises InputError as ``GridFolder.grid``."""
+    """Read the grid in one file.
+
+    Raises:
+        InputError: As ``GridFolder.grid``.
+    """
     arrays = read_npz(path)
     if "scores" not in arrays:
         raise InputError(f"{path}: there is no array 'scores', but {', '.join(arrays) or 'nothing'}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS
 from simbev_ros.evaluation.options import EvaluationOptions
-from simbev_ros.evaluation.slices import Cut
+from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.evaluation.tables import METHOD_NAMES, Figures, at_table_threshold, text_of
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 from simbev_ros.viz.reports.svg_charts import words
@@ -44,12 +44,12 @@ def _facts(figures: Figures, options: EvaluationOptions) -> Iterator[tuple[str, 
     frames = figures["frames"]
     answered = [f"{frames[f'answered_{what}']:,} with {what}" for what in ("boxes", "grids")]
     yield "frames", f"{frames['evaluated']:,} evaluated; answered: {', '.join(answered)}"
-    yield "counted", "; ".join(_counted(options.cuts[0], options)) or "all boxes, cells and frames"
+    yield "counted", "; ".join(_counted(options.slices[0], options)) or "all boxes, cells and frames"
     if "detection" in figures:
         yield "measured", "; ".join(_measured(options))
 
 
-def _counted(base: Cut, options: EvaluationOptions) -> Iterator[str]:
+def _counted(base: TableSlice, options: EvaluationOptions) -> Iterator[str]:
     """The conditions that exclude some boxes, cells or frames, as text."""
     if options.every > 1:
         yield f"every {options.every}th frame of each scene"

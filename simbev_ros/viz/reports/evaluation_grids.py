@@ -6,7 +6,7 @@ A frame and a ``ScoreGrid`` enter; SVG text leaves.
 import numpy as np
 
 from simbev_ros.dataset import Frame
-from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD, limits_of
+from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD, thresholds_in_dtype
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.palette import bev_color
 from simbev_ros.semantics import BEV_CLASSES
@@ -41,7 +41,7 @@ def grid_pictures(frame: Frame, predicted: ScoreGrid, classes: tuple[str, ...]) 
 
 def _labels(predicted: ScoreGrid) -> UInt16Array:
     """(H, W) uint16 labels, bit k for class k, set where scores reach the threshold of the tables."""
-    (limit,) = limits_of((TABLE_THRESHOLD,), predicted.scores.dtype)
+    (limit,) = thresholds_in_dtype((TABLE_THRESHOLD,), predicted.scores.dtype)
     labels = np.zeros(predicted.scores.shape[1:], np.uint16)
     for name, scores in zip(predicted.classes, predicted.scores, strict=True):
         labels |= (scores >= limit).astype(np.uint16) << np.uint16(BEV_CLASSES.index(name))

@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 
 from simbev_ros.evaluation.evaluation import Evaluation
-from simbev_ros.evaluation.tables import Cell, FigureTable, Kind, text_of
+from simbev_ros.evaluation.tables import Cell, CellKind, FigureTable, text_of
 from simbev_ros.types import BoolArray, Table
 from simbev_ros.viz.reports.page import table
 from simbev_ros.viz.reports.svg_charts import words
@@ -27,12 +27,12 @@ def scene_table(evaluation: Evaluation) -> str:
     heads = ["scene", "frames", *(_ANSWERED[name] for name in asked), *(["boxes", "found"] if boxes else [])]
     rows = []
     for scene, frames in evaluation.frames.items():
-        row = f"<th>{escape(scene)}</th>{_cell(Cell(Kind.COUNT, len(frames)))}"
+        row = f"<th>{escape(scene)}</th>{_cell(Cell(CellKind.COUNT, len(frames)))}"
         row += "".join(_answered(frames[name]) for name in asked)
         if boxes:
             count, found = int(frames["boxes"].sum()), int(frames["found"].sum())
-            row += _cell(Cell(Kind.COUNT, count)) + _cell(Cell(Kind.SHARE, found / count if count else None))
-        row += _cell(Cell(Kind.SHARE, _mean(frames))) if grids else ""
+            row += _cell(Cell(CellKind.COUNT, count)) + _cell(Cell(CellKind.SHARE, found / count if count else None))
+        row += _cell(Cell(CellKind.SHARE, _mean(frames))) if grids else ""
         rows.append(row + ("".join(f"<td>{_unanswered(frames, name)}</td>" for name in asked) if lacking else ""))
     lacks = [f"ticks without {_ANSWERED[name].removeprefix('with ')}" for name in asked] if lacking else []
     return table([*heads, *(["mean IoU"] if grids else []), *lacks], rows)
@@ -60,11 +60,11 @@ def _mean(frames: Table) -> float | None:
 
 def _cell(cell: Cell) -> str:
     match cell.kind:
-        case Kind.NAME:
+        case CellKind.NAME:
             return f"<th>{escape(words(str(cell.value)))}</th>"
-        case Kind.COUNT:
+        case CellKind.COUNT:
             return f"<td>{cell.value:,}</td>"
-        case Kind.SHARE if cell.value is not None:
+        case CellKind.SHARE if cell.value is not None:
             return f'<td class="share" style="--v:{cell.value:.3f}">{cell.value:.3f}</td>'
         case _:
             return f"<td>{text_of(None if cell.value is None else float(cell.value))}</td>"

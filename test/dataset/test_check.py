@@ -9,7 +9,7 @@ import pytest
 import recorded_scene as written
 
 from simbev_ros.dataset.check import dataset_faults
-from simbev_ros.dataset.index import bring_up_to_date, read_index, write_index
+from simbev_ros.dataset.index import read_index, update_index, write_index
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import scenes_of
 
@@ -19,7 +19,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     dataset = tmp_path_factory.mktemp("sound")
     for number in range(3):
         written.record(dataset / f"scenes/train/Blocks-000{number}", written.spec(number), only=["/ego/odom", "/clock"])
-    assert bring_up_to_date(dataset, scenes_of(dataset))[1] == {}
+    assert update_index(dataset, scenes_of(dataset))[1] == {}
     assert dataset_faults(dataset) == []
     return dataset
 
@@ -74,11 +74,11 @@ def test_a_damaged_index_is_found_and_none_is_a_fault_only_where_one_was_made(da
 def test_an_index_is_made_anew_and_names_what_cannot_be_in_it(dataset: Path) -> None:
     before, bags = read_index(dataset), scenes_of(dataset)
     (dataset / "index.parquet").unlink()
-    assert bring_up_to_date(dataset, bags) == (before, {}) and read_index(dataset) == before
+    assert update_index(dataset, bags) == (before, {}) and read_index(dataset) == before
     cut_off, moved = bags[0] / "Blocks-0000_0.mcap", bags[1].with_name("Blocks-0009")
     cut_off.write_bytes(cut_off.read_bytes()[:-30])
     bags[1].rename(moved)
-    _, damaged = bring_up_to_date(dataset, [bags[0], moved, bags[2]])
+    _, damaged = update_index(dataset, [bags[0], moved, bags[2]])
     assert damaged == {bags[0]: "it is cut off", moved: "it holds scene train/Blocks-0001"}
     assert read_index(dataset) == before[2:]
 

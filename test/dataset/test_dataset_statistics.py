@@ -112,14 +112,14 @@ def test_actors_ways_and_settings(counted: tuple[list[MadeUp], Statistics]) -> N
         if row["id"] != 1
     }
     assert {tuple(cell) for cell in statistics.visited["Blocks"].tolist()} == cells
-    assert [scene.way_m for scene in statistics.scenes] == pytest.approx([59 * 5.0, 4 * 5.0])
+    assert [scene.distance_m for scene in statistics.scenes] == pytest.approx([59 * 5.0, 4 * 5.0])
     assert [scene.boxes for scene in statistics.scenes] == [60 * 12, 5 * 12]
     assert [scene.split for scene in statistics.scenes] == ["train", "val"]
     assert [scene.vehicles for scene in statistics.scenes] == [2, 3]
 
 
 def test_of_many_frames_each_so_many_th_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(statistics_module, "MOST_FRAMES", 10)
+    monkeypatch.setattr(statistics_module, "MAX_FRAMES", 10)
     made = made_up_scene(tmp_path / "Blocks-0000", ticks=31)
     statistics = statistics_of(open_dataset(tmp_path / "Blocks-0000"))
     assert statistics.every == 3 and statistics.tally.frames == 11
@@ -137,4 +137,4 @@ def test_two_scenes_of_one_name_are_both_counted(tmp_path: Path) -> None:
     for split, ticks in (("train", 5), ("val", 3)):
         made_up_scene(tmp_path / "scenes" / split / "Blocks-0000", split=split, ticks=ticks)
     statistics = statistics_of(open_dataset(tmp_path), jobs=2)
-    assert [scene.looked_at for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8
+    assert [scene.sampled_frames for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.dataset.parallel import in_processes, step
+from simbev_ros.dataset.parallel import map_in_processes, report_step
 from simbev_ros.errors import SimbevError
 
 _PROGRAM = """
 import time
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
 def slow(item):
@@ -24,7 +24,7 @@ def slow(item):
 
 try:
     with raising_interrupts():
-        for _ in in_processes(slow, range(9), 3):
+        for _ in map_in_processes(slow, range(9), 3):
             print("begun", flush=True)
 except Interrupted:
     raise SystemExit(130)
@@ -82,7 +82,7 @@ def test_processes_end_with_a_parent_that_was_killed(program):
 
 def test_a_process_that_was_killed_is_said():
     with pytest.raises(SimbevError, match="a process that read bags was killed"):
-        list(in_processes(_die, range(3), 2))
+        list(map_in_processes(_die, range(3), 2))
 
 
 def _die(_: int) -> None:
@@ -90,9 +90,9 @@ def _die(_: int) -> None:
 
 
 def test_results_come_in_the_order_of_the_work_and_errors_as_they_are():
-    assert list(in_processes(_double, range(40), 3)) == [2 * item for item in range(40)]
+    assert list(map_in_processes(_double, range(40), 3)) == [2 * item for item in range(40)]
     with pytest.raises(ZeroDivisionError):
-        list(in_processes(_divide, [1, 0, 1], 2))
+        list(map_in_processes(_divide, [1, 0, 1], 2))
 
 
 def _double(item: int) -> int:
@@ -107,7 +107,7 @@ def _divide(item: int) -> float:
 def three_steps(number: int) -> int:
     for _ in range(3):
         time.sleep(0.15)
-        step()
+        report_step()
     return -number
 
 
@@ -115,7 +115,7 @@ def three_steps(number: int) -> int:
 def test_steps_are_told_while_the_work_is_on(jobs: int) -> None:
     told: list[int] = []
     results = []
-    for result in in_processes(three_steps, range(2), jobs, told.append):
+    for result in map_in_processes(three_steps, range(2), jobs, told.append):
         results.append(result)
         assert 1 <= told[0] < 3 * jobs, "nothing was told before the first result"
     assert results == [0, -1]

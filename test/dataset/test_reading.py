@@ -13,7 +13,7 @@ import recorded_scene as written
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.dataset import Dataset, Frame, Scene, columns, open_dataset
-from simbev_ros.dataset.index import row_of, write_index
+from simbev_ros.dataset.index import index_row, write_index
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.mcap import chunk_cache
 from simbev_ros.types import AnyArray
@@ -168,7 +168,7 @@ def test_chunks_are_decompressed_once_in_order_and_only_if_needed(path: Path, mo
     monkeypatch.setattr(chunk_cache, "chunk_data", lambda s, offset: (offsets.append(offset), original(s, offset))[1])
     for frame in (scene := open_dataset(path).scenes[0]):
         frame.load()
-    every = {int(offset) for source in scene.sources.values() for offset in source.topic.places[:, -2]}
+    every = {int(offset) for source in scene.sources.values() for offset in source.topic.locations[:, -2]}
     assert sorted(offsets) == sorted(every)
     assert len(every) > 10
     offsets.clear()
@@ -224,7 +224,7 @@ def test_frames_of_many_scenes_are_one_list(path: Path) -> None:
 def test_the_index_spares_opening_bags_unless_it_is_stale(path: Path, tmp_path: Path) -> None:
     dataset = Path(shutil.copytree(path, tmp_path / "copy"))
     bag = dataset / "scenes/train/Blocks-0000"
-    row = row_of(bag, dataset)
+    row = index_row(bag, dataset)
     write_index(dataset, [row])
     mcap = bag / "Blocks-0000_0.mcap"
     content = mcap.read_bytes()

@@ -64,7 +64,7 @@ def test_a_damaged_index_is_found(content: bytes, tmp_path: Path) -> None:
     with file.open("rb") as stream:
         index = read_index(stream, "")
     channel = next(number for number, each in index.channels.items() if each.topic == "/ego/boxes")
-    stamp_ns, _, place = index.places[channel].table()[2].tolist()
+    stamp_ns, _, place = index.locations[channel].table()[2].tolist()
     entry = stamp_ns.to_bytes(8, "little") + place.to_bytes(8, "little")
     file.write_bytes(content.replace(entry, stamp_ns.to_bytes(8, "little") + (place + 1).to_bytes(8, "little")))
     with pytest.raises(BagError, match=r"/ego/boxes: the index of the chunk at byte .* is damaged"):

@@ -54,7 +54,7 @@ def test_neither_ros_nor_graphics_nor_simulation_need_be_there(path: Path) -> No
 
 def test_the_example_in_the_documentation_works(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = inspect.getdoc(simbev_ros.dataset) or ""
-    example = text.partition("::\n\n")[2].partition("\n\nWhat")[0]
+    example = text.partition("::\n\n")[2].partition("\n\n``list(frame)``")[0]
     monkeypatch.chdir(path.parents[1])
     names: dict[str, Any] = {}
     exec(inspect.cleandoc("\n" + example), names)

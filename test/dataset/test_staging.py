@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.dataset.staging import clean_up, move_in, staging_of
+from simbev_ros.dataset.staging import clean_up_staging, move_into_dataset, staging_of
 
 ENTRY = PlannedEntry(number=1, map="Blocks", split="train")
 KEPT = {"Blocks-0000": "0", "Blocks-0000.rear": "0", "Blocks-00010": "10", "Blocks-00010.rear": "10"}
@@ -31,7 +31,7 @@ def dataset(tmp_path: Path) -> Path:
 
 
 def test_a_replaced_scene_takes_its_additional_bags_along_and_no_others(dataset: Path) -> None:
-    move_in(dataset, ENTRY)
+    move_into_dataset(dataset, ENTRY)
     assert bags(dataset) == NEW
     assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == NEW.keys()
 
@@ -56,10 +56,10 @@ def test_ended_after_any_step_it_is_the_old_scene_or_the_new(
     monkeypatch.setattr(shutil, "rmtree", ending(shutil.rmtree))
     if steps < 5:  # three of the old scene's bags, the new one, and the removal
         with pytest.raises(KeyboardInterrupt):
-            move_in(dataset, ENTRY)
+            move_into_dataset(dataset, ENTRY)
     else:
-        move_in(dataset, ENTRY)
+        move_into_dataset(dataset, ENTRY)
     monkeypatch.undo()
-    clean_up(dataset)
+    clean_up_staging(dataset)
     assert bags(dataset) == (OLD if steps < 4 else NEW)
     assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == bags(dataset).keys()

@@ -28,6 +28,6 @@ def sound_bag(path: Path, split_bytes: int | None = None) -> Path:
             pixels = rng.integers(0, 256, (8, 24), np.uint8)
             payloads = image(stamp_ns, "mono8", pixels), string(json.dumps({"stamp_ns": stamp_ns}))
             for topic, payload in zip(topics, payloads, strict=True):
-                books.add(topic, stamp_ns)
+                books.add_message(topic, stamp_ns)
                 writer.write(topic, stamp_ns, payload)
         return writer.finish(books.report().custom_data(path.name))

@@ -22,7 +22,7 @@ from simbev_ros.recording.verify import verify_bag
 def test_what_is_apart_shares_no_chunk_with_others_of_one_file(tmp_path: Path, split_bytes: int | None) -> None:
     with SceneBagWriter(tmp_path / "a", chunk_bytes=2000, split_bytes=split_bytes) as writer:
         for name, apart in (("/images", True), ("/words", False), ("/clouds", True)):
-            writer.add_topic(name, "std_msgs/msg/String", QosProfile(), apart=apart)
+            writer.add_topic(name, "std_msgs/msg/String", QosProfile(), separate_chunks=apart)
         for tick in range(20):
             for name in ("/images", "/words", "/clouds"):
                 writer.write(name, tick * TICK_NS, string(f"{name} {tick}" * 20))

@@ -287,13 +287,13 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", place], check=True)
 
 
-@pytest.mark.parametrize("least_free_bytes", [0, 500_000])
-def test_a_full_disk_ends_the_recording_and_all_before_is_sound(small_disk: Path, least_free_bytes: int) -> None:
+@pytest.mark.parametrize("min_free_bytes", [0, 500_000])
+def test_a_full_disk_ends_the_recording_and_all_before_is_sound(small_disk: Path, min_free_bytes: int) -> None:
     written = 0
     with (
-        pytest.raises(DiskError, match="the disk is nearly full" if least_free_bytes else "the disk is full"),
+        pytest.raises(DiskError, match="the disk is nearly full" if min_free_bytes else "the disk is full"),
         SceneBagWriter(
-            small_disk / "a", chunk_bytes=30_000, sync_bytes=100_000, least_free_bytes=least_free_bytes
+            small_disk / "a", chunk_bytes=30_000, sync_bytes=100_000, min_free_bytes=min_free_bytes
         ) as writer,
     ):
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
@@ -301,13 +301,13 @@ def test_a_full_disk_ends_the_recording_and_all_before_is_sound(small_disk: Path
             writer.write("/words", tick, os.urandom(1000))
             written += 1
     used = 2 * 2**20 - shutil.disk_usage(small_disk).free
-    assert used >= 2 * 2**20 - least_free_bytes - 120_000
+    assert used >= 2 * 2**20 - min_free_bytes - 120_000
     with SceneBag(small_disk / "a.partial") as bag:
         stamps = [message.stamp_ns for message in bag.messages()]
         assert not bag.finished and bag.custom_data["complete"] == "false"
     assert stamps == list(range(len(stamps)))
     assert 1000 * len(stamps) > used - 120_000
-    if least_free_bytes:
+    if min_free_bytes:
         with pytest.raises(DiskError, match="nearly full"):
-            SceneBagWriter(small_disk / "b", least_free_bytes=least_free_bytes)
+            SceneBagWriter(small_disk / "b", min_free_bytes=min_free_bytes)
         assert not (small_disk / "b.partial").exists()

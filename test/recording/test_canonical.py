@@ -2,7 +2,7 @@
 
 from ros_messages import header, message, serialise
 
-from simbev_ros.recording.canonical import canonical
+from simbev_ros.recording.canonical import canonical_cdr
 
 POINT = "geometry_msgs/msg/PointStamped"
 
@@ -12,4 +12,4 @@ def test_gaps_of_alignment_become_zeros_and_nothing_else_changes() -> None:
     gap = slice(18, 20)  # behind 4 bytes of encapsulation, 8 of stamp, 4 of length and "a\0", before doubles
     assert clean[gap] == b"\0\0"
     dirty = clean[: gap.start] + b"\xaa\x55" + clean[gap.stop :]
-    assert canonical(dirty, POINT) == clean
+    assert canonical_cdr(dirty, POINT) == clean

@@ -79,7 +79,7 @@ def content(path: Path) -> tuple[object, ...]:
         stamps = {topic.name: topic.stamps_ns.tolist() for topic in bag.topics.values()}
         read = list(bag.messages()), stamps, dict(bag.attachments)
     indexed = IndexedBag(path, ChunkCache(1 << 20))
-    return *read, [bytes(indexed.payload(place)) for topic in indexed.topics.values() for place in topic.places]
+    return *read, [bytes(indexed.payload(place)) for topic in indexed.topics.values() for place in topic.locations]
 
 
 def test_a_description_that_is_damaged_is_named(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
+from simbev_ros.recording.replay import Replay, build_recorded_roads, recorded_spec, replayed_spec
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, Event, Light, WorldState
@@ -190,7 +190,7 @@ def test_the_roads_of_a_map_file_that_is_gone_come_from_the_bag(
     with pytest.raises(InputError, match=r"riverside\.osm: cannot be read: No such file"):
         load_network(spec.map)
     with SceneBag(tmp_path / "bag") as recorded:
-        load_recorded_roads(recorded)
+        build_recorded_roads(recorded)
         again = load_network(spec.map)
         assert replayed_spec(recorded, load_scenario("demo"), again).map == spec.map
     assert again.lanes.keys() == roads.lanes.keys()

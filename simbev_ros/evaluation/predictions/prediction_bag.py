@@ -124,7 +124,7 @@ class PredictionBag:
         return known[topic.name]
 
     def _placed(self, topic: IndexedTopic, scene: str, stamps_ns: Int64Array) -> dict[int, Int64Array]:
-        stamped = [(self._stamp_ns(topic, place), place) for place in topic.places]
+        stamped = [(self._stamp_ns(topic, place), place) for place in topic.locations]
         own = [(stamp, place) for stamp, place in stamped if stamp is not None and self._concerns(stamp, stamps_ns)]
         rows = Rows(f"{self._bag.file}: {topic.name}", np.arange(len(own)))
         ticks = ticks_of_stamps(np.array([stamp for stamp, _ in own], np.int64), rows, scene, stamps_ns).tolist()
@@ -198,7 +198,7 @@ class PredictionBag:
     def _specs(self) -> list[SceneSpec]:
         """Of the scenes that /world/scene names."""
         topic = self._bag.topics.get(_SCENE_TOPIC)
-        places = [] if topic is None else [*topic.places]
+        places = [] if topic is None else [*topic.locations]
         try:
             return [SceneSpec.model_validate_json(self._message(topic, place).data) for place in places if topic]
         except ValidationError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.parts import Parts
@@ -97,7 +97,7 @@ def _make(parts: Parts, scenes: list[Scene], jobs: int, report: Callable[[int, i
     frames = sum(map(_frames_of, scenes))
     work, jobs = zip(repeat(parts), scenes, strict=False), min(jobs, max(len(scenes), 1))
     report(0, frames)
-    problems = list(in_processes(_make_part, work, jobs, lambda done: report(done, frames)))
+    problems = list(map_in_processes(_make_part, work, jobs, lambda done: report(done, frames)))
     report(frames, frames)
     return {scene.name: problem for scene, problem in zip(scenes, problems, strict=True) if problem is not None}
 

@@ -22,7 +22,7 @@ from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.mcap.syncing import sync, sync_names
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.replay import load_recorded_roads
+from simbev_ros.recording.replay import build_recorded_roads
 from simbev_ros.types import UInt8Array
 
 PIXELS_PER_M = 10
@@ -121,7 +121,7 @@ def write_mask(site: Site, out: Path) -> None:
     if path.exists():
         return
     with SceneBag(Path(site.bag)) as bag:
-        load_recorded_roads(bag)
+        build_recorded_roads(bag)
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix(".part")
     _, data = cv2.imencode(".png", mask_of(load_network(site.map), site))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.dataset import Frame, Scene
-from simbev_ros.dataset.parallel import step
+from simbev_ros.dataset.parallel import report_step
 from simbev_ros.export.nuscenes.annotations import Annotations, link
 from simbev_ros.export.nuscenes.channels import Channel, channels_of, wxyz
 from simbev_ros.export.nuscenes.keyframes import keyframes_of, taken_by, whole_ticks
@@ -26,7 +26,7 @@ _RAIN_PERCENT = 10.0
 
 
 def make_part(scene: Scene, parts: Parts) -> None:
-    """Write a scene's files, and put down its rows of the tables; each frame is a ``step`` of parallel work.
+    """Write a scene's files, and put down its rows of the tables; each frame is a step of parallel work.
 
     Args:
         scene: The scene.
@@ -41,7 +41,7 @@ def make_part(scene: Scene, parts: Parts) -> None:
     job = _Job(scene, parts.begin(scene), keyframes, sweeps=parts.settings["sweeps"])
     for tick in ticks.tolist():
         job.add(scene[tick])
-        step()
+        report_step()
     parts.move_in(scene, job.summary(), job.tables())
 
 

@@ -29,10 +29,10 @@ def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
     empty = sorted(bag for bag in dataset.glob("scenes/*/*") if is_scene(bag) and bag.is_dir() and bag not in bags)
     faults = [Fault(bag, "", "there is no .mcap file in it") for bag in empty]
     if staging_of(dataset).exists():
-        faults.append(Fault(dataset, staging_of(dataset).name, "a scene was being made; generate makes it again"))
+        faults.append(Fault(dataset, staging_of(dataset).name, "a scene was interrupted; generate records it again"))
     if not (dataset / INDEX_FILE).exists():
         if bags and (dataset / PLAN_FILE).exists():
-            faults.append(Fault(dataset, INDEX_FILE, "it is missing; generate makes it anew"))
+            faults.append(Fault(dataset, INDEX_FILE, "it is missing; generate rebuilds it"))
         return faults
     try:
         rows = {dataset / row["path"]: row for row in read_index(dataset)}
@@ -41,7 +41,7 @@ def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
     indexed = {bag: row for bag, row in rows.items() if bag not in empty}
     row_faults = map_in_processes(partial(_row_faults, dataset), indexed.values(), min(jobs, max(len(indexed), 1)))
     faults += [Fault(bag, *fault) for bag, each in zip(indexed, row_faults, strict=True) for fault in each]
-    faults += [Fault(bag, INDEX_FILE, "the index does not have this scene") for bag in bags if bag not in rows]
+    faults += [Fault(bag, INDEX_FILE, "the index does not list this scene") for bag in bags if bag not in rows]
     return faults
 
 
@@ -53,11 +53,11 @@ def _differences(dataset: Path, row: Row) -> Iterator[tuple[str, str]]:
     """Place and problem of each difference between a row of the index and the bag that it describes."""
     bag = dataset / row["path"]
     if not bag.exists():
-        yield "", "the index has this scene, but it is not there"
+        yield "", "the index lists this scene, but its bag is missing"
         return
     try:
         if sha256_of(bag) != row["sha256"]:
-            yield mcap_files(bag)[0].name, "it is not the file that the index knows: its SHA-256 is another"
+            yield mcap_files(bag)[0].name, "it is not the file in the index: its SHA-256 differs"
             return
         known = index_row(bag, dataset)
     except BagError as error:

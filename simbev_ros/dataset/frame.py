@@ -90,7 +90,7 @@ class Frame(Mapping[str, Any]):
         """
         locations = self._source(key).topic.between(-1, self.stamp_ns)
         if not len(locations):
-            raise KeyError(f"{key!r} has nothing up to tick {self.tick} of scene {self.scene.name}")
+            raise KeyError(f"{key!r} has no value up to tick {self.tick} of scene {self.scene.name}")
         tick = int(np.searchsorted(self.scene.stamps_ns, locations[-1, 0]))
         return self[key] if tick == self.tick else Frame(self.scene, tick)[key]
 
@@ -106,7 +106,7 @@ class Frame(Mapping[str, Any]):
 
     @property
     def map_from_ego(self) -> Float64Array:
-        """(4, 4) pose of the ego: x forward, y left, z up, origin on the ground below the center of its box."""
+        """(4, 4) pose of the ego: x forward, y left, z up, origin on the ground below the center of the ego's box."""
         return poses_from_odometry(self["odom"][-1])
 
     def map_from_sensor(self, name: str) -> Float64Array:
@@ -151,7 +151,7 @@ class Frame(Mapping[str, Any]):
         """(K, 4) locations of a key's messages; raises KeyError if there are none."""
         locations = self._locations(key)
         if not len(locations):
-            raise KeyError(f"{key!r} has nothing at tick {self.tick} of scene {self.scene.name}; see Frame.last")
+            raise KeyError(f"{key!r} has no value at tick {self.tick} of scene {self.scene.name}; see Frame.last")
         return locations
 
     def _locations(self, key: str) -> Int64Array:

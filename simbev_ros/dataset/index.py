@@ -22,7 +22,7 @@ from simbev_ros.semantics import BOX_CLASSES
 
 INDEX_FILE = "index.parquet"
 _HASHED_BYTES = 1 << 22
-_REBUILD_HINT = "once it is deleted, simbev generate makes it anew"
+_REBUILD_HINT = "delete it, and simbev generate rebuilds it"
 
 Row = dict[str, Any]
 
@@ -41,7 +41,7 @@ def read_index(dataset: Path) -> list[Row]:
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
     if missing := sorted(set(_schema().names) - set(table.column_names)):
-        raise InputError(f"{path}: it is no index of this version, which has a column {missing[0]}; {_REBUILD_HINT}")
+        raise InputError(f"{path}: it is not an index of this version, which has a column {missing[0]}; {_REBUILD_HINT}")
     rows: list[Row] = table.to_pylist()
     return rows
 

@@ -68,7 +68,7 @@ def map_in_processes(
                 waiting += [pool.submit(work, item) for item in islice(rest, 1)]
                 yield result
         except BrokenProcessPool:
-            raise SimbevError("a process that read bags was killed; is there memory enough?") from None
+            raise SimbevError("a process that read bags was killed; there may not be enough memory") from None
         except BaseException as error:
             if not isinstance(error, Exception):  # the results in progress are not needed any more
                 for worker in set(multiprocessing.active_children()) - existing_children:

@@ -53,7 +53,7 @@ def repair_bag(path: Path, out: Path) -> Repair:
     messages = _salvaged(files, found)
     first = next(messages, None)
     if first is None:
-        raise BagError(f"{path}: there is no message in it that could be saved")
+        raise BagError(f"{path}: it contains no message that can be saved")
     with SceneBagWriter(out) as writer:
         try:
             for channel, schema, message in chain([first], messages):

@@ -84,7 +84,7 @@ class _MessageChecker:
         """Check the next message of a file."""
         channel = content.channels.get(message.channel_id)
         if channel is None or channel.schema_id not in content.schemas:
-            self.faults.append((f"channel {message.channel_id}", "a message of a channel that is not described"))
+            self.faults.append((f"channel {message.channel_id}", "a message on a channel that is not defined"))
             return
         kind = content.schemas[channel.schema_id].name
         try:
@@ -96,7 +96,7 @@ class _MessageChecker:
             self.faults.append((channel.topic, f"at {message.log_time} ns: its header says {stamp_ns} ns"))
         last_ns = self._last_ns.setdefault(channel.topic, message.log_time)
         if message.log_time < last_ns:
-            self.faults.append((channel.topic, f"at {message.log_time} ns: it stands behind one of {last_ns} ns"))
+            self.faults.append((channel.topic, f"at {message.log_time} ns: it comes after a message of {last_ns} ns"))
         self._last_ns[channel.topic] = message.log_time
 
 
@@ -123,10 +123,10 @@ def _accounting_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
     with SceneBag(path) as bag:
         facts, counts = bag.custom_data, {name: len(topic.stamps_ns) for name, topic in bag.topics.items()}
     if "expected" not in facts:
-        yield last.name, "the recorder left no books"
+        yield last.name, "the recorder's message counts are missing"
         return
     if facts.get("complete") != "true":
-        yield last.name, f"the scene is incomplete ({facts.get('ended', 'nobody knows why')})"
+        yield last.name, f"the scene is incomplete ({facts.get('ended', 'for an unknown reason')})"
     for topic, expected in json.loads(facts["expected"]).items():
         if counts.get(topic, 0) != expected:
             yield topic, f"{counts.get(topic, 0)} of {expected} messages"
@@ -146,7 +146,7 @@ def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[st
         return
     copy = yaml.safe_load(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
     if not isinstance(described, dict) or described.get("rosbag2_bagfile_information") != copy:
-        yield "it does not say what the file says of itself"
+        yield "it differs from its copy in the file"
     elif copy is None:
         yield "neither it nor the file describes a bag"
     elif copy["relative_file_paths"] != [file.name for file in files]:

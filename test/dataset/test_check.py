@@ -41,10 +41,10 @@ def test_a_changed_a_missing_an_empty_and_an_unknown_scene_are_found(dataset: Pa
     (dataset / ".making").mkdir()
     assert problems(dataset) == [
         "Blocks-0002 : there is no .mcap file in it",
-        "set .making: a scene was being made; generate makes it again",
-        "Blocks-0000 Blocks-0000_0.mcap: it is not the file that the index knows: its SHA-256 is another",
-        "Blocks-0001 : the index has this scene, but it is not there",
-        "Blocks-0007 index.parquet: the index does not have this scene",
+        "set .making: a scene was interrupted; generate records it again",
+        "Blocks-0000 Blocks-0000_0.mcap: it is not the file in the index: its SHA-256 differs",
+        "Blocks-0001 : the index lists this scene, but its bag is missing",
+        "Blocks-0007 index.parquet: the index does not list this scene",
     ]
 
 
@@ -63,12 +63,12 @@ def test_a_damaged_index_is_found_and_none_is_a_fault_only_where_one_was_made(da
     index.write_bytes(b"PAR1")
     assert problems(dataset)[0].startswith("set index.parquet: Could not open Parquet")
     pq.write_table(pa.table({"path": ["a"]}), index)
-    with pytest.raises(InputError, match=r"it is no index of this version, .*; once it is deleted, simbev generate"):
+    with pytest.raises(InputError, match=r"it is not an index of this version, .*; delete it, and simbev generate"):
         read_index(dataset)
     index.unlink()
     assert problems(dataset) == []
     (dataset / "plan.json").write_text("{}")
-    assert problems(dataset) == ["set index.parquet: it is missing; generate makes it anew"]
+    assert problems(dataset) == ["set index.parquet: it is missing; generate rebuilds it"]
 
 
 def test_an_index_is_made_anew_and_names_what_cannot_be_in_it(dataset: Path) -> None:

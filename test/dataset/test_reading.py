@@ -107,7 +107,7 @@ def test_slow_sensors_are_in_some_frames_and_fast_ones_have_all_samples(scene: S
     assert scene.has(["cam_slow/rgb", "lidar/points"]).tolist() == ["cam_slow/rgb" in frame for frame in scene]
     np.testing.assert_array_equal(scene[3].last("cam_slow/rgb"), written.pixels("rgb8", 0, 9))
     np.testing.assert_array_equal(scene[4].last("cam_slow/rgb"), written.pixels("rgb8", 4, 9))
-    with pytest.raises(KeyError, match="'cam_slow/rgb' has nothing at tick 3 of scene Blocks-0000"):
+    with pytest.raises(KeyError, match="'cam_slow/rgb' has no value at tick 3 of scene Blocks-0000"):
         scene[3]["cam_slow/rgb"]
     assert [len(frame["imu/data_raw"]) for frame in scene] == [1, 4, 4, 4, 4, 4, 4]
     assert scene[2]["imu/data_raw"]["acceleration_mps2"][:, 1].tolist() == [1.25, 1.5, 1.75, 2]

@@ -54,7 +54,7 @@ def test_a_damaged_chunk_is_one_fault_and_not_one_for_each_topic_in_it(bag: Path
     damaged[offset + 80] ^= 1
     file.write_bytes(damaged)
     chunk, whole = problems(bag)
-    assert f"chunk at byte {offset:,}: " in chunk and "the CRC of all before the summary is wrong" in whole
+    assert f"chunk at byte {offset:,}: " in chunk and "the CRC of the data section is wrong" in whole
 
 
 def test_a_damaged_attachment_is_named_once(bag: Path) -> None:
@@ -62,7 +62,7 @@ def test_a_damaged_attachment_is_named_once(bag: Path) -> None:
     file.write_bytes(file.read_bytes().replace(b"scene.json", b"scene.jsoN", 1))
     assert [problem.partition(": ")[2] for problem in problems(bag)] == [
         "attachment at byte 45: the CRC of attachment scene.jsoN is wrong",
-        "the CRC of all before the summary is wrong",
+        "the CRC of the data section is wrong",
     ]
 
 
@@ -74,7 +74,7 @@ def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Pa
     facts = yaml.safe_load(text)
     facts["rosbag2_bagfile_information"]["message_count"] += 1
     description.write_text(yaml.safe_dump(facts))
-    assert problems(bag) == ["metadata.yaml: it does not say what the file says of itself"]
+    assert problems(bag) == ["metadata.yaml: it differs from its copy in the file"]
     description.unlink()
     assert problems(bag) == ["metadata.yaml: it is missing"]
 
@@ -111,7 +111,7 @@ def stamped(stamp_ns: int) -> bytes:
     ("messages", "facts", "problem"),
     [
         ([("/a", 0, stamped(0))], {}, "/a: 1 of 2 messages"),
-        ([("/a", t, stamped(t)) for t in (TICK_NS, 0)], {}, "/a: at 0 ns: it stands behind one of 50000000 ns"),
+        ([("/a", t, stamped(t)) for t in (TICK_NS, 0)], {}, "/a: at 0 ns: it comes after a message of 50000000 ns"),
         ([("/a", t, stamped(7)) for t in (7, 8)], {}, "/a: at 8 ns: its header says 7 ns"),
         ([("/a", t, string("x")[:9]) for t in (0, 1)], {}, "/a: at 0 ns: no std_msgs/msg/String"),
         ([(name, 0, stamped(0)) for name in ("/a", "/a", "/b")], {}, "/b: a topic that the scene does not have"),
@@ -131,4 +131,4 @@ def test_a_bag_without_books_is_not_called_whole(tmp_path: Path) -> None:
         writer.add_topic("/a", "std_msgs/msg/String", QosProfile())
         writer.write("/a", 0, stamped(0))
         writer.finish({})
-    assert problems(tmp_path / "c") == ["c_0.mcap: the recorder left no books", "scene.json: it is missing"]
+    assert problems(tmp_path / "c") == ["c_0.mcap: the recorder's message counts are missing", "scene.json: it is missing"]

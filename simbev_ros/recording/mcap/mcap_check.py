@@ -48,7 +48,7 @@ def check_mcap(stream: BinaryIO, check_message: Callable[[Message, McapContent],
     size = stream.seek(0, 2)
     stream.seek(0)
     if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-        content.faults.append("it is not an MCAP file: its first bytes are others")
+        content.faults.append("it is not an MCAP file: its first bytes are wrong")
         return content
     section = _DataSectionChecker(content, check_message)
     for offset, opcode, record in _records(stream, size, content.faults):
@@ -103,7 +103,7 @@ class _DataSectionChecker:
             index = MessageIndex.read(body)
             expected = self._expected_index
             if expected is not None and sorted(index.records) != sorted(expected.pop(index.channel_id, [])):
-                content.faults.append(f"message index at byte {offset:,}: it does not list what the chunk holds")
+                content.faults.append(f"message index at byte {offset:,}: it does not match the chunk's messages")
         elif opcode == Opcode.ATTACHMENT:
             attachment = attachment_of(record)
             content.attachments[attachment.name] = attachment.data
@@ -141,7 +141,7 @@ class _DataSectionChecker:
 
     def _end(self, end: DataEnd) -> None:
         if end.data_section_crc not in (0, self._crc):
-            self.content.faults.append("the CRC of all before the summary is wrong")
+            self.content.faults.append("the CRC of the data section is wrong")
 
 
 def _records(stream: BinaryIO, size: int, faults: list[str]) -> Iterator[tuple[int, int, bytes]]:
@@ -180,7 +180,7 @@ def _summary_faults(stream: BinaryIO, size: int, section: _DataSectionChecker) -
         yield "it has no summary"
         return
     if {chunk.chunk_start_offset: chunk.chunk_length for chunk in summary.chunk_indexes} != section.chunks:
-        yield "summary: its list of chunks is not that of the file"
+        yield "summary: its list of chunks does not match the file"
     counts = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
     if section.whole_chunks == len(section.chunks) and counts != section.content.counts:
-        yield "summary: its counts of messages are not those of the file"
+        yield "summary: its message counts do not match the file"

@@ -41,7 +41,9 @@ def read_index(dataset: Path) -> list[Row]:
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
     if missing := sorted(set(_schema().names) - set(table.column_names)):
-        raise InputError(f"{path}: it is not an index of this version, which has a column {missing[0]}; {_REBUILD_HINT}")
+        raise InputError(
+            f"{path}: it is not an index of this version, which has a column {missing[0]}; {_REBUILD_HINT}"
+        )
     rows: list[Row] = table.to_pylist()
     return rows
 

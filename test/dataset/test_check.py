@@ -1,4 +1,4 @@
-"""An index that does not say what is there is found out, and made anew as far as bags can be read."""
+"""An index that does not match the bags is found, and is rebuilt from all bags that can be read."""
 
 import shutil
 from pathlib import Path
@@ -15,8 +15,8 @@ from simbev_ros.recording.layout import scenes_of
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    dataset = tmp_path_factory.mktemp("sound")
+def intact(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    dataset = tmp_path_factory.mktemp("intact")
     for number in range(3):
         written.record(dataset / f"scenes/train/Blocks-000{number}", written.spec(number), only=["/ego/odom", "/clock"])
     assert update_index(dataset, scenes_of(dataset))[1] == {}
@@ -25,15 +25,15 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def dataset(sound: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(sound, tmp_path / "set"))
+def dataset(intact: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(intact, tmp_path / "set"))
 
 
 def problems(dataset: Path) -> list[str]:
     return [f"{fault.bag.name} {fault.place}: {fault.problem}" for fault in dataset_faults(dataset)]
 
 
-def test_a_changed_a_missing_an_empty_and_an_unknown_scene_are_found(dataset: Path) -> None:
+def test_changed_missing_empty_and_unknown_scenes_are_found(dataset: Path) -> None:
     scenes = dataset / "scenes/train"
     (scenes / "Blocks-0000/Blocks-0000_0.mcap").write_bytes(b"x" * 100)
     (scenes / "Blocks-0001").rename(scenes / "Blocks-0007")
@@ -48,7 +48,7 @@ def test_a_changed_a_missing_an_empty_and_an_unknown_scene_are_found(dataset: Pa
     ]
 
 
-def test_each_cell_of_the_index_is_held_against_the_bag(dataset: Path) -> None:
+def test_every_cell_of_the_index_is_compared_with_the_bag(dataset: Path) -> None:
     rows = read_index(dataset)
     rows[0]["split"], rows[1]["boxes_car"], rows[2]["simbev_ros"] = "val", 7, "another version"
     write_index(dataset, rows)
@@ -58,7 +58,7 @@ def test_each_cell_of_the_index_is_held_against_the_bag(dataset: Path) -> None:
     ]
 
 
-def test_a_damaged_index_is_found_and_none_is_a_fault_only_where_one_was_made(dataset: Path) -> None:
+def test_a_damaged_index_is_a_fault_and_a_missing_one_only_with_a_plan(dataset: Path) -> None:
     index = dataset / "index.parquet"
     index.write_bytes(b"PAR1")
     assert problems(dataset)[0].startswith("set index.parquet: Could not open Parquet")
@@ -71,7 +71,7 @@ def test_a_damaged_index_is_found_and_none_is_a_fault_only_where_one_was_made(da
     assert problems(dataset) == ["set index.parquet: it is missing; generate rebuilds it"]
 
 
-def test_an_index_is_made_anew_and_names_what_cannot_be_in_it(dataset: Path) -> None:
+def test_an_index_is_rebuilt_and_names_bags_that_cannot_be_in_it(dataset: Path) -> None:
     before, bags = read_index(dataset), scenes_of(dataset)
     (dataset / "index.parquet").unlink()
     assert update_index(dataset, bags) == (before, {}) and read_index(dataset) == before
@@ -83,7 +83,7 @@ def test_an_index_is_made_anew_and_names_what_cannot_be_in_it(dataset: Path) -> 
     assert read_index(dataset) == before[2:]
 
 
-def test_rows_are_kept_in_order_with_what_is_not_known_left_empty(dataset: Path) -> None:
+def test_rows_are_sorted_and_unknown_values_are_none(dataset: Path) -> None:
     rows = read_index(dataset)
     write_index(dataset, reversed(rows))
     assert read_index(dataset) == rows

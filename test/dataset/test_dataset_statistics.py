@@ -1,4 +1,4 @@
-"""Statistics equal what loops over all boxes, cells and frames count."""
+"""Statistics equal counts from plain loops over all boxes, cells and frames."""
 
 from collections import Counter
 from pathlib import Path
@@ -31,7 +31,7 @@ def all_boxes(made: list[MadeUp]) -> list[Table]:
 
 
 def assert_counts(counts: Any, expected: Counter[Any]) -> None:
-    assert {tuple(place): counts[tuple(place)] for place in np.argwhere(counts)} == dict(expected)
+    assert {tuple(index): counts[tuple(index)] for index in np.argwhere(counts)} == dict(expected)
 
 
 def test_boxes_by_class_distance_speed_and_size(counted: tuple[list[MadeUp], Statistics]) -> None:
@@ -73,12 +73,12 @@ def test_visibility_and_points(counted: tuple[list[MadeUp], Statistics]) -> None
     points: Counter[Any] = Counter()
     for row in known:
         points[row["class"], int(row["distance"] // 5)] += int(row["lidar_points"])
-    assert_counts(counts["lidar_points"], Counter({place: n for place, n in points.items() if n}))
+    assert_counts(counts["lidar_points"], Counter({index: n for index, n in points.items() if n}))
     levels = Counter((int(row["distance"] // 5), int(row["lidar_points"]).bit_length()) for row in known)
     assert_counts(counts["lidar_levels"], levels)
 
 
-def test_places_look_as_the_birds_eye_view(counted: tuple[list[MadeUp], Statistics]) -> None:
+def test_positions_have_the_axes_of_the_birds_eye_view(counted: tuple[list[MadeUp], Statistics]) -> None:
     made, statistics = counted
     expected: Counter[Any] = Counter()
     for row in all_boxes(made):
@@ -99,7 +99,7 @@ def test_cells_of_the_grid(counted: tuple[list[MadeUp], Statistics]) -> None:
         assert statistics.tally.counts["bev_present"][index] == sum((grid >> index & 1).any() for grid in grids)
 
 
-def test_actors_ways_and_settings(counted: tuple[list[MadeUp], Statistics]) -> None:
+def test_actors_distances_and_settings(counted: tuple[list[MadeUp], Statistics]) -> None:
     made, statistics = counted
     blueprints = legend()["blueprints"]
     firsts = [scene.ticks[0]["world/actors"]["blueprint"] for scene in made]
@@ -118,7 +118,7 @@ def test_actors_ways_and_settings(counted: tuple[list[MadeUp], Statistics]) -> N
     assert [scene.vehicles for scene in statistics.scenes] == [2, 3]
 
 
-def test_of_many_frames_each_so_many_th_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_many_frames_only_every_nth_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(statistics_module, "MAX_FRAMES", 10)
     made = made_up_scene(tmp_path / "Blocks-0000", ticks=31)
     statistics = statistics_of(open_dataset(tmp_path / "Blocks-0000"))
@@ -133,7 +133,7 @@ def test_an_empty_dataset_is_refused(tmp_path: Path) -> None:
         statistics_of(open_dataset(tmp_path))
 
 
-def test_two_scenes_of_one_name_are_both_counted(tmp_path: Path) -> None:
+def test_two_scenes_with_the_same_name_are_both_counted(tmp_path: Path) -> None:
     for split, ticks in (("train", 5), ("val", 3)):
         made_up_scene(tmp_path / "scenes" / split / "Blocks-0000", split=split, ticks=ticks)
     statistics = statistics_of(open_dataset(tmp_path), jobs=2)

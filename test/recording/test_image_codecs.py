@@ -30,7 +30,7 @@ def test_jpegs_are_smaller_and_worse_at_lower_quality() -> None:
 
 
 @pytest.mark.parametrize(("encoding", "dtype"), [("mono8", np.uint8), ("mono16", np.uint16)])
-def test_labels_come_back_to_the_bit(encoding: str, dtype: type[np.uint8 | np.uint16]) -> None:
+def test_labels_are_lossless(encoding: str, dtype: type[np.uint8 | np.uint16]) -> None:
     image = RNG.integers(0, np.iinfo(dtype).max, (45, 80), dtype, endpoint=True)
     read = decode(compressed_format(encoding), encode(encoding, image))
     assert read.dtype == dtype
@@ -56,8 +56,8 @@ def test_depth_error_is_within_the_documented_bound(near_m: float, far_m: float)
     assert (np.abs(read[seen] - true_m) <= bound_m * 1.02).all()
 
 
-def test_depth_from_a_street_loses_less_than_a_thousandth() -> None:
-    """The nearest road that a camera on a car sees is 2 m away."""
+def test_the_error_of_depth_on_a_street_is_below_a_thousandth() -> None:
+    """The nearest road surface that a camera on a car sees is 2 m away."""
     image = depth_image(2.0, 2000.0)
     read_m = decode(compressed_format("32FC1"), encode("32FC1", image))[9:]
     depth_m = image[9:]
@@ -66,8 +66,8 @@ def test_depth_from_a_street_loses_less_than_a_thousandth() -> None:
         assert error_m[depth_m < within_m].max() <= min(most_m, within_m / 1000.0)
 
 
-def test_depth_is_what_the_stock_decoder_reads() -> None:
-    """Its formula, from the package's documentation: depth = a / (level - b), in float32, level 0 unknown."""
+def test_the_standard_decoder_reads_the_same_depth() -> None:
+    """The decoder's formula, from the package's documentation: depth = a / (level - b), in float32, level 0 unknown."""
     depth_m = depth_image(2.0, 300.0)
     data = encode("32FC1", depth_m)
     kind, a, b = struct.unpack("<iff", data[:12])
@@ -79,7 +79,7 @@ def test_depth_is_what_the_stock_decoder_reads() -> None:
     assert np.allclose(stock_m, depth_m[9:], rtol=2e-3)
 
 
-def test_depth_of_nothing_but_sky_stays_sky() -> None:
+def test_depth_of_only_sky_stays_sky() -> None:
     sky = np.full((8, 8), np.inf, np.float32)
     assert np.isinf(decode(compressed_format("32FC1"), encode("32FC1", sky))).all()
 
@@ -91,7 +91,7 @@ def test_depth_that_is_not_positive_is_refused() -> None:
         encode("32FC1", depth_m)
 
 
-def test_flow_is_within_half_a_step_and_knows_what_is_invalid() -> None:
+def test_flow_is_within_half_a_step_and_keeps_invalid_pixels() -> None:
     flow_px = RNG.uniform(-511, 511, (45, 80, 2)).astype(np.float32)
     flow_px[3, 5] = np.nan
     flow_px[4, 6, 1] = 513
@@ -111,6 +111,6 @@ def test_flow_png_has_kittis_channels_in_order_u_v_valid() -> None:
     assert red_green_blue[0, 0, 2] == 0
 
 
-def test_broken_data_are_a_bag_error() -> None:
+def test_damaged_data_are_a_bag_error() -> None:
     with pytest.raises(BagError, match="cannot be decoded"):
         decode(compressed_format("mono8"), b"not a png")

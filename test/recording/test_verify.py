@@ -1,4 +1,4 @@
-"""A sound bag has no faults; whatever is cut off, flipped or changed in one is found."""
+"""An intact bag has no faults; every truncation, flipped bit and change is found."""
 
 import json
 import random
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from damage import TICK_NS, sound_bag
+from damage import TICK_NS, intact_bag
 from mcap.writer import Writer
 from ros_messages import string
 
@@ -22,7 +22,7 @@ def problems(path: Path) -> list[str]:
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    path = sound_bag(tmp_path / "a")
+    path = intact_bag(tmp_path / "a")
     assert verify_bag(path) == []
     return path
 
@@ -46,7 +46,7 @@ def test_every_flipped_bit_is_found(bag: Path) -> None:
         assert problems(bag), place
 
 
-def test_a_damaged_chunk_is_one_fault_and_not_one_for_each_topic_in_it(bag: Path) -> None:
+def test_a_damaged_chunk_is_one_fault_and_not_one_per_topic(bag: Path) -> None:
     file = bag / "a_0.mcap"
     with SceneBag(bag) as opened:
         offset = opened._parts[0].index.chunks[3].offset
@@ -66,7 +66,7 @@ def test_a_damaged_attachment_is_named_once(bag: Path) -> None:
     ]
 
 
-def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Path) -> None:
+def test_missing_damaged_and_foreign_metadata_is_found(bag: Path) -> None:
     description = bag / "metadata.yaml"
     text = description.read_text()
     description.write_text("{")
@@ -79,7 +79,7 @@ def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Pa
     assert problems(bag) == ["metadata.yaml: it is missing"]
 
 
-def test_a_foreign_file_beside_a_foreign_description_is_no_bag(tmp_path: Path) -> None:
+def test_a_foreign_file_with_foreign_metadata_is_not_a_bag(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start()
@@ -118,17 +118,20 @@ def stamped(stamp_ns: int) -> bytes:
         ([("/a", t, stamped(t)) for t in (0, 1)], {"complete": "false"}, "b_0.mcap: the scene is incomplete"),
     ],
 )
-def test_messages_that_are_not_right_are_found(
+def test_invalid_messages_are_found(
     tmp_path: Path, messages: list[tuple[str, int, bytes]], facts: dict[str, str], problem: str
 ) -> None:
     assert problems(write(tmp_path / "b", messages, **facts))[0].startswith(problem)
 
 
-def test_a_bag_without_books_is_not_called_whole(tmp_path: Path) -> None:
+def test_a_bag_without_message_counts_is_not_complete(tmp_path: Path) -> None:
     path = write(tmp_path / "b", [("/a", 0, stamped(0))], expected="{}")
     assert problems(path) == ["/a: a topic that the scene does not have"]
     with SceneBagWriter(tmp_path / "c") as writer:
         writer.add_topic("/a", "std_msgs/msg/String", QosProfile())
         writer.write("/a", 0, stamped(0))
         writer.finish({})
-    assert problems(tmp_path / "c") == ["c_0.mcap: the recorder's message counts are missing", "scene.json: it is missing"]
+    assert problems(tmp_path / "c") == [
+        "c_0.mcap: the recorder's message counts are missing",
+        "scene.json: it is missing",
+    ]

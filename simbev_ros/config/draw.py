@@ -64,7 +64,7 @@ class Distribution(Model):
         """Smallest and largest value that can be drawn; infinite where there is no bound."""
         low, high = self._raw_support
         ends = sorted((end * self.scale if self.scale else 0.0) + self.offset for end in (low, high))
-        return self._clipped(ends[0]), self._clipped(ends[1])
+        return self._clip(ends[0]), self._clip(ends[1])
 
     @property
     def _raw_support(self) -> _Pair:
@@ -101,9 +101,9 @@ class Distribution(Model):
         else:
             assert self.choice is not None
             value = self.choice[int(rng.integers(len(self.choice)))]
-        return self._clipped(float(value * self.scale + self.offset))
+        return self._clip(float(value * self.scale + self.offset))
 
-    def _clipped(self, value: float) -> float:
+    def _clip(self, value: float) -> float:
         value = value if self.min is None else max(value, self.min)
         return value if self.max is None else min(value, self.max)
 

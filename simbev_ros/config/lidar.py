@@ -129,7 +129,7 @@ class Lidar(Sensor):
         return self
 
     @model_validator(mode="after")
-    def _something_to_see(self) -> Self:
+    def _publishes_something(self) -> Self:
         if self.channels * self.columns > _MAX_RAYS:
             rays = f"channels {self.channels} x columns {self.columns} = {self.channels * self.columns} rays per turn"
             raise ValueError(f"{rays} are too many; allowed are {_MAX_RAYS}")

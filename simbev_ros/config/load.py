@@ -27,7 +27,7 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     file = YamlFile(find_config(path_or_name))
     data = file.data
     if not isinstance(data, dict):
-        raise InputError(f"{file.path}: must be a mapping of sections, not {_shown(data)}")
+        raise InputError(f"{file.path}: must be a mapping of sections, not {_short_repr(data)}")
     data = _with_absolute_maps(data, file)
     rig = data.get("rig")
     if isinstance(rig, str):
@@ -128,7 +128,7 @@ def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -
     keys = _keys_in_data(entry["loc"], data)
     source, source_keys = (rig_file, keys[1:]) if rig_file and keys[:1] == ["rig"] else (file, keys)
     line = source.line_of(source_keys)
-    field = _dotted(source_keys)
+    field = _dotted_path(source_keys)
     message = entry["msg"].removeprefix("Value error, ")
     if entry["type"] == "extra_forbidden":
         message = f"unknown key{_suggestion(str(keys[-1]), entry['loc'], data)}"
@@ -139,7 +139,7 @@ def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -
     elif entry["type"] == "too_long":
         message = f"must have at most {entry['ctx']['max_length']} items, not {entry['ctx']['actual_length']}"
     elif entry["type"] != "value_error":
-        message = f"{message}, not {_shown(entry['input'])}"
+        message = f"{message}, not {_short_repr(entry['input'])}"
     return f"{source.path}:{line}: {field + ': ' if field else ''}{message}"
 
 
@@ -197,10 +197,10 @@ def _resolve(node: Any, schema: Any) -> Any:
     return node
 
 
-def _dotted(keys: Sequence[str | int]) -> str:
+def _dotted_path(keys: Sequence[str | int]) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).lstrip(".")
 
 
-def _shown(value: Any) -> str:
+def _short_repr(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}…"

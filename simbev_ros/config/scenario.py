@@ -183,7 +183,7 @@ class RecordedTopics(Model):
     exclude: tuple[str, ...] = Field((), description="patterns of which a recorded topic matches none")
 
     @model_validator(mode="after")
-    def _may_fit(self) -> Self:
+    def _can_match(self) -> Self:
         for pattern in (*self.include, *self.exclude):
             if not pattern.startswith(("/", "*", "?", "[")):
                 raise ValueError(f"{pattern!r} matches no topic: names of topics begin with a slash")
@@ -278,7 +278,7 @@ class Scenario(Model):
         return self
 
     @model_validator(mode="after")
-    def _some_scene(self) -> Self:
+    def _at_least_one_scene(self) -> Self:
         if not any(entry.train + entry.val + entry.test for entry in self.scenes):
             raise ValueError("scenes: all counts are 0; ask for at least one scene")
         return self

@@ -51,7 +51,7 @@ class Source:
         try:
             return [decode_message(self.type_name, self.bag.payload(location)) for location in locations]
         except BagError as error:
-            raise self._named(error) from None
+            raise self._with_topic(error) from None
 
     def value(self, locations: Int64Array) -> Any:
         """Read the messages at (K, 4) locations as one value; for a sporadic topic as a list with a value each.
@@ -65,9 +65,9 @@ class Source:
                 return [value_of(self.type_name, [message]) for message in messages]
             return value_of(self.type_name, messages)
         except BagError as error:
-            raise self._named(error) from None
+            raise self._with_topic(error) from None
 
-    def _named(self, error: BagError) -> BagError:
+    def _with_topic(self, error: BagError) -> BagError:
         text = str(error).removeprefix(f"{self.bag.file}: ")
         return BagError(f"{self.bag.file}: {self.topic.name}: {text}")
 

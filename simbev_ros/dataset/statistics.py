@@ -123,7 +123,7 @@ def statistics_of(
             done += len(batch.ticks)
             progress(done, total)
         total_tally.add_counts(tally)
-        facts.append(_facts(scene, tally))
+        facts.append(_scene_facts(scene, tally))
         known = visited.get(scene.map, tally.visited)
         visited[scene.map] = np.unique(np.concatenate([known, tally.visited]), axis=0)
     return Statistics(dataset.path, tuple(facts), every, total_tally, visited)
@@ -145,7 +145,7 @@ def _open(path: Path) -> Dataset:
     return open_dataset(path, threads=1)
 
 
-def _facts(scene: Scene, tally: Tally) -> SceneFacts:
+def _scene_facts(scene: Scene, tally: Tally) -> SceneFacts:
     spec = scene.spec
     return SceneFacts(
         name=scene.name,

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.errors import BagError
-from simbev_ros.recording.image_codecs import decode
+from simbev_ros.recording.image_codecs import decode_image
 from simbev_ros.types import AnyArray, Table
 
 _IMAGE_LAYOUTS: dict[str, tuple[str, int]] = {
@@ -26,7 +26,7 @@ def image_array(message: Any) -> AnyArray:
         BagError: The encoding is unknown, or the size of the data does not match the message's fields.
     """
     if hasattr(message, "format"):
-        return decode(message.format, message.data.tobytes())
+        return decode_image(message.format, message.data.tobytes())
     if message.encoding not in _IMAGE_LAYOUTS:
         raise BagError(f"image of unknown encoding {message.encoding!r}")
     kind, channels = _IMAGE_LAYOUTS[message.encoding]

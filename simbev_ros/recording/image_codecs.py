@@ -138,14 +138,14 @@ def compressed_format(encoding: str) -> str:
     return _CODECS[encoding].format
 
 
-def encode(encoding: str, image: AnyArray, jpeg_quality: int = _JPEG_QUALITY) -> bytes:
+def encode_image(encoding: str, image: AnyArray, jpeg_quality: int = _JPEG_QUALITY) -> bytes:
     """Compress an image of a ROS encoding to the value of ``CompressedImage.data``."""
     if encoding == "rgb8":
         return encode_rgb(image, jpeg_quality)
     return _CODECS[encoding].encode(image)
 
 
-def decode(image_format: str, data: bytes) -> AnyArray:
+def decode_image(image_format: str, data: bytes) -> AnyArray:
     """Decode the image of a ``CompressedImage``.
 
     Raises:

@@ -13,7 +13,7 @@ from mcap.records import Channel
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_index
+from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_mcap_index
 from simbev_ros.recording.reader import attached_spec
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
@@ -107,7 +107,7 @@ class IndexedBag:
 def _index_of(file: Path) -> McapIndex:
     try:
         with file.open("rb") as stream:
-            return read_index(stream, str(file))
+            return read_mcap_index(stream, str(file))
     except OSError as error:
         raise BagError(f"{file}: cannot be read: {error.strerror}") from None
 

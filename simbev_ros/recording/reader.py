@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files
-from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_chunk, read_index
+from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_chunk, read_mcap_index
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
 
@@ -84,7 +84,7 @@ class SceneBag:
         self.name = files[0].stem.removesuffix("_0")
         with ExitStack() as opened:
             streams = [opened.enter_context(file.open("rb")) for file in files]
-            self._parts = [_Part(stream, read_index(stream, str(stream.name))) for stream in streams]
+            self._parts = [_Part(stream, read_mcap_index(stream, str(stream.name))) for stream in streams]
             indexes = [part.index for part in self._parts]
             self.closed = all(index.closed for index in indexes)
             self.finished = self.closed and not files[0].resolve().parent.name.endswith(PARTIAL_SUFFIX)

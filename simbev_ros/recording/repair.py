@@ -50,7 +50,7 @@ def repair_bag(path: Path, out: Path) -> Repair:
         DiskError: The disk is full; nothing of the new bag is left.
     """
     found, counts, files = Salvage(), dict[str, int](), numbered_files(path)
-    messages = _salvaged(files, found)
+    messages = _salvage_files(files, found)
     first = next(messages, None)
     if first is None:
         raise BagError(f"{path}: it contains no message that can be saved")
@@ -75,7 +75,7 @@ def repair_bag(path: Path, out: Path) -> Repair:
     return Repair(out, counts, lost)
 
 
-def _salvaged(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
+def _salvage_files(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
     """Yield the messages of known types from all files; attachments, metadata and losses go into ``found``."""
     found.lost += [f"file {number}, which is missing" for number in range(max(files)) if number not in files]
     for _, file in sorted(files.items()):

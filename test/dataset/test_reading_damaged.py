@@ -9,7 +9,7 @@ import recorded_scene as written
 from simbev_ros.dataset import open_dataset
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.mcap.mcap_index import read_index
+from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_a_damaged_index_is_found(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "index_0.mcap"
     file.write_bytes(content)
     with file.open("rb") as stream:
-        index = read_index(stream, "")
+        index = read_mcap_index(stream, "")
     channel = next(number for number, each in index.channels.items() if each.topic == "/ego/boxes")
     stamp_ns, _, offset = index.locations[channel].table()[2].tolist()
     entry = stamp_ns.to_bytes(8, "little") + offset.to_bytes(8, "little")

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from simbev_ros.cli.repair import repair
 from simbev_ros.errors import BagError, DiskError, InputError
-from simbev_ros.recording.mcap.mcap_index import read_index
+from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.recording.repair import repair_bag
 from simbev_ros.recording.verify import verify_bag
@@ -96,7 +96,7 @@ def test_a_bag_without_indexes_or_record_headers_is_restored_completely(bag: Pat
 def test_a_chunk_that_looks_like_the_end_of_the_file_is_the_only_loss(bag: Path, tmp_path: Path) -> None:
     file = bag / "a_0.mcap"
     with file.open("rb") as stream:
-        starts = [chunk.offset for chunk in read_index(stream, "").chunks]
+        starts = [chunk.offset for chunk in read_mcap_index(stream, "").chunks]
     data, original = file.read_bytes(), messages(bag)
     for number, opcode in enumerate((Opcode.FOOTER, Opcode.DATA_END)):
         damaged = bytearray(data)

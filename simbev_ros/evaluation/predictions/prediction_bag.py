@@ -28,7 +28,7 @@ from simbev_ros.evaluation.predictions.prediction_messages import (
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.recording.mcap.mcap_index import read_index
+from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec, scene_number_of
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import Float32Array, Int64Array
@@ -189,7 +189,7 @@ class PredictionBag:
         found = []
         for file in self._bag.files:
             with file.open("rb") as stream:
-                schemas = read_index(stream, str(file)).schemas.values()
+                schemas = read_mcap_index(stream, str(file)).schemas.values()
             found.append(
                 {each.name: each.data.decode(errors="replace") for each in schemas if each.encoding == "ros2msg"}
             )

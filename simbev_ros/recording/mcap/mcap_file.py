@@ -107,7 +107,7 @@ class McapFile:
         if not chunk.index_entries:
             return
         head = self._definitions(definitions)
-        records_bytes, records_crc, data = self._compressed((head, *chunk.parts))
+        records_bytes, records_crc, data = self._compress((head, *chunk.parts))
         data_bytes = sum(map(len, data))
         stamps_ns = [stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries]
         name = b"" if self._compressor is None else b"zstd"
@@ -162,7 +162,7 @@ class McapFile:
         """Sync everything to disk."""
         os.fsync(self._file.fileno())
 
-    def _compressed(self, parts: Sequence[bytes | memoryview]) -> tuple[int, int, list[bytes | memoryview]]:
+    def _compress(self, parts: Sequence[bytes | memoryview]) -> tuple[int, int, list[bytes | memoryview]]:
         """Size, CRC and compressed stream of all parts; they are not joined first, which would take as long."""
         size, crc = sum(map(len, parts)), 0
         for part in parts:

@@ -96,7 +96,7 @@ class McapIndex:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
-def read_index(stream: BinaryIO, name: str) -> McapIndex:
+def read_mcap_index(stream: BinaryIO, name: str) -> McapIndex:
     """Index an open MCAP file.
 
     Args:

@@ -26,7 +26,7 @@ class Distribution(Model):
     integer: tuple[int, int] | None = Field(None, description="whole numbers from low to high, both included")
     beta: _Pair | None = Field(None, description="beta distribution with parameters a, b")
     normal: _Pair | None = Field(None, description="normal distribution with mean and sigma")
-    lognormal: _Pair | None = Field(None, description="log-normal distribution with mean and sigma of the logarithm")
+    lognormal: _Pair | None = Field(None, description="lognormal distribution with mean and sigma of the logarithm")
     choice: Annotated[list[float], Field(min_length=1)] | None = Field(None, description="equally likely values")
     scale: float = Field(1.0, description="factor by which the drawn value is multiplied")
     offset: float = Field(0.0, description="offset that is added after scaling")

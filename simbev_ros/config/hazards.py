@@ -13,7 +13,7 @@ class Hazards(Model):
 
     count: Annotated[PaperOrDrawn, within(0, 100)] = Field(
         "paper",
-        description="number per scene; paper: each free start position of vehicles becomes one with `probability`",
+        description="number of hazards per scene; paper: each free start position of vehicles becomes one with `probability`",
     )
     probability: float = Field(
         0.016, ge=0, le=1, description="probability for each free start position; used only with `count: paper`"
@@ -32,7 +32,7 @@ class Hazards(Model):
         description="length of the taper relative to the MUTCD's, for which streets are often too short",
     )
     cone_spacing_m: float = Field(4.0, ge=1, le=20, description="distance between cones")
-    cone_missing_probability: float = Field(0.32, ge=0, le=1, description="probability for each cone")
+    cone_missing_probability: float = Field(0.32, ge=0, le=1, description="probability that a cone is missing")
     workers: Annotated[Drawn, within(0, 20)] = Field(
         Distribution(uniform=(0.5, 3.5)), description="number of workers in each work zone, if there is space"
     )

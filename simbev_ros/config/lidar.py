@@ -64,16 +64,16 @@ class Lidar(Sensor):
     )
     range_noise_sigma_m: float = Field(0.01, ge=0, le=10, description="standard deviation of measured ranges")
     attenuation_per_m: float = Field(0.004, ge=0, le=1, description="attenuation of the intensity in clear air")
-    weather_effects: bool = Field(True, description="whether rain and fog weaken returns and drops give returns")
+    weather_effects: bool = Field(True, description="whether rain and fog weaken returns and drops cause echoes")
     beam_divergence_mrad: float = Field(
         3.0, gt=0, le=50, description="full beam angle; wider beams detect fewer single drops"
     )
-    rolling: bool = Field(False, description="whether each column is cast at its own time, else all at the stamp")
+    rolling: bool = Field(False, description="whether each column is cast at its own time; else all at the stamp")
     hits_own_vehicle: bool = Field(
         False, description="whether rays also hit the vehicle that carries the lidar, and its rider"
     )
     points: bool = Field(True, description="whether to publish points (with drop-off, noise and weather)")
-    semantic_points: bool = Field(True, description="whether to publish semantic_points (without them)")
+    semantic_points: bool = Field(True, description="whether to publish semantic_points (without these effects)")
 
     @model_validator(mode="before")
     @classmethod

@@ -31,7 +31,8 @@ class BuildingLights(Model):
 
     enabled: bool = Field(True, description="whether windows and signs can be lit at all")
     share_lit: Annotated[Drawn, within(0, 1)] = Field(
-        Distribution(uniform=(0.15, 0.45)), description="share of room windows that are lit; more shop windows are"
+        Distribution(uniform=(0.15, 0.45)),
+        description="share of room windows that are lit; shop windows are lit more often",
     )
     color_temperature_k: Annotated[Drawn, within(1_700, 20_000)] = Field(
         Distribution(uniform=(2_300, 4_500)), description="color temperature of each of the scene's eight colors"

@@ -20,7 +20,7 @@ class Exposure(Model):
     )
     f_number: float = Field(1.8, ge=0.5, le=64, description="focal length divided by aperture diameter")
     time_s: float | None = Field(None, ge=1e-6, le=60, description="exposure time, with iso; none: automatic")
-    iso: float | None = Field(None, ge=1, le=1e6, description="sensitivity, with time_s; none: automatic")
+    iso: float | None = Field(None, ge=1, le=1e6, description="ISO sensitivity, with time_s; none: automatic")
 
     @model_validator(mode="after")
     def _time_with_iso(self) -> Self:

@@ -20,7 +20,8 @@ class Rendering(Model):
     quality: Quality = Field("medium", description="quality of color images: low is fastest, high is best")
     gpus: Literal["auto"] | tuple[Annotated[int, Field(ge=0, le=255)], ...] = Field(
         "auto",
-        description="auto: all GPUs of EGL, else the CPU; []: the CPU; or EGL device numbers from `simbev doctor`",
+        description="GPUs that render; auto: all that EGL has, else the CPU; []: the CPU; "
+        "or EGL device numbers from `simbev doctor`",
     )
     processes: Literal["auto"] | Annotated[int, Field(ge=1, le=16)] = Field(
         "auto", description="number of processes that share the rig's cameras; auto: one per GPU, or one per CPU core"

@@ -34,7 +34,7 @@ class Rig(Model):
     """The sensors of one agent."""
 
     agent: Name = Field("ego", description="name of the agent, the first part of its topics and frames")
-    sensors: tuple[AnySensor, ...] = Field(description="sensors; `type` selects the kind")
+    sensors: tuple[AnySensor, ...] = Field(description="list of sensors; `type` selects the kind")
 
     @model_validator(mode="after")
     def _names_once(self) -> Self:

@@ -108,8 +108,12 @@ class SpawnPose(Model):
 
     x_m: float = Field(ge=-1e6, le=1e6, description="x in the map frame")
     y_m: float = Field(ge=-1e6, le=1e6, description="y in the map frame")
-    z_m: float | None = Field(None, ge=-1e4, le=1e4, description="height of the road; selects one of several levels")
-    yaw_deg: float | None = Field(None, ge=-360, le=360, description="heading; selects one of two directions")
+    z_m: float | None = Field(
+        None, ge=-1e4, le=1e4, description="height of the road, which selects one of several levels"
+    )
+    yaw_deg: float | None = Field(
+        None, ge=-360, le=360, description="approximate heading, which selects the driving direction"
+    )
 
 
 class Ego(Model):
@@ -194,7 +198,9 @@ class Recording(Model):
     """Recording of scenes: topics, compression, file sizes and disk space."""
 
     topics: RecordedTopics = RecordedTopics()
-    images: Literal["compressed", "raw"] = Field("compressed", description="compressed: as JPEG and PNG")
+    images: Literal["compressed", "raw"] = Field(
+        "compressed", description="format of recorded images; compressed: JPEG and PNG"
+    )
     jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality of color images, also on live topics")
     chunk_kib: int = Field(4096, ge=64, le=65_536, description="size of chunks, whose messages are compressed together")
     zstd_level: int | None = Field(1, ge=1, le=19, description="compression level of chunks; none: not compressed")
@@ -208,7 +214,7 @@ class Recording(Model):
 class GraphConfig(Model):
     """The ROS graph: lockstep between nodes, outside participants and timeouts."""
 
-    window_ticks: int = Field(3, ge=1, le=8, description="maximum lead of the world over the slowest node, in ticks")
+    window_ticks: int = Field(3, ge=1, le=8, description="maximum lead of the world over the slowest node")
     participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready for which the world waits")
     silence_timeout_s: float = Field(
         60.0, ge=1, le=3600, description="time without a message from a node after which the scene ends"

@@ -39,5 +39,5 @@ class Sensor(Model):
     name: Name = Field(description="name of the sensor, part of its topics and frame, unique in the rig")
     pose: Pose = Pose()
     rate_hz: float | None = Field(
-        None, gt=0, le=1000, description="rate, which must divide the tick rate; none: every tick"
+        None, gt=0, le=1000, description="publishing rate, which must divide the tick rate; none: every tick"
     )

@@ -13,10 +13,11 @@ class Hazards(Model):
 
     count: Annotated[PaperOrDrawn, within(0, 100)] = Field(
         "paper",
-        description="number of hazards per scene; paper: each free start position of vehicles becomes one with `probability`",
+        description="number of hazards per scene; "
+        "paper: each free start position of vehicles becomes one with `probability`",
     )
     probability: float = Field(
-        0.016, ge=0, le=1, description="probability for each free start position; used only with `count: paper`"
+        0.016, ge=0, le=1, description="probability of a hazard at each free start position, with `count: paper`"
     )
     accident_share: float = Field(0.5, ge=0, le=1, description="share of accidents; the others are work zones")
     emergency_vehicle_probability: float = Field(

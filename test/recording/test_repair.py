@@ -162,7 +162,7 @@ def test_a_full_disk_leaves_no_partial_bag(bag: Path, tmp_path: Path, monkeypatc
 
 
 def test_an_interrupt_leaves_no_partial_bag(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("simbev_ros.recording.repair._missing", lambda *_: pytest.fail("interrupted"))
+    monkeypatch.setattr("simbev_ros.recording.repair._missing_messages", lambda *_: pytest.fail("interrupted"))
     with pytest.raises(pytest.fail.Exception, match="interrupted"):
         repair_bag(bag, tmp_path / "saved")
     assert sorted(path.name for path in tmp_path.iterdir()) == [bag.name]

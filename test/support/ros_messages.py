@@ -49,7 +49,7 @@ def compressed_image(stamp_ns: int, encoding: str, array: AnyArray) -> bytes:
         "sensor_msgs/msg/CompressedImage",
         header=header(stamp_ns),
         format=image_codecs.compressed_format(encoding),
-        data=np.frombuffer(image_codecs.encode(encoding, array), np.uint8),
+        data=np.frombuffer(image_codecs.encode_image(encoding, array), np.uint8),
     )
 
 

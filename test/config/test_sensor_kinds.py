@@ -43,11 +43,11 @@ def matches() -> list[tuple[str, ast.Match]]:
     ]
 
 
-@pytest.mark.parametrize(("place", "match"), matches(), ids=[place for place, _ in matches()])
-def test_every_match_has_a_default_case(place: str, match: ast.Match) -> None:
+@pytest.mark.parametrize(("location", "match"), matches(), ids=[location for location, _ in matches()])
+def test_every_match_has_a_default_case(location: str, match: ast.Match) -> None:
     """A match that must be exhaustive ends with ``assert_never``, so mypy reports a new member of the union."""
     last = match.cases[-1]
-    assert ast.unparse(last.pattern) == "_", f"{place}: end it with `case _: assert_never(…)`, or with a default"
+    assert ast.unparse(last.pattern) == "_", f"{location}: end it with `case _: assert_never(…)`, or with a default"
     names = {node.id for case in match.cases for node in ast.walk(case.pattern) if isinstance(node, ast.Name)}
     if names & {model.__name__ for model in SENSOR_KINDS.values()}:
-        assert "assert_never" in ast.unparse(last), f"{place}: kinds of sensors have no default"
+        assert "assert_never" in ast.unparse(last), f"{location}: kinds of sensors have no default"

@@ -97,7 +97,7 @@ def test_every_message_of_a_split_bag_is_found_by_its_location(tmp_path: Path) -
     bag = IndexedBag(path, ChunkCache(1 << 20))
     topic = bag.topics["/words"]
     assert len(bag.files) > 3 and topic.stamps_ns.tolist() == list(range(60))
-    assert [bytes(bag.payload(place)) for place in topic.between(9, 49)] == payloads[10:50]
+    assert [bytes(bag.payload(location)) for location in topic.between(9, 49)] == payloads[10:50]
 
 
 def test_files_of_a_split_bag_that_are_missing_or_damaged_are_found(tmp_path: Path) -> None:

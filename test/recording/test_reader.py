@@ -62,12 +62,12 @@ def test_no_flipped_bit_changes_the_contents_unnoticed(tmp_path: Path) -> None:
     file, truth = path / "a_0.mcap", content(path)
     data = file.read_bytes()
     choice, found = random.Random(4), set[str]()
-    for place in choice.sample(range(8, len(data) - 8), 500):
+    for offset in choice.sample(range(8, len(data) - 8), 500):
         damaged = bytearray(data)
-        damaged[place] ^= 1 << choice.randrange(8)
+        damaged[offset] ^= 1 << choice.randrange(8)
         file.write_bytes(damaged)
         try:
-            assert content(path) == truth, place
+            assert content(path) == truth, offset
         except BagError as error:
             found.update(re.findall("message index|the CRC of the summary|attachment|damaged chunk", str(error)))
     assert found == {"message index", "the CRC of the summary", "attachment", "damaged chunk"}
@@ -79,7 +79,9 @@ def content(path: Path) -> tuple[object, ...]:
         stamps = {topic.name: topic.stamps_ns.tolist() for topic in bag.topics.values()}
         read = list(bag.messages()), stamps, dict(bag.attachments)
     indexed = IndexedBag(path, ChunkCache(1 << 20))
-    return *read, [bytes(indexed.payload(place)) for topic in indexed.topics.values() for place in topic.locations]
+    return *read, [
+        bytes(indexed.payload(location)) for topic in indexed.topics.values() for location in topic.locations
+    ]
 
 
 def test_damaged_metadata_is_named(tmp_path: Path) -> None:

@@ -68,9 +68,9 @@ def test_a_flipped_bit_costs_at_most_its_chunk(bag: Path, tmp_path: Path) -> Non
     sizes = [count - before for (_, count), before in zip(ends, [0, *(count for _, count in ends)], strict=False)]
     choice = random.Random(3)
     for number in range(60):
-        place = choice.randrange(8, ends[-1][0])
+        offset = choice.randrange(8, ends[-1][0])
         damaged = bytearray(data)
-        damaged[place] ^= 1 << choice.randrange(8)
+        damaged[offset] ^= 1 << choice.randrange(8)
         file.write_bytes(damaged)
         repaired = repair_bag(bag, tmp_path / f"saved{number}")
         saved = messages(repaired.path)
@@ -84,10 +84,16 @@ def test_a_bag_without_indexes_or_record_headers_is_restored_completely(bag: Pat
     file = bag / "a_0.mcap"
     data, ends, original = file.read_bytes(), chunk_ends(file), messages(bag)
     starts = [data.index(MESSAGE_INDEX, end) for end, _ in ends]
-    heads = [*starts, *(place + 1 for place in starts), *(place + 11 for place in starts), ends[4][1], len(data) - 400]
-    for number, place in enumerate(heads):
+    heads = [
+        *starts,
+        *(offset + 1 for offset in starts),
+        *(offset + 11 for offset in starts),
+        ends[4][1],
+        len(data) - 400,
+    ]
+    for number, offset in enumerate(heads):
         damaged = bytearray(data)
-        damaged[place] ^= 8
+        damaged[offset] ^= 8
         file.write_bytes(damaged)
         repaired = repair_bag(bag, tmp_path / f"saved{number}")
         assert messages(repaired.path) == original and repaired.lost == [] and verify_bag(repaired.path) == []

@@ -39,11 +39,11 @@ def test_every_flipped_bit_is_found(bag: Path) -> None:
     file = bag / "a_0.mcap"
     data = file.read_bytes()
     choice = random.Random(2)
-    for place in choice.sample(range(len(data)), 200):
+    for offset in choice.sample(range(len(data)), 200):
         damaged = bytearray(data)
-        damaged[place] ^= 1 << choice.randrange(8)
+        damaged[offset] ^= 1 << choice.randrange(8)
         file.write_bytes(damaged)
-        assert problems(bag), place
+        assert problems(bag), offset
 
 
 def test_a_damaged_chunk_is_one_fault_and_not_one_per_topic(bag: Path) -> None:

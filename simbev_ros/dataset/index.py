@@ -55,11 +55,11 @@ def write_index(dataset: Path, rows: Iterable[Row]) -> None:
         InputError: It cannot be written.
     """
     path = dataset / INDEX_FILE
-    partial = path.with_suffix(".part")
+    unfinished = path.with_suffix(".part")
     try:
-        pq.write_table(pa.Table.from_pylist(sorted(rows, key=lambda row: row["number"]), _schema()), partial)
-        sync(partial)
-        partial.rename(path)
+        pq.write_table(pa.Table.from_pylist(sorted(rows, key=lambda row: row["number"]), _schema()), unfinished)
+        sync(unfinished)
+        unfinished.rename(path)
         sync_names([path])
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None

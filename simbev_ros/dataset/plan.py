@@ -95,11 +95,11 @@ class Plan(Model):
             InputError: It cannot be written.
         """
         path = dataset / PLAN_FILE
-        partial = path.with_suffix(".part")
+        unfinished = path.with_suffix(".part")
         try:
-            partial.write_text(self.model_dump_json(indent=1), encoding="utf-8")
-            sync(partial)
-            partial.rename(path)
+            unfinished.write_text(self.model_dump_json(indent=1), encoding="utf-8")
+            sync(unfinished)
+            unfinished.rename(path)
             sync_names([path])
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None

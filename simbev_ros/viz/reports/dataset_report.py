@@ -37,5 +37,5 @@ def dataset_report(statistics: Statistics) -> str:
 
 
 def _sampling(statistics: Statistics) -> str:
-    sampled_frames = statistics.tally.frames
-    return "" if statistics.every == 1 else f"Each {statistics.every}th frame was looked at: {sampled_frames:,} in all."
+    looked_at = statistics.tally.frames
+    return "" if statistics.every == 1 else f"Each {statistics.every}th frame was looked at: {looked_at:,} in all."

@@ -11,7 +11,7 @@ import numpy as np
 from simbev_ros.bench.devkit_comparison import DEVKIT, devkit_numbers, devkit_python
 from simbev_ros.bench.evaluation_load import FRAMES, synthetic_scene
 from simbev_ros.bench.stopwatch import Cost, Stopwatch
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions
 from simbev_ros.evaluation.metrics.detection import DetectionOptions, DetectionTally, detection_result, merge_tallies
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merge, nuscenes_result, nuscenes_tally
@@ -110,7 +110,7 @@ def timed_evaluation(scenes: int, jobs: int, advance: Callable[[], None] = lambd
     """
     costs = _costs()
     began_s, tallies = time.perf_counter(), []
-    for each in in_processes(_tally_of, range(scenes), jobs):
+    for each in map_in_processes(_tally_of, range(scenes), jobs):
         tallies.append(each)
         advance()
     scenes_s = time.perf_counter() - began_s

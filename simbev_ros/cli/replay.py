@@ -119,7 +119,7 @@ def _staging_folder(folders: Sequence[Path], label: str | None) -> Iterator[Path
         yield None
         return
     from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.dataset.staging import clean_up, staging_of
+    from simbev_ros.dataset.staging import clean_up_staging, staging_of
 
     for folder in folders:
         if not is_scene(folder) or dataset_of(folder) is None or dataset_of(folder) != dataset_of(folders[0]):
@@ -129,11 +129,11 @@ def _staging_folder(folders: Sequence[Path], label: str | None) -> Iterator[Path
     dataset = dataset_of(folders[0])
     assert dataset is not None, "checked above"
     with DatasetLock(dataset):
-        clean_up(dataset)
+        clean_up_staging(dataset)
         try:
             yield staging_of(dataset)
         finally:
-            clean_up(dataset)
+            clean_up_staging(dataset)
 
 
 def _refuse_duplicates(specs: "Sequence[SceneSpec]", dataset: Path | None) -> None:
@@ -150,10 +150,10 @@ def _replayed_spec(bag: Path, scenario: "Scenario", observer: "ProductionObserve
     """The scene that a bag is replayed as; errors of the bag are raised before the graph starts."""
     from simbev_ros.production.surroundings import load_roads
     from simbev_ros.recording.reader import SceneBag
-    from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
+    from simbev_ros.recording.replay import Replay, build_recorded_roads, recorded_spec, replayed_spec
 
     with SceneBag(bag) as recorded:
-        load_recorded_roads(recorded)
+        build_recorded_roads(recorded)
         spec = replayed_spec(recorded, scenario, load_roads(recorded_spec(recorded).map, observer))
     Replay(spec, bag).close()
     return spec

@@ -57,12 +57,12 @@ def verify(
 
 def _faults(bags: Sequence[Path], jobs: int) -> "list[Fault]":
     """The faults of all bags, in the order of the bags, which are read in parallel."""
-    from simbev_ros.dataset.parallel import in_processes
+    from simbev_ros.dataset.parallel import map_in_processes
     from simbev_ros.recording.verify import verify_bag
 
     faults: list[Fault] = []
     with counting_bar("bags", Console(stderr=True), len(bags)) as bar:
-        for found in in_processes(verify_bag, bags, min(jobs, max(len(bags), 1))):
+        for found in map_in_processes(verify_bag, bags, min(jobs, max(len(bags), 1))):
             faults += found
             bar.advance()
     return faults

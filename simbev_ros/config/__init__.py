@@ -1,1 +1,1 @@
-"""The one configuration file: models, distributions, loader."""
+"""Configuration: pydantic models of the YAML file, distributions for drawn values, and the loader."""

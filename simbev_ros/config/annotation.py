@@ -1,4 +1,7 @@
-"""What is annotated; occupancy and the vector map only if they are asked for (``{}`` asks for the defaults)."""
+"""Section ``annotation``: which labels are produced, and their extents, resolutions and rates.
+
+Occupancy and the vector map are off unless their section is given; ``{}`` gives their defaults.
+"""
 
 from typing import Self
 
@@ -8,33 +11,33 @@ from simbev_ros.config.base import Model
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.voxel_grid import VoxelGrid
 
-_MOST_VOXELS = 150_000_000
-_WHOLE = 1e-6
-_RATE = "a divisor of the ticks' rate; none: at every tick"
+_MAX_VOXELS = 150_000_000
+_RELATIVE_TOLERANCE = 1e-6
+_RATE = "rate of the labels, which must divide the tick rate; none: every tick"
 
 
 class Bev(Model):
     """The bird's-eye-view grid."""
 
-    rows: int = Field(360, ge=1, le=4096, description="along the ego's x axis; row 0 is ahead")
-    columns: int = Field(360, ge=1, le=4096, description="along its y axis; column 0 is left")
-    cell_m: float = Field(0.4, gt=0, le=10, description="side of a cell")
+    rows: int = Field(360, ge=1, le=4096, description="number of rows along the ego's x axis; row 0 is ahead")
+    columns: int = Field(360, ge=1, le=4096, description="number of columns along the ego's y axis; column 0 is left")
+    cell_m: float = Field(0.4, gt=0, le=10, description="side length of a cell")
 
     @property
     def grid(self) -> BevGrid:
-        """Its geometry."""
+        """Geometry of the grid."""
         return BevGrid(self.rows, self.columns, self.cell_m)
 
 
 class Occupancy(Model):
-    """The voxels around the ego; they move, turn, pitch and roll with it."""
+    """The occupancy grid: voxels around the ego that move, turn, pitch and roll with it."""
 
-    half_side_m: float = Field(64.0, gt=0, le=512, description="how far it reaches ahead, back, left and right")
-    bottom_m: float = Field(-1.0, ge=-50, le=50, description="height of its lowest corner above the ego's ground")
-    top_m: float = Field(7.0, ge=-50, le=50, description="height of its top above the ego's ground")
-    voxel_m: float = Field(0.4, ge=0.1, le=4, description="side of a voxel")
+    half_side_m: float = Field(64.0, gt=0, le=512, description="extent ahead, behind, left and right of the ego")
+    bottom_m: float = Field(-1.0, ge=-50, le=50, description="height of the grid's bottom above the ground at the ego")
+    top_m: float = Field(7.0, ge=-50, le=50, description="height of the grid's top above the ground at the ego")
+    voxel_m: float = Field(0.4, ge=0.1, le=4, description="side length of a voxel")
     rate_hz: float | None = Field(2.0, gt=0, le=1000, description=_RATE)
-    ego: bool = Field(False, description="the ego's own voxels count too")
+    ego: bool = Field(False, description="whether voxels of the ego itself are included")
 
     @model_validator(mode="after")
     def _whole_voxels(self) -> Self:
@@ -43,16 +46,16 @@ class Occupancy(Model):
         extents_m = {"2 half_side_m": 2.0 * self.half_side_m, "top_m - bottom_m": self.top_m - self.bottom_m}
         for name, extent_m in extents_m.items():
             voxels = extent_m / self.voxel_m
-            if abs(voxels - round(voxels)) > _WHOLE * voxels:
+            if abs(voxels - round(voxels)) > _RELATIVE_TOLERANCE * voxels:
                 raise ValueError(f"{name} {extent_m:g} is not a whole number of voxel_m {self.voxel_m:g}")
         columns, _, layers = self.grid.shape
-        if columns**2 * layers > _MOST_VOXELS:
-            raise ValueError(f"{columns} x {columns} x {layers} voxels; allowed are {_MOST_VOXELS:,} in all")
+        if columns**2 * layers > _MAX_VOXELS:
+            raise ValueError(f"{columns} x {columns} x {layers} voxels; allowed are {_MAX_VOXELS:,} in all")
         return self
 
     @property
     def grid(self) -> VoxelGrid:
-        """Its geometry."""
+        """Geometry of the voxel grid."""
         side = round(2.0 * self.half_side_m / self.voxel_m)
         layers = round((self.top_m - self.bottom_m) / self.voxel_m)
         low_m = -self.half_side_m, -self.half_side_m, self.bottom_m
@@ -60,18 +63,18 @@ class Occupancy(Model):
 
 
 class VectorMapPatch(Model):
-    """The roads around the ego as lines and outlines."""
+    """The vector map: roads around the ego as lines and outlines."""
 
-    length_m: float = Field(60.0, gt=0, le=1000, description="half of it ahead of the ego")
-    width_m: float = Field(30.0, gt=0, le=1000, description="half of it to each side of the ego")
+    length_m: float = Field(60.0, gt=0, le=1000, description="length of the patch, half of it ahead of the ego")
+    width_m: float = Field(30.0, gt=0, le=1000, description="width of the patch, half of it on each side of the ego")
     rate_hz: float | None = Field(None, gt=0, le=1000, description=_RATE)
 
 
 class Annotation(Model):
-    """What is annotated."""
+    """Labels that are produced: boxes, the bird's-eye view, occupancy and the vector map."""
 
-    box_radius_m: float = Field(120.0, gt=0, le=1000, description="boxes are labeled up to this distance from the ego")
-    views: bool = Field(True, description="2D boxes and visibility, of cameras that have instance images")
+    box_radius_m: float = Field(120.0, gt=0, le=1000, description="maximum distance of labeled boxes from the ego")
+    views: bool = Field(True, description="whether cameras with instance images get 2D boxes and visibility")
     bev: Bev = Bev()
     occupancy: Occupancy | None = None
     vector_map: VectorMapPatch | None = None

@@ -1,4 +1,4 @@
-"""The base of all configuration models: frozen, unknown keys refused, no NaN or infinity."""
+"""The base of all configuration models: frozen; unknown keys, NaN and infinity are refused."""
 
 from pydantic import BaseModel, ConfigDict
 

@@ -1,4 +1,4 @@
-"""Cameras: intrinsics, lens and sensor, modalities."""
+"""Camera sensors of a rig: intrinsics, lens distortion, optics and modalities."""
 
 import math
 from dataclasses import asdict
@@ -22,26 +22,40 @@ _FIELD_OF_VIEW_DEG = 80.0
 class Camera(Sensor, Optics):
     """A camera with up to five modalities.
 
-    Its intrinsics are a horizontal field of view, or a focal length with all else that differs from the default.
+    Give its intrinsics either as a horizontal field of view, or as a focal length with any other intrinsics that differ
+    from their defaults.
     """
 
     type: Literal["camera"]
     width_px: int = Field(1600, ge=16, le=8192, description="image width")
     height_px: int = Field(900, ge=16, le=8192, description="image height")
     horizontal_fov_deg: float | None = Field(
-        None, gt=1, lt=170, description="from edge to edge, without distortion; 80 if fx_px is not set either"
+        None,
+        gt=1,
+        lt=170,
+        description="horizontal field of view, edge to edge, without distortion; none: 80 if fx_px is not set",
     )
-    fx_px: float | None = Field(None, gt=0, le=1e6, description="focal length, instead of horizontal_fov_deg")
-    fy_px: float | None = Field(None, gt=0, le=1e6, description="with fx_px; None: the same")
-    cx_px: float | None = Field(None, ge=-8192, le=16384, description="with fx_px; None: (width_px - 1) / 2")
-    cy_px: float | None = Field(None, ge=-8192, le=16384, description="with fx_px; None: (height_px - 1) / 2")
+    fx_px: float | None = Field(
+        None, gt=0, le=1e6, description="horizontal focal length, instead of horizontal_fov_deg"
+    )
+    fy_px: float | None = Field(
+        None, gt=0, le=1e6, description="vertical focal length, with fx_px; none: equal to fx_px"
+    )
+    cx_px: float | None = Field(
+        None, ge=-8192, le=16384, description="principal point in x, with fx_px; none: (width_px - 1) / 2"
+    )
+    cy_px: float | None = Field(
+        None, ge=-8192, le=16384, description="principal point in y, with fx_px; none: (height_px - 1) / 2"
+    )
     distortion: tuple[Annotated[float, Field(ge=-100, le=100)], ...] = Field(
         (0.0,) * 5,
         min_length=5,
         max_length=5,
-        description="k1, k2, p1, p2, k3 of plumb_bob (sensor_msgs/CameraInfo, OpenCV)",
+        description="distortion coefficients k1, k2, p1, p2, k3 of plumb_bob (sensor_msgs/CameraInfo, OpenCV)",
     )
-    modalities: tuple[Modality, ...] = Field(MODALITIES, min_length=1, description="kinds of images that it publishes")
+    modalities: tuple[Modality, ...] = Field(
+        MODALITIES, min_length=1, description="kinds of images that the camera publishes"
+    )
 
     @model_validator(mode="after")
     def _modalities_once(self) -> Self:
@@ -55,7 +69,7 @@ class Camera(Sensor, Optics):
         if given and self.horizontal_fov_deg is not None:
             raise ValueError(f"horizontal_fov_deg and {', '.join(given)} are set: give one or the other")
         if given and self.fx_px is None:
-            raise ValueError(f"{', '.join(given)} without fx_px, which is to be set with them")
+            raise ValueError(f"{', '.join(given)} without fx_px, which must be set with them")
         return self
 
     @model_validator(mode="after")
@@ -95,5 +109,5 @@ class Camera(Sensor, Optics):
 
 @lru_cache(maxsize=64)
 def _lens_camera(ideal: PinholeCamera, distortion: tuple[float, ...]) -> LensCamera:
-    """The camera with distortion; its check takes a millisecond."""
+    """The camera with distortion, cached because its validation takes a millisecond."""
     return LensCamera(**asdict(ideal), distortion=distortion)

@@ -1,4 +1,7 @@
-"""Values that are fixed or drawn, such as ``4``, ``{uniform: [0, 100]}`` or ``{beta: [0.8, 1.0], scale: 100}``."""
+"""Values that are fixed or drawn at random.
+
+Examples: ``4``, ``{uniform: [0, 100]}``, ``{beta: [0.8, 1.0], scale: 100}``.
+"""
 
 import math
 from typing import Annotated, Any, Literal, Self
@@ -13,26 +16,26 @@ _KINDS = ("uniform", "integer", "beta", "normal", "lognormal", "choice")
 
 
 class Distribution(Model):
-    """One distribution, then ``value * scale + offset``, then clipping to [min, max].
+    """A distribution of numbers: a value is drawn, then multiplied by scale, shifted by offset, and clipped.
 
     Exactly one of uniform [low, high], integer [low, high] (both included), beta [a, b], normal [mean, sigma],
-    lognormal [mean, sigma of the logarithm] and choice [values] is given.
+    lognormal [mean, sigma of the logarithm] and choice [values] must be given.
     """
 
-    uniform: _Pair | None = Field(None, description="low, high")
-    integer: tuple[int, int] | None = Field(None, description="low, high, both included")
-    beta: _Pair | None = Field(None, description="a, b")
-    normal: _Pair | None = Field(None, description="mean, sigma")
-    lognormal: _Pair | None = Field(None, description="mean, sigma of the logarithm")
+    uniform: _Pair | None = Field(None, description="uniform between low and high")
+    integer: tuple[int, int] | None = Field(None, description="whole numbers from low to high, both included")
+    beta: _Pair | None = Field(None, description="beta distribution with parameters a, b")
+    normal: _Pair | None = Field(None, description="normal distribution with mean and sigma")
+    lognormal: _Pair | None = Field(None, description="lognormal distribution with mean and sigma of the logarithm")
     choice: Annotated[list[float], Field(min_length=1)] | None = Field(None, description="equally likely values")
-    scale: float = Field(1.0, description="factor on the drawn value")
-    offset: float = Field(0.0, description="added after scaling")
+    scale: float = Field(1.0, description="factor by which the drawn value is multiplied")
+    offset: float = Field(0.0, description="offset that is added after scaling")
     min: float | None = Field(None, description="lower clipping bound")
     max: float | None = Field(None, description="upper clipping bound")
 
     @model_validator(mode="before")
     @classmethod
-    def _kinds(cls, data: Any) -> Any:
+    def _exactly_one_kind(cls, data: Any) -> Any:
         if isinstance(data, dict):
             kinds = [kind for kind in _KINDS if data.get(kind) is not None]
             if len(kinds) != 1:
@@ -41,7 +44,7 @@ class Distribution(Model):
         return data
 
     @model_validator(mode="after")
-    def _parameters(self) -> Self:
+    def _valid_parameters(self) -> Self:
         for name in ("uniform", "integer"):
             bounds = getattr(self, name)
             if bounds is not None and bounds[0] > bounds[1]:
@@ -58,10 +61,10 @@ class Distribution(Model):
 
     @property
     def support(self) -> _Pair:
-        """Smallest and largest value that can be drawn; infinite where nothing bounds it."""
+        """Smallest and largest value that can be drawn; infinite where there is no bound."""
         low, high = self._raw_support
         ends = sorted((end * self.scale if self.scale else 0.0) + self.offset for end in (low, high))
-        return self._clipped(ends[0]), self._clipped(ends[1])
+        return self._clip(ends[0]), self._clip(ends[1])
 
     @property
     def _raw_support(self) -> _Pair:
@@ -84,7 +87,7 @@ class Distribution(Model):
         return text + (f", at most {self.max:g}" if self.max is not None else "")
 
     def sample(self, rng: np.random.Generator) -> float:
-        """One draw."""
+        """Draw a value."""
         if self.uniform is not None:
             value = rng.uniform(*self.uniform)
         elif self.integer is not None:
@@ -98,14 +101,14 @@ class Distribution(Model):
         else:
             assert self.choice is not None
             value = self.choice[int(rng.integers(len(self.choice)))]
-        return self._clipped(float(value * self.scale + self.offset))
+        return self._clip(float(value * self.scale + self.offset))
 
-    def _clipped(self, value: float) -> float:
+    def _clip(self, value: float) -> float:
         value = value if self.min is None else max(value, self.min)
         return value if self.max is None else min(value, self.max)
 
 
-def _branch(value: Any) -> str:
+def _paper_or_drawn_tag(value: Any) -> str:
     if isinstance(value, (dict, Distribution)):
         return "distribution"
     return "paper" if value == "paper" else "number"
@@ -115,19 +118,19 @@ Drawn = Annotated[
     Annotated[float, Tag("number")] | Annotated[Distribution, Tag("distribution")],
     Discriminator(lambda value: "distribution" if isinstance(value, (dict, Distribution)) else "number"),
 ]
-"""A number, or a distribution that one is drawn from for each scene (or each actor)."""
+"""A number, or a distribution from which a number is drawn for each scene (or each actor)."""
 
 PaperOrDrawn = Annotated[
     Annotated[float, Tag("number")]
     | Annotated[Distribution, Tag("distribution")]
     | Annotated[Literal["paper"], Tag("paper")],
-    Discriminator(_branch),
+    Discriminator(_paper_or_drawn_tag),
 ]
-"""``paper`` stands for the paper's rule for this parameter, which may depend on others."""
+"""Like ``Drawn``, or ``paper`` for the paper's rule for this parameter, which may depend on others."""
 
 
 def within(low: float, high: float = math.inf) -> AfterValidator:
-    """A check that a ``Drawn`` or ``PaperOrDrawn`` can only give values in [low, high]."""
+    """Validator which ensures that a ``Drawn`` or ``PaperOrDrawn`` can only give values in [low, high]."""
 
     def check(value: float | Distribution | str) -> float | Distribution | str:
         ends = value.support if isinstance(value, Distribution) else (value, value)
@@ -141,5 +144,5 @@ def within(low: float, high: float = math.inf) -> AfterValidator:
 
 
 def sample(value: float | Distribution, rng: np.random.Generator) -> float:
-    """A number from a fixed value or a distribution."""
+    """Return a fixed value, or draw from a distribution."""
     return value.sample(rng) if isinstance(value, Distribution) else float(value)

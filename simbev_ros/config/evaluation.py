@@ -1,4 +1,4 @@
-"""Evaluation while the graph runs: what a perception stack says is compared with the truth, frame by frame."""
+"""Section ``evaluation``: live evaluation of a perception stack, whose answers are compared with the ground truth."""
 
 import shlex
 from typing import Annotated, Literal, Self
@@ -9,61 +9,74 @@ from simbev_ros.config.base import Model
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 
 BOXES_TOPIC, GRIDS_TOPIC = "/prediction/boxes", "/prediction/bev"
-"""Where answers are expected."""
+"""Default topics of the stack's predicted boxes and grids."""
 REFERENCE_STACK = "reference_stack"
-"""Name of the reference stack on /sync/ready, and of its module."""
+"""Name of the reference stack on /sync/ready and of its Python module."""
 _REFERENCE = ("reference",)
 
 _Topic = Annotated[str, Field(pattern=r"^(/[A-Za-z_]\w*)+$")]
 
 
-def _words(value: object) -> object:
-    """A command as it is typed in a shell, in words."""
-    words = tuple(shlex.split(value)) if isinstance(value, str) else value
-    if words in ((), []):
-        raise ValueError("there is no command in it")
-    return words
+def _split_command(value: object) -> object:
+    """Split a command, as it is typed in a shell, into its arguments."""
+    arguments = tuple(shlex.split(value)) if isinstance(value, str) else value
+    if arguments in ((), []):
+        raise ValueError("the command is empty")
+    return arguments
 
 
 class Evaluation(Model):
-    """Which answers are evaluated, and who gives them."""
+    """Evaluation of a perception stack while the graph runs: the stack, its topics and what is evaluated."""
 
-    boxes_topic: _Topic = Field(BOXES_TOPIC, description="PointCloud2, MarkerArray or Detection3DArray")
-    grids_topic: _Topic = Field(GRIDS_TOPIC, description="Image; OccupancyGrids have a topic a class below it")
+    boxes_topic: _Topic = Field(
+        BOXES_TOPIC, description="topic of predicted boxes: PointCloud2, MarkerArray or Detection3DArray"
+    )
+    grids_topic: _Topic = Field(
+        GRIDS_TOPIC, description="topic of predicted grids: Image, or OccupancyGrid with a subtopic per class"
+    )
     answers_to: _Topic | None = Field(
         None,
-        description="input of the stack, from whose arrival latency counts, and at whose ticks frames are evaluated; "
-        "none: the first lidar's points, else the first camera's camera_info, which comes with its images",
+        description="input topic of the stack: latency is measured from its arrival, and the ticks with a message are "
+        "evaluated; none: the first lidar's points, else the first camera's camera_info, which comes with its images",
     )
     participant: str | None = Field(
-        None, min_length=1, pattern="^[^:]+$", description="name of the stack on /sync/ready: the world waits for it"
+        None,
+        min_length=1,
+        pattern="^[^:]+$",
+        description="name of the stack on /sync/ready; the world then waits for it",
     )
-    stack: Annotated[tuple[str, ...] | None, BeforeValidator(_words)] = Field(
-        None, description="command that runs the stack with the graph; `reference`: the one included"
+    stack: Annotated[tuple[str, ...] | None, BeforeValidator(_split_command)] = Field(
+        None, description="command that starts the stack with the graph; `reference`: the included reference stack"
     )
-    range_m: float | None = Field(None, gt=0, description="boxes and cells count up to here; none: all do")
-    least_points: int = Field(0, ge=0, description="of lidars and radars in a box that counts")
-    least_visibility: float = Field(0.0, ge=0, le=1, description="of a box that counts")
-    classes: tuple[str, ...] | None = Field(None, min_length=1, description="of boxes and cells; none: all")
+    range_m: float | None = Field(
+        None, gt=0, description="maximum distance of evaluated boxes and cells; none: no limit"
+    )
+    least_points: int = Field(0, ge=0, description="minimum number of lidar and radar points in an evaluated box")
+    least_visibility: float = Field(0.0, ge=0, le=1, description="minimum visibility of an evaluated box")
+    classes: tuple[str, ...] | None = Field(
+        None, min_length=1, description="classes of boxes and cells that are evaluated; none: all"
+    )
     by: tuple[Literal["distance", "visibility", "points", "difficulty", "daytime", "weather"], ...] = Field(
-        (), description="conditions by which there are tables, too"
+        (), description="conditions by which results are broken down in additional tables"
     )
     figures: str | None = Field(
-        None, min_length=1, description="file (.json) for the figures of all scenes, or folder for those of each"
+        None,
+        min_length=1,
+        description="file (.json) for the figures of all scenes together, or folder for a file per scene",
     )
 
     @field_validator("classes")
     @classmethod
     def _classes_are_known(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
         known = dict.fromkeys((*BOX_CLASSES, *BEV_CLASSES))
-        strange = [name for name in names or () if name not in known]
-        if strange:
-            raise ValueError(f"there is no {strange[0]!r}; allowed: {', '.join(known)}")
+        unknown = [name for name in names or () if name not in known]
+        if unknown:
+            raise ValueError(f"there is no {unknown[0]!r}; allowed: {', '.join(known)}")
         return names
 
     @property
     def is_reference(self) -> bool:
-        """Whether the reference stack is to run."""
+        """Whether the stack is the reference stack."""
         return self.stack == _REFERENCE
 
     @model_validator(mode="after")
@@ -74,7 +87,7 @@ class Evaluation(Model):
 
     @property
     def participants(self) -> tuple[str, ...]:
-        """Of the stack's nodes those that the world waits for."""
+        """Nodes of the stack for which the world waits, by their names on /sync/ready."""
         if self.is_reference:
             return (REFERENCE_STACK,)
         return () if self.participant is None else (self.participant,)

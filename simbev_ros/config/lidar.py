@@ -1,4 +1,4 @@
-"""Rotating lidars: which way their rays go, what comes back, and how it is disturbed."""
+"""Rotating lidars of a rig: ray directions, ranges, noise, losses and weather effects."""
 
 from functools import lru_cache
 from importlib.resources import files
@@ -13,65 +13,80 @@ _Elevation = Annotated[float, Field(ge=-90, le=90)]
 _AzimuthOffset = Annotated[float, Field(ge=-180, le=180)]
 _VERTICAL = ("channels", "upper_fov_deg", "lower_fov_deg", "elevations_deg", "azimuth_offsets_deg")
 _TOLERANCE_DEG = 1e-6
-_MOST_RAYS = 4_000_000
-"""Of a turn; bounds its memory."""
+_MAX_RAYS = 4_000_000
+"""Maximum number of rays per turn; bounds the memory."""
 
 
 class Lidar(Sensor):
-    """A rotating lidar, and the undisturbed semantic lidar with the same rays.
+    """A rotating lidar, and an ideal semantic lidar with the same rays.
 
-    A cloud is one turn: ``rate_hz`` is the rate of rotation. Defaults are those of the paper.
+    A point cloud is one turn, so ``rate_hz`` is the rate of rotation. Defaults follow the paper.
     """
 
     type: Literal["lidar"]
-    preset: str | None = Field(None, description="a maker's model, which fills in what is not given here")
-    channels: int = Field(
-        128, ge=1, le=1024, description="rays of a column, evenly from lower_fov_deg to upper_fov_deg"
+    preset: str | None = Field(
+        None, description="a manufacturer's model, which provides the values that are not given here"
     )
-    columns: int = Field(2048, ge=1, le=16384, description="firings per turn, evenly over horizontal_fov_deg")
+    channels: int = Field(
+        128, ge=1, le=1024, description="number of rays per column, evenly spaced from lower_fov_deg to upper_fov_deg"
+    )
+    columns: int = Field(
+        2048, ge=1, le=16384, description="number of firings per turn, evenly spaced over horizontal_fov_deg"
+    )
     points_per_second: int | None = Field(
         None,
         ge=1,
         le=10**9,
-        description="channels x columns x rate_hz; columns follow from it where they are not given",
+        description="channels x columns x rate_hz; determines columns if they are not given",
     )
     range_m: float = Field(120.0, gt=0, le=1000, description="maximum range")
-    min_range_m: float = Field(0.0, ge=0, le=100, description="what is nearer gives no return")
+    min_range_m: float = Field(0.0, ge=0, le=100, description="minimum range; nearer surfaces give no return")
     upper_fov_deg: float = Field(10.67, ge=-90, le=90, description="elevation of the highest channel")
     lower_fov_deg: float = Field(-30.67, ge=-90, le=90, description="elevation of the lowest channel")
-    horizontal_fov_deg: float = Field(360.0, gt=0, le=360, description="half of it to each side of ahead")
+    horizontal_fov_deg: float = Field(
+        360.0, gt=0, le=360, description="horizontal field of view, half of it on each side of the x axis"
+    )
     elevations_deg: tuple[_Elevation, ...] | None = Field(
-        None, min_length=1, max_length=1024, description="of the channels, in the order of their ring numbers"
+        None, min_length=1, max_length=1024, description="elevation of each channel, in the order of ring numbers"
     )
     azimuth_offsets_deg: tuple[_AzimuthOffset, ...] | None = Field(
-        None, description="of the channels from their column, positive to the left"
+        None, description="azimuth of each channel relative to its column, positive to the left"
     )
-    drop_off: float = Field(0.14, ge=0, le=1, description="share of returns lost at random")
-    drop_off_intensity_limit: float = Field(0.8, gt=0, le=1, description="weaker returns may be lost, stronger are not")
+    drop_off: float = Field(0.14, ge=0, le=1, description="share of all returns that are lost at random")
+    drop_off_intensity_limit: float = Field(
+        0.8, gt=0, le=1, description="intensity from which on drop_off_at_zero_intensity has no effect"
+    )
     drop_off_at_zero_intensity: float = Field(
-        0.0, ge=0, le=1, description="share of returns of no intensity that is lost, falling evenly to 0 at the limit"
+        0.0,
+        ge=0,
+        le=1,
+        description="share of returns lost at zero intensity, decreasing linearly to 0 at drop_off_intensity_limit",
     )
     range_noise_sigma_m: float = Field(0.01, ge=0, le=10, description="standard deviation of measured ranges")
-    attenuation_per_m: float = Field(0.004, ge=0, le=1, description="of the intensity, in clear air")
-    weather_effects: bool = Field(True, description="rain and fog weaken returns, and drops give some of their own")
-    beam_divergence_mrad: float = Field(3.0, gt=0, le=50, description="full angle; wider beams see fewer single drops")
-    rolling: bool = Field(False, description="each column at its own time; else all rays are cast at the stamp")
-    hits_own_vehicle: bool = Field(False, description="rays also hit the vehicle that carries it, and its rider")
-    points: bool = Field(True, description="publish points (with drop-off, noise, weather)")
-    semantic_points: bool = Field(True, description="publish semantic_points (without)")
+    attenuation_per_m: float = Field(0.004, ge=0, le=1, description="attenuation of the intensity in clear air")
+    weather_effects: bool = Field(True, description="whether rain and fog weaken returns and drops cause echoes")
+    beam_divergence_mrad: float = Field(
+        3.0, gt=0, le=50, description="full beam angle; wider beams detect fewer single drops"
+    )
+    rolling: bool = Field(False, description="whether each column is cast at its own time; else all at the stamp")
+    hits_own_vehicle: bool = Field(
+        False, description="whether rays also hit the vehicle that carries the lidar, and its rider"
+    )
+    points: bool = Field(True, description="whether to publish points (with drop-off, noise and weather)")
+    semantic_points: bool = Field(True, description="whether to publish semantic_points (without these effects)")
 
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, data: Any) -> Any:
-        """What follows from a preset, from listed elevations and from points per second."""
+        """Fill in the values that follow from a preset, listed elevations and points per second."""
         if not isinstance(data, dict):
             return data
         name = data.get("preset")
         data = {**_preset_for(data, load_lidar_presets().get(name, {}) if isinstance(name, str) else {}), **data}
         listed = data.get("elevations_deg")
         if isinstance(listed, (list, tuple)) and listed and all(_is_elevation(each) for each in listed):
-            extent = {"channels": len(listed), "lower_fov_deg": min(listed), "upper_fov_deg": max(listed)}
-            data = {**extent, **data}
+            vertical = {"channels": len(listed), "lower_fov_deg": min(listed), "upper_fov_deg": max(listed)}
+            data = {**vertical, **data}
         factors = data.get("points_per_second"), data.get("channels", 128), data.get("rate_hz")
         if "points_per_second" in data and all(isinstance(each, (int, float)) and each > 0 for each in factors):
             points, channels, rate_hz = factors
@@ -114,10 +129,10 @@ class Lidar(Sensor):
         return self
 
     @model_validator(mode="after")
-    def _something_to_see(self) -> Self:
-        if self.channels * self.columns > _MOST_RAYS:
+    def _publishes_something(self) -> Self:
+        if self.channels * self.columns > _MAX_RAYS:
             rays = f"channels {self.channels} x columns {self.columns} = {self.channels * self.columns} rays per turn"
-            raise ValueError(f"{rays} are too many; allowed are {_MOST_RAYS}")
+            raise ValueError(f"{rays} are too many; allowed are {_MAX_RAYS}")
         if self.min_range_m >= self.range_m:
             raise ValueError(f"min_range_m {self.min_range_m:g} is not below range_m {self.range_m:g}")
         if not (self.points or self.semantic_points):
@@ -132,7 +147,7 @@ class Lidar(Sensor):
 
 @lru_cache(maxsize=1)
 def load_lidar_presets() -> dict[str, dict[str, Any]]:
-    """lidar_presets.yaml: properties by name of the model."""
+    """Load lidar_presets.yaml: properties by model name."""
     text = files("simbev_ros.config").joinpath("lidar_presets.yaml").read_text(encoding="utf-8")
     presets: dict[str, dict[str, Any]] = yaml.safe_load(text)
     return presets
@@ -143,9 +158,10 @@ def _is_elevation(given: Any) -> bool:
 
 
 def _preset_for(data: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:
-    """What of a preset holds beside the properties that the rig gives.
+    """Properties of a preset that remain valid beside those that the rig gives.
 
-    Channels that the rig changes are spread evenly over those listed. Who turns faster or slower fires as often.
+    If the rig changes the channels, they are spread evenly over the preset's vertical field of view. A lidar with
+    another rate of rotation keeps its firing rate.
     """
     kept = dict(preset)
     listed = preset.get("elevations_deg")

@@ -1,4 +1,7 @@
-"""From a path to a checked ``Scenario``; every error names file, line, field, value and what is allowed."""
+"""Loader of configuration files: reads YAML, resolves rigs and maps, and validates the result as a ``Scenario``.
+
+Every error names file, line, field, value and what is allowed.
+"""
 
 import difflib
 from collections.abc import Sequence
@@ -16,28 +19,32 @@ from simbev_ros.errors import InputError
 
 
 def load_scenario(path_or_name: str | Path) -> Scenario:
-    """The configuration at a path, or the shipped one of that name (``demo``, ``live``, ``paper``).
+    """Load the configuration at a path, or the shipped one with that name (``demo``, ``live``, ``paper``).
 
     Raises:
-        InputError: no such file, or something in it is wrong.
+        InputError: There is no such file, or it is invalid.
     """
     file = YamlFile(find_config(path_or_name))
     data = file.data
     if not isinstance(data, dict):
-        raise InputError(f"{file.path}: must be a mapping of sections, not {_shown(data)}")
+        raise InputError(f"{file.path}: must be a mapping of sections, not {_short_repr(data)}")
     data = _with_absolute_maps(data, file)
     rig = data.get("rig")
     if isinstance(rig, str):
         rig_file = YamlFile(_find_rig(rig, file.path))
-        data = {**data, "rig": expanded_rig(rig_file.data, rig_file.path)}
-        return _validated(data, file, rig_file)
+        data = {**data, "rig": expand_rig(rig_file.data, rig_file.path)}
+        return _validate(data, file, rig_file)
     if rig is not None:
-        data = {**data, "rig": expanded_rig(rig, file.path)}
-    return _validated(data, file, None)
+        data = {**data, "rig": expand_rig(rig, file.path)}
+    return _validate(data, file, None)
 
 
 def find_config(path_or_name: str | Path) -> Path:
-    """The path itself if it is there, else the shipped configuration of that name."""
+    """Path of a configuration file: the given path if it exists, else the shipped configuration with that name.
+
+    Raises:
+        InputError: There is no such file.
+    """
     path = Path(path_or_name)
     shipped = {file.stem: file for file in sorted(shipped_config_dir().glob("*.yaml"))}
     if path.is_file():
@@ -49,8 +56,12 @@ def find_config(path_or_name: str | Path) -> Path:
     raise InputError(f"{path}: no such file; shipped configurations are {', '.join(shipped)}")
 
 
-def expanded_rig(data: Any, path: Path) -> Any:
-    """A rig's data with its ``defaults`` (by sensor type) written into each sensor."""
+def expand_rig(data: Any, path: Path) -> Any:
+    """Copy of a rig's data in which its ``defaults`` (by sensor type) are written into each sensor.
+
+    Raises:
+        InputError: ``defaults`` is invalid.
+    """
     if not isinstance(data, dict) or "defaults" not in data:
         return data
     data = dict(data)
@@ -71,7 +82,7 @@ def expanded_rig(data: Any, path: Path) -> Any:
 
 
 def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:
-    """The data with paths of map files, which are relative to the configuration's folder, made absolute."""
+    """Copy of the data with absolute paths of map files, which are relative to the configuration's folder."""
     scenes = data.get("scenes")
     if not isinstance(scenes, list):
         return data
@@ -96,28 +107,28 @@ def _find_rig(name: str, config_path: Path) -> Path:
     raise InputError(f"{config_path}: rig: no such file: {candidates[0]}")
 
 
-def _validated(data: dict[str, Any], file: YamlFile, rig_file: YamlFile | None) -> Scenario:
+def _validate(data: dict[str, Any], file: YamlFile, rig_file: YamlFile | None) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        entries = _deepest(error.errors(), data)
+        entries = _deepest_errors(error.errors(), data)
         lines = [_explain(entry, data, file, rig_file) for entry in entries]
         raise InputError("\n".join(dict.fromkeys(lines))) from None
 
 
-def _deepest(entries: Sequence[Any], data: Any) -> list[Any]:
-    """Pydantic's errors without those that only follow from an error in a part of the same thing."""
-    places = [tuple(_keys_in_data(entry["loc"], data)) for entry in entries]
-    above = {place[:depth] for place in places for depth in range(len(place))}
-    return [entry for entry, place in zip(entries, places, strict=True) if place not in above]
+def _deepest_errors(entries: Sequence[Any], data: Any) -> list[Any]:
+    """Pydantic's errors without those that are mere consequences of an error in a nested value."""
+    locations = [tuple(_keys_in_data(entry["loc"], data)) for entry in entries]
+    above = {location[:depth] for location in locations for depth in range(len(location))}
+    return [entry for entry, location in zip(entries, locations, strict=True) if location not in above]
 
 
 def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -> str:
-    """One line for one of pydantic's errors."""
+    """Line of text that explains an error from pydantic."""
     keys = _keys_in_data(entry["loc"], data)
     source, source_keys = (rig_file, keys[1:]) if rig_file and keys[:1] == ["rig"] else (file, keys)
     line = source.line_of(source_keys)
-    field = _dotted(source_keys)
+    field = _dotted_path(source_keys)
     message = entry["msg"].removeprefix("Value error, ")
     if entry["type"] == "extra_forbidden":
         message = f"unknown key{_suggestion(str(keys[-1]), entry['loc'], data)}"
@@ -128,12 +139,12 @@ def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -
     elif entry["type"] == "too_long":
         message = f"must have at most {entry['ctx']['max_length']} items, not {entry['ctx']['actual_length']}"
     elif entry["type"] != "value_error":
-        message = f"{message}, not {_shown(entry['input'])}"
+        message = f"{message}, not {_short_repr(entry['input'])}"
     return f"{source.path}:{line}: {field + ': ' if field else ''}{message}"
 
 
 def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
-    """Pydantic's location without the names of union branches, which are not in the file."""
+    """Keys of pydantic's location, without the names of union branches, which are not in the file."""
     keys: list[str | int] = []
     for index, key in enumerate(location):
         last = index == len(location) - 1
@@ -158,7 +169,7 @@ def _suggestion(key: str, location: Sequence[str | int], data: Any) -> str:
 
 
 def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:
-    """Field names of the model at a location of pydantic's."""
+    """Field names of the model at one of pydantic's locations."""
     schema = model.model_json_schema()
     node: Any = schema
     for key in location:
@@ -170,13 +181,13 @@ def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list
         elif "discriminator" in node and key in node["discriminator"].get("mapping", {}):
             node = {"$ref": node["discriminator"]["mapping"][key]}
         else:
-            node = _branch(node)
+            node = _model_branch(node)
     node = _resolve(node, schema)
-    return list(_resolve(_branch(node) if "anyOf" in node else node, schema).get("properties", {}))
+    return list(_resolve(_model_branch(node) if "anyOf" in node else node, schema).get("properties", {}))
 
 
-def _branch(node: Any) -> Any:
-    """The model among alternatives."""
+def _model_branch(node: Any) -> Any:
+    """Schema of the model among a union's alternatives."""
     return next((branch for branch in node.get("anyOf", node.get("oneOf", [])) if "$ref" in branch), {})
 
 
@@ -186,10 +197,10 @@ def _resolve(node: Any, schema: Any) -> Any:
     return node
 
 
-def _dotted(keys: Sequence[str | int]) -> str:
+def _dotted_path(keys: Sequence[str | int]) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).lstrip(".")
 
 
-def _shown(value: Any) -> str:
+def _short_repr(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}…"

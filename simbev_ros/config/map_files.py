@@ -1,4 +1,4 @@
-"""Map files that a scenario may name instead of a town."""
+"""File types of maps that a configuration can name instead of a town."""
 
 MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
-"""Suffixes of OpenDRIVE, OpenStreetMap and SUMO net files."""
+"""Suffixes of OpenDRIVE, OpenStreetMap (two) and SUMO net files."""

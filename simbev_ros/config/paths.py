@@ -1,4 +1,4 @@
-"""Where the shipped configuration files are: in a checkout, or installed by pip or colcon."""
+"""Location of the shipped configuration files: in a checkout, or installed by pip or colcon."""
 
 import sysconfig
 from pathlib import Path
@@ -7,10 +7,10 @@ PACKAGE = "simbev_ros"
 
 
 def shipped_config_dir() -> Path:
-    """The folder of the shipped configuration files.
+    """Folder of the shipped configuration files.
 
     Raises:
-        FileNotFoundError: the installation is incomplete.
+        FileNotFoundError: The installation is incomplete.
     """
     package_dir = Path(__file__).resolve().parents[1]
     prefixes = [package_dir.parents[depth] for depth in range(min(5, len(package_dir.parents)))]

@@ -1,8 +1,8 @@
-"""Sensors of the agent's own place and motion.
+"""GNSS receivers and IMUs of a rig, which measure the agent's own position and motion.
 
-White noise is given by the standard deviation of each message, as in the paper; walks by their growth with time, so
-that they do not change with the rate. From an IMU's datasheet: sigma of a message is the noise density (m/s²/√Hz)
-times √rate_hz; the random walk of the bias (m/s²/√s, also written m/s³/√Hz) is as it is there.
+White noise is given as the standard deviation of a message, as in the paper; random walks are given by their growth
+with time, so that they do not depend on the rate. To convert from an IMU's datasheet: the sigma of a message is the
+noise density (m/s²/√Hz) times √rate_hz; the random walk of the bias (m/s²/√s, also written m/s³/√Hz) is used as is.
 """
 
 from typing import Annotated, Any, Literal
@@ -13,19 +13,26 @@ from simbev_ros.config.sensor import Sensor
 
 
 class Gnss(Sensor):
-    """A GNSS receiver; its antenna is at the sensor's place."""
+    """A GNSS receiver; its antenna is at the sensor's position."""
 
     type: Literal["gnss"]
-    latitude_noise_sigma_deg: float = Field(4e-7, ge=0, le=1, description="of each fix; 1e-6° is 0.11 m")
-    longitude_noise_sigma_deg: float = Field(4e-7, ge=0, le=1, description="of each fix")
-    altitude_noise_sigma_m: float = Field(0.04, ge=0, le=1000, description="of each fix")
+    latitude_noise_sigma_deg: float = Field(4e-7, ge=0, le=1, description="standard deviation per fix; 1e-6° is 0.11 m")
+    longitude_noise_sigma_deg: float = Field(4e-7, ge=0, le=1, description="standard deviation per fix")
+    altitude_noise_sigma_m: float = Field(0.04, ge=0, le=1000, description="standard deviation per fix")
     bias_walk_horizontal_sigma_m: float = Field(
-        0.0, ge=0, le=1000, description="of an error east and one north that change slowly (first-order Gauss-Markov)"
+        0.0,
+        ge=0,
+        le=1000,
+        description="standard deviation of slowly changing errors east and north (first-order Gauss-Markov)",
     )
-    bias_walk_vertical_sigma_m: float = Field(0.0, ge=0, le=1000, description="of such an error upward")
-    bias_walk_time_s: float = Field(60.0, gt=0, le=86_400, description="after it their correlation has fallen to 1/e")
-    dropout_share: float = Field(0.0, ge=0, le=0.99, description="share of time without a fix, at random moments")
-    dropout_mean_s: float = Field(5.0, gt=0, le=3600, description="how long a drop-out lasts on average")
+    bias_walk_vertical_sigma_m: float = Field(
+        0.0, ge=0, le=1000, description="standard deviation of the slowly changing error upward"
+    )
+    bias_walk_time_s: float = Field(
+        60.0, gt=0, le=86_400, description="time after which the correlation of these errors has fallen to 1/e"
+    )
+    dropout_share: float = Field(0.0, ge=0, le=0.99, description="share of time without a fix, in random intervals")
+    dropout_mean_s: float = Field(5.0, gt=0, le=3600, description="mean duration of a dropout")
 
 
 def _on_each_axis(value: Any) -> Any:
@@ -38,18 +45,23 @@ def _on_each_axis(value: Any) -> Any:
 
 _Component = Annotated[float, Field(ge=-10, le=10)]
 PerAxis = Annotated[tuple[_Component, _Component, _Component], BeforeValidator(_on_each_axis)]
-"""Along x, y and z of the sensor; one number stands for three equal ones."""
+"""Values along the sensor's x, y and z axes; a single number stands for three equal ones."""
 
 
 class Imu(Sensor):
-    """An inertial measurement unit. It alone may be faster than the ticks: at a whole multiple of their rate."""
+    """An inertial measurement unit, the only sensor that may be faster than the ticks: a multiple of their rate."""
 
     type: Literal["imu"]
-    accelerometer_noise_sigma_mps2: float = Field(1.7e-4, ge=0, le=100, description="of each message")
-    gyroscope_noise_sigma_radps: float = Field(5.6e-6, ge=0, le=100, description="of each message")
-    accelerometer_bias_mps2: PerAxis = Field((0.0, 0.0, 0.0), description="constant")
-    gyroscope_bias_radps: PerAxis = Field((1.7e-4, 1.7e-4, 1.7e-4), description="constant")
+    accelerometer_noise_sigma_mps2: float = Field(1.7e-4, ge=0, le=100, description="standard deviation per message")
+    gyroscope_noise_sigma_radps: float = Field(5.6e-6, ge=0, le=100, description="standard deviation per message")
+    accelerometer_bias_mps2: PerAxis = Field((0.0, 0.0, 0.0), description="constant bias")
+    gyroscope_bias_radps: PerAxis = Field((1.7e-4, 1.7e-4, 1.7e-4), description="constant bias")
     accelerometer_bias_walk_mps2_per_sqrt_s: float = Field(
-        0.0, ge=0, le=10, description="sigma of the change of the bias after 1 s; it grows with the root of time"
+        0.0,
+        ge=0,
+        le=10,
+        description="standard deviation of the bias's change in 1 s; it grows with the square root of time",
     )
-    gyroscope_bias_walk_radps_per_sqrt_s: float = Field(0.0, ge=0, le=10, description="the same for the gyroscope")
+    gyroscope_bias_walk_radps_per_sqrt_s: float = Field(
+        0.0, ge=0, le=10, description="standard deviation of the bias's change in 1 s"
+    )

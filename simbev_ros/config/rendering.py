@@ -1,4 +1,4 @@
-"""How pictures are drawn, and on what."""
+"""Section ``rendering``: image quality, and the devices and processes that render."""
 
 from typing import Annotated, Literal, Self, get_args
 
@@ -8,22 +8,23 @@ from simbev_ros.config.base import Model
 
 Quality = Literal["low", "medium", "high"]
 QUALITIES: tuple[Quality, ...] = get_args(Quality)
-"""From fast to beautiful. Labels, depth and flow are the same in all."""
+"""Qualities of color images, from fastest to best. Labels, depth and flow are the same in all."""
 
 Device = Literal["auto", "cpu"] | Annotated[int, Field(ge=0)]
-"""What one process draws on: a GPU if EGL has one, else the CPU; the CPU; or the EGL device of a number."""
+"""Device on which a process renders: a GPU if EGL has one, else the CPU; always the CPU; or an EGL device by number."""
 
 
 class Rendering(Model):
-    """How cameras are drawn."""
+    """Rendering of camera images."""
 
-    quality: Quality = Field("medium", description="of colour images: low is fast, high is beautiful")
+    quality: Quality = Field("medium", description="quality of color images: low is fastest, high is best")
     gpus: Literal["auto"] | tuple[Annotated[int, Field(ge=0, le=255)], ...] = Field(
         "auto",
-        description="auto: all that EGL has, else the CPU; []: the CPU; or EGL devices as `simbev doctor` counts them",
+        description="GPUs that render; auto: all that EGL has, else the CPU; []: the CPU; "
+        "or EGL device numbers from `simbev doctor`",
     )
     processes: Literal["auto"] | Annotated[int, Field(ge=1, le=16)] = Field(
-        "auto", description="that share the rig's cameras; auto: one for each GPU, or on the CPU one for each core"
+        "auto", description="number of processes that share the rig's cameras; auto: one per GPU, or one per CPU core"
     )
 
     @model_validator(mode="after")
@@ -33,7 +34,7 @@ class Rendering(Model):
         return self
 
     def device_of(self, process: int) -> Device:
-        """What the camera process of a number, from 0, draws on."""
+        """Device on which a camera process, numbered from 0, renders."""
         if self.gpus == "auto":
             return "auto"
         return self.gpus[process % len(self.gpus)] if self.gpus else "cpu"

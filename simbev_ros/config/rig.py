@@ -1,4 +1,4 @@
-"""The rig: which sensors an agent carries."""
+"""The rig: the sensors that an agent carries, and the registry of sensor kinds."""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Final, Self, TypeVar, get_args
@@ -13,7 +13,7 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Name, Sensor
 
 AnySensor = Annotated[Camera | Lidar | Radar | Gnss | Imu, Field(discriminator="type")]
-"""Every kind of sensor. Code that depends on the kind follows from this union or is checked against it.
+"""Union of all kinds of sensors. Code that depends on the kind is derived from this union or checked against it.
 
 How to add a kind: docs/extending/sensor.md.
 """
@@ -27,14 +27,14 @@ def _models_by_kind() -> dict[str, type[Sensor]]:
 
 
 SENSOR_KINDS: Final[Mapping[str, type[Sensor]]] = _models_by_kind()
-"""Model of each kind of sensor by the kind's name, which is the ``type`` in a rig; in the order of the union."""
+"""Model of each kind of sensor by the kind's name, the ``type`` in a rig, in the order of the union."""
 
 
 class Rig(Model):
     """The sensors of one agent."""
 
-    agent: Name = Field("ego", description="first part of topics and frames")
-    sensors: tuple[AnySensor, ...] = Field(description="told apart by `type`")
+    agent: Name = Field("ego", description="name of the agent, the first part of its topics and frames")
+    sensors: tuple[AnySensor, ...] = Field(description="list of sensors; `type` selects the kind")
 
     @model_validator(mode="after")
     def _names_once(self) -> Self:
@@ -45,5 +45,5 @@ class Rig(Model):
         return self
 
     def of_type(self, kind: type[S]) -> Sequence[S]:
-        """The sensors of one type, in order."""
+        """Sensors of one type, in order."""
         return [sensor for sensor in self.sensors if isinstance(sensor, kind)]

@@ -1,4 +1,4 @@
-"""The configuration file: one model for each section, defaults as in the paper."""
+"""The configuration file as a pydantic model, ``Scenario``, with a model for each section; defaults as in the paper."""
 
 from typing import Annotated, Literal, Self
 
@@ -20,29 +20,29 @@ SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
 _Percent = Annotated[PaperOrDrawn, within(0, 100)]
 _Count = Annotated[PaperOrDrawn, within(0, 10_000)]
-_SHORTEST_S = 0.001
+_MIN_DURATION_S = 0.001
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
 
 class MapScenes(Model):
-    """How many scenes of one map are wanted in each split."""
+    """Number of scenes to generate on a map, for each split."""
 
-    map: str = Field(min_length=1, description="a town's name, or a file, relative to the configuration's folder")
+    map: str = Field(min_length=1, description="name of a town, or map file relative to the configuration's folder")
     train: int = Field(0, ge=0, le=100_000, description="number of scenes in the training split")
     val: int = Field(0, ge=0, le=100_000, description="number of scenes in the validation split")
     test: int = Field(0, ge=0, le=100_000, description="number of scenes in the test split")
 
 
 class Timing(Model):
-    """Lengths of time."""
+    """Tick length and durations of a scene."""
 
     tick_s: float = Field(0.05, ge=0.001, le=1, description="length of a simulation step")
-    warm_up_s: float = Field(4.0, gt=0, le=600, description="simulated at first, not recorded")
-    duration_s: Annotated[Drawn, within(_SHORTEST_S, 3000)] = Field(
-        16.0, description="recorded; what is drawn is rounded to whole ticks"
+    warm_up_s: float = Field(4.0, gt=0, le=600, description="simulated time before recording starts")
+    duration_s: Annotated[Drawn, within(_MIN_DURATION_S, 3000)] = Field(
+        16.0, description="recorded time; a drawn value is rounded to whole ticks"
     )
     end_after_standing_s: float | None = Field(
-        None, gt=0, le=3000, description="the scene ends when the ego has stood still for so long; none: it goes on"
+        None, gt=0, le=3000, description="standstill of the ego after which the scene ends; none: never ends early"
     )
 
     @model_validator(mode="after")
@@ -58,7 +58,7 @@ class Timing(Model):
 
     @property
     def tick_ns(self) -> int:
-        """Length of a tick."""
+        """Length of a tick, ns."""
         return round(self.tick_s * 1e9)
 
 
@@ -66,26 +66,26 @@ def _is_whole(ratio: float) -> bool:
     return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
 
 
-def _slower(tick_hz: float) -> str:
-    """The rates that divide that of the ticks, in words."""
+def _dividing_rates(tick_hz: float) -> str:
+    """Text that lists the rates which divide the tick rate."""
     return f"{tick_hz:g}, {tick_hz / 2:g}, {tick_hz / 3:g}, …"
 
 
 class WeatherParameters(Model):
-    """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on others."""
+    """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on other values."""
 
     cloudiness: _Percent = Field("paper", description="cloud cover in percent")
-    precipitation: _Percent = Field("paper", description="intensity of the rain in percent")
+    precipitation: _Percent = Field("paper", description="rain intensity in percent")
     precipitation_deposits: _Percent = Field("paper", description="area covered by puddles in percent")
     wetness: _Percent = Field("paper", description="wetness of roads in percent")
-    wind_intensity: _Percent = Field("paper", description="in percent")
+    wind_intensity: _Percent = Field("paper", description="wind intensity in percent")
     sun_azimuth_deg: Annotated[PaperOrDrawn, within(0, 360)] = Field(
-        "paper", description="counter-clockwise from the map's x axis"
+        "paper", description="azimuth of the sun, counterclockwise from the map's x axis"
     )
     sun_altitude_deg: Annotated[PaperOrDrawn, within(-90, 90)] = Field(
-        "paper", description="above the horizon; negative at night"
+        "paper", description="altitude of the sun above the horizon; negative at night"
     )
-    fog_density: _Percent = Field("paper", description="in percent")
+    fog_density: _Percent = Field("paper", description="fog density in percent")
     fog_distance_m: Annotated[PaperOrDrawn, within(0)] = Field("paper", description="distance at which fog starts")
     fog_falloff: Annotated[PaperOrDrawn, within(0)] = Field(
         "paper", description="decrease of fog with height; 0: none, above 5: close to the ground"
@@ -96,7 +96,7 @@ class WeatherConfig(WeatherParameters):
     """Weather and light at the scene's start and, if they change, at its end."""
 
     final: WeatherParameters | None = Field(
-        None, description="at the last tick, reached linearly from the first; parameters not given are `paper`"
+        None, description="weather at the last tick, reached linearly from the first; parameters not given are `paper`"
     )
 
 
@@ -104,23 +104,33 @@ EgoDriverKind = Literal["traffic", "twist"]
 
 
 class SpawnPose(Model):
-    """Where the ego may start: the middle of its footprint, map frame; it is put on the nearest lane."""
+    """Start pose of the ego: the center of its footprint, map frame; it is moved to the nearest lane."""
 
-    x_m: float = Field(ge=-1e6, le=1e6, description="map frame")
-    y_m: float = Field(ge=-1e6, le=1e6, description="map frame")
-    z_m: float | None = Field(None, ge=-1e4, le=1e4, description="height of the road, which tells levels apart")
-    yaw_deg: float | None = Field(None, ge=-360, le=360, description="tells directions apart")
+    x_m: float = Field(ge=-1e6, le=1e6, description="x in the map frame")
+    y_m: float = Field(ge=-1e6, le=1e6, description="y in the map frame")
+    z_m: float | None = Field(
+        None, ge=-1e4, le=1e4, description="height of the road, which selects one of several levels"
+    )
+    yaw_deg: float | None = Field(
+        None, ge=-360, le=360, description="approximate heading, which selects the driving direction"
+    )
 
 
 class Ego(Model):
     """The ego vehicle."""
 
-    blueprint: str = Field("vehicle.sedan", description="name of a vehicle in the catalogue")
+    blueprint: str = Field("vehicle.sedan", description="name of a vehicle in the catalog")
     driver: EgoDriverKind = Field(
-        "traffic", description="twist: geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s and angular.z in rad/s"
+        "traffic",
+        description="traffic: the ego drives like other vehicles; "
+        "twist: it follows geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s and angular.z in rad/s",
     )
-    spawn: tuple[SpawnPose, ...] = Field((), description="one is drawn for each scene; none: anywhere on the map")
-    reckless_probability: _Probability = Field(0.01, description="that the ego ignores lights, signs and others")
+    spawn: tuple[SpawnPose, ...] = Field(
+        (), description="start poses, of which one is drawn for each scene; none: anywhere on the map"
+    )
+    reckless_probability: _Probability = Field(
+        0.01, description="probability that the ego ignores lights, signs and other road users"
+    )
 
 
 class Traffic(Model):
@@ -128,79 +138,93 @@ class Traffic(Model):
 
     vehicles: _Count = Field("paper", description="number of vehicles besides the ego")
     pedestrians: _Count = Field("paper", description="number of pedestrians")
-    spawn_radius_m: float = Field(400.0, gt=0, le=10_000, description="actors start within this distance of the ego")
-    waypoint_spacing_m: float = Field(24.0, ge=12, le=500, description="between places where vehicles can start")
+    spawn_radius_m: float = Field(
+        400.0, gt=0, le=10_000, description="maximum distance from the ego at which actors start"
+    )
+    waypoint_spacing_m: float = Field(24.0, ge=12, le=500, description="distance between start positions of vehicles")
     speed_factor: Annotated[Drawn, within(0.1, 4)] = Field(
-        Distribution(uniform=(0.8, 1.4)), description="desired speed over the speed limit"
+        Distribution(uniform=(0.8, 1.4)), description="desired speed as a multiple of the speed limit"
     )
     min_gap_m: Annotated[Drawn, within(0.2, 20)] = Field(
-        Distribution(normal=(3.2, 1.0), min=0.5, max=10), description="gap to the front vehicle when stopped"
+        Distribution(normal=(3.2, 1.0), min=0.5, max=10), description="gap to the vehicle ahead at a standstill"
     )
     headway_s: Annotated[Drawn, within(0.3, 10)] = Field(
-        Distribution(normal=(1.2, 0.25), min=0.7, max=2.5), description="time behind the front vehicle when driving"
+        Distribution(normal=(1.2, 0.25), min=0.7, max=2.5), description="time gap to the vehicle ahead while driving"
     )
     lane_change_eagerness: Annotated[Drawn, within(0, 20)] = Field(
-        Distribution(lognormal=(0.0, 0.6), min=0.1, max=5), description="to change lanes for speed; 1 is usual"
+        Distribution(lognormal=(0.0, 0.6), min=0.1, max=5),
+        description="eagerness to change lanes for speed; 1 is usual",
     )
-    reckless_probability: _Probability = Field(0.01, description="ignores lights, signs and others")
-    distracted_probability: float = Field(0.02, ge=0, le=1, description="ignores lights and signs, but not others")
-    emergency_lights_probability: float = Field(0.5, ge=0, le=1, description="of emergency vehicles: lights on")
-    door_probability: float = Field(0.1, ge=0, le=1, description="that a vehicle that stands opens doors")
+    reckless_probability: _Probability = Field(
+        0.01, description="probability that a driver ignores lights, signs and other road users"
+    )
+    distracted_probability: float = Field(
+        0.02, ge=0, le=1, description="probability that a driver ignores lights and signs, but not other road users"
+    )
+    emergency_lights_probability: float = Field(
+        0.5, ge=0, le=1, description="probability that an emergency vehicle has its lights on"
+    )
+    door_probability: float = Field(0.1, ge=0, le=1, description="probability that a stationary vehicle opens doors")
     pedestrian_max_speed_mps: Annotated[Drawn, within(0.8, 12)] = Field(
-        Distribution(lognormal=(0.16, 0.64), min=0.8, max=8), description="who is faster than about 2.1 m/s runs"
+        Distribution(lognormal=(0.16, 0.64), min=0.8, max=8),
+        description="maximum speed; pedestrians faster than about 2.1 m/s run",
     )
     walker_cross_factor: Annotated[Drawn, within(0, 1)] = Field(
         Distribution(beta=(2.4, 1.6)), description="share of pedestrians that may jaywalk, drawn for each scene"
     )
     plaza_probability: float = Field(
-        0.5, ge=0, le=1, description="that somebody who walks visits the plazas on the way; runners go on"
+        0.5, ge=0, le=1, description="probability that a walking pedestrian visits plazas on the way; runners do not"
     )
     green_time_s: Annotated[Drawn, within(2, 300)] = Field(
-        Distribution(uniform=(4, 28)), description="green time of a traffic-light program"
+        Distribution(uniform=(4, 28)), description="duration of a green phase of a traffic-light program"
     )
 
 
 class RecordedTopics(Model):
-    """Which topics are recorded, by patterns: ``*`` is anything, slashes included, ``?`` any one character."""
+    """Topics that are recorded, by patterns: ``*`` matches anything, slashes included, ``?`` any single character."""
 
-    include: tuple[str, ...] = Field(("*",), min_length=1, description="one of these fits")
-    exclude: tuple[str, ...] = Field((), description="and none of these")
+    include: tuple[str, ...] = Field(("*",), min_length=1, description="patterns of which a recorded topic matches one")
+    exclude: tuple[str, ...] = Field((), description="patterns of which a recorded topic matches none")
 
     @model_validator(mode="after")
-    def _may_fit(self) -> Self:
+    def _can_match(self) -> Self:
         for pattern in (*self.include, *self.exclude):
             if not pattern.startswith(("/", "*", "?", "[")):
-                raise ValueError(f"{pattern!r} fits no topic: names of topics begin with a slash")
+                raise ValueError(f"{pattern!r} matches no topic: names of topics begin with a slash")
         return self
 
 
 class Recording(Model):
-    """How scenes are recorded."""
+    """Recording of scenes: topics, compression, file sizes and disk space."""
 
     topics: RecordedTopics = RecordedTopics()
-    images: Literal["compressed", "raw"] = Field("compressed", description="compressed: JPEG and PNG forms")
-    jpeg_quality: int = Field(90, ge=1, le=100, description="of colour images, also on live topics")
-    chunk_kib: int = Field(4096, ge=64, le=65_536, description="of messages that are compressed together")
-    zstd_level: int | None = Field(1, ge=1, le=19, description="of chunks; none: they are not compressed")
-    split_mib: int | None = Field(
-        None, ge=1, description="a file that has so much is followed by the next; none: one file"
+    images: Literal["compressed", "raw"] = Field(
+        "compressed", description="format of recorded images; compressed: JPEG and PNG"
     )
-    sync_mib: int = Field(32, ge=1, le=4096, description="of messages that are forced to the disk together")
-    least_free_mib: int = Field(512, ge=0, description="recording ends when less is free on the disk")
+    jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality of color images, also on live topics")
+    chunk_kib: int = Field(4096, ge=64, le=65_536, description="size of chunks, whose messages are compressed together")
+    zstd_level: int | None = Field(1, ge=1, le=19, description="compression level of chunks; none: not compressed")
+    split_mib: int | None = Field(
+        None, ge=1, description="file size at which the bag continues in a new file; none: a single file"
+    )
+    sync_mib: int = Field(32, ge=1, le=4096, description="amount of messages that is synced to disk together")
+    least_free_mib: int = Field(512, ge=0, description="free disk space below which recording ends")
 
 
 class GraphConfig(Model):
-    """Processes and lockstep."""
+    """The ROS graph: lockstep between nodes, outside participants and timeouts."""
 
-    window_ticks: int = Field(3, ge=1, le=8, description="ticks that the world may be ahead of the slowest node")
-    participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready to wait for")
-    silence_timeout_s: float = Field(60.0, ge=1, le=3600, description="a node silent for longer ends the scene")
+    window_ticks: int = Field(3, ge=1, le=8, description="maximum lead of the world over the slowest node")
+    participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready for which the world waits")
+    silence_timeout_s: float = Field(
+        60.0, ge=1, le=3600, description="time without a message from a node after which the scene ends"
+    )
 
 
 class Scenario(Model):
     """The whole configuration file."""
 
-    seed: int = Field(0, ge=0, le=2**31, description="a scene's seed is its number plus this")
+    seed: int = Field(0, ge=0, le=2**31, description="base seed; a scene's seed is its number plus this value")
     scenes: tuple[MapScenes, ...] = Field(min_length=1)
     time: Timing = Timing()
     rig: Rig
@@ -213,16 +237,18 @@ class Scenario(Model):
     rendering: Rendering = Rendering()
     recording: Recording = Recording()
     graph: GraphConfig = GraphConfig()
-    evaluation: Evaluation | None = Field(None, description="of a perception stack; none: no evaluator runs")
+    evaluation: Evaluation | None = Field(
+        None, description="live evaluation of a perception stack; none: no evaluation"
+    )
 
     @property
     def participants(self) -> tuple[str, ...]:
-        """Outside nodes on /sync/ready to wait for."""
+        """Outside nodes on /sync/ready for which the world waits, including the evaluated stack."""
         stack = () if self.evaluation is None else self.evaluation.participants
         return tuple(dict.fromkeys((*self.graph.participants, *stack)))
 
     def as_yaml(self) -> str:
-        """All of it, as it is kept in bags."""
+        """The whole configuration as YAML, as it is stored in bags."""
         return str(yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False))
 
     @model_validator(mode="after")
@@ -232,16 +258,16 @@ class Scenario(Model):
             rate_hz = sensor.rate_hz
             if rate_hz is None or _is_whole(tick_hz / rate_hz):
                 continue
-            slower = _slower(tick_hz)
+            allowed = _dividing_rates(tick_hz)
             if not isinstance(sensor, Imu):
                 raise ValueError(
                     f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; "
-                    f"allowed are {slower} (only an imu can be faster than the ticks)"
+                    f"allowed are {allowed} (only an imu can be faster than the ticks)"
                 )
             if not _is_whole(rate_hz / tick_hz):
                 raise ValueError(
                     f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} neither divides the tick rate {tick_hz:g} Hz nor "
-                    f"is a multiple of it; allowed are {slower} and {2 * tick_hz:g}, {3 * tick_hz:g}, …"
+                    f"is a multiple of it; allowed are {allowed} and {2 * tick_hz:g}, {3 * tick_hz:g}, …"
                 )
         return self
 
@@ -253,12 +279,12 @@ class Scenario(Model):
             if rate_hz is not None and not _is_whole(tick_hz / rate_hz):
                 raise ValueError(
                     f"annotation.{name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; allowed are "
-                    f"{_slower(tick_hz)}"
+                    f"{_dividing_rates(tick_hz)}"
                 )
         return self
 
     @model_validator(mode="after")
-    def _some_scene(self) -> Self:
+    def _at_least_one_scene(self) -> Self:
         if not any(entry.train + entry.val + entry.test for entry in self.scenes):
             raise ValueError("scenes: all counts are 0; ask for at least one scene")
         return self

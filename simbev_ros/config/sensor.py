@@ -1,4 +1,4 @@
-"""What all sensors share: a name, a place on the agent, a rate."""
+"""Base of all sensor models: name, pose on the agent, and rate."""
 
 from functools import cached_property
 from typing import Annotated
@@ -11,22 +11,22 @@ from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
-"""A part of a topic and of a frame."""
+"""Name that can be part of a topic and of a frame."""
 
 
 class Pose(Model):
-    """Pose of a sensor in the ego frame: x forward, y left, z up, origin at the ground below the box's centre."""
+    """Pose of a sensor in the ego frame: x forward, y left, z up, origin on the ground below the box's center."""
 
     x_m: float = Field(0.0, ge=-20, le=20, description="forward")
     y_m: float = Field(0.0, ge=-20, le=20, description="left")
     z_m: float = Field(0.0, ge=-5, le=20, description="up")
-    roll_deg: float = Field(0.0, ge=-180, le=180, description="positive tilts to the right")
-    pitch_deg: float = Field(0.0, ge=-180, le=180, description="positive looks down (REP-103)")
-    yaw_deg: float = Field(0.0, ge=-180, le=180, description="positive looks left (REP-103)")
+    roll_deg: float = Field(0.0, ge=-180, le=180, description="rotation about x; positive tilts to the right")
+    pitch_deg: float = Field(0.0, ge=-180, le=180, description="rotation about y; positive looks down (REP-103)")
+    yaw_deg: float = Field(0.0, ge=-180, le=180, description="rotation about z; positive looks left (REP-103)")
 
     @cached_property
     def ego_from_sensor(self) -> Float64Array:
-        """(4, 4) transform; for cameras the sensor frame is the body frame (x forward), not the optical one."""
+        """(4, 4) transform; for cameras the sensor frame is the body frame (x forward), not the optical frame."""
         return matrices_from_xyz_rpy(
             np.array([self.x_m, self.y_m, self.z_m]),
             np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg]),
@@ -34,8 +34,10 @@ class Pose(Model):
 
 
 class Sensor(Model):
-    """What all sensors share."""
+    """Properties that all sensors have."""
 
-    name: Name = Field(description="part of topics and frames, unique in the rig")
+    name: Name = Field(description="name of the sensor, part of its topics and frame, unique in the rig")
     pose: Pose = Pose()
-    rate_hz: float | None = Field(None, gt=0, le=1000, description="None: at every tick; a divisor of their rate")
+    rate_hz: float | None = Field(
+        None, gt=0, le=1000, description="publishing rate, which must divide the tick rate; none: every tick"
+    )

@@ -1,4 +1,4 @@
-"""Reading a YAML file that a user wrote: safely, without surprises, and with the line of every value."""
+"""Reader of YAML files written by users: safe, strict about repeated keys, and aware of the line of every value."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,8 +15,12 @@ _MAX_NODES = 200_000
 class YamlFile:
     """A parsed YAML file.
 
+    Attributes:
+        path: The file.
+        data: Its contents as mappings, lists and scalars.
+
     Raises:
-        InputError: it cannot be read, is not YAML, repeats a key, or its aliases expand to too much.
+        InputError: The file cannot be read, is not YAML, repeats a key, or its aliases expand to too many values.
     """
 
     def __init__(self, path: Path) -> None:
@@ -37,7 +41,7 @@ class YamlFile:
             raise InputError(f"{path}: not valid YAML: {error}") from None
 
     def line_of(self, keys: Sequence[str | int]) -> int | None:
-        """Line, from 1, of the value at a path of keys and indices, or of the deepest part of it that is there."""
+        """Line, counted from 1, of the value at a path of keys and indices, or of the deepest existing part of it."""
         node = self._root
         for key in keys:
             child = _child(node, key)

@@ -1,6 +1,6 @@
-"""Datasets: which scenes they are to have, which they have, and reading them.
+"""Datasets on disk: planning their scenes, indexing and checking finished ones, and reading them.
 
-To read one, ``open_dataset``; it needs neither ROS nor a graphics card::
+To read a dataset, call ``open_dataset``; it needs neither ROS nor a graphics card::
 
     from simbev_ros.dataset import columns, open_dataset
     from simbev_ros.geometry.transforms import apply, inverse
@@ -13,10 +13,10 @@ To read one, ``open_dataset``; it needs neither ROS nor a graphics card::
     points_map = apply(frame.map_from_sensor("lidar"), points)
     centers_optical = apply(inverse(frame.map_from_optical("cam_front")), centers)
     ahead = centers_optical[centers_optical[:, 2] > 0]
-    pixels = scene.calibration["cam_front"].camera.project(ahead)       # (A, 2), centres of pixels at integers
+    pixels = scene.calibration["cam_front"].camera.project(ahead)       # (A, 2), pixel centers at integers
 
-What a frame has, ``list(frame)``; what that is, ``simbev_ros.dataset.values``; for training,
-``simbev_ros.dataset.torch_dataset``.
+``list(frame)`` names what a frame contains; ``simbev_ros.dataset.values`` documents the type of each value;
+``simbev_ros.dataset.torch_dataset`` serves frames to a torch training loop.
 """
 
 from simbev_ros.dataset.frame import Frame

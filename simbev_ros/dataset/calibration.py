@@ -1,4 +1,4 @@
-"""Where the sensors of a scene sit and how its cameras see, from the rig that the bag was recorded with."""
+"""Calibration of a scene's sensors: extrinsics and camera models, from the rig that the bag was recorded with."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ from simbev_ros.types import Float64Array
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """One sensor.
+    """Extrinsics of one sensor and, for a camera, its intrinsics and distortion.
 
     Attributes:
-        sensor: Its settings.
-        ego_from_sensor: (4, 4) pose; the sensor's frame is x forward, y left, z up, also a camera's.
-        camera: Geometry of a camera: ``project`` and ``rays``; None for other sensors.
+        sensor: The sensor's settings in the rig.
+        ego_from_sensor: (4, 4) pose; the sensor's frame is x forward, y left, z up, for cameras too.
+        camera: Geometry of a camera with ``project`` and ``rays``; None for other sensors.
     """
 
     sensor: AnySensor
@@ -26,35 +26,35 @@ class Calibration:
     camera: PinholeCamera | None
 
     @classmethod
-    def of(cls, sensor: AnySensor) -> "Calibration":
-        """That of a rig's sensor."""
+    def from_sensor(cls, sensor: AnySensor) -> "Calibration":
+        """Calibration of a sensor as the rig describes it."""
         return cls(sensor, sensor.pose.ego_from_sensor, sensor.model if isinstance(sensor, Camera) else None)
 
-    def is_like(self, other: "Calibration") -> bool:
-        """Whether another sensor of this name sits at the same place and sees alike."""
+    def matches(self, other: "Calibration") -> bool:
+        """Whether another sensor has the same pose and, if it is a camera, the same camera model."""
         return np.array_equal(self.ego_from_sensor, other.ego_from_sensor) and self.camera == other.camera
 
     @property
     def ego_from_optical(self) -> Float64Array:
-        """(4, 4) pose of a camera's optical frame: x right, y down, z forward. That of images and pixels."""
+        """(4, 4) pose of a camera's optical frame, to which images and pixels refer: x right, y down, z forward."""
         self._camera()
         ego_from_optical: Float64Array = self.ego_from_sensor @ SENSOR_FROM_OPTICAL
         return ego_from_optical
 
     @property
     def intrinsics(self) -> Float64Array:
-        """(3, 3) matrix K of a camera, pixels, centres of pixels at integers."""
+        """(3, 3) camera matrix K in pixels; pixel centers are at integers."""
         return self._camera().matrix
 
     @property
     def distortion(self) -> Float64Array:
-        """(5,) k1, k2, p1, p2, k3 of a camera's lens (plumb_bob, OpenCV); zeros without distortion."""
+        """(5,) distortion coefficients k1, k2, p1, p2, k3 (plumb_bob, OpenCV); zeros for an ideal lens."""
         camera = self._camera()
         return np.array(camera.distortion) if isinstance(camera, LensCamera) else np.zeros(5)
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height of a camera's image."""
+        """Width and height of a camera's image, pixels."""
         camera = self._camera()
         return camera.width_px, camera.height_px
 
@@ -65,5 +65,5 @@ class Calibration:
 
 
 def calibrations(rig: Rig) -> dict[str, Calibration]:
-    """Those of a rig, by the sensors' names."""
-    return {sensor.name: Calibration.of(sensor) for sensor in rig.sensors}
+    """Calibrations of all sensors of a rig, by sensor name."""
+    return {sensor.name: Calibration.from_sensor(sensor) for sensor in rig.sensors}

@@ -1,43 +1,47 @@
-"""Whether a dataset's index and its bags say the same."""
+"""Checks of a dataset as a whole: whether its index matches its bags, and whether scenes are missing or unfinished."""
 
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from simbev_ros.dataset.index import INDEX_FILE, Row, read_index, row_of, sha256_of
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.index import INDEX_FILE, Row, index_row, read_index, sha256_of
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.dataset.plan import PLAN_FILE
 from simbev_ros.dataset.staging import staging_of
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.layout import is_scene, mcap_files, scenes_of
 from simbev_ros.recording.verify import Fault
 
-_OF_NO_BAG = ("simbev_ros",)
-"""Columns that say nothing of the bag: the version that wrote the row."""
+_NOT_FROM_BAG = ("simbev_ros",)
+"""Index columns that do not depend on the bag: the version that wrote the row."""
 
 
 def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
-    """What is wrong with a dataset besides what is wrong within its bags.
+    """Faults of a dataset other than those within its bags, which ``recording.verify`` finds.
 
-    One that was recorded scene by scene need not have an index.
+    A dataset that was recorded scene by scene need not have an index.
+
+    Args:
+        dataset: The dataset's folder.
+        jobs: Number of processes that read bags.
     """
     bags = [bag for bag in scenes_of(dataset) if is_scene(bag)]
     empty = sorted(bag for bag in dataset.glob("scenes/*/*") if is_scene(bag) and bag.is_dir() and bag not in bags)
     faults = [Fault(bag, "", "there is no .mcap file in it") for bag in empty]
     if staging_of(dataset).exists():
-        faults.append(Fault(dataset, staging_of(dataset).name, "a scene was being made; generate makes it again"))
+        faults.append(Fault(dataset, staging_of(dataset).name, "a scene was interrupted; generate records it again"))
     if not (dataset / INDEX_FILE).exists():
         if bags and (dataset / PLAN_FILE).exists():
-            faults.append(Fault(dataset, INDEX_FILE, "it is missing; generate makes it anew"))
+            faults.append(Fault(dataset, INDEX_FILE, "it is missing; generate rebuilds it"))
         return faults
     try:
         rows = {dataset / row["path"]: row for row in read_index(dataset)}
     except InputError as error:
         return [*faults, Fault(dataset, INDEX_FILE, str(error).removeprefix(f"{dataset / INDEX_FILE}: "))]
-    there = {bag: row for bag, row in rows.items() if bag not in empty}
-    found = in_processes(partial(_row_faults, dataset), there.values(), min(jobs, max(len(there), 1)))
-    faults += [Fault(bag, *fault) for bag, each in zip(there, found, strict=True) for fault in each]
-    faults += [Fault(bag, INDEX_FILE, "the index does not have this scene") for bag in bags if bag not in rows]
+    indexed = {bag: row for bag, row in rows.items() if bag not in empty}
+    row_faults = map_in_processes(partial(_row_faults, dataset), indexed.values(), min(jobs, max(len(indexed), 1)))
+    faults += [Fault(bag, *fault) for bag, each in zip(indexed, row_faults, strict=True) for fault in each]
+    faults += [Fault(bag, INDEX_FILE, "the index does not list this scene") for bag in bags if bag not in rows]
     return faults
 
 
@@ -46,19 +50,19 @@ def _row_faults(dataset: Path, row: Row) -> list[tuple[str, str]]:
 
 
 def _differences(dataset: Path, row: Row) -> Iterator[tuple[str, str]]:
-    """Whether a bag is there, is the one that the index knows, and holds what the index says."""
+    """Place and problem of each difference between a row of the index and the bag that it describes."""
     bag = dataset / row["path"]
     if not bag.exists():
-        yield "", "the index has this scene, but it is not there"
+        yield "", "the index lists this scene, but its bag is missing"
         return
     try:
         if sha256_of(bag) != row["sha256"]:
-            yield mcap_files(bag)[0].name, "it is not the file that the index knows: its SHA-256 is another"
+            yield mcap_files(bag)[0].name, "it is not the file in the index: its SHA-256 differs"
             return
-        known = row_of(bag, dataset)
+        known = index_row(bag, dataset)
     except BagError as error:
         yield "", str(error).removeprefix(f"{bag}: ")
         return
-    for name in sorted(known.keys() - _OF_NO_BAG):
+    for name in sorted(known.keys() - _NOT_FROM_BAG):
         if row[name] != known[name]:
             yield INDEX_FILE, f"{name} is {row[name]!r}, but {known[name]!r} in the bag"

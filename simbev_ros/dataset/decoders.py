@@ -1,16 +1,16 @@
-"""Threads that decode: one pool a process, whatever process it is."""
+"""Thread pools that decode messages for ``Frame.load``: one pool per process and number of threads."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 
-def decoders(threads: int | None = None) -> ThreadPoolExecutor:
-    """The process's pool of so many threads; None: one for each core that it may use."""
+def decoder_pool(threads: int | None = None) -> ThreadPoolExecutor:
+    """This process's pool with the given number of threads; None: one for each core that the process may use."""
     return _pool(os.getpid(), threads or len(os.sched_getaffinity(0)))
 
 
 @lru_cache(maxsize=4)
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """A forked process has its parent's pools, but not their threads, so it makes its own."""
+    """Pool of one process; a forked process inherits its parent's pools without their threads, so it needs its own."""
     return ThreadPoolExecutor(threads, thread_name_prefix=f"decoder-{process}")

@@ -1,4 +1,4 @@
-"""One tick of a scene: all that was sensed and labelled then, decoded when it is asked for."""
+"""A frame: all sensor data and labels of one tick of a scene, decoded on first access."""
 
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future
@@ -11,7 +11,7 @@ import numpy as np
 from simbev_ros.annotation.boxes.boxes import LIGHT_IDS
 from simbev_ros.annotation.trajectories import HORIZON_S, Futures, futures
 from simbev_ros.dataset.content import Source
-from simbev_ros.dataset.decoders import decoders
+from simbev_ros.dataset.decoders import decoder_pool
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.types import Float64Array, Int64Array
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 class Frame(Mapping[str, Any]):
-    """All of one tick, by key; what a key's topic holds is decoded when it is first asked for, and kept.
+    """Mapping from keys to the sensor data and labels of one tick; each value is decoded on first access and kept.
 
-    A sensor with a lower rate than the ticks' has no key in most frames; ``last`` gives its latest sample. What has
-    several samples a tick, as a fast IMU, has all since the tick before.
+    A sensor that is slower than the tick rate has no key in most frames; ``last`` gives its latest sample. A sensor
+    with several samples per tick, such as a fast IMU, has all samples since the previous tick.
 
     Attributes:
-        scene: The scene that it belongs to.
-        tick: Its place there.
+        scene: The scene that the frame belongs to.
+        tick: Index of the frame in the scene.
         stamp_ns: Simulated time, ns.
     """
 
@@ -38,17 +38,17 @@ class Frame(Mapping[str, Any]):
 
     def __getitem__(self, key: str) -> Any:
         if key not in self._values:
-            self._values[key] = self._source(key).value(self._found(key))
+            self._values[key] = self._source(key).value(self._existing_locations(key))
         return self._values[key]
 
     def __iter__(self) -> Iterator[str]:
-        return (key for key in self.scene.sources if len(self._places(key)))
+        return (key for key in self.scene.sources if len(self._locations(key)))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
     def __contains__(self, key: object) -> bool:
-        return key in self.scene.sources and len(self._places(str(key))) > 0
+        return key in self.scene.sources and len(self._locations(str(key))) > 0
 
     def __eq__(self, other: object) -> bool:
         return self is other
@@ -59,55 +59,58 @@ class Frame(Mapping[str, Any]):
         return f"<frame {self.tick} of scene {self.scene.name}>"
 
     def load(self, keys: Collection[str] | None = None) -> dict[str, Any]:
-        """Decode several keys at once, in threads, as many as the scene says.
+        """Decode several keys at once in parallel threads; ``Scene.threads`` is their number.
 
         Args:
-            keys: Which; None: all of the frame.
+            keys: The keys to decode; None: all keys of the frame.
+
+        Returns:
+            Values by key.
 
         Raises:
-            KeyError: The frame has not all of them.
+            KeyError: The frame lacks one of the keys.
             BagError: The bag is damaged.
         """
         wanted = list(self) if keys is None else list(keys)
         if self.scene.threads == 1:
             return {key: self[key] for key in wanted}
-        pool, chunks = decoders(self.scene.threads), self._chunks(wanted)
+        pool, chunks = decoder_pool(self.scene.threads), self._keys_by_chunk(wanted)
         values: dict[str, Future[Any]] = {}
         for group, following in zip_longest(chunks, chunks[1:]):
-            if following:  # while what is in a chunk is decoded, the next one is decompressed
-                pool.submit(self._source(following[0]).bag.payload, self._found(following[0])[0])
+            if following:  # decompress the next chunk while messages of this one are decoded
+                pool.submit(self._source(following[0]).bag.payload, self._existing_locations(following[0])[0])
             values.update({key: pool.submit(self.__getitem__, key) for key in group})
         return {key: values[key].result() for key in wanted}
 
     def last(self, key: str) -> Any:
-        """What a key's topic has said last, at this tick or before.
+        """Latest value of a key, from this tick or an earlier one.
 
         Raises:
-            KeyError: The scene has no such key, or nothing was said yet.
+            KeyError: The scene has no such key, or it has no value yet.
         """
-        places = self._source(key).topic.between(-1, self.stamp_ns)
-        if not len(places):
-            raise KeyError(f"{key!r} has nothing up to tick {self.tick} of scene {self.scene.name}")
-        tick = int(np.searchsorted(self.scene.stamps_ns, places[-1, 0]))
+        locations = self._source(key).topic.between(-1, self.stamp_ns)
+        if not len(locations):
+            raise KeyError(f"{key!r} has no value up to tick {self.tick} of scene {self.scene.name}")
+        tick = int(np.searchsorted(self.scene.stamps_ns, locations[-1, 0]))
         return self[key] if tick == self.tick else Frame(self.scene, tick)[key]
 
     def messages(self, key: str) -> list[Any]:
-        """The messages themselves, with the fields of their ROS types: headers, covariances, JPEG and PNG as recorded.
+        """Messages of a key with all fields of their ROS types: headers, covariances, JPEG and PNG as recorded.
 
         Their arrays are views of the file's decompressed chunk, which stays in memory as long as they do.
 
         Raises:
             KeyError: The scene has no such key.
         """
-        return self._source(key).messages(self._places(key))
+        return self._source(key).messages(self._locations(key))
 
     @property
     def map_from_ego(self) -> Float64Array:
-        """(4, 4) pose of the ego: x forward, y left, z up, origin on the ground below the box's centre."""
+        """(4, 4) pose of the ego: x forward, y left, z up, origin on the ground below the center of the ego's box."""
         return poses_from_odometry(self["odom"][-1])
 
     def map_from_sensor(self, name: str) -> Float64Array:
-        """(4, 4) pose of a sensor's frame, x forward, y left, z up; that of clouds, and a camera's body."""
+        """(4, 4) pose of a sensor's frame, x forward, y left, z up: the frame of point clouds and of camera bodies."""
         return self.map_from_ego @ self.scene.calibration[name].ego_from_sensor
 
     def map_from_optical(self, name: str) -> Float64Array:
@@ -115,43 +118,43 @@ class Frame(Mapping[str, Any]):
         return self.map_from_ego @ self.scene.calibration[name].ego_from_optical
 
     def futures(self, horizon_s: float = HORIZON_S, step_s: float | None = None) -> Futures:
-        """Where each of the N rows of ``boxes`` goes; never valid for lights and signs, which stand.
+        """Future trajectory of each of the N rows of ``boxes``; never valid for lights and signs, which do not move.
 
         Args:
-            horizon_s: How far to look ahead.
-            step_s: Time between places; None: a tick.
+            horizon_s: Length of the trajectories.
+            step_s: Time between positions; None: one tick.
 
         Raises:
-            BagError: The bag holds no trajectories, as it was not finished.
-            InputError: The step is no whole number of ticks, or the horizon is shorter.
+            BagError: The bag holds no trajectories because it was not finished.
+            InputError: The step is not a whole number of ticks, or it is longer than the horizon.
         """
         ids = self["boxes"]["id"]
         moving = np.flatnonzero(ids < LIGHT_IDS)
         known = futures(self.scene.tracks, ids[moving], np.full(len(moving), self.stamp_ns), horizon_s, step_s)
         return replace(
             known,
-            valid=_spread(known.valid, moving, len(ids)),
-            position_m=_spread(known.position_m, moving, len(ids)),
-            yaw_rad=_spread(known.yaw_rad, moving, len(ids)),
-            velocity_mps=_spread(known.velocity_mps, moving, len(ids)),
+            valid=_scatter(known.valid, moving, len(ids)),
+            position_m=_scatter(known.position_m, moving, len(ids)),
+            yaw_rad=_scatter(known.yaw_rad, moving, len(ids)),
+            velocity_mps=_scatter(known.velocity_mps, moving, len(ids)),
         )
 
-    def _chunks(self, keys: Collection[str]) -> list[list[str]]:
-        """Keys by the chunk that they begin in, in the order of the file."""
+    def _keys_by_chunk(self, keys: Collection[str]) -> list[list[str]]:
+        """Keys grouped by the chunk that their first message is in, in the order of the file."""
         chunks: dict[tuple[str | int, ...], list[str]] = {}
         for key in keys:
-            _, *chunk, _ = self._found(key)[0].tolist()
+            _, *chunk, _ = self._existing_locations(key)[0].tolist()
             chunks.setdefault((str(self._source(key).bag.file), *chunk), []).append(key)
         return [chunks[chunk] for chunk in sorted(chunks)]
 
-    def _found(self, key: str) -> Int64Array:
-        """(K, …) places of a key's messages, of which there must be some."""
-        places = self._places(key)
-        if not len(places):
-            raise KeyError(f"{key!r} has nothing at tick {self.tick} of scene {self.scene.name}; see Frame.last")
-        return places
+    def _existing_locations(self, key: str) -> Int64Array:
+        """(K, 4) locations of a key's messages; raises KeyError if there are none."""
+        locations = self._locations(key)
+        if not len(locations):
+            raise KeyError(f"{key!r} has no value at tick {self.tick} of scene {self.scene.name}; see Frame.last")
+        return locations
 
-    def _places(self, key: str) -> Int64Array:
+    def _locations(self, key: str) -> Int64Array:
         after_ns = self.stamp_ns - self.scene.tick_ns if self.tick else -1
         return self._source(key).topic.between(after_ns, self.stamp_ns)
 
@@ -163,8 +166,8 @@ class Frame(Mapping[str, Any]):
             raise KeyError(f"scene {self.scene.name} has no {key!r}, but {has}") from None
 
 
-def _spread(rows: Any, places: Int64Array, count: int) -> Any:
-    """(count, …) rows at their places, zero elsewhere."""
+def _scatter(rows: Any, indices: Int64Array, count: int) -> Any:
+    """(count, …) array with the rows at the given indices and zeros elsewhere."""
     result = np.zeros((count, *rows.shape[1:]), rows.dtype)
-    result[places] = rows
+    result[indices] = rows
     return result

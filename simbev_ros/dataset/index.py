@@ -1,4 +1,4 @@
-"""The index of a dataset, as Parquet: of each finished scene its settings, its weather and what is in it."""
+"""The index of a dataset: a Parquet file with the settings, weather and contents of each finished scene."""
 
 import hashlib
 from collections.abc import Iterable, Sequence
@@ -22,13 +22,13 @@ from simbev_ros.semantics import BOX_CLASSES
 
 INDEX_FILE = "index.parquet"
 _HASHED_BYTES = 1 << 22
-_MADE_ANEW = "once it is deleted, simbev generate makes it anew"
+_REBUILD_HINT = "delete it, and simbev generate rebuilds it"
 
 Row = dict[str, Any]
 
 
 def read_index(dataset: Path) -> list[Row]:
-    """The rows of a dataset's index, by ascending number; none if it has no index.
+    """Read the rows of a dataset's index, by ascending scene number; an empty list if the dataset has no index.
 
     Raises:
         InputError: The file is damaged, or of another version.
@@ -39,15 +39,17 @@ def read_index(dataset: Path) -> list[Row]:
     try:
         table = pq.read_table(path)
     except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: {error}; {_MADE_ANEW}") from None
+        raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
     if missing := sorted(set(_schema().names) - set(table.column_names)):
-        raise InputError(f"{path}: it is no index of this version, which has a column {missing[0]}; {_MADE_ANEW}")
+        raise InputError(
+            f"{path}: it is not an index of this version, which has a column {missing[0]}; {_REBUILD_HINT}"
+        )
     rows: list[Row] = table.to_pylist()
     return rows
 
 
 def write_index(dataset: Path, rows: Iterable[Row]) -> None:
-    """Write the index, in one step that is never half done.
+    """Write the index atomically.
 
     Raises:
         InputError: It cannot be written.
@@ -57,11 +59,11 @@ def write_index(dataset: Path, rows: Iterable[Row]) -> None:
         pq.write_table(pa.Table.from_pylist(sorted(rows, key=lambda row: row["number"]), _schema()), unfinished)
 
 
-def bring_up_to_date(dataset: Path, bags: Sequence[Path]) -> tuple[list[Row], dict[Path, str]]:
-    """Write the index of finished bags, with new rows of those that it does not have as they are now.
+def update_index(dataset: Path, bags: Sequence[Path]) -> tuple[list[Row], dict[Path, str]]:
+    """Write the index of finished bags, with new rows for bags that are not in it or have changed.
 
     Returns:
-        The rows, and what is wrong with bags that cannot have one.
+        The rows, and the problems of bags that cannot be indexed, by bag.
 
     Raises:
         InputError: The index is damaged, or cannot be written.
@@ -71,7 +73,7 @@ def bring_up_to_date(dataset: Path, bags: Sequence[Path]) -> tuple[list[Row], di
     for bag in bags:
         row = known.get(str(bag.relative_to(dataset)))
         try:
-            rows.append(row if row is not None and row["bytes"] == bytes_of(bag) else row_of(bag, dataset))
+            rows.append(row if row is not None and row["bytes"] == bytes_of(bag) else index_row(bag, dataset))
         except BagError as error:
             damaged[bag] = str(error).removeprefix(f"{bag}: ")
     if rows != before:
@@ -79,11 +81,11 @@ def bring_up_to_date(dataset: Path, bags: Sequence[Path]) -> tuple[list[Row], di
     return rows, damaged
 
 
-def row_of(bag_path: Path, dataset: Path) -> Row:
-    """The row of a finished bag.
+def index_row(bag_path: Path, dataset: Path) -> Row:
+    """Index row of a finished bag.
 
     Raises:
-        BagError: It cannot be read, is cut off, or is not the scene that it is called.
+        BagError: The bag cannot be read, is cut off, or holds another scene than its name says.
     """
     with SceneBag(bag_path) as bag:
         spec = bag.spec
@@ -111,7 +113,7 @@ def row_of(bag_path: Path, dataset: Path) -> Row:
 
 
 def sha256_of(bag: Path) -> str:
-    """SHA-256 of the bytes of a bag's MCAP files, one behind the other, hexadecimal.
+    """Hexadecimal SHA-256 of the concatenated bytes of a bag's MCAP files.
 
     Raises:
         BagError: There is no bag.
@@ -149,20 +151,20 @@ def _weather(prefix: str, weather: Weather | None) -> Row:
 
 
 def _content(bag: SceneBag) -> Row:
-    """Counts of messages and boxes, and how the ego has moved."""
+    """Counts of messages, objects and boxes, and the length of the ego's path."""
     counts = np.zeros((2, len(BOX_CLASSES)), np.int64)
     ids: set[int] = set()
-    places_m = []
+    positions_m = []
     topics = [name for name in bag.topics if name.endswith(("/boxes", "/odom")) and name.count("/") == 2]
     for message in bag.messages(topics):
         if message.topic.endswith("/odom"):
-            place = bag.decode(message).pose.pose.position
-            places_m.append((place.x, place.y, place.z))
+            position = bag.decode(message).pose.pose.position
+            positions_m.append((position.x, position.y, position.z))
             continue
         table = point_array(bag.decode(message))
         counts += [np.bincount(table["class"][rows], minlength=len(BOX_CLASSES)) for rows in (..., table["valid"] > 0)]
         ids.update(table["id"].tolist())
-    steps_m = np.diff(np.array(places_m).reshape(-1, 3), axis=0)
+    steps_m = np.diff(np.array(positions_m).reshape(-1, 3), axis=0)
     return {
         "messages": sum(len(topic.stamps_ns) for topic in bag.topics.values()),
         "objects": len(ids),
@@ -173,7 +175,7 @@ def _content(bag: SceneBag) -> Row:
 
 
 def _schema() -> pa.Schema:
-    """Columns and their types."""
+    """Arrow schema of the index: columns and their types."""
     texts = ("path", "name", "map", "split", "ego_blueprint", "ended", "sha256", "config_sha256", "simbev_ros")
     numbers = ("tick_s", "walker_cross_factor", "ego_way_m", *_WEATHER, *(f"final_{name}" for name in _WEATHER))
     counts = ("number", "seed", "ticks", "recorded_ticks", "vehicles", "pedestrians", "accidents", "work_zones")

@@ -1,4 +1,4 @@
-"""One writer a dataset."""
+"""Lock that keeps a second process from writing into a dataset."""
 
 import fcntl
 import os
@@ -11,7 +11,9 @@ _LOCK_FILE = ".lock"
 
 
 class DatasetLock:
-    """Held by the process that writes into a dataset; the system frees it, whatever ends the process.
+    """Context manager that a process holds while it writes into a dataset.
+
+    The operating system releases the lock when the process ends, however it ends.
 
     Raises:
         InputError: The folder cannot be made or written to, or another process writes into it.

@@ -1,4 +1,4 @@
-"""Opening a dataset, or one bag, to read scenes and frames."""
+"""Entry points for reading: ``open_dataset`` opens a dataset or a single bag as scenes and frames."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -16,24 +16,25 @@ from simbev_ros.recording.layout import additional_bags, bytes_of, is_dataset, i
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 
 CACHE_BYTES = 256 << 20
+"""Default size of the cache of decompressed chunks, in each process."""
 
 
 class Dataset:
-    """Scenes to read.
+    """The scenes of a dataset, or of a single bag, ready to be read.
 
     Attributes:
-        path: Its folder, or a bag.
-        scenes: By ascending number.
+        path: The dataset's folder, or the bag.
+        scenes: The scenes by ascending number.
     """
 
     def __init__(self, path: Path, scenes: Sequence[Scene]) -> None:
         self.path, self.scenes = path, tuple(scenes)
 
     def scene(self, name: str) -> Scene:
-        """The scene of a name.
+        """Scene with the given name.
 
         Raises:
-            KeyError: There is none.
+            KeyError: There is no such scene.
         """
         for scene in self.scenes:
             if scene.name == name:
@@ -43,17 +44,17 @@ class Dataset:
     def frames(
         self, split: str | None = None, keys: Collection[str] = (), maps: Collection[str] | None = None, every: int = 1
     ) -> "Frames":
-        """Frames of many scenes as one flat list.
+        """Frames of many scenes as one flat list, for training or evaluation.
 
         Args:
-            split: Only of scenes of this split; None: of all.
-            keys: Only frames that have all of these.
-            maps: Only of scenes of these maps; None: of all.
-            every: Only each so many-th of a scene's such frames.
+            split: Only scenes of this split; None: all splits.
+            keys: Only frames that have all of these keys.
+            maps: Only scenes on these maps; None: all maps.
+            every: Only every Nth of a scene's remaining frames.
 
         Raises:
-            InputError: There is no such split, no scene of such a map, or no scene with such a key.
-            BagError: A scene that must be looked into cannot be read.
+            InputError: There is no such split, no scene on such a map, or no scene with such a key.
+            BagError: A scene that must be opened to look for keys cannot be read.
         """
         if split is not None and split not in SPLITS:
             raise InputError(f"split: {split!r} is none of {', '.join(SPLITS)}")
@@ -73,10 +74,15 @@ class Dataset:
 
 
 class Frames(Sequence[Frame]):
-    """A flat list of frames of several scenes, made when they are asked for."""
+    """A flat list of frames of several scenes; each frame is created on access."""
 
     def __init__(self, scenes: Sequence[Scene], ticks: Sequence[Any]) -> None:
-        """Takes scenes and, of each, the ticks of its frames."""
+        """Create the list.
+
+        Args:
+            scenes: Scenes.
+            ticks: For each scene an int64 array with the ticks of its frames.
+        """
         self._scenes = tuple(scenes)
         self._scene = np.repeat(np.arange(len(scenes)), [len(each) for each in ticks])
         self._tick = np.concatenate([np.zeros(0, np.int64), *ticks])
@@ -90,12 +96,12 @@ class Frames(Sequence[Frame]):
     def __getitem__(self, index: slice) -> list[Frame]: ...
     def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
         if isinstance(index, slice):
-            return [self[place] for place in range(len(self))[index]]
+            return [self[number] for number in range(len(self))[index]]
         return self._scenes[int(self._scene[index])][int(self._tick[index])]
 
 
 def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:
-    """Open a bag of any content, finished or cut off, to read its topics by time.
+    """Open a bag with any contents, finished or cut off, to read its topics by time.
 
     Raises:
         BagError: There is no bag at this path, or it is damaged.
@@ -104,17 +110,17 @@ def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:
 
 
 def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: int | None = None) -> Dataset:
-    """Open a dataset, or one bag, also one that is unfinished or cut off.
+    """Open a dataset, or one bag, even if the bag is unfinished or cut off.
 
     Args:
-        path: A dataset's folder, a bag's, or an MCAP file. Of a dataset all finished scenes are given; reading one
-            that was cut off since raises BagError.
-        cache_bytes: How much of decompressed chunks to keep, in each process.
-        threads: How many decode at a time in ``Frame.load``; None: one for each core.
+        path: A dataset's folder, a bag's folder, or an MCAP file. A dataset is opened with all its finished scenes;
+            reading a scene that was cut off afterwards raises BagError.
+        cache_bytes: Size of the cache of decompressed chunks, in each process.
+        threads: Number of threads that decode in ``Frame.load``; None: one for each core.
 
     Raises:
-        InputError: There is no dataset and no bag, or the dataset's index is damaged.
-        BagError: The bag cannot be read.
+        InputError: The dataset's index is damaged.
+        BagError: There is no dataset and no bag at this path, or the bag cannot be read.
     """
     path, cache = Path(path), ChunkCache(cache_bytes)
     if not is_dataset(path):
@@ -122,15 +128,17 @@ def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: i
         return Dataset(path, [Scene(path, cache, threads=threads, may_be_cut_off=True)])
     rows = {row["path"]: row for row in read_index(path)}
     bags = sorted(_bags(path).items(), key=lambda item: (int(item[0].name.rpartition("-")[2]), item[0]))
-    return Dataset(path, [Scene(bag, cache, labelled, _row(rows, path, bag), threads) for bag, labelled in bags])
+    return Dataset(
+        path, [Scene(bag, cache, additional, _current_row(rows, path, bag), threads) for bag, additional in bags]
+    )
 
 
 def _bags(dataset: Path) -> dict[Path, dict[str, Path]]:
-    """Finished bags of scenes, and of each its additional bags by label."""
+    """Finished bags of scenes, each with its additional bags by label."""
     return {bag: additional_bags(bag) for bag in scenes_of(dataset) if is_scene(bag)}
 
 
-def _row(rows: Mapping[str, Mapping[str, Any]], dataset: Path, bag: Path) -> Mapping[str, Any] | None:
-    """The index's row of a bag, if it is of the bag as it is now."""
+def _current_row(rows: Mapping[str, Mapping[str, Any]], dataset: Path, bag: Path) -> Mapping[str, Any] | None:
+    """The index's row of a bag, unless the bag's size has changed since it was written."""
     row = rows.get(str(bag.relative_to(dataset)))
     return row if row is not None and row["bytes"] == bytes_of(bag) else None

@@ -1,4 +1,4 @@
-"""Work that is spread over processes, its results in the order of the work."""
+"""Parallel work over bags: a picklable function is mapped over items in processes, with results in order."""
 
 import multiprocessing
 import os
@@ -17,32 +17,34 @@ from simbev_ros.errors import SimbevError
 W = TypeVar("W")
 R = TypeVar("R")
 
-_AHEAD = 4
-"""How much work a process may be ahead of what the results are needed for; bounds the memory."""
-_LOOK_S = 0.2
-"""Time between looks at how far the work is."""
+_QUEUED_PER_PROCESS = 4
+"""Items per process that are submitted before their results are consumed; bounds the memory."""
+_POLL_S = 0.2
+"""Time between two reports of the progress."""
 
 _INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 _on_step: Callable[[], None] | None = None
 
 
-def step() -> None:
-    """Say, within the work, that one more step of it is done."""
+def report_step() -> None:
+    """Report from within the work that one more step is done, such as one frame."""
     if _on_step is not None:
         _on_step()
 
 
-def in_processes(
+def map_in_processes(
     work: Callable[[W], R], items: Iterable[W], jobs: int, report: Callable[[int], None] = lambda steps: None
 ) -> Iterator[R]:
-    """Results of a picklable function, in order; what was not begun when the caller stops is not done.
+    """Map a picklable function over items in processes and yield its results in order.
+
+    Items that have not been started when the caller stops iterating are not processed.
 
     Args:
         work: Called once for each item, in one of the processes.
-        items: Picklable.
-        jobs: How many processes; with 1 it is called in this one.
-        report: Told while it waits for results how many steps all of the work has done so far.
+        items: Picklable arguments of ``work``.
+        jobs: Number of processes; with 1, ``work`` is called in the calling process.
+        report: Called while results are awaited, with the number of steps done so far by all processes together.
 
     Raises:
         SimbevError: A process was killed, as happens when memory runs out.
@@ -52,22 +54,24 @@ def in_processes(
         _call_on_step(lambda: report(next(steps)))
         yield from map(work, items)
         return
-    rest, others, done = iter(items), set(multiprocessing.active_children()), multiprocessing.Value("q", 0)
+    rest, existing_children, done = iter(items), set(multiprocessing.active_children()), multiprocessing.Value("q", 0)
     with ProcessPoolExecutor(jobs, initializer=_set_up_worker, initargs=(done,)) as pool:
         try:
-            with _held_back():  # the first of them starts the processes, which must not see it halfway
-                waiting: list[Future[R]] = [pool.submit(work, item) for item in islice(rest, jobs * _AHEAD)]
+            with _interrupts_blocked():  # the first submit starts the processes; no interrupt may hit them halfway
+                waiting: list[Future[R]] = [
+                    pool.submit(work, item) for item in islice(rest, jobs * _QUEUED_PER_PROCESS)
+                ]
             while waiting:
-                while not wait([waiting[0]], _LOOK_S).done:
-                    report(done.get_obj().value)  # whatever process holds the lock, or was killed with it
+                while not wait([waiting[0]], _POLL_S).done:
+                    report(done.get_obj().value)  # without the lock: a process may have been killed holding it
                 result = waiting.pop(0).result()
                 waiting += [pool.submit(work, item) for item in islice(rest, 1)]
                 yield result
         except BrokenProcessPool:
-            raise SimbevError("a process that read bags was killed; is there memory enough?") from None
+            raise SimbevError("a process that read bags was killed; there may not be enough memory") from None
         except BaseException as error:
-            if not isinstance(error, Exception):  # nobody waits for what is in the making
-                for worker in set(multiprocessing.active_children()) - others:
+            if not isinstance(error, Exception):  # the results in progress are not needed any more
+                for worker in set(multiprocessing.active_children()) - existing_children:
                     worker.terminate()
             raise
         finally:
@@ -75,8 +79,8 @@ def in_processes(
 
 
 @contextmanager
-def _held_back() -> Iterator[None]:
-    """While open, interrupts wait; they come when it closes."""
+def _interrupts_blocked() -> Iterator[None]:
+    """Block interrupts while the context is open; pending ones are delivered when it closes."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
     try:
         yield
@@ -85,17 +89,17 @@ def _held_back() -> Iterator[None]:
 
 
 def _set_up_worker(done: "Synchronized[int]") -> None:
-    """Interrupts end it at once, whatever the parent does with them, and so does the parent's death; steps count."""
+    """Set up a worker process: an interrupt or the parent's death ends it at once, and its steps are counted."""
     for number in _INTERRUPTS:
         signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
-    def add() -> None:
+    def count_step() -> None:
         with done.get_lock():
             done.value += 1
 
-    _call_on_step(add)
+    _call_on_step(count_step)
 
 
 def _end_with_parent() -> None:

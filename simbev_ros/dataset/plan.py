@@ -1,4 +1,4 @@
-"""The plan of a dataset: which scenes it shall have, with numbers that never change once they are assigned.
+"""The plan of a dataset: the scenes that it is to have, with numbers that never change once they are assigned.
 
 The plan is stored in the dataset as ``plan.json``, so that interrupted work continues with the same scenes. Scenes that
 were recorded into the dataset without a plan are added to it.
@@ -22,11 +22,11 @@ from simbev_ros.recording.whole_files import write_errors, write_whole
 
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(r"(?P<map>.+)-(?P<number>\d{4,})")
-_MOST_NAMED = 5
+_MAX_NAMED = 5
 
 
 class PlannedEntry(Model):
-    """One scene: its number, the name of its map, and its split."""
+    """A planned scene: its number, the name of its map, and its split."""
 
     number: int
     map: str
@@ -34,18 +34,18 @@ class PlannedEntry(Model):
 
     @property
     def name(self) -> str:
-        """The name of its bag."""
+        """Name of the scene's bag, ``<map>-<number>``."""
         return f"{self.map}-{self.number:04d}"
 
 
 class Plan(Model):
-    """All scenes of a dataset, by ascending number."""
+    """All scenes that a dataset has or is to have, by ascending number."""
 
     scenes: tuple[PlannedEntry, ...] = ()
 
     @classmethod
-    def of(cls, dataset: Path) -> Self:
-        """Load the plan of a dataset, empty if it has none, and add recorded scenes that are not in it.
+    def load(cls, dataset: Path) -> Self:
+        """Load the plan of a dataset, an empty one if there is none, and add recorded scenes that are not in it.
 
         Raises:
             InputError: The file is damaged, or cannot be read.
@@ -58,19 +58,19 @@ class Plan(Model):
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from None
         known = {entry.number for entry in plan.scenes}
-        return plan.with_entries(entry for entry in _recorded(dataset) if entry.number not in known)
+        return plan.with_entries(entry for entry in _recorded_entries(dataset) if entry.number not in known)
 
     def with_entries(self, entries: Iterable[PlannedEntry]) -> Self:
-        """A plan with further scenes."""
+        """Copy of the plan with further scenes."""
         return self.model_copy(
             update={"scenes": tuple(sorted((*self.scenes, *entries), key=lambda entry: entry.number))}
         )
 
-    def extended(self, scenario: Scenario) -> Self:
-        """A plan with as many scenes of each map and split as a configuration asks for; existing scenes count.
+    def with_scenes_of(self, scenario: Scenario) -> Self:
+        """Copy of the plan with as many scenes of each map and split as a configuration asks for.
 
-        New scenes are numbered after the last one, in the order of the configuration: in an empty dataset they are
-        those of ``planned_scenes``.
+        Existing scenes count. New scenes are numbered after the last one, in the order of the configuration; in an
+        empty dataset they are the scenes of ``planned_scenes``.
 
         Raises:
             InputError: There is no such map.
@@ -98,34 +98,34 @@ class Plan(Model):
         with write_errors(path):
             write_whole(path, self.model_dump_json(indent=1).encode())
 
-    def to_make(self, dataset: Path, scenario: Scenario) -> list[PlannedEntry]:
-        """The scenes without a finished bag, in order, up to the number that the configuration still lacks."""
+    def missing_entries(self, dataset: Path, scenario: Scenario) -> list[PlannedEntry]:
+        """Scenes without a finished bag, in order, up to the number that the configuration still lacks."""
         wanted: Counter[tuple[str, Split]] = Counter()
         for asked in scenario.scenes:
             for split in SPLITS:
                 wanted[map_spec(asked.map).name, split] += getattr(asked, split)
-        missing = []
+        unrecorded = []
         for entry in self.scenes:
             if bag_of(dataset, entry).is_dir():
                 wanted[entry.map, entry.split] -= 1
             else:
-                missing.append(entry)
+                unrecorded.append(entry)
         chosen = []
-        for entry in missing:
+        for entry in unrecorded:
             if wanted[entry.map, entry.split] > 0:
                 wanted[entry.map, entry.split] -= 1
                 chosen.append(entry)
         return chosen
 
-    def chosen(self, numbers: Sequence[range]) -> list[PlannedEntry]:
-        """The scenes with some numbers.
+    def entries_with_numbers(self, numbers: Sequence[range]) -> list[PlannedEntry]:
+        """Scenes with the given numbers, by ascending number.
 
         Raises:
-            InputError: A number has no scene.
+            InputError: There is no scene with one of the numbers; ``parameter`` is ``replace``.
         """
         known = {entry.number for entry in self.scenes}
-        asked = (number for each in numbers for number in each)  # users may give ranges of any length
-        unknown = list(islice((number for number in asked if number not in known), _MOST_NAMED))
+        asked = (number for each in numbers for number in each)  # lazily, as users may give ranges of any length
+        unknown = list(islice((number for number in asked if number not in known), _MAX_NAMED))
         if unknown:
             has = f"its numbers are {min(known)} to {max(known)}" if known else "it has none"
             raise InputError(f"the dataset has no scene {', '.join(map(str, unknown))}; {has}", parameter="replace")
@@ -133,12 +133,12 @@ class Plan(Model):
 
 
 def bag_of(dataset: Path, entry: PlannedEntry) -> Path:
-    """The folder of a scene's finished bag, whether or not it exists."""
+    """Folder of a scene's finished bag, whether or not it exists."""
     return scene_folder(dataset, entry.split, entry.name)
 
 
-def _recorded(dataset: Path) -> Iterator[PlannedEntry]:
-    """The scenes that have finished bags."""
+def _recorded_entries(dataset: Path) -> Iterator[PlannedEntry]:
+    """Yield the scenes that have finished bags."""
     for split in SPLITS:
         for folder in sorted((dataset / "scenes" / split).glob("*")):
             match = _SCENE.fullmatch(folder.name)

@@ -1,4 +1,4 @@
-"""Scenes and their frames: all that was sensed and labelled at each tick, decoded when it is asked for."""
+"""A recorded scene as a sequence of frames, with its specification, calibration and tracks, read on demand."""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property, partial
@@ -9,7 +9,7 @@ import numpy as np
 
 from simbev_ros.annotation.trajectories import Tracks
 from simbev_ros.dataset.calibration import Calibration
-from simbev_ros.dataset.content import Content, Source, spec_of, tracks_of
+from simbev_ros.dataset.content import Content, Source, read_spec, read_tracks
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.scene.spec import SceneSpec
@@ -18,14 +18,14 @@ from simbev_ros.types import BoolArray, Int64Array
 
 
 class Scene(Sequence[Frame]):
-    """One scene: a sequence of frames, one a tick. It is read when something of it is asked for.
+    """A recorded scene: a sequence of frames, one per tick. Its bag is opened on the first access that needs it.
 
     Attributes:
-        path: Its bag.
-        additional: Additional bags of the same motion, by label.
-        row: What the dataset's index says of it; empty if it has no row there.
-        threads: How many decode at a time in ``Frame.load``; None: one for each core.
-        may_be_cut_off: Whether what is left of a bag that was cut off counts as the scene; else it raises BagError.
+        path: The scene's bag.
+        additional: Additional bags with the same motion, by label.
+        row: The scene's row in the dataset's index; empty if it has none.
+        threads: Number of threads that decode in ``Frame.load``; None: one for each core.
+        may_be_cut_off: Whether a bag that was cut off is read as far as it goes; otherwise it raises BagError.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Scene(Sequence[Frame]):
 
     @property
     def number(self) -> int:
-        """Its number in the dataset."""
+        """The scene's number in the dataset."""
         return int(self.row["number"]) if self.row else self.spec.number
 
     @property
@@ -58,17 +58,17 @@ class Scene(Sequence[Frame]):
 
     @property
     def map(self) -> str:
-        """Name of its map."""
+        """Name of the scene's map."""
         return str(self.row["map"]) if self.row else self.spec.map.name
 
     @cached_property
     def spec(self) -> SceneSpec:
-        """All that was drawn for it."""
-        return spec_of(self._content.bag)
+        """Specification of the scene: everything that was drawn for it."""
+        return read_spec(self._content.bag)
 
     @property
     def weather(self) -> Weather:
-        """At the first tick; ``spec.weather_at`` knows the others."""
+        """Weather at the first tick; ``spec.weather_at`` gives it at the others."""
         return self.spec.weather
 
     @property
@@ -78,40 +78,40 @@ class Scene(Sequence[Frame]):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Of all that frames can have, in order of name; slower sensors are not in every frame."""
+        """Keys that frames can have, sorted; the keys of slower sensors are not in every frame."""
         return tuple(self.sources)
 
     @property
     def tick_ns(self) -> int:
-        """From one frame to the next."""
+        """Time from one frame to the next."""
         return self._content.tick_ns
 
     @property
     def sources(self) -> Mapping[str, Source]:
-        """The topics that frames can have something of, by key, in order of key."""
+        """Topics that frames take their values from, by key, sorted."""
         return self._content.sources
 
     @property
     def calibration(self) -> Mapping[str, Calibration]:
-        """By name of sensor."""
+        """Calibrations by sensor name."""
         return self._content.calibration
 
     @cached_property
     def constants(self) -> Mapping[str, Any]:
-        """What is said once for the whole scene, by key, as ``world/map`` (OpenDRIVE) and ``world/legend``."""
-        return {key: s.value(s.topic.places) for key, s in self._content.constants.items() if len(s.topic.places)}
+        """Values published once for the whole scene, by key, such as ``world/map`` (OpenDRIVE) and ``world/legend``."""
+        return {key: s.value(s.topic.locations) for key, s in self._content.constants.items() if len(s.topic.locations)}
 
     @cached_property
     def tracks(self) -> Tracks:
-        """Where every actor goes.
+        """Tracks of all actors over the scene.
 
         Raises:
-            BagError: The bag holds none, as it was not finished.
+            BagError: The bag holds no tracks because it was not finished.
         """
-        return tracks_of(self.path)
+        return read_tracks(self.path)
 
     def has(self, keys: Collection[str]) -> BoolArray:
-        """(T,) whether each frame has all of some keys."""
+        """(T,) whether each frame has all of the given keys."""
         edges_ns = np.append(self.stamps_ns[:1] - self.tick_ns, self.stamps_ns)
         found = np.ones(len(self), np.bool_)
         for key in keys:
@@ -133,7 +133,7 @@ class Scene(Sequence[Frame]):
         return Frame(self, range(len(self))[index])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As it was before anything was read, so that it is small when it is sent to another process."""
+        """Pickle the scene without anything that was read, so that it is small when it is sent to another process."""
         made = partial(Scene, may_be_cut_off=self.may_be_cut_off)
         return made, (self.path, self._cache, self.additional, self.row, self.threads)
 
@@ -142,4 +142,4 @@ class Scene(Sequence[Frame]):
 
     @cached_property
     def _content(self) -> Content:
-        return Content.of(self.path, self.additional, self._cache, may_be_cut_off=self.may_be_cut_off)
+        return Content.from_bags(self.path, self.additional, self._cache, may_be_cut_off=self.may_be_cut_off)

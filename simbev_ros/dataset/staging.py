@@ -1,6 +1,7 @@
-"""Scenes are made beside the dataset's own and moved into their places when they are whole.
+"""Staging of new scenes: they are recorded in a folder of their own and moved into the dataset when they are complete.
 
-So an end at any moment leaves nothing half-done among them, and a scene is there until its replacement is.
+An interruption at any moment leaves no half-finished scene in the dataset, and a scene that is being replaced stays
+until its replacement is complete.
 """
 
 import shutil
@@ -13,44 +14,51 @@ from simbev_ros.recording.mcap.syncing import sync_names
 _STAGING_FOLDER = ".making"
 
 
-def clean_up(dataset: Path) -> None:
-    """Put in order what an earlier end, however sudden, has left: unfinished scenes go, replaced ones come back."""
+def clean_up_staging(dataset: Path) -> None:
+    """Clean up after an interrupted run: delete unfinished scenes and restore scenes whose replacement did not finish.
+
+    Call it before new scenes are recorded.
+    """
     shutil.rmtree(dataset / _STAGING_FOLDER, ignore_errors=True)
     for old in (dataset / "scenes").glob(f"*/*{REPLACED_SUFFIX}"):
-        place = old.with_name(old.name.removesuffix(REPLACED_SUFFIX))
-        if place.exists():
+        bag = old.with_name(old.name.removesuffix(REPLACED_SUFFIX))
+        if bag.exists():
             shutil.rmtree(old)
         else:
-            _put_back(old, place)
+            _put_back(old, bag)
 
 
 def staging_of(dataset: Path) -> Path:
-    """Where scenes are made: a dataset of its own on the same disk."""
+    """Folder in which scenes are recorded: a dataset of its own on the same disk."""
     return dataset / _STAGING_FOLDER
 
 
-def move_in(dataset: Path, entry: PlannedEntry) -> Path:
-    """Give a scene that has been made its place; one that is there already is removed, with its additional bags."""
-    new, place = bag_of(staging_of(dataset), entry), bag_of(dataset, entry)
-    old = place.with_name(place.name + REPLACED_SUFFIX)
-    place.parent.mkdir(parents=True, exist_ok=True)
-    if place.exists():
-        _put_away(place, old)
-    new.rename(place)
-    sync_names([place])
+def move_into_dataset(dataset: Path, entry: PlannedEntry) -> Path:
+    """Move a recorded scene from staging into the dataset, in place of an older one with its additional bags.
+
+    Returns:
+        The folder of the scene's bag in the dataset.
+    """
+    new, bag = bag_of(staging_of(dataset), entry), bag_of(dataset, entry)
+    old = bag.with_name(bag.name + REPLACED_SUFFIX)
+    bag.parent.mkdir(parents=True, exist_ok=True)
+    if bag.exists():
+        _put_away(bag, old)
+    new.rename(bag)
+    sync_names([bag])
     shutil.rmtree(old, ignore_errors=True)
-    return place
+    return bag
 
 
-def _put_away(place: Path, old: Path) -> None:
-    """Rename a scene that is being replaced, and move its additional bags into it: their motion is that of the old."""
-    place.rename(old)
-    for additional in additional_bags(place).values():
+def _put_away(bag: Path, old: Path) -> None:
+    """Rename a scene that is being replaced, and move its additional bags into it, as they have its old motion."""
+    bag.rename(old)
+    for additional in additional_bags(bag).values():
         additional.rename(old / additional.name)
 
 
-def _put_back(old: Path, place: Path) -> None:
-    """Undo ``_put_away``, wherever it was ended."""
+def _put_back(old: Path, bag: Path) -> None:
+    """Undo ``_put_away``, however far it got."""
     for additional in [path for path in old.iterdir() if path.is_dir()]:
-        additional.rename(place.with_name(additional.name))
-    old.rename(place)
+        additional.rename(bag.with_name(additional.name))
+    old.rename(bag)

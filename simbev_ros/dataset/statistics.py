@@ -1,6 +1,6 @@
 """Statistics of a dataset, or of one bag: settings of its scenes, and counts over their frames.
 
-Frames are read in parts, in as many processes as are wanted; of a large dataset only each so many-th frame of a scene.
+Batches of frames are read in parallel processes; in a large dataset only every Nth frame of each scene is read.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from simbev_ros.dataset import Dataset, Scene, open_dataset
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.dataset.tallies import Tally
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import bytes_of
@@ -19,25 +19,25 @@ from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array, Int64Array
 
-MOST_FRAMES = 20_000
-"""How many are looked at."""
+MAX_FRAMES = 20_000
+"""Approximate upper limit on the number of frames that are read."""
 
-_FRAMES_PER_PART = 50
+_FRAMES_PER_BATCH = 50
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SceneFacts:
-    """One scene.
+    """Facts about one scene.
 
     Attributes:
-        frames: All that it has.
-        duration_s: Of simulated time.
-        file_bytes: Size of its bag.
-        vehicles: As drawn, the ego included.
-        boxes: In the frames that were looked at.
-        looked_at: How many frames those are.
-        way_m: How far the ego has gone, as far as those frames tell.
-        ego_m: (looked_at, 2) where the ego was, map frame.
+        frames: Number of all frames of the scene.
+        duration_s: Length of the scene in simulated time.
+        file_bytes: Size of the scene's bag.
+        vehicles: Number of vehicles drawn, including the ego.
+        boxes: Number of boxes in the sampled frames.
+        sampled_frames: Number of frames that were read.
+        distance_m: Distance that the ego drove, measured along its positions in the sampled frames.
+        ego_m: (sampled_frames, 2) ego positions, map frame.
     """
 
     name: str
@@ -53,21 +53,21 @@ class SceneFacts:
     hazards: int
     weather: Weather
     boxes: int
-    looked_at: int
-    way_m: float
+    sampled_frames: int
+    distance_m: float
     ego_m: Float64Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Statistics:
-    """All that is known.
+    """Statistics of a dataset.
 
     Attributes:
-        path: Of the dataset.
-        scenes: By ascending number.
-        every: Each so many-th frame of a scene was looked at.
-        tally: Counts of all scenes together.
-        visited: By map, (K, 2) cells of ``tallies.CELL_M`` in which actors were.
+        path: The dataset's folder, or the bag.
+        scenes: Facts about each scene, by ascending number.
+        every: Every Nth frame of each scene was read.
+        tally: Counts over all scenes together.
+        visited: By map, (K, 2) indices of cells with side ``tallies.CELL_M`` that actors visited.
     """
 
     path: Path
@@ -78,8 +78,15 @@ class Statistics:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
-    """Some frames of a scene."""
+class _Batch:
+    """A batch of frames of a scene, which one process reads.
+
+    Attributes:
+        dataset: The dataset's folder, or the bag.
+        scene: The scene's bag.
+        first: Index of the batch's first frame among the scene's sampled frames.
+        ticks: Ticks of the frames.
+    """
 
     dataset: Path
     scene: Path
@@ -90,12 +97,12 @@ class _Part:
 def statistics_of(
     dataset: Dataset, jobs: int = 1, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> Statistics:
-    """Look at the frames of a dataset.
+    """Compute the statistics of a dataset from its frames.
 
     Args:
-        dataset: At least one scene.
-        jobs: Processes.
-        progress: Called with the numbers of frames that were looked at, and that will be.
+        dataset: A dataset with at least one scene.
+        jobs: Number of processes.
+        progress: Called with the number of frames read so far and the number of frames that will be read.
 
     Raises:
         InputError: There is no scene.
@@ -103,42 +110,42 @@ def statistics_of(
     """
     if not any(len(scene) for scene in dataset.scenes):
         raise InputError(f"{dataset.path}: it has no finished scene")
-    every = max(1, sum(len(scene) for scene in dataset.scenes) // MOST_FRAMES)
-    parts = {scene.path: _parts(dataset, scene, every) for scene in dataset.scenes}
-    work = [part for each in parts.values() for part in each]
-    total, done = sum(len(part.ticks) for part in work), 0
-    results = in_processes(_look, work, min(jobs, len(work)))
-    whole, facts, visited = Tally(), [], dict[str, Int64Array]()
+    every = max(1, sum(len(scene) for scene in dataset.scenes) // MAX_FRAMES)
+    batches = {scene.path: _batches(dataset, scene, every) for scene in dataset.scenes}
+    work = [batch for each in batches.values() for batch in each]
+    total, done = sum(len(batch.ticks) for batch in work), 0
+    results = map_in_processes(_tally_batch, work, min(jobs, len(work)))
+    total_tally, facts, visited = Tally(), [], dict[str, Int64Array]()
     for scene in dataset.scenes:
         tally = Tally()
-        for part in parts[scene.path]:
-            tally.join(next(results))
-            done += len(part.ticks)
+        for batch in batches[scene.path]:
+            tally.append_frames(next(results))
+            done += len(batch.ticks)
             progress(done, total)
-        whole.add(tally)
-        facts.append(_facts(scene, tally))
+        total_tally.add_counts(tally)
+        facts.append(_scene_facts(scene, tally))
         known = visited.get(scene.map, tally.visited)
         visited[scene.map] = np.unique(np.concatenate([known, tally.visited]), axis=0)
-    return Statistics(dataset.path, tuple(facts), every, whole, visited)
+    return Statistics(dataset.path, tuple(facts), every, total_tally, visited)
 
 
-def _parts(dataset: Dataset, scene: Scene, every: int) -> list[_Part]:
+def _batches(dataset: Dataset, scene: Scene, every: int) -> list[_Batch]:
     ticks = range(0, len(scene), every)
-    firsts = range(0, len(ticks), _FRAMES_PER_PART)
-    return [_Part(dataset.path, scene.path, first, ticks[first : first + _FRAMES_PER_PART]) for first in firsts]
+    firsts = range(0, len(ticks), _FRAMES_PER_BATCH)
+    return [_Batch(dataset.path, scene.path, first, ticks[first : first + _FRAMES_PER_BATCH]) for first in firsts]
 
 
-def _look(part: _Part) -> Tally:
-    scene = next(each for each in _opened(part.dataset).scenes if each.path == part.scene)
-    return Tally.of([scene[tick] for tick in part.ticks], with_actors=part.first == 0)
+def _tally_batch(batch: _Batch) -> Tally:
+    scene = next(each for each in _open(batch.dataset).scenes if each.path == batch.scene)
+    return Tally.from_frames([scene[tick] for tick in batch.ticks], with_actors=batch.first == 0)
 
 
 @lru_cache(maxsize=1)
-def _opened(path: Path) -> Dataset:
+def _open(path: Path) -> Dataset:
     return open_dataset(path, threads=1)
 
 
-def _facts(scene: Scene, tally: Tally) -> SceneFacts:
+def _scene_facts(scene: Scene, tally: Tally) -> SceneFacts:
     spec = scene.spec
     return SceneFacts(
         name=scene.name,
@@ -154,7 +161,7 @@ def _facts(scene: Scene, tally: Tally) -> SceneFacts:
         hazards=len(spec.hazards),
         weather=spec.weather,
         boxes=int(tally.counts["boxes"].sum()),
-        looked_at=tally.frames,
-        way_m=float(np.linalg.norm(np.diff(tally.ego_m, axis=0), axis=1).sum()),
+        sampled_frames=tally.frames,
+        distance_m=float(np.linalg.norm(np.diff(tally.ego_m, axis=0), axis=1).sum()),
         ego_m=tally.ego_m,
     )

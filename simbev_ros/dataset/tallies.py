@@ -1,4 +1,4 @@
-"""What is counted of frames for the statistics of a dataset: sums of whole numbers, so that parts can be added."""
+"""Counters over frames for the statistics of a dataset: integer sums, so that tallies of batches can be added."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -17,13 +17,13 @@ DISTANCE_STEP_M, DISTANCES = 5.0, 200
 SPEED_STEP_MPS, SPEEDS = 1.0, 60
 SIZE_STEP_M, SIZES = 0.25, 80
 POINT_LEVELS = 20
-"""Level 0: no point, level k: from 2^(k - 1) up to 2^k - 1."""
+"""Number of levels of point counts. Level 0: no point; level k: 2^(k - 1) to 2^k - 1 points."""
 VISIBILITIES = 20
-PLACE_STEP_M, PLACES = 4.0, 60
-"""Cells around the ego; what is farther is not in them."""
+POSITION_STEP_M, POSITION_BINS = 4.0, 60
+"""Side of the square cells around the ego, and their number along each axis; boxes outside are not counted."""
 BOXES_PER_FRAME = 512
 CELL_M = 4.0
-"""Of the raster that says where actors were."""
+"""Side of the cells of the map in which visits of actors are recorded."""
 
 _CLASSES = len(BOX_CLASSES)
 _SHAPES: dict[str, tuple[int, ...]] = {
@@ -37,7 +37,7 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "speed": (_CLASSES, SPEEDS),
     "size": (3, _CLASSES, SIZES),
     "visibility": (_CLASSES, VISIBILITIES),
-    "places": (_CLASSES, PLACES, PLACES),
+    "places": (_CLASSES, POSITION_BINS, POSITION_BINS),
     **{f"{kind}_boxes": (_CLASSES, DISTANCES) for kind in ("lidar", "radar")},
     **{f"{kind}_points": (_CLASSES, DISTANCES) for kind in ("lidar", "radar")},
     **{f"{kind}_levels": (DISTANCES, POINT_LEVELS) for kind in ("lidar", "radar")},
@@ -50,19 +50,20 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 
 @dataclass(eq=False)
 class Tally:
-    """Counts of some frames. Where a last bin is passed, the last bin counts.
+    """Counts over a set of frames. Values beyond the last bin of a histogram are counted in its last bin.
 
     Attributes:
-        frames: How many there were.
-        counts: By name, int64: of boxes by class (``BOX_CLASSES``) and of the bins above. ``visibility`` is of
-            boxes that a camera could see, ``unseen`` the others; ``lidar_boxes`` and ``lidar_points`` are of boxes
-            whose points were counted; ``places`` has rows ahead and columns to the left as the bird's-eye view;
-            ``bev_other`` counts grids of another size than the first, which are in no other count.
-        bev: (classes, rows, columns) in how many frames each cell had a class; None: no grid was seen.
-        bev_cell_m: Side of a cell.
-        actors: How many there were of each blueprint, in the first frame.
-        ego_m: (frames, 2) where the ego was, map frame; of frames without odometry, as of a bag that ends early, none.
-        visited: (K, 2) cells of ``CELL_M`` of the map in which actors were, each once.
+        frames: Number of frames.
+        counts: int64 arrays by name, with counts of boxes by class (``BOX_CLASSES``) and by the bins above.
+            ``visibility`` counts boxes that a camera could see, ``unseen`` the others; ``lidar_boxes`` and
+            ``lidar_points`` count boxes whose points were counted; ``places`` has the axes of the bird's-eye view,
+            row 0 ahead and column 0 left; ``bev_other`` counts grids of another size than the first, which are in
+            no other count.
+        bev: (classes, rows, columns) number of frames in which each cell had a class; None: no frame has a grid.
+        bev_cell_m: Side of a cell of the grid.
+        actors: Number of actors of each blueprint, in the first frame.
+        ego_m: (frames, 2) ego positions, map frame; frames without odometry, as in a bag that ends early, have none.
+        visited: (K, 2) unique indices of cells with side ``CELL_M``, map frame, that actors visited.
     """
 
     frames: int = 0
@@ -76,8 +77,12 @@ class Tally:
     visited: Int64Array = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
     @classmethod
-    def of(cls, frames: Sequence[Frame], *, with_actors: bool) -> "Tally":
-        """That of some frames of one scene; kinds of actors are counted in the first one if they are wanted.
+    def from_frames(cls, frames: Sequence[Frame], *, with_actors: bool) -> "Tally":
+        """Tally of some frames of one scene.
+
+        Args:
+            frames: The frames.
+            with_actors: Whether to count actors by blueprint, in the first frame.
 
         Raises:
             BagError: The bag is damaged, or its boxes are of another version.
@@ -94,8 +99,8 @@ class Tally:
                 tally._add_actors(frame, with_kinds=with_actors and index == 0)
         return tally
 
-    def add(self, other: "Tally") -> None:
-        """Add the counts of other frames; where they are of another map, ``ego_m`` and ``visited`` mean nothing."""
+    def add_counts(self, other: "Tally") -> None:
+        """Add the counts of other frames, also on another map; ``ego_m`` and ``visited`` are left unchanged."""
         self.frames += other.frames
         for name, counts in other.counts.items():
             if not name.startswith("bev_"):
@@ -103,9 +108,9 @@ class Tally:
         self._add_bev(other)
         self.actors += other.actors
 
-    def join(self, other: "Tally") -> None:
-        """Add the counts of further frames of the same scene, and where they were."""
-        self.add(other)
+    def append_frames(self, other: "Tally") -> None:
+        """Add the counts and positions of further frames of the same scene."""
+        self.add_counts(other)
         self.ego_m = np.concatenate([self.ego_m, other.ego_m])
         self.visited = np.unique(np.concatenate([self.visited, other.visited]), axis=0)
 
@@ -162,7 +167,7 @@ class Tally:
         seen = np.isfinite(boxes["visibility"])
         self._count("unseen", classes[~seen])
         self._count("visibility", classes[seen], _bin(boxes["visibility"][seen], 1 / VISIBILITIES, VISIBILITIES))
-        self._add_places(boxes)
+        self._add_positions(boxes)
         for kind in ("lidar", "radar"):
             points = boxes[f"{kind}_points"]
             known = points >= 0
@@ -171,25 +176,25 @@ class Tally:
             levels = np.frexp(points[known].astype(np.float64))[1]
             self._count(f"{kind}_levels", distances[known], np.minimum(levels, POINT_LEVELS - 1))
 
-    def _add_places(self, boxes: Table) -> None:
+    def _add_positions(self, boxes: Table) -> None:
         angle_rad, distance_m = boxes["angle"].astype(np.float64), boxes["distance"].astype(np.float64)
-        row = np.floor(PLACES / 2 - distance_m * np.cos(angle_rad) / PLACE_STEP_M).astype(np.int64)
-        column = np.floor(PLACES / 2 - distance_m * np.sin(angle_rad) / PLACE_STEP_M).astype(np.int64)
-        near = (row >= 0) & (row < PLACES) & (column >= 0) & (column < PLACES)
+        row = np.floor(POSITION_BINS / 2 - distance_m * np.cos(angle_rad) / POSITION_STEP_M).astype(np.int64)
+        column = np.floor(POSITION_BINS / 2 - distance_m * np.sin(angle_rad) / POSITION_STEP_M).astype(np.int64)
+        near = (row >= 0) & (row < POSITION_BINS) & (column >= 0) & (column < POSITION_BINS)
         self._count("places", boxes["class"][near], row[near], column[near])
 
     def _count(self, name: str, *bins: AnyArray) -> None:
-        """Count one more in each of (N,) bins, given by their index along each axis."""
+        """Add 1 to each of (N,) bins, given by their index along each axis."""
         np.add.at(self.counts[name], bins if len(bins) > 1 else bins[0], 1)
 
 
 def _bin(values: AnyArray, step: float, count: int) -> Int64Array:
-    """(N,) index of the bin of each of (N,) values, the last one for what is beyond."""
+    """(N,) bin indices of (N,) values; values beyond the last bin are put into it."""
     return np.clip(np.floor(np.asarray(values, np.float64) / step), 0, count - 1).astype(np.int64)
 
 
 def _boxes(frame: Frame) -> Table:
-    """The boxes of a frame; refuses tables that lack a column."""
+    """The boxes of a frame; raises BagError if the table lacks a column."""
     boxes: Table = frame["boxes"]
     missing = sorted(set(BOX_DTYPE.names or ()) - set(boxes.dtype.names or ()))
     if missing:

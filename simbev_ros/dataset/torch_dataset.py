@@ -1,4 +1,4 @@
-"""Frames as a torch ``Dataset``. The only module that imports torch, which is no requirement of this package.
+"""Frames as a torch ``Dataset`` for training. Only this module imports torch, which the package does not require.
 
 ::
 
@@ -26,14 +26,15 @@ from simbev_ros.types import AnyArray
 Sample = dict[str, Any]
 
 _WIDER = {"uint16": np.int32, "uint32": np.int64, "uint64": np.int64}
-"""What torch computes with in the place of types that it hardly knows."""
+"""Signed dtypes that replace unsigned ones, which torch supports only in part."""
 
 
 class FrameDataset(Dataset[Sample]):
-    """Samples are dicts: of each key its value, and ``map_from_ego``, ``scene``, ``tick``, ``stamp_ns``.
+    """Torch dataset with one sample per frame: a dict of values by key.
 
-    Images are tensors as the arrays are, (H, W) or (H, W, C); uint16 becomes int32, uint32 int64. Of clouds and other
-    tables a sample has a dict of columns, or one (N, K) tensor of the columns that were named.
+    A sample also has ``map_from_ego``, ``scene``, ``tick`` and ``stamp_ns``. Images are tensors in the layout of the
+    arrays, (H, W) or (H, W, C); uint16 becomes int32, uint32 becomes int64. A point cloud or another table is a dict
+    of columns, or one (N, K) tensor of the columns named in ``columns_of``.
     """
 
     def __init__(
@@ -43,13 +44,13 @@ class FrameDataset(Dataset[Sample]):
         columns_of: Mapping[str, Sequence[str]] | None = None,
         transform: Callable[[Sample], Sample] | None = None,
     ) -> None:
-        """Takes frames, as of ``Dataset.frames``, which must have the keys that samples are to have.
+        """Create the dataset.
 
         Args:
-            frames: The frames.
-            keys: What a sample is to have.
-            columns_of: Of tables, by key: the columns that are to make one tensor.
-            transform: Is given each sample, and gives what is to be used in its place.
+            frames: Frames, usually from ``Dataset.frames``; each must have all ``keys``.
+            keys: Keys of the values that a sample contains.
+            columns_of: For tables, by key: names of the columns that are stacked into one tensor.
+            transform: Called with each sample; returns the sample that is used instead.
         """
         self.frames, self.keys = frames, tuple(keys)
         self.columns_of, self.transform = dict(columns_of or {}), transform
@@ -60,14 +61,14 @@ class FrameDataset(Dataset[Sample]):
     def __getitem__(self, index: int) -> Sample:
         frame = self.frames[index]
         if get_worker_info() is None:
-            frame.load(self.keys)  # in threads; the workers of a loader are as many as the cores already
+            frame.load(self.keys)  # in threads; with loader workers the cores are busy already
         sample = {key: self._tensors(key, frame[key]) for key in self.keys}
         sample["map_from_ego"] = torch.from_numpy(frame.map_from_ego)
         sample.update(scene=frame.scene.name, tick=frame.tick, stamp_ns=frame.stamp_ns)
         return sample if self.transform is None else self.transform(sample)
 
     def collate(self, samples: Sequence[Sample]) -> dict[str, Any]:
-        """One batch: tensors are stacked, all else is listed, as are tensors of the keys in ``columns_of``."""
+        """Collate samples into a batch: stack tensors; put other values and the keys in ``columns_of`` into lists."""
         return {key: self._batch(key, [sample[key] for sample in samples]) for key in samples[0]}
 
     def _batch(self, key: str, values: list[Any]) -> Any:

@@ -1,15 +1,15 @@
-"""What messages hold, as numpy arrays and plain values.
+"""Conversion of decoded ROS messages to numpy arrays and plain values, the values of a frame.
 
 | message | value |
 |---|---|
 | Image, CompressedImage | (H, W) or (H, W, C) array: rgb, semantic uint8; instance uint16; depth, flow float32 |
 | PointCloud2 | (N,) structured array, one row per point, box, actor, signal or voxel |
-| Odometry, Imu, NavSatFix | (K,) structured array, a row a message: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |
+| Odometry, Imu, NavSatFix | (K,) structured array, a row each: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |
 | CameraInfo | dict of ``width_px``, ``height_px``, ``distortion_model`` and the arrays ``d``, ``k``, ``r``, ``p`` |
 | TFMessage | dict from (parent, child) to the (4, 4) transform parent from child |
-| String | what its JSON holds; the text if it is no JSON. Of /world/events a list of all of the tick |
+| String | the parsed JSON, or the text if it is not JSON; for /world/events a list with all events of the tick |
 | Clock | int, ns |
-| others | the message, as rosbags gives it |
+| others | the message as rosbags decodes it |
 """
 
 import json
@@ -30,8 +30,8 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 ODOMETRY_DTYPE = np.dtype(
     [
         ("stamp_ns", "<i8"),
-        ("position_m", "<f8", 3),  # of the ego's origin, map frame
-        ("orientation_xyzw", "<f8", 4),  # of the ego frame in the map frame
+        ("position_m", "<f8", 3),  # origin of the ego frame, map frame
+        ("orientation_xyzw", "<f8", 4),  # ego frame in the map frame
         ("velocity_mps", "<f8", 3),  # ego frame
         ("angular_velocity_radps", "<f8", 3),  # ego frame
     ]
@@ -39,7 +39,7 @@ ODOMETRY_DTYPE = np.dtype(
 IMU_DTYPE = np.dtype(
     [
         ("stamp_ns", "<i8"),
-        ("orientation_xyzw", "<f8", 4),  # of the sensor in the map frame; NaN in /imu/data_raw, which has none
+        ("orientation_xyzw", "<f8", 4),  # sensor frame in the map frame; NaN in /imu/data_raw, which has none
         ("angular_velocity_radps", "<f8", 3),  # sensor frame
         ("acceleration_mps2", "<f8", 3),  # specific force, sensor frame: +g upward at rest
     ]
@@ -55,11 +55,11 @@ FIX_DTYPE = np.dtype(
 )
 
 
-def message_of(type_name: str, payload: memoryview) -> Any:
-    """A message as an object with the fields of its ROS type.
+def decode_message(type_name: str, payload: memoryview) -> Any:
+    """Deserialize a message into an object with the fields of its ROS type.
 
     Raises:
-        BagError: Its bytes are not a message of its type, or it is of a type that ROS 2 Jazzy does not come with.
+        BagError: The bytes are not a message of this type, or ROS 2 Jazzy does not ship the type.
     """
     try:
         return _TYPES.deserialize_cdr(payload, type_name)
@@ -68,14 +68,14 @@ def message_of(type_name: str, payload: memoryview) -> Any:
 
 
 def value_of(type_name: str, messages: Sequence[Any]) -> Any:
-    """What the messages of one topic at one tick hold, as the table at the head of this module says.
+    """Value of the messages of one topic at one tick, as the table at the top of this module says.
 
     Args:
         type_name: ROS type.
-        messages: At least one; where only one value is possible the last counts.
+        messages: At least one message; types that are not collected into rows give the value of the last one.
 
     Raises:
-        BagError: What they hold does not fit together.
+        BagError: A message's data do not match its description.
     """
     if type_name in _ROWS:
         dtype, row = _ROWS[type_name]
@@ -85,17 +85,17 @@ def value_of(type_name: str, messages: Sequence[Any]) -> Any:
 
 
 def poses_from_odometry(rows: Table) -> Float64Array:
-    """(…, 4, 4) map_from_ego of rows of ``ODOMETRY_DTYPE``."""
+    """(…, 4, 4) poses map_from_ego of rows of ``ODOMETRY_DTYPE``."""
     return matrices_from_xyz_quaternion(rows["position_m"], rows["orientation_xyzw"])
 
 
 def columns(table: Table, *names: str) -> np.ndarray[Any, Any]:
-    """(N, K) array of K columns of (N,) rows, as ``columns(frame["lidar/points"], "x", "y", "z")``."""
+    """(N, K) array of K columns of an (N,) table, for example ``columns(frame["lidar/points"], "x", "y", "z")``."""
     return np.stack([table[name] for name in names], axis=1)
 
 
 def _image(message: Any) -> AnyArray:
-    """Never part of a chunk, which it would keep in memory."""
+    """Array of an image message; never a view of a chunk, which it would keep in memory."""
     image = image_array(message)
     return image if image.flags.writeable else image.copy()
 
@@ -163,8 +163,8 @@ def _imu_row(message: Any) -> tuple[Any, ...]:
 
 def _fix_row(message: Any) -> tuple[Any, ...]:
     covariance = np.reshape(message.position_covariance, (3, 3))
-    place = message.latitude, message.longitude, message.altitude
-    return _nanoseconds(message.header.stamp), *place, covariance
+    position = message.latitude, message.longitude, message.altitude
+    return _nanoseconds(message.header.stamp), *position, covariance
 
 
 _ROWS: dict[str, tuple[np.dtype[np.void], Callable[[Any], tuple[Any, ...]]]] = {

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.dataset import Scene
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.curves import Curve
 from simbev_ros.evaluation.metrics.detection import (
@@ -87,7 +87,7 @@ def evaluate(
     """
     options = options or EvaluationOptions()
     task = _SceneTask(predictions, options)
-    tallies = list(in_processes(task, scenes, min(jobs, max(len(scenes), 1)), report))
+    tallies = list(map_in_processes(task, scenes, min(jobs, max(len(scenes), 1)), report))
     if not any(len(each.frames) for each in tallies):
         raise InputError(f"{predictions.path}: no frame of {len(tallies)} scenes is left to evaluate")
     return evaluation_from_tallies(tallies, options)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.dataset import Scene
-from simbev_ros.dataset.parallel import step
+from simbev_ros.dataset.parallel import report_step
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.metrics.detection import DetectionTally
@@ -88,7 +88,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
         if grids:
             conditions = truth[-1].conditions
             frames["iou"][row] = cells.add_frame(frame["bev/labels"], conditions, predicted.grid(tick), base)
-        step()
+        report_step()
     with_pose = np.flatnonzero(scene.has(("odom",))).tolist()
     boxes = boxes_in_map(predicted.boxes().at_ticks(with_pose), ReferenceFrames.from_scene(scene))
     scene_boxes = SceneBoxes(scene.spec, truth, boxes, options)

@@ -18,7 +18,7 @@ from simbev_ros.msgs.images import camera_info_message, compressed_image_message
 from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
-from simbev_ros.recording.image_codecs import compressed_format, encode
+from simbev_ros.recording.image_codecs import compressed_format, encode_image
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import Renderer
@@ -129,7 +129,7 @@ class CameraNode(Participant):
         if not output.compressed or output.image is None:
             return None
         encoding = encoding_of(output.image)
-        return encode(encoding, output.image, self._jpeg_quality), compressed_format(encoding)
+        return encode_image(encoding, output.image, self._jpeg_quality), compressed_format(encoding)
 
     def _advertise(self) -> Iterator[str]:
         """Make the publishers; give the topics that a recorder takes."""

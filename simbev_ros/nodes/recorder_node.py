@@ -25,7 +25,7 @@ from simbev_ros.msgs.transforms import ego_transform, serialize_transforms, stat
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.canonical import canonical
+from simbev_ros.recording.canonical import canonical_cdr
 from simbev_ros.recording.layout import (
     CONFIG_ATTACHMENT,
     LEAD_IN_ATTACHMENT,
@@ -89,7 +89,7 @@ class RecorderNode(GraphNode):
         if spec.map.path:
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/gzip", load_source(spec.map))
         for topic in self._manifest.values():
-            self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), apart=topic.sensor)
+            self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), separate_chunks=topic.sensor)
         odometry = topics.odometry_name(spec.rig.agent)
         for topic in every:
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
@@ -121,7 +121,7 @@ class RecorderNode(GraphNode):
                 return
             if stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
                 self._lead_in.append(
-                    RawMessage(topic.name, stamp_ns, topic.type, bytes(canonical(payload, topic.type)))
+                    RawMessage(topic.name, stamp_ns, topic.type, bytes(canonical_cdr(payload, topic.type)))
                 )
             elif stamp_ns >= self._spec.start_ns:
                 odometry = topics.odometry_name(self._spec.rig.agent)
@@ -145,11 +145,11 @@ class RecorderNode(GraphNode):
         spec = self._spec
         if spec is None or self._writer is None or topic not in self._manifest:
             return
-        if self._accounting.add(topic, stamp_ns) is not Verdict.EXPECTED:
+        if self._accounting.add_message(topic, stamp_ns) is not Verdict.EXPECTED:
             return
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
-            self._writer.write(topic, stamp_ns, canonical(payload, self._manifest[topic].type))
+            self._writer.write(topic, stamp_ns, canonical_cdr(payload, self._manifest[topic].type))
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick
@@ -188,7 +188,7 @@ class RecorderNode(GraphNode):
         for stamp_ns, payload in messages[topics.ACTORS]:
             self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
-            self._writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
+            self._writer.write(topic.name, stamp_ns, canonical_cdr(payload, topic.type))
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
         """Give the bag its final name, if all is in it: the last tick, and events, which may come after their tick."""
@@ -232,7 +232,7 @@ def bag_writer(path: Path, recording: Recording) -> SceneBagWriter:
         zstd_level=recording.zstd_level,
         split_bytes=None if recording.split_mib is None else recording.split_mib << 20,
         sync_bytes=recording.sync_mib << 20,
-        least_free_bytes=recording.least_free_mib << 20,
+        min_free_bytes=recording.least_free_mib << 20,
     )
 
 

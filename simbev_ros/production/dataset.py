@@ -8,7 +8,7 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
-from simbev_ros.dataset.staging import clean_up
+from simbev_ros.dataset.staging import clean_up_staging
 from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.recording.layout import scenes_folder
@@ -75,7 +75,7 @@ def make_dataset(
     scenario, out = without_stack(scenario), Path(out)
     plan_scenes(scenario, out, replace)
     with DatasetLock(out):
-        clean_up(out)
+        clean_up_staging(out)
         plan, entries = plan_scenes(scenario, out, replace)
         plan.save(out)
         scenes_folder(out).mkdir(exist_ok=True)  # from now on it is recognized as a dataset
@@ -92,9 +92,9 @@ def plan_scenes(scenario: Scenario, out: Path, replace: Numbers = ()) -> tuple[P
     Raises:
         InputError: The dataset's plan is damaged, a map does not exist, or a number to replace has no scene.
     """
-    plan = Plan.of(out).extended(scenario)
+    plan = Plan.load(out).with_scenes_of(scenario)
     numbers = [number if isinstance(number, range) else range(number, number + 1) for number in replace]
-    return plan, plan.chosen(numbers) if numbers else plan.to_make(out, scenario)
+    return plan, plan.entries_with_numbers(numbers) if numbers else plan.missing_entries(out, scenario)
 
 
 def existing_scenes(plan: Plan, dataset: Path) -> list[PlannedEntry]:

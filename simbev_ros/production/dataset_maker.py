@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Self
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.index import Row, bring_up_to_date, row_of, write_index
+from simbev_ros.dataset.index import Row, index_row, update_index, write_index
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
-from simbev_ros.dataset.staging import move_in, staging_of
+from simbev_ros.dataset.staging import move_into_dataset, staging_of
 from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.graph.traces import sweep
@@ -49,9 +49,9 @@ class DatasetMaker:
         self._drawer = PlannedSceneDrawer(scenario, observer)
         self._session: GraphSession | None = None
         sweep()  # also where nothing is left to make
-        existing = [bag for bag in (bag_of(dataset, entry) for entry in Plan.of(dataset).scenes) if bag.is_dir()]
+        existing = [bag for bag in (bag_of(dataset, entry) for entry in Plan.load(dataset).scenes) if bag.is_dir()]
         with observe_step(observer, "reading the scenes that are there"):
-            rows, self._damaged = bring_up_to_date(dataset, existing)
+            rows, self._damaged = update_index(dataset, existing)
         self._rows: dict[int, Row] = {row["number"]: row for row in rows}
 
     def __enter__(self) -> Self:
@@ -120,7 +120,7 @@ class DatasetMaker:
                     raise
                 self._observer.scene_retried(spec, str(error))
                 continue
-            row = row_of(move_in(self._dataset, entry), self._dataset)
+            row = index_row(move_into_dataset(self._dataset, entry), self._dataset)
             log.close(f"{end.reason} after tick {end.tick}, {row['bytes']:,} bytes", self._new_output())
             return row
         raise AssertionError("the last attempt returns or raises")

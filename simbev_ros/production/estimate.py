@@ -68,7 +68,7 @@ class Estimate:
 
 def count_scenes(dataset: Path, entries: Sequence[PlannedEntry]) -> tuple[SceneCounts, SceneCounts]:
     """Count the finished scenes of a dataset, and the scenes to make, by map and split."""
-    existing = existing_scenes(Plan.of(dataset), dataset)
+    existing = existing_scenes(Plan.load(dataset), dataset)
     return Counter((entry.map, entry.split) for entry in existing), Counter(
         (entry.map, entry.split) for entry in entries
     )

@@ -1,1 +1,1 @@
-"""Bags: writing, reading, metadata, integrity."""
+"""rosbag2 bags of scenes in MCAP files: writing, reading, metadata, verification, repair and replay."""

@@ -1,11 +1,11 @@
-"""Decoded messages to numpy: images, compressed images, point clouds (and tables in the form of point clouds)."""
+"""Conversion of decoded messages to numpy arrays: images, compressed images, and point clouds (also used as tables)."""
 
 from typing import Any
 
 import numpy as np
 
 from simbev_ros.errors import BagError
-from simbev_ros.recording.image_codecs import decode
+from simbev_ros.recording.image_codecs import decode_image
 from simbev_ros.types import AnyArray, Table
 
 _IMAGE_LAYOUTS: dict[str, tuple[str, int]] = {
@@ -23,10 +23,10 @@ def image_array(message: Any) -> AnyArray:
     """(H, W) or (H, W, C) array of a ``sensor_msgs/msg/Image`` or ``CompressedImage``, in native byte order.
 
     Raises:
-        BagError: The encoding is not one of ours, or the data do not have the size that the head says.
+        BagError: The encoding is unknown, or the size of the data does not match the message's fields.
     """
     if hasattr(message, "format"):
-        return decode(message.format, message.data.tobytes())
+        return decode_image(message.format, message.data.tobytes())
     if message.encoding not in _IMAGE_LAYOUTS:
         raise BagError(f"image of unknown encoding {message.encoding!r}")
     kind, channels = _IMAGE_LAYOUTS[message.encoding]
@@ -41,10 +41,10 @@ def image_array(message: Any) -> AnyArray:
 
 
 def point_array(message: Any) -> Table:
-    """(N,) structured array of a ``sensor_msgs/msg/PointCloud2``, one row per point, fields by name where they lie.
+    """(N,) structured array of a ``sensor_msgs/msg/PointCloud2``, one row per point, with the fields at their offsets.
 
     Raises:
-        BagError: A field lies outside its point, or the data do not have the size that the head says.
+        BagError: A field lies outside its point, or the size of the data does not match the message's fields.
     """
     order = ">" if message.is_bigendian else "<"
     formats = [(order + _POINT_FIELD_TYPES[f.datatype], (f.count,) if f.count > 1 else ()) for f in message.fields]

@@ -1,4 +1,4 @@
-"""The MCAP files of one bag: chunks in, one file after the other out, as large as they may be."""
+"""Writer of a bag's MCAP files: receives chunks and attachments, starts new files at a size limit, syncs to disk."""
 
 import errno
 import os
@@ -20,25 +20,25 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class BagFiles:
-    """Writes them, for one thread at a time.
+    """Writes the MCAP files of one bag; for one thread at a time.
 
     Args:
-        folder: Where they go.
-        name: That of the scene.
-        zstd_level: None: chunks are not compressed.
-        split_bytes: A file that has so many is closed, and the next one begun; None: there is one.
-        sync_bytes: Payload that is forced to the disk together, while the next is written.
-        least_free_bytes: Must stay free on the disk; looked at whenever something was forced to it.
+        folder: The bag's folder.
+        name: Name of the scene.
+        zstd_level: Compression level of chunks; None: chunks are not compressed.
+        split_bytes: A file of this size is closed and a new one is started; None: there is only one file.
+        sync_bytes: Amount of payload that is synced to disk together, while the next is written.
+        min_free_bytes: Space that must stay free on the disk; checked before every sync.
 
     Attributes:
-        definitions: Of all topics; each file gets all of them.
-        files: What is in each file, that in the making included.
-        counts: Messages by channel.
-        failure: After it nothing is written any more, but the end of the last file.
+        definitions: Definitions of all topics; each file contains all of them.
+        files: Contents of each file so far, including the one being written.
+        counts: Number of messages by channel id.
+        failure: First error of the disk. After it nothing is written any more except the end of the last file.
 
     Raises:
-        DiskError: The disk is full, or nearly, or fails (every method).
-        OSError: The first file cannot be made.
+        DiskError: The disk is full, nearly full or failing (every method).
+        OSError: The first file cannot be created.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class BagFiles:
         zstd_level: int | None,
         split_bytes: int | None,
         sync_bytes: int,
-        least_free_bytes: int,
+        min_free_bytes: int,
     ) -> None:
         self.definitions: list[Definition] = []
         self.files: list[RecordedFile] = []
         self._folder, self._name = folder, name
         self._zstd_level, self._split_bytes = zstd_level, split_bytes
-        self._sync_bytes, self._least_free_bytes = sync_bytes, least_free_bytes
+        self._sync_bytes, self._min_free_bytes = sync_bytes, min_free_bytes
         self._unsynced_bytes = 0
         self._syncing: Future[None] | None = None
         self._sync_thread = ThreadPoolExecutor(1, thread_name_prefix="sync")
@@ -68,29 +68,29 @@ class BagFiles:
         self.definitions.append(definition)
 
     def add_chunk(self, chunk: ChunkInProgress) -> None:
-        """Write messages."""
-        with self._once():
+        """Write a chunk of messages, in a new file if the current one has reached its size limit."""
+        with self._until_failure():
             if self._split_bytes is not None and self._file.size >= self._split_bytes:
                 self._join_sync()
                 self._file.close({}, self.definitions)
                 self._file = self._next_file()
             self._file.add_chunk(chunk, self.definitions)
-        self.counts.update({channel_id: len(places) for channel_id, places in chunk.places.items()})
-        self.files[-1].add([stamp_ns for places in chunk.places.values() for stamp_ns, _ in places])
+        self.counts.update({channel_id: len(entries) for channel_id, entries in chunk.index_entries.items()})
+        self.files[-1].add_messages([stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries])
         self._unsynced_bytes += chunk.payload_bytes
         if self._unsynced_bytes >= self._sync_bytes:
             self._begin_sync()
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Write a file that goes with the messages."""
-        with self._once():
+        """Write an attachment and sync it to disk."""
+        with self._until_failure():
             self._file.add_attachment(attachment)
         self.sync()
 
     def sync(self) -> None:
-        """Force all to the disk, and see whether there is room for more."""
+        """Sync everything to disk, and check that there is space for more."""
         self._begin_sync()
-        with self._once():
+        with self._until_failure():
             self._join_sync()
 
     def close(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
@@ -100,10 +100,10 @@ class BagFiles:
             self._file.close(metadata, self.definitions)
 
     def _begin_sync(self) -> None:
-        """Force all to the disk when what was to be forced before is there."""
-        with self._once():
+        """Start a sync in the background as soon as the previous one is done."""
+        with self._until_failure():
             self._join_sync()
-            check_space(self._folder, self._least_free_bytes)
+            check_space(self._folder, self._min_free_bytes)
             self._unsynced_bytes = 0
             self._syncing = self._sync_thread.submit(self._file.sync)
 
@@ -118,8 +118,8 @@ class BagFiles:
         return file
 
     @contextmanager
-    def _once(self) -> Iterator[None]:
-        """Nothing is done after a failure."""
+    def _until_failure(self) -> Iterator[None]:
+        """Raise the first failure again, or remember a new one, so that nothing is written after a failure."""
         if self.failure is not None:
             raise self.failure
         try:
@@ -132,7 +132,7 @@ class BagFiles:
 
 @contextmanager
 def disk_errors(folder: Path) -> Iterator[None]:
-    """Turn what the operating system refuses into ``DiskError``."""
+    """Context in which an ``OSError`` is raised as ``DiskError``."""
     try:
         yield
     except OSError as error:
@@ -140,22 +140,22 @@ def disk_errors(folder: Path) -> Iterator[None]:
         raise DiskError(f"{folder}: {problem}; what was recorded before stays readable there") from None
 
 
-def check_space(folder: Path, least_free_bytes: int, scene_bytes: int = 0) -> None:
-    """See that there is room on the disk of a folder, which need not be there yet.
+def check_space(folder: Path, min_free_bytes: int, scene_bytes: int = 0) -> None:
+    """Check that there is enough space on the disk of a folder, which need not exist yet.
 
     Args:
         folder: The folder.
-        least_free_bytes: What must stay free.
-        scene_bytes: What is about to be written.
+        min_free_bytes: Space that must stay free.
+        scene_bytes: Size of what is about to be written.
 
     Raises:
-        DiskError: Less is free than both together.
+        DiskError: Less space is free than both together.
     """
     status = os.statvfs(next(each for each in (folder, *folder.absolute().parents) if each.is_dir()))
     free_bytes = status.f_bavail * status.f_frsize
-    if free_bytes < least_free_bytes + scene_bytes:
+    if free_bytes < min_free_bytes + scene_bytes:
         needed = f"a scene takes up to {decimal(scene_bytes)}, and " if scene_bytes else ""
         raise DiskError(
             f"{folder}: the disk is nearly full: {decimal(free_bytes)} are free, {needed or 'and '}"
-            f"{decimal(least_free_bytes)} must stay free (recording.least_free_mib)"
+            f"{decimal(min_free_bytes)} must stay free (recording.least_free_mib)"
         )

@@ -1,4 +1,4 @@
-"""rosbag2's description of a bag, version 9: ``metadata.yaml`` and its copy inside the MCAP file."""
+"""rosbag2's metadata of a bag, version 9: ``metadata.yaml`` and its copy inside the MCAP file."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from simbev_ros.recording.qos import FAST_DUMPER, QosProfile
 
 VERSION = 9
 ROS_DISTRO = "jazzy"
-_WIDEST = 2**31 - 1
+_MAX_LINE_WIDTH = 2**31 - 1
 
 
 @dataclass(slots=True)
 class RecordedTopic:
-    """One topic of a bag, with what has been written of it so far."""
+    """A topic of a bag that is being written, with the number and size of its messages so far."""
 
     name: str
     type_name: str
@@ -26,7 +26,7 @@ class RecordedTopic:
     payload_bytes: int = 0
 
     def as_mapping(self) -> dict[str, Any]:
-        """This topic in ``topics_with_message_count``."""
+        """The topic's entry in ``topics_with_message_count``."""
         return {
             "topic_metadata": {
                 "name": self.name,
@@ -41,27 +41,27 @@ class RecordedTopic:
 
 @dataclass(slots=True)
 class RecordedFile:
-    """One file of a bag, with what has been written into it so far."""
+    """A file of a bag that is being written, with the number and time span of its messages so far."""
 
     name: str
     count: int = 0
     start_ns: int | None = None
     end_ns: int = 0
 
-    def add(self, stamps_ns: Collection[int]) -> None:
-        """Enter messages by their stamps."""
+    def add_messages(self, stamps_ns: Collection[int]) -> None:
+        """Count messages, given by their stamps."""
         if stamps_ns:
             self.include(RecordedFile("", len(stamps_ns), min(stamps_ns), max(stamps_ns)))
 
     def include(self, other: "RecordedFile") -> None:
-        """Enter all that is in another one."""
+        """Count all messages of another file."""
         if other.start_ns is not None:
             self.start_ns = other.start_ns if self.start_ns is None else min(self.start_ns, other.start_ns)
             self.end_ns = max(self.end_ns, other.end_ns)
             self.count += other.count
 
     def span(self) -> dict[str, Any]:
-        """When it starts, how long it lasts, and how many messages it has."""
+        """The file's start time, duration and number of messages, as rosbag2 writes them."""
         start_ns = self.start_ns or 0
         return {
             "starting_time": {"nanoseconds_since_epoch": start_ns},
@@ -73,7 +73,7 @@ class RecordedFile:
 def bag_information(
     files: Sequence[RecordedFile], topics: Sequence[RecordedTopic], custom_data: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What stands under ``rosbag2_bagfile_information``."""
+    """Content of ``rosbag2_bagfile_information``."""
     whole = RecordedFile("")
     for file in files:
         whole.include(file)
@@ -94,5 +94,5 @@ def bag_information(
 
 
 def to_yaml(information: Mapping[str, Any]) -> str:
-    """YAML text in rosbag2's order of keys."""
-    return str(yaml.dump(information, Dumper=FAST_DUMPER, sort_keys=False, width=_WIDEST))
+    """YAML text with the keys in rosbag2's order."""
+    return str(yaml.dump(information, Dumper=FAST_DUMPER, sort_keys=False, width=_MAX_LINE_WIDTH))

@@ -1,10 +1,11 @@
-"""Writing one scene: serialised messages in, a rosbag2 bag (MCAP files and ``metadata.yaml``) out.
+"""Writer of a scene's bag: serialized messages in, a rosbag2 bag (MCAP files and ``metadata.yaml``) out.
 
-The bag grows in ``<name>.partial`` and takes its name only when it is whole. Chunks are with the operating system when
-they are written: whatever ends the process, they stay readable. Every ``sync_bytes`` of payload the file is forced to
-the disk while the next are written: a power cut costs at most two such portions.
+The bag grows in ``<name>.partial`` and gets its final name only when it is complete. A chunk is handed to the operating
+system as soon as it is complete, so it stays readable however the process ends. After every ``sync_bytes`` of payload
+the file is synced to disk in the background; a power cut costs at most two such portions.
 
-What is large, as sensor data, may have chunks of its own: who wants only labels, or the motion, then reads little else.
+Large topics, such as sensor data, can be written to chunks of their own. A reader that needs only labels or only the
+motion then has little else to read.
 """
 
 import json
@@ -28,31 +29,31 @@ from simbev_ros.recording.mcap.syncing import sync
 from simbev_ros.recording.qos import QosProfile
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
-_MOST_WAITING = 4
-"""Chunks that may wait for the disk; who writes then waits, too."""
+_MAX_WAITING = 4
+"""Maximum number of tasks that wait for the disk thread; beyond it ``write`` blocks."""
 
 
 class SceneBagWriter:
     """Writes one scene's bag.
 
-    As a context manager it abandons the bag unless ``finish`` was called. For one thread; compression and the disk are
-    left to another one, of which at most a few chunks wait.
+    As a context manager it abandons the bag unless ``finish`` was called. It is meant for one thread and passes
+    compression and disk access to another one, for which only a few chunks may wait.
 
     Args:
         path: The finished bag's folder.
         chunk_bytes: Size of a chunk before compression.
-        zstd_level: How hard to compress chunks; None: not at all.
-        split_bytes: When a file has so many, the next one is begun, and all topics share chunks, so that no file begins
-            before the one before has ended; None: the bag has one file.
-        sync_bytes: Payload that is forced to the disk together.
-        least_free_bytes: What must stay free on the disk.
+        zstd_level: Compression level of chunks; None: chunks are not compressed.
+        split_bytes: A file of this size is closed and a new one is started; all topics then share chunks, so that the
+            time spans of files do not overlap. None: the bag has one file.
+        sync_bytes: Amount of payload that is synced to disk together.
+        min_free_bytes: Space that must stay free on the disk.
 
     Attributes:
         path: The finished bag's folder; until then the bag is in ``partial_path``.
 
     Raises:
-        InputError: There is a bag of this name, finished or not, or its folder cannot be made.
-        DiskError: The disk is full, or nearly, or fails (every method that writes, be it a little later).
+        InputError: There is a bag with this name, finished or not, or its folder cannot be created.
+        DiskError: The disk is full, nearly full or failing (every method that writes, possibly on a later call).
     """
 
     def __init__(
@@ -63,14 +64,14 @@ class SceneBagWriter:
         zstd_level: int | None = 1,
         split_bytes: int | None = None,
         sync_bytes: int = 32 << 20,
-        least_free_bytes: int = 0,
+        min_free_bytes: int = 0,
     ) -> None:
         self.path = path
         self.partial_path = partial_of(path)
         for taken in (self.path, self.partial_path):
             if taken.exists():
                 raise InputError(f"{taken}: exists already; nothing was overwritten")
-        check_space(path, least_free_bytes)
+        check_space(path, min_free_bytes)
         try:
             self.partial_path.mkdir(parents=True)
             self._files = BagFiles(
@@ -79,7 +80,7 @@ class SceneBagWriter:
                 zstd_level=zstd_level,
                 split_bytes=split_bytes,
                 sync_bytes=sync_bytes,
-                least_free_bytes=least_free_bytes,
+                min_free_bytes=min_free_bytes,
             )
         except OSError as error:
             raise InputError(f"{path}: cannot be created: {error.strerror}") from None
@@ -88,22 +89,22 @@ class SceneBagWriter:
         self._chunk_bytes = min(chunk_bytes, sync_bytes)
         self._shares_chunks = split_bytes is not None
         self._chunks: dict[bool, ChunkInProgress] = {}
-        self._apart: set[str] = set()
+        self._separate_topics: set[str] = set()
         self._is_closed = False
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="bag")
         self._waiting: deque[Future[None]] = deque()
 
-    def add_topic(self, name: str, type_name: str, qos: QosProfile, *, apart: bool = False) -> None:
-        """Announce a topic; each once, before its first message.
+    def add_topic(self, name: str, type_name: str, qos: QosProfile, *, separate_chunks: bool = False) -> None:
+        """Announce a topic, once and before its first message.
 
         Args:
             name: Full topic name.
-            type_name: As in ``sensor_msgs/msg/Image``; one of ROS 2 Jazzy's own message packages.
-            qos: What its publisher offers.
-            apart: In chunks only with others of which that is said.
+            type_name: A type such as ``sensor_msgs/msg/Image``, from one of ROS 2 Jazzy's own message packages.
+            qos: Quality of service that the publisher offers.
+            separate_chunks: Whether to keep the topic, with others for which this is set, out of the common chunks.
         """
-        if apart and not self._shares_chunks:
-            self._apart.add(name)
+        if separate_chunks and not self._shares_chunks:
+            self._separate_topics.add(name)
         if name in self._topics:
             raise ValueError(f"topic {name} was added before")
         if type_name not in self._schemas:
@@ -120,43 +121,43 @@ class SceneBagWriter:
             schema_id=schema.id,
         )
         self._topics[name] = RecordedTopic(name, type_name, type_hash, qos, channel.id)
-        self._do(self._files.define, Definition(channel, schema))
+        self._submit(self._files.define, Definition(channel, schema))
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
-        """Put a file into the bag, on the disk when this returns."""
-        self._end_chunks()
-        self._do(self._files.add_attachment, Attachment(0, 0, name, media_type, data))
+        """Write an attachment; it is synced to disk when this returns."""
+        self._flush_chunks()
+        self._submit(self._files.add_attachment, Attachment(0, 0, name, media_type, data))
         self._wait()
 
     def write(self, topic: str, stamp_ns: int, data: bytes | memoryview) -> None:
-        """Append one message.
+        """Append a message.
 
         Args:
-            topic: A topic announced before.
-            stamp_ns: Simulated time of the message, ns; log time and publish time in the bag.
-            data: The message, CDR with its encapsulation header; it must not be changed any more.
+            topic: A topic announced with ``add_topic``.
+            stamp_ns: Simulated time of the message, ns; it becomes log time and publish time in the bag.
+            data: The message, CDR with its encapsulation header; the caller must not modify it afterwards.
         """
-        entry, is_apart = self._topics[topic], topic in self._apart
-        chunk = self._chunks.setdefault(is_apart, ChunkInProgress())
-        chunk.add(entry.channel_id, entry.count, stamp_ns, data)
+        entry, is_separate = self._topics[topic], topic in self._separate_topics
+        chunk = self._chunks.setdefault(is_separate, ChunkInProgress())
+        chunk.add_message(entry.channel_id, entry.count, stamp_ns, data)
         entry.count += 1
         entry.payload_bytes += len(data)
         if chunk.size > self._chunk_bytes:
-            self._do(self._files.add_chunk, self._chunks.pop(is_apart))
+            self._submit(self._files.add_chunk, self._chunks.pop(is_separate))
 
     def sync(self) -> None:
-        """Close the chunks in progress; all messages written so far are on the disk when this returns."""
-        self._end_chunks()
-        self._do(self._files.sync)
+        """Close the chunks in progress and sync; all messages written so far are on disk when this returns."""
+        self._flush_chunks()
+        self._submit(self._files.sync)
         self._wait()
 
-    def _end_chunks(self) -> None:
-        for is_apart in sorted(self._chunks):
-            self._do(self._files.add_chunk, self._chunks.pop(is_apart))
+    def _flush_chunks(self) -> None:
+        for is_separate in sorted(self._chunks):
+            self._submit(self._files.add_chunk, self._chunks.pop(is_separate))
 
-    def _do(self, work: Callable[..., None], *arguments: object) -> None:
-        """Have the other thread do something when it has done all before."""
-        while self._waiting and (self._waiting[0].done() or len(self._waiting) >= _MOST_WAITING):
+    def _submit(self, work: Callable[..., None], *arguments: object) -> None:
+        """Submit a task to the disk thread, which runs tasks in order; block while too many wait."""
+        while self._waiting and (self._waiting[0].done() or len(self._waiting) >= _MAX_WAITING):
             self._waiting.popleft().result()
         self._waiting.append(self._disk.submit(work, *arguments))
 
@@ -165,16 +166,16 @@ class SceneBagWriter:
             self._waiting.popleft().result()
 
     def finish(self, custom_data: Mapping[str, str]) -> Path:
-        """Close the bag and give it its name, in one step that is never half done.
+        """Close the bag and rename it atomically to its final name.
 
         Args:
-            custom_data: Facts of the scene, kept in the bag's description.
+            custom_data: Facts about the scene, which are kept in the bag's metadata.
 
         Returns:
             The bag's folder.
 
         Raises:
-            InputError: Meanwhile something else took the name; the bag stays in its unfinished folder.
+            InputError: Something else has taken the name meanwhile; the bag stays in its unfinished folder.
         """
         self._close(custom_data)
         if self.path.exists():
@@ -184,7 +185,7 @@ class SceneBagWriter:
         return self.path
 
     def abandon(self, custom_data: Mapping[str, str] | None = None) -> Path:
-        """Close the bag, readable as far as it goes, and leave it in its unfinished folder, which is returned."""
+        """Close the bag, readable as far as it goes, and leave it in its unfinished folder; return this folder."""
         with suppress(DiskError):  # what was synced stays readable
             self._close({**(custom_data or {}), "complete": "false"})
         return self.partial_path
@@ -194,7 +195,7 @@ class SceneBagWriter:
             return
         self._is_closed = True
         with suppress(DiskError):
-            self._end_chunks()
+            self._flush_chunks()
             self._wait()
         self._disk.shutdown()
         topics = list(self._topics.values())

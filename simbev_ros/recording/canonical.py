@@ -1,6 +1,6 @@
-"""Messages in one form: equal messages become equal bytes.
+"""Canonical serialization, in which equal messages are equal bytes.
 
-CDR aligns numbers, and middleware leaves in the gaps whatever its memory held before.
+CDR aligns numbers with padding bytes, which middleware leaves with whatever its memory held before.
 """
 
 from rosbags.typesys import Stores, get_typestore
@@ -8,6 +8,6 @@ from rosbags.typesys import Stores, get_typestore
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
-def canonical(payload: bytes, type_name: str) -> memoryview:
-    """A message in little-endian CDR, with zeros in all gaps; it shares no memory with the one given."""
+def canonical_cdr(payload: bytes, type_name: str) -> memoryview:
+    """A serialized message as little-endian CDR with zeros as padding; it shares no memory with ``payload``."""
     return _TYPES.serialize_cdr(_TYPES.deserialize_cdr(payload, type_name), type_name)

@@ -1,4 +1,4 @@
-"""A bag in words and numbers, fit for JSON."""
+"""Description of a bag for ``simbev info``: state, contents, topics and scene, as values that fit in JSON."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -17,25 +17,25 @@ from simbev_ros.recording.reader import SceneBag, Topic
 from simbev_ros.scene.spec import SceneSpec
 
 _ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
-"""How prose spells the kinds of sensors whose names are abbreviations."""
+"""Spelling in prose of the sensor kinds whose names are abbreviations."""
 
 
 def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], None] = lambda *_: None) -> dict[str, Any]:
-    """Facts of a bag.
+    """Describe a bag.
 
     Args:
-        path: Its folder or file.
-        digest: Also read all of it, for hashes.
-        progress: Called while that goes on, with messages read and messages in all.
+        path: The bag's folder or file.
+        digest: Whether to read the whole bag and add digests of its topics.
+        progress: Called while digests are computed, with the number of messages read so far and their total.
 
     Returns:
         ``state`` is finished (closed, and under its own name), unfinished (closed, but not given its name) or cut off
-        (its writer was killed); ``complete`` is the recorder's word that nothing is missing, None without one;
-        ``ended`` says why the scene ended, after ``ticks``, which may be less than the scene's; ``expected`` and
-        ``bytes`` of a topic are None where the recorder left no books, ``rate_hz`` with less than two messages.
+        (its writer was killed); ``complete`` is the recorder's statement that nothing is missing, None without one;
+        ``ended`` says why the scene ended, after ``ticks``, which may be fewer than the scene's; ``expected`` and
+        ``bytes`` of a topic are None if the recorder left no accounts, ``rate_hz`` with fewer than two messages.
 
     Raises:
-        BagError: It cannot be read.
+        BagError: The bag cannot be read.
     """
     with SceneBag(path) as bag:
         start_ns, end_ns = bag.span_ns
@@ -103,7 +103,7 @@ def _scene(spec: SceneSpec) -> dict[str, Any]:
 
 
 def _rig(rig: Rig) -> list[str]:
-    """One phrase for each kind of sensor."""
+    """A phrase for each kind of sensor."""
     cameras: dict[str, int] = {}
     for camera in rig.of_type(Camera):
         kind = f"{camera.width_px}x{camera.height_px} {' '.join(camera.modalities)}"

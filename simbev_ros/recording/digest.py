@@ -1,4 +1,4 @@
-"""One hash per topic: equal exactly when the topics hold the same messages with the same stamps in the same order."""
+"""Digests of bags: a topic's digest is equal exactly if it has the same messages and stamps in the same order."""
 
 import hashlib
 import struct
@@ -10,10 +10,10 @@ _PREFIX = struct.Struct("<qQ")
 
 
 def topic_digests(bag: SceneBag, progress: Callable[[int], None] = lambda _: None) -> dict[str, str]:
-    """SHA-256, in hexadecimal, of each topic: per message its stamp in ns, its length, its payload.
+    """Hexadecimal SHA-256 of each topic, over stamp in ns, length and payload of its messages, by topic name.
 
     Args:
-        bag: The bag to read, as a whole.
+        bag: The bag, all of which is read.
         progress: Called with 1 after each message.
     """
     hashes = {name: hashlib.sha256() for name in bag.topics}
@@ -26,6 +26,6 @@ def topic_digests(bag: SceneBag, progress: Callable[[int], None] = lambda _: Non
 
 
 def scene_digest(digests: Mapping[str, str]) -> str:
-    """One SHA-256 over the digests of all topics, whatever their order."""
+    """Hexadecimal SHA-256 over the digests of all topics, independent of their order."""
     lines = "".join(f"{topic} {digest}\n" for topic, digest in sorted(digests.items()))
     return hashlib.sha256(lines.encode()).hexdigest()

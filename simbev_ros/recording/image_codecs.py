@@ -1,11 +1,11 @@
-"""Compressed forms of the five kinds of image; each can be decoded by the stock image_transport plugins.
+"""Codecs for the five kinds of image, in formats that the standard image_transport plugins can decode.
 
-| encoding | form | error |
+| encoding | format | error |
 |---|---|---|
-| rgb8 | JPEG, by default of quality 90, 4:2:0 | that of JPEG |
+| rgb8 | JPEG, by default with quality 90, 4:2:0 | that of JPEG |
 | mono8, mono16 | PNG | none |
 | 32FC1 depth | compressed_depth_image_transport's: inverse depth as 16-bit PNG | see ``encode_depth`` |
-| 32FC2 flow | KITTI's: u, v, valid as 16-bit PNG | 1/128 px; beyond ±512 px it becomes invalid |
+| 32FC2 flow | KITTI's: u, v, valid as 16-bit PNG | 1/128 px; values beyond ±512 px become invalid |
 """
 
 import struct
@@ -21,13 +21,13 @@ from simbev_ros.errors import BagError
 from simbev_ros.types import AnyArray, Float32Array, UInt8Array
 
 _JPEG_QUALITY = Recording().jpeg_quality
-# Told no level, OpenCV takes level 1 and the filter SUB, in all its versions. Told a level, it picks a filter for each
-# row: that takes three times as long, and our images, which are smooth or flat, gain little.
+# Without a level, all versions of OpenCV use level 1 and the filter SUB. With a level, OpenCV chooses a filter for each
+# row, which takes three times as long and gains little on these images, which are smooth or flat.
 _PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
 
-_DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantisation parameters a and b: level = a / depth + b
+_DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b
 _INVERSE_DEPTH = 0
-_TOP_LEVEL = 65535
+_MAX_LEVEL = 65535
 _FLOW_UNITS_PER_PX = 64.0
 _FLOW_ZERO = 32768
 
@@ -41,53 +41,53 @@ def encode_rgb(image: UInt8Array, quality: int = _JPEG_QUALITY) -> bytes:
 
 
 def decode_rgb(data: bytes) -> UInt8Array:
-    """(H, W, 3) uint8 RGB image of a JPEG."""
+    """(H, W, 3) uint8 RGB image decoded from a JPEG."""
     image: UInt8Array = simplejpeg.decode_jpeg(data, colorspace="RGB")
     return image
 
 
 def encode_labels(image: AnyArray) -> bytes:
-    """PNG of an (H, W) uint8 or uint16 image, without loss."""
+    """Lossless PNG of an (H, W) uint8 or uint16 image."""
     return _encode_png(image)
 
 
 def decode_labels(data: bytes) -> AnyArray:
-    """(H, W) uint8 or uint16 image of a PNG."""
+    """(H, W) uint8 or uint16 image decoded from a PNG."""
     return _decode_png(data)
 
 
 def encode_depth(depth_m: Float32Array) -> bytes:
-    """Inverse depth in 65535 even levels between the farthest and the nearest pixel of this image.
+    """PNG of inverse depth in 65535 even levels between the farthest and the nearest pixel of the image.
 
-    The form is that of compressed_depth_image_transport, whose decoder reads the parameters from the head; theirs are
-    fixed for indoor cameras, ours follow the image. With ``near`` and ``far`` the extreme depths (``far`` at least
-    twice ``near``) the error at depth d is at most d² (1/near - 1/far) / 131068, and float32's 1e-6 d: at near = 2 m
-    that is 1 cm at 50 m and 4 cm at 100 m.
+    The format is that of compressed_depth_image_transport, whose decoder reads the quantization parameters from the
+    header. There they are fixed for indoor cameras; here they follow the image. With ``near`` and ``far`` as extreme
+    depths (``far`` at least twice ``near``), the error at depth d is at most d² (1/near - 1/far) / 131068, plus
+    float32's 1e-6 d: with near = 2 m that is 1 cm at 50 m and 4 cm at 100 m.
 
     Args:
-        depth_m: (H, W) float32, metres, > 0; anything not finite (sky) becomes level 0.
+        depth_m: (H, W) float32, meters, > 0; values that are not finite (sky) become level 0.
 
     Raises:
         ValueError: A depth is not positive.
     """
-    seen = np.isfinite(depth_m)
-    near_m = float(np.min(depth_m, where=seen, initial=np.inf))
+    finite = np.isfinite(depth_m)
+    near_m = float(np.min(depth_m, where=finite, initial=np.inf))
     if near_m <= 0:
         raise ValueError(f"depth must be positive, not {near_m} m")
-    far_m = max(float(np.max(depth_m, where=seen, initial=0)), 2 * near_m)
-    scale = (_TOP_LEVEL - 1) / (1 / near_m - 1 / far_m) if seen.any() else 1.0
+    far_m = max(float(np.max(depth_m, where=finite, initial=0)), 2 * near_m)
+    scale = (_MAX_LEVEL - 1) / (1 / near_m - 1 / far_m) if finite.any() else 1.0
     parameters = np.array([scale, 1 - scale / far_m], np.float32)
     levels = np.rint(parameters[0] / depth_m + parameters[1])
-    levels = np.where(seen, np.clip(levels, 1, _TOP_LEVEL), 0).astype(np.uint16)
+    levels = np.where(finite, np.clip(levels, 1, _MAX_LEVEL), 0).astype(np.uint16)
     return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + _encode_png(levels)
 
 
 def decode_depth(data: bytes) -> Float32Array:
-    """(H, W) float32 depth in metres; +inf where the image had none (the stock decoder says NaN there)."""
+    """(H, W) float32 depth in meters; +inf where the image had none (the standard decoder gives NaN there)."""
     _, scale, offset = _DEPTH_HEAD.unpack_from(data)
     levels = _decode_png(data[_DEPTH_HEAD.size :])
     depth_m: Float32Array = levels - np.float32(offset)
-    with np.errstate(divide="ignore"):  # there is no depth where the level is 0, whatever the offset
+    with np.errstate(divide="ignore"):  # level 0 means no depth and is overwritten below
         np.divide(np.float32(scale), depth_m, out=depth_m)
     depth_m[levels == 0] = np.inf
     return depth_m
@@ -97,16 +97,16 @@ def encode_flow(flow_px: Float32Array) -> bytes:
     """PNG with channels u, v and valid; u and v in 1/64 px from 2^15, valid 0 or 1.
 
     Args:
-        flow_px: (H, W, 2) float32, pixels; not valid where NaN or beyond what 16 bits hold.
+        flow_px: (H, W, 2) float32, pixels; invalid where NaN or outside the range of 16 bits.
     """
     u, v = (np.rint(channel * _FLOW_UNITS_PER_PX + _FLOW_ZERO) for channel in cv2.split(flow_px))
-    valid = (u >= 0) & (u <= _TOP_LEVEL) & (v >= 0) & (v <= _TOP_LEVEL)
+    valid = (u >= 0) & (u <= _MAX_LEVEL) & (v >= 0) & (v <= _MAX_LEVEL)
     blue_green_red = [valid, np.where(valid, v, 0), np.where(valid, u, 0)]
     return _encode_png(cv2.merge([channel.astype(np.uint16) for channel in blue_green_red]))
 
 
 def decode_flow(data: bytes) -> Float32Array:
-    """(H, W, 2) float32 flow in pixels, NaN where not valid."""
+    """(H, W, 2) float32 flow in pixels, NaN where invalid."""
     valid, v, u = cv2.split(_decode_png(data))
     flow_px: Float32Array = cv2.merge([u, v]).astype(np.float32)
     flow_px -= np.float32(_FLOW_ZERO)
@@ -116,7 +116,7 @@ def decode_flow(data: bytes) -> Float32Array:
 
 
 class _Codec(NamedTuple):
-    """The form of one kind of image, and how ``CompressedImage.format`` names it."""
+    """Codec of one kind of image, with the name of its format in ``CompressedImage.format``."""
 
     format: str
     encode: Callable[[AnyArray], bytes]
@@ -134,22 +134,22 @@ _DECODERS = {codec.format: codec.decode for codec in _CODECS.values()}
 
 
 def compressed_format(encoding: str) -> str:
-    """What ``CompressedImage.format`` says for images of this ROS encoding."""
+    """Value of ``CompressedImage.format`` for images of a ROS encoding."""
     return _CODECS[encoding].format
 
 
-def encode(encoding: str, image: AnyArray, jpeg_quality: int = _JPEG_QUALITY) -> bytes:
-    """``CompressedImage.data`` for an image of this ROS encoding."""
+def encode_image(encoding: str, image: AnyArray, jpeg_quality: int = _JPEG_QUALITY) -> bytes:
+    """Compress an image of a ROS encoding to the value of ``CompressedImage.data``."""
     if encoding == "rgb8":
         return encode_rgb(image, jpeg_quality)
     return _CODECS[encoding].encode(image)
 
 
-def decode(image_format: str, data: bytes) -> AnyArray:
-    """The image of a ``CompressedImage``.
+def decode_image(image_format: str, data: bytes) -> AnyArray:
+    """Decode the image of a ``CompressedImage``.
 
     Raises:
-        BagError: It is not one of our forms, or cannot be decoded.
+        BagError: The format is unknown, or the data cannot be decoded.
     """
     if image_format not in _DECODERS:
         raise BagError(f"compressed image of unknown format {image_format!r}")

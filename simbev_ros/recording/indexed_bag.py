@@ -1,4 +1,4 @@
-"""Any message of a bag by topic and time, reading no more than the chunk that holds it."""
+"""Random access to the messages of a bag by topic and time; each access reads only the chunk with the message."""
 
 import struct
 from collections import ChainMap
@@ -13,7 +13,7 @@ from mcap.records import Channel
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_index
+from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_mcap_index
 from simbev_ros.recording.reader import attached_spec
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
@@ -23,39 +23,41 @@ _LATCHED = "durability: transient_local"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class IndexedTopic:
-    """One topic.
+    """A topic with the locations of its messages.
 
     Attributes:
-        is_latched: Said once, for the whole scene.
-        places: (N, 4) log time in ns, number of the file, the chunk's offset there, the message's in the chunk;
-            ascending by time, those of one time in the order of the files.
+        is_latched: Whether the topic is published once for the whole scene.
+        locations: (N, 4) int64: log time in ns, number of the file, offset of the chunk in the file, offset of the
+            message in the chunk; ascending by time, with equal times in the order of the files.
     """
 
     name: str
     type_name: str
     is_latched: bool
-    places: Int64Array
+    locations: Int64Array
 
     @property
     def stamps_ns(self) -> Int64Array:
         """(N,) log times, ns, ascending."""
-        return self.places[:, 0]
+        return self.locations[:, 0]
 
     def between(self, after_ns: int, to_ns: int) -> Int64Array:
-        """(K, 4) places of the messages after one time and up to another, that one itself included."""
+        """(K, 4) locations of the messages later than ``after_ns`` and up to and including ``to_ns``."""
         first, last = np.searchsorted(self.stamps_ns, [after_ns, to_ns], side="right")
-        return self.places[first:last]
+        return self.locations[first:last]
 
 
 class IndexedBag:
-    """One bag, whole or cut off. It keeps no file open: processes and threads can share it, and it can be pickled.
+    """A bag, complete or cut off, with random access to its messages.
+
+    It keeps no file open; threads and processes can share it, and it can be pickled.
 
     Attributes:
         name: The scene's name.
-        file: Its first MCAP file.
-        files: All of them.
-        closed: All of them were closed by their writer; else the bag was cut off.
-        topics: By name.
+        file: First MCAP file of the bag.
+        files: All MCAP files.
+        closed: Whether all files were closed by their writer; if not, the bag was cut off.
+        topics: Topics by name.
 
     Raises:
         BagError: There is no bag at this path, or it is damaged.
@@ -77,19 +79,19 @@ class IndexedBag:
 
     @property
     def spec(self) -> SceneSpec | None:
-        """The drawn scene, if it was put in; made anew each time, as it is large. Raises BagError."""
+        """The attached scene specification, or None; parsed on every access, as it is large. Raises BagError."""
         return attached_spec(self._scene, self.file)
 
-    def payload(self, place: Int64Array) -> memoryview:
-        """A message's bytes, CDR with its head, where they lie in a cached chunk, which they keep in memory.
+    def payload(self, location: Int64Array) -> memoryview:
+        """Read a message's bytes: CDR with its header, as a view of a cached chunk, which the view keeps in memory.
 
         Args:
-            place: (4,) row of a topic's places.
+            location: (4,) row of a topic's locations.
 
         Raises:
-            BagError: The chunk is damaged, or the index is.
+            BagError: The chunk or the index is damaged.
         """
-        stamp_ns, number, chunk_offset, message_offset = place.tolist()
+        stamp_ns, number, chunk_offset, message_offset = location.tolist()
         chunk = self._cache.chunk(self.files[number], chunk_offset)
         try:
             opcode, length = RECORD_HEAD.unpack_from(chunk, message_offset)
@@ -105,18 +107,18 @@ class IndexedBag:
 def _index_of(file: Path) -> McapIndex:
     try:
         with file.open("rb") as stream:
-            return read_index(stream, str(file))
+            return read_mcap_index(stream, str(file))
     except OSError as error:
         raise BagError(f"{file}: cannot be read: {error.strerror}") from None
 
 
 def _topic(name: str, parts: Sequence[tuple[int, McapIndex, Channel]]) -> IndexedTopic:
-    """A topic of what each file, by its number, has of it."""
+    """Merge what the files, by number, contain of a topic."""
     _, index, channel = parts[0]
     schema = index.schemas.get(channel.schema_id)
     is_latched = _LATCHED in channel.metadata.get("offered_qos_profiles", "")
-    tables = [np.insert(index.places[channel.id].table(), 1, number, axis=1) for number, index, channel in parts]
-    places = np.concatenate(tables)
+    tables = [np.insert(index.locations[channel.id].table(), 1, number, axis=1) for number, index, channel in parts]
+    locations = np.concatenate(tables)
     return IndexedTopic(
-        name, schema.name if schema else "", is_latched, places[np.argsort(places[:, 0], kind="stable")]
+        name, schema.name if schema else "", is_latched, locations[np.argsort(locations[:, 0], kind="stable")]
     )

@@ -1,4 +1,4 @@
-"""Where things lie: the folder of a scene's bag, its unfinished form, its attachments, and a dataset of scenes."""
+"""File layout: names and paths of bags, finished and unfinished, of their files and attachments, and of datasets."""
 
 import glob
 import re
@@ -12,13 +12,13 @@ SCENE_ATTACHMENT = "scene.json"
 CONFIG_ATTACHMENT = "config.yaml"
 MAP_ATTACHMENT = "map.xodr"
 MAP_SOURCE_ATTACHMENT = "map_source.gz"
-"""The file that the map was made from, for maps that are files."""
+"""Compressed source file of the map, for maps that are loaded from files."""
 LEAD_IN_ATTACHMENT = "lead_in.json"
 TRAJECTORIES_ATTACHMENT = "trajectories.npz"
-"""Where every actor has gone: ``annotation/trajectories.py``."""
+"""Tracks of all actors; format in ``annotation/trajectories.py``."""
 METADATA_FILE = "metadata.yaml"
 REPLACED_SUFFIX = ".replaced"
-"""Of a scene that is just being replaced."""
+"""Suffix of the folder of a scene that is being replaced."""
 
 _SUFFIXES = (PARTIAL_SUFFIX, REPLACED_SUFFIX)
 _LABEL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -26,17 +26,17 @@ _SCENE = re.compile(r".+-\d{4,}")
 
 
 def partial_of(bag: Path) -> Path:
-    """The folder that a bag is written to until it is finished."""
+    """Folder that a bag is written to until it is finished."""
     return bag.with_name(bag.name + PARTIAL_SUFFIX)
 
 
 def mcap_in(bag: Path, name: str, number: int = 0) -> Path:
-    """An MCAP file of the scene called ``name`` in a bag folder, finished or not; a large bag has several."""
+    """Path of an MCAP file in the bag folder of the scene called ``name``, finished or not; large bags have several."""
     return bag / f"{name}_{number}.mcap"
 
 
 def locate_mcap(path: Path) -> Path:
-    """The first MCAP file of what ``path``, a bag folder or an MCAP file, stands for.
+    """First MCAP file of a bag, given by its folder or by an MCAP file.
 
     Raises:
         BagError: There is nothing at this path, or not the files of one bag.
@@ -45,7 +45,7 @@ def locate_mcap(path: Path) -> Path:
 
 
 def mcap_files(path: Path) -> list[Path]:
-    """The MCAP files of a bag, in their order: those of a bag folder, or a file itself.
+    """MCAP files of a bag in order, given by its folder or by an MCAP file.
 
     Raises:
         BagError: There is nothing at this path, or not the files of one bag.
@@ -58,7 +58,7 @@ def mcap_files(path: Path) -> list[Path]:
 
 
 def numbered_files(path: Path) -> dict[int, Path]:
-    """The MCAP files of a bag by their numbers, of which some may be missing.
+    """MCAP files of a bag by number; numbers may be missing.
 
     Raises:
         BagError: There is nothing at this path, or not the files of one bag.
@@ -76,7 +76,7 @@ def numbered_files(path: Path) -> dict[int, Path]:
 
 
 def _stem(files: Mapping[int, Path]) -> str:
-    """Name of the scene in the names of its files."""
+    """Name of the scene, from the names of its files."""
     return next(iter(files.values())).stem.rpartition("_")[0]
 
 
@@ -84,7 +84,7 @@ _NUMBERED = re.compile(r"(.+)_(\d+)\.mcap")
 
 
 def bytes_of(bag: Path) -> int:
-    """Size of a bag's MCAP files.
+    """Total size of a bag's MCAP files in bytes.
 
     Raises:
         BagError: There is no bag.
@@ -93,26 +93,26 @@ def bytes_of(bag: Path) -> int:
 
 
 def scenes_folder(dataset: Path) -> Path:
-    """The folder with a folder for each split; a dataset has it from its beginning."""
+    """Folder that contains a folder for each split; every dataset has it from the start."""
     return dataset / "scenes"
 
 
 def scene_folder(dataset: Path, split: str, name: str) -> Path:
-    """The folder of a scene's finished bag in a dataset."""
+    """Folder of a scene's finished bag in a dataset."""
     return scenes_folder(dataset) / split / name
 
 
 def dataset_of(bag: Path) -> Path | None:
-    """The dataset that a bag's folder is in; None: in none."""
+    """The dataset that a bag's folder belongs to; None if it belongs to none."""
     dataset = bag.parent.parent.parent
     return dataset if bag.parent.parent == scenes_folder(dataset) else None
 
 
 def additional_folder(bag: Path, label: str) -> Path:
-    """The folder of an additional bag with the motion of a scene, beside the scene's own.
+    """Folder of an additional bag with the motion of a scene, next to the scene's own bag.
 
     Raises:
-        InputError: The label cannot be part of its name.
+        InputError: The label is not allowed in a folder's name.
     """
     if not _LABEL.fullmatch(label) or f".{label}" in _SUFFIXES:
         taken = ", ".join(suffix[1:] for suffix in _SUFFIXES)
@@ -121,13 +121,13 @@ def additional_folder(bag: Path, label: str) -> Path:
 
 
 def additional_bags(bag: Path) -> dict[str, Path]:
-    """The finished additional bags of a scene, by label."""
+    """Finished additional bags of a scene by label."""
     found = {path.suffix[1:]: path for path in sorted(bag.parent.glob(f"{glob.escape(bag.name)}.*"))}
     return {label: path for label, path in found.items() if _LABEL.fullmatch(label) and path.suffix not in _SUFFIXES}
 
 
 def is_scene(bag: Path) -> bool:
-    """Whether a folder is a scene's own bag, finished: neither an additional one nor one in the making."""
+    """Whether a folder is the finished own bag of a scene, neither an additional nor an unfinished one."""
     return _SCENE.fullmatch(bag.name) is not None
 
 
@@ -137,5 +137,5 @@ def is_dataset(path: Path) -> bool:
 
 
 def scenes_of(dataset: Path) -> list[Path]:
-    """The bags of a dataset, finished and unfinished, as ``scenes/<split>/<scene>``, in order of name."""
+    """Bags of a dataset, finished and unfinished, as ``scenes/<split>/<scene>``, sorted by name."""
     return sorted({path.parent for path in scenes_folder(dataset).glob("*/*/*.mcap")})

@@ -1,6 +1,6 @@
-"""The world just before tick 0: kept in a bag as an attachment, so that a replay begins with what sensors saw before.
+"""Lead-in of a scene: messages from just before tick 0, attached so that a replay starts with the same sensor history.
 
-It is JSON, a list of ``{"topic": …, "stamp_ns": …, "type": …, "cdr": base64 of the serialised message}``.
+The attachment is JSON, a list of ``{"topic": …, "stamp_ns": …, "type": …, "cdr": base64 of the serialized message}``.
 """
 
 import base64
@@ -12,7 +12,7 @@ from simbev_ros.recording.reader import RawMessage
 
 
 def lead_in_attachment(messages: Iterable[RawMessage]) -> bytes:
-    """The attachment of some messages, in the order of their stamps and topics."""
+    """Encode messages as an attachment, ordered by stamp and topic."""
     entries = [
         {
             "topic": message.topic,
@@ -26,10 +26,10 @@ def lead_in_attachment(messages: Iterable[RawMessage]) -> bytes:
 
 
 def lead_in_messages(attachment: bytes) -> list[RawMessage]:
-    """The messages of an attachment.
+    """Decode the messages of an attachment.
 
     Raises:
-        BagError: it is not what ``lead_in_attachment`` makes.
+        BagError: The attachment is damaged.
     """
     try:
         return [

@@ -1,4 +1,4 @@
-"""Quality of service of a recorded topic, in the words of rosbag2."""
+"""Quality of service of a recorded topic, in rosbag2's notation."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -6,14 +6,14 @@ from typing import Any, Literal
 import yaml
 
 FAST_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-"""That of the C library, where PyYAML has it."""
+"""YAML dumper of the C library if PyYAML was built with it, else the Python one."""
 
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 
 
 @dataclass(frozen=True, slots=True)
 class QosProfile:
-    """What a publisher offers. Deadline, lifespan and liveliness lease are never limited."""
+    """Quality of service that a publisher offers; deadline, lifespan and liveliness lease are always infinite."""
 
     reliability: Literal["reliable", "best_effort"] = "reliable"
     durability: Literal["volatile", "transient_local"] = "volatile"
@@ -21,7 +21,7 @@ class QosProfile:
     depth: int = 10
 
     def as_mapping(self) -> dict[str, Any]:
-        """Keys, order and values of rosbag2's metadata version 9."""
+        """The profile with the keys, order and values of rosbag2's metadata version 9."""
         return {
             "history": self.history,
             "depth": self.depth,
@@ -35,5 +35,5 @@ class QosProfile:
         }
 
     def as_yaml(self) -> str:
-        """A list of this one profile, as the MCAP plugin of rosbag2 keeps it with a channel."""
+        """YAML list with this profile only, as rosbag2's MCAP plugin stores it with a channel."""
         return str(yaml.dump([self.as_mapping()], Dumper=FAST_DUMPER, sort_keys=False)).strip()

@@ -1,4 +1,4 @@
-"""Reading a scene's bag: its topics, its messages in the order of their stamps, and what was put in with them."""
+"""Sequential reader of a scene's bag: topics, messages in the order of their stamps, attachments and metadata."""
 
 import heapq
 import json
@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files
-from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_chunk, read_index
+from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_chunk, read_mcap_index
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
 
@@ -28,10 +28,10 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One topic of a bag.
+    """A topic of a bag.
 
     Attributes:
-        stamps_ns: (N,) log time of each message, ns, in the order in which they were recorded.
+        stamps_ns: (N,) log time of each message, ns, in the order of recording.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Topic:
 
 
 class RawMessage(NamedTuple):
-    """One serialised message."""
+    """A serialized message with its topic, stamp and type."""
 
     topic: str
     stamp_ns: int
@@ -51,26 +51,28 @@ class RawMessage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """One of a bag's files."""
+    """An open file of a bag with its index."""
 
     stream: BinaryIO
     index: McapIndex
 
     def channels_of(self, topics: Collection[str] | None) -> set[int]:
-        """Ids of some topics' channels; None: of all."""
+        """Channel ids of the given topics; None: of all topics."""
         return {i for i, channel in self.index.channels.items() if topics is None or channel.topic in topics}
 
 
 class SceneBag:
-    """One bag, of one file or several, finished, unfinished or cut off; of the latter all chunks that are whole.
+    """An open bag of one or several files, for reading messages in order; a context manager.
+
+    The bag may be finished, unfinished or cut off; of a bag that was cut off all complete chunks are read.
 
     Attributes:
         name: The scene's name.
-        closed: Its files were closed by their writer, so it is known to be whole.
-        finished: It is closed, and not in an unfinished folder.
-        topics: By name, in order of name.
-        attachments: Content by file name.
-        custom_data: Facts that the recorder left.
+        closed: Whether the bag's files were closed by their writer, so that the bag is known to be complete.
+        finished: Whether the bag is closed and not in an unfinished folder.
+        topics: Topics by name, sorted.
+        attachments: Contents of the attachments by file name.
+        custom_data: Facts that the recorder left in the metadata.
 
     Raises:
         BagError: There is no bag at this path, or it is damaged.
@@ -82,7 +84,7 @@ class SceneBag:
         self.name = files[0].stem.removesuffix("_0")
         with ExitStack() as opened:
             streams = [opened.enter_context(file.open("rb")) for file in files]
-            self._parts = [_Part(stream, read_index(stream, str(stream.name))) for stream in streams]
+            self._parts = [_Part(stream, read_mcap_index(stream, str(stream.name))) for stream in streams]
             indexes = [part.index for part in self._parts]
             self.closed = all(index.closed for index in indexes)
             self.finished = self.closed and not files[0].resolve().parent.name.endswith(PARTIAL_SUFFIX)
@@ -93,14 +95,14 @@ class SceneBag:
 
     @property
     def payload_bytes(self) -> Mapping[str, int]:
-        """Bytes of payload per topic, if the recorder left them, else empty."""
+        """Payload in bytes by topic; empty if the recorder left none."""
         return self.fact("payload_bytes") or {}
 
     def fact(self, name: str) -> Any:
-        """What the recorder left of a name, as the value that its JSON says; None: nothing.
+        """A fact from ``custom_data``, parsed from its JSON; None if there is no such fact.
 
         Raises:
-            BagError: It is damaged.
+            BagError: The fact is damaged.
         """
         try:
             return json.loads(self.custom_data.get(name, "null"))
@@ -109,60 +111,60 @@ class SceneBag:
 
     @property
     def spec(self) -> SceneSpec | None:
-        """The drawn scene, if it was put in.
+        """Specification of the scene, from the bag's attachment; None if it is not attached.
 
         Raises:
-            BagError: What was put in is no scene of this version.
+            BagError: The attachment is not a scene specification of this version.
         """
         return attached_spec(self.attachments, self.path)
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """Stamp of the first and of the last message; (0, 0) in an empty bag."""
+        """Stamps of the first and the last message; (0, 0) for an empty bag."""
         chunks = [chunk for part in self._parts for chunk in part.index.chunks]
         return (min(c.start_ns for c in chunks), max(c.end_ns for c in chunks)) if chunks else (0, 0)
 
     def messages(
         self, topics: Collection[str] | None = None, *, from_ns: int | None = None, to_ns: int | None = None
     ) -> Iterator[RawMessage]:
-        """Messages in the order of their stamps; those of one stamp in the order of the file.
+        """Yield messages in the order of their stamps; messages with equal stamps come in the order of the file.
 
         Args:
-            topics: Only these; None for all.
-            from_ns: Only stamps from here on.
-            to_ns: Only stamps up to here, itself included.
+            topics: Only these topics; None: all.
+            from_ns: Only stamps from this one on; None: from the first.
+            to_ns: Only stamps up to and including this one; None: up to the last.
 
         Raises:
-            BagError: A chunk is damaged; all before it has been given.
+            BagError: A chunk is damaged; all messages before it have been yielded.
         """
-        low = -1 if from_ns is None else from_ns
-        high = 1 << 64 if to_ns is None else to_ns
+        first_ns = -1 if from_ns is None else from_ns
+        last_ns = 1 << 64 if to_ns is None else to_ns
         wanted = [part.channels_of(topics) for part in self._parts]
         chunks = [
             (chunk.start_ns, number, chunk.offset)
             for number, (part, ids) in enumerate(zip(self._parts, wanted, strict=True))
             for chunk in part.index.chunks
-            if chunk.channel_ids & ids and chunk.end_ns >= low and chunk.start_ns <= high
+            if chunk.channel_ids & ids and chunk.end_ns >= first_ns and chunk.start_ns <= last_ns
         ]
         waiting: list[tuple[int, int, int, int, Message]] = []
         for start_ns, number, offset in sorted(chunks):
             while waiting and waiting[0][0] < start_ns:
-                yield self._raw(heapq.heappop(waiting))
-            for place, record in enumerate(self._records(number, offset)):
+                yield self._raw_message(heapq.heappop(waiting))
+            for position, record in enumerate(self._records(number, offset)):
                 if (
                     isinstance(record, Message)
                     and record.channel_id in wanted[number]
-                    and low <= record.log_time <= high
+                    and first_ns <= record.log_time <= last_ns
                 ):
-                    heapq.heappush(waiting, (record.log_time, number, offset, place, record))
+                    heapq.heappush(waiting, (record.log_time, number, offset, position, record))
         while waiting:
-            yield self._raw(heapq.heappop(waiting))
+            yield self._raw_message(heapq.heappop(waiting))
 
     def decode(self, message: RawMessage) -> Any:
-        """The message as an object with the fields of its ROS type; arrays are numpy arrays.
+        """Deserialize a message into an object with the fields of its ROS type; arrays are numpy arrays.
 
         Raises:
-            BagError: Its bytes are not a message of its type, or it is of a type that ROS 2 Jazzy does not come with.
+            BagError: The bytes are not a message of this type, or ROS 2 Jazzy does not ship the type.
         """
         try:
             return _TYPES.deserialize_cdr(message.data, message.type_name)
@@ -170,7 +172,7 @@ class SceneBag:
             raise BagError(f"{self.path}: {message.topic} at {message.stamp_ns} ns: {error}") from None
 
     def close(self) -> None:
-        """Close the files."""
+        """Close the bag's files."""
         self._opened.close()
 
     def __enter__(self) -> Self:
@@ -182,12 +184,12 @@ class SceneBag:
         self.close()
 
     def _topics(self) -> Iterator[Topic]:
-        """Topics, with their messages in all files."""
+        """Yield the topics with the stamps of their messages in all files."""
         for name in {channel.topic for part in self._parts for channel in part.index.channels.values()}:
             found = [(part.index, i) for part in self._parts for i in part.channels_of([name])]
             index, channel = found[0][0], found[0][0].channels[found[0][1]]
             schema = index.schemas.get(channel.schema_id)
-            stamps_ns = np.concatenate([index.places[i].table()[:, 0] for index, i in found])
+            stamps_ns = np.concatenate([index.locations[i].table()[:, 0] for index, i in found])
             yield Topic(name, schema.name if schema else "", channel.metadata.get("topic_type_hash", ""), stamps_ns)
 
     def _records(self, number: int, offset: int) -> list[Any]:
@@ -196,7 +198,7 @@ class SceneBag:
         except DAMAGE as error:
             raise BagError(f"{self._parts[number].stream.name}: damaged chunk at byte {offset}: {error}") from None
 
-    def _raw(self, entry: tuple[int, int, int, int, Message]) -> RawMessage:
+    def _raw_message(self, entry: tuple[int, int, int, int, Message]) -> RawMessage:
         _, number, _, _, message = entry
         index = self._parts[number].index
         channel = index.channels[message.channel_id]
@@ -204,15 +206,19 @@ class SceneBag:
 
 
 def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | None:
-    """The scene among the attachments of the bag at a path, if it is there. Raises BagError as ``SceneBag.spec``."""
+    """Parse the scene specification among the attachments of the bag at ``path``; None if it is not attached.
+
+    Raises:
+        BagError: The attachment is not a scene specification of this version.
+    """
     text = attachments.get(SCENE_ATTACHMENT)
     if text is None:
         return None
     try:
         return SceneSpec.model_validate_json(text)
     except ValidationError as error:
-        place = ".".join(str(part) for part in error.errors()[0]["loc"])
-        raise BagError(f"{path}: {SCENE_ATTACHMENT}: {place}: {error.errors()[0]['msg']}") from None
+        field = ".".join(str(part) for part in error.errors()[0]["loc"])
+        raise BagError(f"{path}: {SCENE_ATTACHMENT}: {field}: {error.errors()[0]['msg']}") from None
 
 
 def _custom_data(metadata: Mapping[str, Mapping[str, str]], path: Path) -> dict[str, str]:

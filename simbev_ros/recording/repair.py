@@ -1,4 +1,4 @@
-"""A damaged or unfinished bag → a valid one with everything that could be read of it."""
+"""Repair of a damaged or unfinished bag: everything that can still be read is written to a new, valid bag."""
 
 import json
 import shutil
@@ -24,12 +24,12 @@ _KNOWN_TYPES = frozenset(get_typestore(Stores.ROS2_JAZZY).types)
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """What has been saved.
+    """Result of a repair.
 
     Attributes:
         path: The new bag's folder.
-        counts: Messages by topic.
-        lost: What could not be saved, in words that name the place; empty if nothing was missing.
+        counts: Number of saved messages by topic.
+        lost: Description of each loss, naming the file and byte or the topic; empty if nothing was lost.
     """
 
     path: Path
@@ -38,22 +38,22 @@ class Repair:
 
 
 def repair_bag(path: Path, out: Path) -> Repair:
-    """Write a new bag; the old one stays as it is.
+    """Write everything that can be read from a bag to a new bag; the old one stays unchanged.
 
     Args:
         path: A bag's folder, finished or not, or its file.
         out: The new bag's folder, which must not exist.
 
     Raises:
-        BagError: There is no bag, or nothing of it can be read.
+        BagError: There is no bag, or nothing can be read from it.
         InputError: The new bag cannot be written there.
         DiskError: The disk is full; nothing of the new bag is left.
     """
     found, counts, files = Salvage(), dict[str, int](), numbered_files(path)
-    messages = _salvaged(files, found)
+    messages = _salvage_files(files, found)
     first = next(messages, None)
     if first is None:
-        raise BagError(f"{path}: there is no message in it that could be saved")
+        raise BagError(f"{path}: it contains no message that can be saved")
     with SceneBagWriter(out) as writer:
         try:
             for channel, schema, message in chain([first], messages):
@@ -64,37 +64,37 @@ def repair_bag(path: Path, out: Path) -> Repair:
             for attachment in found.attachments.values():
                 writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
             old = _recorded_facts(found, next(iter(files.values())).parent)
-            lost = [*found.lost, *_missing(old, counts)]
-            writer.finish(_facts(old, counts, lost))
+            lost = [*found.lost, *_missing_messages(old, counts)]
+            writer.finish(_updated_facts(old, counts, lost))
         except BaseException as error:
             writer.abandon()
-            shutil.rmtree(partial_of(out))  # all of it is in the old one
+            shutil.rmtree(partial_of(out))  # its contents are all in the old bag
             if isinstance(error, DiskError):
                 raise DiskError(f"{str(error).partition(';')[0]}; nothing of the new bag is left") from None
             raise
     return Repair(out, counts, lost)
 
 
-def _salvaged(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
-    """The messages of known types of all files that are there; whatever else is in them goes into ``found``."""
+def _salvage_files(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:
+    """Yield the messages of known types from all files; attachments, metadata and losses go into ``found``."""
     found.lost += [f"file {number}, which is missing" for number in range(max(files)) if number not in files]
     for _, file in sorted(files.items()):
-        part, strange = Salvage(), Counter[str]()
+        part, unknown = Salvage(), Counter[str]()
         for message in salvage(file, part):
             channel = part.channels[message.channel_id]
             schema = part.schemas.get(channel.schema_id)
             if schema is None or schema.name not in _KNOWN_TYPES:
-                strange[channel.topic] += 1
+                unknown[channel.topic] += 1
                 continue
             yield channel, schema, message
-        part.lost += [f"{topic}: {count} messages of no type of ROS 2 Jazzy" for topic, count in strange.items()]
+        part.lost += [f"{topic}: {count} messages of no type of ROS 2 Jazzy" for topic, count in unknown.items()]
         found.attachments |= part.attachments
         found.metadata |= part.metadata
         found.lost += [f"{file.name}: {loss}" if len(files) > 1 else loss for loss in part.lost]
 
 
 def _qos(metadata: dict[str, str]) -> QosProfile:
-    """The profile that a topic was offered with."""
+    """The profile that a topic was offered with; the default one if it cannot be read."""
     try:
         (offered, *_) = yaml.safe_load(metadata["offered_qos_profiles"])
         return QosProfile(**{name: offered[name] for name in ("reliability", "durability", "history", "depth")})
@@ -103,7 +103,7 @@ def _qos(metadata: dict[str, str]) -> QosProfile:
 
 
 def _recorded_facts(found: Salvage, folder: Path) -> dict[str, str]:
-    """What the recorder left in the bag's description, or in its copy in the file, whichever is whole; else nothing."""
+    """The recorder's facts from ``metadata.yaml`` or its copy in the file, whichever is intact; empty if neither is."""
     description = folder / METADATA_FILE
     texts: list[str | bytes] = [description.read_bytes()] if description.is_file() else []
     for text in [*texts, found.metadata.get("rosbag2", {}).get("serialized_metadata", "")]:
@@ -116,8 +116,8 @@ def _recorded_facts(found: Salvage, folder: Path) -> dict[str, str]:
     return {}
 
 
-def _missing(old: Mapping[str, str], counts: dict[str, int]) -> list[str]:
-    """Topics of which messages are missing, as far as the recorder has left its books."""
+def _missing_messages(old: Mapping[str, str], counts: dict[str, int]) -> list[str]:
+    """A sentence for each topic with missing messages, as far as the recorder has left its accounts."""
     expected: dict[str, int] = json.loads(old.get("expected", "{}"))
     return [
         f"{topic}: {count - counts.get(topic, 0)} of {count} messages"
@@ -126,7 +126,7 @@ def _missing(old: Mapping[str, str], counts: dict[str, int]) -> list[str]:
     ]
 
 
-def _facts(old: Mapping[str, str], counts: dict[str, int], lost: list[str]) -> dict[str, str]:
-    """The recorder's facts, put right."""
+def _updated_facts(old: Mapping[str, str], counts: dict[str, int], lost: list[str]) -> dict[str, str]:
+    """The recorder's facts, updated to what was saved."""
     complete = "true" if old.get("complete") == "true" and not lost else "false"
     return {**old, "complete": complete, "recorded": json.dumps(counts), "repaired": json.dumps(lost)}

@@ -1,4 +1,4 @@
-"""Replaying a recorded scene: its actors and signals once more, tick by tick, with another rig or another weather."""
+"""Replay of a recorded scene: its actors and signals again, tick by tick, with another rig or other weather."""
 
 import gzip
 import json
@@ -39,53 +39,56 @@ _Tables = dict[str, Table]
 
 
 class Replay:
-    """A source of world states that reads a bag. Weather comes from the scene's specification.
+    """A source of world states that reads actors and signals from a bag and takes the weather from a specification.
 
-    Lamps that are lit by darkness follow the weather; all else of actors and signals is as recorded, to the byte.
+    Low beams follow the weather; everything else about actors and signals is byte for byte as recorded.
+
+    Attributes:
+        available: Number of complete ticks from tick 0 on, and the reason why the scene ends after them.
     """
 
     def __init__(self, spec: SceneSpec, path: Path) -> None:
         """Open a bag.
 
         Args:
-            spec: The scene, ``replayed_spec`` of this bag.
+            spec: Specification of the replayed scene, from ``replayed_spec``.
             path: The bag.
 
         Raises:
-            BagError: there is no bag, it is damaged, or it holds no scene that could be replayed.
+            BagError: There is no bag, it is damaged, or it holds no scene that can be replayed.
         """
         self._spec = spec
         self._bag = SceneBag(path)
         try:
             self._recorded = recorded_spec(self._bag)
-            self.available = self._available()
+            self.available = self._available_ticks()
             self._events = self._read_events()
-            self._frames = self._read()
-            self._ahead = next(self._frames)
+            self._frames = self._read_ticks()
+            self._next_frame = next(self._frames)
         except BaseException:
             self._bag.close()
             raise
         self._tick = -spec.warm_up_ticks
 
     def drive_ego(self, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Nothing: the ego moves as it has moved."""
+        """Do nothing: the ego moves as it was recorded."""
 
     def step(self) -> WorldState:
-        """The state one tick on, at first that of the warm-up's first tick.
+        """Advance by one tick and return the state; the first call returns that of the first warm-up tick.
 
-        Of ticks before the recorded ones all are where they are at first.
+        Before the first recorded tick all actors are where they are in it.
 
         Raises:
-            BagError: the bag is damaged here.
+            BagError: The bag is damaged at this tick.
         """
-        stamp_ns, tables = self._ahead
+        stamp_ns, tables = self._next_frame
         if self._spec.stamp_ns(self._tick) >= stamp_ns:
-            self._ahead = next(self._frames, self._ahead)
+            self._next_frame = next(self._frames, self._next_frame)
         state = WorldState(
             stamp_ns=self._spec.stamp_ns(self._tick),
             tick=self._tick,
             ego_id=EGO_ID,
-            actors=self._lit(tables["/world/actors"]),
+            actors=self._with_low_beams(tables["/world/actors"]),
             signals=tables["/world/signals"],
             weather=self._spec.weather_at(self._tick),
             events=tuple(self._events[self._spec.stamp_ns(self._tick)]),
@@ -97,8 +100,8 @@ class Replay:
         """Close the bag."""
         self._bag.close()
 
-    def _available(self) -> tuple[int, str]:
-        """How many ticks from tick 0 on are whole."""
+    def _available_ticks(self) -> tuple[int, str]:
+        """Number of complete ticks from tick 0 on, and the reason why the scene ends after them."""
         missing = [name for name in _TABLES if name not in self._bag.topics]
         if missing:
             raise BagError(f"{self._bag.path}: cannot be replayed without topic {', '.join(missing)}")
@@ -112,8 +115,8 @@ class Replay:
             return ticks, f"the replayed bag ends at tick {ticks - 1}"
         return ticks, self._bag.custom_data.get("ended", DURATION)
 
-    def _read(self) -> Iterator[tuple[int, _Tables]]:
-        """Stamp and tables of every tick that is whole, in order."""
+    def _read_ticks(self) -> Iterator[tuple[int, _Tables]]:
+        """Yield stamp and tables of every complete tick, in order."""
         lead_in = lead_in_messages(self._bag.attachments.get(LEAD_IN_ATTACHMENT, b"[]"))
         last_ns = self._recorded.stamp_ns(self.available[0] - 1)
         waiting: defaultdict[int, _Tables] = defaultdict(dict)
@@ -124,13 +127,13 @@ class Replay:
                 yield message.stamp_ns, waiting.pop(message.stamp_ns)
 
     def _read_events(self) -> defaultdict[int, list[Event]]:
-        """All events, by stamp."""
+        """Read all events, by stamp."""
         events: defaultdict[int, list[Event]] = defaultdict(list)
         for message in self._bag.messages([_EVENTS]):
             try:
                 fields = json.loads(self._bag.decode(message).data)
-                place, ids = tuple(map(float, fields["position_m"])), tuple(map(int, fields["ids"]))
-                event = Event(fields["type"], ids, place, float(fields["relative_speed_mps"]))  # type: ignore[arg-type]
+                position_m, ids = tuple(map(float, fields["position_m"])), tuple(map(int, fields["ids"]))
+                event = Event(fields["type"], ids, position_m, float(fields["relative_speed_mps"]))  # type: ignore[arg-type]
             except (ValueError, KeyError, TypeError) as error:
                 raise BagError(f"{self._bag.path}: {_EVENTS} at {message.stamp_ns} ns: {error!r}") from None
             events[message.stamp_ns].append(event)
@@ -143,23 +146,23 @@ class Replay:
             raise BagError(f"{self._bag.path}: {message.topic} has other columns than this version of simbev writes")
         return table
 
-    def _lit(self, actors: Table) -> Table:
-        """Vehicles with their low beams as the weather now demands, if that is not as it was."""
+    def _with_low_beams(self, actors: Table) -> Table:
+        """Actors with the low beams of vehicles switched as the current weather demands."""
         lit = needs_low_beam(self._spec.weather_at(self._tick))
         if lit == needs_low_beam(self._recorded.weather_at(self._tick)):
             return actors
         changed = actors.copy()
         vehicles = changed["id"] < EGO_ID + len(self._spec.vehicles)
-        dark = changed["lights"] & ~np.uint16(Light.LOW_BEAM)
-        changed["lights"] = np.where(vehicles, dark | np.uint16(Light.LOW_BEAM if lit else 0), changed["lights"])
+        unlit = changed["lights"] & ~np.uint16(Light.LOW_BEAM)
+        changed["lights"] = np.where(vehicles, unlit | np.uint16(Light.LOW_BEAM if lit else 0), changed["lights"])
         return changed
 
 
 def recorded_spec(bag: SceneBag) -> SceneSpec:
-    """The scene that a bag was recorded of.
+    """Specification of the scene that a bag was recorded from, for a replay.
 
     Raises:
-        BagError: the bag does not hold it, or holds one of another version.
+        BagError: The bag holds no scene, or one of another version.
     """
     spec = bag.spec
     if spec is None:
@@ -167,14 +170,14 @@ def recorded_spec(bag: SceneBag) -> SceneSpec:
     return spec
 
 
-def load_recorded_roads(bag: SceneBag) -> None:
-    """Build the roads of a bag's map from the file in the bag, which may be gone from where it was.
+def build_recorded_roads(bag: SceneBag) -> None:
+    """Build the road network of a bag's map from the map file in the bag, as the original file may be gone.
 
-    They are in the cache then, where all find them who look for the map by the content of its file.
+    The network is then in the cache, where it is found by the content of the map file.
 
     Raises:
-        BagError: the file in the bag is damaged.
-        InputError: the roads cannot be built from it.
+        BagError: The map file in the bag is damaged.
+        InputError: The roads cannot be built from it.
     """
     source = bag.attachments.get(MAP_SOURCE_ATTACHMENT)
     if source is None:
@@ -190,16 +193,19 @@ def load_recorded_roads(bag: SceneBag) -> None:
 
 
 def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> SceneSpec:
-    """The scene of a bag with a configuration's rig and annotation, and its weather and lights if it speaks of them.
+    """Specification for replaying a bag with another configuration.
+
+    Rig and annotation come from the configuration, and so do weather and lights if it sets them; everything else is as
+    recorded.
 
     Args:
         bag: The bag.
         scenario: The configuration.
-        network: The roads of the bag's map.
+        network: Road network of the bag's map.
 
     Raises:
-        BagError: the bag holds no scene, or it was recorded on other roads.
-        InputError: the configuration has other ticks.
+        BagError: The bag holds no scene, or it was recorded on other roads.
+        InputError: The configuration has another tick length.
     """
     spec = recorded_spec(bag)
     if spec.tick_ns != scenario.time.tick_ns:

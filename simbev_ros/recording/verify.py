@@ -1,4 +1,4 @@
-"""Whether a recorded scene is whole and right: its file, its messages, its books, and what describes it."""
+"""Verification of a recorded bag: its MCAP files, messages, message counts, metadata and attachments."""
 
 import json
 from collections import ChainMap
@@ -29,12 +29,12 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Something that is wrong.
+    """A problem that was found in a bag.
 
     Attributes:
         bag: The bag's folder.
-        place: A file of it, or a topic.
-        problem: What is wrong there.
+        place: A file of the bag, or a topic.
+        problem: Description of the problem.
     """
 
     bag: Path
@@ -43,48 +43,52 @@ class Fault:
 
 
 def verify_bag(path: Path) -> list[Fault]:
-    """Everything that is wrong with a scene's bag, its folder or its file; a sound one has no faults.
+    """Verify a scene's bag, given by its folder or its file, and return all faults; an intact bag has none.
 
-    Every byte of the file is read: CRCs, indexes, types, payloads, stamps and their order, counts against what the
-    scene must have. ``metadata.yaml`` must say what the file says.
+    Every byte of the files is read. CRCs, indexes, types, payloads, stamps and their order are checked, and message
+    counts against those that the scene must have. ``metadata.yaml`` must match its copy in the file.
     """
     try:
         files = mcap_files(path)
     except BagError as error:
         return [Fault(path, "", str(error).removeprefix(f"{path}: "))]
     folder = files[0].parent
-    messages, contents = _Messages(), list[McapContent]()
+    messages, contents = _MessageChecker(), list[McapContent]()
     for file in files:
         with file.open("rb") as stream:
-            contents.append(check_mcap(stream, messages.see))
+            contents.append(check_mcap(stream, messages.check))
     faults = [(file.name, problem) for file, each in zip(files, contents, strict=True) for problem in each.faults]
     is_damaged = bool(faults)
     faults += messages.faults
     if folder.name.endswith(PARTIAL_SUFFIX):
         faults.append(("", "the scene was not finished; simbev repair saves what is in it"))
     if not is_damaged:
-        faults += _books_faults(path, files[-1])
+        faults += _accounting_faults(path, files[-1])
         faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
         faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)))
     return [Fault(folder, place, problem) for place, problem in faults]
 
 
-class _Messages:
-    """Checks messages as they come."""
+class _MessageChecker:
+    """Checks messages one after the other, and collects their faults.
+
+    Attributes:
+        faults: Topic and problem of each fault.
+    """
 
     def __init__(self) -> None:
         self.faults: list[tuple[str, str]] = []
         self._last_ns: dict[str, int] = {}
 
-    def see(self, message: Message, content: McapContent) -> None:
-        """The next message of the file."""
+    def check(self, message: Message, content: McapContent) -> None:
+        """Check the next message of a file."""
         channel = content.channels.get(message.channel_id)
         if channel is None or channel.schema_id not in content.schemas:
-            self.faults.append((f"channel {message.channel_id}", "a message of a channel that is not described"))
+            self.faults.append((f"channel {message.channel_id}", "a message on a channel that is not defined"))
             return
         kind = content.schemas[channel.schema_id].name
         try:
-            stamp_ns = stamp_in(_TYPES.deserialize_cdr(message.data, kind))
+            stamp_ns = embedded_stamp_ns(_TYPES.deserialize_cdr(message.data, kind))
         except (SerdeError, KeyError, ValueError, AssertionError) as error:
             self.faults.append((channel.topic, f"at {message.log_time} ns: no {kind}: {error}"))
             return
@@ -92,12 +96,12 @@ class _Messages:
             self.faults.append((channel.topic, f"at {message.log_time} ns: its header says {stamp_ns} ns"))
         last_ns = self._last_ns.setdefault(channel.topic, message.log_time)
         if message.log_time < last_ns:
-            self.faults.append((channel.topic, f"at {message.log_time} ns: it stands behind one of {last_ns} ns"))
+            self.faults.append((channel.topic, f"at {message.log_time} ns: it comes after a message of {last_ns} ns"))
         self._last_ns[channel.topic] = message.log_time
 
 
-def stamp_in(message: Any) -> int | None:
-    """The stamp that a decoded message carries, ns; None if it has none."""
+def embedded_stamp_ns(message: Any) -> int | None:
+    """Stamp within a decoded message, ns; None if it has none."""
     match message:
         case object(header=header):
             stamp = header.stamp
@@ -114,15 +118,15 @@ def stamp_in(message: Any) -> int | None:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def _books_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
-    """Of a bag whose files are whole: whether they hold what the recorder says, in the last one, that the scene has."""
+def _accounting_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
+    """Yield where the messages of a bag with intact files differ from the recorder's accounts, in the last file."""
     with SceneBag(path) as bag:
         facts, counts = bag.custom_data, {name: len(topic.stamps_ns) for name, topic in bag.topics.items()}
     if "expected" not in facts:
-        yield last.name, "the recorder left no books"
+        yield last.name, "the recorder's message counts are missing"
         return
     if facts.get("complete") != "true":
-        yield last.name, f"the scene is incomplete ({facts.get('ended', 'nobody knows why')})"
+        yield last.name, f"the scene is incomplete ({facts.get('ended', 'for an unknown reason')})"
     for topic, expected in json.loads(facts["expected"]).items():
         if counts.get(topic, 0) != expected:
             yield topic, f"{counts.get(topic, 0)} of {expected} messages"
@@ -131,7 +135,7 @@ def _books_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
 
 
 def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[str]:
-    """Whether ``metadata.yaml`` is there, says the same as its copy in the last file, and names the files."""
+    """Yield problems of ``metadata.yaml``: missing, different from its copy in the last file, or naming other files."""
     try:
         described = yaml.safe_load((files[0].parent / METADATA_FILE).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -142,7 +146,7 @@ def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[st
         return
     copy = yaml.safe_load(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
     if not isinstance(described, dict) or described.get("rosbag2_bagfile_information") != copy:
-        yield "it does not say what the file says of itself"
+        yield "it differs from its copy in the file"
     elif copy is None:
         yield "neither it nor the file describes a bag"
     elif copy["relative_file_paths"] != [file.name for file in files]:
@@ -150,7 +154,7 @@ def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[st
 
 
 def _attachment_faults(attachments: Mapping[str, bytes]) -> Iterator[tuple[str, str]]:
-    """Whether what was put in can be read."""
+    """Yield attachments that are missing or cannot be read."""
     if SCENE_ATTACHMENT not in attachments:
         yield SCENE_ATTACHMENT, "it is missing"
     if TRAJECTORIES_ATTACHMENT in attachments:

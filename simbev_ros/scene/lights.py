@@ -5,7 +5,7 @@ from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Drawn, sample
-from simbev_ros.config.lights import MOST_COLORS
+from simbev_ros.config.lights import MAX_COLORS
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array, Table
 
@@ -42,7 +42,7 @@ class BuildingLightSpec(Model):
     enabled: bool = True
     share_lit: float = Field(0.3, ge=0, le=1, description="fraction of the room windows")
     colors: tuple[int, ...] = Field(
-        (0xFFD59C, 0xFFDFB2, 0xFFEBD0, 0xF9EFDA), min_length=1, max_length=MOST_COLORS, description="0xRRGGBB, sRGB"
+        (0xFFD59C, 0xFFDFB2, 0xFFEBD0, 0xF9EFDA), min_length=1, max_length=MAX_COLORS, description="0xRRGGBB, sRGB"
     )
 
 

@@ -33,7 +33,7 @@ POINT_DTYPE = np.dtype(
         ("time", "<f4"),  # s from the stamp, ≤ 0
     ]
 )
-"""One row per return, packed as Velodyne's XYZIRT: offsets 0 4 8 12 16 18, 22 bytes."""
+"""Row of the table of returns, packed as Velodyne's XYZIRT: offsets 0 4 8 12 16 18, 22 bytes."""
 
 SEMANTIC_POINT_DTYPE = np.dtype(
     [
@@ -46,7 +46,7 @@ SEMANTIC_POINT_DTYPE = np.dtype(
         ("time", "<f4"),  # s from the stamp, ≤ 0
     ]
 )
-"""One row per return of the semantic lidar, without noise, loss or weather; 28 bytes."""
+"""Row of the table of returns of the semantic lidar, without noise, loss or weather; 28 bytes."""
 
 
 @dataclass(frozen=True, slots=True)

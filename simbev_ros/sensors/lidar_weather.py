@@ -111,7 +111,7 @@ class LidarWeather:
         return threshold.astype(np.float32)
 
     def _fog_echoes(self, count: int, rng: np.random.Generator) -> Echoes:
-        """One echo per ray: its range is distributed as the received power, its strength as speckle."""
+        """Draw an echo for each ray: its range is distributed as the received power, its strength as speckle."""
         depth_draw, speckle = rng.random(count, np.float32), rng.standard_exponential(count, np.float32)
         power = np.where(self._in_fog, self._clear / self._step_m**2, 0.0)
         if self._fog_per_m == 0.0 or not power.any():

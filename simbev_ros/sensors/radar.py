@@ -33,8 +33,9 @@ RADAR_POINT_DTYPE = np.dtype(
         ("amplitude", "<f4"),  # dB relative to the return of 1 m² at the radar's reference range
     ]
 )
-"""One row per detection, 32 bytes. From ``range`` on, names, units and signs are those of radar_msgs/RadarReturn. Its
-authors define positive speeds as receding (github.com/ros-perception/radar_msgs/issues/11), and so does CARLA."""
+"""Row of the table of detections, 32 bytes. From ``range`` on, names, units and signs are those of
+radar_msgs/RadarReturn. Its authors define positive speeds as receding
+(github.com/ros-perception/radar_msgs/issues/11), and so does CARLA."""
 
 _DRAWS_PER_RAY = 5
 """Number of normal random numbers per ray that the noise needs."""

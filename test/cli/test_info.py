@@ -21,7 +21,7 @@ def write_words(path: Path, *, ticks: int = 5, missing: int | None = None, finis
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
         for tick in range(ticks):
             if tick != missing:
-                books.add("/words", tick * TICK_NS)
+                books.add_message("/words", tick * TICK_NS)
                 writer.write("/words", tick * TICK_NS, string(f"word {tick}"))
         facts = books.report().custom_data(path.name) | more
         return writer.finish(facts) if finish else writer.abandon(facts)

@@ -48,7 +48,7 @@ def test_the_reference_stack_has_its_own_name() -> None:
         with_evaluation(scenario, None, "reference")
 
 
-@pytest.mark.parametrize(("stack", "words"), [("", "there is no command in it"), ("say 'a", "No closing quotation")])
+@pytest.mark.parametrize(("stack", "words"), [("", "the command is empty"), ("say 'a", "No closing quotation")])
 def test_no_command_is_refused(stack: str, words: str) -> None:
     with pytest.raises(InputError, match=f"^--stack .*: .*{words}"):
         with_evaluation(load_scenario("demo"), None, stack)
@@ -63,7 +63,7 @@ def test_figures_must_have_a_place(tmp_path: Path) -> None:
 
 
 def test_the_command_line_hands_them_over(refused: Refused) -> None:
-    assert refused("run", "demo", "--stack", "") == "error: --stack '': there is no command in it\n"
+    assert refused("run", "demo", "--stack", "") == "error: --stack '': the command is empty\n"
 
 
 def test_what_does_not_count_is_said() -> None:

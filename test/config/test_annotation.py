@@ -24,6 +24,6 @@ def test_the_finest_voxels_are_allowed_for_the_whole_box() -> None:
         ({"half_side_m": 256, "voxel_m": 0.1}, "5120 x 5120 x 80 voxels; allowed are 150,000,000 in all"),
     ],
 )
-def test_what_is_no_grid_is_refused(fields: dict[str, float], message: str) -> None:
+def test_an_invalid_grid_is_refused(fields: dict[str, float], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         Occupancy(**fields)

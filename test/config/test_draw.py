@@ -34,11 +34,11 @@ def test_clipping_bounds_draws_and_support() -> None:
     assert (min(draws), max(draws)) == (-1, 2)
 
 
-def test_negative_scale_turns_the_support_round() -> None:
+def test_a_negative_scale_reverses_the_support() -> None:
     assert Distribution(uniform=(1, 2), scale=-3).support == (-6, -3)
 
 
-def test_a_number_stays_itself() -> None:
+def test_a_number_is_returned_unchanged() -> None:
     assert sample(TypeAdapter(Drawn).validate_python(4), np.random.default_rng(0)) == 4.0
 
 

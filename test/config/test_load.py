@@ -1,4 +1,4 @@
-"""Bad configuration is refused with one message that names file, line, field and what is allowed."""
+"""An invalid configuration is refused with a message that names file, line, field and allowed values."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def test_shipped_configurations_load(name: str) -> None:
     assert load_scenario(name).rig.sensors
 
 
-def test_paper_rig_has_the_papers_poses_and_lidar() -> None:
+def test_the_paper_rig_has_the_poses_and_lidar_of_the_paper() -> None:
     sensors = {sensor.name: sensor for sensor in load_scenario("paper").rig.sensors}
     pose = sensors["cam_back_left"].pose
     assert (pose.x_m, pose.y_m, pose.z_m, pose.yaw_deg) == (0.0, 0.4, 1.6, 110)
@@ -33,7 +33,7 @@ def test_sensor_defaults_of_the_rig_file_reach_every_sensor_of_their_type() -> N
     assert {camera.width_px for camera in load_scenario("demo").rig.sensors if camera.type == "camera"} == {800}
 
 
-def test_intrinsics_by_focal_length_and_by_field_of_view() -> None:
+def test_intrinsics_come_from_a_focal_length_or_a_field_of_view() -> None:
     camera = Camera(type="camera", name="a", width_px=640, height_px=480, fx_px=500, cy_px=250)
     assert camera.model == PinholeCamera(640, 480, 500.0, 500.0, 319.5, 250.0)
     bent = Camera(type="camera", name="a", distortion=(-0.2, 0.03, 0.001, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""The shipped ``paper`` configuration says all there is to say, and says what the defaults are."""
+"""The shipped ``paper`` configuration contains every field, and its values equal the defaults."""
 
 from typing import Any
 
@@ -14,12 +14,12 @@ SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotatio
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_every_section_of_the_paper_has_its_default(section: str) -> None:
+def test_every_section_equals_its_default(section: str) -> None:
     assert getattr(load_scenario("paper"), section) == Scenario.model_fields[section].default
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_no_field_is_left_out(section: str) -> None:
+def test_every_field_is_listed(section: str) -> None:
     data = yaml.safe_load(find_config("paper").read_text(encoding="utf-8"))
     assert_listed(Scenario.model_fields[section].default, data[section])
 

@@ -1,4 +1,4 @@
-"""The kinds of sensors are those of one union, from which all others follow."""
+"""All code that depends on the kind of sensor covers every member of the union of sensor models."""
 
 import ast
 import importlib
@@ -15,7 +15,7 @@ PACKAGE = Path(config.__file__).parents[1]
 
 
 def models() -> set[type[Sensor]]:
-    """Models of sensors that a rig could name: all below ``Sensor`` that have a ``type``."""
+    """Sensor models that a rig can name: all subclasses of ``Sensor`` with a ``type``."""
     found: set[type[Sensor]] = set()
     for module in pkgutil.iter_modules(config.__path__):
         contents = vars(importlib.import_module(f"{config.__name__}.{module.name}")).values()
@@ -23,12 +23,12 @@ def models() -> set[type[Sensor]]:
     return {model for model in found if "type" in model.model_fields}
 
 
-def test_every_model_of_a_sensor_is_in_the_union() -> None:
+def test_every_sensor_model_is_in_the_union() -> None:
     assert set(SENSOR_KINDS.values()) == models()
 
 
 @pytest.mark.parametrize("kind", SENSOR_KINDS)
-def test_a_rig_names_a_sensor_by_its_kind_and_needs_to_say_no_more_than_its_name(kind: str) -> None:
+def test_kind_and_name_are_enough_for_a_sensor_in_a_rig(kind: str) -> None:
     (sensor,) = Rig.model_validate({"sensors": [{"type": kind, "name": "a"}]}).sensors
     assert type(sensor) is SENSOR_KINDS[kind]
     assert sensor.type == kind
@@ -43,11 +43,11 @@ def matches() -> list[tuple[str, ast.Match]]:
     ]
 
 
-@pytest.mark.parametrize(("place", "match"), matches(), ids=[place for place, _ in matches()])
-def test_every_match_says_what_happens_to_all_else(place: str, match: ast.Match) -> None:
-    """Where nothing else can come, ``assert_never`` lets mypy prove it; a new member of a union is then an error."""
+@pytest.mark.parametrize(("location", "match"), matches(), ids=[location for location, _ in matches()])
+def test_every_match_has_a_default_case(location: str, match: ast.Match) -> None:
+    """A match that must be exhaustive ends with ``assert_never``, so mypy reports a new member of the union."""
     last = match.cases[-1]
-    assert ast.unparse(last.pattern) == "_", f"{place}: end it with `case _: assert_never(…)`, or with a default"
+    assert ast.unparse(last.pattern) == "_", f"{location}: end it with `case _: assert_never(…)`, or with a default"
     names = {node.id for case in match.cases for node in ast.walk(case.pattern) if isinstance(node, ast.Name)}
     if names & {model.__name__ for model in SENSOR_KINDS.values()}:
-        assert "assert_never" in ast.unparse(last), f"{place}: kinds of sensors have no default"
+        assert "assert_never" in ast.unparse(last), f"{location}: kinds of sensors have no default"

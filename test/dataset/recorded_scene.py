@@ -1,4 +1,4 @@
-"""Bags of small scenes with every kind of message, made without a graph."""
+"""Bags of small scenes with every kind of message, recorded without a graph."""
 
 import json
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ros_messages import compressed_image, header, image, message, odometry, point_cloud, serialise, string
+from ros_messages import compressed_image, header, image, message, odometry, point_cloud, serialize, string
 
 from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, blank_boxes
 from simbev_ros.annotation.trajectories import Tracks, tracks_to_npz
@@ -88,7 +88,7 @@ def boxes(tick: int) -> Table:
 
 
 def tracks(scene: SceneSpec) -> Tracks:
-    """Of the ego and of the car."""
+    """Tracks of the ego and the car."""
     shape = 2, TICKS
     position_m = np.zeros((*shape, 3))
     position_m[1] = np.stack([0.5 * np.arange(TICKS), np.full(TICKS, 20.0), np.ones(TICKS)], axis=1)
@@ -106,7 +106,7 @@ def tracks(scene: SceneSpec) -> Tracks:
 
 
 def record(path: Path, scene: SceneSpec, *, seed: int = 0, only: Sequence[str] | None = None) -> Path:
-    """The bag of a scene in many chunks, its topics or only those that begin like some of ``only``."""
+    """Record the bag of a scene in many chunks, with all topics or only those that start with one of ``only``."""
     with SceneBagWriter(path, chunk_bytes=3000) as writer:
         writer.add_attachment("scene.json", "application/json", scene.model_dump_json().encode())
         writer.add_attachment("trajectories.npz", "application/zip", tracks_to_npz(tracks(scene)))
@@ -162,7 +162,7 @@ def _messages(scene: SceneSpec, tick: int, seed: int) -> list[tuple[str, str, in
 
 
 def _clock(stamp_ns: int) -> bytes:
-    return serialise("rosgraph_msgs/msg/Clock", clock=header(stamp_ns).stamp)
+    return serialize("rosgraph_msgs/msg/Clock", clock=header(stamp_ns).stamp)
 
 
 def _transform(stamp_ns: int, parent: str, child: str) -> bytes:
@@ -174,11 +174,11 @@ def _transform(stamp_ns: int, parent: str, child: str) -> bytes:
     stamped = message(
         "geometry_msgs/msg/TransformStamped", header=header(stamp_ns, parent), child_frame_id=child, transform=transform
     )
-    return serialise("tf2_msgs/msg/TFMessage", transforms=[stamped])
+    return serialize("tf2_msgs/msg/TFMessage", transforms=[stamped])
 
 
 def _fix(stamp_ns: int, tick: int) -> bytes:
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/NavSatFix",
         header=header(stamp_ns),
         status=message("sensor_msgs/msg/NavSatStatus", status=0, service=1),
@@ -191,7 +191,7 @@ def _fix(stamp_ns: int, tick: int) -> bytes:
 
 
 def _imu(stamp_ns: int, value: float) -> bytes:
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/Imu",
         header=header(stamp_ns),
         orientation=message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
@@ -205,7 +205,7 @@ def _imu(stamp_ns: int, value: float) -> bytes:
 
 def _camera_info(stamp_ns: int) -> bytes:
     roi = message("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/CameraInfo",
         header=header(stamp_ns),
         height=HEIGHT,

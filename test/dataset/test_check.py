@@ -1,4 +1,4 @@
-"""An index that does not say what is there is found out, and made anew as far as bags can be read."""
+"""An index that does not match the bags is found, and is rebuilt from all bags that can be read."""
 
 import shutil
 from pathlib import Path
@@ -9,31 +9,31 @@ import pytest
 import recorded_scene as written
 
 from simbev_ros.dataset.check import dataset_faults
-from simbev_ros.dataset.index import bring_up_to_date, read_index, write_index
+from simbev_ros.dataset.index import read_index, update_index, write_index
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import scenes_of
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    dataset = tmp_path_factory.mktemp("sound")
+def intact(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    dataset = tmp_path_factory.mktemp("intact")
     for number in range(3):
         written.record(dataset / f"scenes/train/Blocks-000{number}", written.spec(number), only=["/ego/odom", "/clock"])
-    assert bring_up_to_date(dataset, scenes_of(dataset))[1] == {}
+    assert update_index(dataset, scenes_of(dataset))[1] == {}
     assert dataset_faults(dataset) == []
     return dataset
 
 
 @pytest.fixture
-def dataset(sound: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(sound, tmp_path / "set"))
+def dataset(intact: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(intact, tmp_path / "set"))
 
 
 def problems(dataset: Path) -> list[str]:
     return [f"{fault.bag.name} {fault.place}: {fault.problem}" for fault in dataset_faults(dataset)]
 
 
-def test_a_changed_a_missing_an_empty_and_an_unknown_scene_are_found(dataset: Path) -> None:
+def test_changed_missing_empty_and_unknown_scenes_are_found(dataset: Path) -> None:
     scenes = dataset / "scenes/train"
     (scenes / "Blocks-0000/Blocks-0000_0.mcap").write_bytes(b"x" * 100)
     (scenes / "Blocks-0001").rename(scenes / "Blocks-0007")
@@ -41,14 +41,14 @@ def test_a_changed_a_missing_an_empty_and_an_unknown_scene_are_found(dataset: Pa
     (dataset / ".making").mkdir()
     assert problems(dataset) == [
         "Blocks-0002 : there is no .mcap file in it",
-        "set .making: a scene was being made; generate makes it again",
-        "Blocks-0000 Blocks-0000_0.mcap: it is not the file that the index knows: its SHA-256 is another",
-        "Blocks-0001 : the index has this scene, but it is not there",
-        "Blocks-0007 index.parquet: the index does not have this scene",
+        "set .making: a scene was interrupted; generate records it again",
+        "Blocks-0000 Blocks-0000_0.mcap: it is not the file in the index: its SHA-256 differs",
+        "Blocks-0001 : the index lists this scene, but its bag is missing",
+        "Blocks-0007 index.parquet: the index does not list this scene",
     ]
 
 
-def test_each_cell_of_the_index_is_held_against_the_bag(dataset: Path) -> None:
+def test_every_cell_of_the_index_is_compared_with_the_bag(dataset: Path) -> None:
     rows = read_index(dataset)
     rows[0]["split"], rows[1]["boxes_car"], rows[2]["simbev_ros"] = "val", 7, "another version"
     write_index(dataset, rows)
@@ -58,32 +58,32 @@ def test_each_cell_of_the_index_is_held_against_the_bag(dataset: Path) -> None:
     ]
 
 
-def test_a_damaged_index_is_found_and_none_is_a_fault_only_where_one_was_made(dataset: Path) -> None:
+def test_a_damaged_index_is_a_fault_and_a_missing_one_only_with_a_plan(dataset: Path) -> None:
     index = dataset / "index.parquet"
     index.write_bytes(b"PAR1")
     assert problems(dataset)[0].startswith("set index.parquet: Could not open Parquet")
     pq.write_table(pa.table({"path": ["a"]}), index)
-    with pytest.raises(InputError, match=r"it is no index of this version, .*; once it is deleted, simbev generate"):
+    with pytest.raises(InputError, match=r"it is not an index of this version, .*; delete it, and simbev generate"):
         read_index(dataset)
     index.unlink()
     assert problems(dataset) == []
     (dataset / "plan.json").write_text("{}")
-    assert problems(dataset) == ["set index.parquet: it is missing; generate makes it anew"]
+    assert problems(dataset) == ["set index.parquet: it is missing; generate rebuilds it"]
 
 
-def test_an_index_is_made_anew_and_names_what_cannot_be_in_it(dataset: Path) -> None:
+def test_an_index_is_rebuilt_and_names_bags_that_cannot_be_in_it(dataset: Path) -> None:
     before, bags = read_index(dataset), scenes_of(dataset)
     (dataset / "index.parquet").unlink()
-    assert bring_up_to_date(dataset, bags) == (before, {}) and read_index(dataset) == before
+    assert update_index(dataset, bags) == (before, {}) and read_index(dataset) == before
     cut_off, moved = bags[0] / "Blocks-0000_0.mcap", bags[1].with_name("Blocks-0009")
     cut_off.write_bytes(cut_off.read_bytes()[:-30])
     bags[1].rename(moved)
-    _, damaged = bring_up_to_date(dataset, [bags[0], moved, bags[2]])
+    _, damaged = update_index(dataset, [bags[0], moved, bags[2]])
     assert damaged == {bags[0]: "it is cut off", moved: "it holds scene train/Blocks-0001"}
     assert read_index(dataset) == before[2:]
 
 
-def test_rows_are_kept_in_order_with_what_is_not_known_left_empty(dataset: Path) -> None:
+def test_rows_are_sorted_and_unknown_values_are_none(dataset: Path) -> None:
     rows = read_index(dataset)
     write_index(dataset, reversed(rows))
     assert read_index(dataset) == rows

@@ -1,4 +1,4 @@
-"""Statistics equal what loops over all boxes, cells and frames count."""
+"""Statistics equal counts from plain loops over all boxes, cells and frames."""
 
 from collections import Counter
 from pathlib import Path
@@ -19,24 +19,24 @@ from simbev_ros.types import Table
 @pytest.fixture(scope="module")
 def counted(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[MadeUp], Statistics]:
     folder = tmp_path_factory.mktemp("set")
-    made = [
+    scenes = [
         made_up_scene(folder / "scenes/train/Blocks-0000", ticks=60),
         made_up_scene(folder / "scenes/val/Blocks-0001", number=1, split="val", ticks=5),
     ]
-    return made, statistics_of(open_dataset(folder), jobs=2)
+    return scenes, statistics_of(open_dataset(folder), jobs=2)
 
 
-def all_boxes(made: list[MadeUp]) -> list[Table]:
-    return [row for scene in made for tick in scene.ticks for row in tick["boxes"]]
+def all_boxes(scenes: list[MadeUp]) -> list[Table]:
+    return [row for scene in scenes for tick in scene.ticks for row in tick["boxes"]]
 
 
 def assert_counts(counts: Any, expected: Counter[Any]) -> None:
-    assert {tuple(place): counts[tuple(place)] for place in np.argwhere(counts)} == dict(expected)
+    assert {tuple(index): counts[tuple(index)] for index in np.argwhere(counts)} == dict(expected)
 
 
 def test_boxes_by_class_distance_speed_and_size(counted: tuple[list[MadeUp], Statistics]) -> None:
-    made, statistics = counted
-    counts, rows = statistics.tally.counts, all_boxes(made)
+    scenes, statistics = counted
+    counts, rows = statistics.tally.counts, all_boxes(scenes)
     assert statistics.tally.frames == 65 and len(rows) == 65 * 12
     assert_counts(counts["boxes"], Counter((row["class"],) for row in rows))
     assert_counts(counts["valid"], Counter((row["class"],) for row in rows if row["valid"]))
@@ -53,9 +53,9 @@ def test_boxes_by_class_distance_speed_and_size(counted: tuple[list[MadeUp], Sta
 
 
 def test_boxes_of_a_frame(counted: tuple[list[MadeUp], Statistics]) -> None:
-    made, statistics = counted
+    scenes, statistics = counted
     expected: Counter[Any] = Counter()
-    for scene in made:
+    for scene in scenes:
         for tick in scene.ticks:
             expected.update((c, int((tick["boxes"]["class"] == c).sum())) for c in range(10))
     assert_counts(statistics.tally.counts["per_frame"], expected)
@@ -63,8 +63,8 @@ def test_boxes_of_a_frame(counted: tuple[list[MadeUp], Statistics]) -> None:
 
 
 def test_visibility_and_points(counted: tuple[list[MadeUp], Statistics]) -> None:
-    made, statistics = counted
-    counts, rows = statistics.tally.counts, all_boxes(made)
+    scenes, statistics = counted
+    counts, rows = statistics.tally.counts, all_boxes(scenes)
     seen = [row for row in rows if row["visibility"] == row["visibility"]]
     assert_counts(counts["visibility"], Counter((row["class"], int(float(row["visibility"]) * 20)) for row in seen))
     assert counts["unseen"].sum() == len(rows) - len(seen) > 0
@@ -73,15 +73,15 @@ def test_visibility_and_points(counted: tuple[list[MadeUp], Statistics]) -> None
     points: Counter[Any] = Counter()
     for row in known:
         points[row["class"], int(row["distance"] // 5)] += int(row["lidar_points"])
-    assert_counts(counts["lidar_points"], Counter({place: n for place, n in points.items() if n}))
+    assert_counts(counts["lidar_points"], Counter({index: n for index, n in points.items() if n}))
     levels = Counter((int(row["distance"] // 5), int(row["lidar_points"]).bit_length()) for row in known)
     assert_counts(counts["lidar_levels"], levels)
 
 
-def test_places_look_as_the_birds_eye_view(counted: tuple[list[MadeUp], Statistics]) -> None:
-    made, statistics = counted
+def test_positions_have_the_axes_of_the_birds_eye_view(counted: tuple[list[MadeUp], Statistics]) -> None:
+    scenes, statistics = counted
     expected: Counter[Any] = Counter()
-    for row in all_boxes(made):
+    for row in all_boxes(scenes):
         ahead_m = float(row["distance"]) * np.cos(float(row["angle"]))
         left_m = float(row["distance"]) * np.sin(float(row["angle"]))
         if abs(ahead_m) < 120 and abs(left_m) < 120:
@@ -90,8 +90,8 @@ def test_places_look_as_the_birds_eye_view(counted: tuple[list[MadeUp], Statisti
 
 
 def test_cells_of_the_grid(counted: tuple[list[MadeUp], Statistics]) -> None:
-    made, statistics = counted
-    grids = [tick["bev/labels"] for scene in made for tick in scene.ticks]
+    scenes, statistics = counted
+    grids = [tick["bev/labels"] for scene in scenes for tick in scene.ticks]
     bev = statistics.tally.bev
     assert bev is not None and bev.shape == (14, 20, 24) and statistics.tally.counts["bev_frames"] == 65
     for index in range(14):
@@ -99,31 +99,31 @@ def test_cells_of_the_grid(counted: tuple[list[MadeUp], Statistics]) -> None:
         assert statistics.tally.counts["bev_present"][index] == sum((grid >> index & 1).any() for grid in grids)
 
 
-def test_actors_ways_and_settings(counted: tuple[list[MadeUp], Statistics]) -> None:
-    made, statistics = counted
+def test_actors_distances_and_settings(counted: tuple[list[MadeUp], Statistics]) -> None:
+    scenes, statistics = counted
     blueprints = legend()["blueprints"]
-    firsts = [scene.ticks[0]["world/actors"]["blueprint"] for scene in made]
+    firsts = [scene.ticks[0]["world/actors"]["blueprint"] for scene in scenes]
     assert statistics.tally.actors == Counter(blueprints[index]["name"] for first in firsts for index in first)
     cells = {
         (int(row["x"] // 4), int(row["y"] // 4))
-        for scene in made
+        for scene in scenes
         for tick in scene.ticks
         for row in tick["world/actors"]
         if row["id"] != 1
     }
     assert {tuple(cell) for cell in statistics.visited["Blocks"].tolist()} == cells
-    assert [scene.way_m for scene in statistics.scenes] == pytest.approx([59 * 5.0, 4 * 5.0])
+    assert [scene.distance_m for scene in statistics.scenes] == pytest.approx([59 * 5.0, 4 * 5.0])
     assert [scene.boxes for scene in statistics.scenes] == [60 * 12, 5 * 12]
     assert [scene.split for scene in statistics.scenes] == ["train", "val"]
     assert [scene.vehicles for scene in statistics.scenes] == [2, 3]
 
 
-def test_of_many_frames_each_so_many_th_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(statistics_module, "MOST_FRAMES", 10)
-    made = made_up_scene(tmp_path / "Blocks-0000", ticks=31)
+def test_of_many_frames_only_every_nth_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(statistics_module, "MAX_FRAMES", 10)
+    scene = made_up_scene(tmp_path / "Blocks-0000", ticks=31)
     statistics = statistics_of(open_dataset(tmp_path / "Blocks-0000"))
     assert statistics.every == 3 and statistics.tally.frames == 11
-    expected = Counter((row["class"],) for tick in made.ticks[::3] for row in tick["boxes"])
+    expected = Counter((row["class"],) for tick in scene.ticks[::3] for row in tick["boxes"])
     assert_counts(statistics.tally.counts["boxes"], expected)
 
 
@@ -133,8 +133,8 @@ def test_an_empty_dataset_is_refused(tmp_path: Path) -> None:
         statistics_of(open_dataset(tmp_path))
 
 
-def test_two_scenes_of_one_name_are_both_counted(tmp_path: Path) -> None:
+def test_two_scenes_with_the_same_name_are_both_counted(tmp_path: Path) -> None:
     for split, ticks in (("train", 5), ("val", 3)):
         made_up_scene(tmp_path / "scenes" / split / "Blocks-0000", split=split, ticks=ticks)
     statistics = statistics_of(open_dataset(tmp_path), jobs=2)
-    assert [scene.looked_at for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8
+    assert [scene.sampled_frames for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8

@@ -1,4 +1,4 @@
-"""Work in processes: results in order, how far it is, and how it ends when it is interrupted or killed."""
+"""Work in processes: order of results, progress, and behavior on interrupts and killed processes."""
 
 import os
 import signal
@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.dataset.parallel import in_processes, step
+from simbev_ros.dataset.parallel import map_in_processes, report_step
 from simbev_ros.errors import SimbevError
 
 _PROGRAM = """
 import time
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
 def slow(item):
@@ -24,7 +24,7 @@ def slow(item):
 
 try:
     with raising_interrupts():
-        for _ in in_processes(slow, range(9), 3):
+        for _ in map_in_processes(slow, range(9), 3):
             print("begun", flush=True)
 except Interrupted:
     raise SystemExit(130)
@@ -42,7 +42,7 @@ def program():
 
 
 def _members(group: int) -> list[int]:
-    """Processes of a group that still run."""
+    """Processes of a group that are still running."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -57,11 +57,11 @@ def _members(group: int) -> list[int]:
 def _wait_until_gone(group: int) -> None:
     deadline_s = time.monotonic() + 10.0
     while _members(group):
-        assert time.monotonic() < deadline_s, "its processes go on"
+        assert time.monotonic() < deadline_s, "its processes are still running"
         time.sleep(0.05)
 
 
-def test_ctrl_c_ends_work_in_the_making_at_once(program):
+def test_ctrl_c_ends_running_work_at_once(program):
     assert len(_members(program.pid)) == 4
     os.killpg(program.pid, signal.SIGINT)  # as a terminal does
     assert program.wait(10) == 130
@@ -80,19 +80,19 @@ def test_processes_end_with_a_parent_that_was_killed(program):
     _wait_until_gone(program.pid)
 
 
-def test_a_process_that_was_killed_is_said():
+def test_a_killed_process_is_reported():
     with pytest.raises(SimbevError, match="a process that read bags was killed"):
-        list(in_processes(_die, range(3), 2))
+        list(map_in_processes(_die, range(3), 2))
 
 
 def _die(_: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_results_come_in_the_order_of_the_work_and_errors_as_they_are():
-    assert list(in_processes(_double, range(40), 3)) == [2 * item for item in range(40)]
+def test_results_are_in_the_order_of_the_items_and_errors_are_passed_on():
+    assert list(map_in_processes(_double, range(40), 3)) == [2 * item for item in range(40)]
     with pytest.raises(ZeroDivisionError):
-        list(in_processes(_divide, [1, 0, 1], 2))
+        list(map_in_processes(_divide, [1, 0, 1], 2))
 
 
 def _double(item: int) -> int:
@@ -107,16 +107,16 @@ def _divide(item: int) -> float:
 def three_steps(number: int) -> int:
     for _ in range(3):
         time.sleep(0.15)
-        step()
+        report_step()
     return -number
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_steps_are_told_while_the_work_is_on(jobs: int) -> None:
-    told: list[int] = []
+def test_steps_are_reported_while_the_work_is_running(jobs: int) -> None:
+    reported: list[int] = []
     results = []
-    for result in in_processes(three_steps, range(2), jobs, told.append):
+    for result in map_in_processes(three_steps, range(2), jobs, reported.append):
         results.append(result)
-        assert 1 <= told[0] < 3 * jobs, "nothing was told before the first result"
+        assert 1 <= reported[0] < 3 * jobs, "nothing was reported before the first result"
     assert results == [0, -1]
-    assert told == sorted(told) and told[-1] <= 6
+    assert reported == sorted(reported) and reported[-1] <= 6

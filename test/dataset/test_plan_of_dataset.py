@@ -1,4 +1,4 @@
-"""Numbers that have been given stay; what is there counts; what is missing is made, and no more."""
+"""The plan keeps assigned numbers, counts existing scenes, and lists exactly the missing ones."""
 
 from pathlib import Path
 
@@ -11,44 +11,44 @@ from simbev_ros.errors import InputError
 from simbev_ros.scene.drawing.draw_scene import planned_scenes
 
 
-def asking(*scenes: dict[str, object]) -> Scenario:
+def scenario_with(*scenes: dict[str, object]) -> Scenario:
     return Scenario.model_validate({"scenes": scenes, "rig": {"sensors": []}})
 
 
 BLOCKS, TOWN = {"map": "Blocks", "train": 3, "val": 1}, {"map": "Town01", "train": 2, "test": 1}
 
 
-def test_a_new_dataset_has_the_scenes_that_run_would_play(tmp_path: Path) -> None:
-    scenario = asking(BLOCKS, TOWN)
-    plan = Plan.of(tmp_path).extended(scenario)
+def test_a_new_dataset_has_the_scenes_of_simbev_run(tmp_path: Path) -> None:
+    scenario = scenario_with(BLOCKS, TOWN)
+    plan = Plan.load(tmp_path).with_scenes_of(scenario)
     expected = [(scene.number, scene.map.name, scene.split) for scene in planned_scenes(scenario)]
     assert [(entry.number, entry.map, entry.split) for entry in plan.scenes] == expected
-    assert plan.to_make(tmp_path, scenario) == list(plan.scenes)
+    assert plan.missing_entries(tmp_path, scenario) == list(plan.scenes)
 
 
-def test_what_is_asked_for_later_comes_after_and_nothing_is_renumbered(tmp_path: Path) -> None:
-    first = Plan.of(tmp_path).extended(asking(BLOCKS, TOWN))
+def test_scenes_added_later_are_numbered_last_and_nothing_is_renumbered(tmp_path: Path) -> None:
+    first = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS, TOWN))
     first.save(tmp_path)
     bag_of(tmp_path, first.scenes[1]).mkdir(parents=True)
-    more = asking(BLOCKS | {"train": 5}, TOWN)
-    plan = Plan.of(tmp_path).extended(more)
+    more = scenario_with(BLOCKS | {"train": 5}, TOWN)
+    plan = Plan.load(tmp_path).with_scenes_of(more)
     assert plan.scenes[: len(first.scenes)] == first.scenes
     assert [entry.name for entry in plan.scenes[len(first.scenes) :]] == ["Blocks-0007", "Blocks-0008"]
-    assert [entry.number for entry in plan.to_make(tmp_path, more)] == [0, 2, 3, 4, 5, 6, 7, 8]
+    assert [entry.number for entry in plan.missing_entries(tmp_path, more)] == [0, 2, 3, 4, 5, 6, 7, 8]
 
 
-def test_less_that_is_asked_for_is_less_that_is_made(tmp_path: Path) -> None:
-    plan = Plan.of(tmp_path).extended(asking(BLOCKS | {"train": 9}))
+def test_fewer_requested_scenes_are_fewer_missing_scenes(tmp_path: Path) -> None:
+    plan = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS | {"train": 9}))
     for number in (4, 5):
         bag_of(tmp_path, plan.scenes[number]).mkdir(parents=True)
-    less = asking(BLOCKS)
-    assert [entry.number for entry in plan.extended(less).to_make(tmp_path, less)] == [0, 9]
+    less = scenario_with(BLOCKS)
+    assert [entry.number for entry in plan.with_scenes_of(less).missing_entries(tmp_path, less)] == [0, 9]
 
 
-def test_bags_without_a_plan_are_taken_into_it(tmp_path: Path) -> None:
+def test_bags_without_a_plan_are_added_to_it(tmp_path: Path) -> None:
     for name in ("train/Blocks-0000", "train/Blocks-0006", "val/my-town-0003", "train/Blocks-0001.partial"):
         (tmp_path / "scenes" / name).mkdir(parents=True)
-    plan = Plan.of(tmp_path).extended(asking(BLOCKS))
+    plan = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS))
     names = [(entry.name, entry.split) for entry in plan.scenes]
     assert names[:3] == [("Blocks-0000", "train"), ("my-town-0003", "val"), ("Blocks-0006", "train")]
     assert names[3:] == [("Blocks-0007", "train"), ("Blocks-0008", "val")]
@@ -57,22 +57,22 @@ def test_bags_without_a_plan_are_taken_into_it(tmp_path: Path) -> None:
 def test_a_damaged_plan_is_named(tmp_path: Path) -> None:
     (tmp_path / "plan.json").write_text('{"scenes": [{"number": 1}]}')
     with pytest.raises(InputError, match=r"plan\.json: "):
-        Plan.of(tmp_path)
+        Plan.load(tmp_path)
     (tmp_path / "plan.json").unlink()
     (tmp_path / "plan.json").mkdir()
     with pytest.raises(InputError, match=r"plan\.json: cannot be read: Is a directory"):
-        Plan.of(tmp_path)
+        Plan.load(tmp_path)
 
 
-def test_a_scene_that_is_not_there_cannot_be_replaced(tmp_path: Path) -> None:
-    plan = Plan.of(tmp_path).extended(asking(BLOCKS))
-    assert [entry.number for entry in plan.chosen([range(2, 3), range(1, 3)])] == [1, 2]
+def test_a_scene_that_does_not_exist_cannot_be_replaced(tmp_path: Path) -> None:
+    plan = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS))
+    assert [entry.number for entry in plan.entries_with_numbers([range(2, 3), range(1, 3)])] == [1, 2]
     with pytest.raises(InputError, match=r"^replace: the dataset has no scene 7, 9; its numbers are 0 to 3"):
-        plan.chosen([range(1, 2), range(7, 8), range(9, 10)])
+        plan.entries_with_numbers([range(1, 2), range(7, 8), range(9, 10)])
     with pytest.raises(InputError, match="no scene 4, 5, 6, 7, 8;"):
-        plan.chosen([range(3_000_000_000_001)])
+        plan.entries_with_numbers([range(3_000_000_000_001)])
     with pytest.raises(InputError, match="no scene 0; it has none"):
-        Plan().chosen([range(1)])
+        Plan().entries_with_numbers([range(1)])
 
 
 def test_a_dataset_has_one_writer(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Frames of a dataset against what was written, and against what rosbags reads."""
+"""Frames of a dataset, compared with what was written and with what rosbags reads."""
 
 import pickle
 import shutil
@@ -13,7 +13,7 @@ import recorded_scene as written
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.dataset import Dataset, Frame, Scene, columns, open_dataset
-from simbev_ros.dataset.index import row_of, write_index
+from simbev_ros.dataset.index import index_row, write_index
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.mcap import chunk_cache
 from simbev_ros.types import AnyArray
@@ -21,14 +21,14 @@ from simbev_ros.types import AnyArray
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset of two scenes; beside the second one bag with other sensors."""
+    """A dataset of two scenes; the second one has an additional bag with other sensors."""
     dataset = tmp_path_factory.mktemp("dataset")
     for number, split in enumerate(("train", "val")):
         written.record(dataset / "scenes" / split / f"Blocks-000{number}", written.spec(number, split), seed=number)
     moved = {**written.SENSORS[0], "pose": {"x_m": -1.0}}
     night = written.spec(1, "val", [moved, {"type": "lidar", "name": "lidar_left"}])
-    place = dataset / "scenes/val/Blocks-0001.night"
-    written.record(place, night, seed=7, only=["/ego/cam_front/rgb", "/ego/odom", "/clock"])
+    bag = dataset / "scenes/val/Blocks-0001.night"
+    written.record(bag, night, seed=7, only=["/ego/cam_front/rgb", "/ego/odom", "/clock"])
     (dataset / "scenes/val/Blocks-0002.partial").mkdir()
     return dataset
 
@@ -39,7 +39,7 @@ def scene(path: Path) -> Scene:
 
 
 def image_of(message: Any, encoding: str) -> AnyArray:
-    """Decoded by the book, without our codecs."""
+    """Image decoded according to the format's specification, without the package's codecs."""
     if encoding == "rgb8":
         return cv2.imdecode(message.data, cv2.IMREAD_COLOR)[..., ::-1]
     if encoding == "32FC1":
@@ -83,7 +83,7 @@ def test_every_message_that_rosbags_reads_is_in_its_frame(path: Path, scene: Sce
         assert held[key] == sum(len(frame.messages(key)) for frame in scene) == len(scene.sources[key].stamps_ns)
 
 
-def test_frames_give_what_was_written(scene: Scene) -> None:
+def test_frames_have_the_values_that_were_written(scene: Scene) -> None:
     assert len(scene) == written.TICKS
     for frame in scene:
         assert frame.stamp_ns == frame["clock"] == written.spec().stamp_ns(frame.tick)
@@ -107,7 +107,7 @@ def test_slow_sensors_are_in_some_frames_and_fast_ones_have_all_samples(scene: S
     assert scene.has(["cam_slow/rgb", "lidar/points"]).tolist() == ["cam_slow/rgb" in frame for frame in scene]
     np.testing.assert_array_equal(scene[3].last("cam_slow/rgb"), written.pixels("rgb8", 0, 9))
     np.testing.assert_array_equal(scene[4].last("cam_slow/rgb"), written.pixels("rgb8", 4, 9))
-    with pytest.raises(KeyError, match="'cam_slow/rgb' has nothing at tick 3 of scene Blocks-0000"):
+    with pytest.raises(KeyError, match="'cam_slow/rgb' has no value at tick 3 of scene Blocks-0000"):
         scene[3]["cam_slow/rgb"]
     assert [len(frame["imu/data_raw"]) for frame in scene] == [1, 4, 4, 4, 4, 4, 4]
     assert scene[2]["imu/data_raw"]["acceleration_mps2"][:, 1].tolist() == [1.25, 1.5, 1.75, 2]
@@ -126,7 +126,7 @@ def test_unknown_keys_and_ticks_are_errors(scene: Scene) -> None:
     assert "cam_frnt/rgb" not in scene[0]
 
 
-def test_poses_and_calibration_are_those_of_the_rig(scene: Scene) -> None:
+def test_poses_and_calibration_match_the_rig(scene: Scene) -> None:
     camera, frame = scene.calibration["cam_front"], scene[3]
     assert camera.intrinsics.tolist() == [[20.0, 0.0, 11.5], [0.0, 20.0, 7.5], [0.0, 0.0, 1.0]]
     assert camera.distortion.tolist() == [0.01, 0, 0, 0, 0]
@@ -142,7 +142,7 @@ def test_poses_and_calibration_are_those_of_the_rig(scene: Scene) -> None:
         scene.calibration["lidar"].intrinsics  # noqa: B018
 
 
-def test_constants_are_said_once(scene: Scene) -> None:
+def test_latched_topics_are_constants(scene: Scene) -> None:
     assert scene.constants["world/legend"] == {"box_classes": ["car"]}
     assert list(scene.constants["tf_static"]) == [("ego/base_link", "ego/lidar")]
     assert not set(scene.constants) & set(scene.keys)
@@ -168,7 +168,7 @@ def test_chunks_are_decompressed_once_in_order_and_only_if_needed(path: Path, mo
     monkeypatch.setattr(chunk_cache, "chunk_data", lambda s, offset: (offsets.append(offset), original(s, offset))[1])
     for frame in (scene := open_dataset(path).scenes[0]):
         frame.load()
-    every = {int(offset) for source in scene.sources.values() for offset in source.topic.places[:, -2]}
+    every = {int(offset) for source in scene.sources.values() for offset in source.topic.locations[:, -2]}
     assert sorted(offsets) == sorted(every)
     assert len(every) > 10
     offsets.clear()
@@ -178,7 +178,7 @@ def test_chunks_are_decompressed_once_in_order_and_only_if_needed(path: Path, mo
     assert len(offsets) == 1
 
 
-def test_additional_bags_are_merged_and_clashes_keep_their_label(path: Path) -> None:
+def test_additional_bags_are_merged_and_conflicting_keys_get_a_label(path: Path) -> None:
     scene = open_dataset(path).scenes[1]
     assert scene.additional == {"night": path / "scenes/val/Blocks-0001.night"}
     assert {key for key in scene.keys if "@" in key} == {"cam_front/rgb@night", "cam_front/rgb/camera_info@night"}
@@ -224,7 +224,7 @@ def test_frames_of_many_scenes_are_one_list(path: Path) -> None:
 def test_the_index_spares_opening_bags_unless_it_is_stale(path: Path, tmp_path: Path) -> None:
     dataset = Path(shutil.copytree(path, tmp_path / "copy"))
     bag = dataset / "scenes/train/Blocks-0000"
-    row = row_of(bag, dataset)
+    row = index_row(bag, dataset)
     write_index(dataset, [row])
     mcap = bag / "Blocks-0000_0.mcap"
     content = mcap.read_bytes()

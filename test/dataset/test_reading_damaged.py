@@ -1,4 +1,4 @@
-"""Bags that are cut off or damaged: what is there can be read, what is not is said."""
+"""Bags that are cut off or damaged: intact parts can be read, and damage is reported."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ import recorded_scene as written
 from simbev_ros.dataset import open_dataset
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.mcap.mcap_index import read_index
+from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 
 
 @pytest.fixture(scope="module")
@@ -24,14 +24,14 @@ def test_a_bag_that_is_cut_off_can_be_read_as_far_as_it_goes(content: bytes, tmp
     file.write_bytes(content[: int(len(content) * share)])
     scene = open_dataset(file).scenes[0]
     assert 1 < len(scene) <= written.TICKS
-    for frame in list(scene)[:-1]:  # only of the last tick a part may be missing
+    for frame in list(scene)[:-1]:  # only the last tick may be incomplete
         assert frame["lidar/points"].tobytes() == written.points(frame.tick).tobytes()
         assert frame["boxes"].tobytes() == written.boxes(frame.tick).tobytes()
         np.testing.assert_array_equal(frame.load()["cam_front/instance"], written.pixels("mono16", frame.tick))
 
 
 @pytest.mark.parametrize("share", [0.5, 0.999])
-def test_a_scene_of_a_dataset_that_is_cut_off_is_no_shorter_scene(content: bytes, tmp_path: Path, share: float) -> None:
+def test_a_cut_off_scene_of_a_dataset_is_no_shorter_scene(content: bytes, tmp_path: Path, share: float) -> None:
     for number in (0, 1):
         bag = written.record(tmp_path / f"scenes/train/Blocks-000{number}", written.spec())
     (bag / "Blocks-0001_0.mcap").write_bytes(content[: int(len(content) * share)])
@@ -50,7 +50,7 @@ def test_a_flipped_bit_is_named_and_other_frames_can_be_read(content: bytes, tmp
     data[offset + 9 + 60] ^= 1
     file.write_bytes(data)
     scene = open_dataset(file).scenes[0]
-    for _ in range(2):  # an error is not kept in the cache in the place of a chunk
+    for _ in range(2):  # the cache does not keep an error instead of a chunk
         with pytest.raises(BagError, match=rf"flipped_0.mcap: /ego/lidar/points: damaged chunk at byte {offset}"):
             scene[3]["lidar/points"]
         with pytest.raises(BagError, match=r"damaged chunk"):
@@ -62,11 +62,11 @@ def test_a_damaged_index_is_found(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "index_0.mcap"
     file.write_bytes(content)
     with file.open("rb") as stream:
-        index = read_index(stream, "")
+        index = read_mcap_index(stream, "")
     channel = next(number for number, each in index.channels.items() if each.topic == "/ego/boxes")
-    stamp_ns, _, place = index.places[channel].table()[2].tolist()
-    entry = stamp_ns.to_bytes(8, "little") + place.to_bytes(8, "little")
-    file.write_bytes(content.replace(entry, stamp_ns.to_bytes(8, "little") + (place + 1).to_bytes(8, "little")))
+    stamp_ns, _, offset = index.locations[channel].table()[2].tolist()
+    entry = stamp_ns.to_bytes(8, "little") + offset.to_bytes(8, "little")
+    file.write_bytes(content.replace(entry, stamp_ns.to_bytes(8, "little") + (offset + 1).to_bytes(8, "little")))
     with pytest.raises(BagError, match=r"/ego/boxes: the index of the chunk at byte .* is damaged"):
         open_dataset(file).scenes[0][2]["boxes"]
 
@@ -80,7 +80,7 @@ def test_an_unfinished_bag_has_no_trajectories(tmp_path: Path) -> None:
         scene.tracks  # noqa: B018
 
 
-def test_what_is_no_bag_is_said(tmp_path: Path) -> None:
+def test_a_path_without_a_bag_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no such file or folder"):
         open_dataset(tmp_path / "missing")
     (tmp_path / "empty").mkdir()

@@ -1,4 +1,4 @@
-"""Reading without what only the simulation needs, in other processes, and with torch."""
+"""Reading without the simulation's dependencies, in other processes, and with torch."""
 
 import inspect
 import json
@@ -47,21 +47,21 @@ assert not BLOCKED & {name.partition(".")[0] for name in sys.modules}
 """
 
 
-def test_neither_ros_nor_graphics_nor_simulation_need_be_there(path: Path) -> None:
+def test_reading_needs_neither_ros_nor_graphics_nor_simulation(path: Path) -> None:
     run = subprocess.run([sys.executable, "-c", WITHOUT, str(path)], capture_output=True, text=True, check=False)
     assert run.stdout.split("\n")[0] == f"{len(open_dataset(path).scenes[0][3])} (2, 2) 2", run.stderr
 
 
 def test_the_example_in_the_documentation_works(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = inspect.getdoc(simbev_ros.dataset) or ""
-    example = text.partition("::\n\n")[2].partition("\n\nWhat")[0]
+    example = text.partition("::\n\n")[2].partition("\n\n``list(frame)``")[0]
     monkeypatch.chdir(path.parents[1])
     names: dict[str, Any] = {}
     exec(inspect.cleandoc("\n" + example), names)
     assert names["image"].shape == (written.HEIGHT, written.WIDTH, 3)
     assert names["points_map"].shape == (26, 3)
     # By hand: the camera is 1 m ahead of the ego's origin and 2 m above it, and looks left; the ego is at (2, 2, 0.5).
-    car_optical = _turned([1.0, 20.0, 1.0], -0.2, [2.0, 2.0, 0.5]) - [1.0, 0.0, 2.0]
+    car_optical = _rotated([1.0, 20.0, 1.0], -0.2, [2.0, 2.0, 0.5]) - [1.0, 0.0, 2.0]
     assert car_optical[1] > 0
     camera = open_dataset(path).scenes[0].calibration["cam_front"].camera
     assert camera is not None
@@ -69,7 +69,7 @@ def test_the_example_in_the_documentation_works(path: Path, monkeypatch: pytest.
     np.testing.assert_allclose(names["pixels"][0], expected[0], atol=1e-9)
 
 
-def _turned(point: list[float], angle_rad: float, origin: list[float]) -> Float64Array:
+def _rotated(point: list[float], angle_rad: float, origin: list[float]) -> Float64Array:
     x, y, z = np.array(point) - origin
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([cos * x - sin * y, sin * x + cos * y, z])
@@ -99,8 +99,8 @@ def test_the_bench_times_both_orders(path: Path) -> None:
     assert all(0 < access["least_s"] <= access["median_s"] for access in timing["accesses"])
 
 
-def stand_in() -> types.ModuleType:
-    """As much of torch as the data set uses."""
+def torch_stub() -> types.ModuleType:
+    """A replacement for torch with only what ``FrameDataset`` uses."""
     torch, utils, data = (types.ModuleType(name) for name in ("torch", "torch.utils", "torch.utils.data"))
     data.Dataset = type("Dataset", (), {"__class_getitem__": classmethod(lambda cls, _: cls)})  # type: ignore[attr-defined]
     data.get_worker_info = lambda: None  # type: ignore[attr-defined]
@@ -109,8 +109,8 @@ def stand_in() -> types.ModuleType:
     return torch
 
 
-def test_samples_and_batches_with_a_stand_in_for_torch(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    torch = stand_in()
+def test_samples_and_batches_with_a_stub_of_torch(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    torch = torch_stub()
     for name, module in {"torch": torch, "torch.utils": torch.utils, "torch.utils.data": torch.utils.data}.items():
         monkeypatch.setitem(sys.modules, name, module)
     origin = find_spec("simbev_ros.dataset.torch_dataset")
@@ -136,7 +136,7 @@ def test_samples_and_batches_with_a_stand_in_for_torch(path: Path, monkeypatch: 
 
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 @pytest.mark.parametrize("workers", [0, 2])
-def test_a_loader_of_torch_gives_every_frame_once(path: Path, workers: int) -> None:
+def test_a_torch_loader_gives_every_frame_once(path: Path, workers: int) -> None:
     torch = pytest.importorskip("torch")
     from simbev_ros.dataset.torch_dataset import FrameDataset
 
@@ -145,6 +145,6 @@ def test_a_loader_of_torch_gives_every_frame_once(path: Path, workers: int) -> N
     batches = list(loader)
     assert sorted(tick for batch in batches for tick in batch["tick"]) == list(range(written.TICKS))
     for batch in batches:
-        for place, tick in enumerate(batch["tick"]):
-            assert batch["lidar/points"][place][:, 1].tolist() == written.points(tick)["y"].tolist()
-            assert (batch["cam_front/instance"][place].numpy() == written.pixels("mono16", tick)).all()
+        for index, tick in enumerate(batch["tick"]):
+            assert batch["lidar/points"][index][:, 1].tolist() == written.points(tick)["y"].tolist()
+            assert (batch["cam_front/instance"][index].numpy() == written.pixels("mono16", tick)).all()

@@ -1,4 +1,4 @@
-"""A scene that is replaced goes with its additional bags, and at any end either it or its replacement is there."""
+"""A replaced scene is removed with its additional bags; after an interruption either it or its replacement exists."""
 
 import shutil
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.dataset.staging import clean_up, move_in, staging_of
+from simbev_ros.dataset.staging import clean_up_staging, move_into_dataset, staging_of
 
 ENTRY = PlannedEntry(number=1, map="Blocks", split="train")
 KEPT = {"Blocks-0000": "0", "Blocks-0000.rear": "0", "Blocks-00010": "10", "Blocks-00010.rear": "10"}
@@ -21,7 +21,7 @@ def bags(dataset: Path) -> dict[str, str]:
 
 @pytest.fixture
 def dataset(tmp_path: Path) -> Path:
-    """Three scenes with additional bags, and a replacement of one of them."""
+    """Three scenes with additional bags, and a replacement for one of them."""
     contents = {tmp_path / "scenes/train" / name: text for name, text in OLD.items()}
     contents[staging_of(tmp_path) / "scenes/train/Blocks-0001"] = "new"
     for folder, text in contents.items():
@@ -30,36 +30,36 @@ def dataset(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_replaced_scene_takes_its_additional_bags_along_and_no_others(dataset: Path) -> None:
-    move_in(dataset, ENTRY)
+def test_a_replaced_scene_is_removed_with_its_own_additional_bags_only(dataset: Path) -> None:
+    move_into_dataset(dataset, ENTRY)
     assert bags(dataset) == NEW
     assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == NEW.keys()
 
 
 @pytest.mark.parametrize("steps", range(6))
-def test_ended_after_any_step_it_is_the_old_scene_or_the_new(
+def test_an_interruption_after_any_step_leaves_the_old_or_the_new_scene(
     steps: int, dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done = 0
 
-    def ending(step: Callable[..., object]) -> Callable[..., object]:
-        def ends(*arguments: object, **options: object) -> object:
+    def interrupting(step: Callable[..., object]) -> Callable[..., object]:
+        def interrupt(*arguments: object, **options: object) -> object:
             nonlocal done
             if done == steps:
                 raise KeyboardInterrupt
             done += 1
             return step(*arguments, **options)
 
-        return ends
+        return interrupt
 
-    monkeypatch.setattr(Path, "rename", ending(Path.rename))
-    monkeypatch.setattr(shutil, "rmtree", ending(shutil.rmtree))
+    monkeypatch.setattr(Path, "rename", interrupting(Path.rename))
+    monkeypatch.setattr(shutil, "rmtree", interrupting(shutil.rmtree))
     if steps < 5:  # three of the old scene's bags, the new one, and the removal
         with pytest.raises(KeyboardInterrupt):
-            move_in(dataset, ENTRY)
+            move_into_dataset(dataset, ENTRY)
     else:
-        move_in(dataset, ENTRY)
+        move_into_dataset(dataset, ENTRY)
     monkeypatch.undo()
-    clean_up(dataset)
+    clean_up_staging(dataset)
     assert bags(dataset) == (OLD if steps < 4 else NEW)
     assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == bags(dataset).keys()

@@ -203,7 +203,7 @@ class _Moving(dict[str, Any]):
 
 
 def test_points_of_a_rolling_scan_are_moved_to_the_stamp() -> None:
-    lidar = Calibration.of(Lidar(type="lidar", name="lidar", pose=Pose(z_m=1.8, yaw_deg=90), rolling=True))
+    lidar = Calibration.from_sensor(Lidar(type="lidar", name="lidar", pose=Pose(z_m=1.8, yaw_deg=90), rolling=True))
     ego = np.zeros(1, ACTOR_DTYPE)
     ego["id"], ego["vx"] = EGO_ID, 10.0
     cloud = np.zeros(2, POINT_DTYPE)

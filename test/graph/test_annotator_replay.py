@@ -19,7 +19,7 @@ from simbev_ros.graph.environment import graph_environment
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics, annotator_inputs
 from simbev_ros.msgs.message_types import message_class
-from simbev_ros.recording.canonical import canonical
+from simbev_ros.recording.canonical import canonical_cdr
 from simbev_ros.recording.reader import SceneBag
 
 pytestmark = pytest.mark.graph
@@ -72,4 +72,4 @@ def test_labels_of_a_replayed_bag_are_those_that_were_recorded(recorded: Path) -
         recorded_labels = {name: [each.data for each in messages if each.topic == name] for name in labels}
         spin_until(lambda: all(holds(got[name], len(data)) for name, data in recorded_labels.items()), 10)
     for name, kind in labels.items():
-        assert [canonical(payload, kind) for payload in got[name]] == recorded_labels[name], name
+        assert [canonical_cdr(payload, kind) for payload in got[name]] == recorded_labels[name], name

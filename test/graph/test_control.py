@@ -107,7 +107,7 @@ def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_int
         before, after = digests(bag), digests(rear)
         assert {topic for topic in before if before[topic] != after[topic]} == CHANGED_WITH_LIDAR
         assert not [fault for each in (bag, again, rear) for fault in verify_bag(each)]
-    assert len(Plan.of(dataset).scenes) == 2 and not staging_of(dataset).exists()
+    assert len(Plan.load(dataset).scenes) == 2 and not staging_of(dataset).exists()
     first, _ = open_dataset(dataset).scenes
     assert {"lidar/points", "lidar/points@rear", "lidar/points@again"} <= set(first.keys)
     code, output = simbev("replay", dataset, config, "--merge", "rear").finish()

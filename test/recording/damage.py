@@ -1,4 +1,4 @@
-"""A small scene's bag that is right in every way, to be damaged."""
+"""An intact bag of a small scene, for tests that damage it."""
 
 import json
 from pathlib import Path
@@ -14,11 +14,11 @@ TICK_NS = 50_000_000
 TICKS = 30
 
 
-def sound_bag(path: Path, split_bytes: int | None = None) -> Path:
-    """Images and stamped strings in many chunks, with attachments and the recorder's books."""
+def intact_bag(path: Path, split_bytes: int | None = None) -> Path:
+    """Record images and stamped strings in many chunks, with attachments and the recorder's accounts."""
     rng = np.random.default_rng(1)
     topics = {"/cam/image_raw": "sensor_msgs/msg/Image", "/world/weather": "std_msgs/msg/String"}
-    books = Accounting(dict.fromkeys(topics, Schedule()), start_ns=0, tick_ns=TICK_NS, ticks=TICKS)
+    accounting = Accounting(dict.fromkeys(topics, Schedule()), start_ns=0, tick_ns=TICK_NS, ticks=TICKS)
     with SceneBagWriter(path, chunk_bytes=600, split_bytes=split_bytes) as writer:
         writer.add_attachment("scene.json", "application/json", b"{}")
         for topic, kind in topics.items():
@@ -28,6 +28,6 @@ def sound_bag(path: Path, split_bytes: int | None = None) -> Path:
             pixels = rng.integers(0, 256, (8, 24), np.uint8)
             payloads = image(stamp_ns, "mono8", pixels), string(json.dumps({"stamp_ns": stamp_ns}))
             for topic, payload in zip(topics, payloads, strict=True):
-                books.add(topic, stamp_ns)
+                accounting.add_message(topic, stamp_ns)
                 writer.write(topic, stamp_ns, payload)
-        return writer.finish(books.report().custom_data(path.name))
+        return writer.finish(accounting.report().custom_data(path.name))

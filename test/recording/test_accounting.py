@@ -6,7 +6,7 @@ START_NS, TICK_NS = 3_600_000_000_000, 50_000_000
 MANIFEST = {"/every": Schedule(), "/third": Schedule(first_tick=1, period_ticks=3), "/once": Schedule(period_ticks=0)}
 
 
-def books(ticks: int = 6) -> Accounting:
+def accounting(ticks: int = 6) -> Accounting:
     return Accounting(MANIFEST, start_ns=START_NS, tick_ns=TICK_NS, ticks=ticks)
 
 
@@ -14,35 +14,35 @@ def stamp(tick: int) -> int:
     return START_NS + tick * TICK_NS
 
 
-def test_a_tick_is_finished_when_all_that_is_due_has_come() -> None:
-    account = books()
-    account.add("/every", stamp(0))
+def test_a_tick_is_finished_when_all_due_messages_have_arrived() -> None:
+    account = accounting()
+    account.add_message("/every", stamp(0))
     assert account.finished_tick == -1
-    assert account.awaited(0) == ["/once"]
-    account.add("/once", 17)  # a latched topic may have any stamp
+    assert account.topics_awaited_at(0) == ["/once"]
+    account.add_message("/once", 17)  # a latched topic may have any stamp
     assert account.finished_tick == 0
-    account.add("/every", stamp(1))
+    account.add_message("/every", stamp(1))
     assert account.finished_tick == 0
-    account.add("/third", stamp(1))
+    account.add_message("/third", stamp(1))
     assert account.finished_tick == 1
 
 
 def test_a_later_tick_waits_for_the_earlier_ones() -> None:
-    account = books()
-    account.add("/once", 0)
+    account = accounting()
+    account.add_message("/once", 0)
     for tick in (2, 1):
-        account.add("/every", stamp(tick))
-    account.add("/third", stamp(1))
+        account.add_message("/every", stamp(tick))
+    account.add_message("/third", stamp(1))
     assert account.finished_tick == -1
-    account.add("/every", stamp(0))
+    account.add_message("/every", stamp(0))
     assert account.finished_tick == 2
 
 
 def test_a_full_scene_is_complete_with_hand_counted_numbers() -> None:
-    account = books()
-    verdicts = [account.add("/every", stamp(tick)) for tick in range(6)]
-    verdicts += [account.add("/third", stamp(tick)) for tick in (1, 4)]
-    verdicts.append(account.add("/once", 0))
+    account = accounting()
+    verdicts = [account.add_message("/every", stamp(tick)) for tick in range(6)]
+    verdicts += [account.add_message("/third", stamp(tick)) for tick in (1, 4)]
+    verdicts.append(account.add_message("/once", 0))
     report = account.report()
     assert set(verdicts) == {Verdict.EXPECTED}
     assert report.complete and report.problems() == []
@@ -51,9 +51,9 @@ def test_a_full_scene_is_complete_with_hand_counted_numbers() -> None:
 
 
 def test_missing_messages_are_named_with_their_ticks() -> None:
-    account = books()
+    account = accounting()
     for tick in (0, 3):
-        account.add("/every", stamp(tick))
+        account.add_message("/every", stamp(tick))
     report = account.report()
     assert not report.complete
     assert report.topics["/every"].missing_ticks == (1, 2, 4, 5)
@@ -61,23 +61,23 @@ def test_missing_messages_are_named_with_their_ticks() -> None:
     assert report.problems()[2] == "/once: 0 of 1 messages, missing at ticks 0"
 
 
-def test_twice_the_same_tick_is_a_duplicate() -> None:
-    account = books()
-    account.add("/every", stamp(0))
-    assert account.add("/every", stamp(0)) is Verdict.DUPLICATE
-    account.add("/once", 1)
-    assert account.add("/once", 2) is Verdict.DUPLICATE
+def test_a_second_message_of_a_tick_is_a_duplicate() -> None:
+    account = accounting()
+    account.add_message("/every", stamp(0))
+    assert account.add_message("/every", stamp(0)) is Verdict.DUPLICATE
+    account.add_message("/once", 1)
+    assert account.add_message("/once", 2) is Verdict.DUPLICATE
     assert account.report().topics["/every"].duplicates == 1
 
 
-def test_stamps_that_are_not_due_are_unexpected_and_spoil_no_count() -> None:
-    account = books(ticks=1)
-    account.add("/once", 0)
-    account.add("/every", stamp(0))
-    assert account.add("/every", stamp(0) + 1) is Verdict.UNEXPECTED
-    assert account.add("/every", stamp(1)) is Verdict.UNEXPECTED
-    assert account.add("/third", stamp(0)) is Verdict.UNEXPECTED
-    assert account.add("/stranger", stamp(0)) is Verdict.UNEXPECTED
+def test_stamps_that_are_not_due_are_unexpected_and_not_counted() -> None:
+    account = accounting(ticks=1)
+    account.add_message("/once", 0)
+    account.add_message("/every", stamp(0))
+    assert account.add_message("/every", stamp(0) + 1) is Verdict.UNEXPECTED
+    assert account.add_message("/every", stamp(1)) is Verdict.UNEXPECTED
+    assert account.add_message("/third", stamp(0)) is Verdict.UNEXPECTED
+    assert account.add_message("/stranger", stamp(0)) is Verdict.UNEXPECTED
     report = account.report()
     assert report.complete
     assert report.problems() == [
@@ -87,83 +87,83 @@ def test_stamps_that_are_not_due_are_unexpected_and_spoil_no_count() -> None:
     ]
 
 
-def test_messages_of_the_warm_up_are_not_counted() -> None:
-    account = books()
-    assert account.add("/every", stamp(-1)) is Verdict.WARM_UP
+def test_warm_up_messages_are_not_counted() -> None:
+    account = accounting()
+    assert account.add_message("/every", stamp(-1)) is Verdict.WARM_UP
     assert account.report().topics["/every"].unexpected == 0
 
 
-def test_a_tick_at_which_nothing_is_due_does_not_hold_up() -> None:
+def test_a_tick_without_due_messages_is_finished_at_once() -> None:
     account = Accounting({"/a": Schedule(period_ticks=2)}, start_ns=0, tick_ns=1, ticks=4)
-    account.add("/a", 0)
+    account.add_message("/a", 0)
     assert account.finished_tick == 1
-    account.add("/a", 2)
+    account.add_message("/a", 2)
     assert account.finished_tick == 3
 
 
-def test_several_messages_a_tick_are_due_at_the_tick_that_ends_their_time() -> None:
+def test_several_messages_per_tick_are_due_at_the_tick_that_follows_them() -> None:
     account = Accounting({"/fast": Schedule(messages_per_tick=7)}, start_ns=START_NS, tick_ns=TICK_NS, ticks=3)
-    stamps = [START_NS + TICK_NS * n // 7 for n in range(15)]  # of the first tick only the one at it
-    assert account.add("/fast", stamps[0]) is Verdict.EXPECTED
+    stamps = [START_NS + TICK_NS * n // 7 for n in range(15)]  # the first tick has only the message at its own stamp
+    assert account.add_message("/fast", stamps[0]) is Verdict.EXPECTED
     assert account.finished_tick == 0
-    assert {account.add("/fast", stamp_ns) for stamp_ns in stamps[1:7]} == {Verdict.EXPECTED}
-    assert (account.finished_tick, account.awaited(1)) == (0, ["/fast"])
+    assert {account.add_message("/fast", stamp_ns) for stamp_ns in stamps[1:7]} == {Verdict.EXPECTED}
+    assert (account.finished_tick, account.topics_awaited_at(1)) == (0, ["/fast"])
     assert account.report().topics["/fast"].missing_ticks == (1, 2)
-    account.add("/fast", stamps[7])
+    account.add_message("/fast", stamps[7])
     assert account.finished_tick == 1
-    assert account.add("/fast", stamps[7]) is Verdict.DUPLICATE
-    assert account.add("/fast", stamps[8] + 1) is Verdict.UNEXPECTED
-    assert account.add("/fast", START_NS - TICK_NS // 7) is Verdict.WARM_UP
+    assert account.add_message("/fast", stamps[7]) is Verdict.DUPLICATE
+    assert account.add_message("/fast", stamps[8] + 1) is Verdict.UNEXPECTED
+    assert account.add_message("/fast", START_NS - TICK_NS // 7) is Verdict.WARM_UP
     assert account.report().topics["/fast"].expected == 15
     account.end_at(2)
     assert account.is_finished and account.report().topics["/fast"].expected == 8
-    assert account.add("/fast", stamps[8]) is Verdict.UNEXPECTED
+    assert account.add_message("/fast", stamps[8]) is Verdict.UNEXPECTED
 
 
-def test_the_report_fits_into_the_bags_description() -> None:
-    account = books()
-    account.add("/every", stamp(0))
+def test_the_report_becomes_custom_data_of_the_bag() -> None:
+    account = accounting()
+    account.add_message("/every", stamp(0))
     data = account.report().custom_data("Town01-0007")
     assert (data["scene"], data["complete"], data["ticks"]) == ("Town01-0007", "false", "6")
     assert json.loads(data["expected"]) == {"/every": 6, "/third": 2, "/once": 1}
     assert json.loads(data["recorded"]) == {"/every": 1, "/third": 0, "/once": 0}
 
 
-def test_a_scene_that_ends_earlier_is_complete_up_to_there() -> None:
-    account = books()
-    account.add("/once", 0)
+def test_a_scene_that_ends_early_is_complete_up_to_its_end() -> None:
+    account = accounting()
+    account.add_message("/once", 0)
     for tick in (0, 1):
-        account.add("/every", stamp(tick))
-    account.add("/third", stamp(1))
+        account.add_message("/every", stamp(tick))
+    account.add_message("/third", stamp(1))
     assert not account.report().complete
     account.end_at(3)
     assert account.report().topics["/every"].missing_ticks == (2,)
-    account.add("/every", stamp(2))
+    account.add_message("/every", stamp(2))
     report = account.report()
     assert report.complete and account.finished_tick == 2
     assert {topic: entry.expected for topic, entry in report.topics.items()} == {"/every": 3, "/third": 1, "/once": 1}
     assert report.custom_data("a")["ticks"] == "3"
-    assert account.add("/every", stamp(3)) is Verdict.UNEXPECTED
+    assert account.add_message("/every", stamp(3)) is Verdict.UNEXPECTED
 
 
-def test_what_happens_now_and_then_is_neither_missing_nor_too_much() -> None:
+def test_sporadic_messages_are_neither_missing_nor_unexpected() -> None:
     account = Accounting({"/events": Schedule(sporadic=True)}, start_ns=START_NS, tick_ns=TICK_NS, ticks=6)
     assert account.finished_tick == 5
-    verdicts = [account.add("/events", stamp(tick)) for tick in (3, 3, 5, -1, 6)]
+    verdicts = [account.add_message("/events", stamp(tick)) for tick in (3, 3, 5, -1, 6)]
     assert verdicts == [*[Verdict.EXPECTED] * 3, Verdict.WARM_UP, Verdict.UNEXPECTED]
-    books = account.report().topics["/events"]
-    assert (books.expected, books.recorded, books.unexpected) == (3, 3, 1)
+    accounting = account.report().topics["/events"]
+    assert (accounting.expected, accounting.recorded, accounting.unexpected) == (3, 3, 1)
     assert account.report().complete
 
 
-def test_a_scene_is_finished_when_the_events_that_its_end_announces_have_come_too() -> None:
+def test_a_scene_is_finished_when_the_announced_events_have_arrived() -> None:
     account = Accounting(
         {"/a": Schedule(), "/events": Schedule(sporadic=True)}, start_ns=START_NS, tick_ns=TICK_NS, ticks=6
     )
-    account.add("/a", stamp(0))
-    account.add("/events", stamp(0))
+    account.add_message("/a", stamp(0))
+    account.add_message("/events", stamp(0))
     account.end_at(1, {"/events": 2})
     assert not account.is_finished and not account.report().complete
     assert account.report().problems() == ["/events: 1 of 2 messages"]
-    account.add("/events", stamp(0))
+    account.add_message("/events", stamp(0))
     assert account.is_finished and account.report().complete

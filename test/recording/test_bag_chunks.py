@@ -1,9 +1,9 @@
-"""Chunks of a bag, and bags of several files."""
+"""Chunks of a bag, and bags with several files."""
 
 from pathlib import Path
 
 import pytest
-from damage import TICK_NS, sound_bag
+from damage import TICK_NS, intact_bag
 from mcap.reader import make_reader
 from ros_messages import string
 from rosbags.highlevel import AnyReader
@@ -19,10 +19,10 @@ from simbev_ros.recording.verify import verify_bag
 
 
 @pytest.mark.parametrize("split_bytes", [None, 4000])
-def test_what_is_apart_shares_no_chunk_with_others_of_one_file(tmp_path: Path, split_bytes: int | None) -> None:
+def test_separate_topics_share_no_chunk_with_others_in_a_single_file(tmp_path: Path, split_bytes: int | None) -> None:
     with SceneBagWriter(tmp_path / "a", chunk_bytes=2000, split_bytes=split_bytes) as writer:
         for name, apart in (("/images", True), ("/words", False), ("/clouds", True)):
-            writer.add_topic(name, "std_msgs/msg/String", QosProfile(), apart=apart)
+            writer.add_topic(name, "std_msgs/msg/String", QosProfile(), separate_chunks=apart)
         for tick in range(20):
             for name in ("/images", "/words", "/clouds"):
                 writer.write(name, tick * TICK_NS, string(f"{name} {tick}" * 20))
@@ -42,7 +42,7 @@ def test_what_is_apart_shares_no_chunk_with_others_of_one_file(tmp_path: Path, s
 
 
 @pytest.mark.parametrize("zstd_level", [None, 1, 9])
-def test_chunks_are_compressed_as_asked_for(tmp_path: Path, zstd_level: int | None) -> None:
+def test_chunks_have_the_requested_compression(tmp_path: Path, zstd_level: int | None) -> None:
     with SceneBagWriter(tmp_path / "a", zstd_level=zstd_level) as writer:
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
         for tick in range(50):
@@ -59,12 +59,12 @@ def test_chunks_are_compressed_as_asked_for(tmp_path: Path, zstd_level: int | No
 
 
 def split_bag(path: Path) -> Path:
-    """A sound one of several files."""
-    return sound_bag(path, split_bytes=1500)
+    """An intact bag with several files."""
+    return intact_bag(path, split_bytes=1500)
 
 
 def test_a_split_bag_is_the_same_bag_in_several_files(tmp_path: Path) -> None:
-    one, several = sound_bag(tmp_path / "one" / "a"), split_bag(tmp_path / "several" / "a")
+    one, several = intact_bag(tmp_path / "one" / "a"), split_bag(tmp_path / "several" / "a")
     files = sorted(several.glob("*.mcap"), key=lambda file: int(file.stem.rpartition("_")[2]))
     assert [file.name for file in files] == [f"a_{number}.mcap" for number in range(len(files))] and len(files) > 3
     assert all(file.stat().st_size >= 1500 for file in files[:-1])
@@ -87,7 +87,7 @@ def test_a_split_bag_is_the_same_bag_in_several_files(tmp_path: Path) -> None:
     assert read[0] == read[1]
 
 
-def test_any_message_of_a_split_bag_is_found_by_its_place(tmp_path: Path) -> None:
+def test_every_message_of_a_split_bag_is_found_by_its_location(tmp_path: Path) -> None:
     payloads = [string(f"{tick}" * 90) for tick in range(60)]
     with SceneBagWriter(tmp_path / "a", chunk_bytes=400, split_bytes=900) as writer:
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
@@ -97,7 +97,7 @@ def test_any_message_of_a_split_bag_is_found_by_its_place(tmp_path: Path) -> Non
     bag = IndexedBag(path, ChunkCache(1 << 20))
     topic = bag.topics["/words"]
     assert len(bag.files) > 3 and topic.stamps_ns.tolist() == list(range(60))
-    assert [bytes(bag.payload(place)) for place in topic.between(9, 49)] == payloads[10:50]
+    assert [bytes(bag.payload(location)) for location in topic.between(9, 49)] == payloads[10:50]
 
 
 def test_files_of_a_split_bag_that_are_missing_or_damaged_are_found(tmp_path: Path) -> None:

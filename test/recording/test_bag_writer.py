@@ -59,7 +59,7 @@ def test_mcap_finds_no_crc_error_and_ascending_sequence_numbers(tmp_path: Path) 
     assert all(m.log_time == m.publish_time for m in words)
 
 
-def test_schema_is_the_full_definition_that_rosbags_parses_to_the_same_type(tmp_path: Path) -> None:
+def test_rosbags_parses_the_schema_to_the_same_type(tmp_path: Path) -> None:
     with SceneBagWriter(tmp_path / "a") as writer:
         writer.add_topic("/image", "sensor_msgs/msg/Image", QosProfile())
         path = writer.finish({})
@@ -71,7 +71,7 @@ def test_schema_is_the_full_definition_that_rosbags_parses_to_the_same_type(tmp_
     assert b"MSG: builtin_interfaces/Time" in schema.data
 
 
-def test_type_hashes_are_those_that_ros_itself_ships(tmp_path: Path) -> None:
+def test_type_hashes_equal_those_shipped_with_ros(tmp_path: Path) -> None:
     share = Path(sys.prefix) / "share"
     descriptions = [share / "sensor_msgs/msg/PointCloud2.json", share / "nav_msgs/msg/Odometry.json"]
     if not all(path.exists() for path in descriptions):
@@ -90,7 +90,7 @@ def test_type_hashes_are_those_that_ros_itself_ships(tmp_path: Path) -> None:
         assert entry["type_description_hash"] == expected[entry["type"]] == TYPES.hash_rihs01(entry["type"])
 
 
-def test_metadata_says_what_rosbag2_of_jazzy_says(tmp_path: Path) -> None:
+def test_metadata_equals_that_of_rosbag2_in_jazzy(tmp_path: Path) -> None:
     text = (write_bag(tmp_path / "a") / "metadata.yaml").read_text()
     information = yaml.safe_load(text)["rosbag2_bagfile_information"]
     assert (information["version"], information["storage_identifier"]) == (9, "mcap")
@@ -124,7 +124,7 @@ def test_rosbags_reads_qos_from_the_folder_and_from_the_file_alone(tmp_path: Pat
     assert (qos.history, qos.depth) == (QosHistory.KEEP_LAST, 1)
 
 
-def test_nothing_has_the_final_name_before_the_end_and_nothing_else_after(tmp_path: Path) -> None:
+def test_the_bag_has_only_its_partial_name_before_the_end_and_only_its_final_name_after(tmp_path: Path) -> None:
     path = tmp_path / "scenes" / "a"
     with SceneBagWriter(path) as writer:
         assert [entry.name for entry in path.parent.iterdir()] == ["a.partial"]
@@ -134,7 +134,7 @@ def test_nothing_has_the_final_name_before_the_end_and_nothing_else_after(tmp_pa
 
 
 @pytest.mark.parametrize("name", ["a", "a.partial"])
-def test_refuses_a_name_that_is_taken_and_changes_nothing(tmp_path: Path, name: str) -> None:
+def test_a_taken_name_is_refused_and_nothing_is_changed(tmp_path: Path, name: str) -> None:
     (tmp_path / name).mkdir()
     (tmp_path / name / "precious").write_text("data")
     with pytest.raises(InputError, match=f"{name}: exists already; nothing was overwritten"):
@@ -142,7 +142,7 @@ def test_refuses_a_name_that_is_taken_and_changes_nothing(tmp_path: Path, name: 
     assert [str(entry.relative_to(tmp_path)) for entry in tmp_path.rglob("*")] == [name, f"{name}/precious"]
 
 
-def test_folder_that_cannot_be_made_is_an_input_error(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_an_input_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file/a: cannot be created: Not a directory"):
         SceneBagWriter(tmp_path / "file" / "a")
@@ -160,7 +160,7 @@ def test_an_exception_leaves_a_closed_readable_partial_bag(tmp_path: Path) -> No
         assert (bag.closed, bag.finished, bag.custom_data["complete"]) == (True, False, "false")
 
 
-def test_cut_anywhere_after_a_sync_all_synced_messages_are_readable(tmp_path: Path) -> None:
+def test_synced_messages_are_readable_wherever_the_file_is_cut_after_the_sync(tmp_path: Path) -> None:
     path = tmp_path / "a.partial" / "a_0.mcap"
     writer = SceneBagWriter(tmp_path / "a", chunk_bytes=1500)
     writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
@@ -211,7 +211,7 @@ sys.stdin.read()
     assert 501 <= len(stamps) <= 600
 
 
-def test_what_was_written_reaches_the_disk_without_being_asked_for(tmp_path: Path) -> None:
+def test_written_messages_reach_the_disk_without_an_explicit_sync(tmp_path: Path) -> None:
     with SceneBagWriter(tmp_path / "a", sync_bytes=1000) as writer:
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
         for tick in range(300):
@@ -223,7 +223,7 @@ def test_what_was_written_reaches_the_disk_without_being_asked_for(tmp_path: Pat
     assert count >= 250
 
 
-def test_digests_tell_equal_bags_from_different_ones(tmp_path: Path) -> None:
+def test_digests_are_equal_exactly_for_equal_bags(tmp_path: Path) -> None:
     def digests(name: str, text: str = "message", count: int = 20) -> dict[str, str]:
         with SceneBag(write_bag(tmp_path / name, count, text)) as bag:
             return topic_digests(bag)
@@ -246,7 +246,7 @@ def test_digest_is_sha256_over_stamp_length_and_payload(tmp_path: Path) -> None:
         assert topic_digests(bag) == {"/words": expected}
 
 
-def test_a_file_that_may_not_grow_is_a_disk_error_and_leaves_what_was_synced(tmp_path: Path) -> None:
+def test_a_file_that_cannot_grow_is_a_disk_error_and_keeps_synced_messages(tmp_path: Path) -> None:
     script = f"""
 import os, resource
 from pathlib import Path
@@ -277,23 +277,23 @@ except DiskError as error:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 2 MiB."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", place], capture_output=True)
+    """A file system of 2 MiB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", disk], capture_output=True)
     if mounted.returncode:
         pytest.skip("no disk can be mounted here")
-    yield place
-    subprocess.run(["umount", place], check=True)
+    yield disk
+    subprocess.run(["umount", disk], check=True)
 
 
-@pytest.mark.parametrize("least_free_bytes", [0, 500_000])
-def test_a_full_disk_ends_the_recording_and_all_before_is_sound(small_disk: Path, least_free_bytes: int) -> None:
+@pytest.mark.parametrize("min_free_bytes", [0, 500_000])
+def test_a_full_disk_ends_the_recording_and_earlier_messages_are_intact(small_disk: Path, min_free_bytes: int) -> None:
     written = 0
     with (
-        pytest.raises(DiskError, match="the disk is nearly full" if least_free_bytes else "the disk is full"),
+        pytest.raises(DiskError, match="the disk is nearly full" if min_free_bytes else "the disk is full"),
         SceneBagWriter(
-            small_disk / "a", chunk_bytes=30_000, sync_bytes=100_000, least_free_bytes=least_free_bytes
+            small_disk / "a", chunk_bytes=30_000, sync_bytes=100_000, min_free_bytes=min_free_bytes
         ) as writer,
     ):
         writer.add_topic("/words", "std_msgs/msg/String", QosProfile())
@@ -301,13 +301,13 @@ def test_a_full_disk_ends_the_recording_and_all_before_is_sound(small_disk: Path
             writer.write("/words", tick, os.urandom(1000))
             written += 1
     used = 2 * 2**20 - shutil.disk_usage(small_disk).free
-    assert used >= 2 * 2**20 - least_free_bytes - 120_000
+    assert used >= 2 * 2**20 - min_free_bytes - 120_000
     with SceneBag(small_disk / "a.partial") as bag:
         stamps = [message.stamp_ns for message in bag.messages()]
         assert not bag.finished and bag.custom_data["complete"] == "false"
     assert stamps == list(range(len(stamps)))
     assert 1000 * len(stamps) > used - 120_000
-    if least_free_bytes:
+    if min_free_bytes:
         with pytest.raises(DiskError, match="nearly full"):
-            SceneBagWriter(small_disk / "b", least_free_bytes=least_free_bytes)
+            SceneBagWriter(small_disk / "b", min_free_bytes=min_free_bytes)
         assert not (small_disk / "b.partial").exists()

@@ -1,15 +1,15 @@
-"""Bytes of recorded messages do not depend on what memory held before."""
+"""Serialized messages do not depend on the previous contents of memory."""
 
-from ros_messages import header, message, serialise
+from ros_messages import header, message, serialize
 
-from simbev_ros.recording.canonical import canonical
+from simbev_ros.recording.canonical import canonical_cdr
 
 POINT = "geometry_msgs/msg/PointStamped"
 
 
-def test_gaps_of_alignment_become_zeros_and_nothing_else_changes() -> None:
-    clean = serialise(POINT, header=header(5, "a"), point=message("geometry_msgs/msg/Point", x=1.0, y=-2.0, z=3.5))
-    gap = slice(18, 20)  # behind 4 bytes of encapsulation, 8 of stamp, 4 of length and "a\0", before doubles
+def test_padding_becomes_zeros_and_nothing_else_changes() -> None:
+    clean = serialize(POINT, header=header(5, "a"), point=message("geometry_msgs/msg/Point", x=1.0, y=-2.0, z=3.5))
+    gap = slice(18, 20)  # after 4 bytes of encapsulation, 8 of stamp, 4 of length and "a\0", before doubles
     assert clean[gap] == b"\0\0"
     dirty = clean[: gap.start] + b"\xaa\x55" + clean[gap.stop :]
-    assert canonical(dirty, POINT) == clean
+    assert canonical_cdr(dirty, POINT) == clean

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from simbev_ros.errors import BagError
-from simbev_ros.recording.image_codecs import compressed_format, decode, encode
+from simbev_ros.recording.image_codecs import compressed_format, decode_image, encode_image
 
 RNG = np.random.default_rng(3)
 
@@ -14,25 +14,25 @@ def test_rgb_keeps_the_order_of_channels_and_is_close() -> None:
     image = np.zeros((64, 96, 3), np.uint8)
     image[...] = [200, 100, 30]
     image[20:40, 30:60] = [10, 90, 240]
-    read = decode(compressed_format("rgb8"), encode("rgb8", image))
+    read = decode_image(compressed_format("rgb8"), encode_image("rgb8", image))
     assert np.abs(read.astype(int) - image)[[5, 30], [5, 45]].max() <= 3
-    opened = cv2.imdecode(np.frombuffer(encode("rgb8", image), np.uint8), cv2.IMREAD_COLOR)
+    opened = cv2.imdecode(np.frombuffer(encode_image("rgb8", image), np.uint8), cv2.IMREAD_COLOR)
     assert np.abs(opened[5, 5].astype(int) - [30, 100, 200]).max() <= 3
 
 
 def test_jpegs_are_smaller_and_worse_at_lower_quality() -> None:
     image = RNG.integers(0, 255, (64, 96, 3), np.uint8)
-    forms = [encode("rgb8", image, quality) for quality in (40, 90, 98)]
+    forms = [encode_image("rgb8", image, quality) for quality in (40, 90, 98)]
     assert [len(form) for form in forms] == sorted(len(form) for form in forms)
-    errors = [np.abs(decode(compressed_format("rgb8"), form).astype(int) - image).mean() for form in forms]
+    errors = [np.abs(decode_image(compressed_format("rgb8"), form).astype(int) - image).mean() for form in forms]
     assert errors == sorted(errors, reverse=True)
-    assert encode("rgb8", image) == forms[1]
+    assert encode_image("rgb8", image) == forms[1]
 
 
 @pytest.mark.parametrize(("encoding", "dtype"), [("mono8", np.uint8), ("mono16", np.uint16)])
-def test_labels_come_back_to_the_bit(encoding: str, dtype: type[np.uint8 | np.uint16]) -> None:
+def test_labels_are_lossless(encoding: str, dtype: type[np.uint8 | np.uint16]) -> None:
     image = RNG.integers(0, np.iinfo(dtype).max, (45, 80), dtype, endpoint=True)
-    read = decode(compressed_format(encoding), encode(encoding, image))
+    read = decode_image(compressed_format(encoding), encode_image(encoding, image))
     assert read.dtype == dtype
     assert np.array_equal(read, image)
 
@@ -46,7 +46,7 @@ def depth_image(near_m: float, far_m: float) -> np.ndarray:
 @pytest.mark.parametrize(("near_m", "far_m"), [(0.1, 1000.0), (2.0, 300.0), (10.0, 11.0), (5.0, 5.0)])
 def test_depth_error_is_within_the_documented_bound(near_m: float, far_m: float) -> None:
     depth_m = depth_image(near_m, far_m)
-    read = decode(compressed_format("32FC1"), encode("32FC1", depth_m))
+    read = decode_image(compressed_format("32FC1"), encode_image("32FC1", depth_m))
     assert read.dtype == np.float32
     assert np.array_equal(np.isinf(read), np.isinf(depth_m))
     seen = np.isfinite(depth_m)
@@ -56,20 +56,20 @@ def test_depth_error_is_within_the_documented_bound(near_m: float, far_m: float)
     assert (np.abs(read[seen] - true_m) <= bound_m * 1.02).all()
 
 
-def test_depth_from_a_street_loses_less_than_a_thousandth() -> None:
-    """The nearest road that a camera on a car sees is 2 m away."""
+def test_the_error_of_depth_on_a_street_is_below_a_thousandth() -> None:
+    """The nearest road surface that a camera on a car sees is 2 m away."""
     image = depth_image(2.0, 2000.0)
-    read_m = decode(compressed_format("32FC1"), encode("32FC1", image))[9:]
+    read_m = decode_image(compressed_format("32FC1"), encode_image("32FC1", image))[9:]
     depth_m = image[9:]
     error_m = np.abs(read_m - depth_m)
     for within_m, most_m in ((50.0, 0.011), (100.0, 0.04), (250.0, 0.25)):
         assert error_m[depth_m < within_m].max() <= min(most_m, within_m / 1000.0)
 
 
-def test_depth_is_what_the_stock_decoder_reads() -> None:
-    """Its formula, from the package's documentation: depth = a / (level - b), in float32, level 0 unknown."""
+def test_the_standard_decoder_reads_the_same_depth() -> None:
+    """The decoder's formula, from the package's documentation: depth = a / (level - b), in float32, level 0 unknown."""
     depth_m = depth_image(2.0, 300.0)
-    data = encode("32FC1", depth_m)
+    data = encode_image("32FC1", depth_m)
     kind, a, b = struct.unpack("<iff", data[:12])
     levels = cv2.imdecode(np.frombuffer(data[12:], np.uint8), cv2.IMREAD_UNCHANGED)
     assert (kind, levels.dtype, levels.shape) == (0, np.uint16, (45, 80))
@@ -79,23 +79,23 @@ def test_depth_is_what_the_stock_decoder_reads() -> None:
     assert np.allclose(stock_m, depth_m[9:], rtol=2e-3)
 
 
-def test_depth_of_nothing_but_sky_stays_sky() -> None:
+def test_depth_of_only_sky_stays_sky() -> None:
     sky = np.full((8, 8), np.inf, np.float32)
-    assert np.isinf(decode(compressed_format("32FC1"), encode("32FC1", sky))).all()
+    assert np.isinf(decode_image(compressed_format("32FC1"), encode_image("32FC1", sky))).all()
 
 
 def test_depth_that_is_not_positive_is_refused() -> None:
     depth_m = np.ones((8, 8), np.float32)
     depth_m[3, 3] = 0
     with pytest.raises(ValueError, match=r"depth must be positive, not 0\.0 m"):
-        encode("32FC1", depth_m)
+        encode_image("32FC1", depth_m)
 
 
-def test_flow_is_within_half_a_step_and_knows_what_is_invalid() -> None:
+def test_flow_is_within_half_a_step_and_keeps_invalid_pixels() -> None:
     flow_px = RNG.uniform(-511, 511, (45, 80, 2)).astype(np.float32)
     flow_px[3, 5] = np.nan
     flow_px[4, 6, 1] = 513
-    read = decode(compressed_format("32FC2"), encode("32FC2", flow_px))
+    read = decode_image(compressed_format("32FC2"), encode_image("32FC2", flow_px))
     invalid = np.isnan(read)
     assert np.argwhere(invalid.any(-1)).tolist() == [[3, 5], [4, 6]]
     assert invalid[3, 5].all() and invalid[4, 6].all()
@@ -105,12 +105,12 @@ def test_flow_is_within_half_a_step_and_knows_what_is_invalid() -> None:
 def test_flow_png_has_kittis_channels_in_order_u_v_valid() -> None:
     flow_px = np.full((4, 4, 2), [1.5, -2.0], np.float32)
     flow_px[0, 0] = np.nan
-    png = cv2.imdecode(np.frombuffer(encode("32FC2", flow_px), np.uint8), cv2.IMREAD_UNCHANGED)
+    png = cv2.imdecode(np.frombuffer(encode_image("32FC2", flow_px), np.uint8), cv2.IMREAD_UNCHANGED)
     red_green_blue = png[..., ::-1]
     assert red_green_blue[1, 1].tolist() == [32768 + 96, 32768 - 128, 1]
     assert red_green_blue[0, 0, 2] == 0
 
 
-def test_broken_data_are_a_bag_error() -> None:
+def test_damaged_data_are_a_bag_error() -> None:
     with pytest.raises(BagError, match="cannot be decoded"):
-        decode(compressed_format("mono8"), b"not a png")
+        decode_image(compressed_format("mono8"), b"not a png")

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from damage import sound_bag
-from ros_messages import image, message, point_cloud, serialise, string
+from damage import intact_bag
+from ros_messages import image, message, point_cloud, serialize, string
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.arrays import image_array, point_array
@@ -32,7 +32,7 @@ def test_messages_of_overlapping_chunks_come_in_order_of_stamp(tmp_path: Path) -
         read = [(m.stamp_ns, m.topic) for m in bag.messages()]
     assert len(read) == 400
     assert [stamp for stamp, _ in read] == sorted(stamp for _, stamp in stamps)
-    assert read[:2] == [(0, "/b"), (0, "/a")]  # of one stamp, in the order of the file
+    assert read[:2] == [(0, "/b"), (0, "/a")]  # equal stamps come in the order of the file
 
 
 def test_topics_and_a_span_of_time_can_be_chosen(tmp_path: Path) -> None:
@@ -57,33 +57,35 @@ def test_a_flipped_bit_in_a_chunk_is_found(tmp_path: Path) -> None:
         list(bag.messages())
 
 
-def test_no_flipped_bit_makes_another_bag_of_it(tmp_path: Path) -> None:
-    path = sound_bag(tmp_path / "a")
+def test_no_flipped_bit_changes_the_contents_unnoticed(tmp_path: Path) -> None:
+    path = intact_bag(tmp_path / "a")
     file, truth = path / "a_0.mcap", content(path)
     data = file.read_bytes()
     choice, found = random.Random(4), set[str]()
-    for place in choice.sample(range(8, len(data) - 8), 500):
+    for offset in choice.sample(range(8, len(data) - 8), 500):
         damaged = bytearray(data)
-        damaged[place] ^= 1 << choice.randrange(8)
+        damaged[offset] ^= 1 << choice.randrange(8)
         file.write_bytes(damaged)
         try:
-            assert content(path) == truth, place
+            assert content(path) == truth, offset
         except BagError as error:
             found.update(re.findall("message index|the CRC of the summary|attachment|damaged chunk", str(error)))
     assert found == {"message index", "the CRC of the summary", "attachment", "damaged chunk"}
 
 
 def content(path: Path) -> tuple[object, ...]:
-    """All that can be read of a bag, by the index too."""
+    """Everything that can be read from a bag, sequentially and by the index."""
     with SceneBag(path) as bag:
         stamps = {topic.name: topic.stamps_ns.tolist() for topic in bag.topics.values()}
         read = list(bag.messages()), stamps, dict(bag.attachments)
     indexed = IndexedBag(path, ChunkCache(1 << 20))
-    return *read, [bytes(indexed.payload(place)) for topic in indexed.topics.values() for place in topic.places]
+    return *read, [
+        bytes(indexed.payload(location)) for topic in indexed.topics.values() for location in topic.locations
+    ]
 
 
-def test_a_description_that_is_damaged_is_named(tmp_path: Path) -> None:
-    path = sound_bag(tmp_path / "a")
+def test_damaged_metadata_is_named(tmp_path: Path) -> None:
+    path = intact_bag(tmp_path / "a")
     file = path / "a_0.mcap"
     file.write_bytes(file.read_bytes().replace(b"expected: '{\"", b"expected: '[\""))
     with SceneBag(path) as bag, pytest.raises(BagError, match="a: expected in the bag's description is damaged"):
@@ -98,7 +100,7 @@ def test_a_description_that_is_damaged_is_named(tmp_path: Path) -> None:
         ("empty.mcap", b"", "not an MCAP file"),
     ],
 )
-def test_what_is_no_bag_is_refused_with_its_name(
+def test_a_file_that_is_not_a_bag_is_refused_with_its_name(
     tmp_path: Path, name: str, content: bytes | None, problem: str
 ) -> None:
     if content is not None:
@@ -134,7 +136,7 @@ def roundtrip(tmp_path: Path, type_name: str, data: bytes) -> object:
     ("encoding", "dtype", "channels"),
     [("rgb8", "u1", 3), ("mono8", "u1", 1), ("mono16", "u2", 1), ("32FC1", "f4", 1), ("32FC2", "f4", 2)],
 )
-def test_images_come_back_to_the_bit(tmp_path: Path, encoding: str, dtype: str, channels: int) -> None:
+def test_images_are_read_back_unchanged(tmp_path: Path, encoding: str, dtype: str, channels: int) -> None:
     shape = (5, 7, channels)[: 3 if channels > 1 else 2]
     array = np.random.default_rng(0).integers(0, 256, (*shape, np.dtype(dtype).itemsize), np.uint8)
     array = array.view(dtype)[..., 0]
@@ -143,7 +145,7 @@ def test_images_come_back_to_the_bit(tmp_path: Path, encoding: str, dtype: str, 
     assert read.tobytes() == array.tobytes() and read.shape == shape
 
 
-def test_rows_with_padding_and_big_endian_are_understood() -> None:
+def test_padded_rows_and_big_endian_pixels_are_read() -> None:
     data = np.array([1, 2, 3, 4, 99, 99, 5, 6, 7, 8, 99, 99], np.uint8)
     padded = message(
         "sensor_msgs/msg/Image",
@@ -185,7 +187,7 @@ def test_point_fields_are_found_at_their_offsets(tmp_path: Path) -> None:
         assert read[name].tolist() == table[name].tolist()
 
 
-def test_organised_cloud_with_padded_rows_is_flattened() -> None:
+def test_an_organized_cloud_with_padded_rows_is_flattened() -> None:
     field = message("sensor_msgs/msg/PointField", name="v", offset=0, datatype=2, count=1)
     cloud = message(
         "sensor_msgs/msg/PointCloud2",
@@ -228,6 +230,6 @@ def test_compressed_image_of_a_foreign_format_is_refused() -> None:
 
 def test_types_are_read_from_the_file(tmp_path: Path) -> None:
     time = message("builtin_interfaces/msg/Time", sec=1, nanosec=2)
-    data = serialise("rosgraph_msgs/msg/Clock", clock=time)
+    data = serialize("rosgraph_msgs/msg/Clock", clock=time)
     clock = roundtrip(tmp_path, "rosgraph_msgs/msg/Clock", data)
     assert (clock.clock.sec, clock.clock.nanosec) == (1, 2)  # type: ignore[attr-defined]

@@ -1,11 +1,11 @@
-"""Every chunk that is whole is saved, byte for byte; what is lost is named; the old bag stays as it is."""
+"""Repair saves every intact chunk byte for byte, names every loss, and leaves the old bag unchanged."""
 
 import errno
 import random
 from pathlib import Path
 
 import pytest
-from damage import TICKS, sound_bag
+from damage import TICKS, intact_bag
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from simbev_ros.cli.repair import repair
 from simbev_ros.errors import BagError, DiskError, InputError
-from simbev_ros.recording.mcap.mcap_index import read_index
+from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.recording.repair import repair_bag
 from simbev_ros.recording.verify import verify_bag
@@ -28,11 +28,11 @@ def messages(path: Path) -> list[RawMessage]:
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    return sound_bag(tmp_path / "a")
+    return intact_bag(tmp_path / "a")
 
 
 def chunk_ends(file: Path) -> list[tuple[int, int]]:
-    """Of each chunk the end in the file, and how many messages there are up to it."""
+    """For each chunk its end in the file and the number of messages up to it."""
     with file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None and len(summary.chunk_indexes) > 10
@@ -44,13 +44,13 @@ def chunk_ends(file: Path) -> list[tuple[int, int]]:
     return ends
 
 
-def test_of_a_file_that_is_cut_off_every_whole_chunk_is_saved(bag: Path, tmp_path: Path) -> None:
+def test_every_complete_chunk_of_a_cut_off_file_is_saved(bag: Path, tmp_path: Path) -> None:
     file = bag / "a_0.mcap"
     data, ends, original = file.read_bytes(), chunk_ends(file), messages(bag)
     with file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
-    end = summary.metadata_indexes[-1].offset + summary.metadata_indexes[-1].length  # the summary says nothing new
+    end = summary.metadata_indexes[-1].offset + summary.metadata_indexes[-1].length  # the summary adds nothing
     for number, size in enumerate(random.Random(1).sample(range(ends[0][0], end), 60)):
         file.write_bytes(data[:size])
         repaired = repair_bag(bag, tmp_path / f"saved{number}")
@@ -62,15 +62,15 @@ def test_of_a_file_that_is_cut_off_every_whole_chunk_is_saved(bag: Path, tmp_pat
             assert reader.message_count == whole
 
 
-def test_of_a_file_with_flipped_bits_at_most_the_hit_chunk_is_lost(bag: Path, tmp_path: Path) -> None:
+def test_a_flipped_bit_costs_at_most_its_chunk(bag: Path, tmp_path: Path) -> None:
     file = bag / "a_0.mcap"
     data, ends, original = file.read_bytes(), chunk_ends(file), messages(bag)
     sizes = [count - before for (_, count), before in zip(ends, [0, *(count for _, count in ends)], strict=False)]
     choice = random.Random(3)
     for number in range(60):
-        place = choice.randrange(8, ends[-1][0])
+        offset = choice.randrange(8, ends[-1][0])
         damaged = bytearray(data)
-        damaged[place] ^= 1 << choice.randrange(8)
+        damaged[offset] ^= 1 << choice.randrange(8)
         file.write_bytes(damaged)
         repaired = repair_bag(bag, tmp_path / f"saved{number}")
         saved = messages(repaired.path)
@@ -80,27 +80,33 @@ def test_of_a_file_with_flipped_bits_at_most_the_hit_chunk_is_lost(bag: Path, tm
             assert repaired.lost
 
 
-def test_without_its_indexes_or_heads_of_records_a_bag_comes_back_whole(bag: Path, tmp_path: Path) -> None:
+def test_a_bag_without_indexes_or_record_headers_is_restored_completely(bag: Path, tmp_path: Path) -> None:
     file = bag / "a_0.mcap"
     data, ends, original = file.read_bytes(), chunk_ends(file), messages(bag)
     starts = [data.index(MESSAGE_INDEX, end) for end, _ in ends]
-    heads = [*starts, *(place + 1 for place in starts), *(place + 11 for place in starts), ends[4][1], len(data) - 400]
-    for number, place in enumerate(heads):
+    heads = [
+        *starts,
+        *(offset + 1 for offset in starts),
+        *(offset + 11 for offset in starts),
+        ends[4][1],
+        len(data) - 400,
+    ]
+    for number, offset in enumerate(heads):
         damaged = bytearray(data)
-        damaged[place] ^= 8
+        damaged[offset] ^= 8
         file.write_bytes(damaged)
         repaired = repair_bag(bag, tmp_path / f"saved{number}")
         assert messages(repaired.path) == original and repaired.lost == [] and verify_bag(repaired.path) == []
 
 
-def test_a_chunk_that_looks_like_the_end_of_the_file_costs_itself_alone(bag: Path, tmp_path: Path) -> None:
+def test_a_chunk_that_looks_like_the_end_of_the_file_is_the_only_loss(bag: Path, tmp_path: Path) -> None:
     file = bag / "a_0.mcap"
     with file.open("rb") as stream:
-        starts = [chunk.offset for chunk in read_index(stream, "").chunks]
+        starts = [chunk.offset for chunk in read_mcap_index(stream, "").chunks]
     data, original = file.read_bytes(), messages(bag)
     for number, opcode in enumerate((Opcode.FOOTER, Opcode.DATA_END)):
         damaged = bytearray(data)
-        damaged[starts[5]], damaged[-50] = opcode, damaged[-50] ^ 1  # with its summary nothing would be lost
+        damaged[starts[5]], damaged[-50] = opcode, damaged[-50] ^ 1  # with an intact summary nothing would be lost
         file.write_bytes(damaged)
         repaired = repair_bag(bag, tmp_path / f"saved{number}")
         assert 0 < len(original) - len(messages(repaired.path)) < 6 and repaired.lost
@@ -113,11 +119,13 @@ def test_a_half_indexed_file_loses_nothing(bag: Path, tmp_path: Path) -> None:
     file.write_bytes(data[: chunk_ends(file)[-1][0] + 40] + bytes(100))
     repaired = repair_bag(file, tmp_path / "saved")
     assert messages(repaired.path) == original and repaired.counts == {"/cam/image_raw": TICKS, "/world/weather": TICKS}
-    (fault,) = verify_bag(repaired.path)  # the books are beside the file, but nobody knows what was in its end
+    (fault,) = verify_bag(
+        repaired.path
+    )  # the accounts are in metadata.yaml, but the contents of the lost end are unknown
     assert fault.problem.startswith("the scene is incomplete")
 
 
-def test_a_sound_bag_stays_complete(bag: Path, tmp_path: Path) -> None:
+def test_an_intact_bag_stays_complete(bag: Path, tmp_path: Path) -> None:
     repaired = repair_bag(bag, tmp_path / "saved")
     assert repaired.lost == [] and verify_bag(repaired.path) == [] and messages(repaired.path) == messages(bag)
     with SceneBag(repaired.path) as new, SceneBag(bag) as old:
@@ -125,7 +133,7 @@ def test_a_sound_bag_stays_complete(bag: Path, tmp_path: Path) -> None:
         assert [topic.type_hash for topic in new.topics.values()] == [topic.type_hash for topic in old.topics.values()]
 
 
-def test_nothing_is_overwritten_and_nothing_comes_of_nothing(bag: Path, tmp_path: Path) -> None:
+def test_nothing_is_overwritten_and_an_empty_bag_is_refused(bag: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="exists already"):
         repair_bag(bag, bag)
     for content in (b"", b"x" * 5000):
@@ -149,7 +157,7 @@ def test_topics_of_unknown_types_are_named_and_the_others_saved(tmp_path: Path) 
     assert repaired.lost == [f"/{name}: 1 messages of no type of ROS 2 Jazzy" for name in ("own", "none")]
 
 
-def test_a_full_disk_leaves_nothing_half(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_no_partial_bag(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -159,8 +167,8 @@ def test_a_full_disk_leaves_nothing_half(bag: Path, tmp_path: Path, monkeypatch:
     assert sorted(path.name for path in tmp_path.iterdir()) == [bag.name]
 
 
-def test_an_interrupt_leaves_nothing_half(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("simbev_ros.recording.repair._missing", lambda *_: pytest.fail("interrupted"))
+def test_an_interrupt_leaves_no_partial_bag(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simbev_ros.recording.repair._missing_messages", lambda *_: pytest.fail("interrupted"))
     with pytest.raises(pytest.fail.Exception, match="interrupted"):
         repair_bag(bag, tmp_path / "saved")
     assert sorted(path.name for path in tmp_path.iterdir()) == [bag.name]
@@ -169,7 +177,7 @@ def test_an_interrupt_leaves_nothing_half(bag: Path, tmp_path: Path, monkeypatch
 def test_the_command_works_within_the_folder_and_without_its_first_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    bag = sound_bag(tmp_path / "a", split_bytes=2000)
+    bag = intact_bag(tmp_path / "a", split_bytes=2000)
     monkeypatch.chdir(bag)
     repair(Path())
     assert messages(tmp_path / "a-repaired") == messages(bag)

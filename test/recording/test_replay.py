@@ -1,4 +1,4 @@
-"""Replaying a bag without a graph: states come back as they were put in, and bags that will not do are refused."""
+"""Replay of a bag without a graph: states equal the recorded ones, and unsuitable bags are refused."""
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.recording.replay import Replay, load_recorded_roads, recorded_spec, replayed_spec
+from simbev_ros.recording.replay import Replay, build_recorded_roads, recorded_spec, replayed_spec
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, Event, Light, WorldState
@@ -30,14 +30,14 @@ DTYPES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
 CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
-def drawn() -> SceneSpec:
+def small_spec() -> SceneSpec:
     scenario = load_scenario("demo")
     planned = next(planned_scenes(scenario))
     spec = draw_scene(scenario, planned, load_network(planned.map))
     return spec.model_copy(update={"ticks": 6})
 
 
-SPEC = drawn()
+SPEC = small_spec()
 
 
 def cloud(table: Table, stamp_ns: int) -> bytes:
@@ -101,7 +101,7 @@ def states(replay: Replay, count: int) -> list:
     return all_states
 
 
-def test_every_tick_comes_back_with_its_bytes_its_stamp_and_its_events(tmp_path: Path) -> None:
+def test_every_tick_is_replayed_with_its_bytes_stamp_and_events(tmp_path: Path) -> None:
     replay = Replay(SPEC, bag(tmp_path / "a"))
     assert replay.available == (6, "duration")
     for state in states(replay, 6):
@@ -111,7 +111,7 @@ def test_every_tick_comes_back_with_its_bytes_its_stamp_and_its_events(tmp_path:
     replay.close()
 
 
-def test_without_a_lead_in_all_begin_where_tick_0_has_them(tmp_path: Path) -> None:
+def test_without_a_lead_in_all_actors_start_where_they_are_at_tick_0(tmp_path: Path) -> None:
     replay = Replay(SPEC, bag(tmp_path / "a", lead_in=()))
     assert [state.actors["x"][0] for state in states(replay, 3)[-4:]] == [0.1, 0.1, 1.1, 2.1]
     replay.close()
@@ -127,7 +127,7 @@ def test_without_a_lead_in_all_begin_where_tick_0_has_them(tmp_path: Path) -> No
         ((0, 1, 2, 4, 5), {}, (3, "the replayed bag ends at tick 2")),
     ],
 )
-def test_a_replay_ends_as_the_scene_did_or_before_the_first_tick_that_is_not_there(
+def test_a_replay_ends_like_the_scene_or_before_the_first_missing_tick(
     tmp_path: Path, ticks: Sequence[int], facts: dict[str, str], available: tuple[int, str]
 ) -> None:
     replay = Replay(SPEC, bag(tmp_path / "a", ticks=ticks, facts=facts))
@@ -145,7 +145,7 @@ def test_at_night_only_the_low_beams_of_vehicles_change(tmp_path: Path) -> None:
     replay.close()
 
 
-def test_a_scene_by_day_replayed_at_night_is_the_same_bytes_as_simulated_at_night(tmp_path: Path) -> None:
+def test_a_day_scene_replayed_at_night_equals_a_simulated_night_scene(tmp_path: Path) -> None:
     night = SPEC.model_copy(update={"weather": SPEC.weather.model_copy(update={"sun_altitude_deg": -40.0})})
 
     def simulated(spec: SceneSpec) -> list[WorldState]:
@@ -160,7 +160,7 @@ def test_a_scene_by_day_replayed_at_night_is_the_same_bytes_as_simulated_at_nigh
     replay.close()
 
 
-def test_the_scene_gets_the_rig_and_the_weather_of_the_configuration(tmp_path: Path) -> None:
+def test_rig_and_weather_come_from_the_configuration(tmp_path: Path) -> None:
     scenario = load_scenario("paper")
     network = load_network(SPEC.map)
     with SceneBag(bag(tmp_path / "a")) as recorded:
@@ -173,9 +173,7 @@ def test_the_scene_gets_the_rig_and_the_weather_of_the_configuration(tmp_path: P
             replayed_spec(recorded, slow, network)
 
 
-def test_the_roads_of_a_map_file_that_is_gone_come_from_the_bag(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_roads_of_a_missing_map_file_come_from_the_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "one"))
     file = Path(shutil.copy(Path(__file__).parents[1] / "maps/data/riverside.osm", tmp_path))
     spec = SPEC.model_copy(update={"map": map_spec(str(file))})
@@ -190,7 +188,7 @@ def test_the_roads_of_a_map_file_that_is_gone_come_from_the_bag(
     with pytest.raises(InputError, match=r"riverside\.osm: cannot be read: No such file"):
         load_network(spec.map)
     with SceneBag(tmp_path / "bag") as recorded:
-        load_recorded_roads(recorded)
+        build_recorded_roads(recorded)
         again = load_network(spec.map)
         assert replayed_spec(recorded, load_scenario("demo"), again).map == spec.map
     assert again.lanes.keys() == roads.lanes.keys()

@@ -1,4 +1,4 @@
-"""A sound bag has no faults; whatever is cut off, flipped or changed in one is found."""
+"""An intact bag has no faults; every truncation, flipped bit and change is found."""
 
 import json
 import random
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from damage import TICK_NS, sound_bag
+from damage import TICK_NS, intact_bag
 from mcap.writer import Writer
 from ros_messages import string
 
@@ -22,7 +22,7 @@ def problems(path: Path) -> list[str]:
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    path = sound_bag(tmp_path / "a")
+    path = intact_bag(tmp_path / "a")
     assert verify_bag(path) == []
     return path
 
@@ -39,14 +39,14 @@ def test_every_flipped_bit_is_found(bag: Path) -> None:
     file = bag / "a_0.mcap"
     data = file.read_bytes()
     choice = random.Random(2)
-    for place in choice.sample(range(len(data)), 200):
+    for offset in choice.sample(range(len(data)), 200):
         damaged = bytearray(data)
-        damaged[place] ^= 1 << choice.randrange(8)
+        damaged[offset] ^= 1 << choice.randrange(8)
         file.write_bytes(damaged)
-        assert problems(bag), place
+        assert problems(bag), offset
 
 
-def test_a_damaged_chunk_is_one_fault_and_not_one_for_each_topic_in_it(bag: Path) -> None:
+def test_a_damaged_chunk_is_one_fault_and_not_one_per_topic(bag: Path) -> None:
     file = bag / "a_0.mcap"
     with SceneBag(bag) as opened:
         offset = opened._parts[0].index.chunks[3].offset
@@ -54,7 +54,7 @@ def test_a_damaged_chunk_is_one_fault_and_not_one_for_each_topic_in_it(bag: Path
     damaged[offset + 80] ^= 1
     file.write_bytes(damaged)
     chunk, whole = problems(bag)
-    assert f"chunk at byte {offset:,}: " in chunk and "the CRC of all before the summary is wrong" in whole
+    assert f"chunk at byte {offset:,}: " in chunk and "the CRC of the data section is wrong" in whole
 
 
 def test_a_damaged_attachment_is_named_once(bag: Path) -> None:
@@ -62,11 +62,11 @@ def test_a_damaged_attachment_is_named_once(bag: Path) -> None:
     file.write_bytes(file.read_bytes().replace(b"scene.json", b"scene.jsoN", 1))
     assert [problem.partition(": ")[2] for problem in problems(bag)] == [
         "attachment at byte 45: the CRC of attachment scene.jsoN is wrong",
-        "the CRC of all before the summary is wrong",
+        "the CRC of the data section is wrong",
     ]
 
 
-def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Path) -> None:
+def test_missing_damaged_and_foreign_metadata_is_found(bag: Path) -> None:
     description = bag / "metadata.yaml"
     text = description.read_text()
     description.write_text("{")
@@ -74,12 +74,12 @@ def test_a_description_that_is_missing_broken_or_of_another_bag_is_found(bag: Pa
     facts = yaml.safe_load(text)
     facts["rosbag2_bagfile_information"]["message_count"] += 1
     description.write_text(yaml.safe_dump(facts))
-    assert problems(bag) == ["metadata.yaml: it does not say what the file says of itself"]
+    assert problems(bag) == ["metadata.yaml: it differs from its copy in the file"]
     description.unlink()
     assert problems(bag) == ["metadata.yaml: it is missing"]
 
 
-def test_a_foreign_file_beside_a_foreign_description_is_no_bag(tmp_path: Path) -> None:
+def test_a_foreign_file_with_foreign_metadata_is_not_a_bag(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start()
@@ -111,24 +111,27 @@ def stamped(stamp_ns: int) -> bytes:
     ("messages", "facts", "problem"),
     [
         ([("/a", 0, stamped(0))], {}, "/a: 1 of 2 messages"),
-        ([("/a", t, stamped(t)) for t in (TICK_NS, 0)], {}, "/a: at 0 ns: it stands behind one of 50000000 ns"),
+        ([("/a", t, stamped(t)) for t in (TICK_NS, 0)], {}, "/a: at 0 ns: it comes after a message of 50000000 ns"),
         ([("/a", t, stamped(7)) for t in (7, 8)], {}, "/a: at 8 ns: its header says 7 ns"),
         ([("/a", t, string("x")[:9]) for t in (0, 1)], {}, "/a: at 0 ns: no std_msgs/msg/String"),
         ([(name, 0, stamped(0)) for name in ("/a", "/a", "/b")], {}, "/b: a topic that the scene does not have"),
         ([("/a", t, stamped(t)) for t in (0, 1)], {"complete": "false"}, "b_0.mcap: the scene is incomplete"),
     ],
 )
-def test_messages_that_are_not_right_are_found(
+def test_invalid_messages_are_found(
     tmp_path: Path, messages: list[tuple[str, int, bytes]], facts: dict[str, str], problem: str
 ) -> None:
     assert problems(write(tmp_path / "b", messages, **facts))[0].startswith(problem)
 
 
-def test_a_bag_without_books_is_not_called_whole(tmp_path: Path) -> None:
+def test_a_bag_without_message_counts_is_not_complete(tmp_path: Path) -> None:
     path = write(tmp_path / "b", [("/a", 0, stamped(0))], expected="{}")
     assert problems(path) == ["/a: a topic that the scene does not have"]
     with SceneBagWriter(tmp_path / "c") as writer:
         writer.add_topic("/a", "std_msgs/msg/String", QosProfile())
         writer.write("/a", 0, stamped(0))
         writer.finish({})
-    assert problems(tmp_path / "c") == ["c_0.mcap: the recorder left no books", "scene.json: it is missing"]
+    assert problems(tmp_path / "c") == [
+        "c_0.mcap: the recorder's message counts are missing",
+        "scene.json: it is missing",
+    ]

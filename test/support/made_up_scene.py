@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ros_messages import header, image, message, odometry, point_cloud, serialise, string
+from ros_messages import header, image, message, odometry, point_cloud, serialize, string
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE, LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
 from simbev_ros.annotation.occupancy.occupancy import VOXEL_DTYPE
@@ -200,7 +200,7 @@ def _message(key: str, value: Any, stamp_ns: int) -> tuple[str, str, bytes]:
 
 
 def _fix(stamp_ns: int, place: AnyArray) -> bytes:
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/NavSatFix",
         header=header(stamp_ns),
         status=message("sensor_msgs/msg/NavSatStatus", status=0, service=1),
@@ -218,7 +218,7 @@ def _imu(stamp_ns: int, motion: AnyArray, rpy_rad: AnyArray) -> bytes:
         message("geometry_msgs/msg/Vector3", **dict(zip("xyz", part.tolist(), strict=True)))
         for part in (motion[:3], motion[3:])
     )
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/Imu",
         header=header(stamp_ns),
         orientation=message("geometry_msgs/msg/Quaternion", **turn),

@@ -13,7 +13,7 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 _POINT_FIELD_TYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
 
 
-def serialise(type_name: str, **fields: Any) -> bytes:
+def serialize(type_name: str, **fields: Any) -> bytes:
     return bytes(TYPES.serialize_cdr(message(type_name, **fields), type_name))
 
 
@@ -28,11 +28,11 @@ def header(stamp_ns: int, frame_id: str = "map") -> Any:
 
 
 def string(text: str) -> bytes:
-    return serialise("std_msgs/msg/String", data=text)
+    return serialize("std_msgs/msg/String", data=text)
 
 
 def image(stamp_ns: int, encoding: str, array: AnyArray) -> bytes:
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/Image",
         header=header(stamp_ns),
         height=array.shape[0],
@@ -45,11 +45,11 @@ def image(stamp_ns: int, encoding: str, array: AnyArray) -> bytes:
 
 
 def compressed_image(stamp_ns: int, encoding: str, array: AnyArray) -> bytes:
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/CompressedImage",
         header=header(stamp_ns),
         format=image_codecs.compressed_format(encoding),
-        data=np.frombuffer(image_codecs.encode(encoding, array), np.uint8),
+        data=np.frombuffer(image_codecs.encode_image(encoding, array), np.uint8),
     )
 
 
@@ -63,7 +63,7 @@ def odometry(stamp_ns: int, xyz_m: Float64Array, rpy_rad: Float64Array) -> bytes
     )
     none = message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
     twist = message("geometry_msgs/msg/Twist", linear=none, angular=none)
-    return serialise(
+    return serialize(
         "nav_msgs/msg/Odometry",
         header=header(stamp_ns),
         child_frame_id="ego/base_link",
@@ -84,7 +84,7 @@ def point_cloud(stamp_ns: int, table: Table) -> bytes:
         )
         for name, entry in table.dtype.fields.items()
     ]
-    return serialise(
+    return serialize(
         "sensor_msgs/msg/PointCloud2",
         header=header(stamp_ns),
         height=1,

@@ -119,7 +119,7 @@ def _slope(rise: Float64Array, run: Float64Array) -> Float64Array:
 
 
 def _spans(edges: _Edges, first_row: Int64Array, last_row: Int64Array) -> _Spans:
-    """One span per triangle and row; at the row of the middle corner, the upper short edge is used."""
+    """Spans of each triangle and row; at the row of the middle corner, the upper short edge is used."""
     count = last_row - first_row + 1
     triangle = np.repeat(np.arange(len(count)), count)
     row = np.arange(len(triangle)) + np.repeat(first_row - np.cumsum(count) + count, count)

@@ -59,7 +59,7 @@ BOX_DTYPE = np.dtype(
         ("sign", "u1"),  # index into SIGN_TYPES of a traffic sign
     ]
 )
-"""One row per box. Field names and order are those of /ego/boxes."""
+"""Row of the table of boxes. Field names and order are those of /ego/boxes."""
 
 LIGHT_IDS, SIGN_IDS = 0x10000, 0x20000
 """Offsets of the ids of static objects.

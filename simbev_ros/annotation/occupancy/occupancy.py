@@ -41,7 +41,7 @@ VOXEL_DTYPE = np.dtype(
         ("tag", "u1"),  # semantic Tag
     ]
 )
-"""One row per occupied voxel. Field names and order are those of /ego/occupancy/points."""
+"""Row of the table of occupied voxels. Field names and order are those of /ego/occupancy/points."""
 
 _PRIORITY = (
     *(Tag.BRIDGE, Tag.TERRAIN, Tag.GROUND, Tag.WATER, Tag.ROAD, Tag.RAIL_TRACK, Tag.SIDEWALK, Tag.ROAD_LINE),

@@ -43,7 +43,7 @@ VIEW_DTYPE = np.dtype(
         ("class", "u1"),  # index into BOX_CLASSES
     ]
 )
-"""One row per object that a camera would see if it were alone. Field names and order are those of /ego/<camera>/boxes.
+"""Row of the table of objects that a camera would see if they were alone; fields as in /ego/<camera>/boxes.
 
 Pixel centers are at integers: the box around the single pixel in column 7 and row 3 is 6.5, 2.5, 7.5, 3.5.
 The canvas is the image with a margin of its own size on every side: columns -width … 2 width - 1, rows -height … 2

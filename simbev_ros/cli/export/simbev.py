@@ -49,12 +49,12 @@ def export_simbev(
 
 def _make(parts: "list[FramesPart]", jobs: int) -> int:
     """Make the missing parts and return the number of their frames."""
-    from simbev_ros.dataset.parallel import in_processes
+    from simbev_ros.dataset.parallel import map_in_processes
     from simbev_ros.export.simbev.export import make_part
 
     todo = [part for part in parts if part.record() is None]
     frames = sum(part.count for part in todo)
     with counting_bar("frames", Console(stderr=True), frames) as bar:
-        for count in in_processes(make_part, todo, min(jobs, max(len(todo), 1))):
+        for count in map_in_processes(make_part, todo, min(jobs, max(len(todo), 1))):
             bar.advance(count)
     return frames

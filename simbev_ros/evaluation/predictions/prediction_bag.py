@@ -31,7 +31,7 @@ from simbev_ros.evaluation.predictions.prediction_messages import (
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.recording.mcap.mcap_index import read_index
+from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec, scene_number_of
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import Float32Array, Int64Array
@@ -128,7 +128,7 @@ class PredictionBag:
 
     def _locate_messages(self, topic: IndexedTopic, scene: str, stamps_ns: Int64Array) -> dict[int, Int64Array]:
         """Find the message of each tick; raise InputError if a tick has two."""
-        stamped = [(self._stamp_ns(topic, location), location) for location in topic.places]
+        stamped = [(self._stamp_ns(topic, location), location) for location in topic.locations]
         relevant = [
             (stamp, location) for stamp, location in stamped if stamp is not None and self._concerns(stamp, stamps_ns)
         ]
@@ -195,7 +195,7 @@ class PredictionBag:
         found = []
         for file in self._bag.files:
             with file.open("rb") as stream:
-                schemas = read_index(stream, str(file)).schemas.values()
+                schemas = read_mcap_index(stream, str(file)).schemas.values()
             found.append(
                 {each.name: each.data.decode(errors="replace") for each in schemas if each.encoding == "ros2msg"}
             )
@@ -204,7 +204,7 @@ class PredictionBag:
     def _specs(self) -> list[SceneSpec]:
         """Scenes that /world/scene names."""
         topic = self._bag.topics.get(_SCENE_TOPIC)
-        locations = [] if topic is None else [*topic.places]
+        locations = [] if topic is None else [*topic.locations]
         try:
             return [
                 SceneSpec.model_validate_json(self._message(topic, location).data) for location in locations if topic

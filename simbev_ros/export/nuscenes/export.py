@@ -9,7 +9,7 @@ from pathlib import Path
 
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.dataset.parallel import in_processes
+from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
@@ -90,7 +90,7 @@ def _make_parts(parts: Sequence[ScenePart], jobs: int, report: Callable[[int, in
     """Make parts in parallel; return why scenes could not be exported, by name of the scene."""
     frames = sum(_frame_count(part.scene) for part in parts)
     report(0, frames)
-    problems = list(in_processes(_problem_of, parts, min(jobs, max(len(parts), 1)), lambda done: report(done, frames)))
+    problems = list(map_in_processes(_problem_of, parts, min(jobs, max(len(parts), 1)), lambda done: report(done, frames)))
     report(frames, frames)
     return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
 

@@ -22,7 +22,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.replay import load_recorded_roads
+from simbev_ros.recording.replay import build_recorded_roads
 from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.types import UInt8Array
 
@@ -122,7 +122,7 @@ def write_mask(site: Site, out: Path) -> None:
     if path.exists():
         return
     with SceneBag(Path(site.bag)) as bag:
-        load_recorded_roads(bag)
+        build_recorded_roads(bag)
     _, data = cv2.imencode(".png", draw_mask(load_network(site.map), site))
     write_whole(path, data.tobytes())
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from simbev_ros import __version__
 from simbev_ros.dataset import Dataset, Frame, Scene
-from simbev_ros.dataset.parallel import step
+from simbev_ros.dataset.parallel import report_step
 from simbev_ros.export.nuscenes.annotations import Annotations, link
 from simbev_ros.export.nuscenes.channels import Channel, channels_of, wxyz
 from simbev_ros.export.nuscenes.keyframes import complete_ticks, keyframe_by_tick, keyframes_of
@@ -92,7 +92,7 @@ def _fingerprint(scene: Scene) -> Json:
 
 
 def make_part(part: ScenePart) -> None:
-    """Make the part of one scene: its files and its rows of the tables; each frame is one ``step`` of parallel work.
+    """Make the part of one scene: its files and its rows of the tables; each frame is one ``report_step`` of parallel work.
 
     Raises:
         InputError: The scene cannot have keyframes at that rate, and an earlier part of the scene is kept; or a file
@@ -104,7 +104,7 @@ def make_part(part: ScenePart) -> None:
     part.begin()
     for tick in ticks.tolist():
         job.add(part.scene[tick])
-        step()
+        report_step()
     part.write(part.rows_file, json.dumps(job.tables()).encode())
     part.finish({"summary": job.summary()})
 

@@ -1,1 +1,1 @@
-"""MCAP files: writing, indexing, checking and salvaging them."""
+"""MCAP files, independent of scenes: writing, indexing, checking and salvaging them."""

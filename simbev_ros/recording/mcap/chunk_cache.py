@@ -1,4 +1,4 @@
-"""Decompressed chunks of bags, kept as long as they fit: what lies together is decompressed once."""
+"""Cache of decompressed chunks, so that messages of the same chunk need only one decompression."""
 
 import os
 import threading
@@ -14,13 +14,13 @@ _Key = tuple[Path, int]
 
 
 class ChunkCache:
-    """The chunks used last, of any number of bags.
+    """Least recently used cache for the chunks of any number of bags.
 
-    For any number of threads: who asks for a chunk that another one is decompressing waits for it. Copies in other
+    It is thread-safe; a thread that requests a chunk which another one is decompressing waits for it. Copies in other
     processes, forked or unpickled, start empty. No file stays open.
 
     Attributes:
-        limit_bytes: How much to keep; the chunk asked for last is always kept.
+        limit_bytes: Maximum size of all chunks together; the chunk requested last is always kept.
     """
 
     def __init__(self, limit_bytes: int) -> None:
@@ -28,10 +28,10 @@ class ChunkCache:
         self._clear()
 
     def chunk(self, file: Path, offset: int) -> bytes:
-        """The decompressed records of the chunk at an offset of an MCAP file.
+        """Decompressed records of the chunk at an offset of an MCAP file.
 
         Raises:
-            BagError: It is damaged, or cannot be read.
+            BagError: The chunk is damaged or cannot be read.
         """
         if self._process != os.getpid():
             self._clear()

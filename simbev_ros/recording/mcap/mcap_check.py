@@ -1,4 +1,4 @@
-"""Whether an MCAP file is what it says of itself: every CRC, and its index against its content."""
+"""Integrity check of an MCAP file: every CRC, and its indexes and summary against its contents."""
 
 import io
 from collections.abc import Callable, Iterator
@@ -19,11 +19,11 @@ _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 
 @dataclass(slots=True)
 class McapContent:
-    """What has been read of a file, all of it checked.
+    """Checked contents of a file, as far as it could be read.
 
     Attributes:
-        faults: What is wrong, in words that name the place.
-        counts: Messages by channel id.
+        faults: Description of each fault, naming the byte or the record.
+        counts: Number of messages by channel id.
     """
 
     faults: list[str] = field(default_factory=list)
@@ -34,44 +34,50 @@ class McapContent:
     counts: dict[int, int] = field(default_factory=dict)
 
 
-def check_mcap(stream: BinaryIO, see: Callable[[Message, McapContent], None]) -> McapContent:
-    """Read a whole file, once, from its start to its end.
+def check_mcap(stream: BinaryIO, check_message: Callable[[Message, McapContent], None]) -> McapContent:
+    """Read a file once from start to end and check it.
 
     Args:
         stream: The file, seekable.
-        see: Called with each message of chunks that are whole.
+        check_message: Called with each message of intact chunks and the contents read so far.
 
     Returns:
-        What it holds; of a file that cannot be read to its end, all before.
+        Contents and faults of the file; if it cannot be read to its end, of the part before.
     """
     content = McapContent()
     size = stream.seek(0, 2)
     stream.seek(0)
     if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-        content.faults.append("it is not an MCAP file: its first bytes are others")
+        content.faults.append("it is not an MCAP file: its first bytes are wrong")
         return content
-    walk = _Walk(content, see)
+    section = _DataSectionChecker(content, check_message)
     for offset, opcode, record in _records(stream, size, content.faults):
-        walk.take(offset, opcode, record)
+        section.check_record(offset, opcode, record)
         if opcode == Opcode.DATA_END:
-            content.faults += _summary_faults(stream, size, walk)
+            content.faults += _summary_faults(stream, size, section)
             return content
     content.faults.append(f"the file is cut off: after byte {stream.tell():,} of {size:,} nothing can be read")
     return content
 
 
-class _Walk:
-    """Goes through the data section record by record."""
+class _DataSectionChecker:
+    """Checks the data section record by record.
 
-    def __init__(self, content: McapContent, see: Callable[[Message, McapContent], None]) -> None:
-        self.content, self._see = content, see
+    Attributes:
+        content: Contents read so far.
+        chunks: Length of each chunk by its offset.
+        whole_chunks: Number of intact chunks.
+    """
+
+    def __init__(self, content: McapContent, check_message: Callable[[Message, McapContent], None]) -> None:
+        self.content, self._check_message = content, check_message
         self.chunks: dict[int, int] = {}  # length by offset
         self._crc = crc32(MCAP0_MAGIC)
         self._expected_index: dict[int, list[tuple[int, int]]] | None = {}  # None: the chunk is damaged
         self.whole_chunks = 0
 
-    def take(self, offset: int, opcode: int, record: bytes) -> None:
-        """The next record: its head and all that follows."""
+    def check_record(self, offset: int, opcode: int, record: bytes) -> None:
+        """Check the next record, given with its header."""
         body = ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :]))
         try:
             if opcode == Opcode.DATA_END:
@@ -97,7 +103,7 @@ class _Walk:
             index = MessageIndex.read(body)
             expected = self._expected_index
             if expected is not None and sorted(index.records) != sorted(expected.pop(index.channel_id, [])):
-                content.faults.append(f"message index at byte {offset:,}: it does not list what the chunk holds")
+                content.faults.append(f"message index at byte {offset:,}: it does not match the chunk's messages")
         elif opcode == Opcode.ATTACHMENT:
             attachment = attachment_of(record)
             content.attachments[attachment.name] = attachment.data
@@ -106,40 +112,40 @@ class _Walk:
             content.metadata[metadata.name] = metadata.metadata
 
     def _enter_chunk(self, chunk: Chunk) -> dict[int, list[tuple[int, int]]]:
-        """What its message indexes must be: log time in ns and offset of each message, by channel id."""
+        """Enter a chunk's records; return its expected message indexes: log times in ns and offsets by channel id."""
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        data, place = stream.read(size), 0
-        places: dict[int, list[tuple[int, int]]] = {}
-        while place < size:
-            opcode, length = RECORD_HEAD.unpack_from(data, place)
-            body = ReadDataStream(io.BytesIO(data[place + RECORD_HEAD.size : place + RECORD_HEAD.size + length]))
+        data, position = stream.read(size), 0
+        index_entries: dict[int, list[tuple[int, int]]] = {}
+        while position < size:
+            opcode, length = RECORD_HEAD.unpack_from(data, position)
+            body = ReadDataStream(io.BytesIO(data[position + RECORD_HEAD.size : position + RECORD_HEAD.size + length]))
             if opcode == Opcode.MESSAGE:
                 message = Message.read(body, length)
-                places.setdefault(message.channel_id, []).append((message.log_time, place))
+                index_entries.setdefault(message.channel_id, []).append((message.log_time, position))
                 self.content.counts[message.channel_id] = self.content.counts.get(message.channel_id, 0) + 1
-                self._see(message, self.content)
+                self._check_message(message, self.content)
             elif opcode == Opcode.SCHEMA:
                 schema = Schema.read(body)
                 self.content.schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
                 channel = Channel.read(body)
                 self.content.channels[channel.id] = channel
-            place += RECORD_HEAD.size + length
-        return places
+            position += RECORD_HEAD.size + length
+        return index_entries
 
     def _expect_no_more_index(self, offset: int) -> None:
-        """All message indexes of a chunk follow it."""
+        """Report message indexes of the last chunk that are missing; all of them must follow the chunk directly."""
         if self._expected_index:
             self.content.faults.append(f"before byte {offset:,}: a chunk's message index is missing")
         self._expected_index = {}
 
     def _end(self, end: DataEnd) -> None:
         if end.data_section_crc not in (0, self._crc):
-            self.content.faults.append("the CRC of all before the summary is wrong")
+            self.content.faults.append("the CRC of the data section is wrong")
 
 
 def _records(stream: BinaryIO, size: int, faults: list[str]) -> Iterator[tuple[int, int, bytes]]:
-    """Offset, opcode and bytes, its head included, of each record of the data section that is whole."""
+    """Yield offset, opcode and bytes with header of each complete record of the data section."""
     offset = stream.tell()
     while offset + RECORD_HEAD.size <= size:
         stream.seek(offset)
@@ -154,11 +160,11 @@ def _records(stream: BinaryIO, size: int, faults: list[str]) -> Iterator[tuple[i
         stream.seek(offset)
 
 
-def _summary_faults(stream: BinaryIO, size: int, walk: _Walk) -> Iterator[str]:
-    """What is wrong behind the data section."""
+def _summary_faults(stream: BinaryIO, size: int, section: _DataSectionChecker) -> Iterator[str]:
+    """Yield faults after the data section: in the summary and the footer."""
     start = stream.tell()
-    footer_at = size - len(MCAP0_MAGIC) - FOOTER_BYTES
-    if footer_at < start:
+    footer_offset = size - len(MCAP0_MAGIC) - FOOTER_BYTES
+    if footer_offset < start:
         yield "the file is cut off: it has no footer"
         return
     stream.seek(-len(MCAP0_MAGIC), io.SEEK_END)
@@ -173,8 +179,8 @@ def _summary_faults(stream: BinaryIO, size: int, walk: _Walk) -> Iterator[str]:
     if summary is None or summary.statistics is None:
         yield "it has no summary"
         return
-    if {chunk.chunk_start_offset: chunk.chunk_length for chunk in summary.chunk_indexes} != walk.chunks:
-        yield "summary: its list of chunks is not that of the file"
+    if {chunk.chunk_start_offset: chunk.chunk_length for chunk in summary.chunk_indexes} != section.chunks:
+        yield "summary: its list of chunks does not match the file"
     counts = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
-    if walk.whole_chunks == len(walk.chunks) and counts != walk.content.counts:
-        yield "summary: its counts of messages are not those of the file"
+    if section.whole_chunks == len(section.chunks) and counts != section.content.counts:
+        yield "summary: its message counts do not match the file"

@@ -1,7 +1,7 @@
-"""One MCAP file in the making: whole chunks, attachments and metadata in, each at once on its way to the disk.
+"""Writer of an MCAP file: complete chunks, attachments and metadata are written as soon as they are given.
 
-The package mcap describes the records. Its own writer knows one level of compression and only ever one file; here
-chunks come ready, so that whoever collects messages need not wait for zstd and the disk.
+The records themselves come from the package mcap. Its own writer has a fixed level of compression and collects messages
+itself; this one receives complete chunks, so that the thread that collects messages need not wait for zstd or the disk.
 """
 
 import os
@@ -39,12 +39,12 @@ from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD
 
 _CRC_BYTES = 4
 _CHUNK_HEAD = struct.Struct("<QQQII")
-"""First and last log time, bytes and CRC before compression, and length of the name of the compression."""
+"""First and last log time, size and CRC before compression, length of the compression's name."""
 _LENGTH = struct.Struct("<Q")
 
 
 class Definition(NamedTuple):
-    """A topic: its channel and the type of its messages, which channels share."""
+    """Definition of a topic: its channel and the schema of its message type, which channels can share."""
 
     channel: Channel
     schema: Schema
@@ -52,40 +52,41 @@ class Definition(NamedTuple):
 
 @dataclass(slots=True)
 class ChunkInProgress:
-    """Messages that will be one chunk.
+    """Messages collected for a chunk.
 
     Attributes:
-        parts: Heads of records and payloads, one behind the other.
-        places: By channel id log time in ns and offset of each message.
-        payload_bytes: Of all messages.
+        parts: Record headers and payloads, in turn.
+        index_entries: Log time in ns and offset in the chunk of each message, by channel id.
+        size: Size of all parts in bytes.
+        payload_bytes: Size of all payloads.
     """
 
     parts: list[bytes | memoryview] = field(default_factory=list)
-    places: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+    index_entries: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
     size: int = 0
     payload_bytes: int = 0
 
-    def add(self, channel_id: int, sequence: int, stamp_ns: int, data: bytes | memoryview) -> None:
-        """Append a message; its data must not change any more."""
+    def add_message(self, channel_id: int, sequence: int, stamp_ns: int, data: bytes | memoryview) -> None:
+        """Append a message; its data must not be modified afterwards."""
         length = MESSAGE_HEAD.size + len(data)
         head = RECORD_HEAD.pack(Opcode.MESSAGE, length) + MESSAGE_HEAD.pack(channel_id, sequence, stamp_ns, stamp_ns)
-        self.places.setdefault(channel_id, []).append((stamp_ns, self.size))
+        self.index_entries.setdefault(channel_id, []).append((stamp_ns, self.size))
         self.parts += (head, data)
         self.size += RECORD_HEAD.size + length
         self.payload_bytes += len(data)
 
 
 class McapFile:
-    """Writes one file, for one thread at a time. What is written is with the operating system when a method returns.
+    """Writes one MCAP file; for one thread at a time. When a method returns, the operating system has its data.
 
-    A record that does not fit on the disk is taken back, so that the file ends with a whole one.
+    A record that does not fit on the disk is removed again, so that the file ends with a complete record.
 
     Attributes:
         path: The file.
-        size: Bytes so far.
+        size: Size of the file so far in bytes.
 
     Raises:
-        OSError: The file exists or cannot be made; the disk is full (every method).
+        OSError: The file exists or cannot be created; the disk is full (every method).
     """
 
     def __init__(self, path: Path, zstd_level: int | None) -> None:
@@ -99,16 +100,16 @@ class McapFile:
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._append(MCAP0_MAGIC, _record(Header("ros2", f"simbev_ros {__version__}")))
+        self._append(MCAP0_MAGIC, _to_bytes(Header("ros2", f"simbev_ros {__version__}")))
 
     def add_chunk(self, chunk: ChunkInProgress, definitions: Iterable[Definition] = ()) -> None:
-        """Write messages as one chunk, which begins with the definitions that the file does not have yet."""
-        if not chunk.places:
+        """Write messages as a chunk that starts with the definitions which the file does not have yet."""
+        if not chunk.index_entries:
             return
         head = self._definitions(definitions)
-        records_bytes, records_crc, data = self._compressed((head, *chunk.parts))
+        records_bytes, records_crc, data = self._compress((head, *chunk.parts))
         data_bytes = sum(map(len, data))
-        stamps_ns = [stamp_ns for places in chunk.places.values() for stamp_ns, _ in places]
+        stamps_ns = [stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries]
         name = b"" if self._compressor is None else b"zstd"
         span_ns = min(stamps_ns), max(stamps_ns)
         length = _CHUNK_HEAD.size + len(name) + _LENGTH.size + data_bytes
@@ -117,9 +118,9 @@ class McapFile:
         opening += name + _LENGTH.pack(data_bytes)
         chunk_bytes = len(opening) + data_bytes
         indexes, offsets = b"", {}
-        for channel_id, places in chunk.places.items():
+        for channel_id, entries in chunk.index_entries.items():
             offsets[channel_id] = self.size + chunk_bytes + len(indexes)
-            indexes += _record(MessageIndex(channel_id, [(ns, len(head) + place) for ns, place in places]))
+            indexes += _to_bytes(MessageIndex(channel_id, [(ns, len(head) + offset) for ns, offset in entries]))
         entry = ChunkIndex(
             chunk_length=chunk_bytes,
             chunk_start_offset=self.size,
@@ -133,36 +134,36 @@ class McapFile:
         )
         self._append(opening, *data, indexes)
         self._chunks.append(entry)
-        self._counts.update({channel_id: len(places) for channel_id, places in chunk.places.items()})
+        self._counts.update({channel_id: len(entries) for channel_id, entries in chunk.index_entries.items()})
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Write a file that goes with the messages."""
-        offset, record = self.size, _record(attachment)
+        """Write an attachment."""
+        offset, record = self.size, _to_bytes(attachment)
         self._append(record)
         self._attachments.append(
             AttachmentIndex(offset, len(record), 0, 0, len(attachment.data), attachment.name, attachment.media_type)
         )
 
     def close(self, metadata: Mapping[str, Mapping[str, str]], definitions: Iterable[Definition] = ()) -> None:
-        """Write key-value records by name, and the summary; force all to the disk and close the file."""
+        """Write metadata records by name and the summary, sync everything to disk and close the file."""
         try:
             self._definitions(definitions)
             for name, values in metadata.items():
-                offset, record = self.size, _record(Metadata(name, dict(values)))
+                offset, record = self.size, _to_bytes(Metadata(name, dict(values)))
                 self._append(record)
                 self._metadata.append(MetadataIndex(offset, len(record), name))
-            end = _record(DataEnd(self._crc))
+            end = _to_bytes(DataEnd(self._crc))
             self._append(end, self._summary(self.size + len(end)), MCAP0_MAGIC)
             self.sync()
         finally:
             self._file.close()
 
     def sync(self) -> None:
-        """Force all to the disk."""
+        """Sync everything to disk."""
         os.fsync(self._file.fileno())
 
-    def _compressed(self, parts: Sequence[bytes | memoryview]) -> tuple[int, int, list[bytes | memoryview]]:
-        """Size and CRC of all parts, and what they become as one stream; they are not joined, which takes as long."""
+    def _compress(self, parts: Sequence[bytes | memoryview]) -> tuple[int, int, list[bytes | memoryview]]:
+        """Size, CRC and compressed stream of all parts; they are not joined first, which would take as long."""
         size, crc = sum(map(len, parts)), 0
         for part in parts:
             crc = crc32(part, crc)
@@ -172,16 +173,16 @@ class McapFile:
         return size, crc, [*filter(None, map(stream.compress, parts)), stream.flush()]
 
     def _definitions(self, definitions: Iterable[Definition]) -> bytes:
-        """Records of those that are new in this file; they count as written."""
+        """Records of the definitions that are new in this file; from now on they count as written."""
         new = [each for each in definitions if each.channel.id not in self._channels]
         schemas = {each.schema.id: each.schema for each in new if each.schema.id not in self._schemas}
         channels = {each.channel.id: each.channel for each in new}
         self._schemas |= schemas
         self._channels |= channels
-        return _record(*schemas.values(), *channels.values())
+        return _to_bytes(*schemas.values(), *channels.values())
 
     def _summary(self, start: int) -> bytes:
-        """The summary section, which starts at a byte of the file, and the footer."""
+        """Summary section, which starts at byte ``start`` of the file, and footer."""
         groups: Mapping[Opcode, Iterable[McapRecord]] = {
             Opcode.SCHEMA: self._schemas.values(),
             Opcode.CHANNEL: self._channels.values(),
@@ -192,12 +193,12 @@ class McapFile:
         }
         summary, offsets = bytearray(), []
         for opcode, records in groups.items():
-            group = _record(*records)
+            group = _to_bytes(*records)
             offsets.append(SummaryOffset(opcode, len(group), start + len(summary)))
             summary += group
-        offsets_at = start + len(summary)
-        summary += _record(*offsets)
-        footer = _record(Footer(summary_crc=0, summary_offset_start=offsets_at, summary_start=start))[:-_CRC_BYTES]
+        offsets_start = start + len(summary)
+        summary += _to_bytes(*offsets)
+        footer = _to_bytes(Footer(summary_crc=0, summary_offset_start=offsets_start, summary_start=start))[:-_CRC_BYTES]
         crc = crc32(footer, crc32(summary))
         return bytes(summary) + footer + crc.to_bytes(_CRC_BYTES, "little")
 
@@ -215,7 +216,7 @@ class McapFile:
         )
 
     def _append(self, *records: bytes | memoryview) -> None:
-        """Write records, all or none."""
+        """Write either all of the records or none."""
         try:
             for record in records:
                 rest = memoryview(record)
@@ -230,7 +231,7 @@ class McapFile:
             self.size += len(record)
 
 
-def _record(*records: McapRecord) -> bytes:
+def _to_bytes(*records: McapRecord) -> bytes:
     builder = RecordBuilder()
     for each in records:
         each.write(builder)

@@ -1,4 +1,4 @@
-"""What is where in an MCAP file: from its summary if it was closed, else by walking it as far as it is whole."""
+"""Index of an MCAP file: from its summary if the file was closed, else by scanning all records that are complete."""
 
 import io
 import struct
@@ -23,30 +23,30 @@ from simbev_ros.errors import BagError
 from simbev_ros.types import Int64Array
 
 DAMAGE = (McapError, ZstdError, ValueError, KeyError, struct.error, OverflowError, MemoryError)
-"""What reading damaged records raises."""
+"""Exceptions that reading damaged records can raise."""
 
 RECORD_HEAD = struct.Struct("<BQ")
-"""Opcode and length."""
+"""Opcode and length; the record's content follows."""
 
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 """Channel id, sequence, log time, publish time; the payload follows."""
 
 _INDEX_HEAD = struct.Struct("<BQHI")
-"""Opcode and length of the record, channel id, bytes of entries."""
+"""Opcode and length of the record, channel id, size of the entries in bytes."""
 
 _ENTRY = struct.Struct("<QQ")
-"""Log time and offset in the chunk."""
+"""Log time and offset of a message in its chunk."""
 
 CRC = struct.Struct("<I")
 FOOTER_BYTES = RECORD_HEAD.size + 20
 
 _Description = Channel | Schema | Attachment | Metadata
-"""Records that describe messages or lie beside them."""
+"""Records that describe messages or accompany them."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChunkEntry:
-    """One chunk: where it starts in the file, and what it holds."""
+    """Index entry of a chunk: its offset in the file, time span and channels."""
 
     offset: int
     start_ns: int
@@ -55,8 +55,8 @@ class ChunkEntry:
 
 
 @dataclass(slots=True)
-class Places:
-    """Where the messages of one channel are."""
+class MessageLocations:
+    """Locations of the messages of a channel, in the order of the file."""
 
     _entries: bytearray = field(default_factory=bytearray)
     _chunks: list[tuple[int, int]] = field(default_factory=list)
@@ -64,13 +64,13 @@ class Places:
     def __len__(self) -> int:
         return len(self._entries) // _ENTRY.size
 
-    def add(self, chunk_offset: int, entries: bytes) -> None:
-        """Add messages of a chunk: per message its log time and its offset there, both uint64, little-endian."""
+    def add_chunk(self, chunk_offset: int, entries: bytes) -> None:
+        """Add messages of a chunk: for each its log time and its offset in the chunk, both uint64, little-endian."""
         self._entries += entries
         self._chunks.append((chunk_offset, len(entries) // _ENTRY.size))
 
     def table(self) -> Int64Array:
-        """(N, 3) log time in ns, the chunk's offset in the file, the message's in the chunk; in the file's order."""
+        """(N, 3) int64: log time in ns, offset of the chunk in the file, offset of the message in the chunk."""
         stamps_ns, offsets = np.frombuffer(self._entries, "<i8").reshape(-1, 2).T
         chunks, counts = np.array(self._chunks, np.int64).reshape(-1, 2).T
         return np.stack([stamps_ns, np.repeat(chunks, counts), offsets], axis=1)
@@ -78,34 +78,34 @@ class Places:
 
 @dataclass(slots=True)
 class McapIndex:
-    """The index of one file.
+    """Index of an MCAP file.
 
     Attributes:
-        closed: The file has its summary and end; otherwise its writer was interrupted.
-        places: Of the messages of each channel id that has any.
-        attachments: Content by name.
-        metadata: Key-value records by name.
+        closed: Whether the file has its summary and end; if not, its writer was interrupted.
+        locations: Locations of the messages by channel id, for channels that have any.
+        attachments: Contents of the attachments by name.
+        metadata: Metadata records by name.
     """
 
     closed: bool
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
     chunks: list[ChunkEntry] = field(default_factory=list)
-    places: defaultdict[int, Places] = field(default_factory=lambda: defaultdict(Places))
+    locations: defaultdict[int, MessageLocations] = field(default_factory=lambda: defaultdict(MessageLocations))
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
-def read_index(stream: BinaryIO, name: str) -> McapIndex:
+def read_mcap_index(stream: BinaryIO, name: str) -> McapIndex:
     """Index an open MCAP file.
 
     Args:
         stream: The file, seekable.
-        name: What to call it in messages.
+        name: Name of the file in error messages.
 
     Raises:
-        BagError: It is no MCAP file, its summary, a message index or an attachment is damaged, or its messages are not
-            in chunks.
+        BagError: The file is not an MCAP file, its summary, a message index or an attachment is damaged, or its
+            messages are not in chunks.
     """
     size = stream.seek(0, 2)
     stream.seek(0)
@@ -114,7 +114,7 @@ def read_index(stream: BinaryIO, name: str) -> McapIndex:
     stream.seek(max(0, size - len(MCAP0_MAGIC)))
     closed = size > 2 * len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
     if not closed:
-        return _walk(stream, size)
+        return _scan(stream, size)
     try:
         return _from_summary(stream, name)
     except DAMAGE as error:
@@ -123,13 +123,13 @@ def read_index(stream: BinaryIO, name: str) -> McapIndex:
 
 
 def read_chunk(stream: BinaryIO, offset: int) -> list[McapRecord]:
-    """The records of the chunk at an offset, its CRC checked. Raises one of ``DAMAGE``."""
+    """Read the records of the chunk at an offset and check its CRC. Raises one of ``DAMAGE``."""
     stream.seek(offset + RECORD_HEAD.size)
     return breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
 
 
 def chunk_data(stream: BinaryIO, offset: int) -> bytes:
-    """The decompressed records of the chunk at an offset, their CRC checked. Raises one of ``DAMAGE``."""
+    """Read the decompressed bytes of the chunk at an offset and check their CRC. Raises one of ``DAMAGE``."""
     stream.seek(offset + RECORD_HEAD.size)
     data, length = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
     content: bytes = data.read(length)
@@ -137,12 +137,12 @@ def chunk_data(stream: BinaryIO, offset: int) -> bytes:
 
 
 def read_summary(stream: BinaryIO) -> Summary | None:
-    """The summary of a closed file, its CRC checked; None: it has none. Raises one of ``DAMAGE``."""
-    footer_at = stream.seek(-(FOOTER_BYTES + len(MCAP0_MAGIC)), io.SEEK_END)
+    """Read the summary of a closed file and check its CRC; None if there is none. Raises one of ``DAMAGE``."""
+    footer_offset = stream.seek(-(FOOTER_BYTES + len(MCAP0_MAGIC)), io.SEEK_END)
     end = stream.read(FOOTER_BYTES)
     footer = Footer.read(ReadDataStream(io.BytesIO(end[RECORD_HEAD.size :])))
-    start = stream.seek(min(footer.summary_start or footer_at, footer_at))
-    covered = stream.read(footer_at - start) + end[: -CRC.size]
+    start = stream.seek(min(footer.summary_start or footer_offset, footer_offset))
+    covered = stream.read(footer_offset - start) + end[: -CRC.size]
     if footer.summary_crc not in (0, crc32(covered)):
         raise ValueError("the CRC of the summary is wrong")
     stream.seek(0)
@@ -150,7 +150,7 @@ def read_summary(stream: BinaryIO) -> Summary | None:
 
 
 def attachment_of(record: bytes) -> Attachment:
-    """What is in the record of an attachment, its head included; its CRC is checked. Raises one of ``DAMAGE``."""
+    """Parse the record of an attachment, given with its header, and check its CRC. Raises one of ``DAMAGE``."""
     attachment: Attachment = Attachment.read(ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :])))
     if CRC.unpack(record[-CRC.size :])[0] not in (0, crc32(record[RECORD_HEAD.size : -CRC.size])):
         raise ValueError(f"the CRC of attachment {attachment.name} is wrong")
@@ -168,7 +168,7 @@ def _from_summary(stream: BinaryIO, name: str) -> McapIndex:
         ids = frozenset(chunk.message_index_offsets)
         index.chunks.append(ChunkEntry(chunk.chunk_start_offset, chunk.message_start_time, chunk.message_end_time, ids))
         _enter_message_indexes(index, stream, chunk)
-    _check_places(index, summary.statistics)
+    _check_locations(index, summary.statistics)
     for attached in summary.attachment_indexes:
         stream.seek(attached.offset)
         index.attachments[attached.name] = attachment_of(stream.read(attached.length)).data
@@ -179,7 +179,7 @@ def _from_summary(stream: BinaryIO, name: str) -> McapIndex:
 
 
 def _enter_message_indexes(index: McapIndex, stream: BinaryIO, chunk: ChunkIndex) -> None:
-    """Those that follow a chunk; they have no CRC, but the summary, which has, says where each one is."""
+    """Enter the message indexes after a chunk. They have no CRC, so each must be where the checked summary says."""
     start = chunk.chunk_start_offset + chunk.chunk_length
     stream.seek(start)
     data = stream.read(chunk.message_index_length)
@@ -189,22 +189,22 @@ def _enter_message_indexes(index: McapIndex, stream: BinaryIO, chunk: ChunkIndex
         length = _INDEX_HEAD.size - RECORD_HEAD.size + len(entries)
         if head != [Opcode.MESSAGE_INDEX, length, channel_id] or len(entries) != size:
             raise ValueError(f"message index at byte {offset:,}")
-        index.places[channel_id].add(chunk.chunk_start_offset, entries)
+        index.locations[channel_id].add_chunk(chunk.chunk_start_offset, entries)
 
 
-def _check_places(index: McapIndex, statistics: Statistics) -> None:
-    """Whether as many messages are listed as there are, and of times that the file has."""
-    count = sum(len(places) for places in index.places.values())
+def _check_locations(index: McapIndex, statistics: Statistics) -> None:
+    """Check that all messages are listed, with times within the file's span; raises ValueError otherwise."""
+    count = sum(len(locations) for locations in index.locations.values())
     if count != statistics.message_count:
         raise ValueError(f"{count} of {statistics.message_count} messages are listed")
-    for channel_id, places in index.places.items():
-        stamps_ns = places.table()[:, 0]
+    for channel_id, locations in index.locations.items():
+        stamps_ns = locations.table()[:, 0]
         if np.any((stamps_ns < statistics.message_start_time) | (stamps_ns > statistics.message_end_time)):
             raise ValueError(f"a message index of {index.channels[channel_id].topic}")
 
 
-def _walk(stream: BinaryIO, size: int) -> McapIndex:
-    """Index record by record up to the first that is cut off or damaged."""
+def _scan(stream: BinaryIO, size: int) -> McapIndex:
+    """Index a file record by record, up to the first record that is cut off or damaged."""
     index = McapIndex(False)
     try:
         for opcode, offset in _records(stream, size):
@@ -218,7 +218,7 @@ def _walk(stream: BinaryIO, size: int) -> McapIndex:
 
 
 def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
-    """Opcode and offset of each whole record, the stream standing behind the record's head."""
+    """Yield opcode and offset of each complete record; the stream is then positioned after the record's header."""
     offset = len(MCAP0_MAGIC)
     while offset + RECORD_HEAD.size <= size:
         stream.seek(offset)
@@ -231,19 +231,19 @@ def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
 
 def _enter_chunk(index: McapIndex, offset: int, data: bytes) -> None:
     stamps_ns: dict[int, list[int]] = {}
-    place = 0
-    while place < len(data):
-        opcode, length = RECORD_HEAD.unpack_from(data, place)
-        start, end = place + RECORD_HEAD.size, place + RECORD_HEAD.size + length
+    position = 0
+    while position < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, position)
+        start, end = position + RECORD_HEAD.size, position + RECORD_HEAD.size + length
         if opcode == Opcode.MESSAGE:
             channel_id, _, stamp_ns, _ = MESSAGE_HEAD.unpack_from(data, start)
             stamps_ns.setdefault(channel_id, []).append(stamp_ns)
-            index.places[channel_id].add(offset, _ENTRY.pack(stamp_ns, place))
+            index.locations[channel_id].add_chunk(offset, _ENTRY.pack(stamp_ns, position))
         elif opcode in _READERS:
             _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(data[start:end]))))
-        place = end
-    every = [stamp_ns for stamps in stamps_ns.values() for stamp_ns in stamps]
-    index.chunks.append(ChunkEntry(offset, min(every), max(every), frozenset(stamps_ns)))
+        position = end
+    all_stamps_ns = [stamp_ns for stamps in stamps_ns.values() for stamp_ns in stamps]
+    index.chunks.append(ChunkEntry(offset, min(all_stamps_ns), max(all_stamps_ns), frozenset(stamps_ns)))
 
 
 def _enter(index: McapIndex, record: _Description) -> None:

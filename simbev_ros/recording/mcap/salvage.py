@@ -1,4 +1,4 @@
-"""Reading what is left of a damaged MCAP file: every record that is whole, wherever it stands."""
+"""Salvage of a damaged MCAP file: reads every record that is complete, wherever it is in the file."""
 
 import io
 import mmap
@@ -19,17 +19,17 @@ from mcap.writer import MCAP0_MAGIC
 
 from simbev_ros.recording.mcap.mcap_index import CRC, DAMAGE, FOOTER_BYTES, RECORD_HEAD, attachment_of, read_summary
 
-_LIKE_A_CHUNK = re.compile(rb"(?=(\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\0{4})))", re.DOTALL)
-"""Opcode, a length below a tebibyte, span, size, CRC, and the compression; the length of what is compressed follows."""
+_CHUNK_PATTERN = re.compile(rb"(?=(\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\0{4})))", re.DOTALL)
+"""Opcode, a length below one tebibyte, span, size, CRC and compression; the length of the compressed data follows."""
 _LENGTH = struct.Struct("<Q")
 
 
 @dataclass(slots=True)
 class Salvage:
-    """What could be read.
+    """Everything that could be read from a file, except its messages.
 
     Attributes:
-        lost: What could not, in words that name the place.
+        lost: Description of each loss, naming the bytes or the record.
     """
 
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -40,49 +40,49 @@ class Salvage:
 
 
 def salvage(path: Path, found: Salvage) -> Iterator[Message]:
-    """The messages of all chunks that are whole, in the order of the file, and whose channel is known.
+    """Yield the messages of all intact chunks whose channel is known, in the order of the file.
 
-    Where records are is in the summary, if that is whole. Otherwise each begins where the one before ends; a record
-    whose length cannot be right ends this chain, and the next chunk is then looked for by its looks.
+    The summary, if it is intact, locates the records. Otherwise each record starts where the previous one ends; a
+    record with an impossible length ends this chain, and the next chunk is then searched for by its byte pattern.
 
     Args:
         path: The file.
-        found: Is filled on the way; channels before their messages, ``lost`` at the end.
+        found: Filled while messages are yielded; channels before their messages, ``lost`` at the end.
     """
     if not path.stat().st_size:
         found.lost.append("whatever was in it: the file is empty")
         return
-    nameless, closed = 0, False
+    unnamed_count, closed = 0, False
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         summary = _summary_of(stream)
         if summary is None:
-            for opcode, offset, end in _records(data, []):  # a file that was closed repeats its channels at its end
+            for opcode, offset, end in _records(data, []):  # a closed file repeats its channels at its end
                 if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     with suppress(*DAMAGE):
                         _enter(_READERS[opcode](_body(data[offset:end])), found)
         else:
             found.channels |= summary.channels
             found.schemas |= summary.schemas
-        for opcode, offset, end in _records(data, found.lost) if summary is None else _listed(summary):
+        for opcode, offset, end in _records(data, found.lost) if summary is None else _listed_records(summary):
             closed |= opcode == Opcode.DATA_END
             if closed:
-                break  # what follows says nothing new
+                break  # the summary contains nothing new
             try:
                 for message in _messages(opcode, bytes(data[offset:end]), found):
                     if message.channel_id in found.channels:
                         yield message
                     else:
-                        nameless += 1
+                        unnamed_count += 1
             except DAMAGE as error:
                 found.lost.append(f"{Opcode(opcode).name.lower()} at byte {offset:,} ({end - offset:,} bytes): {error}")
         if not closed and summary is None:
             found.lost.append(f"whatever would have followed byte {len(data):,}, where the file is cut off")
-    if nameless:
-        found.lost.append(f"{nameless} messages of topics whose names are lost with another chunk")
+    if unnamed_count:
+        found.lost.append(f"{unnamed_count} messages of topics whose names are lost with another chunk")
 
 
 def _summary_of(stream: BinaryIO) -> Summary | None:
-    """The summary, if it is whole and says where chunks are."""
+    """The summary if it is intact and lists chunks, else None."""
     try:
         summary = read_summary(stream)
     except (*DAMAGE, OSError):  # the file may be shorter than a footer
@@ -90,7 +90,7 @@ def _summary_of(stream: BinaryIO) -> Summary | None:
     return summary if summary is not None and summary.chunk_indexes else None
 
 
-def _listed(summary: Summary) -> list[tuple[int, int, int]]:
+def _listed_records(summary: Summary) -> list[tuple[int, int, int]]:
     """Opcode, start and end of each record that a summary lists, in the order of the file."""
     chunks = [(Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_length) for chunk in summary.chunk_indexes]
     attachments = [(Opcode.ATTACHMENT, entry.offset, entry.length) for entry in summary.attachment_indexes]
@@ -100,7 +100,7 @@ def _listed(summary: Summary) -> list[tuple[int, int, int]]:
 
 
 def _records(data: mmap.mmap, lost: list[str]) -> Iterator[tuple[int, int, int]]:
-    """Opcode, start and end of each record that may be whole."""
+    """Yield opcode, start and end of each record that may be intact; skipped bytes are added to ``lost``."""
     offset, size = len(MCAP0_MAGIC), len(data)
     while offset + RECORD_HEAD.size <= size:
         opcode, length = RECORD_HEAD.unpack_from(data, offset)
@@ -117,22 +117,22 @@ def _records(data: mmap.mmap, lost: list[str]) -> Iterator[tuple[int, int, int]]
 
 _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 _LENGTHS: dict[int, int] = {Opcode.DATA_END: CRC.size, Opcode.FOOTER: FOOTER_BYTES - RECORD_HEAD.size}
-"""Of records that end something, and must not be mistaken."""
+"""Exact lengths of the records that end the data or the file, which must not be found by mistake."""
 
 
 def _next_chunk(data: mmap.mmap, start: int) -> int:
-    """Where the next thing stands that looks like a chunk; the end of the file if there is none."""
-    for match in _LIKE_A_CHUNK.finditer(data, start):
+    """Offset of the next bytes that look like a chunk; the end of the file if there are none."""
+    for match in _CHUNK_PATTERN.finditer(data, start):
         _, length = RECORD_HEAD.unpack_from(data, match.start())
-        records_at = match.end(1) + _LENGTH.size
+        records_start = match.end(1) + _LENGTH.size
         end = match.start() + RECORD_HEAD.size + length
-        if records_at <= end <= len(data) and _LENGTH.unpack_from(data, match.end(1))[0] == end - records_at:
+        if records_start <= end <= len(data) and _LENGTH.unpack_from(data, match.end(1))[0] == end - records_start:
             return match.start()
     return len(data)
 
 
 def _messages(opcode: int, record: bytes, found: Salvage) -> Iterator[Message]:
-    """Those of a chunk; all other records are entered. Raises one of ``DAMAGE``."""
+    """Yield the messages of a chunk; enter all other records into ``found``. Raises one of ``DAMAGE``."""
     body = _body(record)
     if opcode == Opcode.CHUNK:
         for inner in breakup_chunk(Chunk.read(body), validate_crc=True):
@@ -167,4 +167,4 @@ def _enter(record: McapRecord, found: Salvage) -> None:
         case Metadata():
             found.metadata[record.name] = record.metadata
         case _:
-            pass  # mcap may learn to read more kinds of records; nothing here needs them
+            pass  # newer versions of mcap may know more kinds of records; none of them is needed here

@@ -1,4 +1,4 @@
-"""Forcing what was written to the disk, so that it outlives a power cut."""
+"""Syncing of files and folders to disk (fsync), so that they survive a power cut."""
 
 import os
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def sync(*paths: Path) -> None:
-    """Force files' bytes, and folders' entries, such as new names, to the disk."""
+    """Sync files, or folders with their entries such as new file names, to disk."""
     for path in paths:
         descriptor = os.open(path, os.O_RDONLY)
         try:
@@ -16,5 +16,5 @@ def sync(*paths: Path) -> None:
 
 
 def sync_names(files: Iterable[Path]) -> None:
-    """Force files' names to the disk: the entries of the folders that they are in."""
+    """Sync the names of files to disk, that is, the entries of the folders that contain them."""
     sync(*sorted({file.parent for file in files}))

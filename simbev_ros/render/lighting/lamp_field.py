@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.placement.static_scene import StaticScene
-from simbev_ros.config.lights import MOST_COLORS
+from simbev_ros.config.lights import MAX_COLORS
 from simbev_ros.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.render.lighting.lamp_shadows import DIRECTIONS, HALF_ANGLE_RAD, free_distances
 from simbev_ros.render.lighting.lamps import VehicleLamps, lamp_kinds, signal_lamps, street_lamps
@@ -68,7 +68,7 @@ class LampField:
         intensities.flat[: len(table)] = self._strengths
         self._intensities.write(intensities.tobytes())
         buildings = lights.buildings
-        colors = np.array([[color >> shift & 0xFF for shift in (16, 8, 0)] for color in buildings.colors[:MOST_COLORS]])
+        colors = np.array([[color >> shift & 0xFF for shift in (16, 8, 0)] for color in buildings.colors[:MAX_COLORS]])
         share = 1.0 - (1.0 - buildings.share_lit) ** 4 if buildings.enabled else 0.0  # shaders/shade_wall.frag.glsl
         self._shop_light = share * lamp_kinds()["shop"]["glow"] * ((colors / 255.0) ** 2.2).mean(axis=0)
 

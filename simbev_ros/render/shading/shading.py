@@ -3,7 +3,7 @@
 import moderngl
 import numpy as np
 
-from simbev_ros.config.lights import MOST_COLORS
+from simbev_ros.config.lights import MAX_COLORS
 from simbev_ros.render.gl.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.render.gl.targets import Targets
 from simbev_ros.render.gl.timer import Timer
@@ -58,7 +58,7 @@ class Shading:
         """Set the share of windows that are lit at night, and their colors."""
         buildings = lights.buildings
         colors = [[color >> shift & 0xFF for shift in (16, 8, 0)] for color in buildings.colors]
-        srgb = np.resize(np.array(colors, np.float32) / 255.0, (MOST_COLORS, 3))
+        srgb = np.resize(np.array(colors, np.float32) / 255.0, (MAX_COLORS, 3))
         program = self._passes[True][shading_classes().index("wall")].program
         program["window_colors"].write(srgb.tobytes())  # type: ignore[union-attr]
         program["window_color_count"] = len(colors)

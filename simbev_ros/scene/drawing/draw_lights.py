@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from simbev_ros.config.draw import Distribution, sample
-from simbev_ros.config.lights import MOST_COLORS, BuildingLights, Lights, StreetLights
+from simbev_ros.config.lights import MAX_COLORS, BuildingLights, Lights, StreetLights
 from simbev_ros.random import stream
 from simbev_ros.scene.lights import BuildingLightSpec, LightSpec, StreetLightSpec
 from simbev_ros.types import Float64Array
@@ -44,7 +44,7 @@ def _draw_buildings(config: BuildingLights, seed: int) -> BuildingLightSpec:
 
 
 def _random_colors(config: BuildingLights, seed: int) -> Iterator[int]:
-    for index in range(MOST_COLORS):
+    for index in range(MAX_COLORS):
         rng = stream(seed, f"lights.buildings.color.{index}")
         if rng.random() < config.colored_probability:
             srgb = np.array(colorsys.hsv_to_rgb(rng.random(), rng.uniform(*_SATURATION), 1.0))

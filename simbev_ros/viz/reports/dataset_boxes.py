@@ -10,9 +10,9 @@ import numpy as np
 from simbev_ros.dataset.statistics import Statistics
 from simbev_ros.dataset.tallies import (
     DISTANCE_STEP_M,
-    PLACE_STEP_M,
-    PLACES,
     POINT_LEVELS,
+    POSITION_BINS,
+    POSITION_STEP_M,
     SIZE_STEP_M,
     SPEED_STEP_MPS,
     VISIBILITIES,
@@ -129,7 +129,7 @@ def _position_figure(positions: Int64Array, names: Sequence[str], title: str) ->
     sheet, values = Drawing(side, side), positions[[BOX_CLASSES.index(name) for name in names]].sum(axis=0)
     sheet.picture(0, 0, (side, side), *heat(values, class_color(names[0])))
     for radius_m in _RINGS_M:
-        radius = radius_m / (PLACES * PLACE_STEP_M) * side
+        radius = radius_m / (POSITION_BINS * POSITION_STEP_M) * side
         sheet.add(f'<circle class="ring" cx="{side / 2}" cy="{side / 2}" r="{radius:.1f}"/>')
         sheet.text(side / 2 + 4, side / 2 - radius + 12, f"{radius_m} m", "tick", "start")
     sheet.mark_ego(side / 2, side / 2)

@@ -46,7 +46,7 @@ def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
         (number(len({scene.map for scene in scenes})), "maps"),
         (number(frames), "frames"),
         (number(round(minutes, 1)), "minutes"),
-        (number(round(sum(scene.way_m for scene in scenes) / 1000.0, 2)), "km driven"),
+        (number(round(sum(scene.distance_m for scene in scenes) / 1000.0, 2)), "km driven"),
         (number(round(int(tally.counts["boxes"].sum()) / max(tally.frames, 1), 1)), "boxes a frame"),
         (decimal(sum(scene.file_bytes for scene in scenes)), "recorded"),
     ]
@@ -97,7 +97,11 @@ def scene_table(statistics: Statistics) -> str:
             *(scene.frames, round(scene.duration_s, 2), scene.vehicles, scene.pedestrians, scene.hazards),
             *(round(value) for value in (weather.sun_altitude_deg, weather.cloudiness)),
             *(round(value) for value in (weather.precipitation, weather.fog_density)),
-            *(round(scene.boxes / max(scene.looked_at, 1), 1), round(scene.way_m), round(scene.file_bytes / 1e6, 1)),
+            *(
+                round(scene.boxes / max(scene.sampled_frames, 1), 1),
+                round(scene.distance_m),
+                round(scene.file_bytes / 1e6, 1),
+            ),
         )
         cells = "".join(f"<td>{number(value)}</td>" for value in values)
         split = f'<td><b style="color:{css(SPLIT_COLORS[scene.split])}">{scene.split}</b></td>'

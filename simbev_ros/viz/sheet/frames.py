@@ -70,7 +70,7 @@ class FrameReader:
     def aspects(self) -> dict[str, float]:
         """Width over height of each topic's picture; 1 for a point cloud."""
         firsts = {topic: self._sources[topic] for topic in self.views.topics}
-        arrays = {topic: source.value(source.topic.places[:1]) for topic, source in firsts.items()}
+        arrays = {topic: source.value(source.topic.locations[:1]) for topic, source in firsts.items()}
         return {topic: a.shape[1] / a.shape[0] if a.ndim > 1 else 1.0 for topic, a in arrays.items()}
 
     def frames(self, first: int, count: int) -> Iterator[SheetFrame]:

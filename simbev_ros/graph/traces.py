@@ -1,4 +1,4 @@
-"""What a graph has on the machine, written down, so that the next one removes it if this one is killed."""
+"""Keeps a record of a graph's files on the machine, so that the next graph removes them if this one is killed."""
 
 import json
 import os
@@ -13,10 +13,10 @@ _FILE = "traces.json"
 
 
 class Traces:
-    """The folder for logs and parameters of one graph, and the files in shared memory of its processes.
+    """The folder for logs and parameters of one graph, and the shared-memory files of its processes.
 
     Attributes:
-        folder: Temporary.
+        folder: Temporary folder of the graph.
     """
 
     def __init__(self) -> None:
@@ -26,14 +26,14 @@ class Traces:
         self._write()
 
     def note(self, pid: int) -> None:
-        """Write down what a process has in shared memory now."""
+        """Add the files that a process currently has in shared memory to the record."""
         files = held_files(pid) - self._files
         if files:
             self._files |= files
             self._write()
 
     def remove(self, *, keep_logs: bool) -> None:
-        """Remove everything, the processes having ended."""
+        """Remove everything; call it when the processes have ended."""
         remove_orphans(self._files)
         (self.folder / _FILE).unlink(missing_ok=True)
         if not keep_logs:
@@ -47,7 +47,7 @@ class Traces:
 
 
 def sweep() -> None:
-    """Remove what graphs of this user have left that were killed."""
+    """Remove what killed graphs of this user have left behind."""
     for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*/{_FILE}"):
         try:
             if path.stat().st_uid != os.getuid():
@@ -58,14 +58,14 @@ def sweep() -> None:
             files = [Path(file) for file in left["files"]]
             remove_orphans(files)
             if any(file.exists() for file in files):
-                continue  # processes of that graph are still about to end
+                continue  # some processes of that graph have not ended yet
         except (OSError, ValueError, KeyError, TypeError):
-            continue  # another process is removing it
+            continue  # another process is removing the folder
         shutil.rmtree(path.parent, ignore_errors=True)
 
 
 def _is_alive(pid: int) -> bool:
-    """Whether a process of this number runs Python; numbers are used again."""
+    """Whether a process with this pid runs Python; pids are reused."""
     try:
         return b"python" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:

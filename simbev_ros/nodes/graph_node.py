@@ -1,4 +1,4 @@
-"""What all nodes of the graph share: parameters with descriptors, the report of finished ticks, diagnostics."""
+"""The base class of all nodes of the graph: parameters with descriptors, reports of finished ticks, diagnostics."""
 
 from typing import Any
 
@@ -23,7 +23,8 @@ class GraphNode(Node):
     """Base of every node of the graph.
 
     Attributes:
-        takes_message_info: Whether it has callbacks with two arguments, which rclpy's events executor cannot call.
+        takes_message_info: Whether it has callbacks that take message and message info, which rclpy's events executor
+            cannot call.
     """
 
     takes_message_info = False
@@ -31,7 +32,9 @@ class GraphNode(Node):
     def __init__(self, name: str) -> None:
         use_sim_time = Parameter("use_sim_time", Parameter.Type.BOOL, True)
         super().__init__(name, parameter_overrides=[use_sim_time])
-        self.live: bool = self.declared("live", False, "Paced by the wall clock; sensor topics are best effort")
+        self.live: bool = self.declare_read_only(
+            "live", False, "Paced by the wall clock; sensor topics are best effort"
+        )
         self.meter = LoadMeter()
         self._topic_publishers: dict[str, Any] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
@@ -39,14 +42,14 @@ class GraphNode(Node):
         self.create_wall_timer(1.0, self._publish_diagnostics)
 
     def close(self) -> None:
-        """Release what must not stay open; called once, before the process ends."""
+        """Release resources that must not stay open; called once, before the process ends."""
 
     def create_wall_timer(self, period_s: float, callback: Any) -> None:
-        """A timer that runs on although simulated time stands still."""
+        """Create a timer on the wall clock, which also runs while simulated time stands still."""
         self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def declared(self, name: str, default: Any, description: str) -> Any:
-        """Declare a read-only parameter and give its value; ``[]`` stands for a list of strings."""
+    def declare_read_only(self, name: str, default: Any, description: str) -> Any:
+        """Declare a read-only parameter and return its value; the default ``[]`` means a list of strings."""
         descriptor = ParameterDescriptor(description=description, read_only=True)
         if default == []:
             descriptor.type = ParameterType.PARAMETER_STRING_ARRAY
@@ -54,7 +57,7 @@ class GraphNode(Node):
         return self.declare_parameter(name, default, descriptor).value
 
     def advertise(self, topic: Topic) -> None:
-        """Make a topic's publisher, once."""
+        """Create the publisher of a topic unless it exists."""
         if topic.name not in self._topic_publishers:
             kind, qos = message_class(topic.type), rclpy_qos(qos_of(topic, live=self.live))
             self._topic_publishers[topic.name] = self.create_publisher(kind, topic.name, qos)
@@ -63,12 +66,12 @@ class GraphNode(Node):
         """Publish on an advertised topic."""
         self._topic_publishers[name].publish(message)
 
-    def readers(self, name: str) -> int:
-        """How many readers an advertised topic is connected to."""
+    def reader_count(self, name: str) -> int:
+        """Number of subscriptions that an advertised topic is connected to."""
         return int(self._topic_publishers[name].get_subscription_count())
 
     def report_finished(self, spec: SceneSpec, tick: int) -> None:
-        """Tell the graph that this node has finished a tick."""
+        """Report on /sync/ready that this node has finished a tick."""
         self._ready.publish(header(spec.stamp_ns(tick), f"{self.get_name()}:{spec.name}"))
 
     def _publish_diagnostics(self) -> None:

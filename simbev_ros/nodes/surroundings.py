@@ -1,4 +1,4 @@
-"""The static scene around the ego, for the nodes that see it."""
+"""Loads the static scene around the ego for the nodes that render it, cast rays into it or annotate it."""
 
 from collections.abc import Iterable
 from weakref import WeakValueDictionary
@@ -14,29 +14,29 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import vector
 from simbev_ros.types import Float64Array
 
-_BESIDE_EGO_M = 30.0
-"""Sensors are mounted less far from the ego's origin."""
+_MAX_MOUNT_M = 30.0
+"""Upper bound of a sensor's distance from the ego's origin."""
 
-_SOON_S = 1.0
+_LOOKAHEAD_S = 1.0
 
 _Key = tuple[MapSpec, Reach | None]
 
 _loaded: WeakValueDictionary[_Key, StaticScene] = WeakValueDictionary()
-"""Shared by the nodes of a process, as long as one of them holds it."""
+"""Scenes shared by the nodes of a process, as long as one of them holds the scene."""
 
 
 class Surroundings:
-    """Knows what its node has loaded."""
+    """Tracks which static scene a node has loaded, so that scenes of one region load it once."""
 
     def __init__(self) -> None:
         self._key: _Key | None = None
 
-    def changed(self, spec: SceneSpec, view_m: float = VIEW_M) -> StaticScene | None:
-        """The static scene that a scene needs; None: that of the scene before still does.
+    def load_if_changed(self, spec: SceneSpec, view_m: float = VIEW_M) -> StaticScene | None:
+        """Load the static scene that a scene needs; return None if the node's current one still suffices.
 
         Args:
             spec: The scene.
-            view_m: How far the node looks from where the ego is.
+            view_m: Distance from the ego up to which the node needs the static scene.
         """
         network = load_network(spec.map)
         key = spec.map, loaded_reach(spec, network, view_m)
@@ -49,12 +49,12 @@ class Surroundings:
         return static
 
 
-def view_of_rays_m(ranges_m: Iterable[float]) -> float:
-    """How far from the ego a node looks whose sensors have such ranges: the same for lidars and radars of one range."""
-    return max(ranges_m, default=0.0) + _BESIDE_EGO_M
+def ray_view_radius_m(ranges_m: Iterable[float]) -> float:
+    """View distance of a node whose sensors have these ranges; lidars and radars of equal range share one scene."""
+    return max(ranges_m, default=0.0) + _MAX_MOUNT_M
 
 
-def place_soon_m(state: WorldState) -> Float64Array:
-    """(3,) where the ego will be a second later, map frame: what rays need there is got ready ahead of time."""
-    place_m: Float64Array = vector(state.ego, "x y z") + _SOON_S * vector(state.ego, "vx vy vz")
-    return place_m
+def predicted_position_m(state: WorldState) -> Float64Array:
+    """(3,) position of the ego ``_LOOKAHEAD_S`` later, map frame, for which ray casting can prepare ahead of time."""
+    position_m: Float64Array = vector(state.ego, "x y z") + _LOOKAHEAD_S * vector(state.ego, "vx vy vz")
+    return position_m

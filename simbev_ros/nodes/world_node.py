@@ -1,4 +1,8 @@
-"""The world node: owns time. Gets a scene to simulate or replay, and starts a tick when all participants may follow."""
+"""The world node: owns simulated time and publishes the world state of every tick.
+
+It receives a scene to simulate or replay and starts a tick when the participants have kept up (lockstep) or the wall
+clock says so (live).
+"""
 
 import json
 from pathlib import Path
@@ -47,10 +51,16 @@ class WorldNode(GraphNode):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        participants = self.declared("participants", [], "Nodes on /sync/ready that must finish each tick")
-        self._recorded = self.declared("recorded", False, "A recorder writes each scene into a bag, once")
-        self._state_readers = self.declared("state_readers", 0, "Readers of /world/actors to wait for before a scene")
-        window_ticks = self.declared("window_ticks", 3, "Ticks that the world may be ahead of the slowest participant")
+        participants = self.declare_read_only(
+            "participants", [], "Names of nodes that must report each tick on /sync/ready"
+        )
+        self._recorded = self.declare_read_only("recorded", False, "A recorder writes each scene into a bag")
+        self._state_readers = self.declare_read_only(
+            "state_readers", 0, "Number of readers of /world/actors to wait for before a scene"
+        )
+        window_ticks = self.declare_read_only(
+            "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant"
+        )
         self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
         self._pacer = Pacer(live=self.live)
         self._source: StateSource | None = None
@@ -73,7 +83,7 @@ class WorldNode(GraphNode):
         self.start(SceneRequest.model_validate_json(message.data))
 
     def start(self, request: SceneRequest) -> None:
-        """Load a scene, go through its warm-up, and tell everybody; nothing is published before all are connected."""
+        """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
         self.close()
         self._request, self._end = request, None
         spec = request.spec
@@ -91,7 +101,7 @@ class WorldNode(GraphNode):
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
         self._publish_lights(spec, streetside)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
-        self._source = _source_of(request, network, streetside)
+        self._source = _make_source(request, network, streetside)
         self._ending = SceneEndDetector(spec, self._source.available)
         for _ in range(spec.warm_up_ticks - spec.lead_in_ticks):
             self._source.step()
@@ -107,11 +117,11 @@ class WorldNode(GraphNode):
             self._source.drive_ego(message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
-        self._lockstep.finished(message.frame_id, stamp_of(message.stamp))
+        self._lockstep.record_report(message.frame_id, stamp_of(message.stamp))
         self.advance()
 
     def advance(self) -> None:
-        """Start as many ticks as participants, pause and the wall clock (live) allow."""
+        """Start all ticks that participants, pause and the wall clock (live) allow."""
         while self._may_start_tick():
             self._tick()
 
@@ -121,23 +131,23 @@ class WorldNode(GraphNode):
             return False
         if self._next_tick == -spec.lead_in_ticks and not self._connected():
             return False
-        # A live scene waits for everybody once: its first tick starts when all have warmed up on the lead-in.
+        # A live scene waits for all participants once: tick 0 starts when all have processed the lead-in.
         together = not self.live or self._next_tick <= 0
         if together and not self._lockstep.may_start(self._next_tick):
             return False
-        return self._pacer.due(spec.tick_ns)
+        return self._pacer.take_due(spec.tick_ns)
 
     def _connected(self) -> bool:
         names = (topics.ACTORS, topics.SIGNALS, topics.WEATHER)
-        recorded = not self._recorded or self.readers(topics.EVENTS) > 0
-        return recorded and all(self.readers(name) >= self._state_readers for name in names)
+        recorded = not self._recorded or self.reader_count(topics.EVENTS) > 0
+        return recorded and all(self.reader_count(name) >= self._state_readers for name in names)
 
     def _tick(self) -> None:
         assert self._spec is not None and self._source is not None
         with self.meter.busy():
             state = self._source.step()
             self._end = self._ending.end_at(state)
-            if self._end is not None:  # everybody knows it before they can have finished the last tick
+            if self._end is not None:  # published first: all nodes know it before they can finish the last tick
                 self.publish(topics.END, String(data=self._end.model_dump_json()))
             self._publish_state(self._spec, state)
         self.report_finished(self._spec, self._next_tick)
@@ -145,13 +155,13 @@ class WorldNode(GraphNode):
 
     def _publish_state(self, spec: SceneSpec, state: WorldState) -> None:
         agent = spec.rig.agent
-        for event in state.events:  # first, so that they are known long before the tick is finished
+        for event in state.events:  # first, so that they arrive well before the tick is finished
             self.publish(topics.EVENTS, event_message(event, state))
         self.publish(topics.CLOCK, Clock(clock=time_message(state.stamp_ns)))
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
-        if self.readers(topics.WORLD_MARKERS):
+        if self.reader_count(topics.WORLD_MARKERS):
             self.publish(topics.WORLD_MARKERS, world_markers(state))
         odometry = odometry_message(state.ego, state.stamp_ns, f"{agent}/base_link")
         self.publish(topics.odometry_name(agent), odometry)
@@ -186,7 +196,7 @@ class WorldNode(GraphNode):
         return response
 
     def _refusal(self) -> str | None:
-        """Why the scene can neither be stepped nor start again, if so."""
+        """Why the scene can neither be stepped nor restarted; None if it can."""
         if self._source is None:
             return "no scene has been loaded yet"
         return None if self._end is None else "the scene has ended"
@@ -198,8 +208,8 @@ class WorldNode(GraphNode):
             self._source = None
 
 
-def _source_of(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> StateSource:
-    """The simulation of a scene, or the bag that is replayed."""
+def _make_source(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> StateSource:
+    """Make the simulation of a scene, or the replay of its bag."""
     spec = request.spec
     if request.replay is not None:
         return Replay(spec, Path(request.replay))

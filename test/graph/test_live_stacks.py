@@ -116,5 +116,5 @@ def test_without_a_stack_the_run_ends_with_a_message(simbev: Simbev, lidar_confi
     more = "evaluation: {boxes_topic: /boxes, grids_topic: /grids}\ngraph: {silence_timeout_s: 15}"
     code, output = simbev("run", lidar_config(more), "--evaluate", tmp_path / "figures.json").finish()
     assert code == 2
-    message = "no stack has come within 12 s: nobody sends /boxes, /grids or /grids/<class>"
+    message = "no stack has connected within 12 s: nothing publishes /boxes, /grids or /grids/<class>"
     assert f"error: node evaluator: {message}" in output

@@ -63,7 +63,7 @@ class Tracker:
         return seen_now
 
     def _assign(self, readings: Readings) -> tuple[Integers, Integers, Booleans]:
-        """Assign clusters to tracks: indices of tracks, indices of their clusters, (C,) which clusters are new objects."""
+        """Assign clusters to tracks: indices of tracks and of their clusters, and (C,) which clusters are new."""
         outside_m, center_distance_m = distances_m(self.tracks, readings.center_m)
         sigma_m = np.minimum(np.sqrt(self.tracks["covariance"][:, 0, 0]), _MAX_SIGMA_M)
         in_gate = outside_m < _GATE_M + sigma_m[:, None]

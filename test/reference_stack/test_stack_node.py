@@ -60,7 +60,8 @@ def test_clouds_are_due_every_nth_tick_from_tick_0(spec: SceneSpec) -> None:
 def test_rig_without_the_lidar_is_refused_and_its_lidars_are_named(spec: SceneSpec) -> None:
     with pytest.raises(
         NoLidarError,
-        match="no lidar of the scene publishes /ego/top/points; remap it to one of: /ego/lidar/points, /ego/roof/points",
+        match="no lidar of the scene publishes /ego/top/points; "
+        "remap it to one of: /ego/lidar/points, /ego/roof/points",
     ):
         read_scene(spec.model_dump_json(), "/ego/top/points")
 

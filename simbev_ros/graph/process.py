@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import yaml
 
 from simbev_ros.errors import DiskError, InputError, SimbevError
@@ -70,20 +71,17 @@ class GraphProcess:
     @property
     def cpu_s(self) -> float:
         """User and system time up to now, s; 0 when the process has ended."""
-        try:
-            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            return 0.0
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        with suppress(psutil.NoSuchProcess):
+            times = psutil.Process(self.pid).cpu_times()
+            return float(times.user + times.system)
+        return 0.0
 
     @property
     def memory_mib(self) -> float:
         """Resident memory, MiB; 0 when the process has ended."""
-        try:
-            pages = int(Path(f"/proc/{self.pid}/statm").read_text().split()[1])
-        except OSError:
-            return 0.0
-        return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+        with suppress(psutil.NoSuchProcess):
+            return float(psutil.Process(self.pid).memory_info().rss / 2**20)
+        return 0.0
 
     def new_output(self) -> str:
         """Return the output since the last call."""

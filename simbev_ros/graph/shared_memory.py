@@ -4,11 +4,16 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
+import psutil
+
 _FOLDER = Path("/dev/shm")
 
 
 def held_files(pid: int) -> set[Path]:
-    """The middleware's files in /dev/shm that a process has mapped, with the lock files that belong to them."""
+    """The middleware's files in /dev/shm that a process has mapped, with the lock files that belong to them.
+
+    It reads /proc/PID/maps, because psutil's ``memory_maps`` also counts the pages of every mapping, which is slow.
+    """
     try:
         lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
     except OSError:
@@ -23,8 +28,7 @@ def remove_orphans(files: Iterable[Path]) -> list[Path]:
 
     This process may still have a killed process's file mapped for reading; that does not keep the file.
     """
-    others = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
-    in_use = {file for pid in others if pid != os.getpid() for file in held_files(pid)}
+    in_use = {file for pid in psutil.pids() if pid != os.getpid() for file in held_files(pid)}
     removed = [file for file in sorted(set(files) - in_use) if file.exists()]
     for file in removed:
         file.unlink(missing_ok=True)

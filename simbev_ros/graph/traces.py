@@ -6,10 +6,14 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import psutil
+
 from simbev_ros.graph.shared_memory import held_files, remove_orphans
 
 _PREFIX = "simbev_ros-"
 _FILE = "traces.json"
+_MAX_CLOCK_STEP_S = 60.0
+"""Start times this close are equal: the system derives them from a wall clock that may be adjusted in between."""
 
 
 class Traces:
@@ -42,7 +46,9 @@ class Traces:
 
     def _write(self) -> None:
         written = self.folder / f"{_FILE}.part"
-        written.write_text(json.dumps({"pid": os.getpid(), "files": sorted(map(str, self._files))}))
+        process = psutil.Process()
+        record = {"pid": process.pid, "started_s": process.create_time(), "files": sorted(map(str, self._files))}
+        written.write_text(json.dumps(record))
         written.rename(self.folder / _FILE)
 
 
@@ -53,7 +59,7 @@ def sweep() -> None:
             if path.stat().st_uid != os.getuid():
                 continue
             left = json.loads(path.read_text())
-            if _is_alive(int(left["pid"])):
+            if _is_alive(int(left["pid"]), float(left.get("started_s", 0.0))):
                 continue
             files = [Path(file) for file in left["files"]]
             remove_orphans(files)
@@ -64,9 +70,11 @@ def sweep() -> None:
         shutil.rmtree(path.parent, ignore_errors=True)
 
 
-def _is_alive(pid: int) -> bool:
-    """Whether a process with this pid runs Python; pids are reused."""
+def _is_alive(pid: int, started_s: float) -> bool:
+    """Whether the process with this pid and start time, s since 1970, still runs: pids are reused, so both count."""
     try:
-        return b"python" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
+        process = psutil.Process(pid)
+        is_same = abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
+        return is_same and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
         return False

@@ -74,7 +74,8 @@ def _is_alive(pid: int, started_s: float) -> bool:
     """Whether the process with this pid and start time, s since 1970, still runs: pids are reused, so both count."""
     try:
         process = psutil.Process(pid)
-        is_same = abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
-        return is_same and process.status() != psutil.STATUS_ZOMBIE
+        is_same: bool = abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
+        is_zombie: bool = process.status() == psutil.STATUS_ZOMBIE
+        return is_same and not is_zombie
     except psutil.NoSuchProcess:
         return False

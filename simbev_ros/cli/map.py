@@ -28,6 +28,7 @@ from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_position, statistics_of
+from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.production.surroundings import build_missing_regions
 from simbev_ros.types import Float64Array
 
@@ -127,6 +128,7 @@ def _write_pictures(
     from simbev_ros.viz.street.street_view import street_view
     from simbev_ros.viz.street.viewpoint import street_place
 
+    keep_freed_memory()
     write_picture(out.with_name(f"{out.stem}-above.png"), above(network, static, center_m))
     place = street_place(network, static.tiles, center_m, within_m)
     write_picture(out.with_name(f"{out.stem}-street.png"), street_view(network, static, *place))

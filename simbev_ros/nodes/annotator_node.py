@@ -4,7 +4,6 @@ Labels that follow from the world state alone are published at once. Boxes also 
 hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick.
 """
 
-import gc
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -37,9 +36,9 @@ from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.sensor_join import SensorJoin
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.palette import bev_color
+from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.image_codecs import decode_labels
 from simbev_ros.render.frame import CameraView
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES
@@ -63,9 +62,10 @@ class _Tick(NamedTuple):
 class AnnotatorNode(Participant):
     """Annotates every tick of a scene and publishes the labels."""
 
+    reuses_large_buffers = True
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        keep_freed_memory()
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"
         )
@@ -82,19 +82,17 @@ class AnnotatorNode(Participant):
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there), advertise topics, subscribe to sensors."""
-        gc.unfreeze()
-        static = self._surroundings.load_if_changed(spec, meshes_radius_m(spec.annotation))
-        if static is not None:
-            self._meshes = MeshAnnotators(static, load_models())
-        assert self._meshes is not None
-        self._network = load_network(spec.map)
-        self._scene = SceneAnnotator(spec, self._network, self._meshes)
+        with freeze_after_loading():
+            static = self._surroundings.load_if_changed(spec, meshes_radius_m(spec.annotation))
+            if static is not None:
+                self._meshes = MeshAnnotators(static, load_models())
+            assert self._meshes is not None
+            self._network = load_network(spec.map)
+            self._scene = SceneAnnotator(spec, self._network, self._meshes)
         self._subscribe_to_sensors(spec)
         self._topics = annotation_topics(spec)
         for topic in (*self._topics.recorded, *self._topics.grids.values()):
             self.advertise(topic)
-        gc.collect()
-        gc.freeze()  # maps consist of many objects, which the collector would otherwise scan again and again
         return [topic.name for topic in self._topics.recorded]
 
     def _subscribe_to_sensors(self, spec: SceneSpec) -> None:

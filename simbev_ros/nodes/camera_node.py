@@ -41,6 +41,8 @@ class _Output(NamedTuple):
 class CameraNode(Participant):
     """Renders the images of the cameras that its parameter ``sensors`` names."""
 
+    reuses_large_buffers = True
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._names = self.declare_read_only(

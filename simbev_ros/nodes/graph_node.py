@@ -25,9 +25,12 @@ class GraphNode(Node):
     Attributes:
         takes_message_info: Whether it has callbacks that take message and message info, which rclpy's events executor
             cannot call.
+        reuses_large_buffers: Whether it allocates and frees large arrays at each tick, so that its process had better
+            keep freed memory.
     """
 
     takes_message_info = False
+    reuses_large_buffers = False
 
     def __init__(self, name: str) -> None:
         use_sim_time = Parameter("use_sim_time", Parameter.Type.BOOL, True)

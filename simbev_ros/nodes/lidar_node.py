@@ -12,7 +12,6 @@ from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ray_view_radius_m
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
@@ -40,9 +39,10 @@ class _Mounted(NamedTuple):
 class LidarNode(Participant):
     """Serves all lidars of the rig, which share one ray casting scene."""
 
+    reuses_large_buffers = True
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        keep_freed_memory()
         self._surroundings = Surroundings()
         self._rays: RayScene | None = None
         self._mounted: list[_Mounted] = []

@@ -18,6 +18,7 @@ from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.errors import DiskError, InputError, SimbevError
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lifeline import end_with_supervisor
+from simbev_ros.process_memory import keep_freed_memory
 
 KINDS = ("world", *SENSOR_KINDS, "annotator", "recorder", "evaluator")
 """Kinds of nodes; each kind of sensor has a node kind of the same name."""
@@ -35,13 +36,13 @@ def main(arguments: list[str] | None = None) -> int:
     end_with_supervisor()
     stop = _StopFlag()
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    nodes = []
+    nodes: list[GraphNode] = []
     try:
-        for word in remove_ros_args(arguments)[1:]:
-            kind, _, name = word.partition(":")
-            if kind not in KINDS:
-                raise InputError(f"there is no node kind {kind!r}; allowed: {', '.join(KINDS)}")
-            nodes.append(node_class(kind)(name or kind))
+        requested = [_requested_node(word) for word in remove_ros_args(arguments)[1:]]
+        if any(kind.reuses_large_buffers for kind, _ in requested):
+            keep_freed_memory()
+        for kind, name in requested:
+            nodes.append(kind(name))
         executor = _make_executor(takes_message_info=any(node.takes_message_info for node in nodes))
         for node in nodes:
             executor.add_node(node)
@@ -56,6 +57,14 @@ def main(arguments: list[str] | None = None) -> int:
             node.destroy_node()
         rclpy.shutdown()
     return 0
+
+
+def _requested_node(word: str) -> tuple[type[GraphNode], str]:
+    """Class and name of a node requested as ``KIND:NAME`` or ``KIND``."""
+    kind, _, name = word.partition(":")
+    if kind not in KINDS:
+        raise InputError(f"there is no node kind {kind!r}; allowed: {', '.join(KINDS)}")
+    return node_class(kind), name or kind
 
 
 def node_class(kind: str) -> type[GraphNode]:

@@ -40,7 +40,6 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.reader import RawMessage
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -56,9 +55,10 @@ class RecorderNode(GraphNode):
     closed.
     """
 
+    reuses_large_buffers = True
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        keep_freed_memory()
         self._dataset = Path(
             self.declare_read_only("dataset", "", "Folder of the dataset into which scenes are written")
         )

@@ -34,6 +34,7 @@ from simbev_ros.msgs.world import (
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
+from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
 from simbev_ros.scene.legend import legend
@@ -86,6 +87,16 @@ class WorldNode(GraphNode):
         """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
         self.close()
         self._request, self._end = request, None
+        with freeze_after_loading():
+            self._source = self._load(request)
+        self._ending = SceneEndDetector(request.spec, self._source.available)
+        for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
+            self._source.step()
+        self._next_tick = -request.spec.lead_in_ticks
+        self._pacer.start()
+
+    def _load(self, request: SceneRequest) -> StateSource:
+        """Load and announce a scene; return the source of its states."""
         spec = request.spec
         network = load_network(spec.map)
         for topic in (*topics.unrecorded_world_topics(), *topics.world_topics(spec)):
@@ -101,12 +112,7 @@ class WorldNode(GraphNode):
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
         self._publish_lights(spec, streetside)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
-        self._source = _make_source(request, network, streetside)
-        self._ending = SceneEndDetector(spec, self._source.available)
-        for _ in range(spec.warm_up_ticks - spec.lead_in_ticks):
-            self._source.step()
-        self._next_tick = -spec.lead_in_ticks
-        self._pacer.start()
+        return _make_source(request, network, streetside)
 
     def _publish_lights(self, spec: SceneSpec, streetside: Streetside) -> None:
         self.publish(topics.LIGHTS, lights_message(street_lights(spec.lights, streetside.light_m), spec.start_ns))

@@ -132,10 +132,9 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
     for index in range(processes):
         parameters = {
             "sensors": cameras[index::processes],
-            "jpeg_quality": scenario.recording.jpeg_quality,
-            "quality": scenario.rendering.quality,
-            "device": str(scenario.rendering.device_of(index)),
-            "turn": index,
+            "recording": scenario.recording.model_dump_json(),
+            "rendering": scenario.rendering.model_dump_json(),
+            "process": index,
         }
         yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)
 

@@ -6,14 +6,14 @@ An image is drawn, read back, encoded and sent only if its topic has a reader; a
 import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.camera import Camera, Modality
-from simbev_ros.config.rendering import QUALITIES, Device, Quality, Rendering
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
-from simbev_ros.errors import InputError
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
 from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics
 from simbev_ros.nodes.participant import Participant
@@ -51,22 +51,12 @@ class CameraNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Record the compressed image topics instead of the raw ones"
         )
-        self._jpeg_quality = self.declare_read_only(
-            "jpeg_quality", Recording().jpeg_quality, "JPEG quality of color images, 1 to 100"
-        )
-        self._quality = _quality(
-            self.declare_read_only("quality", Rendering().quality, "Rendering quality: low, medium or high")
-        )
-        device = self.declare_read_only(
-            "device", "auto", "auto (a GPU, else the CPU), cpu, or the number of an EGL device"
-        )
-        self._device = _device(device)
-        self._turn = self.declare_read_only(
-            "turn", 0, "With device auto: index of the GPU to try first, modulo their number"
-        )
-        open_context(
-            self._device, self._turn
-        ).release()  # a machine that cannot draw is reported before anything is loaded
+        self._jpeg_quality = self.declare_section("recording", Recording).jpeg_quality
+        rendering = self.declare_section("rendering", Rendering)
+        process = self.declare_read_only("process", 0, "Index of this process among those that share the rig's cameras")
+        self._quality = rendering.quality
+        self._open_context = partial(open_context, rendering.device_of(process), process)
+        self._open_context().release()  # a machine that cannot draw is reported before anything is loaded
         self._renderer: Renderer | None = None
         self._surroundings = Surroundings()
         self._cameras: list[Camera] = []
@@ -80,7 +70,7 @@ class CameraNode(Participant):
         if static is not None:
             if self._renderer is not None:
                 self._renderer.close()
-            self._renderer = Renderer(static, load_models(), open_context(self._device, self._turn), self._quality)
+            self._renderer = Renderer(static, load_models(), self._open_context(), self._quality)
         assert self._renderer is not None
         self._renderer.set_lights(spec.lights)
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
@@ -160,22 +150,3 @@ class CameraNode(Participant):
         self._encoders.shutdown()
         if self._renderer is not None:
             self._renderer.close()
-
-
-def _quality(name: str) -> Quality:
-    """Check the parameter ``quality``."""
-    for quality in QUALITIES:
-        if quality == name:
-            return quality
-    raise InputError(f"parameter quality is {name!r}; allowed: {', '.join(QUALITIES)}")
-
-
-def _device(name: str) -> Device:
-    """Convert the parameter ``device``."""
-    if name == "auto":
-        return "auto"
-    if name == "cpu":
-        return "cpu"
-    if not name.isdecimal():
-        raise InputError(f"parameter device is {name!r}; allowed: auto, cpu, or the number of an EGL device")
-    return int(name)

@@ -61,8 +61,7 @@ class EvaluatorNode(GraphNode):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        section = self.declare_read_only("evaluation", "{}", "The configuration's section evaluation, as JSON")
-        self._evaluation = Evaluation.model_validate_json(section)
+        self._evaluation = self.declare_section("evaluation", Evaluation)
         files = [self.declare_read_only("figures", "", "File for the figures of all scenes up to now; empty: none")]
         files.append(
             self.declare_read_only("asked_figures", "", "A second such file, or a folder for one file per scene")

@@ -1,8 +1,9 @@
 """The base class of all nodes of the graph: parameters with descriptors, reports of finished ticks, diagnostics."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from pydantic import ValidationError
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -10,6 +11,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 
+from simbev_ros.config.base import Model
+from simbev_ros.errors import InputError
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
@@ -17,6 +20,8 @@ from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.load_meter import LoadMeter
 from simbev_ros.scene.spec import SceneSpec
+
+Section = TypeVar("Section", bound=Model)
 
 
 class GraphNode(Node):
@@ -58,6 +63,20 @@ class GraphNode(Node):
             descriptor.type = ParameterType.PARAMETER_STRING_ARRAY
             return list(self.declare_parameter(name, Parameter.Type.STRING_ARRAY, descriptor).value or [])
         return self.declare_parameter(name, default, descriptor).value
+
+    def declare_section(self, name: str, model: type[Section]) -> Section:
+        """Declare a read-only parameter with a section of the configuration as JSON; return the validated section.
+
+        Raises:
+            InputError: The parameter is no JSON, or a value in it is not allowed.
+        """
+        text = self.declare_read_only(name, "{}", f"The configuration's section {name}, as JSON; {{}}: all defaults")
+        try:
+            return model.model_validate_json(text)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, (name, *first["loc"])))
+            raise InputError(f"parameter {where}: {first['msg']}") from None
 
     def advertise(self, topic: Topic) -> None:
         """Create the publisher of a topic unless it exists."""

@@ -63,8 +63,7 @@ class RecorderNode(GraphNode):
             self.declare_read_only("dataset", "", "Folder of the dataset into which scenes are written")
         )
         self._config = self.declare_read_only("config", "", "The configuration as YAML, attached to each bag")
-        recording = self.declare_read_only("recording", "{}", "The configuration's section recording, as JSON")
-        self._recording = Recording.model_validate_json(recording)
+        self._recording = self.declare_section("recording", Recording)
         self._subscriptions_by_topic: dict[str, Any] = {}
         self._spec: SceneSpec | None = None
         self._end: SceneEnd | None = None

@@ -1,11 +1,13 @@
 """A configuration leads to the right processes, nodes and parameters; nothing is started."""
 
+from collections.abc import Sequence
+
 import pytest
 from pydantic import ValidationError
 
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.rendering import Rendering
+from simbev_ros.config.rendering import Device, Rendering
 from simbev_ros.config.scenario import GraphConfig, Scenario
 from simbev_ros.graph.plan import NodePlan, input_topic, plan_processes, stack_command
 
@@ -20,24 +22,34 @@ def cameras(number: int, **rendering: object) -> list[NodePlan]:
     ]
 
 
+def rendering_of(node: NodePlan) -> Rendering:
+    return Rendering.model_validate_json(str(node.parameters["rendering"]))
+
+
+def devices(nodes: Sequence[NodePlan]) -> list[Device]:
+    return [rendering_of(node).device_of(int(str(node.parameters["process"]))) for node in nodes]
+
+
 def test_one_camera_process_serves_the_whole_rig() -> None:
     [node] = cameras(1)
-    assert (node.name, node.parameters["device"], node.parameters["quality"]) == ("camera", "auto", "medium")
+    assert (node.name, node.parameters["process"]) == ("camera", 0)
+    assert rendering_of(node) == Rendering()
     assert len(set(node.parameters["sensors"])) == 6  # type: ignore[call-overload]
 
 
 def test_several_processes_share_the_cameras_and_the_gpus() -> None:
     nodes = cameras(4, gpus=[2, 5], quality="low")
     assert [node.name for node in nodes] == ["camera_0", "camera_1", "camera_2", "camera_3"]
-    assert [node.parameters["device"] for node in nodes] == ["2", "5", "2", "5"]
-    assert {node.parameters["quality"] for node in nodes} == {"low"}
+    assert devices(nodes) == [2, 5, 2, 5]
+    assert {rendering_of(node).quality for node in nodes} == {"low"}
     names = [name for node in nodes for name in node.parameters["sensors"]]  # type: ignore[attr-defined]
     assert len(names) == len(set(names)) == 6
 
 
 def test_gpus_found_by_egl_are_used_in_turn_and_an_empty_list_means_the_cpu() -> None:
-    assert [(n.parameters["device"], n.parameters["turn"]) for n in cameras(2)] == [("auto", 0), ("auto", 1)]
-    assert [node.parameters["device"] for node in cameras(2, gpus=[])] == ["cpu", "cpu"]
+    assert devices(cameras(2)) == ["auto", "auto"]
+    assert [node.parameters["process"] for node in cameras(2)] == [0, 1]
+    assert devices(cameras(2, gpus=[])) == ["cpu", "cpu"]
 
 
 @pytest.mark.parametrize(

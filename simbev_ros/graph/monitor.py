@@ -76,7 +76,7 @@ class GraphMonitor:
     def silent_nodes(self, timeout_s: float) -> list[str]:
         """Names of the nodes that hold up the graph.
 
-        These are own nodes that have sent nothing for ``timeout_s``; else, if no tick has been reported for that
+        These are own nodes that have sent nothing for ``timeout_s``; else, if no report has counted for that
         long, the participants that are furthest behind.
         """
         now_s = time.monotonic()
@@ -101,9 +101,10 @@ class GraphMonitor:
 
     def _on_ready(self, message: Header) -> None:
         stamp_ns = stamp_of(message.stamp)
-        for each in (self.behind_world, self.world, self.writers):
-            each.record_report(message.frame_id, stamp_ns)
-        self._progress_s = time.monotonic()
+        groups = (self.behind_world, self.world, self.writers)
+        counts = [each.record_report(message.frame_id, stamp_ns) for each in groups]
+        if any(counts):
+            self._progress_s = time.monotonic()
         self._note_sign_of_life(message.frame_id.partition(":")[0])
 
     def _on_end(self, message: String) -> None:

@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -131,8 +131,10 @@ class GraphSession:
         while writers.laggards() and ((done := writers.finished_by_all()) is None or done <= last_tick):
             if time.monotonic() > end_s:
                 if not self._live:
-                    late = ", ".join(writers.laggards())
-                    self._fail(f"node {late} has not closed its file within {patience_s:g} s, after tick {last_tick}")
+                    late = writers.laggards()
+                    files = "its file" if len(late) == 1 else "their files"
+                    waited = f"within {patience_s:g} s, after tick {last_tick}"
+                    self._fail(f"{_nodes_have(late)} not closed {files} {waited}")
                 return
             self.monitor.spin(_POLL_S)
             self._check(last_tick)
@@ -171,9 +173,9 @@ class GraphSession:
                     raise refusal
                 self._fail(f"{process.title} died {where}: {process.describe_end()}")
         timeout_s = self._scenario.graph.silence_timeout_s
-        silent = self.monitor.silent_nodes(timeout_s)
-        if silent:
-            self._fail(f"node {', '.join(silent)} has been silent for {timeout_s:g} s, {where}")
+        if silent := self.monitor.silent_nodes(timeout_s):
+            early = self.monitor.behind_world.describe_early_reports()
+            self._fail("; ".join([f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *early]))
 
     def _fail(self, message: str) -> None:
         self._failed = True
@@ -193,3 +195,8 @@ class GraphSession:
             self._monitor.close()
         self._traces.remove(keep_logs=self._failed)
         self._lock.close()
+
+
+def _nodes_have(names: Sequence[str]) -> str:
+    """Subject and auxiliary verb of a sentence about one or several nodes."""
+    return f"node {names[0]} has" if len(names) == 1 else f"nodes {', '.join(names)} have"

@@ -21,18 +21,39 @@ class Lockstep:
         self._window_ticks = window_ticks
         self._spec: SceneSpec | None = None
         self._finished: dict[str, int] = {}
+        self._early_stamps_ns: dict[str, int] = {}
 
     def start_scene(self, spec: SceneSpec) -> None:
         """Expect the reports of a new scene, of which no participant has finished anything."""
         self._spec = spec
-        self._finished = {}
+        self._finished, self._early_stamps_ns = {}, {}
 
-    def record_report(self, frame_id: str, stamp_ns: int) -> None:
-        """Record a report ``name:scene`` of the tick at a stamp; other scenes and unknown names are ignored."""
+    def record_report(self, frame_id: str, stamp_ns: int) -> bool:
+        """Record a report ``name:scene`` of the tick at a stamp; return whether it counts.
+
+        Reports of other scenes and from unknown nodes are ignored, and so are those of ticks so early that the scene
+        could not even start: they do not mean that the participant has loaded it (see ``describe_early_reports``).
+        """
         name, _, scene = frame_id.partition(":")
-        if self._spec is not None and scene == self._spec.name and name in self._participants:
-            tick = self._spec.tick_of(stamp_ns)
-            self._finished[name] = max(tick, self._finished.get(name, tick))
+        if self._spec is None or scene != self._spec.name or name not in self._participants:
+            return False
+        tick = self._spec.tick_of(stamp_ns)
+        if tick < -self._spec.lead_in_ticks - self._window_ticks:
+            self._early_stamps_ns[name] = stamp_ns
+            return False
+        self._finished[name] = max(tick, self._finished.get(name, tick))
+        return True
+
+    def describe_early_reports(self) -> list[str]:
+        """A phrase for each participant whose reports all precede the scene, with the stamp of the latest one."""
+        if self._spec is None:
+            return []
+        first_ns = self._spec.stamp_ns(self._spec.loaded_tick)
+        return [
+            f"{name} has reported stamp {stamp_ns} ns, which precedes the scene; its first should be {first_ns} ns"
+            for name, stamp_ns in self._early_stamps_ns.items()
+            if name not in self._finished
+        ]
 
     @property
     def all_loaded(self) -> bool:

@@ -55,3 +55,33 @@ def test_a_late_report_of_an_earlier_tick_is_ignored() -> None:
         report(lock, "camera", tick)
         report(lock, "lidar", 9)
     assert lock.finished_by_all() == 4
+
+
+def test_a_report_before_the_scene_does_not_count_as_loaded() -> None:
+    lock = lockstep(3)
+    report(lock, "camera", SPEC.loaded_tick)
+    assert not lock.record_report(f"lidar:{SPEC.name}", 0)
+    assert lock.finished_by_all() is None
+    assert lock.laggards() == ["lidar"]
+    first_ns = SPEC.stamp_ns(SPEC.loaded_tick)
+    assert lock.describe_early_reports() == [
+        f"lidar has reported stamp 0 ns, which precedes the scene; its first should be {first_ns} ns"
+    ]
+    report(lock, "lidar", SPEC.loaded_tick)
+    assert lock.may_start(-SPEC.lead_in_ticks)
+    assert lock.describe_early_reports() == []
+
+
+def test_the_earliest_report_that_counts_lets_the_scene_start() -> None:
+    lock = lockstep(3)
+    for name in ("camera", "lidar"):
+        report(lock, name, -SPEC.lead_in_ticks - 3)
+    assert lock.may_start(-SPEC.lead_in_ticks)
+    report(lock, "camera", -SPEC.lead_in_ticks - 4)
+    assert lock.describe_early_reports() == []
+
+
+def test_reports_of_participants_count_also_when_a_scene_starts_again() -> None:
+    lock = lockstep(1)
+    assert all(lock.record_report(f"camera:{SPEC.name}", SPEC.stamp_ns(tick)) for tick in (0, 1, 0))
+    assert not lock.record_report(f"stranger:{SPEC.name}", SPEC.stamp_ns(1))

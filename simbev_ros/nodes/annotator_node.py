@@ -21,7 +21,6 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
-from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs.annotation_topics import annotation_topics, read_by_annotator, viewing_cameras
 from simbev_ros.msgs.images import image_message, labels_of_image
 from simbev_ros.msgs.markers import box_markers
@@ -69,10 +68,7 @@ class AnnotatorNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"
         )
-        self._surroundings = Surroundings()
-        self._meshes: MeshAnnotators | None = None
-        self._scene: SceneAnnotator | None = None
-        self._network: RoadNetwork | None = None
+        self._surroundings = Surroundings(lambda static: MeshAnnotators(static, load_models()))
         self._views = ViewAnnotator(load_models())
         self._sensors: dict[str, Topic] = {}
         self._subscriptions_of: dict[str, Any] = {}
@@ -83,12 +79,9 @@ class AnnotatorNode(Participant):
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there), advertise topics, subscribe to sensors."""
         with freeze_after_loading():
-            static = self._surroundings.load_if_changed(spec, meshes_radius_m(spec.annotation))
-            if static is not None:
-                self._meshes = MeshAnnotators(static, load_models())
-            assert self._meshes is not None
+            meshes = self._surroundings.load(spec, meshes_radius_m(spec.annotation))
             self._network = load_network(spec.map)
-            self._scene = SceneAnnotator(spec, self._network, self._meshes)
+            self._scene = SceneAnnotator(spec, self._network, meshes)
         self._subscribe_to_sensors(spec)
         self._topics = annotation_topics(spec)
         for topic in (*self._topics.recorded, *self._topics.grids.values()):
@@ -125,7 +118,6 @@ class AnnotatorNode(Participant):
         """Annotate a tick and publish all but its boxes, which wait for the messages of the sensors."""
         if state.tick < 0:
             return
-        assert self._scene is not None and self._network is not None
         if not self._has_begun:  # a bag that is played back may lack topics of the scene's rig
             self._has_begun = True
             self._join.give_up(name for name, topic in self._sensors.items() if not self._is_sent(topic))

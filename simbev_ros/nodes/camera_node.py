@@ -11,6 +11,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
@@ -57,22 +58,18 @@ class CameraNode(Participant):
         self._quality = rendering.quality
         self._open_context = partial(open_context, rendering.device_of(process), process)
         self._open_context().release()  # a machine that cannot draw is reported before anything is loaded
-        self._renderer: Renderer | None = None
-        self._surroundings = Surroundings()
+        self._surroundings = Surroundings(self._make_renderer, Renderer.close)
         self._cameras: list[Camera] = []
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
         self._previous: dict[int, WorldState] = {}
         self._encoders = ThreadPoolExecutor(max_workers=os.cpu_count())
 
+    def _make_renderer(self, static: StaticScene) -> Renderer:
+        return Renderer(static, load_models(), self._open_context(), self._quality)
+
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the cameras' topics."""
-        static = self._surroundings.load_if_changed(spec)
-        if static is not None:
-            if self._renderer is not None:
-                self._renderer.close()
-            self._renderer = Renderer(static, load_models(), self._open_context(), self._quality)
-        assert self._renderer is not None
-        self._renderer.set_lights(spec.lights)
+        self._surroundings.load(spec).set_lights(spec.lights)
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
@@ -105,7 +102,6 @@ class CameraNode(Participant):
 
     def _render(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> list[_Output]:
         """Render the outputs that have readers; return all outputs, with the images of the rendered ones."""
-        assert self._renderer is not None
         wanted: dict[str, list[_Output]] = {}
         for output in outputs:
             if output.raw or output.compressed:
@@ -114,7 +110,7 @@ class CameraNode(Participant):
             CameraView.from_config(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
             for each in wanted.values()
         ]
-        images = dict(zip(wanted, self._renderer.render(views, frame), strict=True)) if views else {}
+        images = dict(zip(wanted, self._surroundings.built.render(views, frame), strict=True)) if views else {}
         return [
             output._replace(image=getattr(images.get(output.camera.name), output.modality, None)) for output in outputs
         ]
@@ -148,5 +144,4 @@ class CameraNode(Participant):
     def close(self) -> None:
         """Stop the encoding threads and free the GL resources."""
         self._encoders.shutdown()
-        if self._renderer is not None:
-            self._renderer.close()
+        self._surroundings.close()

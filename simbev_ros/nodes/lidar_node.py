@@ -43,8 +43,7 @@ class LidarNode(Participant):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._surroundings = Surroundings()
-        self._rays: RayScene | None = None
+        self._surroundings = Surroundings(lambda static: RayScene(static, load_models()))
         self._mounted: list[_Mounted] = []
         self._reach_m = 0.0
         self._states: list[WorldState] = []
@@ -53,9 +52,7 @@ class LidarNode(Participant):
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
         lidars = spec.rig.of_type(Lidar)
         self._reach_m = max((_reach_m(lidar) for lidar in lidars), default=0.0)
-        static = self._surroundings.load_if_changed(spec, ray_view_radius_m(lidar.range_m for lidar in lidars))
-        if static is not None:
-            self._rays = RayScene(static, load_models())
+        self._surroundings.load(spec, ray_view_radius_m(lidar.range_m for lidar in lidars))
         self._mounted, self._states = [], []
         recorded = []
         for lidar in lidars:
@@ -82,17 +79,16 @@ class LidarNode(Participant):
             self._scan(spec, state, settings, alike)
         expired_tick = state.tick - max((mounted.settings.turn_ticks for mounted in self._mounted), default=0)
         self._states = [each for each in (*self._states, state) if each.tick > expired_tick]
-        if self._rays is not None:
-            self._rays.build_ahead(predicted_position_m(state), self._reach_m)
+        self._surroundings.built.build_ahead(predicted_position_m(state), self._reach_m)
 
     def _scan(self, spec: SceneSpec, state: WorldState, settings: _RaySettings, alike: Iterable[_Mounted]) -> None:
         """Scan with the lidars of equal ray settings and publish their clouds."""
-        assert self._rays is not None
+        rays = self._surroundings.built
         earlier = [each for each in self._states if each.tick >= state.tick - settings.turn_ticks]
         hidden_ids = frozenset() if settings.hits_own_vehicle else state.ego_ids
-        self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
+        rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
         for lidar, model, _, topics in alike:
-            scan = model.scan(self._rays, state, earlier)
+            scan = model.scan(rays, state, earlier)
             frame = f"{spec.rig.agent}/{lidar.name}"
             for topic, table in ((topics.points, scan.points), (topics.semantic_points, scan.semantic_points)):
                 if topic is not None and table is not None and state.tick >= 0:

@@ -30,8 +30,7 @@ class RadarNode(Participant):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._surroundings = Surroundings()
-        self._rays: RayScene | None = None
+        self._surroundings = Surroundings(lambda static: RayScene(static, load_models()))
         self._reach_m = 0.0  # maximum over all radars, from the ego's origin
         self._mounted: list[_Mounted] = []
         self._previous: WorldState | None = None
@@ -42,9 +41,7 @@ class RadarNode(Participant):
         self._reach_m = max(
             (radar.range_m + math.hypot(radar.pose.x_m, radar.pose.y_m) for radar in radars), default=0.0
         )
-        static = self._surroundings.load_if_changed(spec, ray_view_radius_m(radar.range_m for radar in radars))
-        if static is not None:
-            self._rays = RayScene(static, load_models())
+        self._surroundings.load(spec, ray_view_radius_m(radar.range_m for radar in radars))
         self._previous = None
         self._mounted = []
         for radar in radars:
@@ -62,12 +59,12 @@ class RadarNode(Participant):
         """Cast and publish the scans that are due; rays pass through the ego and its rider."""
         due = [mounted for mounted in self._mounted if mounted.is_due(state.tick)]
         if due:
-            assert self._rays is not None
-            self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
-            clouds = scan_radars([model for model, _ in due], self._rays, state, self._previous)
+            rays = self._surroundings.built
+            rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
+            clouds = scan_radars([model for model, _ in due], rays, state, self._previous)
             if state.tick >= 0:  # scans of the lead-in only warm up the ray caster
                 for (model, topic), cloud in zip(due, clouds, strict=True):
                     frame = f"{spec.rig.agent}/{model.radar.name}"
                     self.publish(topic.name, message_from_table(cloud, state.stamp_ns, frame))
-            self._rays.build_ahead(predicted_position_m(state), self._reach_m)
+            rays.build_ahead(predicted_position_m(state), self._reach_m)
         self._previous = state

@@ -1,6 +1,7 @@
 """Loads the static scene around the ego for the nodes that render it, cast rays into it or annotate it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
 from simbev_ros.assets.placement.static_scene import StaticScene
@@ -19,20 +20,30 @@ _MAX_MOUNT_M = 30.0
 
 _LOOKAHEAD_S = 1.0
 
+_Built = TypeVar("_Built")
 _Key = tuple[MapSpec, Reach | None]
 
 _loaded: WeakValueDictionary[_Key, StaticScene] = WeakValueDictionary()
 """Scenes shared by the nodes of a process, as long as one of them holds the scene."""
 
 
-class Surroundings:
-    """Tracks which static scene a node has loaded, so that scenes of one region load it once."""
+class Surroundings(Generic[_Built]):
+    """Builds what a node needs from the static scene around the ego, once for all scenes of one region.
 
-    def __init__(self) -> None:
+    Args:
+        build: Makes, for instance, a renderer from a static scene.
+        release: Frees the resources of what was built.
+    """
+
+    def __init__(
+        self, build: Callable[[StaticScene], _Built], release: Callable[[_Built], None] = lambda _: None
+    ) -> None:
+        self._build, self._release = build, release
         self._key: _Key | None = None
+        self._built: _Built | None = None
 
-    def load_if_changed(self, spec: SceneSpec, view_m: float = VIEW_M) -> StaticScene | None:
-        """Load the static scene that a scene needs; return None if the node's current one still suffices.
+    def load(self, spec: SceneSpec, view_m: float = VIEW_M) -> _Built:
+        """Load the static scene that a scene needs and build from it, unless the current one suffices.
 
         Args:
             spec: The scene.
@@ -40,13 +51,25 @@ class Surroundings:
         """
         network = load_network(spec.map)
         key = spec.map, loaded_reach(spec, network, view_m)
-        if key == self._key:
-            return None
-        static = _loaded.get(key)
-        if static is None:
-            static = _loaded[key] = load_static_scene(spec.map, network, reach=key[1])
-        self._key = key
-        return static
+        if key != self._key:
+            static = _loaded.get(key)
+            if static is None:
+                static = _loaded[key] = load_static_scene(spec.map, network, reach=key[1])
+            self.close()
+            self._built, self._key = self._build(static), key
+        return self.built
+
+    @property
+    def built(self) -> _Built:
+        """What was built for the current scene."""
+        assert self._built is not None, "no scene has been loaded"
+        return self._built
+
+    def close(self) -> None:
+        """Release what was built; further calls do nothing."""
+        if self._built is not None:
+            self._release(self._built)
+        self._built = self._key = None
 
 
 def ray_view_radius_m(ranges_m: Iterable[float]) -> float:

@@ -11,7 +11,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
-from simbev_ros.nodes import camera_node
+from simbev_ros.nodes import camera_node, surroundings
 from simbev_ros.nodes.camera_node import CameraNode
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
@@ -62,7 +62,9 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A camera node that has started a scene and collects what it publishes in ``sent``."""
     monkeypatch.setattr(camera_node, "Renderer", FakeRenderer)
     monkeypatch.setattr(camera_node, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
-    monkeypatch.setattr(camera_node.Surroundings, "load_if_changed", lambda *_: object())
+    monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
+    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: object())
+    monkeypatch.setattr(surroundings, "_loaded", {})
     rclpy.init(domain_id=39)
     made: Any = CameraNode("camera")
     made.sent = []
@@ -81,7 +83,7 @@ def set_readers(node: Any, monkeypatch: pytest.MonkeyPatch, *names: str) -> None
 def play(node: Any, spec: SceneSpec, ticks: Sequence[int]) -> list[Any]:
     for tick in ticks:
         node.process(spec, SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick)))
-    requests: list[Any] = node._renderer.requests
+    requests: list[Any] = node._surroundings.built.requests
     return requests
 
 

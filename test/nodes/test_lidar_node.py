@@ -13,7 +13,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.msgs.tables import table_from_message
-from simbev_ros.nodes import lidar_node
+from simbev_ros.nodes import lidar_node, surroundings
 from simbev_ros.nodes.lidar_node import LidarNode
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
@@ -46,7 +46,9 @@ def spec() -> SceneSpec:
 def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A lidar node that has started a scene and collects what it publishes in ``sent``."""
     monkeypatch.setattr(lidar_node, "load_models", lambda: MODELS)
-    monkeypatch.setattr(lidar_node.Surroundings, "load_if_changed", lambda *_: STATIC)
+    monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
+    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: STATIC)
+    monkeypatch.setattr(surroundings, "_loaded", {})
     rclpy.init(domain_id=39)
     made: Any = LidarNode("lidar")
     made.sent = []

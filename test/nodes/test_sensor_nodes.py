@@ -35,13 +35,11 @@ def context() -> Iterator[None]:
 def start_node(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[str]]:
     """Start a scene with one sensor on a node, without meshes and OpenGL; return the node and its recordable topics."""
     made_class = node_class(kind)
-    monkeypatch.setattr(Surroundings, "load_if_changed", lambda *_: None)
+    monkeypatch.setattr(Surroundings, "load", lambda *_: SimpleNamespace(set_lights=lambda _: None))
     if kind == "camera":
         module = __import__(made_class.__module__, fromlist=["open_context"])
         monkeypatch.setattr(module, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
     node: Any = made_class(kind)
-    if kind == "camera":
-        node._renderer = SimpleNamespace(set_lights=lambda _: None, close=lambda: None)
     return node, node.start_scene(made_up_spec([{"type": kind, "name": "some"}]))
 
 

@@ -160,7 +160,7 @@ class RecorderNode(GraphNode):
         last_tick = self._accounting.finished_tick
         if self.live:
             last_tick = max(last_tick, tick - _LIVE_GRACE_TICKS)
-        self._write_until(spec, last_tick)
+        self._write_until(spec, self._writer, last_tick)
         self._finish_after_last(spec)
 
     def _on_end(self, message: String) -> None:
@@ -170,21 +170,20 @@ class RecorderNode(GraphNode):
             self._accounting.end_at(end.tick + 1, {topics.EVENTS: end.events})
             self._finish_after_last(self._spec)
 
-    def _write_until(self, spec: SceneSpec, last_tick: int) -> None:
+    def _write_until(self, spec: SceneSpec, writer: SceneBagWriter, last_tick: int) -> None:
         while self._next_tick <= last_tick:
             with self.meter.busy():
-                self._write_tick(self._next_tick)
+                self._write_tick(writer, self._next_tick)
             self.report_finished(spec, self._next_tick)
             self._next_tick += 1
 
-    def _write_tick(self, tick: int) -> None:
-        assert self._writer is not None
+    def _write_tick(self, writer: SceneBagWriter, tick: int) -> None:
         messages = self._waiting.pop(tick, _message_lists())
         if tick == 0:
-            self._writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
+            writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
         if topics.MAP in messages:
             map_text = deserialize_message(messages[topics.MAP][0][1], String).data
-            self._writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
+            writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
         entries = [
             (stamp_ns, topic, payload)
             for topic in self._manifest.values()
@@ -193,7 +192,7 @@ class RecorderNode(GraphNode):
         for stamp_ns, payload in messages[topics.ACTORS]:
             self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
-            self._writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
+            writer.write(topic.name, stamp_ns, canonical(payload, topic.type))
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
         """Finish the bag if it contains the last tick and all events, which may arrive after their tick."""
@@ -219,7 +218,7 @@ class RecorderNode(GraphNode):
             return
         with suppress(DiskError):  # a full disk may be the reason for closing
             for tick in sorted(self._waiting):
-                self._write_tick(tick)
+                self._write_tick(self._writer, tick)
             self._add_tracks(self._writer)
         with suppress(DiskError):
             if self.live and self._next_tick > 0:

@@ -5,6 +5,7 @@ clock says so (live).
 """
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,28 @@ from simbev_ros.world.simulation import Simulation
 from simbev_ros.world.source import StateSource
 
 
+@dataclass
+class _LoadedScene:
+    """A scene that is loaded, plays or has ended.
+
+    Attributes:
+        request: The request for the scene.
+        source: Simulation or replay that computes its states.
+        ending: Decides when the scene ends.
+        end: How the scene has ended; None: it has not.
+    """
+
+    request: SceneRequest
+    source: StateSource
+    ending: SceneEndDetector
+    end: SceneEnd | None = None
+
+    @property
+    def spec(self) -> SceneSpec:
+        """Specification of the scene."""
+        return self.request.spec
+
+
 class WorldNode(GraphNode):
     """Plays one requested scene after the other."""
 
@@ -64,10 +87,7 @@ class WorldNode(GraphNode):
         )
         self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
         self._pacer = Pacer(live=self.live)
-        self._source: StateSource | None = None
-        self._request: SceneRequest | None = None
-        self._spec: SceneSpec | None = None
-        self._end: SceneEnd | None = None
+        self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
         self._transforms = TransformBroadcaster(self)
@@ -86,12 +106,11 @@ class WorldNode(GraphNode):
     def start(self, request: SceneRequest) -> None:
         """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
         self.close()
-        self._request, self._end = request, None
         with freeze_after_loading():
-            self._source = self._load(request)
-        self._ending = SceneEndDetector(request.spec, self._source.available)
+            source = self._load(request)
+        self._scene = _LoadedScene(request, source, SceneEndDetector(request.spec, source.available))
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
-            self._source.step()
+            source.step()
         self._next_tick = -request.spec.lead_in_ticks
         self._pacer.start()
 
@@ -105,7 +124,6 @@ class WorldNode(GraphNode):
         command = topics.agent_topic(spec.rig.agent, "cmd_vel")
         if spec.ego_driver == "twist" and command not in self._commands:
             self._commands[command] = self.create_subscription(Twist, command, self._on_command, 10)
-        self._spec = spec
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
         self.publish(topics.LEGEND, String(data=json.dumps(legend(network.signals))))
@@ -119,8 +137,8 @@ class WorldNode(GraphNode):
         self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
 
     def _on_command(self, message: Twist) -> None:
-        if self._source is not None:
-            self._source.drive_ego(message.linear.x, message.angular.z)
+        if self._scene is not None:
+            self._scene.source.drive_ego(message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
         self._lockstep.record_report(message.frame_id, stamp_of(message.stamp))
@@ -128,35 +146,34 @@ class WorldNode(GraphNode):
 
     def advance(self) -> None:
         """Start all ticks that participants, pause and the wall clock (live) allow."""
-        while self._may_start_tick():
-            self._tick()
+        scene = self._scene
+        while scene is not None and self._may_start_tick(scene):
+            self._tick(scene)
 
-    def _may_start_tick(self) -> bool:
-        spec = self._spec
-        if spec is None or self._source is None or self._end is not None:
+    def _may_start_tick(self, scene: _LoadedScene) -> bool:
+        if scene.end is not None:
             return False
-        if self._next_tick == -spec.lead_in_ticks and not self._connected():
+        if self._next_tick == -scene.spec.lead_in_ticks and not self._connected():
             return False
         # A live scene waits for all participants once: tick 0 starts when all have processed the lead-in.
         together = not self.live or self._next_tick <= 0
         if together and not self._lockstep.may_start(self._next_tick):
             return False
-        return self._pacer.take_due(spec.tick_ns)
+        return self._pacer.take_due(scene.spec.tick_ns)
 
     def _connected(self) -> bool:
         names = (topics.ACTORS, topics.SIGNALS, topics.WEATHER)
         recorded = not self._recorded or self.reader_count(topics.EVENTS) > 0
         return recorded and all(self.reader_count(name) >= self._state_readers for name in names)
 
-    def _tick(self) -> None:
-        assert self._spec is not None and self._source is not None
+    def _tick(self, scene: _LoadedScene) -> None:
         with self.meter.busy():
-            state = self._source.step()
-            self._end = self._ending.end_at(state)
-            if self._end is not None:  # published first: all nodes know it before they can finish the last tick
-                self.publish(topics.END, String(data=self._end.model_dump_json()))
-            self._publish_state(self._spec, state)
-        self.report_finished(self._spec, self._next_tick)
+            state = scene.source.step()
+            scene.end = scene.ending.end_at(state)
+            if scene.end is not None:  # published first: all nodes know it before they can finish the last tick
+                self.publish(topics.END, String(data=scene.end.model_dump_json()))
+            self._publish_state(scene.spec, state)
+        self.report_finished(scene.spec, self._next_tick)
         self._next_tick += 1
 
     def _publish_state(self, spec: SceneSpec, state: WorldState) -> None:
@@ -197,21 +214,21 @@ class WorldNode(GraphNode):
             refusal = "a scene that is recorded cannot start again"
         response.success = refusal is None
         response.message = refusal or "restarted"
-        if refusal is None and self._request is not None:
-            self.start(self._request)
+        if refusal is None and self._scene is not None:
+            self.start(self._scene.request)
         return response
 
     def _refusal(self) -> str | None:
         """Why the scene can neither be stepped nor restarted; None if it can."""
-        if self._source is None:
+        if self._scene is None:
             return "no scene has been loaded yet"
-        return None if self._end is None else "the scene has ended"
+        return None if self._scene.end is None else "the scene has ended"
 
     def close(self) -> None:
         """End the simulation or the replay."""
-        if self._source is not None:
-            self._source.close()
-            self._source = None
+        if self._scene is not None:
+            self._scene.source.close()
+            self._scene = None
 
 
 def _make_source(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> StateSource:

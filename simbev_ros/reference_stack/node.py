@@ -91,16 +91,15 @@ class ReferenceStack(Node):
 
     def _finish_ticks(self) -> None:
         """Answer and report each tick whose messages have all arrived."""
-        if self._scene is None:
+        if self._scene is None or self._pipeline is None:
             return
         for stamp_ns, odometry, cloud in self._join.release_complete(self._scene.has_cloud):
             if cloud is not None:
-                self._answer(cloud, odometry, stamp_ns)
+                self._answer(self._pipeline, cloud, odometry, stamp_ns)
             self._report(self._scene, stamp_ns)
 
-    def _answer(self, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
-        assert self._pipeline is not None
-        answer = self._pipeline.step(*points_of(cloud), pose_of(odometry), stamp_ns * 1e-9)
+    def _answer(self, pipeline: Pipeline, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
+        answer = pipeline.step(*points_of(cloud), pose_of(odometry), stamp_ns * 1e-9)
         in_map = header_of(stamp_ns, odometry.header.frame_id)
         self._boxes.publish(table_message(answer.boxes, in_map))
         if self._markers.get_subscription_count():

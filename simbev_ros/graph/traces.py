@@ -59,7 +59,7 @@ def sweep() -> None:
             if path.stat().st_uid != os.getuid():
                 continue
             left = json.loads(path.read_text())
-            if _is_alive(int(left["pid"]), float(left.get("started_s", 0.0))):
+            if _is_alive(int(left["pid"]), left.get("started_s")):
                 continue
             files = [Path(file) for file in left["files"]]
             remove_orphans(files)
@@ -70,11 +70,14 @@ def sweep() -> None:
         shutil.rmtree(path.parent, ignore_errors=True)
 
 
-def _is_alive(pid: int, started_s: float) -> bool:
-    """Whether the process with this pid and start time, s since 1970, still runs: pids are reused, so both count."""
+def _is_alive(pid: int, started_s: float | None) -> bool:
+    """Whether the process with this pid and start time, s since 1970, still runs: pids are reused, so both count.
+
+    Records of older versions have no start time; any process with their pid counts.
+    """
     try:
         process = psutil.Process(pid)
-        is_same: bool = abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
+        is_same: bool = started_s is None or abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
         is_zombie: bool = process.status() == psutil.STATUS_ZOMBIE
         return is_same and not is_zombie
     except psutil.NoSuchProcess:

@@ -47,6 +47,12 @@ def test_another_process_with_a_reused_pid_does_not_keep_traces(temporary_folder
     assert not graph.exists()
 
 
+def test_a_record_without_start_time_is_kept_while_its_pid_exists(temporary_folder: Path) -> None:
+    graph = write_traces(temporary_folder, pid=os.getpid())
+    sweep()
+    assert graph.is_dir()
+
+
 def test_records_that_cannot_be_read_are_left_alone(temporary_folder: Path) -> None:
     graph = write_traces(temporary_folder, pid="?")
     sweep()

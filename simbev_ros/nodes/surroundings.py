@@ -61,7 +61,7 @@ class Surroundings(Generic[_Built]):
 
     @property
     def built(self) -> _Built:
-        """What was built for the current scene."""
+        """The object built for the current scene."""
         assert self._built is not None, "no scene has been loaded"
         return self._built
 

@@ -1,4 +1,4 @@
-"""What nodes build from a static scene is kept while scenes stay in one region, and released afterward."""
+"""An object built from a static scene is kept while scenes stay in one region, and released afterward."""
 
 from typing import Any
 

@@ -78,6 +78,7 @@ setup(
         "packaging>=23.0",
         "av>=14",
         "pillow>=11.2",
+        "psutil>=6.0",
         "pyarrow>=18",
         "pydantic>=2.10",
         "pyelftools>=0.31",

@@ -10,6 +10,7 @@ from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import MapScenes, Timing, Traffic, WeatherConfig
 from simbev_ros.maps.build import load_network
+from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
 from simbev_ros.production.surroundings import build_surroundings
@@ -88,8 +89,11 @@ def camera_scene(
     network = load_network(spec.map)
     reach = loaded_reach(spec, network)
     beside = load_streetside(spec.map, network, reach=reach)
-    with observe_step(observer, "traffic"), Simulation(spec, network, beside.obstacles, beside.plazas) as simulation:
-        states = [simulation.step() for _ in range(spec.warm_up_ticks + moments)][-moments:]
+    with observe_step(observer, "traffic"):
+        with freeze_after_loading():
+            simulation = Simulation(spec, network, beside.obstacles, beside.plazas)
+        with simulation:
+            states = [simulation.step() for _ in range(spec.warm_up_ticks + moments)][-moments:]
     static = load_static_scene(spec.map, network, reach=reach)
     return CameraScene(spec.map.name, static, spec.lights, states)
 

@@ -16,6 +16,7 @@ from simbev_ros.bench.camera_scene import CameraScene
 from simbev_ros.bench.mujoco_scene import MujocoScene
 from simbev_ros.config.rendering import Device, Quality, Rendering
 from simbev_ros.errors import SimbevError
+from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import Renderer
@@ -141,6 +142,7 @@ def moments(scene: CameraScene) -> list[RenderFrame]:
 def _serve(line: Connection, environment: dict[str, str]) -> None:
     """Answer requests with their processor time, s, or with the error, until the connection closes."""
     os.environ.update(environment)  # before OpenGL is loaded
+    keep_freed_memory()
     loaded: _LoadedRenderer | None = None
     try:
         share: _Share = line.recv()

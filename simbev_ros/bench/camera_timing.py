@@ -13,6 +13,7 @@ from simbev_ros.bench.camera_team import CameraTeam, Painter, moments
 from simbev_ros.bench.mujoco_scene import has_mujoco
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.rendering import Quality, Rendering
+from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.render.frame import CameraView
 from simbev_ros.render.gl.context import describe_context, open_context
 from simbev_ros.render.gl.timer import PartClock
@@ -131,6 +132,7 @@ def timed_cameras(
     size = {"width_px": width_px, "height_px": height_px}
     sized = [Camera.model_validate({**camera.model_dump(), **size}) for camera in cameras]
     views = [CameraView.from_config(camera, seed=0, tick=0) for camera in sized]
+    keep_freed_memory()
     context = open_context(rendering.device_of(0))
     name = describe_context(context)
     context.release()

@@ -26,9 +26,9 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
+from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.render.frame import CameraView, RenderFrame
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel

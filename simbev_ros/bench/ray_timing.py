@@ -11,10 +11,10 @@ from simbev_ros.bench.stopwatch import Cost, Stopwatch
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar
+from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.raycast.merged import MergedScene
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.raycast.static import StaticTriangles
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import map_from_sensor, vector

@@ -147,4 +147,4 @@ class _Sender:
                 raise SimbevError(f"recorder: silent for {_PATIENCE_S:g} s before tick {tick}")
 
     def _on_ready(self, message: Header) -> None:
-        self._lockstep.finished(message.frame_id, stamp_of(message.stamp))
+        self._lockstep.record_report(message.frame_id, stamp_of(message.stamp))

@@ -18,6 +18,7 @@ from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import known_maps, map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_position
+from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.production.surroundings import build_missing_regions, load_roads
 from simbev_ros.viz import gallery
 from simbev_ros.viz.gallery import Picture, Section
@@ -100,6 +101,7 @@ def _draw_pictures(
 
 def _street_view(spec: MapSpec, quality: Quality, busy: float) -> StreetView:
     """The view from the best camera position near the busiest place of a map."""
+    keep_freed_memory()
     network = load_network(spec)
     reach = _reach(network)
     static = load_static_scene(spec, network, reach=reach)

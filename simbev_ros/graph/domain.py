@@ -1,4 +1,4 @@
-"""Reserves a ROS domain for each running graph with a lock file."""
+"""Reserves a ROS domain for each running graph with a lock file, so that graphs on one machine stay apart."""
 
 import fcntl
 import os
@@ -9,14 +9,14 @@ from typing import IO, Self
 from simbev_ros.errors import InputError
 
 _ISOLATED_DOMAINS = range(41, 101)
-"""Safe with the default port mapping (below 102), and apart from the low numbers that people choose by hand."""
+"""Domains that are safe with the default port mapping (below 102) and higher than those usually chosen by hand."""
 
 
 class DomainLock:
     """Holds a ROS domain until it is closed.
 
     Args:
-        wanted: The domain; None: ``ROS_DOMAIN_ID`` if it is set, else the first free one of an own range.
+        wanted: The domain; None: ``ROS_DOMAIN_ID`` if it is set, else the first free domain of a reserved range.
 
     Raises:
         InputError: The domain is out of range, or another simbev graph runs in it.
@@ -42,7 +42,7 @@ class DomainLock:
         self.close()
 
     def close(self) -> None:
-        """Free the domain for other graphs; further calls do nothing."""
+        """Release the domain for other graphs; further calls do nothing."""
         if self._file is not None:
             self._file.close()
             self._file = None

@@ -1,4 +1,4 @@
-"""The environment that every process of the graph runs in, and the graph's own process too."""
+"""The environment variables of all processes of a graph, including the supervising process."""
 
 import os
 from pathlib import Path
@@ -10,12 +10,12 @@ from simbev_ros.config.paths import shipped_config_dir
 
 
 def graph_environment(domain: int) -> dict[str, str]:
-    """Variables to set for ROS before rclpy starts; what the user has set already stays, except the domain.
+    """Variables to set before rclpy starts; variables set by the user are kept, except for the domain.
 
-    Discovery stays on this host unless ``ROS_AUTOMATIC_DISCOVERY_RANGE`` says otherwise.
+    Discovery is limited to this host unless ``ROS_AUTOMATIC_DISCOVERY_RANGE`` says otherwise.
     """
     defaults = {
-        "OPENBLAS_NUM_THREADS": "1",  # its threads spin while others want the cores; our products are small
+        "OPENBLAS_NUM_THREADS": "1",  # its threads would spin on cores that other processes need
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(shipped_config_dir() / "fastdds.xml"),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RCUTILS_COLORIZED_OUTPUT": "0",
@@ -25,7 +25,7 @@ def graph_environment(domain: int) -> dict[str, str]:
 
 
 def describe_ros() -> str:
-    """The middleware, and where rclpy comes from.
+    """Describe the middleware and the location of rclpy in one line.
 
     Raises:
         ImportError: ROS is not installed, or its middleware cannot be loaded.

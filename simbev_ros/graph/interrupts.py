@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end the graph in order: they raise ``Interrupted`` in the main thread, once."""
+"""Turns Ctrl-C and SIGTERM into one ``Interrupted`` exception in the main thread, so that the graph stops in order."""
 
 import signal
 from collections.abc import Iterator
@@ -7,12 +7,12 @@ from types import FrameType
 
 
 class Interrupted(BaseException):
-    """The user asked to stop. Exit code 130."""
+    """Raised when the user asks to stop; the command ends with exit code 130."""
 
 
 @contextmanager
 def raising_interrupts() -> Iterator[None]:
-    """While open, SIGINT and SIGTERM raise ``Interrupted``; further ones are ignored, so that the end is orderly."""
+    """Let the first SIGINT or SIGTERM raise ``Interrupted``; further ones are ignored, so that clean-up completes."""
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         for number in handled:

@@ -1,4 +1,4 @@
-"""The graph as seen from outside: requests scenes, follows what every node has finished and how it is doing."""
+"""Watches a running graph over ROS: requests scenes, follows the finished ticks of every node and its diagnostics."""
 
 import time
 from collections.abc import Iterable
@@ -18,19 +18,22 @@ from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 
 _WRITERS = ("recorder", "evaluator")
-"""They report one tick more than a scene has, when their files are closed."""
+"""Nodes that report one tick more than a scene has, when their files are closed."""
 
 
 class GraphMonitor:
-    """A ROS node of the supervising process.
-
-    Attributes:
-        end: How the present scene ends, from just before its last tick on.
+    """A ROS node in the supervising process.
 
     Args:
         domain: ROS domain of the graph.
-        nodes: Names of our nodes, which also send diagnostics.
-        participants: All who report finished ticks behind the world: most of the nodes, and outside ones.
+        nodes: Names of simbev's own nodes, which also send diagnostics.
+        participants: Names of all nodes that report finished ticks to the world, including outside nodes.
+
+    Attributes:
+        behind_world: Ticks finished by the participants.
+        world: Ticks finished by the world node.
+        writers: Ticks finished by recorder and evaluator.
+        end: How the current scene ends; set just before its last tick.
     """
 
     def __init__(self, domain: int, nodes: Iterable[str], participants: Iterable[str]) -> None:
@@ -42,7 +45,7 @@ class GraphMonitor:
         self._scene = ""
         self._busy: dict[str, tuple[float, float]] = {}
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
-        self._moved_s = time.monotonic()
+        self._progress_s = time.monotonic()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("supervisor", context=self._context)
@@ -60,44 +63,55 @@ class GraphMonitor:
         for each in (self.behind_world, self.world, self.writers):
             each.start_scene(request.spec)
         self._scene, self.end = request.spec.name, None
-        self._moved_s = time.monotonic()
-        self._heard_s = dict.fromkeys(self._nodes, self._moved_s)
+        self._progress_s = time.monotonic()
+        self._heard_s = dict.fromkeys(self._nodes, self._progress_s)
         self._request.publish(String(data=request.model_dump_json()))
 
     def spin(self, duration_s: float) -> None:
-        """Take messages for a while."""
+        """Handle messages for a given time."""
         end_s = time.monotonic() + duration_s
         while (left_s := end_s - time.monotonic()) > 0:
             self._executor.spin_once(timeout_sec=left_s)
 
-    def silent(self, timeout_s: float) -> list[str]:
-        """Those who hold the graph up: nodes of ours not heard for so long, and participants behind for so long."""
+    def silent_nodes(self, timeout_s: float) -> list[str]:
+        """Names of the nodes that hold up the graph.
+
+        These are own nodes that have sent nothing for ``timeout_s``; else, if no report has counted for that
+        long, the participants that are furthest behind.
+        """
         now_s = time.monotonic()
-        silent = [name for name, heard_s in self._heard_s.items() if now_s - heard_s > timeout_s]
-        if silent or now_s - self._moved_s <= timeout_s:
-            return silent
+        unheard = [name for name, heard_s in self._heard_s.items() if now_s - heard_s > timeout_s]
+        if unheard or now_s - self._progress_s <= timeout_s:
+            return unheard
         world_tick, others_tick = self.world.finished_by_all(), self.behind_world.finished_by_all()
         if others_tick is None or (world_tick is not None and others_tick < world_tick):
             behind = self.behind_world.laggards()
-            return [name for name in behind if name not in self._nodes] or behind  # ours are heard, so they wait
+            return [name for name in behind if name not in self._nodes] or behind  # own nodes are heard: they wait
         return [] if world_tick is not None else ["world"]
 
+    def note_computing(self, names: Iterable[str]) -> None:
+        """Count it as a sign of life, and as progress, that own nodes are computing while a scene loads."""
+        for name in names:
+            if name in self._heard_s:
+                self._heard_s[name] = self._progress_s = time.monotonic()
+
     def busy_ms(self, names: Iterable[str]) -> float:
-        """Time per tick that nodes were busy, together, since the graph started."""
+        """Sum of the nodes' busy times per tick, ms, averaged since the graph started."""
         return sum(self._busy[name][1] / max(self._busy[name][0], 1.0) for name in names if name in self._busy)
 
     def close(self) -> None:
-        """Leave the graph."""
+        """Leave the ROS graph."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.shutdown()
 
     def _on_ready(self, message: Header) -> None:
         stamp_ns = stamp_of(message.stamp)
-        for each in (self.behind_world, self.world, self.writers):
-            each.finished(message.frame_id, stamp_ns)
-        self._moved_s = time.monotonic()
-        self._hear(message.frame_id.partition(":")[0])
+        groups = (self.behind_world, self.world, self.writers)
+        counts = [each.record_report(message.frame_id, stamp_ns) for each in groups]
+        if any(counts):
+            self._progress_s = time.monotonic()
+        self._note_sign_of_life(message.frame_id.partition(":")[0])
 
     def _on_end(self, message: String) -> None:
         end = SceneEnd.model_validate_json(message.data)
@@ -106,13 +120,13 @@ class GraphMonitor:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._hear(status.hardware_id)
+            self._note_sign_of_life(status.hardware_id)
             load = {entry.key: entry.value for entry in status.values}
             if {"ticks", "busy_ms"} <= load.keys():
                 ticks, busy_ms = self._busy.get(status.hardware_id, (0.0, 0.0))
                 new_ticks = float(load["ticks"])
                 self._busy[status.hardware_id] = ticks + new_ticks, busy_ms + new_ticks * float(load["busy_ms"])
 
-    def _hear(self, name: str) -> None:
+    def _note_sign_of_life(self, name: str) -> None:
         if name in self._heard_s:
             self._heard_s[name] = time.monotonic()

@@ -1,4 +1,7 @@
-"""Which processes a graph has, with which nodes and parameters; nothing is looked up on the machine."""
+"""Plans the processes of a graph: which nodes run in which process, and with which parameters.
+
+The plan follows from the configuration alone; the machine is not inspected.
+"""
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -20,7 +23,7 @@ _Parameters = Mapping[str, object]
 
 @dataclass(frozen=True, slots=True)
 class NodePlan:
-    """One node: its kind, its name, its parameters."""
+    """A node of the graph: its kind, its name and its ROS parameters."""
 
     kind: str
     name: str
@@ -30,14 +33,14 @@ class NodePlan:
 ProcessPlan = tuple[NodePlan, ...]
 """The nodes that share one process."""
 
-_SHARE_OF_SILENCE = 0.8
-"""So long an evaluator waits for a stack, so that it can say what is missing before it is silent for too long."""
+_STACK_PATIENCE_FRACTION = 0.8
+"""Fraction of the silence timeout for which an evaluator waits for a stack, so that it can report what is missing."""
 
 _RAY_CASTING = (Lidar, Radar)
-"""Sensors whose nodes share a process: radars take a tenth of a lidar's time, and the same meshes in memory."""
+"""Sensors whose nodes share a process: radars need a tenth of a lidar's time and the same meshes in memory."""
 
 
-def planned_processes(
+def plan_processes(
     scenario: Scenario,
     camera_processes: int,
     *,
@@ -45,14 +48,14 @@ def planned_processes(
     dataset: Path | None,
     figures: Path | None = None,
 ) -> list[ProcessPlan]:
-    """Every process of the graph, the world first.
+    """Plan every process of the graph, the world first.
 
     Args:
         scenario: The configuration.
-        camera_processes: How many share the rig's cameras, at most one for each.
-        live: Paced by the wall clock.
-        dataset: Where scenes are recorded; None: they are not.
-        figures: File for what an evaluator finds out, if there is one.
+        camera_processes: Number of processes that share the rig's cameras, at most one for each camera.
+        live: Whether the world is paced by the wall clock.
+        dataset: Folder into which scenes are recorded; None: they are not recorded.
+        figures: File for the evaluator's figures, if there is an evaluator.
     """
     behind = list(_processes_behind_world(scenario, camera_processes, live=live, dataset=dataset))
     state_readers = sum(map(len, behind))
@@ -92,8 +95,8 @@ def _processes_behind_world(
         yield (NodePlan("recorder", "recorder", parameters),)
 
 
-def planned_stack(scenario: Scenario) -> tuple[str, ...]:
-    """The command of the perception stack that is to run with the graph; empty: none is."""
+def stack_command(scenario: Scenario) -> tuple[str, ...]:
+    """Command of the perception stack to run with the graph; empty: none."""
     evaluation = scenario.evaluation
     if evaluation is None or evaluation.stack is None:
         return ()
@@ -107,12 +110,12 @@ def planned_stack(scenario: Scenario) -> tuple[str, ...]:
         f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
         GRIDS_TOPIC: evaluation.grids_topic,
     }
-    renamed = [word for old, new in topics.items() if new != old for word in ("--remap", f"{old}:={new}")]
-    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", "--ros-args", *renamed)
+    remapping = [word for old, new in topics.items() if new != old for word in ("--remap", f"{old}:={new}")]
+    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", "--ros-args", *remapping)
 
 
 def input_topic(rig: Rig, evaluation: Evaluation) -> str:
-    """What a stack answers to: what the configuration says, else what the rig's first lidar or camera sends."""
+    """Topic that a stack answers to: the configured topic, else that of the rig's first lidar, else first camera."""
     if evaluation.answers_to is not None:
         return evaluation.answers_to
     for lidar in rig.of_type(Lidar):
@@ -124,21 +127,20 @@ def input_topic(rig: Rig, evaluation: Evaluation) -> str:
 
 
 def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -> Iterator[ProcessPlan]:
-    """The rig's cameras, dealt out to processes, and those to GPUs."""
+    """Distribute the rig's cameras among processes, and the processes among GPUs."""
     cameras = [camera.name for camera in scenario.rig.of_type(Camera)]
     for index in range(processes):
         parameters = {
             "sensors": cameras[index::processes],
-            "jpeg_quality": scenario.recording.jpeg_quality,
-            "quality": scenario.rendering.quality,
-            "device": str(scenario.rendering.device_of(index)),
-            "turn": index,
+            "recording": scenario.recording.model_dump_json(),
+            "rendering": scenario.rendering.model_dump_json(),
+            "process": index,
         }
         yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)
 
 
 def _sensor_processes(rig: Rig, common: _Parameters) -> Iterator[ProcessPlan]:
-    """The nodes of all sensors but cameras: those that cast rays in one process, the light ones in another."""
+    """Plan the nodes of all other sensors: ray casting ones share a process, light-weight ones another."""
     kinds = {kind: model for kind, model in SENSOR_KINDS.items() if model is not Camera and rig.of_type(model)}
     casting = [kind for kind, model in kinds.items() if model in _RAY_CASTING]
     light = [kind for kind in kinds if kind not in casting]
@@ -155,6 +157,6 @@ def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figure
         "figures": "" if figures is None else str(figures),
         "asked_figures": "" if asked is None else str(Path(asked).resolve()),
         "input_topic": input_topic(scenario.rig, evaluation),
-        "patience_s": _SHARE_OF_SILENCE * scenario.graph.silence_timeout_s,
+        "patience_s": _STACK_PATIENCE_FRACTION * scenario.graph.silence_timeout_s,
     }
     return NodePlan("evaluator", "evaluator", parameters)

@@ -1,4 +1,4 @@
-"""One process of the graph: started in its own session, stopped politely and then by force, its output in a log."""
+"""Runs a process of the graph: started in its own session, stopped by SIGTERM, then by force, with output in a log."""
 
 import os
 import shlex
@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import yaml
 
 from simbev_ros.errors import DiskError, InputError, SimbevError
@@ -20,25 +21,25 @@ _REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: Input
 
 
 class _Plain(yaml.SafeDumper):
-    """Writes what several nodes share once for each: ROS reads no aliases."""
+    """A YAML dumper that writes no aliases, which ROS cannot read; shared values are repeated."""
 
     def ignore_aliases(self, data: object) -> bool:
         return True
 
 
 NodeParameters = Mapping[str, Mapping[str, object]]
-"""Node name → its parameters."""
+"""Parameters by node name."""
 
 
 class GraphProcess:
     """A process of the graph.
 
     Args:
-        label: What it is called, and its log.
-        title: What it is, for messages.
-        command: Its words.
-        folder: Where its log goes.
-        environment: Variables on top of the present ones.
+        label: Short name, also the file name of its log.
+        title: Kind and name, for messages.
+        command: The command and its arguments.
+        folder: Folder for its log.
+        environment: Variables added to the current ones.
     """
 
     def __init__(
@@ -64,29 +65,26 @@ class GraphProcess:
 
     @property
     def exit_code(self) -> int | None:
-        """None while it runs; negative: killed by that signal."""
+        """Exit code; None while the process runs, negative if a signal killed it."""
         return self._process.poll()
 
     @property
     def cpu_s(self) -> float:
-        """User and system time so far; 0 when it has ended."""
-        try:
-            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            return 0.0
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        """User and system time up to now, s; 0 when the process has ended."""
+        with suppress(psutil.NoSuchProcess):
+            times = psutil.Process(self.pid).cpu_times()
+            return float(times.user + times.system)
+        return 0.0
 
     @property
     def memory_mib(self) -> float:
-        """Resident memory; 0 when it has ended."""
-        try:
-            pages = int(Path(f"/proc/{self.pid}/statm").read_text().split()[1])
-        except OSError:
-            return 0.0
-        return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+        """Resident memory, MiB; 0 when the process has ended."""
+        with suppress(psutil.NoSuchProcess):
+            return float(psutil.Process(self.pid).memory_info().rss / 2**20)
+        return 0.0
 
     def new_output(self) -> str:
-        """What it has written since the last call."""
+        """Return the output since the last call."""
         with self.log.open("rb") as log:
             log.seek(self._read_bytes)
             written = log.read()
@@ -94,7 +92,7 @@ class GraphProcess:
         return written.decode(errors="replace")
 
     def describe_end(self) -> str:
-        """Why it ended, with the last words of its log."""
+        """Describe why the process ended, with the last line of its log."""
         code = self.exit_code
         reason = f"exit code {code}"
         if code is not None and code < 0:
@@ -103,19 +101,19 @@ class GraphProcess:
         return f"{reason}: {words[-1]}" if words else reason
 
     def refusal(self) -> SimbevError | None:
-        """Why it ended, where that is the input's fault, this machine's or its disk's, and not its own."""
+        """The error to report if input, machine or disk made the process end; None if the process itself failed."""
         _, mark, words = f"\n{self.log.read_text(errors='replace')}".rpartition(f"\n{ERROR_MARK}")
         kind = _REFUSALS.get(self.exit_code)
         return kind(f"{self.title}: {words.strip()}") if mark and kind else None
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Ask the process to end."""
         if self.exit_code is None:
             self._process.send_signal(signal.SIGTERM)
-            self._process.send_signal(signal.SIGCONT)  # a stopped process would never see the request
+            self._process.send_signal(signal.SIGCONT)  # a stopped process would never receive the request
 
     def join(self, timeout_s: float) -> bool:
-        """Wait for its end; kill it when the time is up. True if it went by itself."""
+        """Wait for the end of the process; kill it after the timeout. Return whether it ended by itself."""
         try:
             self._process.wait(timeout_s)
             return True
@@ -126,13 +124,13 @@ class GraphProcess:
 
 
 class NodeProcess(GraphProcess):
-    """A process with one or several nodes.
+    """A process that runs one or several nodes.
 
     Args:
-        kinds: Kind of node → nodes of that kind are called like their keys in ``parameters``.
-        parameters: Parameters of each node, by name.
-        folder: Where its parameter file and its log go.
-        environment: Variables on top of the present ones.
+        kinds: Kind of each node, in the order of ``parameters``.
+        parameters: ROS parameters of each node, by node name.
+        folder: Folder for its parameter file and its log.
+        environment: Variables added to the current ones.
     """
 
     def __init__(
@@ -149,15 +147,15 @@ class NodeProcess(GraphProcess):
 
 
 class StackProcess(GraphProcess):
-    """A perception stack, or what starts it: it and all that it starts are stopped together.
+    """A perception stack or its launcher, stopped together with all processes that it starts.
 
     Args:
-        command: Its words.
-        folder: Where its log goes.
-        environment: Variables on top of the present ones.
+        command: The command and its arguments.
+        folder: Folder for its log.
+        environment: Variables added to the current ones.
 
     Raises:
-        InputError: There is no such command.
+        InputError: The command does not exist.
     """
 
     def __init__(self, command: Sequence[str], folder: Path, environment: Mapping[str, str]) -> None:
@@ -167,12 +165,12 @@ class StackProcess(GraphProcess):
         super().__init__("stack", f"stack {shlex.join(command)}", supervised, folder, environment)
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Ask the whole process group to end."""
         self._signal(signal.SIGTERM)
         self._signal(signal.SIGCONT)
 
     def join(self, timeout_s: float) -> bool:
-        """Wait for its end; kill what is left of it when the time is up. True if the first of it went by itself."""
+        """Wait for the first process to end, then kill the group; return whether that process ended by itself."""
         ended = super().join(timeout_s)
         self._signal(signal.SIGKILL)
         return ended

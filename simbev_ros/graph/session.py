@@ -1,9 +1,9 @@
-"""A running graph: starts its processes, plays scenes on it, watches it, and stops it without leftovers."""
+"""Runs a graph: starts its processes, plays scenes on them, supervises them, and stops them without leftovers."""
 
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -12,8 +12,9 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.loading_watch import LoadingWatch
 from simbev_ros.graph.monitor import GraphMonitor
-from simbev_ros.graph.plan import planned_processes, planned_stack
+from simbev_ros.graph.plan import plan_processes, stack_command
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.render.shares import camera_processes, drawing_environment
@@ -24,7 +25,7 @@ from simbev_ros.scene.spec import SceneSpec
 _POLL_S = 0.1
 _STOP_TIMEOUT_S = 8.0
 _LIVE_PATIENCE_S, _LIVE_EVALUATION_PATIENCE_S = 2.0, 6.0
-"""Maximum time that a live recorder waits for the last messages, which may be lost, and an evaluator for answers."""
+"""Maximum time that a live recorder waits for the last messages, which may be lost; with an evaluator, for answers."""
 
 Progress = Callable[[int | None], None]
 """Called with the last tick that every participant has finished; None while they load the scene."""
@@ -33,13 +34,13 @@ Progress = Callable[[int | None], None]
 class GraphSession:
     """The processes of one graph, reused from scene to scene.
 
-    ``close`` stops them and removes what they leave in shared memory; as a context manager the session starts and
-    closes itself.
+    ``close`` stops them and removes their files in shared memory; as a context manager the session starts on entry and
+    closes on exit.
 
     Args:
         scenario: The configuration.
-        live: Paced by the wall clock, sensors best effort.
-        dataset: Folder that scenes are recorded into; None: they are not recorded.
+        live: Whether the world is paced by the wall clock and sensor topics are best effort.
+        dataset: Folder into which scenes are recorded; None: they are not recorded.
         domain: ROS domain; None: that of the environment, else a free one.
 
     Attributes:
@@ -57,6 +58,7 @@ class GraphSession:
         self._traces = Traces()
         self._processes: list[GraphProcess] = []
         self._monitor: GraphMonitor | None = None
+        self._loading: LoadingWatch | None = None
         self._failed = False
         self._figures = self._traces.folder / "figures.json"
         self.figures: dict[str, Any] | None = None
@@ -69,7 +71,7 @@ class GraphSession:
         self.close()
 
     def start(self) -> None:
-        """Start the processes; if one of them cannot be started, none keeps running.
+        """Start the processes; if one of them fails to start, stop the others.
 
         Raises:
             RenderError: The configured devices cannot draw.
@@ -82,17 +84,15 @@ class GraphSession:
 
     def _start_processes(self) -> None:
         environment = graph_environment(self.domain)
-        os.environ.update(environment)  # for the monitor: the middleware reads it when the first node is made
+        os.environ.update(environment)  # for the monitor: the middleware reads them when the first node is created
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)
-        plans = planned_processes(
-            self._scenario, cameras, live=self._live, dataset=self._dataset, figures=self._figures
-        )
+        plans = plan_processes(self._scenario, cameras, live=self._live, dataset=self._dataset, figures=self._figures)
         for nodes in plans:
             parameters = {node.name: node.parameters for node in nodes}
             kinds = [node.kind for node in nodes]
             self._processes.append(NodeProcess(kinds, parameters, self._traces.folder, environment))
-        if stack := planned_stack(self._scenario):
+        if stack := stack_command(self._scenario):
             self._processes.append(StackProcess(stack, self._traces.folder, environment))
         names = [node.name for nodes in plans for node in nodes]
         self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.participants])
@@ -106,10 +106,11 @@ class GraphSession:
             replay: A bag to take all motion from; None: motion is simulated.
 
         Raises:
-            InputError: a node cannot do what is asked for, or not on this machine; the message says what to change.
-            DiskError: the disk is full, or nearly.
-            GraphError: a node died, or was silent for too long; the message names it.
+            InputError: A node cannot do what is configured, or not on this machine; the message says what to change.
+            DiskError: The disk is full, or nearly.
+            GraphError: A node died or was silent for too long; the message names it.
         """
+        self._loading = LoadingWatch(time.monotonic(), self._scenario.graph.silence_timeout_s)
         self.monitor.request(SceneRequest(spec=spec, replay=None if replay is None else str(replay.resolve())))
         while (end := self.monitor.end) is None or not self._finished(end.tick):
             tick = self._finished_tick()
@@ -125,7 +126,7 @@ class GraphSession:
         return done is not None and done >= tick
 
     def _await_files(self, last_tick: int) -> None:
-        """Wait until bag and figures are written; recorder and evaluator report that as one more tick."""
+        """Wait until bag and figures are written, which recorder and evaluator report as one more tick."""
         writers = self.monitor.writers
         live_s = _LIVE_PATIENCE_S if self._scenario.evaluation is None else _LIVE_EVALUATION_PATIENCE_S
         patience_s = live_s if self._live else self._scenario.graph.silence_timeout_s
@@ -133,8 +134,10 @@ class GraphSession:
         while writers.laggards() and ((done := writers.finished_by_all()) is None or done <= last_tick):
             if time.monotonic() > end_s:
                 if not self._live:
-                    late = ", ".join(writers.laggards())
-                    self._fail(f"node {late} has not closed its file within {patience_s:g} s, after tick {last_tick}")
+                    late = writers.laggards()
+                    files = "its file" if len(late) == 1 else "their files"
+                    waited = f"within {patience_s:g} s, after tick {last_tick}"
+                    self._fail(f"{_nodes_have(late)} not closed {files} {waited}")
                 return
             self.monitor.spin(_POLL_S)
             self._check(last_tick)
@@ -146,19 +149,19 @@ class GraphSession:
         return self._monitor
 
     def new_output(self) -> dict[str, str]:
-        """Output of every process since the last call, by its label."""
+        """Return the output of every process since the last call, by process label."""
         return {process.label: process.new_output() for process in self._processes}
 
     def cpu_s(self) -> dict[str, float]:
-        """Processor time that every process has spent, by its label."""
+        """Processor time of every process, s, by process label."""
         return {process.label: process.cpu_s for process in self._processes}
 
     def memory_mib(self) -> dict[str, float]:
-        """Resident memory of every process, by its label."""
+        """Resident memory of every process, MiB, by process label."""
         return {process.label: process.memory_mib for process in self._processes}
 
     def _finished_tick(self) -> int | None:
-        """The last tick that all have finished; in live mode nodes may skip ticks, so only the world node counts."""
+        """The last tick finished by all participants; live, where they may skip ticks, by the world node alone."""
         if not self._live:
             return self.monitor.behind_world.finished_by_all()
         return self.monitor.world.finished_by_all()
@@ -173,16 +176,18 @@ class GraphSession:
                     raise refusal
                 self._fail(f"{process.title} died {where}: {process.describe_end()}")
         timeout_s = self._scenario.graph.silence_timeout_s
-        silent = self.monitor.silent(timeout_s)
-        if silent:
-            self._fail(f"node {', '.join(silent)} has been silent for {timeout_s:g} s, {where}")
+        if tick is None and self._loading is not None:
+            self.monitor.note_computing(self._loading.computing(time.monotonic(), self.cpu_s()))
+        if silent := self.monitor.silent_nodes(timeout_s):
+            early = self.monitor.behind_world.describe_early_reports()
+            self._fail("; ".join([f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *early]))
 
     def _fail(self, message: str) -> None:
         self._failed = True
         raise GraphError(f"{message}\nlogs: {self._traces.folder}")
 
     def close(self) -> None:
-        """Stop all processes, giving the recorder time to finish, and remove all traces except logs of a failure."""
+        """Stop all processes, with time for the recorder to finish, and remove all traces except logs of a failure."""
         for process in self._processes:
             self._traces.note(process.pid)
             process.terminate()
@@ -195,3 +200,8 @@ class GraphSession:
             self._monitor.close()
         self._traces.remove(keep_logs=self._failed)
         self._lock.close()
+
+
+def _nodes_have(names: Sequence[str]) -> str:
+    """Subject and auxiliary verb of a sentence about one or several nodes."""
+    return f"node {names[0]} has" if len(names) == 1 else f"nodes {', '.join(names)} have"

@@ -1,14 +1,19 @@
-"""Shared-memory files of Fast DDS: which our processes hold, and removing those that a killed one left behind."""
+"""Finds the shared-memory files of Fast DDS that a process holds, and removes those that killed processes left."""
 
 import os
 from collections.abc import Iterable
 from pathlib import Path
 
+import psutil
+
 _FOLDER = Path("/dev/shm")
 
 
 def held_files(pid: int) -> set[Path]:
-    """The middleware's files in /dev/shm that a process has mapped, with the locks that belong to them."""
+    """The middleware's files in /dev/shm that a process has mapped, with the lock files that belong to them.
+
+    It reads /proc/PID/maps, because psutil's ``memory_maps`` also counts the pages of every mapping, which is slow.
+    """
     try:
         lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
     except OSError:
@@ -19,12 +24,11 @@ def held_files(pid: int) -> set[Path]:
 
 
 def remove_orphans(files: Iterable[Path]) -> list[Path]:
-    """Remove those files that no other living process has mapped any more; give what was removed.
+    """Remove the given files that no other running process has mapped; return the removed ones.
 
-    This process may still have mapped what a killed one wrote, to read it; that does not keep a file.
+    This process may still have a killed process's file mapped for reading; that does not keep the file.
     """
-    others = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
-    in_use = {file for pid in others if pid != os.getpid() for file in held_files(pid)}
+    in_use = {file for pid in psutil.pids() if pid != os.getpid() for file in held_files(pid)}
     removed = [file for file in sorted(set(files) - in_use) if file.exists()]
     for file in removed:
         file.unlink(missing_ok=True)
@@ -32,5 +36,5 @@ def remove_orphans(files: Iterable[Path]) -> list[Path]:
 
 
 def middleware_files() -> list[Path]:
-    """All files of the middleware in shared memory."""
+    """All shared-memory files of the middleware on this machine."""
     return [file for file in _FOLDER.iterdir() if "fastrtps" in file.name] if _FOLDER.is_dir() else []

@@ -1,4 +1,4 @@
-"""What a graph has on the machine, written down, so that the next one removes it if this one is killed."""
+"""Keeps a record of a graph's files on the machine, so that the next graph removes them if this one is killed."""
 
 import json
 import os
@@ -6,17 +6,21 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import psutil
+
 from simbev_ros.graph.shared_memory import held_files, remove_orphans
 
 _PREFIX = "simbev_ros-"
 _FILE = "traces.json"
+_MAX_CLOCK_STEP_S = 60.0
+"""Start times this close are equal: the system derives them from a wall clock that may be adjusted in between."""
 
 
 class Traces:
-    """The folder for logs and parameters of one graph, and the files in shared memory of its processes.
+    """The folder for logs and parameters of one graph, and the shared-memory files of its processes.
 
     Attributes:
-        folder: Temporary.
+        folder: Temporary folder of the graph.
     """
 
     def __init__(self) -> None:
@@ -26,14 +30,14 @@ class Traces:
         self._write()
 
     def note(self, pid: int) -> None:
-        """Write down what a process has in shared memory now."""
+        """Add the files that a process currently has in shared memory to the record."""
         files = held_files(pid) - self._files
         if files:
             self._files |= files
             self._write()
 
     def remove(self, *, keep_logs: bool) -> None:
-        """Remove everything, the processes having ended."""
+        """Remove everything; call it when the processes have ended."""
         remove_orphans(self._files)
         (self.folder / _FILE).unlink(missing_ok=True)
         if not keep_logs:
@@ -42,31 +46,39 @@ class Traces:
 
     def _write(self) -> None:
         written = self.folder / f"{_FILE}.part"
-        written.write_text(json.dumps({"pid": os.getpid(), "files": sorted(map(str, self._files))}))
+        process = psutil.Process()
+        record = {"pid": process.pid, "started_s": process.create_time(), "files": sorted(map(str, self._files))}
+        written.write_text(json.dumps(record))
         written.rename(self.folder / _FILE)
 
 
 def sweep() -> None:
-    """Remove what graphs of this user have left that were killed."""
+    """Remove what killed graphs of this user have left behind."""
     for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*/{_FILE}"):
         try:
             if path.stat().st_uid != os.getuid():
                 continue
             left = json.loads(path.read_text())
-            if _is_alive(int(left["pid"])):
+            if _is_alive(int(left["pid"]), left.get("started_s")):
                 continue
             files = [Path(file) for file in left["files"]]
             remove_orphans(files)
             if any(file.exists() for file in files):
-                continue  # processes of that graph are still about to end
+                continue  # some processes of that graph have not ended yet
         except (OSError, ValueError, KeyError, TypeError):
-            continue  # another process is removing it
+            continue  # another process is removing the folder
         shutil.rmtree(path.parent, ignore_errors=True)
 
 
-def _is_alive(pid: int) -> bool:
-    """Whether a process of this number runs Python; numbers are used again."""
+def _is_alive(pid: int, started_s: float | None) -> bool:
+    """Whether the process with this pid and start time, s since 1970, still runs: pids are reused, so both count.
+
+    Records of older versions have no start time; any process with their pid counts.
+    """
     try:
-        return b"python" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
+        process = psutil.Process(pid)
+        is_same: bool = started_s is None or abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
+        is_zombie: bool = process.status() == psutil.STATUS_ZOMBIE
+        return is_same and not is_zombie
+    except psutil.NoSuchProcess:
         return False

@@ -1,9 +1,9 @@
-"""The annotator node: grids, boxes and maps at every tick; into the boxes goes what the sensors see of them.
+"""The annotator node: publishes the labels of every tick, which are grids, boxes, occupancy, vector map and HD map.
 
-What follows from the state of the world is published at once, boxes when the clouds and images of their tick have come.
+Labels that follow from the world state alone are published at once. Boxes also state how many lidar and radar points
+hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick.
 """
 
-import gc
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +21,6 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
-from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs.annotation_topics import annotation_topics, annotator_inputs, viewing_cameras
 from simbev_ros.msgs.images import image_message, labels_from_image
 from simbev_ros.msgs.markers import box_markers
@@ -36,9 +35,9 @@ from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.sensor_join import SensorJoin
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.palette import bev_color
+from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.image_codecs import decode_labels
 from simbev_ros.render.frame import CameraView
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES
@@ -46,53 +45,51 @@ from simbev_ros.sensors.mount import map_from_sensor, vector
 from simbev_ros.types import Float64Array, Table, UInt16Array
 
 _LIVE_PATIENCE_TICKS = 8
-"""Live: boxes go out without what has not come by then. Longer than a lidar or camera takes that keeps up."""
+"""Live: ticks after which boxes are published without the messages still missing.
+
+Longer than the delay of a lidar or camera that keeps up.
+"""
 
 
 class _Tick(NamedTuple):
-    """What waits for the sensors."""
+    """A tick whose boxes wait for messages of the sensors."""
 
     state: WorldState
     boxes: Table
 
 
 class AnnotatorNode(Participant):
-    """Publishes all labels."""
+    """Annotates every tick of a scene and publishes the labels."""
+
+    reuses_large_buffers = True
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        keep_freed_memory()
-        self._compressed = self.declared("compressed", True, "Read the compressed instance images instead of the raw")
-        self._surroundings = Surroundings()
-        self._meshes: MeshAnnotators | None = None
-        self._scene: SceneAnnotator | None = None
-        self._network: RoadNetwork | None = None
+        self._compressed = self.declare_read_only(
+            "compressed", True, "Read the compressed instance images instead of the raw ones"
+        )
+        self._surroundings = Surroundings(lambda static: MeshAnnotators(static, load_models()))
         self._views = ViewAnnotator(load_models())
         self._sensors: dict[str, Topic] = {}
         self._subscriptions_of: dict[str, Any] = {}
         self._join: SensorJoin[_Tick, bytes] = SensorJoin({})
-        self._begun = False
+        self._has_begun = False
         self._decoders = ThreadPoolExecutor(os.cpu_count())
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load the meshes around the ego (kept while scenes stay there), advertise the topics, read the sensors'."""
-        gc.unfreeze()
-        static = self._surroundings.changed(spec, meshes_radius_m(spec.annotation))
-        if static is not None:
-            self._meshes = MeshAnnotators(static, load_models())
-        assert self._meshes is not None
-        self._network = load_network(spec.map)
-        self._scene = SceneAnnotator(spec, self._network, self._meshes)
-        self._read_sensors(spec)
+        """Load the meshes around the ego (kept while scenes stay there), advertise topics, subscribe to sensors."""
+        with freeze_after_loading():
+            meshes = self._surroundings.load(spec, meshes_radius_m(spec.annotation))
+            self._network = load_network(spec.map)
+            self._scene = SceneAnnotator(spec, self._network, meshes)
+        self._subscribe_to_sensors(spec)
         self._topics = annotation_topics(spec)
         for topic in (*self._topics.recorded, *self._topics.grids.values()):
             self.advertise(topic)
-        gc.collect()
-        gc.freeze()  # maps are many objects, which the collector would go through again and again
         return [topic.name for topic in self._topics.recorded]
 
-    def _read_sensors(self, spec: SceneSpec) -> None:
-        """Subscribe to what the boxes need, once for all scenes that have it."""
+    def _subscribe_to_sensors(self, spec: SceneSpec) -> None:
+        """Subscribe to the topics that the boxes need; subscriptions are kept for later scenes with the same topic."""
         self._sensors = annotator_inputs(spec, compressed_images=self._compressed)
         names = {topic.name for topic in self._sensors.values()}
         for name in self._subscriptions_of.keys() - names:
@@ -100,35 +97,34 @@ class AnnotatorNode(Participant):
             self.destroy_subscription(self._subscriptions_of.pop(name))
         for sensor, topic in self._sensors.items():
             if topic.name not in self._subscriptions_of:
-                qos, callback = rclpy_qos(qos_of(topic, live=self.live)), self._callback(sensor, topic)
+                qos, callback = rclpy_qos(qos_of(topic, live=self.live)), self._make_callback(sensor, topic)
                 kind = message_class(topic.type)
                 self._subscriptions_of[topic.name] = self.create_subscription(kind, topic.name, callback, qos, raw=True)
                 self.inputs.append(self._subscriptions_of[topic.name])
         periods = {sensor: topic.period_ticks for sensor, topic in self._sensors.items()}
-        self._begun = False
+        self._has_begun = False
         self._join = SensorJoin(periods, _LIVE_PATIENCE_TICKS if self.live else None)
 
-    def _callback(self, sensor: str, topic: Topic) -> Callable[[bytes], None]:
+    def _make_callback(self, sensor: str, topic: Topic) -> Callable[[bytes], None]:
         def receive(payload: bytes) -> None:
             spec, stamp_ns = self.spec, serialized_stamp_ns(payload, topic.type)
             if spec is not None and stamp_ns is not None:
-                self._join.add(sensor, spec.tick_of(stamp_ns), payload)
-                self._publish_seen(spec)
+                self._join.add_message(sensor, spec.tick_of(stamp_ns), payload)
+                self._publish_ready_boxes(spec)
 
         return receive
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Annotate a tick; its boxes are kept until the sensors have sent theirs."""
+        """Annotate a tick and publish all but its boxes, which wait for the messages of the sensors."""
         if state.tick < 0:
             return
-        assert self._scene is not None and self._network is not None
-        if not self._begun:  # a bag that is played may lack what the scene's rig has
-            self._begun = True
+        if not self._has_begun:  # a bag that is played back may lack topics of the scene's rig
+            self._has_begun = True
             self._join.give_up(name for name, topic in self._sensors.items() if not self._is_sent(topic))
         labels = self._scene.labels(state)
         self._publish_labels(spec, state, labels)
-        place_m = vector(state.ego, "x y z")
-        lane = record_message(lane_record(self._network, place_m, float(state.ego["yaw"])), state.stamp_ns)
+        position_m = vector(state.ego, "x y z")
+        lane = record_message(lane_record(self._network, position_m, float(state.ego["yaw"])), state.stamp_ns)
         self.publish(self._topics.hd_map.name, lane)
         self._join.expect(state.tick, _Tick(state, labels.boxes))
 
@@ -136,16 +132,16 @@ class AnnotatorNode(Participant):
         return bool(self._subscriptions_of[topic.name].get_publisher_count())
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
-        """Report ticks of the lead-in; others are finished with their boxes."""
+        """Report ticks of the lead-in; other ticks are finished when their boxes are published."""
         if state.tick < 0:
             super().finish(spec, state)
         else:
-            self._publish_seen(spec)
+            self._publish_ready_boxes(spec)
 
     def _publish_labels(self, spec: SceneSpec, state: WorldState, labels: Labels) -> None:
         topics, stamp_ns, frame = self._topics, state.stamp_ns, f"{spec.rig.agent}/base_link"
         self.publish(topics.bev_labels.name, image_message(labels.grid, stamp_ns, frame))
-        if self.readers(topics.bev_color.name):
+        if self.reader_count(topics.bev_color.name):
             self.publish(topics.bev_color.name, image_message(bev_color(labels.grid), stamp_ns, frame))
         self._publish_grids(labels.grid, spec, state)
         if topics.occupancy is not None and labels.voxels is not None:
@@ -157,14 +153,14 @@ class AnnotatorNode(Participant):
         geometry, frame = spec.annotation.bev.grid, f"{spec.rig.agent}/base_link"
         for index, name in enumerate(BEV_CLASSES):
             topic = self._topics.grids[name]
-            if self.readers(topic.name):
+            if self.reader_count(topic.name):
                 covered = (grid >> index & 1).astype(bool)
                 message = occupancy_grid_message(covered, geometry, state.stamp_ns, frame, state.ego)
                 self.publish(topic.name, message)
 
-    def _publish_seen(self, spec: SceneSpec) -> None:
-        """Publish the boxes of all ticks that need not wait any longer."""
-        for tick, messages in self._join.ready():
+    def _publish_ready_boxes(self, spec: SceneSpec) -> None:
+        """Publish the boxes of all ticks that are complete or overdue."""
+        for tick, messages in self._join.release():
             with self.meter.busy(ticks=0):
                 self._publish_boxes(spec, tick, messages)
             self.report_finished(spec, tick.state.tick)
@@ -173,10 +169,10 @@ class AnnotatorNode(Participant):
         topics, state = self._topics, tick.state
         lidar_m, radar_m = (self._clouds(spec.rig.of_type(kind), state, messages) for kind in (Lidar, Radar))
         boxes = add_point_counts(tick.boxes, lidar_m, radar_m)
-        seen = self._seen(spec, tick, messages)
+        seen = self._visible_boxes(spec, tick, messages)
         boxes["visibility"] = visibility(boxes["id"], seen.values())
         self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
-        if self.readers(topics.box_markers.name):
+        if self.reader_count(topics.box_markers.name):
             self.publish(topics.box_markers.name, box_markers(boxes, state.stamp_ns))
         for camera, table in seen.items():
             message = message_from_table(table, state.stamp_ns, f"{spec.rig.agent}/{camera}_optical")
@@ -185,7 +181,7 @@ class AnnotatorNode(Participant):
     def _clouds(
         self, sensors: Iterable[Sensor], state: WorldState, messages: dict[str, bytes]
     ) -> list[Float64Array] | None:
-        """(N, 3) points of each sensor that has sent some, map frame; None if none has."""
+        """(N, 3) points of each sensor that has sent a cloud, map frame; None if none has."""
         clouds = []
         for sensor in sensors:
             if sensor.name in messages:
@@ -194,20 +190,20 @@ class AnnotatorNode(Participant):
                 clouds.append(map_points(table, map_from_sensor(sensor.pose, state), carrier))
         return clouds or None
 
-    def _seen(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> dict[str, Table]:
-        """By camera that has sent an image what it sees of the boxes."""
+    def _visible_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> dict[str, Table]:
+        """For each camera that has sent an image, its table of visible boxes."""
         cameras = [camera for camera in viewing_cameras(spec) if camera.name in messages]
-        images = self._decoders.map(self._image, [messages[camera.name] for camera in cameras])
+        images = self._decoders.map(self._decode_image, [messages[camera.name] for camera in cameras])
         views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in cameras]
         tables = self._views.views(tick.state, tick.boxes, views, list(images))
         return dict(zip((camera.name for camera in cameras), tables, strict=True))
 
-    def _image(self, payload: bytes) -> UInt16Array:
-        """(H, W) ids of an instance image."""
+    def _decode_image(self, payload: bytes) -> UInt16Array:
+        """(H, W) object ids of an instance image."""
         if self._compressed:
             return decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
         return labels_from_image(deserialize_message(payload, Image))
 
     def close(self) -> None:
-        """End the threads that decode."""
+        """Stop the decoding threads."""
         self._decoders.shutdown()

@@ -1,4 +1,8 @@
-"""The topics on which a perception stack answers: subscribed to as they are found, whatever their types are."""
+"""Subscribes to the topics of a perception stack under evaluation and decodes its messages.
+
+The evaluator node uses it. Topics are found at run time, with any of the supported message types; boxes and grids of
+scores come out with the topic, the tick and the time of reception.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -27,23 +31,23 @@ _DEPTH = 64
 _NS_PER_S = 1e9
 
 TickOf = Callable[[int, str], int | None]
-"""The tick of a stamp; None: the answer is to nothing here. Gets the topic for messages."""
+"""Maps a stamp, ns, and a topic (for error messages) to a tick; None if the stamp belongs to no known tick."""
 Take = Callable[[str, int, Answer, float], None]
-"""Takes topic, tick, answer, and when it came, s."""
+"""Receives topic, tick, answer and time of reception, s since 1970."""
 
 
 class AnswerTopics:
-    """Looks for publishers, and turns what they send into boxes and scores.
+    """Finds publishers of answers, subscribes to them and decodes what they send into boxes and scores.
 
     Args:
-        node: That subscribes.
-        boxes_topic: Of boxes.
-        grids_topic: Of scores of cells, of all classes; those of single classes are below it.
-        tick_of: Tells ticks.
-        take: Gets the answers.
+        node: The node that subscribes.
+        boxes_topic: Topic of predicted boxes.
+        grids_topic: Topic of cell scores for all classes; topics of single classes are ``<grids_topic>/<class>``.
+        tick_of: Finds the tick of a stamp.
+        take: Called with every decoded answer.
 
     Attributes:
-        found: Topics that are subscribed to.
+        found: Subscriptions by topic.
     """
 
     def __init__(self, node: Node, boxes_topic: str, grids_topic: str, tick_of: TickOf, take: Take) -> None:
@@ -55,21 +59,22 @@ class AnswerTopics:
         self.found: dict[str, Any] = {}
 
     @property
-    def words(self) -> str:
-        """All names, for messages."""
+    def topic_names(self) -> str:
+        """All possible topics, as text for messages."""
         boxes, grids, *_ = self._types
         return f"{boxes}, {grids} or {grids}/<class>"
 
     @property
     def are_connected(self) -> bool:
-        """Whether there is at least one, and each has a publisher."""
+        """Whether at least one topic is found and every found topic has a publisher."""
         return bool(self.found) and all(each.get_publisher_count() for each in self.found.values())
 
-    def look(self) -> list[str]:
-        """Subscribe to those that have a publisher by now; give their names.
+    def subscribe_to_new(self) -> list[str]:
+        """Subscribe to topics that have gained a publisher since the last call; return their names.
 
         Raises:
-            InputError: One is of a wrong type, or one whose package is not installed, or scores are said in two ways.
+            InputError: A topic has a wrong type, or one whose package is not installed, or scores are published both
+                for all classes and for single classes.
         """
         new = []
         for name in [each for each in self._types if each not in self.found]:
@@ -78,9 +83,9 @@ class AnswerTopics:
                 reliable = all(each.qos_profile.reliability == ReliabilityPolicy.RELIABLE for each in publishers)
                 self._subscribe(name, kinds, is_reliable=reliable)
                 new.append(name)
-        by_class = sorted(self.found.keys() & self._classes.keys())
-        if by_class and self._grids_topic in self.found:
-            both = f"{self._grids_topic} and {by_class[0]}"
+        found_classes = sorted(self.found.keys() & self._classes.keys())
+        if found_classes and self._grids_topic in self.found:
+            both = f"{self._grids_topic} and {found_classes[0]}"
             raise InputError(f"there are scores on {both}; allowed is one or the other")
         return new
 
@@ -94,21 +99,21 @@ class AnswerTopics:
             raise InputError(f"{name}: is a {kind}, but {error.name} is not installed") from None
         reliability = ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT
         qos = QoSProfile(depth=_DEPTH, reliability=reliability)
-        callback: Any = self._callback(name, kind)  # rclpy's types know of one argument only
+        callback: Any = self._make_callback(name, kind)  # rclpy's type stubs allow one argument only
         self.found[name] = self._node.create_subscription(message_type, name, callback, qos)
 
-    def _callback(self, name: str, kind: str) -> Callable[[Any, Any], None]:
+    def _make_callback(self, name: str, kind: str) -> Callable[[Any, Any], None]:
         def receive(message: Any, info: Any) -> None:
             stamp_ns = stamp_ns_of(message)
             if stamp_ns is None:
                 return
             tick = self._tick_of(stamp_ns, name)
             if tick is not None:
-                self._take(name, tick, self._answer(name, kind, message, tick), received_s(info))
+                self._take(name, tick, self._decode(name, kind, message, tick), received_s(info))
 
         return receive
 
-    def _answer(self, name: str, kind: str, message: Any, tick: int) -> Answer:
+    def _decode(self, name: str, kind: str, message: Any, tick: int) -> Answer:
         source = f"{name}: tick {tick}"
         if kind in BOX_TYPES:
             return message_boxes(kind, message, tick, source)
@@ -118,5 +123,5 @@ class AnswerTopics:
 
 
 def received_s(info: Any) -> float:
-    """When the middleware received a message, s since 1970."""
+    """Time at which the middleware received a message, s since 1970."""
     return float(info["received_timestamp"]) / _NS_PER_S

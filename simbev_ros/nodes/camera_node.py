@@ -1,19 +1,20 @@
 """The camera node: renders its cameras' images of each due tick and publishes them, raw and compressed.
 
-An image is drawn, read back, encoded and sent only where somebody reads it; a recorder is a reader like any other.
+An image is drawn, read back, encoded and sent only if its topic has a reader; a recorder is a reader like any other.
 """
 
 import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
 from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.camera import Camera, Modality
-from simbev_ros.config.rendering import QUALITIES, Device, Quality, Rendering
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
-from simbev_ros.errors import InputError
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
 from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics
 from simbev_ros.nodes.participant import Participant
@@ -28,7 +29,7 @@ from simbev_ros.types import AnyArray
 
 
 class _Output(NamedTuple):
-    """A modality of a camera at a tick: where it goes, whether anybody reads its forms, and the image if so."""
+    """One modality of a camera at a tick: its topics, whether raw and compressed form have readers, and the image."""
 
     camera: Camera
     modality: Modality
@@ -39,34 +40,36 @@ class _Output(NamedTuple):
 
 
 class CameraNode(Participant):
-    """Serves the cameras named in its parameter ``sensors``."""
+    """Renders the images of the cameras that its parameter ``sensors`` names."""
+
+    reuses_large_buffers = True
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._names = self.declared("sensors", [], "Names of the rig's cameras that this node serves; empty: all")
-        self._compressed = self.declared("compressed", True, "Record the compressed image topics instead of the raw")
-        self._jpeg_quality = self.declared("jpeg_quality", Recording().jpeg_quality, "Of colour images, 1 to 100")
-        self._quality = _quality(self.declared("quality", Rendering().quality, "Of drawing: low, medium or high"))
-        device = self.declared("device", "auto", "auto: a GPU, or else the CPU; cpu; or the number of an EGL device")
-        self._device = _device(device)
-        self._turn = self.declared("turn", 0, "Where device is auto: which of the GPUs to try first, counted round")
-        open_context(self._device, self._turn).release()  # a machine that cannot draw says so before all else
-        self._renderer: Renderer | None = None
-        self._surroundings = Surroundings()
+        self._names = self.declare_read_only(
+            "sensors", [], "Names of the rig's cameras that this node serves; empty: all"
+        )
+        self._compressed = self.declare_read_only(
+            "compressed", True, "Record the compressed image topics instead of the raw ones"
+        )
+        self._jpeg_quality = self.declare_section("recording", Recording).jpeg_quality
+        rendering = self.declare_section("rendering", Rendering)
+        process = self.declare_read_only("process", 0, "Index of this process among those that share the rig's cameras")
+        self._quality = rendering.quality
+        self._open_context = partial(open_context, rendering.device_of(process), process)
+        self._open_context().release()  # a machine that cannot draw is reported before anything is loaded
+        self._surroundings = Surroundings(self._make_renderer, Renderer.close)
         self._cameras: list[Camera] = []
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
         self._previous: dict[int, WorldState] = {}
         self._encoders = ThreadPoolExecutor(max_workers=os.cpu_count())
 
+    def _make_renderer(self, static: StaticScene) -> Renderer:
+        return Renderer(static, load_models(), self._open_context(), self._quality)
+
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the cameras' topics."""
-        static = self._surroundings.changed(spec)
-        if static is not None:
-            if self._renderer is not None:
-                self._renderer.close()
-            self._renderer = Renderer(static, load_models(), open_context(self._device, self._turn), self._quality)
-        assert self._renderer is not None
-        self._renderer.set_lights(spec.lights)
+        self._surroundings.load(spec).set_lights(spec.lights)
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
@@ -78,28 +81,27 @@ class CameraNode(Participant):
         return tick >= 0 and any(tick % spec.period_ticks(camera.rate_hz) == 0 for camera in self._cameras)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Render what is due. The flow's previous frame is the camera's own, not the last tick."""
+        """Render and publish the images that are due; flow refers to the camera's own previous frame."""
         for period, cameras in groupby(self._cameras, key=lambda camera: spec.period_ticks(camera.rate_hz)):
             if state.tick % period:
                 continue
             frame = RenderFrame(state, self._previous.get(period))
-            outputs = self._rendered(spec, self._outputs(cameras), frame)
-            if state.tick >= 0:  # pictures of the lead-in only warm the renderer up
+            outputs = self._render(spec, self._outputs(cameras), frame)
+            if state.tick >= 0:  # images of the lead-in only warm up the renderer
                 self._publish(spec, outputs, frame)
             self._previous[period] = state
 
     def _outputs(self, cameras: Iterable[Camera]) -> list[_Output]:
-        """All modalities of some cameras, and who reads them now."""
+        """All modalities of the given cameras, and whether their topics have readers now."""
         outputs = []
         for camera in cameras:
             for modality, topics in self._topics[camera.name].items():
-                raw, compressed = self.readers(topics.raw.name) > 0, self.readers(topics.compressed.name) > 0
+                raw, compressed = self.reader_count(topics.raw.name) > 0, self.reader_count(topics.compressed.name) > 0
                 outputs.append(_Output(camera, modality, topics, raw, compressed))
         return outputs
 
-    def _rendered(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> list[_Output]:
-        """The outputs with the images of those that somebody reads; the others are not drawn."""
-        assert self._renderer is not None
+    def _render(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> list[_Output]:
+        """Render the outputs that have readers; return all outputs, with the images of the rendered ones."""
         wanted: dict[str, list[_Output]] = {}
         for output in outputs:
             if output.raw or output.compressed:
@@ -108,14 +110,14 @@ class CameraNode(Participant):
             CameraView.from_config(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
             for each in wanted.values()
         ]
-        images = dict(zip(wanted, self._renderer.render(views, frame), strict=True)) if views else {}
+        images = dict(zip(wanted, self._surroundings.built.render(views, frame), strict=True)) if views else {}
         return [
             output._replace(image=getattr(images.get(output.camera.name), output.modality, None)) for output in outputs
         ]
 
     def _publish(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> None:
         stamp_ns = frame.world.stamp_ns
-        encoded = self._encoders.map(self._encoded, outputs)
+        encoded = self._encoders.map(self._encode, outputs)
         for output, data in zip(outputs, encoded, strict=True):
             frame_id = f"{spec.rig.agent}/{output.camera.name}_optical"
             if output.raw and output.image is not None:
@@ -124,15 +126,15 @@ class CameraNode(Participant):
                 self.publish(output.topics.compressed.name, compressed_image_message(*data, stamp_ns, frame_id))
             self.publish(output.topics.info.name, camera_info_message(output.camera.model, stamp_ns, frame_id))
 
-    def _encoded(self, output: _Output) -> tuple[bytes, str] | None:
-        """Compressed bytes and format, where somebody listens."""
+    def _encode(self, output: _Output) -> tuple[bytes, str] | None:
+        """Compress an image; return bytes and format, or None without readers of the compressed form."""
         if not output.compressed or output.image is None:
             return None
         encoding = encoding_of(output.image)
         return encode_image(encoding, output.image, self._jpeg_quality), compressed_format(encoding)
 
     def _advertise(self) -> Iterator[str]:
-        """Make the publishers; give the topics that a recorder takes."""
+        """Create the publishers; yield the names of the topics that can be recorded."""
         for modalities in self._topics.values():
             for topics in modalities.values():
                 for topic in topics:
@@ -140,26 +142,6 @@ class CameraNode(Participant):
                 yield from (topic.name for topic in topics.recorded(compressed=self._compressed))
 
     def close(self) -> None:
-        """Free the GL resources."""
+        """Stop the encoding threads and free the GL resources."""
         self._encoders.shutdown()
-        if self._renderer is not None:
-            self._renderer.close()
-
-
-def _quality(name: str) -> Quality:
-    """The quality of that name."""
-    for quality in QUALITIES:
-        if quality == name:
-            return quality
-    raise InputError(f"parameter quality is {name!r}; allowed: {', '.join(QUALITIES)}")
-
-
-def _device(name: str) -> Device:
-    """What the parameter ``device`` means."""
-    if name == "auto":
-        return "auto"
-    if name == "cpu":
-        return "cpu"
-    if not name.isdecimal():
-        raise InputError(f"parameter device is {name!r}; allowed: auto, cpu, or the number of an EGL device")
-    return int(name)
+        self._surroundings.close()

@@ -1,6 +1,6 @@
-"""The evaluator node: what a perception stack answers is compared with the truth, frame by frame, while the scene runs.
+"""The evaluator node: compares the answers of a perception stack with the ground truth while the scene runs.
 
-Figures so far go to /evaluation, those of the scene into a file when it ends.
+Running figures are published on /evaluation; the figures of a scene are written to a file when it ends.
 """
 
 import json
@@ -43,39 +43,42 @@ from simbev_ros.types import Table
 _LIVE_GRACE_TICKS = 40
 _LIVE_IDLE_S = 2.0
 _DEPTH = 64
-"""Of subscriptions: figures take their time."""
+"""Queue depth of subscriptions: computing figures takes a while."""
 _POLLS_TO_SETTLE = 5
-"""Our side knows that it is connected a moment before the other side does."""
+"""This side of a connection is established a moment before the other side is."""
 _SHARE_OF_TIME = 0.1
-"""That running figures may take."""
-_SHOWN = ("mAP_iou", "mAP_distance", "SDS_iou", "mean_IoU")
+"""Maximum share of wall time that running figures may take."""
+_STATUS_FIGURES = ("mAP_iou", "mAP_distance", "SDS_iou", "mean_IoU")
 
 
 class EvaluatorNode(GraphNode):
-    """Evaluates one scene after the other. In lockstep the world waits for it, and so for the answers.
+    """Evaluates one scene after the other. In lockstep the world waits for it, and thereby for the answers.
 
-    A tick is reported as finished when its frame has been counted, the one after the last when the file is written.
+    A tick is reported as finished when its frame has been counted, the tick after the last when the file is written.
     """
 
     takes_message_info = True
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        section = self.declared("evaluation", "{}", "The section of that name of the configuration, as JSON")
-        self._evaluation = Evaluation.model_validate_json(section)
-        files = [self.declared("figures", "", "File for the figures of all scenes so far; empty: there is none")]
-        files.append(self.declared("asked_figures", "", "One more, or a folder for those of each scene"))
+        self._evaluation = self.declare_section("evaluation", Evaluation)
+        files = [self.declare_read_only("figures", "", "File for the figures of all scenes up to now; empty: none")]
+        files.append(
+            self.declare_read_only("asked_figures", "", "A second such file, or a folder for one file per scene")
+        )
         self._files = [Path(file) for file in files if file]
-        self._input: str = self.declared("input_topic", "", "What the stack answers to")
-        self._patience_s: float = self.declared("patience_s", 60.0, "So long the first scene waits for the stack")
+        self._input: str = self.declare_read_only("input_topic", "", "Topic that the stack answers to")
+        self._patience_s: float = self.declare_read_only(
+            "patience_s", 60.0, "Time that the first scene waits for the stack, s"
+        )
         stack = self._evaluation.participants
         idle_s = math.inf if stack else self._patience_s / 2
         self._patience = WaitLimits(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else WaitLimits(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
         self._numbers: set[int] = set()
         self._spec: SceneSpec | None = None
-        self._taken: dict[str, Subscription] = {}
-        self._polls_connected, self._loaded_reported, self._since_s = 0, False, 0.0
+        self._subscriptions_by_topic: dict[str, Subscription] = {}
+        self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, 0.0
         self._next_figures_s = 0.0
         self._answers = AnswerTopics(
             self, self._evaluation.boxes_topic, self._evaluation.grids_topic, self._tick_of, self._on_answer
@@ -92,7 +95,7 @@ class EvaluatorNode(GraphNode):
         self.create_wall_timer(0.5, self._look_for_answers)
 
     def _on_scene(self, message: String) -> None:
-        """Begin anew; of a scene that starts again, what it had does not count."""
+        """Start evaluating a scene; if the same scene starts again, its earlier frames do not count."""
         spec = SceneSpec.model_validate_json(message.data)
         answered = self._answered_topic(spec)
         self._input_type = answered.type
@@ -105,7 +108,7 @@ class EvaluatorNode(GraphNode):
         self._subscribe(labels.boxes, self._truth(BOXES, _boxes))
         self._subscribe(labels.bev_labels, self._truth(LABELS, labels_from_image))
         self._subscribe(answered, self._on_input, raw=True)
-        self._polls_connected, self._loaded_reported, self._since_s = 0, False, time.monotonic()
+        self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, time.monotonic()
         self._spec = spec
         self._numbers.add(spec.number)
 
@@ -113,16 +116,20 @@ class EvaluatorNode(GraphNode):
         sent = [topic for form in (False, True) for topic in sensor_topics(spec, compressed_images=form)]
         known = {topic.name: topic for topic in (*sent, topics.odometry_topic(spec))}
         if self._input not in known:
-            raise InputError(f"evaluation.answers_to: nobody sends {self._input}; allowed: {', '.join(known)}")
+            raise InputError(
+                f"evaluation.answers_to: the scene has no topic {self._input}; allowed: {', '.join(known)}"
+            )
         return known[self._input]
 
     def _subscribe(self, topic: Topic, callback: Callable[..., None], *, raw: bool = False) -> None:
-        """Take a topic, once for all scenes that have it; the odometry may be truth and input."""
+        """Subscribe to a topic, once for all scenes that have it; odometry may be both ground truth and input."""
         key = f"{topic.name} raw" if raw else topic.name
-        if key not in self._taken:
+        if key not in self._subscriptions_by_topic:
             qos = rclpy_qos(qos_of(topic, live=self.live))
             qos.depth = max(qos.depth, _DEPTH)
-            self._taken[key] = self.create_subscription(message_class(topic.type), topic.name, callback, qos, raw=raw)
+            self._subscriptions_by_topic[key] = self.create_subscription(
+                message_class(topic.type), topic.name, callback, qos, raw=raw
+            )
 
     def _truth(self, part: str, value_of: Callable[[Any], Any]) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
@@ -140,12 +147,12 @@ class EvaluatorNode(GraphNode):
             self._join.add_input(tick, received_s(info))
 
     def _tick(self, stamp_ns: int) -> int | None:
-        """That of a stamp; None: one of the lead-in, or of another scene."""
+        """Tick of a stamp of this scene; None for the lead-in and for other scenes."""
         tick = -1 if self._spec is None else self._spec.tick_of(stamp_ns)
         return tick if self._spec is not None and 0 <= tick < self._spec.ticks else None
 
     def _tick_of(self, stamp_ns: int, topic: str) -> int | None:
-        """As ``_tick``, of an answer, whose stamp must be that of a tick."""
+        """Tick of an answer, whose stamp must be exactly that of a tick; None for the lead-in and earlier scenes."""
         if self._spec is None:
             return None
         try:
@@ -169,24 +176,26 @@ class EvaluatorNode(GraphNode):
             self._advance()
 
     def _look_for_answers(self) -> None:
-        for name in self._answers.look():
+        for name in self._answers.subscribe_to_new():
             if self._spec is not None:
                 self._join.add_topic(name)
 
     def _report_loaded(self) -> None:
-        """Report the scene as loaded once everything is connected, the stack too; a timer tries until then."""
+        """Report the scene as loaded once everything, including the stack, is connected; called by a timer."""
         if self._spec is None or self._loaded_reported:
             return
-        connected = all(each.get_publisher_count() for each in self._taken.values())
+        connected = all(each.get_publisher_count() for each in self._subscriptions_by_topic.values())
         self._polls_connected = self._polls_connected + 1 if connected and self._answers.are_connected else 0
         if self._polls_connected >= _POLLS_TO_SETTLE:
             self._loaded_reported = True
-            self.report_finished(self._spec, -1)  # frames begin at tick 0
-        elif not self._answers.found and time.monotonic() > self._since_s + self._patience_s:
-            raise InputError(f"no stack has come within {self._patience_s:g} s: nobody sends {self._answers.words}")
+            self.report_finished(self._spec, -1)  # frames start at tick 0
+        elif not self._answers.found and time.monotonic() > self._scene_since_s + self._patience_s:
+            raise InputError(
+                f"no stack has connected within {self._patience_s:g} s: nothing publishes {self._answers.topic_names}"
+            )
 
     def _advance(self) -> None:
-        """Count the frames that are ready, and report how far all is."""
+        """Count the frames that are ready, report finished ticks, and publish running figures from time to time."""
         spec = self._spec
         if spec is None:
             return
@@ -207,7 +216,7 @@ class EvaluatorNode(GraphNode):
     def _publish_figures(self, spec: SceneSpec) -> None:
         counts = self._join.counts
         figures = {**self._live_evaluation.running_figures(), **asdict(counts)}
-        shown = [f"{name} {figures[name]:.3f}" for name in _SHOWN if name in figures]
+        shown = [f"{name} {figures[name]:.3f}" for name in _STATUS_FIGURES if name in figures]
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if counts.missed else DiagnosticStatus.OK,
             name=f"simbev: evaluation of {spec.name}",
@@ -219,7 +228,7 @@ class EvaluatorNode(GraphNode):
         self._figures.publish(DiagnosticArray(header=stamp, status=[status]))
 
     def _finish_scene(self, spec: SceneSpec) -> None:
-        """Write the figures of all scenes so far, and those of this one."""
+        """Write the figures of all scenes up to now, or those of this one (see the parameters)."""
         self._publish_figures(spec)
         self._scenes.append(self._live_evaluation.finish(self._join.counts))
         self._spec = None
@@ -230,7 +239,7 @@ class EvaluatorNode(GraphNode):
                 _write(path / f"{spec.name}.json", live_figures(self._scenes[-1:], self._options))
 
     def close(self) -> None:
-        """Write the figures of a scene that is interrupted."""
+        """Write the figures of an interrupted scene."""
         if self._spec is not None and self._join.finished_tick >= 0:
             self._finish_scene(self._spec)
 
@@ -240,7 +249,7 @@ def _boxes(message: PointCloud2) -> Table:
 
 
 def _write(path: Path, figures: dict[str, Any]) -> None:
-    """As a whole or not at all."""
+    """Write a file completely or not at all."""
     part = path.with_name(f"{path.name}.part")
     with disk_errors(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)

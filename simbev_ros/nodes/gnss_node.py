@@ -1,4 +1,4 @@
-"""The GNSS node: publishes the fixes of the rig's receivers."""
+"""The GNSS node: publishes a fix of each of the rig's receivers at its rate, from the ego's true motion."""
 
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ class GnssNode(Participant):
         self._mounted: list[_Mounted] = []
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Find out where the map lies on Earth, and advertise the topics."""
+        """Load the map's geodetic datum and advertise the receivers' topics."""
         datum = load_datum(spec.map)
         self._mounted = []
         for gnss in spec.rig.of_type(Gnss):
@@ -38,7 +38,7 @@ class GnssNode(Participant):
         return [mounted.topic.name for mounted in self._mounted]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Publish what is due."""
+        """Publish the fixes that are due."""
         for frame, model, topic in self._mounted:
             if model.is_due(state.tick):
                 self.publish(topic.name, fix_message(model.measure(state), state.stamp_ns, frame))

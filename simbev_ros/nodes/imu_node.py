@@ -1,4 +1,4 @@
-"""The IMU node: publishes the samples of the rig's inertial measurement units."""
+"""The IMU node: publishes the samples of the rig's inertial measurement units, from the ego's true motion."""
 
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ class _Mounted(NamedTuple):
 class ImuNode(Participant):
     """Serves all IMUs of the rig: ``data`` with the orientation, ``data_raw`` without (REP-145).
 
-    Samples between two ticks are published at the latter, in order, each with its own stamp.
+    Samples between two ticks are published at the later tick, in order, each with its own stamp.
     """
 
     def __init__(self, name: str) -> None:
@@ -29,7 +29,7 @@ class ImuNode(Participant):
         self._mounted: list[_Mounted] = []
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Advertise the topics."""
+        """Advertise the IMUs' topics."""
         self._previous = None
         self._mounted = []
         for imu in spec.rig.of_type(Imu):
@@ -42,7 +42,7 @@ class ImuNode(Participant):
         return [topic.name for mounted in self._mounted for topic in mounted.topics]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Publish what is due."""
+        """Publish the samples that are due."""
         for frame, model, topics in self._mounted:
             if model.is_due(state.tick):
                 samples = model.measure(state, self._previous)

@@ -1,4 +1,4 @@
-"""The lidar node: casts the rays of the rig's lidars and publishes their clouds."""
+"""The lidar node: casts the rays of the rig's lidars at each due tick and publishes their point clouds."""
 
 import math
 from collections.abc import Iterable
@@ -10,20 +10,19 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.msgs.sensor_topics import LidarTopics, lidar_topics
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.nodes.participant import Participant
-from simbev_ros.nodes.surroundings import Surroundings, place_soon_m, view_of_rays_m
+from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ray_view_radius_m
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import vector
 
 
-class _Way(NamedTuple):
-    """How lidars look at the world; those with the same way share what is built for a tick."""
+class _RaySettings(NamedTuple):
+    """How lidars see the world; lidars with equal settings share the ray casting scene that is built for a tick."""
 
     hits_own_vehicle: bool
-    turn_ticks: int  # how far back their rays go; 0: all are cast at the tick
+    turn_ticks: int  # number of earlier ticks that a turn covers; 0: all rays are cast at the tick
 
 
 class _Mounted(NamedTuple):
@@ -33,18 +32,18 @@ class _Mounted(NamedTuple):
     topics: LidarTopics
 
     @property
-    def way(self) -> _Way:
-        return _Way(self.lidar.hits_own_vehicle, self.period_ticks if self.lidar.rolling else 0)
+    def settings(self) -> _RaySettings:
+        return _RaySettings(self.lidar.hits_own_vehicle, self.period_ticks if self.lidar.rolling else 0)
 
 
 class LidarNode(Participant):
-    """Serves all lidars of the rig, which share what their rays hit."""
+    """Serves all lidars of the rig, which share one ray casting scene."""
+
+    reuses_large_buffers = True
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        keep_freed_memory()
-        self._surroundings = Surroundings()
-        self._rays: RayScene | None = None
+        self._surroundings = Surroundings(lambda static: RayScene(static, load_models()))
         self._mounted: list[_Mounted] = []
         self._reach_m = 0.0
         self._states: list[WorldState] = []
@@ -53,9 +52,7 @@ class LidarNode(Participant):
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
         lidars = spec.rig.of_type(Lidar)
         self._reach_m = max((_reach_m(lidar) for lidar in lidars), default=0.0)
-        static = self._surroundings.changed(spec, view_of_rays_m(lidar.range_m for lidar in lidars))
-        if static is not None:
-            self._rays = RayScene(static, load_models())
+        self._surroundings.load(spec, ray_view_radius_m(lidar.range_m for lidar in lidars))
         self._mounted, self._states = [], []
         recorded = []
         for lidar in lidars:
@@ -70,27 +67,28 @@ class LidarNode(Participant):
         return recorded
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
-        """Whether a lidar ends a turn."""
+        """Whether any lidar completes a turn at the tick."""
         return tick >= 0 and any(tick % mounted.period_ticks == 0 for mounted in self._mounted)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Cast what is due, and publish it; clouds of the lead-in only warm the ray caster up."""
+        """Cast and publish the clouds that are due; clouds of the lead-in only warm up the ray caster."""
         due = [mounted for mounted in self._mounted if state.tick % mounted.period_ticks == 0]
-        for way, alike in groupby(sorted(due, key=lambda mounted: mounted.way), key=lambda mounted: mounted.way):
-            self._scan(spec, state, way, alike)
-        farthest = state.tick - max((mounted.way.turn_ticks for mounted in self._mounted), default=0)
-        self._states = [each for each in (*self._states, state) if each.tick > farthest]
-        if self._rays is not None:
-            self._rays.build_ahead(place_soon_m(state), self._reach_m)
+        for settings, alike in groupby(
+            sorted(due, key=lambda mounted: mounted.settings), key=lambda mounted: mounted.settings
+        ):
+            self._scan(spec, state, settings, alike)
+        expired_tick = state.tick - max((mounted.settings.turn_ticks for mounted in self._mounted), default=0)
+        self._states = [each for each in (*self._states, state) if each.tick > expired_tick]
+        self._surroundings.built.build_ahead(predicted_position_m(state), self._reach_m)
 
-    def _scan(self, spec: SceneSpec, state: WorldState, way: _Way, alike: Iterable[_Mounted]) -> None:
-        """Turns of lidars that look at the world in the same way."""
-        assert self._rays is not None
-        earlier = [each for each in self._states if each.tick >= state.tick - way.turn_ticks]
-        hidden_ids = frozenset() if way.hits_own_vehicle else state.ego_ids
-        self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
+    def _scan(self, spec: SceneSpec, state: WorldState, settings: _RaySettings, alike: Iterable[_Mounted]) -> None:
+        """Scan with the lidars of equal ray settings and publish their clouds."""
+        rays = self._surroundings.built
+        earlier = [each for each in self._states if each.tick >= state.tick - settings.turn_ticks]
+        hidden_ids = frozenset() if settings.hits_own_vehicle else state.ego_ids
+        rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
         for lidar, model, _, topics in alike:
-            scan = model.scan(self._rays, state, earlier)
+            scan = model.scan(rays, state, earlier)
             frame = f"{spec.rig.agent}/{lidar.name}"
             for topic, table in ((topics.points, scan.points), (topics.semantic_points, scan.semantic_points)):
                 if topic is not None and table is not None and state.tick >= 0:
@@ -98,5 +96,5 @@ class LidarNode(Participant):
 
 
 def _reach_m(lidar: Lidar) -> float:
-    """How far from the ego's place its rays reach."""
+    """Maximum distance of a hit from the ego's origin."""
     return lidar.range_m + math.hypot(lidar.pose.x_m, lidar.pose.y_m)

@@ -1,4 +1,8 @@
-"""Ends a process with the one that supervises it. Run as a module, it is followed by the words of another command."""
+"""Ends a process together with its supervisor, however the supervisor dies.
+
+Node processes call ``end_with_supervisor``; other commands are started as
+``python -m simbev_ros.nodes.lifeline COMMAND …``.
+"""
 
 import ctypes
 import os
@@ -6,13 +10,13 @@ import signal
 import sys
 
 SUPERVISOR_VARIABLE = "SIMBEV_SUPERVISOR_PID"
-"""Set for processes that must not outlive the one that started them."""
+"""Environment variable with the supervisor's pid, set for processes that must not outlive it."""
 
 _PR_SET_PDEATHSIG = 1
 
 
 def end_with_supervisor() -> None:
-    """Get SIGTERM from the kernel when the supervisor dies, whatever kills it; end at once if it is dead already."""
+    """Have the kernel send SIGTERM when the supervisor dies for any reason; exit at once if it is already dead."""
     supervisor = os.environ.get(SUPERVISOR_VARIABLE)
     if supervisor is None:  # started by hand or by a launch file
         return

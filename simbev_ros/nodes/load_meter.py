@@ -1,4 +1,4 @@
-"""How busy a node is: rate, time per tick, drops. It reads the wall clock; no data depends on it."""
+"""Measures a node's load: tick rate, time per tick, dropped ticks. It reads the wall clock; no data depends on it."""
 
 import time
 from collections.abc import Iterator
@@ -6,26 +6,26 @@ from contextlib import contextmanager
 
 
 class LoadMeter:
-    """Counts ticks and the time they take, between two readings."""
+    """Counts a node's ticks and the time they take, between two readings."""
 
     def __init__(self) -> None:
         self._dropped_total = 0
         self._reset()
 
-    def drop(self, ticks: int) -> None:
-        """Count ticks that were due and left out."""
+    def count_dropped(self, ticks: int) -> None:
+        """Count ticks that were due and skipped."""
         self._dropped += ticks
 
     @contextmanager
     def busy(self, ticks: int = 1) -> Iterator[None]:
-        """Time the work of a tick; with ``ticks`` 0 more work of one that has been counted."""
+        """Time the work of a tick; ``ticks=0`` adds further work of a tick that has already been counted."""
         start_s = time.perf_counter()
         yield
         self._busy_s += time.perf_counter() - start_s
         self._ticks += ticks
 
     def read(self) -> dict[str, float]:
-        """Rate and load since the last reading; drops also in total."""
+        """Return rate, load and drops since the last reading, and drops in total."""
         elapsed_s = max(time.perf_counter() - self._since_s, 1e-9)
         self._dropped_total += self._dropped
         load = {

@@ -1,4 +1,7 @@
-"""The lockstep window: who has finished which tick. Pure; the world node feeds it from /sync/ready."""
+"""The lockstep window: which participant has finished which tick, and whether the next tick may start.
+
+It is pure: the world node and the graph's monitor feed it the reports on /sync/ready.
+"""
 
 from collections.abc import Iterable
 
@@ -9,8 +12,8 @@ class Lockstep:
     """Tracks the last finished tick of every participant.
 
     Args:
-        participants: Names that must report.
-        window_ticks: Tick t may start when all have finished tick t - window.
+        participants: Names of the nodes that must report.
+        window_ticks: Tick t may start when every participant has finished tick t - window_ticks.
     """
 
     def __init__(self, participants: Iterable[str], window_ticks: int) -> None:
@@ -18,33 +21,54 @@ class Lockstep:
         self._window_ticks = window_ticks
         self._spec: SceneSpec | None = None
         self._finished: dict[str, int] = {}
+        self._early_stamps_ns: dict[str, int] = {}
 
     def start_scene(self, spec: SceneSpec) -> None:
-        """Forget the scene before."""
+        """Expect the reports of a new scene, of which no participant has finished anything."""
         self._spec = spec
-        self._finished = {}
+        self._finished, self._early_stamps_ns = {}, {}
 
-    def finished(self, frame_id: str, stamp_ns: int) -> None:
-        """Take a report ``name:scene``; reports for other scenes and from other nodes are ignored."""
+    def record_report(self, frame_id: str, stamp_ns: int) -> bool:
+        """Record a report ``name:scene`` of the tick at a stamp; return whether it counts.
+
+        Reports of other scenes and from unknown nodes are ignored, and so are those of ticks so early that the scene
+        could not even start: they do not mean that the participant has loaded it (see ``describe_early_reports``).
+        """
         name, _, scene = frame_id.partition(":")
-        if self._spec is not None and scene == self._spec.name and name in self._participants:
-            tick = self._spec.tick_of(stamp_ns)
-            self._finished[name] = max(tick, self._finished.get(name, tick))
+        if self._spec is None or scene != self._spec.name or name not in self._participants:
+            return False
+        tick = self._spec.tick_of(stamp_ns)
+        if tick < -self._spec.lead_in_ticks - self._window_ticks:
+            self._early_stamps_ns[name] = stamp_ns
+            return False
+        self._finished[name] = max(tick, self._finished.get(name, tick))
+        return True
+
+    def describe_early_reports(self) -> list[str]:
+        """A phrase for each participant whose reports all precede the scene, with the stamp of the latest one."""
+        if self._spec is None:
+            return []
+        first_ns = self._spec.stamp_ns(self._spec.loaded_tick)
+        return [
+            f"{name} has reported stamp {stamp_ns} ns, which precedes the scene; its first should be {first_ns} ns"
+            for name, stamp_ns in self._early_stamps_ns.items()
+            if name not in self._finished
+        ]
 
     @property
     def all_loaded(self) -> bool:
-        """Every participant has reported at least once."""
+        """Whether every participant has reported at least once, which means that it has loaded the scene."""
         return len(self._finished) == len(self._participants)
 
     def may_start(self, tick: int) -> bool:
-        """Everybody has loaded the scene and is at most the window behind."""
+        """Whether all participants have loaded the scene and are at most the window behind."""
         return self.all_loaded and all(done >= tick - self._window_ticks for done in self._finished.values())
 
     def laggards(self) -> list[str]:
-        """Those who have finished least, and hold the others up."""
+        """The participants with the lowest finished tick, which hold up the others."""
         last = {name: self._finished.get(name, -(2**62)) for name in self._participants}
         return [name for name, tick in last.items() if tick == min(last.values())]
 
     def finished_by_all(self) -> int | None:
-        """The last tick that everybody has finished; None before all have loaded the scene."""
+        """The last tick that all participants have finished; None before all have loaded the scene."""
         return min(self._finished.values(), default=None) if self.all_loaded else None

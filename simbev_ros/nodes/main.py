@@ -1,4 +1,7 @@
-"""Runs one or several nodes in one process: ``python -m simbev_ros.nodes.main KIND:NAME … --ros-args …``."""
+"""Entry point of a node process, with one or several nodes.
+
+Usage: ``python -m simbev_ros.nodes.main KIND:NAME … --ros-args …``
+"""
 
 import importlib
 import os
@@ -15,30 +18,31 @@ from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.errors import DiskError, InputError, SimbevError
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lifeline import end_with_supervisor
+from simbev_ros.process_memory import keep_freed_memory
 
 KINDS = ("world", *SENSOR_KINDS, "annotator", "recorder", "evaluator")
-"""Kinds of nodes. Each kind of sensor has a node of that name."""
+"""Kinds of nodes; each kind of sensor has a node kind of the same name."""
 
 ERROR_MARK = "error: "
-"""Begins the line, and what follows it, in which a process says why it ends."""
+"""Prefix of the output, up to its end, in which a process states why it ends."""
 
 DISK_EXIT_CODE = os.EX_IOERR
-"""Of a process that ends because the disk is full, which no other try mends."""
+"""Exit code of a process that ends because the disk is full, which a retry does not solve."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run nodes until SIGTERM or SIGINT; give the exit code."""
+    """Run nodes until SIGTERM or SIGINT; return the exit code."""
     arguments = sys.argv if arguments is None else arguments
     end_with_supervisor()
     stop = _StopFlag()
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    nodes = []
+    nodes: list[GraphNode] = []
     try:
-        for word in remove_ros_args(arguments)[1:]:
-            kind, _, name = word.partition(":")
-            if kind not in KINDS:
-                raise InputError(f"no kind of node is called {kind!r}; allowed: {', '.join(KINDS)}")
-            nodes.append(node_class(kind)(name or kind))
+        requested = [_requested_node(word) for word in remove_ros_args(arguments)[1:]]
+        if any(kind.reuses_large_buffers for kind, _ in requested):
+            keep_freed_memory()
+        for kind, name in requested:
+            nodes.append(kind(name))
         executor = _make_executor(takes_message_info=any(node.takes_message_info for node in nodes))
         for node in nodes:
             executor.add_node(node)
@@ -55,10 +59,18 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def node_class(kind: str) -> type[GraphNode]:
-    """The class of a kind of node: of ``lidar`` it is ``LidarNode`` in ``nodes/lidar_node.py``.
+def _requested_node(word: str) -> tuple[type[GraphNode], str]:
+    """Class and name of a node requested as ``KIND:NAME`` or ``KIND``."""
+    kind, _, name = word.partition(":")
+    if kind not in KINDS:
+        raise InputError(f"there is no node kind {kind!r}; allowed: {', '.join(KINDS)}")
+    return node_class(kind), name or kind
 
-    It is imported only when it is asked for: a lidar process needs no OpenGL.
+
+def node_class(kind: str) -> type[GraphNode]:
+    """Import the class of a node kind: ``LidarNode`` in ``nodes/lidar_node.py`` for ``lidar``.
+
+    Only the modules of the requested kinds are imported: a lidar process needs no OpenGL.
 
     Raises:
         ModuleNotFoundError: The kind has no module.
@@ -71,7 +83,7 @@ def node_class(kind: str) -> type[GraphNode]:
 
 
 def _make_executor(*, takes_message_info: bool) -> Executor:
-    """The events executor, which takes less time for every message, where rclpy has it and it can do what is needed."""
+    """Make the events executor, which is faster per message, if rclpy has it and it can call the nodes' callbacks."""
     if takes_message_info:
         return SingleThreadedExecutor()
     try:
@@ -83,12 +95,12 @@ def _make_executor(*, takes_message_info: bool) -> Executor:
 
 
 class _StopFlag:
-    """Set by the first signal; the tick in progress is finished, then the nodes close what they have open."""
+    """Set by SIGTERM or SIGINT; the tick in progress is completed, then the nodes are closed."""
 
     def __init__(self) -> None:
         self.requested = False
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, self._set)
+        for signal_number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(signal_number, self._set)
 
     def _set(self, *_: object) -> None:
         self.requested = True

@@ -1,14 +1,14 @@
-"""When the next tick is due: at once in lockstep, by the wall clock in live mode, on request while paused."""
+"""Decides when the world's next tick is due: at once in lockstep, by the wall clock when live, by steps when paused."""
 
 import time
 
 
 class Pacer:
-    """Paces the world.
+    """Paces the ticks of the world node.
 
     Attributes:
-        paused: No tick starts, unless stepped.
-        steps: Ticks asked for while paused.
+        paused: Whether ticks start only when they are stepped.
+        steps: Number of ticks requested while paused and not started yet.
     """
 
     def __init__(self, *, live: bool) -> None:
@@ -18,15 +18,15 @@ class Pacer:
         self.steps = 0
 
     def pause(self, paused: bool) -> None:
-        """Start no more ticks, or go on; steps that were asked for before are forgotten."""
+        """Pause or resume; requested steps are dropped."""
         self.paused, self.steps = paused, 0
 
     def start(self) -> None:
-        """A scene starts; live time counts from its first tick."""
+        """Start a scene; live time counts from its first tick."""
         self._next_s, self.steps = 0.0, 0
 
-    def due(self, tick_ns: int) -> bool:
-        """Whether the next tick may start now; True consumes it."""
+    def take_due(self, tick_ns: int) -> bool:
+        """Return whether the next tick may start now; if so, count it as started."""
         if self.paused:
             if self.steps == 0:
                 return False
@@ -37,6 +37,6 @@ class Pacer:
         now_s = time.monotonic()
         if now_s < self._next_s:
             return False
-        # After a stall the clock goes on from now: it does not rush to catch up.
+        # After a stall the pace continues from now, without rushing to catch up.
         self._next_s = now_s + tick_ns / 1e9 if now_s - self._next_s > 0.5 else self._next_s + tick_ns / 1e9
         return True

@@ -1,4 +1,8 @@
-"""A node behind the world node: gets each scene, then every tick of it in order, and reports those it has finished."""
+"""The base class of sensor and annotation nodes, which follow the world node tick by tick.
+
+A participant receives each scene, then the world state of every tick in order, processes it, and reports it as
+finished on /sync/ready. In lockstep the world waits for these reports.
+"""
 
 from typing import Any
 
@@ -21,21 +25,27 @@ class Participant(GraphNode):
     A subclass advertises its topics in ``start_scene`` and publishes in ``process``.
 
     Attributes:
-        inputs: Subscriptions that must be connected before a scene begins.
+        inputs: Subscriptions that must be connected before a scene starts.
     """
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.recorded: bool = self.declared(
-            "recorded", False, "A recorder reads the topics that it records: wait until it is connected"
+        self.recorded: bool = self.declare_read_only(
+            "recorded", False, "A recorder reads the recorded topics: wait until it is connected"
         )
-        include = self.declared("include_topics", [], "Patterns, of which one fits a recorded topic; none: all do")
-        exclude = self.declared("exclude_topics", [], "Patterns that fit no recorded topic")
+        include = self.declare_read_only(
+            "include_topics",
+            [],
+            "Patterns of which a recorded topic matches at least one; none: every topic is recorded",
+        )
+        exclude = self.declare_read_only("exclude_topics", [], "Patterns that no recorded topic matches")
         self._recorded_topics = topics.TopicFilter(include or ("*",), exclude)
-        self.annotated: bool = self.declared(
+        self.annotated: bool = self.declare_read_only(
             "annotated", False, "An annotator reads clouds and instance images: wait until it is connected"
         )
-        self._evaluated = self.declared("evaluated_topics", [], "An evaluator reads these: wait until it is connected")
+        self._evaluated = self.declare_read_only(
+            "evaluated_topics", [], "An evaluator reads these: wait until it is connected"
+        )
         self.spec: SceneSpec | None = None
         self._awaited_readers: dict[str, int] = {}
         self._loaded_reported = False
@@ -55,19 +65,19 @@ class Participant(GraphNode):
         self.create_wall_timer(0.05, self._report_loaded)
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load what a scene needs and advertise its topics; give the names of those that can be recorded."""
+        """Load what a scene needs and advertise its topics; return the names of the topics that can be recorded."""
         raise NotImplementedError
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
-        """Whether the node has something to publish at a tick; at others its work is not measured."""
+        """Whether the node publishes anything at a tick; at other ticks its load is not measured."""
         return tick >= 0
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Do the work of one tick, lead-in ticks (negative, nothing is published) included."""
+        """Do the work of one tick, including lead-in ticks (negative, nothing is published)."""
         raise NotImplementedError
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
-        """Report a tick that has been processed; a node that has more to do for it reports it later."""
+        """Report a processed tick; override it if the node has more to do before the tick is finished."""
         self.report_finished(spec, state.tick)
 
     def _on_scene(self, message: String) -> None:
@@ -75,45 +85,45 @@ class Participant(GraphNode):
         for waiting in (self._actors, self._signals, self._weather):
             waiting.clear()
         spec = SceneSpec.model_validate_json(message.data)
-        self._awaited_readers = self._readers_of(spec, self.start_scene(spec))
+        self._awaited_readers = self._expected_readers(spec, self.start_scene(spec))
         self._last_tick = spec.loaded_tick
         self.spec = spec
         self._loaded_reported = False
         self._report_loaded()
 
     def _report_loaded(self) -> None:
-        """Report the scene as loaded once all readers and writers are connected; a timer tries until they are."""
+        """Report the scene as loaded once all readers and writers are connected; called by a timer until then."""
         if self.spec is None or self._loaded_reported:
             return
         if any(subscription.get_publisher_count() == 0 for subscription in self.inputs):
             return
-        if any(self.readers(name) < count for name, count in self._awaited_readers.items()):
+        if any(self.reader_count(name) < count for name, count in self._awaited_readers.items()):
             return
         self._loaded_reported = True
         self.report_finished(self.spec, self.spec.loaded_tick)
 
-    def _readers_of(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
-        """How many readers each topic will have."""
+    def _expected_readers(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
+        """Number of readers that each topic will have."""
         forms = [annotator_inputs(spec, compressed_images=compressed) for compressed in (False, True)]
-        labelled = {topic.name for form in forms for topic in form.values()}
+        annotated_names = {topic.name for form in forms for topic in form.values()}
         return {
             name: (self.recorded and name in self._recorded_topics)
-            + (self.annotated and name in labelled)
+            + (self.annotated and name in annotated_names)
             + (name in self._evaluated)
             for name in names
         }
 
     def _on_actors(self, message: PointCloud2) -> None:
-        self._take(self._actors, stamp_of(message.header.stamp), message)
+        self._store(self._actors, stamp_of(message.header.stamp), message)
 
     def _on_signals(self, message: PointCloud2) -> None:
-        self._take(self._signals, stamp_of(message.header.stamp), message)
+        self._store(self._signals, stamp_of(message.header.stamp), message)
 
     def _on_weather(self, message: String) -> None:
-        self._take(self._weather, weather_stamp_ns(message), message)
+        self._store(self._weather, weather_stamp_ns(message), message)
 
-    def _take(self, waiting: dict[int, Any], stamp_ns: int, message: Any) -> None:
-        """Keep a message; when it completes a tick, process it (live: only the newest complete one)."""
+    def _store(self, waiting: dict[int, Any], stamp_ns: int, message: Any) -> None:
+        """Store a message; process every tick that it completes (live: only the newest complete tick)."""
         waiting[stamp_ns] = message
         while self.spec is not None:
             complete = self._actors.keys() & self._signals.keys() & self._weather.keys()
@@ -131,7 +141,7 @@ class Participant(GraphNode):
 
     def _process(self, spec: SceneSpec, state: WorldState) -> None:
         skipped = range(self._last_tick + 1, state.tick)
-        self.meter.drop(sum(self.is_due(spec, tick) for tick in skipped))
+        self.meter.count_dropped(sum(self.is_due(spec, tick) for tick in skipped))
         self._last_tick = state.tick
         if self.is_due(spec, state.tick):
             with self.meter.busy():

@@ -1,4 +1,4 @@
-"""The radar node: casts the rays of the rig's radars and publishes their detections."""
+"""The radar node: casts the rays of the rig's radars at each due tick and publishes their detections."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from simbev_ros.msgs.sensor_topics import radar_topic
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
-from simbev_ros.nodes.surroundings import Surroundings, place_soon_m, view_of_rays_m
+from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ray_view_radius_m
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -26,13 +26,12 @@ class _Mounted(NamedTuple):
 
 
 class RadarNode(Participant):
-    """Serves all radars of the rig: those that are due send their rays together."""
+    """Serves all radars of the rig; the rays of all radars that are due are cast together."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._surroundings = Surroundings()
-        self._rays: RayScene | None = None
-        self._reach_m = 0.0  # of all radars, from the ego's origin
+        self._surroundings = Surroundings(lambda static: RayScene(static, load_models()))
+        self._reach_m = 0.0  # maximum over all radars, from the ego's origin
         self._mounted: list[_Mounted] = []
         self._previous: WorldState | None = None
 
@@ -42,9 +41,7 @@ class RadarNode(Participant):
         self._reach_m = max(
             (radar.range_m + math.hypot(radar.pose.x_m, radar.pose.y_m) for radar in radars), default=0.0
         )
-        static = self._surroundings.changed(spec, view_of_rays_m(radar.range_m for radar in radars))
-        if static is not None:
-            self._rays = RayScene(static, load_models())
+        self._surroundings.load(spec, ray_view_radius_m(radar.range_m for radar in radars))
         self._previous = None
         self._mounted = []
         for radar in radars:
@@ -55,19 +52,19 @@ class RadarNode(Participant):
         return [mounted.topic.name for mounted in self._mounted]
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
-        """At ticks at which a radar scans."""
+        """Whether any radar scans at the tick."""
         return tick >= 0 and any(mounted.is_due(tick) for mounted in self._mounted)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Cast what is due, and publish it. Rays pass through the ego and through its rider."""
+        """Cast and publish the scans that are due; rays pass through the ego and its rider."""
         due = [mounted for mounted in self._mounted if mounted.is_due(state.tick)]
         if due:
-            assert self._rays is not None
-            self._rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
-            clouds = scan_radars([model for model, _ in due], self._rays, state, self._previous)
-            if state.tick >= 0:  # scans of the lead-in only warm the ray caster up
+            rays = self._surroundings.built
+            rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
+            clouds = scan_radars([model for model, _ in due], rays, state, self._previous)
+            if state.tick >= 0:  # scans of the lead-in only warm up the ray caster
                 for (model, topic), cloud in zip(due, clouds, strict=True):
                     frame = f"{spec.rig.agent}/{model.radar.name}"
                     self.publish(topic.name, message_from_table(cloud, state.stamp_ns, frame))
-            self._rays.build_ahead(place_soon_m(state), self._reach_m)
+            rays.build_ahead(predicted_position_m(state), self._reach_m)
         self._previous = state

@@ -1,4 +1,7 @@
-"""The recorder node: every message that a scene must have goes into its bag, tick by tick, in one fixed order."""
+"""The recorder node: writes all_topics message that a scene must have into its bag, tick by tick, in one fixed order.
+
+Messages wait until their tick is complete, so that the bytes of a bag do not depend on the order of arrival.
+"""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -37,29 +40,31 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.reader import RawMessage
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
 _REPLAYED = (topics.ACTORS, topics.SIGNALS)
 _LIVE_GRACE_TICKS = 40
-"""Live: a tick is written, complete or not, when the clock is so far ahead of it."""
+"""Live: number of ticks after which a tick is written although messages are missing."""
 
 
 class RecorderNode(GraphNode):
-    """Writes one bag a scene.
+    """Writes one bag per scene.
 
-    A tick is reported as finished when all its messages are in the file, the one after the last when the bag is closed.
+    A tick is reported as finished when all its messages are in the file, the tick after the last when the bag is
+    closed.
     """
+
+    reuses_large_buffers = True
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        keep_freed_memory()
-        self._dataset = Path(self.declared("dataset", "", "Folder of the dataset that scenes are written to"))
-        self._config = self.declared("config", "", "The configuration, kept as an attachment of each bag")
-        recording = self.declared("recording", "{}", "The section of that name of the configuration, as JSON")
-        self._recording = Recording.model_validate_json(recording)
-        self._taken: dict[str, Any] = {}
+        self._dataset = Path(
+            self.declare_read_only("dataset", "", "Folder of the dataset into which scenes are written")
+        )
+        self._config = self.declare_read_only("config", "", "The configuration as YAML, attached to each bag")
+        self._recording = self.declare_section("recording", Recording)
+        self._subscriptions_by_topic: dict[str, Any] = {}
         self._spec: SceneSpec | None = None
         self._end: SceneEnd | None = None
         self._lead_in: list[RawMessage] = []
@@ -76,11 +81,11 @@ class RecorderNode(GraphNode):
         self._end, self._lead_in = None, []
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics.include, self._recording.topics.exclude)
-        every = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
-        self._manifest = {topic.name: topic for topic in every if topic.name in chosen}
+        all_topics = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
+        self._manifest = {topic.name: topic for topic in all_topics if topic.name in chosen}
         schedules = {name: _schedule(topic) for name, topic in self._manifest.items()}
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
-        self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_lists)
+        self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_message_lists)
         self._next_tick = 0
         self._tracker = TrackRecorder(spec.tick_ns)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
@@ -91,27 +96,27 @@ class RecorderNode(GraphNode):
         for topic in self._manifest.values():
             self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), separate_chunks=topic.sensor)
         odometry = topics.odometry_name(spec.rig.agent)
-        for topic in every:
+        for topic in all_topics:
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
                 self._subscribe(topic)
-        self._take(topics.SCENE, spec.start_ns, payload)
-        self._take(topics.TF_STATIC, spec.start_ns, serialize_transforms(static_transforms(spec)))
+        self._record(topics.SCENE, spec.start_ns, payload)
+        self._record(topics.TF_STATIC, spec.start_ns, serialize_transforms(static_transforms(spec)))
 
     def _subscribe(self, topic: Topic) -> None:
-        """Take a topic, once; a latched one anew for each scene: a new reader gets its present value and no other."""
+        """Subscribe to a topic, once; to a latched topic anew for each scene, to receive its current value only."""
         if topic.name in (topics.SCENE, topics.TF, topics.TF_STATIC):
             return
-        if topic.name in self._taken:
+        if topic.name in self._subscriptions_by_topic:
             if topic.period_ticks > 0:
                 return
-            self.destroy_subscription(self._taken[topic.name])
+            self.destroy_subscription(self._subscriptions_by_topic[topic.name])
         qos = rclpy_qos(qos_of(topic, live=self.live))
-        callback = self._callback(topic)
-        self._taken[topic.name] = self.create_subscription(
+        callback = self._make_callback(topic)
+        self._subscriptions_by_topic[topic.name] = self.create_subscription(
             message_class(topic.type), topic.name, callback, qos, raw=True
         )
 
-    def _callback(self, topic: Topic) -> Callable[[bytes], None]:
+    def _make_callback(self, topic: Topic) -> Callable[[bytes], None]:
         def receive(payload: bytes) -> None:
             if self._spec is None:
                 return
@@ -125,37 +130,37 @@ class RecorderNode(GraphNode):
                 )
             elif stamp_ns >= self._spec.start_ns:
                 odometry = topics.odometry_name(self._spec.rig.agent)
-                self._take(topic.name, stamp_ns, payload)  # the last message of a scene ends it
+                self._record(topic.name, stamp_ns, payload)  # the last message of a scene ends it
                 if topic.name == odometry:
                     transform = ego_transform(deserialize_message(payload, Odometry))
-                    self._take(topics.TF, stamp_ns, serialize_transforms([transform]))
+                    self._record(topics.TF, stamp_ns, serialize_transforms([transform]))
 
         return receive
 
     def _report_loaded(self) -> None:
-        """Report the scene as loaded once every topic has its writer; a timer tries until then."""
+        """Report the scene as loaded once all_topics topic has a publisher; called by a timer until then."""
         if self._spec is None or self._loaded_reported:
             return
-        if all(subscription.get_publisher_count() > 0 for subscription in self._taken.values()):
+        if all(subscription.get_publisher_count() > 0 for subscription in self._subscriptions_by_topic.values()):
             self._loaded_reported = True
-            self.report_finished(self._spec, -1)  # of the lead-in nothing is recorded
+            self.report_finished(self._spec, -1)  # nothing of the lead-in is recorded
 
-    def _take(self, topic: str, stamp_ns: int, payload: bytes) -> None:
-        """Enter a message into the books and write all ticks that are complete now."""
+    def _record(self, topic: str, stamp_ns: int, payload: bytes) -> None:
+        """Account for a message and write all ticks that are complete now."""
         spec = self._spec
         if spec is None or self._writer is None or topic not in self._manifest:
             return
         if self._accounting.add_message(topic, stamp_ns) is not Verdict.EXPECTED:
             return
         tick = spec.publishing_tick_of(stamp_ns)
-        if tick < self._next_tick and topic == topics.EVENTS:  # its tick has been written without it
+        if tick < self._next_tick and topic == topics.EVENTS:  # its tick has already been written
             self._writer.write(topic, stamp_ns, canonical_cdr(payload, self._manifest[topic].type))
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick
         if self.live:
             last_tick = max(last_tick, tick - _LIVE_GRACE_TICKS)
-        self._write_until(spec, last_tick)
+        self._write_until(spec, self._writer, last_tick)
         self._finish_after_last(spec)
 
     def _on_end(self, message: String) -> None:
@@ -165,21 +170,20 @@ class RecorderNode(GraphNode):
             self._accounting.end_at(end.tick + 1, {topics.EVENTS: end.events})
             self._finish_after_last(self._spec)
 
-    def _write_until(self, spec: SceneSpec, last_tick: int) -> None:
+    def _write_until(self, spec: SceneSpec, writer: SceneBagWriter, last_tick: int) -> None:
         while self._next_tick <= last_tick:
             with self.meter.busy():
-                self._write_tick(self._next_tick)
+                self._write_tick(writer, self._next_tick)
             self.report_finished(spec, self._next_tick)
             self._next_tick += 1
 
-    def _write_tick(self, tick: int) -> None:
-        assert self._writer is not None
-        messages = self._waiting.pop(tick, _lists())
+    def _write_tick(self, writer: SceneBagWriter, tick: int) -> None:
+        messages = self._waiting.pop(tick, _message_lists())
         if tick == 0:
-            self._writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
+            writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
         if topics.MAP in messages:
             map_text = deserialize_message(messages[topics.MAP][0][1], String).data
-            self._writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
+            writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
         entries = [
             (stamp_ns, topic, payload)
             for topic in self._manifest.values()
@@ -188,10 +192,10 @@ class RecorderNode(GraphNode):
         for stamp_ns, payload in messages[topics.ACTORS]:
             self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
-            self._writer.write(topic.name, stamp_ns, canonical_cdr(payload, topic.type))
+            writer.write(topic.name, stamp_ns, canonical_cdr(payload, topic.type))
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
-        """Give the bag its final name, if all is in it: the last tick, and events, which may come after their tick."""
+        """Finish the bag if it contains the last tick and all events, which may arrive after their tick."""
         if self._writer is None or self._end is None or not self._accounting.is_finished:
             return
         self._add_tracks(self._writer)
@@ -200,21 +204,21 @@ class RecorderNode(GraphNode):
         self.report_finished(spec, self._end.tick + 1)
 
     def _add_tracks(self, writer: SceneBagWriter) -> None:
-        """Put in where everything has gone, which is known now that the scene is over."""
+        """Attach the actors' trajectories, which are complete when the scene is over."""
         writer.add_attachment(TRAJECTORIES_ATTACHMENT, "application/x-npz", tracks_to_npz(self._tracker.tracks()))
 
     def _facts(self, spec: SceneSpec) -> dict[str, str]:
-        """What the bag's description says of the scene."""
+        """Facts about the scene for the bag's metadata."""
         ended = f"interrupted after tick {self._next_tick - 1}" if self._end is None else self._end.reason
         return {**self._accounting.report().custom_data(spec.name), "ended": ended}
 
     def close(self) -> None:
-        """Close a bag that is not finished: all that has come is written, and it stays marked as partial."""
+        """Close an unfinished bag: write all messages that have arrived and leave it marked as partial."""
         if self._writer is None or self._spec is None:
             return
-        with suppress(DiskError):  # the disk may be full, which may be why
+        with suppress(DiskError):  # a full disk may be the reason for closing
             for tick in sorted(self._waiting):
-                self._write_tick(tick)
+                self._write_tick(self._writer, tick)
             self._add_tracks(self._writer)
         with suppress(DiskError):
             if self.live and self._next_tick > 0:
@@ -225,7 +229,7 @@ class RecorderNode(GraphNode):
 
 
 def bag_writer(path: Path, recording: Recording) -> SceneBagWriter:
-    """The writer of a scene's bag, as the configuration wants it. Raises as ``SceneBagWriter``."""
+    """Open the writer of a scene's bag with the configured options; raises what ``SceneBagWriter`` raises."""
     return SceneBagWriter(
         path,
         chunk_bytes=recording.chunk_kib << 10,
@@ -240,5 +244,5 @@ def _schedule(topic: Topic) -> Schedule:
     return Schedule(0, topic.period_ticks, topic.sporadic, topic.messages_per_tick)
 
 
-def _lists() -> defaultdict[str, list[tuple[int, bytes]]]:
+def _message_lists() -> defaultdict[str, list[tuple[int, bytes]]]:
     return defaultdict(list)

@@ -1,4 +1,4 @@
-"""Messages of several sensors, put together by tick."""
+"""Joins the messages of several sensors by tick, for the annotator, whose boxes need all of them."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Generic, TypeVar
@@ -8,17 +8,18 @@ _Message = TypeVar("_Message")
 
 
 class SensorJoin(Generic[_Tick, _Message]):
-    """Ticks wait for what is due at them and are given out in their order.
+    """Holds ticks back until the messages due at them have arrived, and releases them in order.
 
-    With a patience, a tick that is so far behind the newest one goes without what has not come.
+    With a patience, a tick that is at least that many ticks behind the newest one is released without the messages
+    still missing.
     """
 
     def __init__(self, periods: Mapping[str, int], patience_ticks: int | None = None) -> None:
-        """For one scene.
+        """Start joining one scene.
 
         Args:
-            periods: By sensor, every how many ticks it sends a message, from tick 0 on.
-            patience_ticks: None: wait for ever.
+            periods: Number of ticks between messages, by sensor; the first message is due at tick 0.
+            patience_ticks: None: wait without limit.
         """
         self._periods, self._patience_ticks = dict(periods), patience_ticks
         self._waiting: dict[int, _Tick] = {}
@@ -26,21 +27,21 @@ class SensorJoin(Generic[_Tick, _Message]):
         self._last_tick = -1
 
     def give_up(self, sensors: Iterable[str]) -> None:
-        """Wait for these sensors no longer."""
+        """Stop waiting for these sensors."""
         for sensor in sensors:
             self._periods.pop(sensor, None)
 
-    def expect(self, tick: int, what: _Tick) -> None:
-        """A tick, later than those before, waits for its messages."""
-        self._waiting[tick] = what
+    def expect(self, tick: int, item: _Tick) -> None:
+        """Let a tick, later than all earlier ones, wait for its messages; ``item`` is released with them."""
+        self._waiting[tick] = item
 
-    def add(self, sensor: str, tick: int, message: _Message) -> None:
-        """A message, which may come before its tick; what comes after it has gone is too late."""
+    def add_message(self, sensor: str, tick: int, message: _Message) -> None:
+        """Store a message, which may precede its tick; it is dropped if the tick has already been released."""
         if tick > self._last_tick:
             self._messages.setdefault(tick, {})[sensor] = message
 
-    def ready(self) -> Iterator[tuple[_Tick, dict[str, _Message]]]:
-        """The ticks that need not wait any longer, with the messages that have come."""
+    def release(self) -> Iterator[tuple[_Tick, dict[str, _Message]]]:
+        """Release the ticks that are complete or overdue, with their messages."""
         while self._waiting:
             tick = next(iter(self._waiting))
             if not self._is_complete(tick) and not self._is_overdue(tick):
@@ -52,8 +53,8 @@ class SensorJoin(Generic[_Tick, _Message]):
             yield self._waiting.pop(tick), messages
 
     def _is_complete(self, tick: int) -> bool:
-        come = self._messages.get(tick, {})
-        return all(sensor in come for sensor, period in self._periods.items() if tick % period == 0)
+        arrived = self._messages.get(tick, {})
+        return all(sensor in arrived for sensor, period in self._periods.items() if tick % period == 0)
 
     def _is_overdue(self, tick: int) -> bool:
         return self._patience_ticks is not None and next(reversed(self._waiting)) - tick >= self._patience_ticks

@@ -1,6 +1,7 @@
-"""The static scene around the ego, for the nodes that see it."""
+"""Loads the static scene around the ego for the nodes that render it, cast rays into it or annotate it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
 from simbev_ros.assets.placement.static_scene import StaticScene
@@ -14,47 +15,69 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import vector
 from simbev_ros.types import Float64Array
 
-_BESIDE_EGO_M = 30.0
-"""Sensors are mounted less far from the ego's origin."""
+_MAX_MOUNT_M = 30.0
+"""Upper bound of a sensor's distance from the ego's origin."""
 
-_SOON_S = 1.0
+_LOOKAHEAD_S = 1.0
 
+_Built = TypeVar("_Built")
 _Key = tuple[MapSpec, Reach | None]
 
 _loaded: WeakValueDictionary[_Key, StaticScene] = WeakValueDictionary()
-"""Shared by the nodes of a process, as long as one of them holds it."""
+"""Scenes shared by the nodes of a process, as long as one of them holds the scene."""
 
 
-class Surroundings:
-    """Knows what its node has loaded."""
+class Surroundings(Generic[_Built]):
+    """Builds what a node needs from the static scene around the ego, once for all scenes of one region.
 
-    def __init__(self) -> None:
+    Args:
+        build: Makes, for instance, a renderer from a static scene.
+        release: Frees the resources of what was built.
+    """
+
+    def __init__(
+        self, build: Callable[[StaticScene], _Built], release: Callable[[_Built], None] = lambda _: None
+    ) -> None:
+        self._build, self._release = build, release
         self._key: _Key | None = None
+        self._built: _Built | None = None
 
-    def changed(self, spec: SceneSpec, view_m: float = VIEW_M) -> StaticScene | None:
-        """The static scene that a scene needs; None: that of the scene before still does.
+    def load(self, spec: SceneSpec, view_m: float = VIEW_M) -> _Built:
+        """Load the static scene that a scene needs and build from it, unless the current one suffices.
 
         Args:
             spec: The scene.
-            view_m: How far the node looks from where the ego is.
+            view_m: Distance from the ego up to which the node needs the static scene.
         """
         network = load_network(spec.map)
         key = spec.map, loaded_reach(spec, network, view_m)
-        if key == self._key:
-            return None
-        static = _loaded.get(key)
-        if static is None:
-            static = _loaded[key] = load_static_scene(spec.map, network, reach=key[1])
-        self._key = key
-        return static
+        if key != self._key:
+            static = _loaded.get(key)
+            if static is None:
+                static = _loaded[key] = load_static_scene(spec.map, network, reach=key[1])
+            self.close()
+            self._built, self._key = self._build(static), key
+        return self.built
+
+    @property
+    def built(self) -> _Built:
+        """The object built for the current scene."""
+        assert self._built is not None, "no scene has been loaded"
+        return self._built
+
+    def close(self) -> None:
+        """Release what was built; further calls do nothing."""
+        if self._built is not None:
+            self._release(self._built)
+        self._built = self._key = None
 
 
-def view_of_rays_m(ranges_m: Iterable[float]) -> float:
-    """How far from the ego a node looks whose sensors have such ranges: the same for lidars and radars of one range."""
-    return max(ranges_m, default=0.0) + _BESIDE_EGO_M
+def ray_view_radius_m(ranges_m: Iterable[float]) -> float:
+    """View distance of a node whose sensors have these ranges; lidars and radars of equal range share one scene."""
+    return max(ranges_m, default=0.0) + _MAX_MOUNT_M
 
 
-def place_soon_m(state: WorldState) -> Float64Array:
-    """(3,) where the ego will be a second later, map frame: what rays need there is got ready ahead of time."""
-    place_m: Float64Array = vector(state.ego, "x y z") + _SOON_S * vector(state.ego, "vx vy vz")
-    return place_m
+def predicted_position_m(state: WorldState) -> Float64Array:
+    """(3,) position of the ego ``_LOOKAHEAD_S`` later, map frame, for which ray casting can prepare ahead of time."""
+    position_m: Float64Array = vector(state.ego, "x y z") + _LOOKAHEAD_S * vector(state.ego, "vx vy vz")
+    return position_m

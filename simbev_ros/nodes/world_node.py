@@ -1,6 +1,11 @@
-"""The world node: owns time. Gets a scene to simulate or replay, and starts a tick when all participants may follow."""
+"""The world node: owns simulated time and publishes the world state of every tick.
+
+It receives a scene to simulate or replay and starts a tick when the participants have kept up (lockstep) or the wall
+clock says so (live).
+"""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +35,7 @@ from simbev_ros.msgs.world import (
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
+from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
 from simbev_ros.scene.legend import legend
@@ -42,21 +48,46 @@ from simbev_ros.world.simulation import Simulation
 from simbev_ros.world.source import StateSource
 
 
+@dataclass
+class _LoadedScene:
+    """A scene that is loaded, plays or has ended.
+
+    Attributes:
+        request: The request for the scene.
+        source: Simulation or replay that computes its states.
+        ending: Decides when the scene ends.
+        end: How the scene has ended; None: it has not.
+    """
+
+    request: SceneRequest
+    source: StateSource
+    ending: SceneEndDetector
+    end: SceneEnd | None = None
+
+    @property
+    def spec(self) -> SceneSpec:
+        """Specification of the scene."""
+        return self.request.spec
+
+
 class WorldNode(GraphNode):
     """Plays one requested scene after the other."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        participants = self.declared("participants", [], "Nodes on /sync/ready that must finish each tick")
-        self._recorded = self.declared("recorded", False, "A recorder writes each scene into a bag, once")
-        self._state_readers = self.declared("state_readers", 0, "Readers of /world/actors to wait for before a scene")
-        window_ticks = self.declared("window_ticks", 3, "Ticks that the world may be ahead of the slowest participant")
+        participants = self.declare_read_only(
+            "participants", [], "Names of nodes that must report each tick on /sync/ready"
+        )
+        self._recorded = self.declare_read_only("recorded", False, "A recorder writes each scene into a bag")
+        self._state_readers = self.declare_read_only(
+            "state_readers", 0, "Number of readers of /world/actors to wait for before a scene"
+        )
+        window_ticks = self.declare_read_only(
+            "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant"
+        )
         self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
         self._pacer = Pacer(live=self.live)
-        self._source: StateSource | None = None
-        self._request: SceneRequest | None = None
-        self._spec: SceneSpec | None = None
-        self._end: SceneEnd | None = None
+        self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
         self._transforms = TransformBroadcaster(self)
@@ -73,9 +104,18 @@ class WorldNode(GraphNode):
         self.start(SceneRequest.model_validate_json(message.data))
 
     def start(self, request: SceneRequest) -> None:
-        """Load a scene, go through its warm-up, and tell everybody; nothing is published before all are connected."""
+        """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
         self.close()
-        self._request, self._end = request, None
+        with freeze_after_loading():
+            source = self._load(request)
+        self._scene = _LoadedScene(request, source, SceneEndDetector(request.spec, source.available))
+        for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
+            source.step()
+        self._next_tick = -request.spec.lead_in_ticks
+        self._pacer.start()
+
+    def _load(self, request: SceneRequest) -> StateSource:
+        """Load and announce a scene; return the source of its states."""
         spec = request.spec
         network = load_network(spec.map)
         for topic in (*topics.unrecorded_world_topics(), *topics.world_topics(spec)):
@@ -84,74 +124,67 @@ class WorldNode(GraphNode):
         command = topics.agent_topic(spec.rig.agent, "cmd_vel")
         if spec.ego_driver == "twist" and command not in self._commands:
             self._commands[command] = self.create_subscription(Twist, command, self._on_command, 10)
-        self._spec = spec
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
         self.publish(topics.LEGEND, String(data=json.dumps(legend(network.signals))))
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
         self._publish_lights(spec, streetside)
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
-        self._source = _source_of(request, network, streetside)
-        self._ending = SceneEndDetector(spec, self._source.available)
-        for _ in range(spec.warm_up_ticks - spec.lead_in_ticks):
-            self._source.step()
-        self._next_tick = -spec.lead_in_ticks
-        self._pacer.start()
+        return _make_source(request, network, streetside)
 
     def _publish_lights(self, spec: SceneSpec, streetside: Streetside) -> None:
         self.publish(topics.LIGHTS, lights_message(street_lights(spec.lights, streetside.light_m), spec.start_ns))
         self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
 
     def _on_command(self, message: Twist) -> None:
-        if self._source is not None:
-            self._source.drive_ego(message.linear.x, message.angular.z)
+        if self._scene is not None:
+            self._scene.source.drive_ego(message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
-        self._lockstep.finished(message.frame_id, stamp_of(message.stamp))
+        self._lockstep.record_report(message.frame_id, stamp_of(message.stamp))
         self.advance()
 
     def advance(self) -> None:
-        """Start as many ticks as participants, pause and the wall clock (live) allow."""
-        while self._may_start_tick():
-            self._tick()
+        """Start all ticks that participants, pause and the wall clock (live) allow."""
+        scene = self._scene
+        while scene is not None and self._may_start_tick(scene):
+            self._tick(scene)
 
-    def _may_start_tick(self) -> bool:
-        spec = self._spec
-        if spec is None or self._source is None or self._end is not None:
+    def _may_start_tick(self, scene: _LoadedScene) -> bool:
+        if scene.end is not None:
             return False
-        if self._next_tick == -spec.lead_in_ticks and not self._connected():
+        if self._next_tick == -scene.spec.lead_in_ticks and not self._connected():
             return False
-        # A live scene waits for everybody once: its first tick starts when all have warmed up on the lead-in.
+        # A live scene waits for all participants once: tick 0 starts when all have processed the lead-in.
         together = not self.live or self._next_tick <= 0
         if together and not self._lockstep.may_start(self._next_tick):
             return False
-        return self._pacer.due(spec.tick_ns)
+        return self._pacer.take_due(scene.spec.tick_ns)
 
     def _connected(self) -> bool:
         names = (topics.ACTORS, topics.SIGNALS, topics.WEATHER)
-        recorded = not self._recorded or self.readers(topics.EVENTS) > 0
-        return recorded and all(self.readers(name) >= self._state_readers for name in names)
+        recorded = not self._recorded or self.reader_count(topics.EVENTS) > 0
+        return recorded and all(self.reader_count(name) >= self._state_readers for name in names)
 
-    def _tick(self) -> None:
-        assert self._spec is not None and self._source is not None
+    def _tick(self, scene: _LoadedScene) -> None:
         with self.meter.busy():
-            state = self._source.step()
-            self._end = self._ending.end_at(state)
-            if self._end is not None:  # everybody knows it before they can have finished the last tick
-                self.publish(topics.END, String(data=self._end.model_dump_json()))
-            self._publish_state(self._spec, state)
-        self.report_finished(self._spec, self._next_tick)
+            state = scene.source.step()
+            scene.end = scene.ending.end_at(state)
+            if scene.end is not None:  # published first: all nodes know it before they can finish the last tick
+                self.publish(topics.END, String(data=scene.end.model_dump_json()))
+            self._publish_state(scene.spec, state)
+        self.report_finished(scene.spec, self._next_tick)
         self._next_tick += 1
 
     def _publish_state(self, spec: SceneSpec, state: WorldState) -> None:
         agent = spec.rig.agent
-        for event in state.events:  # first, so that they are known long before the tick is finished
+        for event in state.events:  # first, so that they arrive well before the tick is finished
             self.publish(topics.EVENTS, event_message(event, state))
         self.publish(topics.CLOCK, Clock(clock=time_message(state.stamp_ns)))
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
-        if self.readers(topics.WORLD_MARKERS):
+        if self.reader_count(topics.WORLD_MARKERS):
             self.publish(topics.WORLD_MARKERS, world_markers(state))
         odometry = odometry_message(state.ego, state.stamp_ns, f"{agent}/base_link")
         self.publish(topics.odometry_name(agent), odometry)
@@ -181,25 +214,25 @@ class WorldNode(GraphNode):
             refusal = "a scene that is recorded cannot start again"
         response.success = refusal is None
         response.message = refusal or "restarted"
-        if refusal is None and self._request is not None:
-            self.start(self._request)
+        if refusal is None and self._scene is not None:
+            self.start(self._scene.request)
         return response
 
     def _refusal(self) -> str | None:
-        """Why the scene can neither be stepped nor start again, if so."""
-        if self._source is None:
+        """Why the scene can neither be stepped nor restarted; None if it can."""
+        if self._scene is None:
             return "no scene has been loaded yet"
-        return None if self._end is None else "the scene has ended"
+        return None if self._scene.end is None else "the scene has ended"
 
     def close(self) -> None:
         """End the simulation or the replay."""
-        if self._source is not None:
-            self._source.close()
-            self._source = None
+        if self._scene is not None:
+            self._scene.source.close()
+            self._scene = None
 
 
-def _source_of(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> StateSource:
-    """The simulation of a scene, or the bag that is replayed."""
+def _make_source(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> StateSource:
+    """Make the simulation of a scene, or the replay of its bag."""
     spec = request.spec
     if request.replay is not None:
         return Replay(spec, Path(request.replay))

@@ -1,4 +1,4 @@
-"""Runs the stack until Ctrl-C: ``python -m simbev_ros.reference_stack``, beside ``simbev run live --live``."""
+"""Runs the stack until Ctrl-C: ``python -m simbev_ros.reference_stack``, next to ``simbev run live --live``."""
 
 import sys
 
@@ -11,7 +11,7 @@ from simbev_ros.reference_stack.scene import NoLidarError
 
 
 def main() -> None:
-    """Spin the node; SIGINT and SIGTERM end it."""
+    """Run the node until SIGINT or SIGTERM."""
     rclpy.init()
     node = ReferenceStack()
     try:

@@ -1,4 +1,4 @@
-"""Array aliases: docstrings give shape, unit and frame."""
+"""Array types and small geometry functions that the whole stack uses; docstrings state shape, unit and frame."""
 
 from typing import Any
 
@@ -13,18 +13,18 @@ Table = npt.NDArray[Any]
 """A structured array; its dtype is documented where it is defined."""
 
 
-def turned(rotation: Floats, vectors: Floats) -> Floats:
-    """(…, D) vectors times a (D, D) rotation; not through BLAS, whose threads would keep others from the cores."""
+def rotate(rotation: Floats, vectors: Floats) -> Floats:
+    """Rotate (…, D) vectors by a (D, D) matrix, without BLAS, whose threads would occupy cores of other processes."""
     product: Floats = np.einsum("ij,...j->...i", rotation, vectors)
     return product
 
 
 def yaw_of(pose: Floats) -> float:
-    """Heading of a (4, 4) pose."""
+    """Heading of a (4, 4) pose, rad."""
     return float(np.arctan2(pose[1, 0], pose[0, 0]))
 
 
 def box_axes(yaw_rad: Floats) -> Floats:
-    """(…, 2, 2) forward and left of boxes with (…) headings; ``axes @ offset`` is the offset along the box."""
+    """(…, 2, 2) forward and left axes of boxes with (…) headings; ``axes @ offset`` is the offset in the box's axes."""
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)

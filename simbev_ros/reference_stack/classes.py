@@ -1,4 +1,4 @@
-"""Sizes of what is on the road, from ``classes.yaml``: the stack's only knowledge beforehand."""
+"""Loads typical sizes and speeds of road users from ``classes.yaml``, the stack's only prior knowledge."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,17 +14,17 @@ PEDESTRIAN = 5
 
 @dataclass(frozen=True)
 class Kinds:
-    """K kinds of object; several may be of one class.
+    """K kinds of objects; several kinds may belong to one class.
 
     Attributes:
-        class_name: (K,) as /world/legend has it.
-        class_number: (K,) as /world/legend has it.
-        size_m: (K, 3) usual length, width, height of the box.
-        sigma_m: (K, 3) their standard deviations.
-        seen_m: (K, 3) the size with what a sensor cannot tell from it, its rider.
-        fastest_mps: (K,) usual top speed.
-        rarity: (K,) cost of believing in one.
-        clutter: (K,) how many other things look like one that stands still, for each that is one.
+        class_name: (K,) name of the class, as in /world/legend.
+        class_number: (K,) number of the class, as in /world/legend.
+        size_m: (K, 3) typical length, width, height of the box.
+        sigma_m: (K, 3) standard deviations of the size.
+        seen_m: (K, 3) size as a sensor sees it, including the rider.
+        fastest_mps: (K,) typical top speed.
+        rarity: (K,) cost of assuming this kind, in squared standard deviations.
+        clutter: (K,) number of other things that look like a stationary object of this kind, per such object.
     """
 
     class_name: tuple[str, ...]
@@ -38,14 +38,14 @@ class Kinds:
 
     @property
     def is_person(self) -> Booleans:
-        """(K,) whether it turns on the spot, and its points lie within its box rather than on it."""
+        """(K,) whether the kind turns on the spot and its points lie inside its box rather than on the surface."""
         is_person: Booleans = self.class_number == PEDESTRIAN
         return is_person
 
 
 @lru_cache(maxsize=1)
 def load_kinds() -> Kinds:
-    """Read the file."""
+    """Read ``classes.yaml``."""
     rows = yaml.safe_load(files(__package__).joinpath("classes.yaml").read_text(encoding="utf-8"))
     sides = np.array([[row["length_m"], row["width_m"], row["height_m"]] for row in rows], np.float64)
     seen_m = sides[..., 0].copy()

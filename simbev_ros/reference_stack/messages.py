@@ -1,4 +1,4 @@
-"""Arrays ↔ ROS messages."""
+"""Converts the stack's input messages to arrays and its results to ROS messages."""
 
 from array import array
 
@@ -15,7 +15,7 @@ from simbev_ros.reference_stack.classes import load_kinds
 
 _NS_PER_S = 1_000_000_000
 _FIELD_TYPES = {"f4": PointField.FLOAT32, "f8": PointField.FLOAT64, "u4": PointField.UINT32, "u1": PointField.UINT8}
-_LEAST_SHOWN = 0.3
+_MIN_SHOWN_SCORE = 0.3
 _COLORS = {
     "car": (0.1, 0.6, 1.0),
     "truck": (0.1, 0.3, 1.0),
@@ -27,12 +27,12 @@ _COLORS = {
 
 
 def stamp_ns_of(header: Header) -> int:
-    """Stamp in nanoseconds."""
+    """Stamp of a header in nanoseconds."""
     return int(header.stamp.sec) * _NS_PER_S + int(header.stamp.nanosec)
 
 
 def header_of(stamp_ns: int, frame: str) -> Header:
-    """Header of a stamp in nanoseconds."""
+    """Header with a stamp in nanoseconds and a frame."""
     sec, nanosec = divmod(stamp_ns, _NS_PER_S)
     return Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame)
 
@@ -48,21 +48,21 @@ def points_of(cloud: PointCloud2) -> tuple[Floats, Integers]:
 
 
 def pose_of(odometry: Odometry) -> Floats:
-    """(4, 4) map_from_ego."""
-    place, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
-    x, y, z, w = turn.x, turn.y, turn.z, turn.w
+    """(4, 4) pose ``map_from_ego`` of an odometry message."""
+    position, rotation = odometry.pose.pose.position, odometry.pose.pose.orientation
+    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
     return np.array(
         [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), place.x],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), place.y],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), place.z],
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), position.x],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), position.y],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), position.z],
             [0.0, 0.0, 0.0, 1.0],
         ]
     )
 
 
 def table_message(table: Table, header: Header) -> PointCloud2:
-    """A row a point, a column a field."""
+    """Message with one point per row and one field per column of a table."""
     return PointCloud2(
         header=header,
         height=1,
@@ -79,7 +79,7 @@ def table_message(table: Table, header: Header) -> PointCloud2:
 
 
 def scores_message(scores: Bytes, header: Header) -> Image:
-    """(rows, columns, channels), 255 sure."""
+    """Image message of (rows, columns, channels) scores, 255 = certain."""
     rows, columns, channels = scores.shape
     return Image(
         header=header,
@@ -92,11 +92,11 @@ def scores_message(scores: Bytes, header: Header) -> Image:
 
 
 def markers_message(boxes: Table, header: Header) -> MarkerArray:
-    """A cube for each box that is not unlikely, brighter when surer; those shown before go."""
+    """Cubes of all boxes above a minimum score, more opaque for higher scores; earlier cubes are deleted."""
     kinds = load_kinds()
     name_of = dict(zip(kinds.class_number.tolist(), kinds.class_name, strict=True))
     markers = [Marker(header=header, action=Marker.DELETEALL)]
-    for box in boxes[boxes["score"] >= _LEAST_SHOWN]:
+    for box in boxes[boxes["score"] >= _MIN_SHOWN_SCORE]:
         name, score, half_rad = name_of[int(box["class"])], float(box["score"]), float(box["yaw"]) / 2
         red, green, blue = _COLORS[name]
         marker = Marker(header=header, ns=name, id=int(box["id"]), type=Marker.CUBE, text=f"{score:.2f}")

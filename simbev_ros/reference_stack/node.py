@@ -1,6 +1,6 @@
-"""The stack as a ROS node: clouds and odometry in, boxes and scores out, and word of each tick that is done.
+"""The stack as a ROS node: clouds and odometry in, boxes, scores and a report of each finished tick out.
 
-Nothing here is particular to this stack: to try yours, put it in the place of ``Pipeline``.
+Nothing here is specific to this stack: to try your own, replace ``Pipeline``.
 """
 
 from nav_msgs.msg import Odometry
@@ -28,18 +28,18 @@ from simbev_ros.reference_stack.tick_join import TickJoin
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EVERY = QoSProfile(depth=16)
-"""Reliable, and deeper than what the lockstep window lets pile up."""
+"""Reliable, with a queue longer than the lockstep window can fill."""
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _POLL_S = 0.05
 _POLLS_TO_SETTLE = 10
-"""Our side knows that it is connected a moment before the other side does."""
+"""This side of a connection is established a moment before the other side is."""
 
 
 class ReferenceStack(Node):
-    """Answers each lidar cloud; in lockstep every one, live the newest.
+    """Answers lidar clouds: every cloud in lockstep, the newest one live.
 
-    Topics, to be remapped as usual: /ego/lidar/points, /ego/odom, /world/scene in; /prediction/boxes,
-    /prediction/boxes/markers (only while somebody listens), /prediction/bev and /sync/ready out.
+    Topics, which can be remapped as usual: /ego/lidar/points, /ego/odom, /world/scene in; /prediction/boxes,
+    /prediction/boxes/markers (only with subscribers), /prediction/bev and /sync/ready out.
     """
 
     def __init__(self) -> None:
@@ -59,16 +59,16 @@ class ReferenceStack(Node):
         self.create_timer(_POLL_S, self._connect, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_scene(self, message: String) -> None:
-        """Begin anew. The scene's first tick waits until we say that we are ready."""
+        """Start a new scene; its first tick waits until this node reports that it is ready."""
         self._join.clear()
-        if self._points is not None:  # the next graph may be a live one, or no longer
+        if self._points is not None:  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(self._points)
         self._points, self._polls_connected = None, 0
         self._scene = read_scene(message.data, self._points_topic)
         self._pipeline = Pipeline(self._scene.ego_from_lidar, self._scene.grid)
 
     def _connect(self) -> None:
-        """Listen to the clouds as they are offered. When all is connected, the lead-in is done as far as we care."""
+        """Subscribe to the clouds with the offered reliability; when connected, report the lead-in as finished."""
         if self._scene is None or self._polls_connected >= _POLLS_TO_SETTLE:
             return
         if self._points is None:
@@ -90,17 +90,16 @@ class ReferenceStack(Node):
         self._finish_ticks()
 
     def _finish_ticks(self) -> None:
-        """Answer and report each tick of which everything is there."""
-        if self._scene is None:
+        """Answer and report each tick whose messages have all arrived."""
+        if self._scene is None or self._pipeline is None:
             return
-        for stamp_ns, odometry, cloud in self._join.complete(self._scene.has_cloud):
+        for stamp_ns, odometry, cloud in self._join.release_complete(self._scene.has_cloud):
             if cloud is not None:
-                self._answer(cloud, odometry, stamp_ns)
+                self._answer(self._pipeline, cloud, odometry, stamp_ns)
             self._report(self._scene, stamp_ns)
 
-    def _answer(self, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
-        assert self._pipeline is not None
-        answer = self._pipeline.step(*points_of(cloud), pose_of(odometry), stamp_ns * 1e-9)
+    def _answer(self, pipeline: Pipeline, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
+        answer = pipeline.step(*points_of(cloud), pose_of(odometry), stamp_ns * 1e-9)
         in_map = header_of(stamp_ns, odometry.header.frame_id)
         self._boxes.publish(table_message(answer.boxes, in_map))
         if self._markers.get_subscription_count():
@@ -108,5 +107,5 @@ class ReferenceStack(Node):
         self._grid.publish(scores_message(answer.scores, header_of(stamp_ns, odometry.child_frame_id)))
 
     def _report(self, scene: Scene, stamp_ns: int) -> None:
-        """Say that a tick is done: in lockstep the world goes on only then, if we are one of ``graph.participants``."""
+        """Report a tick as finished; in lockstep, the world waits for it if ``graph.participants`` lists this node."""
         self._ready.publish(header_of(stamp_ns, f"{self.get_name()}:{scene.name}"))

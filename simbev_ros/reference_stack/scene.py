@@ -1,4 +1,4 @@
-"""What the stack needs to know of a scene, from the JSON on /world/scene."""
+"""Extracts from the JSON on /world/scene the facts about a scene that the stack needs."""
 
 import json
 from dataclasses import dataclass
@@ -12,20 +12,20 @@ _NS_PER_S = 1_000_000_000
 
 
 class NoLidarError(Exception):
-    """The scene's rig has no lidar that sends the clouds."""
+    """Raised when no lidar of the scene's rig publishes on the expected topic."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene as one lidar has it.
+    """The facts about a scene that a stack with one lidar needs.
 
     Attributes:
-        name: As /sync/ready wants it.
-        start_ns: Stamp of tick 0; the ticks before are a lead-in without clouds.
+        name: Name of the scene, for reports on /sync/ready.
+        start_ns: Stamp of tick 0; earlier ticks are a lead-in without clouds.
         tick_ns: Time between ticks.
-        period_ticks: Every how many ticks there is a cloud.
+        period_ticks: Number of ticks between clouds.
         ego_from_lidar: (4, 4) pose of the lidar.
-        grid: Of /ego/bev/labels.
+        grid: Shape of the grid of /ego/bev/labels.
     """
 
     name: str
@@ -36,22 +36,26 @@ class Scene:
     grid: GridShape
 
     def has_cloud(self, stamp_ns: int) -> bool:
-        """Whether the lidar sends one at a stamp."""
+        """Whether the lidar publishes a cloud at a stamp."""
         tick = (stamp_ns - self.start_ns) // self.tick_ns
         return tick >= 0 and tick % self.period_ticks == 0
 
 
 def read_scene(text: str, points_topic: str) -> Scene:
-    """The scene as the lidar of a topic has it.
+    """Read a scene for the lidar that publishes on ``points_topic``.
+
+    Args:
+        text: Scene specification, JSON.
+        points_topic: Topic of the clouds.
 
     Raises:
-        NoLidarError: The rig has none there.
+        NoLidarError: No lidar of the rig publishes there.
     """
     spec = json.loads(text)
     rig, bev, tick_ns = spec["rig"], spec["annotation"]["bev"], spec["tick_ns"]
     lidars = {f"/{rig['agent']}/{each['name']}/points": each for each in rig["sensors"] if each["type"] == "lidar"}
     if points_topic not in lidars:
-        raise NoLidarError(f"no lidar of the scene sends {points_topic}; remap it to one of: {', '.join(lidars)}")
+        raise NoLidarError(f"no lidar of the scene publishes {points_topic}; remap it to one of: {', '.join(lidars)}")
     lidar = lidars[points_topic]
     period_ns = _NS_PER_S / lidar["rate_hz"] if lidar["rate_hz"] else tick_ns
     return Scene(
@@ -65,12 +69,12 @@ def read_scene(text: str, points_topic: str) -> Scene:
 
 
 def _pose(pose: dict[str, float]) -> Floats:
-    """(4, 4) of metres and degrees: roll, then pitch, then yaw about fixed axes (REP-103)."""
+    """(4, 4) matrix of a pose in meters and degrees: roll, then pitch, then yaw about fixed axes (REP-103)."""
     matrix = np.eye(4)
     for axis, name in enumerate(("roll_deg", "pitch_deg", "yaw_deg")):
         cosine, sine = np.cos(np.radians(pose[name])), np.sin(np.radians(pose[name]))
-        turn, (i, j) = np.eye(4), ((axis + 1) % 3, (axis + 2) % 3)
-        turn[i, i], turn[i, j], turn[j, i], turn[j, j] = cosine, -sine, sine, cosine
-        matrix = turn @ matrix
+        rotation, (i, j) = np.eye(4), ((axis + 1) % 3, (axis + 2) % 3)
+        rotation[i, i], rotation[i, j], rotation[j, i], rotation[j, j] = cosine, -sine, sine, cosine
+        matrix = rotation @ matrix
     matrix[:3, 3] = pose["x_m"], pose["y_m"], pose["z_m"]
     return matrix

@@ -1,4 +1,4 @@
-"""Objects over time: each cluster goes to the object that it is nearest to, or begins a new one."""
+"""Tracks objects over time: each cluster is assigned to the nearest track or starts a new one."""
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -11,22 +11,22 @@ from simbev_ros.reference_stack.tracks import distances_m, track_dtype, update
 
 _ACCELERATION_MPS2 = 3.0
 _FIRST_SIGMA = np.array([1.0, 1.0, 6.0, 6.0])
-"""Of a new object's place, m, and velocity, m/s."""
+"""Standard deviations of a new object's position, m, and velocity, m/s."""
 _GATE_M, _CENTER_WEIGHT = 0.6, 0.3
-_LARGEST_SIGMA_M = 1.0
+_MAX_SIGMA_M = 1.0
 _FAR = 1e6
-_MOST_COST = 12.0
-"""What fits no kind better begins no track."""
-_PATIENCE, _FIRST_PATIENCE, _SETTLED = 10, 2, 4
-"""Readings in a row that an object may miss, old or young, and how many make it old."""
-_LONGEST_GAP_S = 1.0
+_MAX_COST = 12.0
+"""Maximum cost of a cluster's best kind for starting a track."""
+_PATIENCE, _NEW_PATIENCE, _ESTABLISHED = 10, 2, 4
+"""Consecutive readings that an established and a new object may miss, and readings after which it is established."""
+_MAX_GAP_S = 1.0
 
 
 class Tracker:
-    """All objects around.
+    """Tracks all objects around the ego.
 
     Attributes:
-        tracks: (T,) ``tracks.track_dtype``.
+        tracks: (T,) tracks, ``tracks.track_dtype``.
     """
 
     def __init__(self, kinds: Kinds) -> None:
@@ -36,15 +36,15 @@ class Tracker:
         self.tracks: Table = np.zeros(0, track_dtype(kinds))
 
     def step(self, readings: Readings, stamp_s: float, ego_yaw_rad: float) -> Table:
-        """Take what is seen at a stamp, map frame; give the tracks that are in it.
+        """Update the tracks with the readings at a stamp; return the tracks seen in them.
 
         Args:
-            readings: Of all clusters.
-            stamp_s: Later than the last; after a gap or a leap back in time all begins anew.
-            ego_yaw_rad: Taken for the heading of what has not moved yet, up to a quarter turn.
+            readings: Readings of all clusters, map frame.
+            stamp_s: Stamp, s; after a gap or a step back in time tracking starts anew.
+            ego_yaw_rad: Assumed heading of objects that have not moved yet, up to a quarter turn.
         """
         step_s, self._stamp_s = stamp_s - self._stamp_s, stamp_s
-        if not 0 < step_s < _LONGEST_GAP_S:
+        if not 0 < step_s < _MAX_GAP_S:
             self.tracks = self.tracks[:0]
             step_s = 0.0
         tracks = self.tracks
@@ -54,28 +54,30 @@ class Tracker:
         tracks["misses"] += 1
         known, seen, is_new = self._assign(readings)
         tracks[known] = update(tracks[known], readings, seen, self._kinds)
-        begun = update(self._begun(int(is_new.sum()), ego_yaw_rad), readings, np.flatnonzero(is_new), self._kinds)
-        patience = np.where(tracks["readings"] < _SETTLED, _FIRST_PATIENCE, _PATIENCE)
-        self.tracks = np.concatenate([tracks[tracks["misses"] < patience], begun])
+        new_tracks = update(
+            self._new_tracks(int(is_new.sum()), ego_yaw_rad), readings, np.flatnonzero(is_new), self._kinds
+        )
+        patience = np.where(tracks["readings"] < _ESTABLISHED, _NEW_PATIENCE, _PATIENCE)
+        self.tracks = np.concatenate([tracks[tracks["misses"] < patience], new_tracks])
         seen_now: Table = self.tracks[self.tracks["misses"] == 0]
         return seen_now
 
     def _assign(self, readings: Readings) -> tuple[Integers, Integers, Booleans]:
-        """Tracks and the clusters that are theirs, and (C,) which clusters are something new."""
-        outside_m, apart_m = distances_m(self.tracks, readings.center_m)
-        sigma_m = np.minimum(np.sqrt(self.tracks["covariance"][:, 0, 0]), _LARGEST_SIGMA_M)
+        """Assign clusters to tracks: indices of tracks and of their clusters, and (C,) which clusters are new."""
+        outside_m, center_distance_m = distances_m(self.tracks, readings.center_m)
+        sigma_m = np.minimum(np.sqrt(self.tracks["covariance"][:, 0, 0]), _MAX_SIGMA_M)
         in_gate = outside_m < _GATE_M + sigma_m[:, None]
-        cost = np.where(in_gate, outside_m + _CENTER_WEIGHT * apart_m, _FAR)
+        cost = np.where(in_gate, outside_m + _CENTER_WEIGHT * center_distance_m, _FAR)
         known, seen = linear_sum_assignment(cost)
         matched = cost[known, seen] < _FAR
         known, seen = known[matched], seen[matched]
-        is_new: Booleans = readings.cost.min(axis=(1, 2), initial=np.inf) < _MOST_COST
+        is_new: Booleans = readings.cost.min(axis=(1, 2), initial=np.inf) < _MAX_COST
         is_new[seen] = False
-        is_new &= ~(outside_m == 0).any(axis=0)  # another part of a known object
+        is_new &= ~(outside_m == 0).any(axis=0)  # otherwise another part of a tracked object
         return known, seen, is_new
 
-    def _begun(self, count: int, yaw_rad: float) -> Table:
-        """(count,) tracks of which nothing is known yet."""
+    def _new_tracks(self, count: int, yaw_rad: float) -> Table:
+        """(count,) new tracks without any reading."""
         tracks = np.zeros(count, self.tracks.dtype)
         tracks["id"] = self._next_id + np.arange(count)
         tracks["covariance"], tracks["yaw"] = np.diag(_FIRST_SIGMA**2), yaw_rad
@@ -84,12 +86,12 @@ class Tracker:
 
 
 def scores(tracks: Table, kinds: Kinds) -> Floats:
-    """(T,) how probable such an object is: odds by its size, its points, its age, and above all whether it moves."""
+    """(T,) probabilities that the objects exist: odds from size, points, age and, above all, motion."""
     fit = np.exp(-tracks["cost"].min(axis=1, initial=np.inf) / 4)
-    dense = 1.0 - np.exp(-tracks["points"] / 8)
+    density = 1.0 - np.exp(-tracks["points"] / 8)
     age = np.minimum(tracks["readings"] / 5, 1.0)
-    way = np.clip(tracks["moved_m"] / np.maximum(tracks["size_m"][:, 0], 2.0), 0.0, 1.0)
-    moves = way * np.clip(np.hypot(*tracks["state"][:, 2:].T), 0.2, 1.0)
-    odds = fit * dense * age * (1.0 + 20.0 * moves**2) / kinds.clutter[tracks["kind"]]
+    relative_path = np.clip(tracks["moved_m"] / np.maximum(tracks["size_m"][:, 0], 2.0), 0.0, 1.0)
+    motion = relative_path * np.clip(np.hypot(*tracks["state"][:, 2:].T), 0.2, 1.0)
+    odds = fit * density * age * (1.0 + 20.0 * motion**2) / kinds.clutter[tracks["kind"]]
     score: Floats = odds / (1.0 + odds)
     return score

@@ -36,7 +36,6 @@ from simbev_ros.render.lighting.lamps import VehicleLamps
 from simbev_ros.render.lighting.light import SkyLight
 from simbev_ros.render.lighting.shadows import ShadowMap
 from simbev_ros.render.lighting.sky_dome import SkyDome
-from simbev_ros.render.memory import keep_freed_memory
 from simbev_ros.render.shading.noise import noise_texture
 from simbev_ros.render.shading.shading import Shading
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
@@ -72,7 +71,6 @@ class Renderer:
         """
         self._context = open_context() if context is None else context
         self._on_gpu = not is_software(self._context.info["GL_RENDERER"]) if use_compute is None else use_compute
-        keep_freed_memory()
         self._read_back = create_read_back(self._context, self._on_gpu)
         self._models, self._skeletons = models, Skeletons(models)
         self._timer = timer

@@ -4,7 +4,6 @@ SUMO decides where vehicles and pedestrians move. The published tables are smoot
 of a second behind SUMO. Everything in a table, including lights and signals, belongs to the same moment.
 """
 
-import gc
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -85,7 +84,6 @@ class Simulation:
         except BaseException:
             self.close()
             raise
-        gc.freeze()  # what is loaded now stays; scanning it for garbage would take twice the time of a tick
 
     @property
     def available(self) -> tuple[int, str]:
@@ -159,7 +157,6 @@ class Simulation:
 
     def close(self) -> None:
         """Stop SUMO; further calls have no effect."""
-        gc.unfreeze()
         self._traffic.close()
 
     def __enter__(self) -> Self:

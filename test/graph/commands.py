@@ -1,4 +1,4 @@
-"""Running the graph as a user would: as a command in a process of its own."""
+"""Runs the graph as a user does, by a ``simbev`` command in a process of its own."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ from pathlib import Path
 from simbev_ros.graph.shared_memory import held_files, middleware_files
 
 DOMAIN = 1 + os.getpid() % 38
-"""ROS domain of the tests' graphs; test runs beside each other have different ones."""
+"""ROS domain of the tests' graphs; concurrent test runs have different ones."""
 
 SMALL = """
 seed: 11
@@ -34,11 +34,11 @@ annotation:
 
 
 SCENE = Path("scenes/train/Blocks-0000")
-"""Of the first scene in its dataset."""
+"""Path of the first scene in its dataset."""
 
 
 class Command:
-    """A running ``simbev`` command in a session of its own."""
+    """A ``simbev`` command that runs in a session of its own."""
 
     def __init__(self, *arguments: object) -> None:
         self.environment = {**os.environ, "COLUMNS": "200", "ROS_DOMAIN_ID": str(DOMAIN)}
@@ -52,12 +52,12 @@ class Command:
         )
 
     def finish(self, timeout_s: float = 120) -> tuple[int, str]:
-        """Exit code and output."""
+        """Wait for the end of the command; return exit code and output."""
         output, _ = self.process.communicate(timeout=timeout_s)
         return self.process.returncode, output
 
     def close(self) -> None:
-        """End it if it still runs."""
+        """End the command if it still runs."""
         self.process.terminate()
         try:
             self.process.wait(20)
@@ -68,7 +68,7 @@ class Command:
             self.process.stdout.close()
 
     def nodes(self) -> dict[str, int]:
-        """Label of each node process (as in ``gnss+imu``) → pid."""
+        """Pid of each node process, by label (such as ``gnss+imu``)."""
         found = {}
         for pid in children_of(self.process.pid):
             words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
@@ -81,12 +81,12 @@ class Command:
         return found
 
     def cpu_s(self, label: str) -> float:
-        """Processor time of a node process: more than start-up takes means that the scene runs."""
+        """Processor time of a node process, s; more than start-up takes means that the scene is running."""
         fields = Path(f"/proc/{self.nodes()[label]}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float = 60) -> None:
-        """Wait until a condition holds; fail if the command ends before."""
+        """Wait until a condition holds; fail if the command ends earlier."""
         end_s = time.monotonic() + timeout_s
         while not condition():
             assert self.process.poll() is None, self.process.stdout and self.process.stdout.read()
@@ -95,7 +95,7 @@ class Command:
 
 
 def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
-    """Record a configuration's scenes; give the first one's bag."""
+    """Record a configuration's scenes; return the bag of the first one."""
     code, output = simbev("run", config, "--record", dataset).finish()
     assert code == 0, output
     return dataset / SCENE
@@ -115,7 +115,7 @@ def wait_until(condition: Callable[[], bool], timeout_s: float = 10) -> None:
 
 
 def orphaned_files() -> set[str]:
-    """Names of Fast DDS's files in shared memory that no process has mapped."""
+    """Names of Fast DDS's shared-memory files that no process has mapped."""
     files = set(middleware_files())
     held = {file for path in Path("/proc").iterdir() if path.name.isdecimal() for file in held_files(int(path.name))}
     return {path.name for path in files - held}

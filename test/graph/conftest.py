@@ -1,4 +1,4 @@
-"""A graph small enough to start in a test, and what must be true after every test."""
+"""Fixtures for tests with running graphs: a small configuration, commands, and a check for leftovers."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -12,7 +12,7 @@ from simbev_ros.msgs.message_types import message_class
 
 @pytest.fixture
 def small_config(tmp_path: Path) -> Callable[..., Path]:
-    """Writes a small configuration of a given duration; further text is added at its end."""
+    """Function that writes a small configuration of a given duration, with further text appended."""
 
     def write(duration_s: float = 1.0, more: str = "", name: str = "small.yaml") -> Path:
         path = tmp_path / name
@@ -24,7 +24,7 @@ def small_config(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bag of a second of the small configuration."""
+    """The bag of a scene of one second with the small configuration."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "small.yaml").write_text(SMALL.replace("DURATION", "1"))
     return record(Command, folder / "small.yaml", folder / "dataset")
@@ -32,7 +32,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def simbev() -> Iterator[Callable[..., Command]]:
-    """Starts commands; whatever still runs at the end of the test is killed."""
+    """Function that starts commands; those still running at the end of the test are ended."""
     commands: list[Command] = []
 
     def start(*arguments: object) -> Command:
@@ -46,7 +46,7 @@ def simbev() -> Iterator[Callable[..., Command]]:
 
 @pytest.fixture(autouse=True)
 def no_leftovers() -> Iterator[None]:
-    """After every test: no new file of the middleware in /dev/shm, no node process."""
+    """Check after every test that no new file of the middleware is in /dev/shm and no node process runs."""
     before = orphaned_files()
     yield
     end_s = time.monotonic() + 5
@@ -58,7 +58,7 @@ def no_leftovers() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def ros_type_hashes() -> dict[str, str]:
-    """Type hashes of the message types that are installed, as rclpy's own publishers announce them."""
+    """Type hashes of installed message types, as announced by rclpy's own publishers."""
     import rclpy
     from rclpy.context import Context
 

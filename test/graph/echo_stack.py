@@ -1,4 +1,4 @@
-"""A perception stack that cheats: it answers with the truth, and leaves out what it is told to."""
+"""A perception stack that answers with the ground truth, except for ticks that its options exclude."""
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ CHANNELS = 14
 
 
 class EchoStack(Node):
-    """Reports ticks as ``echo``, if it is told to."""
+    """Republishes boxes and labels as predictions; reports ticks as ``echo`` with ``--reports``."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         super().__init__("echo")
@@ -90,7 +90,7 @@ class EchoStack(Node):
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--skip", type=int, default=0, help="leave out each so many-th tick")
+    parser.add_argument("--skip", type=int, default=0, help="leave every Nth tick unanswered")
     parser.add_argument("--die-at", type=int, default=-1)
     parser.add_argument("--hang-at", type=int, default=-1)
     parser.add_argument("--reports", action="store_true")

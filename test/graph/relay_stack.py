@@ -1,4 +1,4 @@
-"""A perception stack that cheats: what the graph says to be shown, it answers, in the frame of its lidar.
+"""A perception stack that answers with the graph's visualization topics, in the frame of its lidar.
 
 Cubes of /ego/boxes/markers become boxes, OccupancyGrids of single classes scores.
 """
@@ -25,7 +25,7 @@ CLASSES = ("road", "car", "pedestrian")
 
 
 class RelayStack(Node):
-    """Reports ticks as ``relay``."""
+    """Relays markers and occupancy grids as predictions; reports ticks as ``relay``."""
 
     def __init__(self) -> None:
         super().__init__("relay")
@@ -76,7 +76,7 @@ class RelayStack(Node):
         self.answer()
 
     def answer(self) -> None:
-        """Answer all frames of which there are cubes and the ego's pose."""
+        """Answer all frames whose cubes and ego pose have arrived."""
         for stamp_ns in self.odometry.keys() & self.cubes.keys():
             lidar_from_map = np.linalg.inv(map_from_ego(self.odometry.pop(stamp_ns)) @ self.ego_from_lidar)
             message = self.cubes.pop(stamp_ns)
@@ -94,7 +94,7 @@ class RelayStack(Node):
 
 
 def turn(cube: Marker, frame_from_map: np.ndarray) -> None:
-    """Into another frame, upright there."""
+    """Transform a cube into another frame, upright in that frame."""
     place, turned = cube.pose.position, cube.pose.orientation
     values = [place.x, place.y, place.z], [turned.x, turned.y, turned.z, turned.w]
     frame_from_cube = frame_from_map @ matrices_from_xyz_quaternion(*map(np.array, values))

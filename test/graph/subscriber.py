@@ -1,4 +1,4 @@
-"""A node outside the graph, in the test's own process."""
+"""Runs a ROS node outside the graph, in the test's own process."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -37,5 +37,5 @@ def outside_node(name: str) -> Iterator[tuple[Node, Callable[[Callable[[], bool]
 
 
 def keep(messages: list[Any]) -> Callable[[Any], None]:
-    """A callback that keeps what comes."""
+    """Callback that appends every message to a list."""
     return messages.append

@@ -1,4 +1,4 @@
-"""An annotator that is given a recorded scene's topics publishes the labels that were recorded with it, to the byte."""
+"""An annotator that receives a recorded scene's topics publishes the recorded labels again, byte for byte."""
 
 import os
 import subprocess
@@ -30,7 +30,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @contextmanager
 def annotator() -> Iterator[None]:
-    """The node in a process of its own, as anybody would start it."""
+    """Run the node in a process of its own, as a user would start it."""
     words = [sys.executable, "-m", "simbev_ros.nodes.main", "annotator:annotator", "--ros-args", "-p", "recorded:=true"]
     process = subprocess.Popen(words, env={**os.environ, **graph_environment(DOMAIN)}, start_new_session=True)
     try:
@@ -44,7 +44,7 @@ def holds(messages: list[bytes], count: int) -> bool:
     return len(messages) == count
 
 
-def test_labels_of_a_replayed_bag_are_those_that_were_recorded(recorded: Path) -> None:
+def test_labels_of_a_replayed_bag_equal_the_recorded_ones(recorded: Path) -> None:
     with SceneBag(recorded) as bag:
         assert bag.spec is not None
         messages = list(bag.messages())
@@ -62,7 +62,7 @@ def test_labels_of_a_replayed_bag_are_those_that_were_recorded(recorded: Path) -
         scene.publish(next(message.data for message in messages if message.topic == topics.SCENE))
         ready: list[Header] = []
         node.create_subscription(Header, topics.READY, ready.append, LATCHED)
-        spin_until(lambda: bool(ready), 60)  # the scene is loaded, and whoever reads or writes is connected
+        spin_until(lambda: bool(ready), 60)  # the scene is loaded, and all readers and writers are connected
         moving = [message for message in messages if message.topic in read]
         for number, (_, tick) in enumerate(groupby(moving, key=lambda message: message.stamp_ns), start=1):
             for message in tick:

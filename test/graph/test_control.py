@@ -1,4 +1,4 @@
-"""Scenes that end early, and scenes that are replayed: whole graphs, real processes."""
+"""Whole graphs with real processes: scenes that end early, and scenes that are replayed."""
 
 import json
 import shutil
@@ -42,7 +42,7 @@ def facts(folder: Path) -> dict[str, str]:
         return bag.custom_data
 
 
-def written(folder: Path, text: str, name: str) -> Path:
+def write_config(folder: Path, text: str, name: str) -> Path:
     (folder / name).write_text(text.replace("DURATION", "1"))
     return folder / name
 
@@ -51,7 +51,7 @@ def written(folder: Path, text: str, name: str) -> Path:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first bag of two in a dataset."""
     folder = tmp_path_factory.mktemp("recorded")
-    config = written(folder, SMALL.replace("train: 1", "train: 2"), "a.yaml")
+    config = write_config(folder, SMALL.replace("train: 1", "train: 2"), "a.yaml")
     code, output = Command("run", config, "--record", folder / "dataset").finish()
     assert code == 0, output
     return folder / "dataset" / SCENE
@@ -63,7 +63,7 @@ def replay(simbev: Simbev, bag: Path, config: Path, dataset: Path) -> Path:
     return dataset / SCENE
 
 
-def test_an_ego_that_stands_still_ends_the_scene_and_the_bag_says_so(
+def test_a_stationary_ego_ends_the_scene_and_the_bag_states_it(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     # Nobody drives the ego; the second scene follows on the same processes.
@@ -74,20 +74,20 @@ def test_an_ego_that_stands_still_ends_the_scene_and_the_bag_says_so(
     assert code == 0, output
     for name in ("Blocks-0000", "Blocks-0001"):
         bag = tmp_path / "out" / "scenes" / "train" / name
-        books = facts(bag)
-        assert (books["complete"], books["ticks"]) == ("true", "8")
-        assert books["ended"] == "ego stood still for 0.4 s at tick 7"
-        assert f"{name} ended early: {books['ended']}" in output
-        assert books["expected"] == books["recorded"]
-        assert json.loads(books["expected"])["/world/actors"] == 8
+        bag_facts = facts(bag)
+        assert (bag_facts["complete"], bag_facts["ticks"]) == ("true", "8")
+        assert bag_facts["ended"] == "ego stood still for 0.4 s at tick 7"
+        assert f"{name} ended early: {bag_facts['ended']}" in output
+        assert bag_facts["expected"] == bag_facts["recorded"]
+        assert json.loads(bag_facts["expected"])["/world/actors"] == 8
         with AnyReader([bag]) as reader:
             assert reader.topics["/ego/lidar/points"].msgcount == 8
     code, shown = simbev("info", bag).finish()
-    assert code == 0 and books["ended"] in shown
+    assert code == 0 and bag_facts["ended"] in shown
     again = replay(simbev, tmp_path / "out" / SCENE, config, tmp_path / "again")
     twice = replay(simbev, again, config, tmp_path / "twice")
     assert digests(again) == digests(twice) == digests(tmp_path / "out" / SCENE)
-    assert facts(twice)["ended"] == books["ended"]
+    assert facts(twice)["ended"] == bag_facts["ended"]
 
 
 def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_into_the_dataset(
@@ -95,9 +95,11 @@ def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_int
 ) -> None:
     dataset = tmp_path / "dataset"
     shutil.copytree(recorded.parents[2], dataset)
-    config = written(tmp_path, SMALL.replace("channels: 8", "channels: 4"), "other.yaml")
+    config = write_config(tmp_path, SMALL.replace("channels: 8", "channels: 4"), "other.yaml")
     for label, text in (("again", SMALL), ("rear", config.read_text())):
-        code, output = simbev("replay", dataset, written(tmp_path, text, f"{label}.yaml"), "--merge", label).finish()
+        code, output = simbev(
+            "replay", dataset, write_config(tmp_path, text, f"{label}.yaml"), "--merge", label
+        ).finish()
         assert code == 0, output
     for name in ("Blocks-0000", "Blocks-0001"):
         bag = dataset / "scenes/train" / name
@@ -116,11 +118,9 @@ def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_int
     assert code == 2 and "Blocks-0000.rear: exists already; nothing was overwritten" in output
 
 
-def test_replaying_at_night_with_other_sensors_moves_everybody_the_same_way(
-    recorded: Path, simbev: Simbev, tmp_path: Path
-) -> None:
+def test_replay_at_night_with_other_sensors_repeats_all_motion(recorded: Path, simbev: Simbev, tmp_path: Path) -> None:
     text = SMALL.replace(NOON, NIGHT).replace("channels: 8", "channels: 4")
-    night = replay(simbev, recorded, written(tmp_path, text, "night.yaml"), tmp_path / "night")
+    night = replay(simbev, recorded, write_config(tmp_path, text, "night.yaml"), tmp_path / "night")
     before, after = digests(recorded), digests(night)
     assert {name for name in MOTION - {"/world/actors"} if before[name] != after[name]} == set()
     assert before["/ego/bev/labels"] == after["/ego/bev/labels"]
@@ -132,8 +132,8 @@ def test_replaying_at_night_with_other_sensors_moves_everybody_the_same_way(
     )
 
 
-def test_a_bag_that_cannot_be_replayed_is_refused_before_anything_starts(simbev: Simbev, tmp_path: Path) -> None:
-    config = written(tmp_path, SMALL, "a.yaml")
+def test_a_bag_that_cannot_be_replayed_is_refused_before_a_process_starts(simbev: Simbev, tmp_path: Path) -> None:
+    config = write_config(tmp_path, SMALL, "a.yaml")
     code, output = simbev("replay", tmp_path / "nothing", config).finish()
     assert code == 2
     assert output.strip().endswith("nothing: no such file or folder")

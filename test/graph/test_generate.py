@@ -1,4 +1,4 @@
-"""A dataset that is interrupted again and again becomes the one that is made undisturbed, to the byte."""
+"""A dataset whose production is interrupted repeatedly ends with the same bytes as an uninterrupted one."""
 
 import json
 import os
@@ -48,7 +48,7 @@ def files(dataset: Path) -> dict[str, bytes]:
     return {str(path.relative_to(dataset)): path.read_bytes() for path in sorted(dataset.glob("scenes/*/*/*.mcap"))}
 
 
-def made(simbev: Simbev, config: Path, dataset: Path, *more: object) -> str:
+def generate(simbev: Simbev, config: Path, dataset: Path, *more: object) -> str:
     code, output = simbev("generate", config, "--out", dataset, *more).finish(600)
     assert code == 0, output
     return output
@@ -64,8 +64,8 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
 ) -> None:
     config = write(tmp_path, scenes)
     began_s = time.monotonic()
-    made(simbev, config, tmp_path / "calm")
-    calm = files(tmp_path / "calm")
+    generate(simbev, config, tmp_path / "undisturbed")
+    undisturbed = files(tmp_path / "undisturbed")
     lasted_s = time.monotonic() - began_s
     moments = random.Random(kills)
     for _ in range(kills):
@@ -73,42 +73,42 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
         time.sleep(moments.uniform(0.2, 0.8) * lasted_s)
         os.killpg(command.process.pid, signal.SIGKILL)
         command.process.wait()
-        assert files(tmp_path / "killed").items() <= calm.items(), "what is there is whole"
-    made(simbev, config, tmp_path / "killed")
-    assert files(tmp_path / "killed") == calm
+        assert files(tmp_path / "killed").items() <= undisturbed.items(), "existing scenes are complete"
+    generate(simbev, config, tmp_path / "killed")
+    assert files(tmp_path / "killed") == undisturbed
     assert sorted(path.name for path in (tmp_path / "killed").iterdir()) == [
         *(".lock", "index.parquet", "logs", "plan.json", "scenes")
     ]
-    indexes = [read_index(tmp_path / name) for name in ("calm", "killed")]
-    assert indexes[0] == indexes[1] and len(indexes[0]) == len(calm)
+    indexes = [read_index(tmp_path / name) for name in ("undisturbed", "killed")]
+    assert indexes[0] == indexes[1] and len(indexes[0]) == len(undisturbed)
     assert not [fault for bag in scenes_of(tmp_path / "killed") for fault in verify_bag(bag)]
 
 
 @pytest.mark.slow
-def test_more_scenes_are_added_and_some_replaced_with_nothing_else_touched(simbev: Simbev, tmp_path: Path) -> None:
+def test_scenes_are_added_and_replaced_without_touching_others(simbev: Simbev, tmp_path: Path) -> None:
     dataset = tmp_path / "set"
-    made(simbev, write(tmp_path, SMALL), dataset)
+    generate(simbev, write(tmp_path, SMALL), dataset)
     first = files(dataset)
     config = write(tmp_path, SMALL.replace("train: 2", "train: 3"))
-    assert "1 scene made" in made(simbev, config, dataset)
+    assert "1 scene made" in generate(simbev, config, dataset)
     more = files(dataset)
     assert first.items() < more.items() and more.keys() - first.keys() == {
         "scenes/train/Blocks-0003/Blocks-0003_0.mcap"
     }
-    assert "0 scenes made" in made(simbev, config, dataset)
+    assert "0 scenes made" in generate(simbev, config, dataset)
     config.write_text(config.read_text().replace("seed: 5", "seed: 6"))
-    made(simbev, config, dataset, "--replace", "0,2-3")
+    generate(simbev, config, dataset, "--replace", "0,2-3")
     replaced = files(dataset)
     assert replaced.keys() == more.keys()
     assert [name for name in more if replaced[name] == more[name]] == ["scenes/train/Blocks-0001/Blocks-0001_0.mcap"]
     assert [row["seed"] for row in read_index(dataset)] == [6, 6, 8, 9]
 
 
-def test_a_second_writer_is_refused_and_an_interrupt_leaves_whole_scenes(simbev: Simbev, tmp_path: Path) -> None:
+def test_a_second_writer_is_refused_and_an_interrupt_leaves_complete_scenes(simbev: Simbev, tmp_path: Path) -> None:
     config, dataset = write(tmp_path, "{map: Blocks, train: 20}"), tmp_path / "set"
     command = simbev("generate", config, "--out", dataset)
     command.wait_for(lambda: is_dataset(dataset))
-    assert not scenes_of(dataset), "a dataset from its beginning, before there is a scene"
+    assert not scenes_of(dataset), "the folder is a dataset before it has a scene"
     command.wait_for(lambda: len(files(dataset)) > 0)
     code, output = simbev("generate", config, "--out", dataset).finish()
     assert code == 2 and f"process {command.process.pid} is writing into it" in output
@@ -120,7 +120,7 @@ def test_a_second_writer_is_refused_and_an_interrupt_leaves_whole_scenes(simbev:
 
 
 @pytest.mark.slow
-def test_a_scene_that_cannot_be_made_is_listed_and_the_rest_goes_on(simbev: Simbev, tmp_path: Path) -> None:
+def test_a_scene_that_fails_is_listed_and_the_others_are_made(simbev: Simbev, tmp_path: Path) -> None:
     config, dataset = write(tmp_path, "{map: Blocks, train: 3}"), tmp_path / "set"
     entries = [{"number": number, "map": name, "split": "train"} for number, name in enumerate(["Blocks", "Atlantis"])]
     dataset.mkdir()

@@ -1,4 +1,4 @@
-"""The whole graph with real processes: complete bags, repeatable bytes, and orderly ends."""
+"""The whole graph with real processes records complete bags with repeatable bytes and ends in order."""
 
 import json
 import os
@@ -42,7 +42,7 @@ def test_every_topic_has_exactly_its_messages(recorded: Path) -> None:
     assert (counts.pop("/ego/occupancy/points"), counts.pop("/ego/vector_map")) == (10, 5)
     fast = {"/ego/imu_fast/data", "/ego/imu_fast/data_raw"}
     assert {counts.pop(name) for name in fast} == {1 + 19 * 5}  # from tick 0 on
-    for name in counts.keys() - {"/world/events"}:  # there may be any number of those
+    for name in counts.keys() - {"/world/events"}:  # there may be any number of events
         assert counts[name] == (1 if name in once else 10 if name in camera else 20), name
     sensed = {"/ego/lidar/points", "/ego/radar_front/points", "/ego/bev/labels", "/ego/boxes"}
     assert {"/tf", "/clock", "/ego/odom", *sensed} <= counts.keys()
@@ -69,13 +69,13 @@ def test_metadata_holds_the_type_hashes_that_rclpy_offers(recorded: Path, ros_ty
     assert {name: hashes[name] for name in shared} == {name: ros_type_hashes[name] for name in shared}
 
 
-def test_books_say_complete(recorded: Path) -> None:
+def test_accounting_of_a_complete_bag_is_complete(recorded: Path) -> None:
     with SceneBag(recorded) as bag:
         assert bag.custom_data["complete"] == "true"
         assert json.loads(bag.custom_data["expected"]) == json.loads(bag.custom_data["recorded"])
 
 
-def test_all_frames_hang_on_one_tree(recorded: Path) -> None:
+def test_all_frames_belong_to_one_tree(recorded: Path) -> None:
     parents = {}
     with AnyReader([recorded]) as reader:
         for connection, _, payload in reader.messages([c for c in reader.connections if c.topic.startswith("/tf")]):
@@ -92,7 +92,7 @@ def test_all_frames_hang_on_one_tree(recorded: Path) -> None:
         assert frame == "map"
 
 
-def test_same_seed_gives_the_same_bytes_also_when_more_scenes_follow_on_the_same_processes(
+def test_same_seed_leads_to_the_same_bytes_even_with_more_scenes_on_the_same_processes(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     two = small_config()
@@ -103,7 +103,7 @@ def test_same_seed_gives_the_same_bytes_also_when_more_scenes_follow_on_the_same
         assert second.custom_data["complete"] == "true"
 
 
-def test_another_seed_changes_everything_that_is_not_static(
+def test_another_seed_changes_all_topics_that_are_not_static(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     seed_12 = small_config(more="graph: {window_ticks: 1}")
@@ -128,7 +128,7 @@ def test_another_seed_changes_everything_that_is_not_static(
         *(pytest.param(node, marks=pytest.mark.slow) for node in ("world", "camera", "gnss+imu", "annotator")),
     ],
 )
-def test_killed_node_is_named_and_what_was_recorded_stays_readable(
+def test_killed_node_is_named_and_the_partial_bag_stays_readable(
     simbev: Simbev, small_config: Config, tmp_path: Path, node: str
 ) -> None:
     command = simbev("run", small_config(60), "--record", tmp_path / "out")
@@ -176,13 +176,13 @@ def test_stopped_node_is_named_when_it_has_been_silent_for_too_long(
 
 
 def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Config) -> None:
-    before = set(middleware_files())  # a run that was killed with all its nodes may have left some
+    before = set(middleware_files())  # a run killed together with its nodes may have left some
     command = simbev("run", small_config(60))
     command.wait_for(lambda: len(command.nodes()) == 5)
     command.process.kill()
     command.process.wait()
     wait_until(lambda: not node_processes())
-    # The killed process could not tidy up its own shared memory; its nodes could.
+    # The killed process could not remove its own shared memory; its nodes could.
     assert len(remove_orphans(set(middleware_files()) - before)) <= 2
 
 
@@ -194,7 +194,7 @@ def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) 
     assert f"ROS domain {DOMAIN} is in use by another simbev graph" in output
 
 
-def test_bench_says_where_the_time_goes(simbev: Simbev, small_config: Config) -> None:
+def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: Config) -> None:
     code, output = simbev("bench", small_config(), "--ticks", 20, "--json").finish()
     assert code == 0, output
     result = json.loads(output[output.index("{") :])
@@ -202,10 +202,10 @@ def test_bench_says_where_the_time_goes(simbev: Simbev, small_config: Config) ->
     processes = {process["name"]: process for process in result["processes"]}
     assert processes.keys() == {"world", "camera", "lidar+radar", "gnss+imu", "annotator", "recorder"}
     assert all(process["memory_mib"] > 50 for process in processes.values())
-    assert processes["camera"]["cpu_ms"] > 0  # the clock is too coarse for nodes that hardly work
+    assert processes["camera"]["cpu_ms"] > 0  # the clock is too coarse for nodes with little load
 
 
-def test_bench_of_the_world_times_each_size_of_a_scene() -> None:
+def test_world_bench_times_scenes_of_every_size() -> None:
     scenario = Scenario.model_validate(
         {"scenes": [{"map": "Blocks", "train": 1}], "rig": Rig(sensors=()), "time": {"duration_s": 1}}
     )

@@ -1,4 +1,4 @@
-"""Foxglove's own libraries, which run in Node.js, decode every message of a recorded scene."""
+"""Foxglove's own JavaScript libraries decode every message of a recorded scene."""
 
 import json
 import shutil
@@ -17,7 +17,7 @@ SCRIPT = Path(__file__).parent / "javascript"
 
 @pytest.fixture
 def decode(tmp_path: Path) -> Path:
-    """The script, with the packages that it needs beside it."""
+    """The decoding script in a folder with its npm packages."""
     if shutil.which("node") is None or shutil.which("npm") is None:
         pytest.skip("Node.js and npm are not installed")
     folder = Path(shutil.copytree(SCRIPT, tmp_path / "javascript"))

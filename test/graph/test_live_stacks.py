@@ -1,4 +1,4 @@
-"""The evaluator in a running graph, with stacks that know the truth: all that they answer is right."""
+"""The evaluator in a running graph rates stacks that answer with the ground truth as perfect."""
 
 import json
 import re
@@ -22,7 +22,7 @@ PARTICIPANT = "evaluation: {participant: echo}"
 
 @pytest.fixture
 def lidar_config(small_config: Config) -> Config:
-    """As ``small_config``, with half a second and no other sensor than the lidar: fewer processes to start."""
+    """Function like ``small_config``, for half a second and the lidar alone, so that fewer processes start."""
 
     def write(more: str) -> Path:
         path = small_config(0.5, more)
@@ -33,7 +33,7 @@ def lidar_config(small_config: Config) -> Config:
 
 
 def echo(*options: str) -> str:
-    """The command of a stack that answers with the truth."""
+    """Command of a stack that answers with the ground truth."""
     return shlex.join([sys.executable, str(Path(__file__).with_name("echo_stack.py")), *options])
 
 
@@ -41,13 +41,15 @@ def figures_of(file: Path) -> Any:
     return json.loads(file.read_text())
 
 
-def test_truth_as_answers_is_perfect_in_every_frame(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
-    told: list[DiagnosticArray] = []
+def test_ground_truth_as_answers_is_perfect_in_every_frame(
+    simbev: Simbev, lidar_config: Config, tmp_path: Path
+) -> None:
+    figures_messages: list[DiagnosticArray] = []
     config = lidar_config(PARTICIPANT)
     command = simbev("run", config, "--stack", echo("--reports"), "--evaluate", tmp_path / "figures")
     with outside_node("listener") as (node, spin_until):
-        node.create_subscription(DiagnosticArray, "/evaluation", keep(told), 10)
-        spin_until(lambda: any("10 frames" in each.status[0].message for each in told), 60)
+        node.create_subscription(DiagnosticArray, "/evaluation", keep(figures_messages), 10)
+        spin_until(lambda: any("10 frames" in each.status[0].message for each in figures_messages), 60)
     code, output = command.finish()
     assert code == 0, output
     figures = figures_of(tmp_path / "figures/Blocks-0000.json")
@@ -59,12 +61,12 @@ def test_truth_as_answers_is_perfect_in_every_frame(simbev: Simbev, lidar_config
     assert set(figures["segmentation"]["mean_IoU_at"].values()) == {1.0}
     assert 0 < figures["latency_ms"]["p50"] <= figures["latency_ms"]["p99"] < 60_000
     assert "0 frames missed" in output
-    values = {entry.key: entry.value for entry in told[-1].status[0].values}
+    values = {entry.key: entry.value for entry in figures_messages[-1].status[0].values}
     assert (values["frames"], values["missed"], values["mAP_iou"], values["mean_IoU"]) == ("10", "0", "1", "1")
 
 
 @pytest.mark.slow
-def test_cubes_in_a_tilted_frame_and_grids_of_classes_are_as_good(
+def test_cubes_in_a_tilted_frame_and_grids_of_single_classes_are_perfect(
     simbev: Simbev, lidar_config: Config, tmp_path: Path
 ) -> None:
     config, file = lidar_config("evaluation: {participant: relay}"), tmp_path / "figures.json"
@@ -116,5 +118,5 @@ def test_without_a_stack_the_run_ends_with_a_message(simbev: Simbev, lidar_confi
     more = "evaluation: {boxes_topic: /boxes, grids_topic: /grids}\ngraph: {silence_timeout_s: 15}"
     code, output = simbev("run", lidar_config(more), "--evaluate", tmp_path / "figures.json").finish()
     assert code == 2
-    message = "no stack has come within 12 s: nobody sends /boxes, /grids or /grids/<class>"
+    message = "no stack has connected within 12 s: nothing publishes /boxes, /grids or /grids/<class>"
     assert f"error: node evaluator: {message}" in output

@@ -1,4 +1,4 @@
-"""Nodes that are not ours: participants are waited for, subscribers get the stream, services steer the world."""
+"""Nodes outside the graph: the world waits for participants, subscribers receive topics, services control the world."""
 
 import re
 import signal
@@ -28,7 +28,7 @@ Config = Callable[..., Path]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def test_listed_participant_holds_the_world_up_to_the_window(simbev: Simbev, small_config: Config) -> None:
+def test_world_is_at_most_the_window_ahead_of_a_listed_participant(simbev: Simbev, small_config: Config) -> None:
     simbev("run", small_config(60, "graph: {participants: [stack], window_ticks: 2}"))
     scenes: list[String] = []
     clocks: list[Clock] = []
@@ -92,7 +92,7 @@ def test_live_graph_serves_subscribers_and_services(simbev: Simbev, small_config
         assert moved_ns == 50_000_000
 
 
-def test_subscriber_of_the_readme_works_as_printed(simbev: Simbev, small_config: Config, tmp_path: Path) -> None:
+def test_subscriber_of_the_readme_works_unchanged(simbev: Simbev, small_config: Config, tmp_path: Path) -> None:
     readme = (Path(__file__).parents[2] / "README.md").read_text()
     match = re.search(r"```python\n(.*?)```", readme, re.DOTALL)
     assert match is not None

@@ -1,69 +1,83 @@
-"""Which processes a configuration means; nothing is started."""
+"""A configuration leads to the right processes, nodes and parameters; nothing is started."""
+
+from collections.abc import Sequence
 
 import pytest
 from pydantic import ValidationError
 
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.rendering import Rendering
+from simbev_ros.config.rendering import Device, Rendering
 from simbev_ros.config.scenario import GraphConfig, Scenario
-from simbev_ros.graph.plan import NodePlan, input_topic, planned_processes, planned_stack
+from simbev_ros.graph.plan import NodePlan, input_topic, plan_processes, stack_command
 
 
 def cameras(number: int, **rendering: object) -> list[NodePlan]:
     scenario = load_scenario("paper").model_copy(update={"rendering": Rendering.model_validate(rendering)})
     return [
         node
-        for process in planned_processes(scenario, number, live=False, dataset=None)
+        for process in plan_processes(scenario, number, live=False, dataset=None)
         for node in process
         if node.kind == "camera"
     ]
 
 
+def rendering_of(node: NodePlan) -> Rendering:
+    return Rendering.model_validate_json(str(node.parameters["rendering"]))
+
+
+def devices(nodes: Sequence[NodePlan]) -> list[Device]:
+    return [rendering_of(node).device_of(int(str(node.parameters["process"]))) for node in nodes]
+
+
 def test_one_camera_process_serves_the_whole_rig() -> None:
     [node] = cameras(1)
-    assert (node.name, node.parameters["device"], node.parameters["quality"]) == ("camera", "auto", "medium")
+    assert (node.name, node.parameters["process"]) == ("camera", 0)
+    assert rendering_of(node) == Rendering()
     assert len(set(node.parameters["sensors"])) == 6  # type: ignore[call-overload]
 
 
 def test_several_processes_share_the_cameras_and_the_gpus() -> None:
     nodes = cameras(4, gpus=[2, 5], quality="low")
     assert [node.name for node in nodes] == ["camera_0", "camera_1", "camera_2", "camera_3"]
-    assert [node.parameters["device"] for node in nodes] == ["2", "5", "2", "5"]
-    assert {node.parameters["quality"] for node in nodes} == {"low"}
+    assert devices(nodes) == [2, 5, 2, 5]
+    assert {rendering_of(node).quality for node in nodes} == {"low"}
     names = [name for node in nodes for name in node.parameters["sensors"]]  # type: ignore[attr-defined]
     assert len(names) == len(set(names)) == 6
 
 
-def test_gpus_that_egl_finds_are_taken_in_turn_and_none_means_the_cpu() -> None:
-    assert [(n.parameters["device"], n.parameters["turn"]) for n in cameras(2)] == [("auto", 0), ("auto", 1)]
-    assert [node.parameters["device"] for node in cameras(2, gpus=[])] == ["cpu", "cpu"]
+def test_gpus_found_by_egl_are_used_in_turn_and_an_empty_list_means_the_cpu() -> None:
+    assert devices(cameras(2)) == ["auto", "auto"]
+    assert [node.parameters["process"] for node in cameras(2)] == [0, 1]
+    assert devices(cameras(2, gpus=[])) == ["cpu", "cpu"]
 
 
 @pytest.mark.parametrize(
     "bad",
     [{"gpus": [1, 1]}, {"gpus": [-1]}, {"gpus": "all"}, {"quality": "best"}, {"processes": 0}, {"processes": "all"}],
 )
-def test_what_cannot_be_is_refused(bad: dict[str, object]) -> None:
+def test_invalid_rendering_options_are_refused(bad: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         Rendering.model_validate(bad)
 
 
-def test_sensors_that_share_meshes_or_take_little_share_a_process() -> None:
-    processes = planned_processes(load_scenario("paper"), 1, live=False, dataset=None)
+def test_ray_casting_sensors_share_a_process_and_light_sensors_another() -> None:
+    processes = plan_processes(load_scenario("paper"), 1, live=False, dataset=None)
     assert [[node.kind for node in process] for process in processes] == [
         ["world"], ["camera"], ["lidar", "radar"], ["gnss", "imu"], ["annotator"]
     ]  # fmt: skip
 
 
-def evaluated(section: dict[str, object], **parts: object) -> Scenario:
+def scenario_with_evaluation(section: dict[str, object], **parts: object) -> Scenario:
     return load_scenario("paper").model_copy(update={"evaluation": Evaluation.model_validate(section), **parts})
 
 
-def test_an_evaluator_comes_with_its_section_and_is_waited_for() -> None:
-    scenario = evaluated({"participant": "detector"}, graph=GraphConfig(participants=("planner", "detector")))
-    processes = planned_processes(scenario, 1, live=False, dataset=None)
-    plain = planned_processes(load_scenario("paper"), 1, live=False, dataset=None)
+def test_the_world_waits_for_the_evaluator_and_its_participant() -> None:
+    scenario = scenario_with_evaluation(
+        {"participant": "detector"}, graph=GraphConfig(participants=("planner", "detector"))
+    )
+    processes = plan_processes(scenario, 1, live=False, dataset=None)
+    plain = plan_processes(load_scenario("paper"), 1, live=False, dataset=None)
     assert [node.name for node in processes[-1]] == ["evaluator"]
     assert [len(each) for each in processes[:-1]] == [len(each) for each in plain]
     world, before = processes[0][0].parameters, plain[0][0].parameters
@@ -72,8 +86,8 @@ def test_an_evaluator_comes_with_its_section_and_is_waited_for() -> None:
     assert world["state_readers"] == before["state_readers"]
 
 
-def test_whoever_sends_what_an_evaluator_reads_waits_for_it() -> None:
-    processes = planned_processes(evaluated({}), 1, live=False, dataset=None)
+def test_nodes_wait_for_the_evaluator_on_topics_that_it_reads() -> None:
+    processes = plan_processes(scenario_with_evaluation({}), 1, live=False, dataset=None)
     read = ["/ego/boxes", "/ego/bev/labels", "/ego/lidar/points"]
     assert all(node.parameters["evaluated_topics"] == read for process in processes[1:-1] for node in process)
     assert processes[-1][0].parameters["input_topic"] == "/ego/lidar/points"
@@ -87,17 +101,17 @@ def test_whoever_sends_what_an_evaluator_reads_waits_for_it() -> None:
         (("gnss",), {"answers_to": "/ego/gnss/fix"}, "/ego/gnss/fix"),
     ],
 )
-def test_a_stack_answers_to_the_first_sensor_that_is_asked_for_or_that_it_may_see_with(
+def test_a_stack_answers_to_the_configured_topic_or_else_the_first_sensor(
     kept: tuple[str, ...], section: dict[str, object], topic: str
 ) -> None:
     rig = load_scenario("paper").rig
-    seeing = rig.model_copy(update={"sensors": tuple(each for each in rig.sensors if each.type in kept)})
-    assert input_topic(seeing, Evaluation.model_validate(section)) == topic
+    reduced = rig.model_copy(update={"sensors": tuple(each for each in rig.sensors if each.type in kept)})
+    assert input_topic(reduced, Evaluation.model_validate(section)) == topic
 
 
-def test_the_reference_stack_gets_the_names_of_its_topics() -> None:
-    assert planned_stack(load_scenario("paper")) == planned_stack(evaluated({})) == ()
-    assert planned_stack(evaluated({"stack": "run 'my stack'"})) == ("run", "my stack")
-    command = planned_stack(evaluated({"stack": "reference", "grids_topic": "/grids"}))
+def test_the_reference_stack_gets_its_topics_as_remappings() -> None:
+    assert stack_command(load_scenario("paper")) == stack_command(scenario_with_evaluation({})) == ()
+    assert stack_command(scenario_with_evaluation({"stack": "run 'my stack'"})) == ("run", "my stack")
+    command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}))
     assert command[1:] == ("-m", "simbev_ros.reference_stack", "--ros-args", "--remap", "/prediction/bev:=/grids")
-    assert evaluated({"stack": "reference"}).participants == ("reference_stack",)
+    assert scenario_with_evaluation({"stack": "reference"}).participants == ("reference_stack",)

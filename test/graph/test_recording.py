@@ -1,4 +1,4 @@
-"""What is recorded is what was asked for, as long as there is room for it."""
+"""The recorder writes the configured topics and ends in order when the disk is full."""
 
 import os
 import signal
@@ -38,7 +38,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.slow
-def test_a_bag_of_few_topics_is_enough_to_get_all_the_others_again(
+def test_a_bag_of_few_topics_is_enough_to_reproduce_all_others(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     bag = record(simbev, small_config(more=FEW), tmp_path / "few")
@@ -53,13 +53,13 @@ def test_a_bag_of_few_topics_is_enough_to_get_all_the_others_again(
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 5 MiB."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=5m", "tmpfs", place], capture_output=True).returncode:
+    """Mount point of a disk of 5 MiB."""
+    mount_point = tmp_path / "disk"
+    mount_point.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=5m", "tmpfs", mount_point], capture_output=True).returncode:
         pytest.skip("no disk can be mounted here")
-    yield place
-    subprocess.run(["umount", place], check=True)
+    yield mount_point
+    subprocess.run(["umount", mount_point], check=True)
 
 
 def test_a_full_disk_ends_the_recording_with_one_message(
@@ -75,7 +75,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     assert code == 1 and "error: " in output and "must stay free (recording.least_free_mib)" in output
 
 
-def test_after_a_kill_the_same_command_records_the_scene_anew(
+def test_the_same_command_records_a_scene_anew_after_a_kill(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     config, dataset = small_config(2), tmp_path / "out"

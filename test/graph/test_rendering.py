@@ -1,4 +1,4 @@
-"""Machines that cannot draw what is asked for: one message that says what to do, and exit code 2."""
+"""A machine that cannot draw as configured leads to one message that says what to do, and exit code 2."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,14 +13,14 @@ Config = Callable[..., Path]
 
 
 def refusal(command: Command) -> str:
-    """The one error of a command."""
+    """The only error message of a command."""
     code, output = command.finish()
     assert code == 2, output
     assert "Traceback" not in output and output.count("error: ") == 1
     return output.partition("error: ")[2]
 
 
-def test_a_machine_that_cannot_draw_says_what_to_install(
+def test_without_egl_the_message_says_what_to_install(
     simbev: Simbev, small_config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
@@ -29,12 +29,12 @@ def test_a_machine_that_cannot_draw_says_what_to_install(
     assert "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent" in message and "apt install libegl1" in message
 
 
-def test_a_gpu_that_is_not_there_is_named_with_what_is(simbev: Simbev, small_config: Config) -> None:
+def test_a_missing_gpu_is_named_with_the_available_ones(simbev: Simbev, small_config: Config) -> None:
     message = refusal(simbev("run", small_config(60, "rendering: {gpus: [77], processes: 2}\n")))
     assert message.startswith("node camera: rendering.gpus: EGL has no device 77; it has 0 (")
     assert "rendering.gpus: []" in message
 
 
-def test_rendering_of_low_quality_on_the_cpu_plays_a_scene(simbev: Simbev, small_config: Config) -> None:
+def test_low_quality_rendering_on_the_cpu_plays_a_scene(simbev: Simbev, small_config: Config) -> None:
     code, output = simbev("run", small_config(0.5, "rendering: {gpus: [], quality: low}\n")).finish()
     assert code == 0, output

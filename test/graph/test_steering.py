@@ -1,4 +1,4 @@
-"""Steering a running world from outside: its services, and an ego that is driven by another node."""
+"""Services control a running world, and an outside node drives the ego."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -39,7 +39,7 @@ def stamp_ns(clock: Clock) -> int:
     ],
     ids=["lockstep", "live", "recorded"],
 )
-def test_services_steer_the_world(
+def test_services_control_the_world(
     simbev: Simbev, small_config: Config, tmp_path: Path, options: list[str], answer_to_reset: str
 ) -> None:
     simbev("run", small_config(120), *(tmp_path / word if word == "out" else word for word in options))
@@ -81,7 +81,7 @@ def test_services_steer_the_world(
 
 
 def drive(simbev: Simbev, config: Path, dataset: Path) -> Path:
-    """Record a scene whose ego a listed participant drives: each tick one command, then the report of the tick."""
+    """Record a scene whose ego is driven by a listed participant, which sends a command and a report at each tick."""
     command = simbev("run", config, "--record", dataset)
     scenes: list[String] = []
     with outside_node("driver") as (node, spin_until):
@@ -111,7 +111,7 @@ def drive(simbev: Simbev, config: Path, dataset: Path) -> Path:
     return dataset / "scenes" / "train" / "Blocks-0000"
 
 
-def test_the_ego_drives_as_told_and_the_same_commands_give_the_same_bytes(
+def test_the_ego_follows_commands_and_equal_commands_lead_to_equal_bytes(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     config = small_config(4, "ego: {driver: twist}\ngraph: {participants: [driver], window_ticks: 1}\n")
@@ -121,7 +121,7 @@ def test_the_ego_drives_as_told_and_the_same_commands_give_the_same_bytes(
         assert first.custom_data["complete"] == "true"
         digests = [topic_digests(bag) for bag in (first, second)]
     for each in digests:
-        del each["/ego/boxes/markers"]  # the middleware fills the gaps between its fields with whatever was there
+        del each["/ego/boxes/markers"]  # the middleware leaves the padding between its fields uninitialized
     assert digests[0] == digests[1]
     with AnyReader([bags[0]]) as reader:
         odometry: list[Any] = [
@@ -130,5 +130,5 @@ def test_the_ego_drives_as_told_and_the_same_commands_give_the_same_bytes(
         ]
     assert odometry[0].twist.twist.linear.x < 0.1
     assert odometry[-1].twist.twist.linear.x == pytest.approx(6.0, abs=0.3)
-    # At first, while it speeds up, its wheels lag behind.
+    # At first, while the ego accelerates, its wheels lag behind.
     assert max(abs(each.twist.twist.angular.z) for each in odometry[-30:]) == pytest.approx(0.2, abs=0.05)

@@ -1,4 +1,4 @@
-"""Which images the camera node asks the renderer for, and what it publishes; the renderer is a fake."""
+"""The camera node requests the right images from a fake renderer and publishes the right topics."""
 
 from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
-from simbev_ros.nodes import camera_node
+from simbev_ros.nodes import camera_node, surroundings
 from simbev_ros.nodes.camera_node import CameraNode
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
@@ -27,17 +27,19 @@ _IMAGES = {
 
 
 class FakeRenderer:
-    """Remembers the width of each camera, its modalities, and the ticks of the frame and of the one before."""
+    """Records the width and modalities of each requested camera, and the ticks of the frame and the previous frame."""
 
     def __init__(self, *_: object) -> None:
-        self.asked: list[tuple[int, tuple[str, ...], int, int | None]] = []
+        self.requests: list[tuple[int, tuple[str, ...], int, int | None]] = []
 
     def set_lights(self, *_: object) -> None:
         pass
 
     def render(self, views: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
-        before = None if frame.previous is None else frame.previous.tick
-        self.asked += [(view.camera.width_px, tuple(view.modalities), frame.world.tick, before) for view in views]
+        previous_tick = None if frame.previous is None else frame.previous.tick
+        self.requests += [
+            (view.camera.width_px, tuple(view.modalities), frame.world.tick, previous_tick) for view in views
+        ]
         return [CameraImages(**{name: _IMAGES[name] for name in view.modalities}) for view in views]
 
     def close(self) -> None:
@@ -57,10 +59,12 @@ def spec() -> SceneSpec:
 
 @pytest.fixture
 def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """A camera node that has started a scene; what it publishes is in its list ``sent``."""
+    """A camera node that has started a scene and collects what it publishes in ``sent``."""
     monkeypatch.setattr(camera_node, "Renderer", FakeRenderer)
     monkeypatch.setattr(camera_node, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
-    monkeypatch.setattr(camera_node.Surroundings, "changed", lambda *_: object())
+    monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
+    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: object())
+    monkeypatch.setattr(surroundings, "_loaded", {})
     rclpy.init(domain_id=39)
     made: Any = CameraNode("camera")
     made.sent = []
@@ -72,21 +76,21 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     rclpy.shutdown()
 
 
-def read_by_others(node: Any, monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
-    monkeypatch.setattr(node, "readers", lambda name: int(name in names))
+def set_readers(node: Any, monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    monkeypatch.setattr(node, "reader_count", lambda name: int(name in names))
 
 
 def play(node: Any, spec: SceneSpec, ticks: Sequence[int]) -> list[Any]:
     for tick in ticks:
         node.process(spec, SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick)))
-    asked: list[Any] = node._renderer.asked
-    return asked
+    requests: list[Any] = node._surroundings.built.requests
+    return requests
 
 
-def test_only_what_somebody_reads_is_drawn_and_flow_starts_from_the_cameras_own_frame_before(
+def test_only_images_with_readers_are_drawn_and_flow_refers_to_the_cameras_own_previous_frame(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read_by_others(node, monkeypatch, FAST, SLOW)
+    set_readers(node, monkeypatch, FAST, SLOW)
     assert play(node, spec, range(4)) == [
         (16, ("rgb",), 0, None),
         (32, ("flow",), 0, None),
@@ -100,26 +104,26 @@ def test_only_what_somebody_reads_is_drawn_and_flow_starts_from_the_cameras_own_
     assert images == first_two_ticks * 2
 
 
-def test_nobody_reads_nothing_is_drawn_but_camera_info_goes_out(
+def test_without_readers_nothing_is_drawn_but_camera_info_is_published(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read_by_others(node, monkeypatch)
+    set_readers(node, monkeypatch)
     assert play(node, spec, [0, 1]) == []
     infos = [f"/ego/fast/{modality}/camera_info" for modality in ("rgb", "semantic", "flow")]
     assert [name for name, _ in node.sent if "fast" in name] == infos * 2
-    read_by_others(node, monkeypatch, SLOW)
-    assert play(node, spec, [2]) == [(32, ("flow",), 2, 0)], "its frame before counts though nobody saw it"
+    set_readers(node, monkeypatch, SLOW)
+    assert play(node, spec, [2]) == [(32, ("flow",), 2, 0)], "its previous frame counts although it had no reader"
 
 
-def test_pictures_of_the_lead_in_are_drawn_but_not_sent(
+def test_images_of_the_lead_in_are_drawn_but_not_published(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read_by_others(node, monkeypatch, FAST)
+    set_readers(node, monkeypatch, FAST)
     assert play(node, spec, [-1]) == [(16, ("rgb",), -1, None)]
     assert node.sent == []
 
 
-def test_topics_are_those_of_image_transport(node: Any) -> None:
+def test_topics_follow_image_transport(node: Any) -> None:
     assert FAST in node.recorded_topics
     names = dict(node.get_topic_names_and_types())
     assert names["/ego/slow/flow/image_raw"] == ["sensor_msgs/msg/Image"]

@@ -1,4 +1,4 @@
-"""Which turns the lidar node makes of the ticks that it is given; its clouds are those of the models."""
+"""The lidar node publishes the clouds of its lidar models when they are due, with the states of the whole turn."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,7 +13,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.msgs.tables import table_from_message
-from simbev_ros.nodes import lidar_node
+from simbev_ros.nodes import lidar_node, surroundings
 from simbev_ros.nodes.lidar_node import LidarNode
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
@@ -44,9 +44,11 @@ def spec() -> SceneSpec:
 
 @pytest.fixture
 def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """A lidar node that has started a scene; what it publishes is in its list ``sent``."""
+    """A lidar node that has started a scene and collects what it publishes in ``sent``."""
     monkeypatch.setattr(lidar_node, "load_models", lambda: MODELS)
-    monkeypatch.setattr(lidar_node.Surroundings, "changed", lambda *_: STATIC)
+    monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
+    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: STATIC)
+    monkeypatch.setattr(surroundings, "_loaded", {})
     rclpy.init(domain_id=39)
     made: Any = LidarNode("lidar")
     made.sent = []
@@ -58,12 +60,12 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     rclpy.shutdown()
 
 
-def at(tick: int) -> WorldState:
+def state_at(tick: int) -> WorldState:
     ego = actor(MODELS[0], x=0.6 * tick, y=3.0, yaw=0.1 * tick, vx=12.0)
     return world(ego, actor(MODELS[0], id=9, x=9.0 - 0.7 * tick, y=-1.0, yaw=3.0), tick=tick)
 
 
-def test_each_lidar_publishes_at_its_rate_and_nothing_in_the_lead_in(node: Any, spec: SceneSpec) -> None:
+def test_each_lidar_publishes_at_its_rate_and_not_in_the_lead_in(node: Any, spec: SceneSpec) -> None:
     assert node.recorded_topics == [
         "/ego/slow/points",
         "/ego/slow/semantic_points",
@@ -73,24 +75,24 @@ def test_each_lidar_publishes_at_its_rate_and_nothing_in_the_lead_in(node: Any, 
     names = []
     for tick in range(-2, 3):
         node.sent.clear()
-        node.process(spec, at(tick))
+        node.process(spec, state_at(tick))
         names.append(sorted(name for name, _ in node.sent))
-    often = ["/ego/fast/points", "/ego/own/semantic_points"]
-    every = sorted([*often, "/ego/slow/points", "/ego/slow/semantic_points"])
-    assert names == [[], [], every, often, every]
+    every_tick = ["/ego/fast/points", "/ego/own/semantic_points"]
+    every_second_tick = sorted([*every_tick, "/ego/slow/points", "/ego/slow/semantic_points"])
+    assert names == [[], [], every_second_tick, every_tick, every_second_tick]
     assert all(node.is_due(spec, tick) for tick in range(3))
     assert not node.is_due(spec, -2)
 
 
-def test_clouds_are_those_of_the_models_with_the_states_of_their_turn(node: Any, spec: SceneSpec) -> None:
+def test_clouds_equal_those_of_the_models_over_the_states_of_a_turn(node: Any, spec: SceneSpec) -> None:
     for tick in range(-2, 3):
         node.sent.clear()
-        node.process(spec, at(tick))
+        node.process(spec, state_at(tick))
     sent = dict(node.sent)
     for properties in LIDARS:
         lidar = Lidar.model_validate(properties)
-        earlier = [at(0), at(1)] if lidar.rolling else []
-        state, rays = at(2), RayScene(STATIC, MODELS)
+        earlier = [state_at(0), state_at(1)] if lidar.rolling else []
+        state, rays = state_at(2), RayScene(STATIC, MODELS)
         hidden_ids = frozenset() if lidar.hits_own_vehicle else state.ego_ids
         rays.update(state, np.array([1.2, 3.0, 0.0]), 60.0, hidden_ids, earlier)
         scan = LidarModel(lidar, spec.seed, 0.1 if lidar.rolling else 0.05).scan(rays, state, earlier)
@@ -99,4 +101,4 @@ def test_clouds_are_those_of_the_models_with_the_states_of_their_turn(node: Any,
                 assert len(table) > 200
                 assert table_from_message(sent[f"/ego/{lidar.name}/{cloud}"]).tobytes() == table.tobytes()
     own = table_from_message(sent["/ego/own/semantic_points"])
-    assert at(2).ego_id in own["object_id"]
+    assert state_at(2).ego_id in own["object_id"]

@@ -21,10 +21,10 @@ def lockstep(window_ticks: int) -> Lockstep:
 
 
 def report(lock: Lockstep, name: str, tick: int) -> None:
-    lock.finished(f"{name}:{SPEC.name}", SPEC.stamp_ns(tick))
+    lock.record_report(f"{name}:{SPEC.name}", SPEC.stamp_ns(tick))
 
 
-def test_nothing_starts_before_everybody_has_loaded_the_scene() -> None:
+def test_no_tick_starts_before_all_participants_have_loaded_the_scene() -> None:
     lock = lockstep(3)
     report(lock, "camera", SPEC.loaded_tick)
     assert not lock.may_start(-SPEC.lead_in_ticks)
@@ -32,7 +32,7 @@ def test_nothing_starts_before_everybody_has_loaded_the_scene() -> None:
     assert lock.may_start(-SPEC.lead_in_ticks)
 
 
-def test_the_world_is_at_most_the_window_ahead_of_the_slowest() -> None:
+def test_the_world_is_at_most_the_window_ahead_of_the_slowest_participant() -> None:
     lock = lockstep(3)
     report(lock, "camera", 20)
     report(lock, "lidar", 10)
@@ -42,16 +42,46 @@ def test_the_world_is_at_most_the_window_ahead_of_the_slowest() -> None:
     assert lock.finished_by_all() == 10
 
 
-def test_reports_of_other_scenes_and_strangers_do_not_count() -> None:
+def test_reports_of_other_scenes_and_unknown_nodes_are_ignored() -> None:
     lock = lockstep(1)
-    lock.finished("camera:Elsewhere-0009", SPEC.stamp_ns(5))
-    lock.finished(f"stranger:{SPEC.name}", SPEC.stamp_ns(5))
+    lock.record_report("camera:Elsewhere-0009", SPEC.stamp_ns(5))
+    lock.record_report(f"stranger:{SPEC.name}", SPEC.stamp_ns(5))
     assert lock.finished_by_all() is None
 
 
-def test_a_late_report_does_not_turn_time_back() -> None:
+def test_a_late_report_of_an_earlier_tick_is_ignored() -> None:
     lock = lockstep(1)
     for tick in (4, 2):
         report(lock, "camera", tick)
         report(lock, "lidar", 9)
     assert lock.finished_by_all() == 4
+
+
+def test_a_report_before_the_scene_does_not_count_as_loaded() -> None:
+    lock = lockstep(3)
+    report(lock, "camera", SPEC.loaded_tick)
+    assert not lock.record_report(f"lidar:{SPEC.name}", 0)
+    assert lock.finished_by_all() is None
+    assert lock.laggards() == ["lidar"]
+    first_ns = SPEC.stamp_ns(SPEC.loaded_tick)
+    assert lock.describe_early_reports() == [
+        f"lidar has reported stamp 0 ns, which precedes the scene; its first should be {first_ns} ns"
+    ]
+    report(lock, "lidar", SPEC.loaded_tick)
+    assert lock.may_start(-SPEC.lead_in_ticks)
+    assert lock.describe_early_reports() == []
+
+
+def test_the_earliest_report_that_counts_lets_the_scene_start() -> None:
+    lock = lockstep(3)
+    for name in ("camera", "lidar"):
+        report(lock, name, -SPEC.lead_in_ticks - 3)
+    assert lock.may_start(-SPEC.lead_in_ticks)
+    report(lock, "camera", -SPEC.lead_in_ticks - 4)
+    assert lock.describe_early_reports() == []
+
+
+def test_reports_of_participants_count_also_when_a_scene_starts_again() -> None:
+    lock = lockstep(1)
+    assert all(lock.record_report(f"camera:{SPEC.name}", SPEC.stamp_ns(tick)) for tick in (0, 1, 0))
+    assert not lock.record_report(f"stranger:{SPEC.name}", SPEC.stamp_ns(1))

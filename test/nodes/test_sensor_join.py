@@ -1,4 +1,4 @@
-"""Messages come in any order between the sensors; ticks go out in theirs, with all that is due."""
+"""Ticks are released in order with all due messages, in whatever order the sensors' messages arrive."""
 
 from itertools import chain
 
@@ -15,58 +15,58 @@ def due(tick: int) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_every_tick_goes_out_once_in_order_with_all_that_is_due(seed: int) -> None:
+def test_every_tick_is_released_once_in_order_with_all_due_messages(seed: int) -> None:
     rng = np.random.default_rng(seed)
     join: SensorJoin[str, str] = SensorJoin(PERIODS)
     streams = [
         [(None, tick) for tick in range(12)],
         *([(name, t) for t in range(0, 12, p)] for name, p in PERIODS.items()),
     ]
-    given = []
+    released = []
     while any(streams):
         sender, tick = streams[rng.choice([k for k, stream in enumerate(streams) if stream])].pop(0)
         if sender is None:
             join.expect(tick, f"tick {tick}")
         else:
-            join.add(sender, tick, f"{sender} {tick}")
-        given += list(join.ready())
-    assert given == [(f"tick {tick}", due(tick)) for tick in range(12)]
+            join.add_message(sender, tick, f"{sender} {tick}")
+        released += list(join.release())
+    assert released == [(f"tick {tick}", due(tick)) for tick in range(12)]
 
 
-def test_with_patience_a_tick_goes_without_what_is_lost_and_what_is_late_is_dropped() -> None:
+def test_with_patience_a_tick_is_released_without_lost_messages_and_late_ones_are_dropped() -> None:
     join: SensorJoin[int, str] = SensorJoin({"lidar": 1}, patience_ticks=3)
     for tick in range(4):
         join.expect(tick, tick)
         if tick != 0:
-            join.add("lidar", tick, f"lidar {tick}")
+            join.add_message("lidar", tick, f"lidar {tick}")
         if tick < 3:
-            assert list(join.ready()) == []
-    assert list(join.ready()) == [(0, {}), *((tick, {"lidar": f"lidar {tick}"}) for tick in (1, 2, 3))]
-    join.add("lidar", 0, "late")
+            assert list(join.release()) == []
+    assert list(join.release()) == [(0, {}), *((tick, {"lidar": f"lidar {tick}"}) for tick in (1, 2, 3))]
+    join.add_message("lidar", 0, "late")
     join.expect(4, 4)
-    join.add("lidar", 4, "lidar 4")
-    assert list(join.ready()) == [(4, {"lidar": "lidar 4"})]
+    join.add_message("lidar", 4, "lidar 4")
+    assert list(join.release()) == [(4, {"lidar": "lidar 4"})]
 
 
-def test_ticks_that_the_node_has_left_out_leave_nothing_behind() -> None:
+def test_messages_of_skipped_ticks_are_removed() -> None:
     join: SensorJoin[int, str] = SensorJoin({"lidar": 1}, patience_ticks=3)
     for tick in range(9):
-        join.add("lidar", tick, f"lidar {tick}")
+        join.add_message("lidar", tick, f"lidar {tick}")
     for tick in (2, 8):
         join.expect(tick, tick)
-    assert list(chain(join.ready())) == [(2, {"lidar": "lidar 2"}), (8, {"lidar": "lidar 8"})]
+    assert list(chain(join.release())) == [(2, {"lidar": "lidar 2"}), (8, {"lidar": "lidar 8"})]
     assert not join._messages
 
 
-def test_a_sensor_that_is_given_up_is_not_waited_for() -> None:
+def test_a_tick_does_not_wait_for_a_sensor_that_is_given_up() -> None:
     join: SensorJoin[int, str] = SensorJoin({"lidar": 1, "radar": 1})
     join.give_up(["radar", "cam"])
     join.expect(0, 0)
-    join.add("lidar", 0, "cloud")
-    assert list(join.ready()) == [(0, {"lidar": "cloud"})]
+    join.add_message("lidar", 0, "cloud")
+    assert list(join.release()) == [(0, {"lidar": "cloud"})]
 
 
-def test_without_sensors_nothing_waits() -> None:
+def test_without_sensors_no_tick_waits() -> None:
     join: SensorJoin[int, str] = SensorJoin({})
     join.expect(7, 7)
-    assert list(join.ready()) == [(7, {})]
+    assert list(join.release()) == [(7, {})]

@@ -1,4 +1,4 @@
-"""Every kind of sensor has a node, which offers and sends what the manifest says, and says nothing of it itself."""
+"""Every kind of sensor has a node that advertises and publishes the manifest's topics without naming them itself."""
 
 import ast
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ from simbev_ros.semantics import Tag
 
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
 LIGHT_KINDS = [kind for kind in SENSOR_KINDS if kind not in ("camera", "lidar", "radar")]
-"""The others need meshes; their tests are beside this one, and in test/graph."""
+"""Kinds that need no meshes; the other nodes have tests of their own here and in test/graph."""
 
 
 @pytest.fixture
@@ -32,16 +32,14 @@ def context() -> Iterator[None]:
     rclpy.shutdown()
 
 
-def started(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[str]]:
-    """A node that has started a scene with one sensor, without meshes and OpenGL; and what it has of it to record."""
+def start_node(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[str]]:
+    """Start a scene with one sensor on a node, without meshes and OpenGL; return the node and its recordable topics."""
     made_class = node_class(kind)
-    monkeypatch.setattr(Surroundings, "changed", lambda *_: None)
+    monkeypatch.setattr(Surroundings, "load", lambda *_: SimpleNamespace(set_lights=lambda _: None))
     if kind == "camera":
         module = __import__(made_class.__module__, fromlist=["open_context"])
         monkeypatch.setattr(module, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
     node: Any = made_class(kind)
-    if kind == "camera":
-        node._renderer = SimpleNamespace(set_lights=lambda _: None, close=lambda: None)
     return node, node.start_scene(made_up_spec([{"type": kind, "name": "some"}]))
 
 
@@ -53,20 +51,20 @@ def test_every_kind_has_a_node(kind: str) -> None:
 
 @pytest.mark.usefixtures("context")
 @pytest.mark.parametrize("kind", SENSOR_KINDS)
-def test_a_node_offers_what_the_manifest_says(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    node, recorded = started(kind, monkeypatch)
-    promised = list(sensor_topics(made_up_spec([{"type": kind, "name": "some"}]), compressed_images=True))
-    offered = dict(node.get_publisher_names_and_types_by_node(kind, "/"))
+def test_a_node_advertises_the_topics_of_the_manifest(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, recorded = start_node(kind, monkeypatch)
+    expected = list(sensor_topics(made_up_spec([{"type": kind, "name": "some"}]), compressed_images=True))
+    advertised = dict(node.get_publisher_names_and_types_by_node(kind, "/"))
     node.close()
     node.destroy_node()
-    assert recorded == [topic.name for topic in promised]
-    assert {topic.name: [topic.type] for topic in promised}.items() <= offered.items()
+    assert recorded == [topic.name for topic in expected]
+    assert {topic.name: [topic.type] for topic in expected}.items() <= advertised.items()
 
 
 @pytest.mark.usefixtures("context")
 @pytest.mark.parametrize("kind", LIGHT_KINDS)
-def test_a_node_sends_on_each_of_its_topics(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    node, recorded = started(kind, monkeypatch)
+def test_a_node_publishes_on_each_of_its_topics(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, recorded = start_node(kind, monkeypatch)
     sent: list[str] = []
     monkeypatch.setattr(node, "publish", lambda name, _: sent.append(name))
     for tick in (-1, 0):
@@ -79,11 +77,11 @@ def test_no_node_names_a_topic_or_type_of_the_manifest() -> None:
     spec = made_up_spec([{"type": kind, "name": kind} for kind in SENSOR_KINDS])
     known = [topic for form in (False, True) for topic in manifest(spec, compressed_images=form)]
     tails = {topic.name.split("/", depth)[-1] for topic in known for depth in (1, 2, 3)} - {""}
-    said = {*tails, *(topic.type for topic in known)}
-    stated = [
+    forbidden = {*tails, *(topic.type for topic in known)}
+    found = [
         f"{path.name}:{node.lineno}: {node.value!r}"
         for path in sorted(Path(nodes.__file__).parent.glob("*.py"))
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.strip("/") in said
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.strip("/") in forbidden
     ]
-    assert stated == []
+    assert found == []

@@ -1,4 +1,4 @@
-"""A lidar whose clouds are computed on paper: rays against a plane and upright boxes."""
+"""An analytic lidar for tests: intersects rays with a plane and upright boxes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ RANGE_M = 80.0
 
 @dataclass(frozen=True)
 class Block:
-    """An upright box that stands on z = 0, ego frame."""
+    """An upright box standing on z = 0, ego frame."""
 
     x_m: float
     y_m: float
@@ -23,7 +23,7 @@ class Block:
 
 
 def scan(blocks: Sequence[Block], slope: float = 0.0) -> tuple[Floats, Integers]:
-    """Points and rings of blocks on a plane that rises ahead.
+    """Scan blocks on a plane that rises with ``slope`` in the forward direction.
 
     Returns:
         (N, 3) points, lidar frame, and (N,) rings.
@@ -42,7 +42,7 @@ def scan(blocks: Sequence[Block], slope: float = 0.0) -> tuple[Floats, Integers]
 
 
 def _ranges_m(rays: Floats, block: Block) -> Floats:
-    """(N,) distance at which rays from the lidar enter a block; inf: never."""
+    """(N,) distance at which rays from the lidar enter a block; inf if they miss it."""
     cosine, sine = np.cos(block.yaw_rad), np.sin(block.yaw_rad)
     turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     length_m, width_m, height_m = block.size_m

@@ -1,4 +1,4 @@
-"""What rectangles are read as, seen from the origin."""
+"""Rectangles seen from the origin are read as the right class, heading and visibility."""
 
 import numpy as np
 import pytest
@@ -13,14 +13,14 @@ FINE = Resolution(np.radians(0.2), np.radians(0.1))
 
 
 def _read(sides_m: tuple[float, float], top_m: float, center_m: tuple[float, float]) -> Readings:
-    """A rectangle along x."""
+    """Read a rectangle along x."""
     one = np.array([1.0])
     rectangle = Rectangles(np.array([center_m]), 0 * one, np.array([sides_m]), top_m * one, 0 * one, np.array([50]))
     return read_rectangles(rectangle, KINDS, np.zeros(2), FINE)
 
 
 def _cheapest(readings: Readings) -> tuple[str, float]:
-    """Name of the class, and the direction of its length."""
+    """Class name and length direction of the reading with the lowest cost."""
     _, reading, kind = np.unravel_index(readings.cost.argmin(), readings.cost.shape)
     return KINDS.class_name[kind], float(readings.yaw_rad[0, reading])
 
@@ -37,29 +37,29 @@ def _cheapest(readings: Readings) -> tuple[str, float]:
         ((0.5, 0.4), 1.3, "pedestrian"),
     ],
 )
-def test_whole_outlines_are_what_they_are(sides_m: tuple[float, float], top_m: float, name: str) -> None:
+def test_complete_outlines_are_read_as_their_class(sides_m: tuple[float, float], top_m: float, name: str) -> None:
     assert _cheapest(_read(sides_m, top_m, (7.0, 7.0))) == (name, 0.0)
 
 
-def test_rear_of_a_car_is_a_car_whose_length_lies_along_the_line_of_sight() -> None:
+def test_rear_of_a_car_is_read_as_a_car_along_the_line_of_sight() -> None:
     assert _cheapest(_read((0.1, 1.9), 1.45, (20.0, 0.0))) == ("car", 0.0)
     assert _cheapest(_read((1.9, 0.1), 1.45, (0.0, 20.0))) == ("car", pytest.approx(np.pi / 2))
 
 
-def test_what_is_in_view_and_missing_costs_more_than_what_is_hidden() -> None:
+def test_missing_size_costs_more_in_view_than_hidden() -> None:
     ahead, beside = _read((0.1, 1.9), 1.45, (20.0, 0.0)), _read((0.1, 1.9), 1.45, (0.0, 20.0))
     car = KINDS.class_name.index("car")
     assert ahead.cost[0, 0, car] < 2 < beside.cost[0, 0, car]
 
 
-def test_sensor_sees_one_end_of_what_is_ahead_and_both_sides() -> None:
+def test_sensor_sees_the_near_end_and_both_sides_of_an_object_ahead() -> None:
     readings = _read((4.0, 2.0), 1.5, (10.0, 0.0))
     assert readings.sensor_side[0, 0] == pytest.approx([-1.0, 0.0])
     assert readings.view[0, 0] == pytest.approx([0.0, 1.0])
     assert readings.ring_gap_m == pytest.approx([10.0 * np.radians(0.2)])
 
 
-def test_readings_turn_and_move_with_the_ego() -> None:
+def test_readings_are_transformed_with_the_pose_of_the_ego() -> None:
     pose = np.array([[0.0, -1.0, 0.0, 100.0], [1.0, 0.0, 0.0, 50.0], [0.0, 0.0, 1.0, 3.0], [0.0, 0.0, 0.0, 1.0]])
     moved = _read((4.0, 2.0), 1.5, (10.0, 1.0)).in_map(pose)
     assert moved.center_m == pytest.approx(np.array([[99.0, 60.0]]))

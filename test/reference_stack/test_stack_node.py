@@ -1,4 +1,4 @@
-"""What the node reads and writes, against the graph's own code; the node itself is tested with a running graph."""
+"""The stack's message conversions agree with the graph's own code; test/graph runs the node itself."""
 
 import numpy as np
 import pytest
@@ -31,14 +31,14 @@ STAMP_NS = 7_204_050_000_001
 
 @pytest.fixture(scope="module")
 def spec(tmp_path_factory: pytest.TempPathFactory) -> SceneSpec:
-    """Of a rig with a roof lidar of 10 Hz, which looks down, left and tilts, at ticks of 20 Hz."""
+    """A scene with ticks at 20 Hz and a roof lidar at 10 Hz, which is turned left, pitched and rolled."""
     path = tmp_path_factory.mktemp("scene") / "bag"
     pose = {"x_m": 0.5, "y_m": -0.2, "z_m": 2.0, "roll_deg": 5, "pitch_deg": 10, "yaw_deg": 90}
     roof = {"type": "lidar", "name": "roof", "pose": pose, "rate_hz": 10}
     return made_up_scene(path, number=3, ticks=1, sensors=[*SENSORS, roof]).spec
 
 
-def test_scene_is_read_as_the_graph_means_it(spec: SceneSpec) -> None:
+def test_scene_facts_equal_those_of_the_scene_spec(spec: SceneSpec) -> None:
     scene = read_scene(spec.model_dump_json(), "/ego/roof/points")
     (roof,) = (lidar for lidar in spec.rig.of_type(Lidar) if lidar.name == "roof")
     assert scene.name == spec.name
@@ -50,17 +50,18 @@ def test_scene_is_read_as_the_graph_means_it(spec: SceneSpec) -> None:
     assert scene.grid == GridShape(bev.rows, bev.columns, bev.cell_m)
 
 
-def test_clouds_are_due_at_the_lidars_ticks_from_the_first_on(spec: SceneSpec) -> None:
+def test_clouds_are_due_every_nth_tick_from_tick_0(spec: SceneSpec) -> None:
     slow, fast = (read_scene(spec.model_dump_json(), f"/ego/{name}/points") for name in ("roof", "lidar"))
     stamps_ns = [spec.stamp_ns(tick) for tick in range(-2, 5)]
     assert [slow.has_cloud(stamp_ns) for stamp_ns in stamps_ns] == [False, False, True, False, True, False, True]
     assert [fast.has_cloud(stamp_ns) for stamp_ns in stamps_ns] == [False, False, True, True, True, True, True]
 
 
-def test_rig_without_the_lidar_is_refused_with_what_it_has(spec: SceneSpec) -> None:
+def test_rig_without_the_lidar_is_refused_and_its_lidars_are_named(spec: SceneSpec) -> None:
     with pytest.raises(
         NoLidarError,
-        match="no lidar of the scene sends /ego/top/points; remap it to one of: /ego/lidar/points, /ego/roof/points",
+        match="no lidar of the scene publishes /ego/top/points; "
+        "remap it to one of: /ego/lidar/points, /ego/roof/points",
     ):
         read_scene(spec.model_dump_json(), "/ego/top/points")
 
@@ -87,7 +88,7 @@ def test_stamps_are_exact_both_ways() -> None:
     assert stamp_ns_of(header_of(STAMP_NS, "map")) == STAMP_NS
 
 
-def test_boxes_are_a_table_that_the_graph_can_read() -> None:
+def test_box_message_can_be_read_by_the_graph() -> None:
     boxes = np.frombuffer(np.random.default_rng(0).bytes(4 * BOX_DTYPE.itemsize), BOX_DTYPE)
     message = table_message(boxes, header_of(STAMP_NS, "map"))
     assert table_from_message(message).tobytes() == boxes.tobytes()
@@ -95,14 +96,14 @@ def test_boxes_are_a_table_that_the_graph_can_read() -> None:
     assert table_message(boxes[:0], header_of(STAMP_NS, "map")).width == 0
 
 
-def test_scores_are_an_image_of_all_channels() -> None:
+def test_score_message_is_an_image_of_all_channels() -> None:
     scores = np.arange(2 * 3 * len(CHANNELS), dtype=np.uint8).reshape(2, 3, -1)
     message = scores_message(scores, header_of(STAMP_NS, "ego/base_link"))
     assert (message.height, message.width, message.encoding, message.step) == (2, 3, "8UC14", 42)
     assert bytes(message.data) == scores.tobytes()
 
 
-def test_markers_show_what_is_likely_after_clearing_the_last() -> None:
+def test_markers_show_likely_boxes_after_deleting_earlier_ones() -> None:
     boxes = np.zeros(2, BOX_DTYPE)
     boxes["class"], boxes["score"], boxes["id"], boxes["yaw"] = [0, 5], [0.9, 0.1], [4, 5], np.pi / 2
     boxes["x"], boxes["length"] = 3.0, 4.4

@@ -1,4 +1,4 @@
-"""Which ticks are complete, in every order of arrival."""
+"""Ticks are completed with the right messages in every order of arrival."""
 
 from itertools import combinations
 
@@ -14,29 +14,29 @@ def _every_second(stamp_ns: int) -> bool:
 
 
 def _arrive(join: TickJoin[str, str], *messages: str) -> Complete:
-    """Messages such as ``c20`` (cloud) and ``o20`` (odometry); what is complete after each, together."""
+    """Add messages such as ``c20`` (cloud) and ``o20`` (odometry); return all ticks that they complete."""
     complete: Complete = []
     for message in messages:
         add = join.add_cloud if message[0] == "c" else join.add_odometry
         add(int(message[1:]), message)
-        complete += join.complete(_every_second)
+        complete += join.release_complete(_every_second)
     return complete
 
 
 @pytest.mark.parametrize("clouds_at", [*combinations(range(5), 2)])
-def test_ticks_come_in_order_with_their_clouds_whichever_topic_is_ahead(clouds_at: tuple[int, int]) -> None:
+def test_ticks_are_released_in_order_with_their_clouds_whichever_topic_is_ahead(clouds_at: tuple[int, int]) -> None:
     clouds, odometry = iter(["c20", "c40"]), iter(["o20", "o30", "o40"])
-    arrivals = [next(clouds if place in clouds_at else odometry) for place in range(5)]
+    arrivals = [next(clouds if position in clouds_at else odometry) for position in range(5)]
     assert _arrive(TickJoin(), *arrivals) == [(20, "o20", "c20"), (30, "o30", None), (40, "o40", "c40")]
 
 
-def test_tick_without_a_cloud_waits_for_those_before_it() -> None:
+def test_tick_without_a_cloud_waits_for_earlier_ticks() -> None:
     join: TickJoin[str, str] = TickJoin()
     assert _arrive(join, "o20", "o30") == []
     assert _arrive(join, "c20") == [(20, "o20", "c20"), (30, "o30", None)]
 
 
-def test_lost_cloud_is_given_up_when_a_later_one_is_there() -> None:
+def test_cloud_counts_as_lost_when_a_later_one_has_arrived() -> None:
     assert _arrive(TickJoin(), "o20", "o30", "o40", "c40") == [(20, "o20", None), (30, "o30", None), (40, "o40", "c40")]
 
 
@@ -51,7 +51,7 @@ def test_silent_lidar_does_not_fill_the_memory() -> None:
     assert [stamp_ns for stamp_ns, *_ in complete] == [20 * tick for tick in range(50)]
 
 
-def test_nothing_is_left_after_a_new_scene() -> None:
+def test_clear_forgets_all_messages() -> None:
     join: TickJoin[str, str] = TickJoin()
     _arrive(join, "o20", "c40")
     join.clear()

@@ -1,4 +1,4 @@
-"""Targets that move as is known."""
+"""Objects with known motion are tracked with their position, velocity and size."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ STEP_S = 0.05
 
 
 def _cars(*centers_m: tuple[float, float], yaw_rad: float = 0.0) -> Readings:
-    """Whole outlines of cars."""
+    """Readings of complete outlines of cars."""
     count = len(centers_m)
     rectangles = Rectangles(
         center_m=np.array(centers_m).reshape(-1, 2),
@@ -29,7 +29,7 @@ def _cars(*centers_m: tuple[float, float], yaw_rad: float = 0.0) -> Readings:
 
 
 def _follow(tracker: Tracker, velocity_mps: Floats, steps: int, first: int = 0) -> Table:
-    """Track a car that starts at (10, 5)."""
+    """Track a car from (10, 5) at constant velocity."""
     tracks = tracker.tracks
     for step in range(first, first + steps):
         x, y = np.array([10.0, 5.0]) + velocity_mps * step * STEP_S
@@ -38,7 +38,7 @@ def _follow(tracker: Tracker, velocity_mps: Floats, steps: int, first: int = 0) 
     return tracks
 
 
-def test_filter_of_exact_places_has_the_exact_velocity() -> None:
+def test_filter_of_exact_positions_has_the_exact_velocity() -> None:
     state, covariance = np.zeros((1, 4)), np.eye(4)[None] * 1e6
     for step in range(5):
         state, covariance = predict(state, covariance, 0.1, 0.0)
@@ -48,7 +48,7 @@ def test_filter_of_exact_places_has_the_exact_velocity() -> None:
     assert state[0] == pytest.approx([2.2, -0.4, 3.0, -1.0], abs=1e-4)
 
 
-def test_filter_weighs_places_by_their_noise() -> None:
+def test_filter_weighs_positions_by_their_noise() -> None:
     state, covariance = correct(
         np.zeros((1, 4)), np.eye(4)[None] * 3.0, np.array([[4.0, 4.0]]), np.diag([1.0, 3.0])[None]
     )
@@ -57,7 +57,7 @@ def test_filter_weighs_places_by_their_noise() -> None:
 
 
 @pytest.mark.parametrize("velocity_mps", [(8.0, 0.0), (-6.0, 3.0), (0.0, -10.0)])
-def test_car_has_its_velocity_and_heads_where_it_goes(velocity_mps: tuple[float, float]) -> None:
+def test_car_has_its_velocity_and_heads_in_its_direction(velocity_mps: tuple[float, float]) -> None:
     velocity = np.array(velocity_mps)
     (track,) = _follow(Tracker(KINDS), velocity, 20)
     assert track["state"][2:] == pytest.approx(velocity, abs=0.2)
@@ -66,7 +66,7 @@ def test_car_has_its_velocity_and_heads_where_it_goes(velocity_mps: tuple[float,
     assert track["size_m"] == pytest.approx([4.4, 1.98, 1.48], abs=0.01)
 
 
-def test_track_survives_a_gap_and_keeps_its_number() -> None:
+def test_track_survives_a_gap_and_keeps_its_id() -> None:
     tracker, velocity = Tracker(KINDS), np.array([8.0, 0.0])
     before = _follow(tracker, velocity, 20)
     for step in range(20, 25):
@@ -75,7 +75,7 @@ def test_track_survives_a_gap_and_keeps_its_number() -> None:
     assert before["id"].tolist() == after["id"].tolist() == [1]
 
 
-def test_two_cars_that_pass_each_other_stay_two() -> None:
+def test_cars_that_pass_each_other_keep_their_tracks() -> None:
     tracker = Tracker(KINDS)
     for step in range(40):
         along_m = 10.0 * step * STEP_S
@@ -83,21 +83,21 @@ def test_two_cars_that_pass_each_other_stay_two() -> None:
     assert tracks["state"][np.argsort(tracks["id"]), 2] == pytest.approx([10.0, -10.0], abs=0.3)
 
 
-def test_leap_in_time_forgets_all() -> None:
+def test_jump_in_time_starts_tracking_anew() -> None:
     tracker = Tracker(KINDS)
     _follow(tracker, np.array([8.0, 0.0]), 10)
     assert tracker.step(_cars((10.0, 5.0)), 50.0, 0.0)["readings"].tolist() == [1]
 
 
-def test_moving_sureness_exceeds_standing_and_new() -> None:
+def test_moving_object_scores_higher_than_stationary_and_new_ones() -> None:
     standing, moving = Tracker(KINDS), Tracker(KINDS)
     new = scores(_follow(standing, np.zeros(2), 1), KINDS)
-    stood = scores(_follow(standing, np.zeros(2), 19, first=1), KINDS)
+    stationary = scores(_follow(standing, np.zeros(2), 19, first=1), KINDS)
     moved = scores(_follow(moving, np.array([8.0, 0.0]), 20), KINDS)
-    assert 0 < new < stood < moved < 1
+    assert 0 < new < stationary < moved < 1
 
 
-def test_half_seen_car_is_completed_away_from_the_sensor() -> None:
+def test_partly_seen_car_is_completed_away_from_the_sensor() -> None:
     rectangle = Rectangles(
         np.array([[20.0, 0.0]]), np.zeros(1), np.array([[0.2, 1.98]]), np.array([1.48]), np.zeros(1), np.array([30])
     )

@@ -19,6 +19,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_position, statistics_of
+from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.production.surroundings import build_missing_regions
 from simbev_ros.types import Float64Array
 
@@ -76,6 +77,7 @@ def _write_pictures(
     from simbev_ros.viz.street.street_view import street_view
     from simbev_ros.viz.street.viewpoint import find_viewpoint
 
+    keep_freed_memory()
     write_picture(out.with_name(f"{out.stem}-above.png"), overview_picture(network, static, center_m))
     place = find_viewpoint(network, static.tiles, center_m, within_m)
     write_picture(out.with_name(f"{out.stem}-street.png"), street_view(network, static, *place))

@@ -90,7 +90,8 @@ def _make_parts(parts: Sequence[ScenePart], jobs: int, report: Callable[[int, in
     """Make parts in parallel; return why scenes could not be exported, by name of the scene."""
     frames = sum(_frame_count(part.scene) for part in parts)
     report(0, frames)
-    problems = list(map_in_processes(_problem_of, parts, min(jobs, max(len(parts), 1)), lambda done: report(done, frames)))
+    jobs = min(jobs, max(len(parts), 1))
+    problems = list(map_in_processes(_problem_of, parts, jobs, lambda done: report(done, frames)))
     report(frames, frames)
     return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
 

@@ -92,7 +92,7 @@ def _fingerprint(scene: Scene) -> Json:
 
 
 def make_part(part: ScenePart) -> None:
-    """Make the part of one scene: its files and its rows of the tables; each frame is one ``report_step`` of parallel work.
+    """Make the part of one scene: its files and its rows of the tables; each frame is a step of parallel work.
 
     Raises:
         InputError: The scene cannot have keyframes at that rate, and an earlier part of the scene is kept; or a file

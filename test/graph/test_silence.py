@@ -1,0 +1,103 @@
+"""A participant that holds up the scene is named, also if all it has reported are ticks before the scene."""
+
+from collections.abc import Iterator
+
+import pytest
+from commands import DOMAIN
+from made_up_scene import made_up_spec
+
+from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import GraphError
+from simbev_ros.graph import monitor as monitor_module
+from simbev_ros.graph.monitor import GraphMonitor
+from simbev_ros.graph.session import GraphSession
+from simbev_ros.msgs.stamps import header
+from simbev_ros.scene.request import SceneRequest
+
+SPEC = made_up_spec([{"type": "gnss", "name": "gnss"}])
+OWN_NODES = ("world", "gnss")
+TIMEOUT_S = 10.0
+
+
+class FakeClock:
+    """Stands in for the module ``time``."""
+
+    now_s = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> FakeClock:
+    fake = FakeClock()
+    monkeypatch.setattr(monitor_module, "time", fake)
+    return fake
+
+
+@pytest.fixture
+def monitor(clock: FakeClock) -> Iterator[GraphMonitor]:
+    """A monitor that has requested a scene which the own node has loaded."""
+    made = GraphMonitor(DOMAIN, OWN_NODES, ["gnss", "planner"])
+    made.request(SceneRequest(spec=SPEC))
+    report(made, "gnss", SPEC.stamp_ns(SPEC.loaded_tick))
+    yield made
+    made.close()
+
+
+def report(monitor: GraphMonitor, name: str, stamp_ns: int) -> None:
+    monitor._on_ready(header(stamp_ns, f"{name}:{SPEC.name}"))
+
+
+def wait(monitor: GraphMonitor, clock: FakeClock, duration_s: float) -> None:
+    """Let time pass while the own nodes keep sending diagnostics."""
+    clock.now_s += duration_s
+    for name in OWN_NODES:
+        monitor._note_sign_of_life(name)
+
+
+def test_a_participant_that_only_reports_ticks_before_the_scene_is_named(
+    monitor: GraphMonitor, clock: FakeClock
+) -> None:
+    for _ in range(3):  # repeating such a report does not count either
+        report(monitor, "planner", 0)
+        wait(monitor, clock, 0.4 * TIMEOUT_S)
+    assert monitor.silent_nodes(TIMEOUT_S) == ["planner"]
+
+
+def test_after_a_right_report_a_world_that_does_not_start_is_named(monitor: GraphMonitor, clock: FakeClock) -> None:
+    report(monitor, "planner", 0)
+    report(monitor, "planner", SPEC.stamp_ns(SPEC.loaded_tick))
+    wait(monitor, clock, 1.1 * TIMEOUT_S)
+    assert monitor.silent_nodes(TIMEOUT_S) == ["world"]
+
+
+def test_the_error_states_the_early_report_and_the_expected_one(monitor: GraphMonitor, clock: FakeClock) -> None:
+    report(monitor, "planner", 0)
+    session = GraphSession(load_scenario("paper"), domain=DOMAIN)
+    session._monitor = monitor
+    timeout_s = load_scenario("paper").graph.silence_timeout_s
+    wait(monitor, clock, 1.1 * timeout_s)
+    first_ns = SPEC.stamp_ns(SPEC.loaded_tick)
+    message = (
+        f"node planner has been silent for {timeout_s:g} s, while the scene was loading; "
+        f"planner has reported stamp 0 ns, which precedes the scene; its first should be {first_ns} ns\n"
+    )
+    try:
+        with pytest.raises(GraphError, match=f"^{message}"):
+            session._check(None)
+    finally:
+        session._failed, session._monitor = False, None
+        session.close()
+
+
+def test_several_silent_nodes_are_named_in_the_plural(monitor: GraphMonitor, clock: FakeClock) -> None:
+    session = GraphSession(load_scenario("paper"), domain=DOMAIN)
+    session._monitor = monitor
+    clock.now_s += 1000.0
+    try:
+        with pytest.raises(GraphError, match=r"^nodes world, gnss have been silent for"):
+            session._check(3)
+    finally:
+        session._failed, session._monitor = False, None
+        session.close()

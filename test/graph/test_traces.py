@@ -1,0 +1,59 @@
+"""A graph removes the traces of graphs that were killed, and of no others."""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import psutil
+import pytest
+
+from simbev_ros.graph.traces import Traces, sweep
+
+
+@pytest.fixture(autouse=True)
+def temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Let graphs leave their traces in a folder of the test."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def write_traces(folder: Path, **record: object) -> Path:
+    """Write the record of a graph without files in shared memory; return its folder."""
+    graph = folder / "simbev_ros-other"
+    graph.mkdir()
+    (graph / "traces.json").write_text(json.dumps({"files": [], **record}))
+    return graph
+
+
+def test_traces_of_a_running_graph_stay_until_it_removes_them() -> None:
+    traces = Traces()
+    sweep()
+    assert traces.folder.is_dir()
+    traces.remove(keep_logs=False)
+    assert not traces.folder.exists()
+
+
+def test_traces_of_an_ended_process_are_removed(temporary_folder: Path) -> None:
+    free_pid = max(psutil.pids()) + 1000
+    graph = write_traces(temporary_folder, pid=free_pid, started_s=psutil.boot_time())
+    sweep()
+    assert not graph.exists()
+
+
+def test_another_process_with_a_reused_pid_does_not_keep_traces(temporary_folder: Path) -> None:
+    graph = write_traces(temporary_folder, pid=os.getpid(), started_s=psutil.Process().create_time() - 3600)
+    sweep()
+    assert not graph.exists()
+
+
+def test_a_record_without_start_time_is_kept_while_its_pid_exists(temporary_folder: Path) -> None:
+    graph = write_traces(temporary_folder, pid=os.getpid())
+    sweep()
+    assert graph.is_dir()
+
+
+def test_records_that_cannot_be_read_are_left_alone(temporary_folder: Path) -> None:
+    graph = write_traces(temporary_folder, pid="?")
+    sweep()
+    assert graph.is_dir()

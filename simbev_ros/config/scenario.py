@@ -217,7 +217,10 @@ class GraphConfig(Model):
     window_ticks: int = Field(3, ge=1, le=8, description="maximum lead of the world over the slowest node")
     participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready for which the world waits")
     silence_timeout_s: float = Field(
-        60.0, ge=1, le=3600, description="time without a message from a node after which the scene ends"
+        60.0,
+        ge=1,
+        le=3600,
+        description="time without a sign of life from a node after which the scene ends; computing while loading is one",
     )
 
 

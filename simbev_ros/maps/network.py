@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_index import LineIndex
@@ -172,9 +173,8 @@ class RoadNetwork:
         lanes = [lane for lane in self.lanes_of(LaneKind.DRIVING) if not lane.junction]
         lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         count = np.maximum(np.ceil(lines.length_m / spacing_m - 0.5).astype(np.int64), 0)
-        row = np.repeat(np.arange(len(lanes)), count)
-        s_m = spacing_m * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 0.5)
-        return self._waypoints(lanes, lines, row, s_m)
+        row, number = ragged_indices(count)
+        return self._waypoints(lanes, lines, row, spacing_m * (number + 0.5))
 
     def nearest_lane(self, points_m: Float64Array, yaw_rad: Float64Array | None = None) -> Waypoints:
         """The nearest position on a driving lane, including lanes inside junctions, for each of N points.

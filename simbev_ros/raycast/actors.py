@@ -12,6 +12,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
+from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.raycast.boxes import CORNERS, PartBoxes, Passages
 from simbev_ros.raycast.part_stack import PartStack
 from simbev_ros.scene.interpolation import ActorHistory
@@ -72,9 +73,8 @@ class ActorTriangles:
         """(N,) first instance of each of (N,) rows, and per instance, actor by actor, its row and part in the stack."""
         first, blueprint = self._stack.first, actors["blueprint"].astype(np.int64)
         count = first[blueprint + 1] - first[blueprint]
-        start = np.cumsum(count) - count
-        row = np.repeat(np.arange(len(actors)), count)
-        return start, row, np.arange(len(row)) + (first[blueprint] - start)[row]
+        row, offset = ragged_indices(count)
+        return ragged_starts(count), row, first[blueprint][row] + offset
 
     def _instance_poses(self, actors: Table) -> Float64Array:
         """(I, 4, 4) transforms of the instances of (N,) rows from the rest pose to the map axes about the origin."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 
 _FLAT_EDGE_ROWS = 1e-12
@@ -121,8 +122,8 @@ def _slope(rise: Float64Array, run: Float64Array) -> Float64Array:
 def _spans(edges: _Edges, first_row: Int64Array, last_row: Int64Array) -> _Spans:
     """One span per triangle and row; at the row of the middle corner, the upper short edge is used."""
     count = last_row - first_row + 1
-    triangle = np.repeat(np.arange(len(count)), count)
-    row = np.arange(len(triangle)) + np.repeat(first_row - np.cumsum(count) + count, count)
+    triangle, offset = ragged_indices(count)
+    row = first_row[triangle] + offset
     row_position = row.astype(np.float64)
     row0, column0, slope = edges.long
     long_column = column0[triangle] + slope[triangle] * (row_position - row0[triangle])

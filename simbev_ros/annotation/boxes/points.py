@@ -10,6 +10,8 @@ from importlib.resources import files
 import numpy as np
 import yaml
 
+from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES
 from simbev_ros.sensors.mount import vector
@@ -169,7 +171,7 @@ class _BoxLookup:
         heading = self.rotation[:, :2, 0]
         level = np.hypot(heading[:, 0], heading[:, 1])
         heading = np.where(level[:, None] > 0.0, heading / np.maximum(level, 1e-12)[:, None], [1.0, 0.0])
-        axes = np.stack([heading, heading[:, ::-1] * [-1.0, 1.0]], axis=1)
+        axes = np.stack([heading, left_of(heading)], axis=1)
         reach_m = np.einsum("bik,bk->bi", np.abs(axes @ self.rotation[:, :2]), self.half_m)
         reach_m += np.abs(axes).sum(axis=2) * 0.5 / self._per_m + _SLACK_M
         offset_m = (cell - 0.5) / self._per_m + self._origin_m - self.center_m[box, :2]
@@ -182,7 +184,7 @@ class _BoxLookup:
         order = np.argsort(index, kind="stable")
         self._box, cells = box[order], int(self._shape.prod())
         self._count = np.bincount(index, minlength=cells)
-        self._first = np.cumsum(self._count) - self._count
+        self._first = ragged_starts(self._count)
         filled = np.flatnonzero(self._count)
         self._low_m, self._high_m = np.full(cells, np.inf), np.full(cells, -np.inf)
         self._low_m[filled] = np.minimum.reduceat(low_m[self._box], self._first[filled])
@@ -191,8 +193,8 @@ class _BoxLookup:
 
 def _ragged_ranges(keys: Int64Array, first: Int64Array, count: Int64Array) -> tuple[Int64Array, Int64Array]:
     """Keys repeated (K,) ``count`` times each, and for each repetition an index counting up from ``first``."""
-    index = np.arange(int(count.sum())) + np.repeat(first - (np.cumsum(count) - count), count)
-    return np.repeat(keys, count), index
+    segment, offset = ragged_indices(count)
+    return keys[segment], first[segment] + offset
 
 
 def _covered_cells(first: Int64Array, last: Int64Array) -> tuple[Int64Array, Int64Array]:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.annotation.occupancy.triangle_soup import MIN_PLANE_AREA, GridShape, Soup, normals, ragged_indices
+from simbev_ros.annotation.occupancy.triangle_soup import MIN_PLANE_AREA, GridShape, Soup, normals
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import Float32Array, Int64Array, UInt8Array
 
 

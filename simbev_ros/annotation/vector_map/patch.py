@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float64Array
@@ -138,8 +139,7 @@ class PatchLines:
         """The parts of pieces that count, to within a meter."""
         ends_m = [self._lines.values(end)[:, :2] for end in pieces]
         count = np.maximum(np.ceil(np.linalg.norm(ends_m[1] - ends_m[0], axis=1) / _STEP_M), 1.0).astype(np.int64)
-        row = np.repeat(np.arange(len(count)), count)
-        index = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        row, index = ragged_indices(count)
         step = ((pieces.end - pieces.begin) / count)[row]
         begin = pieces.begin[row] + index * step
         end = np.where(index == count[row] - 1, pieces.end[row], pieces.begin[row] + (index + 1) * step)

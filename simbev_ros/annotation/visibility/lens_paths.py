@@ -7,9 +7,9 @@ everything is scaled as at the last valid point. So every direction in front of 
 
 import numpy as np
 
-from simbev_ros.annotation.occupancy.triangle_soup import ragged_indices
 from simbev_ros.annotation.visibility.contours import Contours
 from simbev_ros.geometry.camera import LensCamera
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import Float64Array
 
 _MARGIN = 1.1

@@ -9,6 +9,7 @@ import shapely
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array, Int32Array, Int64Array
 
@@ -344,11 +345,8 @@ def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cos
     weighted = np.repeat(unit, 3, axis=0) * angle
     order = np.argsort(corner_vertex, kind="stable")
     counts = np.bincount(corner_vertex)
-    starts = np.cumsum(counts) - counts
-    repeats = counts[corner_vertex]
-    corner = np.repeat(np.arange(len(corner_vertex)), repeats)
-    within = np.arange(len(corner)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
-    other = order[starts[corner_vertex[corner]] + within]
+    corner, within = ragged_indices(counts[corner_vertex])
+    other = order[ragged_starts(counts)[corner_vertex[corner]] + within]
     alike = np.einsum("ij,ij->i", unit[corner // 3], unit[other // 3]) >= crease_cosine - 1e-9
     smooth = alike | (corner // 3 == other // 3)
     normals = np.stack(

@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
+from simbev_ros.geometry.plan_view import multi_polygon
 from simbev_ros.maps.land.membrane import Raster, node_positions_m
 from simbev_ros.maps.land.terrain import NODE_M, Terrain
 from simbev_ros.maps.land_features import Water
@@ -85,11 +86,11 @@ class RegionGround:
     def land(self) -> BaseGeometry:
         """Land of the region in plan: everything but streets on the ground and water."""
         taken = [self.streets[0].area, *(water.area for water in self.water)]
-        return _polygons(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
+        return multi_polygon(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
 
     def within(self, area: BaseGeometry) -> shapely.MultiPolygon:
         """Part of an area that lies in the region."""
-        return _polygons(shapely.intersection(area, self.region.area))
+        return multi_polygon(shapely.intersection(area, self.region.area))
 
     @property
     def land_facets(self) -> Facets:
@@ -155,9 +156,3 @@ def _deck_facets(terrain: Terrain, like: Raster, level: int) -> Facets:
     xy_m = node_positions_m(like.origin_m, NODE_M, like.values.shape)
     height_m = terrain.elevation.height_m(xy_m.reshape(-1, 2), level).reshape(like.values.shape)
     return Facets.from_raster(Raster(like.origin_m, NODE_M, height_m), np.full(like.values.shape, _STREET_TOLERANCE_M))
-
-
-def _polygons(area: BaseGeometry) -> shapely.MultiPolygon:
-    """Polygons of an area, without the points and lines in which areas touch that do not overlap."""
-    parts = shapely.get_parts(area)
-    return shapely.MultiPolygon(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON].tolist())

@@ -5,6 +5,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.opendrive.borders import point_m
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
 from simbev_ros.maps.opendrive.reading.document import Document, Road
@@ -106,7 +107,7 @@ def _walking_axis(outline_m: Float64Array, across: Float64Array) -> Float64Array
     edges_m = np.roll(outline_m, -1, axis=0)[:, :2] - outline_m[:, :2]
     axis: Float64Array = edges_m[np.argmax(np.linalg.norm(edges_m, axis=1))]
     axis = axis / np.linalg.norm(axis)
-    normal = np.array([-axis[1], axis[0]])
+    normal = left_of(axis)
     length_m, width_m = (np.ptp(outline_m[:, :2] @ direction) for direction in (axis, normal))
     if length_m < _MIN_ASPECT * width_m and abs(normal @ across) > abs(axis @ across):
         axis = normal

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.opendrive.borders import borders_m
 from simbev_ros.maps.opendrive.reading.document import Road, Section
 from simbev_ros.types import Float64Array, Int64Array
@@ -92,7 +93,6 @@ def _deviation_m(ends: Float64Array, probes: Float64Array) -> Float64Array:
 def _subdivide(nodes_m: Float64Array, parts: Int64Array) -> Float64Array:
     """Divide each interval between nodes into its number of equal parts."""
     parts = np.maximum(parts, 1)
-    interval = np.repeat(np.arange(len(parts)), parts)
-    within = np.arange(len(interval)) - np.repeat(np.cumsum(parts) - parts, parts)
+    interval, within = ragged_indices(parts)
     inner_m = nodes_m[interval] + within / parts[interval] * np.diff(nodes_m)[interval]
     return np.append(inner_m, nodes_m[-1])

@@ -4,6 +4,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import Float64Array
 
 VERTEX_SPACING_M = 5.0
@@ -61,7 +62,7 @@ def offset_to_left(line_m: Float64Array, left_m: float) -> Float64Array:
     """Offset an (N, D) line to the left (negative: right), with mitered corners and unchanged heights."""
     heading = np.diff(line_m[:, :2], axis=0)
     heading /= np.linalg.norm(heading, axis=1, keepdims=True)
-    normal = np.column_stack([-heading[:, 1], heading[:, 0]])
+    normal = left_of(heading)
     before, after = np.concatenate([normal[:1], normal]), np.concatenate([normal, normal[-1:]])
     miter = before + after
     miter /= np.maximum(np.sum(miter * before, axis=1, keepdims=True), 0.2)

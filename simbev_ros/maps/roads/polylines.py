@@ -7,6 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import AnyArray, Float64Array, Int64Array
 
 
@@ -58,8 +60,7 @@ class Polylines:
             (N,) lines and (N,) distances from their starts, line after line.
         """
         counts = np.maximum(np.ceil(self.length_m / spacing_m).astype(np.int64), 1) + 1
-        row = np.repeat(np.arange(len(self)), counts)
-        number = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+        row, number = ragged_indices(counts)
         return row, self.length_m[row] * number / (counts[row] - 1)
 
     def parameter(self, row: Int64Array, s_m: Float64Array) -> Float64Array:
@@ -95,7 +96,7 @@ class Polylines:
         """(P, D) the points offset to the left by (P,) distances, with mitered corners, so that lines stay parallel."""
         step_m = np.diff(self.points_m[:, :2], axis=0)
         heading = step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
-        normal = np.column_stack([-heading[:, 1], heading[:, 0]])
+        normal = left_of(heading)
         before, after = np.concatenate([normal[:1], normal]), np.concatenate([normal, normal[-1:]])
         starts, ends = self.first[:-1], self.first[1:] - 1
         before[starts], after[ends] = after[starts], before[ends]

@@ -14,6 +14,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Strip
 from simbev_ros.types import AnyArray
@@ -212,6 +213,5 @@ def _make_valid(polygons: Sequence[shapely.Polygon] | AnyArray) -> AnyArray:
 
 def _polygons(area: BaseGeometry) -> MultiPolygon:
     """The two-dimensional parts of a geometry, without specks."""
-    parts = shapely.get_parts(shapely.get_parts(area))
-    parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+    parts = polygon_parts(area)
     return MultiPolygon(list(parts[shapely.area(parts) > _SPECK_M2]))

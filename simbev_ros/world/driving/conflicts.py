@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.driving.trajectory_prediction import TIMES_S, PredictedTrajectories
 
@@ -104,7 +105,7 @@ class PredictedTraffic:
             self.own.forward[conflicts.driver, conflicts.first_time],
             self.as_seen.forward[conflicts.other, conflicts.first_time],
         )
-        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        left = left_of(ahead)
         between_m = (
             self.as_seen.center_m[conflicts.other, conflicts.first_time]
             - self.own.center_m[conflicts.driver, conflicts.first_time]

@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.kinematics.motion import Bodies
 
@@ -98,7 +99,7 @@ class TrajectoryPredictor:
         ends_m = self._traffic.ahead_m(vehicle, distance_m, np.zeros_like(distance_m))
         along_m = (ends_m[:, 1] - ends_m[:, 0])[:, :2]
         along = along_m / np.maximum(np.linalg.norm(along_m, axis=1, keepdims=True), 1e-9)
-        self.left[vehicle] = np.column_stack([-along[:, 1], along[:, 0]])
+        self.left[vehicle] = left_of(along)
         max_m = np.minimum(_MAX_SWERVE_SLOPE * speed_mps, _MAX_SWERVE_MPS) * self._tick_s
         swerve_m = np.clip(self.target_offset_m - self.offset_m, -max_m, max_m)
         self.offset_m = self.offset_m + swerve_m

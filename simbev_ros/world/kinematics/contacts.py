@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 
@@ -48,7 +49,7 @@ class BodyBoxes:
         """(K,) whether (K, 2) pairs overlap in plan at their (K, 2, 3) positions and (K, 2) headings."""
         half_m = self.size_m[pairs][..., :2] / 2.0
         ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-        axes = np.stack([ahead, np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)], axis=2)  # pair, body, side, xy
+        axes = np.stack([ahead, left_of(ahead)], axis=2)  # pair, body, side, xy
         normals = axes.reshape(len(pairs), 4, 2)
         gap_m = np.abs(np.einsum("kax,kx->ka", normals, position_m[:, 1, :2] - position_m[:, 0, :2]))
         projection = np.abs(np.einsum("kax,kbsx->kabs", normals, axes))

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.maps.network import Signal
 from simbev_ros.random import stream
 from simbev_ros.scene.spec import NS_PER_S, SceneSpec
@@ -161,7 +162,7 @@ def _held_ticks(shown: UInt8Array, ticks: Int64Array) -> Int64Array:
     A head that never changes has shown it for one cycle.
     """
     twice = np.concatenate([shown, shown])
-    start = np.cumsum(np.tile(ticks, 2)) - np.tile(ticks, 2)
+    start = ragged_starts(np.tile(ticks, 2))
     changed = np.vstack([np.ones((1, shown.shape[1]), bool), twice[1:] != twice[:-1]])
     since = np.maximum.accumulate(np.where(changed, start[:, None], 0))
     held_ticks: Int64Array = (start[:, None] - since)[len(ticks) :]

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.plan.crossings import crossings_of
 from simbev_ros.maps.plan.heights.node_planes import NODE_UNKNOWNS, Planes
@@ -80,7 +81,7 @@ def bends_of(vertices: Vertices) -> tuple[csr_array, Float64Array]:
 def gradient_limits(planes: Planes, unknowns: int) -> Limits:
     """Limits on the gradients of the node planes, over unknowns."""
     count = len(planes.reach_m)
-    side = np.column_stack([-planes.axis[:, 1], planes.axis[:, 0]])
+    side = left_of(planes.axis)
     value = np.concatenate([planes.axis / planes.along[:, None], side / planes.across[:, None]])
     column = np.tile(NODE_UNKNOWNS * np.arange(count)[:, None] + [1, 2], (2, 1))
     row = np.repeat(np.arange(2 * count), 2)

@@ -13,10 +13,11 @@ from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings, place_soon_m, view_of_rays_m
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.render.memory import keep_freed_memory
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import vector
+from simbev_ros.units import NS_PER_S
 
 
 class _Way(NamedTuple):

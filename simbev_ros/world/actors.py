@@ -10,9 +10,10 @@ import shapely
 
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.state import Event
 from simbev_ros.types import Int64Array, Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.cast import cast_of, first_prop_id
 from simbev_ros.world.doors import Doors
 from simbev_ros.world.kinematics.collisions import Impact

@@ -10,8 +10,9 @@ from xml.etree import ElementTree
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.driving.rain import RainEffect, rain_effect
 from simbev_ros.world.pedestrians.crossing_sites import CrossingSite

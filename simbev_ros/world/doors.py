@@ -12,8 +12,9 @@ from typing import Protocol
 import numpy as np
 
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array, UInt8Array
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.cast import blueprint_of
 
 _MIN_STOOD_S = 1.0

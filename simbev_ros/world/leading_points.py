@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.driving.careful_drivers import CarefulDrivers
 from simbev_ros.world.kinematics.collisions import Collisions
 from simbev_ros.world.kinematics.followers import PursuingPoints, SteadyPoints, TowedPoints

@@ -18,9 +18,10 @@ from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.ending import DURATION
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.types import Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.actors import Actors
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.demand import demand_of

@@ -18,9 +18,9 @@ from simbev_ros.export.nuscenes.keyframes import keyframes_of, taken_by, whole_t
 from simbev_ros.export.nuscenes.parts import Parts
 from simbev_ros.export.nuscenes.sensor_files import file_content
 from simbev_ros.export.nuscenes.taxonomy import Record, token
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Int64Array
+from simbev_ros.units import NS_PER_S
 
 _RAIN_PERCENT = 10.0
 

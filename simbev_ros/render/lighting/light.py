@@ -15,6 +15,7 @@ from simbev_ros.render.lighting.atmosphere import MIE_EXTINCTION_PER_KM, RAYLEIG
 from simbev_ros.scene.air import fog_falloff_per_m, fog_halvings_per_m, rain_halvings_per_m
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array
+from simbev_ros.units import NS_PER_S
 
 LAMPS_ON_BELOW_DEG = 3.0
 """Street lamps and lit windows are on while the sun is below this altitude."""
@@ -31,7 +32,7 @@ _DIP_AT_CLOUDS_DEG = 1.6  # dip of the horizon at cloud height, where the sun se
 _MOONLIT_BELOW_DEG = (-5.0, -11.0)
 _CLOUD_DRIFT_PER_S = 4e-4
 _CLOUD_STEP_NS = 250_000_000  # clouds move so slowly that they need not be redrawn in every frame
-_HOUR_NS = 3600 * 10**9
+_HOUR_NS = 3600 * NS_PER_S
 _CLOUD_PHASE_PER_HOUR = 0.618  # phase of the clouds' period between consecutive scenes
 _NOISE_PERIOD_M = 64.0
 _GROUND_ALBEDO = np.array([0.16, 0.15, 0.13])

@@ -9,8 +9,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.pedestrians.free_walk import FreeWalker
 from simbev_ros.world.pedestrians.itineraries import Leg

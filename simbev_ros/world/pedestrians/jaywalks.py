@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
 from simbev_ros.world.pedestrians.free_walk import FreeWalker

@@ -13,9 +13,10 @@ import numpy as np
 from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.maps.network import Signal
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState
 from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.units import NS_PER_S
 
 YELLOW_S = 3.0
 ALL_RED_S = 2.0

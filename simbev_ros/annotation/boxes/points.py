@@ -5,16 +5,15 @@ Point clouds in the map frame and ``BOX_DTYPE`` rows enter; the rows leave with 
 
 from collections.abc import Sequence
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES
 from simbev_ros.sensors.mount import vector
+from simbev_ros.tables import load_table
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, Table
 
 _CELL_M, _MAX_CELLS = 0.75, 256  # cell size of the lookup grid, and the maximum number of cells along its longer side
@@ -93,7 +92,7 @@ _EASY, _MEDIUM, _HARD = (DIFFICULTIES.index(name) for name in ("easy", "medium",
 @lru_cache(maxsize=1)
 def _limits() -> Float64Array:
     """(classes, 2, 2) distance and number of points, for hard first, then for medium."""
-    table = yaml.safe_load(files("simbev_ros.annotation.boxes").joinpath("difficulty.yaml").read_text())
+    table = load_table("simbev_ros.annotation.boxes", "difficulty.yaml")
     return np.array([[table[name]["hard"], table[name]["medium"]] for name in BOX_CLASSES], np.float64)
 
 

@@ -5,15 +5,14 @@ A ``Weather`` enters ``SkyLight.from_weather``; ``SkyLight.block_head`` fills th
 
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simbev_ros.render.lighting.atmosphere import MIE_EXTINCTION_PER_KM, RAYLEIGH_PER_KM, clear_sky, sun_transmittance
 from simbev_ros.scene.air import fog_falloff_per_m, fog_halvings_per_m, rain_halvings_per_m
 from simbev_ros.scene.weather import Weather
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
 from simbev_ros.units import NS_PER_S
 
@@ -253,6 +252,4 @@ def _direction(azimuth_deg: float, altitude_deg: float) -> Float64Array:
 
 @lru_cache(maxsize=1)
 def _constants() -> dict[str, Any]:
-    text = files("simbev_ros.render.lighting").joinpath("sky.yaml").read_text(encoding="utf-8")
-    constants: dict[str, Any] = yaml.safe_load(text)
-    return constants
+    return load_table("simbev_ros.render.lighting", "sky.yaml")

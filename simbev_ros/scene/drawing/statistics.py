@@ -4,16 +4,15 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 from pydantic import BaseModel
 
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
 from simbev_ros.units import NS_PER_S
 
@@ -157,7 +156,4 @@ def _candidate_fields(name: str, fields: dict[str, str]) -> Iterator[str]:
 
 @lru_cache(maxsize=1)
 def _facts() -> dict[str, Any]:
-    facts: dict[str, Any] = yaml.safe_load(
-        files("simbev_ros.scene.drawing").joinpath("parameters.yaml").read_text(encoding="utf-8")
-    )
-    return facts
+    return load_table("simbev_ros.scene.drawing", "parameters.yaml")

@@ -91,3 +91,8 @@ def load_blueprints() -> tuple[Blueprint, ...]:
 def blueprint_index() -> dict[str, int]:
     """Index of each blueprint by name."""
     return {blueprint.name: index for index, blueprint in enumerate(load_blueprints())}
+
+
+def blueprint_named(name: str) -> Blueprint:
+    """The blueprint with this name."""
+    return load_blueprints()[blueprint_index()[name]]

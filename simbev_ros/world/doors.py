@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 
 from simbev_ros.random import stream
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array, UInt8Array
 from simbev_ros.units import NS_PER_S
-from simbev_ros.world.cast import blueprint_of
 
 _MIN_STOOD_S = 1.0
 _WILL_STAND_S = 3.0
@@ -78,7 +78,7 @@ class Doors:
         self._seed = spec.seed
         self._tick_s = spec.tick_ns / NS_PER_S
         vehicles = [spec.vehicles[index] for index in indices]
-        self._doors = np.array([blueprint_of(vehicle.blueprint).doors for vehicle in vehicles], np.int64)
+        self._doors = np.array([blueprint_named(vehicle.blueprint).doors for vehicle in vehicles], np.int64)
         self._probability = np.where(self._doors > 0, [vehicle.door_probability for vehicle in vehicles], 0.0)
         self._delay_ticks = delay_ticks
         self._front_m = front_m

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
-from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.lights import HAZARD_LIGHTS
 from simbev_ros.world.sumo.traffic import SumoTraffic, TrafficSample
 
@@ -29,7 +29,8 @@ class Population:
         self.vehicles: tuple[int, ...] = (*sumo.vehicles, *standing_indices)
         self.pedestrians = sumo.pedestrians
         stands = [stand for vehicle in spec.vehicles if (stand := vehicle.stands_at) is not None]
-        half_m = np.array([blueprint_of(spec.vehicles[index].blueprint).size_m[0] / 2.0 for index in standing_indices])
+        standing = [spec.vehicles[index] for index in standing_indices]
+        half_m = np.array([blueprint_named(vehicle.blueprint).size_m[0] / 2.0 for vehicle in standing])
         yaw_rad = np.array([stand.yaw_rad for stand in stands])
         self._headings = np.column_stack([np.cos(yaw_rad), np.sin(yaw_rad), np.zeros(len(stands))])
         center_m = np.array([(stand.x_m, stand.y_m, stand.z_m) for stand in stands]).reshape(-1, 3)

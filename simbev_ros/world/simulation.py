@@ -17,13 +17,13 @@ from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.types import Table
 from simbev_ros.units import NS_PER_S
 from simbev_ros.world.actors import Actors
-from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.demand import demand_of
 from simbev_ros.world.driving.ego_driver import EgoDriver
 from simbev_ros.world.driving.rain import rain_effect
@@ -99,7 +99,7 @@ class Simulation:
     def _ego_driver(self, network: RoadNetwork) -> EgoDriver:
         """Driver of an ego driven from outside; its speed limit is the fastest road's, times its own speed factor."""
         ego = self._spec.vehicles[0]
-        blueprint = blueprint_of(ego.blueprint)
+        blueprint = blueprint_named(ego.blueprint)
         fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * max(ego.speed_factor, 1.0)
         return EgoDriver(
             blueprint,

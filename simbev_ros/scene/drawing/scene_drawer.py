@@ -13,7 +13,7 @@ from simbev_ros.config.scenario import Scenario, Traffic
 from simbev_ros.errors import InputError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -58,7 +58,7 @@ class SceneDrawer:
         """Draw hazard areas at some of the free positions."""
         free = self._free_positions()
         sites = self.starts.hazard_sites(self.scenario.hazards.taper_factor)
-        blueprint = load_blueprints()[blueprint_index()[self.ego.blueprint]]
+        blueprint = blueprint_named(self.ego.blueprint)
         detours = Detours(self.network, blueprint, self.ego.start.lane, self.starts.vehicles, free)
         return draw_hazards(self.scenario.hazards, self.seed, sites, self.starts.vehicles, free, self.ego_m, detours)
 
@@ -159,7 +159,7 @@ class SceneDrawer:
         color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
         max_speed_mps = sample(self._traffic.pedestrian_max_speed_mps, rng)
         if blueprint.runs_as and max_speed_mps > transition_mps(blueprint.size_m[2]):
-            blueprint = load_blueprints()[blueprint_index()[blueprint.runs_as]]
+            blueprint = blueprint_named(blueprint.runs_as)
             rng = stream(self.seed, f"pedestrians.{index}.sports")
             color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
         return PedestrianSpec(
@@ -178,7 +178,7 @@ def _draw_blueprint_with_room(
     names: tuple[str, ...], start: WaypointSpec, clearance: StartClearance, rng: np.random.Generator
 ) -> Blueprint | None:
     """Draw one of these blueprints; if it does not fit, a short one; None if that does not fit either."""
-    short = tuple(name for name in names if not is_long(load_blueprints()[blueprint_index()[name]]))
+    short = tuple(name for name in names if not is_long(blueprint_named(name)))
     for allowed in (names, short):
         if allowed and clearance.is_free(blueprint := _draw_blueprint("vehicle", allowed, rng), start):
             return blueprint

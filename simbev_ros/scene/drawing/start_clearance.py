@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.spec import VehicleSpec, WaypointSpec
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
@@ -24,7 +24,7 @@ class StartClearance:
 
     def occupy(self, vehicle: VehicleSpec) -> None:
         """Occupy the ground of a vehicle at its start."""
-        self._bodies.append(self._body(load_blueprints()[blueprint_index()[vehicle.blueprint]], vehicle.start))
+        self._bodies.append(self._body(blueprint_named(vehicle.blueprint), vehicle.start))
 
     def is_free(self, blueprint: Blueprint, start: WaypointSpec) -> bool:
         """Whether a vehicle of this blueprint has room at a start."""

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.hazard import HazardKind, PropSpec
@@ -106,7 +106,7 @@ def _barrier_row_m(width_m: float) -> Float64Array:
 
 
 def _size_m(blueprint: str) -> tuple[float, float]:
-    length_m, width_m, _ = load_blueprints()[blueprint_index()[blueprint]].size_m
+    length_m, width_m, _ = blueprint_named(blueprint).size_m
     return length_m, width_m
 
 

@@ -9,10 +9,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.units import NS_PER_S
-from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.pedestrians.free_walk import FreeWalker
 from simbev_ros.world.pedestrians.itineraries import Leg
 from simbev_ros.world.pedestrians.jaywalks import Jaywalks
@@ -46,7 +46,7 @@ class Excursions:
         self._tick_s = spec.tick_ns / NS_PER_S
         pedestrians = [spec.pedestrians[index] for index in population.pedestrians]
         self._speed_mps = [pedestrian.max_speed_mps for pedestrian in pedestrians]
-        self._half_length_m = [blueprint_of(pedestrian.blueprint).size_m[0] / 2.0 for pedestrian in pedestrians]
+        self._half_length_m = [blueprint_named(pedestrian.blueprint).size_m[0] / 2.0 for pedestrian in pedestrians]
         self._legs = {
             row: deque(legs_by_index[index])
             for row, index in enumerate(population.pedestrians)

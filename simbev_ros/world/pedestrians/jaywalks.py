@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array
 from simbev_ros.units import NS_PER_S
-from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
 from simbev_ros.world.pedestrians.free_walk import FreeWalker
 from simbev_ros.world.population import Population
@@ -71,7 +71,7 @@ class Jaywalks:
         self._tick_s = spec.tick_ns / NS_PER_S
         vehicles = [spec.vehicles[index] for index in population.vehicles]
         self._reckless = [vehicle.reckless for vehicle in vehicles]
-        self._size_m = np.array([blueprint_of(vehicle.blueprint).size_m for vehicle in vehicles])
+        self._size_m = np.array([blueprint_named(vehicle.blueprint).size_m for vehicle in vehicles])
         self._look_ticks = max(1, round(_LOOK_PERIOD_S / self._tick_s))
         self._steps = 0
         self._front_m = front_m

@@ -83,14 +83,12 @@ class ActorTriangles:
         posed = self._skeletons.poses(actors)[np.searchsorted(owner, row) + self._stack.part[part]]
         poses = map_from_actors(actors)
         poses[:, :3, 3] -= self._origin_m
-        instance_poses: Float64Array = poses[row] @ posed
-        return instance_poses
+        return poses[row] @ posed
 
     def _corners_now(self) -> Float64Array:
         """(I, 8, 3) corners of the boxes around the parts at the tick."""
         rest_m = self._stack.center_m[self._part, None] + CORNERS * self._stack.half_m[self._part, None]
-        corners_m: Float64Array = rest_m @ self._poses[:, :3, :3].swapaxes(1, 2) + self._poses[:, None, :3, 3]
-        return corners_m
+        return rest_m @ self._poses[:, :3, :3].swapaxes(1, 2) + self._poses[:, None, :3, 3]
 
     def _corners_of_course(self) -> Float64Array:
         """(I, 8, 3) corners of axis-aligned boxes that contain the parts' spheres throughout the course."""
@@ -102,8 +100,7 @@ class ActorTriangles:
         center_m = center_m.reshape(len(moments), -1, 3)
         low_m, high_m = center_m.min(axis=0), center_m.max(axis=0)
         half_m = (high_m - low_m) / 2.0 + self._stack.radius_m[self._part, None]
-        corners_m: Float64Array = (low_m + high_m)[:, None] / 2.0 + CORNERS * half_m[:, None]
-        return corners_m
+        return (low_m + high_m)[:, None] / 2.0 + CORNERS * half_m[:, None]
 
     def cast(
         self,
@@ -137,8 +134,7 @@ class ActorTriangles:
         actor, moment = np.divmod(moved, max(len(lags_s), 1))
         poses = self._instance_poses(self._course.at(actor, lags_s[moment]))
         first, _, _ = self._instances(self._course.now[actor])
-        chosen: Float64Array = poses[first[inverse] + passages.box - self._first[row]]
-        return chosen
+        return poses[first[inverse] + passages.box - self._first[row]]
 
     def _cast_parts(
         self,
@@ -181,5 +177,4 @@ class ActorTriangles:
 
 def _transform_points(poses: Float64Array, points: Float64Array) -> Float64Array:
     """(N, 3) points transformed by (N, 4, 4) transforms."""
-    moved: Float64Array = np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
-    return moved
+    return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]

@@ -146,5 +146,4 @@ class RayScene:
 def _are_near(actors: Table, center_m: Float64Array, radius_m: float) -> BoolArray:
     """(N,) whether any part of an actor may be within a radius of a point in the ground plane."""
     reach_m = radius_m + np.hypot(actors["length"], actors["width"])
-    near: BoolArray = np.hypot(actors["x"] - center_m[0], actors["y"] - center_m[1]) < reach_m
-    return near
+    return np.hypot(actors["x"] - center_m[0], actors["y"] - center_m[1]) < reach_m

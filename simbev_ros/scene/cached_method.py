@@ -26,8 +26,7 @@ def cached_method(
             own: dict[str, Any] = vars(self)
             if name not in own:
                 own[name] = lru_cache(maxsize)(partial(method, self))
-            result: _Result = own[name](*args, **kwargs)
-            return result
+            return own[name](*args, **kwargs)
 
         return call
 

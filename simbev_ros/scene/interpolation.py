@@ -65,8 +65,7 @@ class ActorHistory:
     @property
     def now(self) -> Table:
         """(A,) newest table."""
-        newest: Table = self.tables[0]
-        return newest
+        return self.tables[0]
 
     def only(self, chosen: BoolArray) -> "ActorHistory":
         """The history of the actors selected by an (A,) mask."""

@@ -93,5 +93,4 @@ def rain_rate_mmph(weather: Weather) -> float:
 
 def from_db(value_db: Float64Array) -> Float64Array:
     """Power ratio of a value in dB."""
-    ratio: Float64Array = 10.0 ** (value_db / 10.0)
-    return ratio
+    return 10.0 ** (value_db / 10.0)

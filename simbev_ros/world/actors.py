@@ -152,10 +152,7 @@ def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample
     max_speed_factor = max(1.0, *(vehicle.speed_factor for vehicle in spec.vehicles))
     max_speed_mps = max(lane.speed_mps for lane in network.lanes.values()) * max_speed_factor
     max_distance_m = max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    area: shapely.Polygon = shapely.box(
-        *(positions_m.min(axis=0) - max_distance_m), *(positions_m.max(axis=0) + max_distance_m)
-    )
-    return area
+    return shapely.box(*(positions_m.min(axis=0) - max_distance_m), *(positions_m.max(axis=0) + max_distance_m))
 
 
 def _report_missing(spec: SceneSpec, population: Population) -> None:

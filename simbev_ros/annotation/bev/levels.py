@@ -140,8 +140,7 @@ def on_ego_level(state: WorldState, level: EgoLevel | None) -> BoolArray:
     carrier = np.where(actors["parent"] > 0, actors["parent"], actors["id"])
     row = np.searchsorted(actors["id"], carrier)
     stands = level.members.holds(np.stack([actors["x"], actors["y"], actors["z"]], axis=1))[row]
-    counts: BoolArray = stands | np.isin(actors["id"], list(state.ego_ids))
-    return counts
+    return stands | np.isin(actors["id"], list(state.ego_ids))
 
 
 def _subtract_area(ground: Footprint, area: BaseGeometry) -> Footprint:

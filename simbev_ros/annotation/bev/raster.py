@@ -90,8 +90,7 @@ class _Spans:
 def _grid_steps(coordinates: Float32Array | Float64Array, count: int) -> Int32Array:
     """Steps of coordinates along a grid axis: odd at the centers 0..count-1, even between them."""
     clipped = np.clip(coordinates, -0.5, count - 0.5)
-    steps: Int32Array = (np.ceil(clipped) + np.floor(clipped)).astype(np.int32) + np.int32(1)
-    return steps
+    return (np.ceil(clipped) + np.floor(clipped)).astype(np.int32) + np.int32(1)
 
 
 def _integer_range(low: Float64Array, high: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:
@@ -115,8 +114,7 @@ def _edges(row: Float64Array, column: Float64Array) -> _Edges:
 
 def _slope(rise: Float64Array, run: Float64Array) -> Float64Array:
     flat = rise < _FLAT_EDGE_ROWS
-    slope: Float64Array = np.where(flat, 0.0, run) / np.where(flat, 1.0, rise)
-    return slope
+    return np.where(flat, 0.0, run) / np.where(flat, 1.0, rise)
 
 
 def _spans(edges: _Edges, first_row: Int64Array, last_row: Int64Array) -> _Spans:
@@ -142,5 +140,4 @@ def _fill_spans(line: Int64Array, first: Int64Array, last: Int64Array, shape: tu
     np.add.at(steps, start + first[nonempty], np.int32(1))
     np.add.at(steps, start + last[nonempty] + 1, np.int32(-1))
     np.cumsum(steps, out=steps)  # every row ends at zero, so one running sum covers all of them
-    filled: BoolArray = steps.reshape(planes, rows, columns + 1)[:, :, :columns] > 0
-    return filled
+    return steps.reshape(planes, rows, columns + 1)[:, :, :columns] > 0

@@ -47,8 +47,7 @@ def _motion_compensated(points_m: Float64Array, time_s: Float64Array, carrier: T
     offset_m, angle_rad = points_m - position_m, rate_radps * time_s
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     rotated_m = offset_m * cosine + np.cross(axis, offset_m) * sine + axis * (offset_m @ axis)[:, None] * (1.0 - cosine)
-    moved_m: Float64Array = position_m + velocity_mps * time_s + rotated_m  # Rodrigues' formula
-    return moved_m
+    return position_m + velocity_mps * time_s + rotated_m  # Rodrigues' formula
 
 
 def add_point_counts(
@@ -82,8 +81,7 @@ def difficulty(box_class: AnyArray, distance_m: AnyArray, points: AnyArray) -> I
     """
     limits = _limits()[box_class]
     within = (distance_m[:, None] < limits[..., 0]) & (points[:, None] >= limits[..., 1])
-    rank: Int64Array = np.where(~within[:, 0], _HARD, np.where(~within[:, 1], _MEDIUM, _EASY))
-    return rank
+    return np.where(~within[:, 0], _HARD, np.where(~within[:, 1], _MEDIUM, _EASY))
 
 
 _EASY, _MEDIUM, _HARD = (DIFFICULTIES.index(name) for name in ("easy", "medium", "hard"))
@@ -162,8 +160,7 @@ class _BoxLookup:
 
     def _cells(self, points_m: Float64Array) -> Int64Array:
         """(N, 2) column and row of points on the grid; the outermost cells stay empty."""
-        cells: Int64Array = ((points_m[:, :2] - self._origin_m) * self._per_m).astype(np.int64) + 1
-        return cells
+        return ((points_m[:, :2] - self._origin_m) * self._per_m).astype(np.int64) + 1
 
     def _touches(self, box: Int64Array, cell: Int64Array) -> BoolArray:
         """(K,) whether a box in plan view comes near a cell: they do not separate along or across its heading."""
@@ -174,8 +171,7 @@ class _BoxLookup:
         reach_m = np.einsum("bik,bk->bi", np.abs(axes @ self.rotation[:, :2]), self.half_m)
         reach_m += np.abs(axes).sum(axis=2) * 0.5 / self._per_m + _SLACK_M
         offset_m = (cell - 0.5) / self._per_m + self._origin_m - self.center_m[box, :2]
-        touches: BoolArray = (np.abs(np.einsum("kij,kj->ki", axes[box], offset_m)) <= reach_m[box]).all(axis=1)
-        return touches
+        return (np.abs(np.einsum("kij,kj->ki", axes[box], offset_m)) <= reach_m[box]).all(axis=1)
 
     def _fill(self, box: Int64Array, cell: Int64Array, low_m: Float64Array, high_m: Float64Array) -> None:
         """Sort (box, cell) pairs by cell."""

@@ -118,10 +118,7 @@ class OccupancyAnnotator:
     def _tiles_near(self, corners_m: Float64Array) -> Int64Array:
         """Indices of the tiles whose bounds overlap those of the box, given its (8, 3) corners in the map frame."""
         low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
-        near: Int64Array = np.flatnonzero(
-            ((self._bounds_m[:, 0] <= high_m) & (self._bounds_m[:, 1] >= low_m)).all(axis=1)
-        )
-        return near
+        return np.flatnonzero(((self._bounds_m[:, 0] <= high_m) & (self._bounds_m[:, 1] >= low_m)).all(axis=1))
 
     def _tile_soup(self, index: int, grid_from_map: Float64Array) -> Soup:
         """Triangles of a tile in voxel coordinates."""
@@ -172,8 +169,7 @@ def _actors_near(actors: Table, grid_from_map: Float64Array, grid: VoxelGrid) ->
     center = apply(grid_from_map, np.stack([actors["x"], actors["y"], actors["z"]], axis=1))
     size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1)
     reach = (np.linalg.norm(size_m, axis=1)[:, None] + _ACTOR_MARGIN_M) / grid.voxel_m
-    near: Table = actors[((center > -reach) & (center < np.array(grid.shape) + reach)).all(axis=1)]
-    return near
+    return actors[((center > -reach) & (center < np.array(grid.shape) + reach)).all(axis=1)]
 
 
 def _corner_major(triangles: Int32Array) -> Int64Array:

@@ -53,8 +53,7 @@ def _may_need_marks(
     lowest = rank
     for x, y, z in product(*zip(low * strides, high * strides, strict=True)):
         lowest = np.minimum(lowest, ranks[x + y + z])
-    lacks: BoolArray = (lowest < rank) | ((high - low).max(axis=0, initial=0) > 1)
-    return lacks
+    return (lowest < rank) | ((high - low).max(axis=0, initial=0) > 1)
 
 
 def _strides(shape: GridShape) -> Int64Array:

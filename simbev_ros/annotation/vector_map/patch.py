@@ -61,8 +61,7 @@ class Patch:
         """(N, 3) points in the patch frame of (N, 3) points in the map frame."""
         cosine, sine = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         map_from_patch = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        points: Float64Array = (points_m - self.origin_m) @ map_from_patch
-        return points
+        return (points_m - self.origin_m) @ map_from_patch
 
 
 class _Pieces(NamedTuple):
@@ -178,5 +177,4 @@ class PatchLines:
 
 def plain_points(points_m: Float64Array) -> list[list[float]]:
     """Points as plain lists for JSON, rounded to the millimeter."""
-    rounded: list[list[float]] = (np.round(points_m, _DECIMALS) + 0.0).tolist()  # never -0.0
-    return rounded
+    return (np.round(points_m, _DECIMALS) + 0.0).tolist()  # never -0.0

@@ -73,8 +73,7 @@ class Rings:
         """(P,) areas in m²."""
         from_first_m = self.xy_m - self.xy_m[self.first[self.owner]]
         twice_m2 = cross(from_first_m, from_first_m[self.following])
-        area_m2: Float64Array = np.bincount(self.owner, twice_m2, len(self.count)) / 2.0
-        return area_m2
+        return np.bincount(self.owner, twice_m2, len(self.count)) / 2.0
 
     @property
     def polygons(self) -> AnyArray:
@@ -157,8 +156,7 @@ def _shorter_chord(polygons: AnyArray, hole_m: Float64Array) -> Float64Array:
 
 def cross(a: Float64Array, b: Float64Array) -> Float64Array:
     """(N,) cross products of (N, 2) vectors: twice the area of their triangle, positive for a turn to the left."""
-    product: Float64Array = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return product
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _split_once(rings: Rings, offset_m: Float64Array) -> tuple[Rings, Rings]:

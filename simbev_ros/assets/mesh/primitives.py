@@ -314,8 +314,7 @@ def _has_area(corners: Float64Array) -> BoolArray:
     """(T,) whether (T, 3, 3) triangles keep an area in float32."""
     area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     longest = _length(corners - corners[:, [2, 0, 1]]).max(axis=1)
-    kept: BoolArray = _length(area_normals) > _MIN_HEIGHT_M * longest
-    return kept
+    return _length(area_normals) > _MIN_HEIGHT_M * longest
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
@@ -328,8 +327,7 @@ def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
 
 def _length(vectors: Float64Array) -> Float64Array:
     """Norm along the last axis."""
-    length: Float64Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
-    return length
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
 
 
 def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cosine: float) -> Float64Array:

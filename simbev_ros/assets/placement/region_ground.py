@@ -120,8 +120,7 @@ class RegionGround:
 
     def owns(self, xy_m: Float64Array) -> BoolArray:
         """(N,) whether (N, 2) points belong to this region; every point belongs to exactly one."""
-        is_owned: BoolArray = (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
-        return is_owned
+        return (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
 
     def land_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of lawns and yards at (N, 2) points of the map frame, in or near the region."""

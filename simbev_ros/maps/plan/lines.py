@@ -54,8 +54,7 @@ def shift_ends(line_m: Float64Array, start_shift_m: Float64Array, end_shift_m: F
     fade_m = min(30.0, along_m[-1] / 2.0)
     weight_start = np.clip(1.0 - along_m / fade_m, 0.0, 1.0)[:, None]
     weight_end = np.clip(1.0 - (along_m[-1] - along_m) / fade_m, 0.0, 1.0)[:, None]
-    moved: Float64Array = line_m + weight_start * start_shift_m + weight_end * end_shift_m
-    return moved
+    return line_m + weight_start * start_shift_m + weight_end * end_shift_m
 
 
 def offset_to_left(line_m: Float64Array, left_m: float) -> Float64Array:
@@ -75,8 +74,7 @@ def arc(center_m: Float64Array, radius_m: float, start_rad: float, turn_rad: flo
     """An arc around a center, starting in a direction; counter-clockwise if the turn is positive."""
     count = int(np.ceil(abs(turn_rad) / min(VERTEX_SPACING_M / radius_m, _MAX_BEND_RAD)))
     angle_rad = start_rad + np.linspace(0.0, turn_rad, count + 1)
-    points_m: Float64Array = center_m + radius_m * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
-    return points_m
+    return center_m + radius_m * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
 
 
 def simplify(line_m: Float64Array, tolerance_m: float = 0.01) -> Float64Array:

@@ -66,5 +66,4 @@ def heading_from(link: Link, node: int, reach_m: float = 15.0) -> Float64Array:
     away_m = np.linalg.norm(line_m - line_m[0], axis=1)
     reached = int(np.argmax(away_m >= reach_m)) if np.any(away_m >= reach_m) else len(line_m) - 1
     step_m = line_m[reached] - line_m[0]
-    unit: Float64Array = step_m / np.linalg.norm(step_m)
-    return unit
+    return step_m / np.linalg.norm(step_m)

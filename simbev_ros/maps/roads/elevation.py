@@ -64,8 +64,7 @@ class Elevation:
         for level, gap_m in enumerate(gaps_m):
             near = self.distance_m(xyz_m[:, :2], level) <= near_m
             gap_m[near] = np.abs(self.height_m(xyz_m[near, :2], level) - xyz_m[near, 2])
-        nearest: Int64Array = np.argmin(gaps_m, axis=0)
-        return nearest
+        return np.argmin(gaps_m, axis=0)
 
 
 class _Samples:
@@ -100,8 +99,7 @@ class _Samples:
         plane_m = self._plane[index, 0]
         for axis in range(2):
             plane_m += (np.asarray(xy_m)[:, None, axis] - self._xyz_m[index, axis]) * self._plane[index, 1 + axis]
-        height_m: Float64Array = np.sum(weight * plane_m, axis=1) / np.sum(weight, axis=1)
-        return height_m
+        return np.sum(weight * plane_m, axis=1) / np.sum(weight, axis=1)
 
     def _fit_planes(self, rows: Int64Array) -> None:
         """Fit the planes of samples in junctions to the surrounding samples, near junctions partly; keep all others."""
@@ -138,8 +136,7 @@ class _Samples:
         """Distances, see ``Elevation.distance_m``."""
         if len(self._xyz_m) == 0:
             return np.full(len(xy_m), np.inf)
-        distance_m: Float64Array = self._tree.query(xy_m, workers=_workers(xy_m))[0]
-        return distance_m
+        return self._tree.query(xy_m, workers=_workers(xy_m))[0]
 
 
 def _workers(points: AnyArray) -> int:

@@ -151,8 +151,7 @@ class LampField:
 
 def _near(position_m: Float64Array, reach_m: float) -> BoolArray:
     """(N,) whether positions are on a map, or within ``reach_m`` of it."""
-    near: BoolArray = np.all(np.abs(position_m[:, :2]) < _HALF_M + reach_m, axis=1)
-    return near
+    return np.all(np.abs(position_m[:, :2]) < _HALF_M + reach_m, axis=1)
 
 
 def _street_rows(lights_m: Float64Array, strengths: Float64Array) -> Float32Array:

@@ -173,8 +173,7 @@ def _natural_light(
 def _clear_sky_map(altitude_deg: float, azimuth_deg: float) -> Float64Array:
     """Map of the clear sky lit by a sun (or moon) of irradiance / π 1 outside the atmosphere."""
     elevation, azimuth = np.degrees(hemisphere_angles())
-    radiance: Float64Array = np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
-    return radiance
+    return np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
 
 
 @lru_cache(maxsize=1)
@@ -182,15 +181,13 @@ def _night_sky() -> Float64Array:
     """Map of the night sky's own light."""
     zenith, horizon = (np.array(_constants()[name]) for name in ("night_zenith", "night_horizon"))
     height = np.sin(hemisphere_angles()[0])[..., None]
-    radiance: Float64Array = zenith + (horizon - zenith) * np.exp(-6.0 * height)
-    return radiance
+    return zenith + (horizon - zenith) * np.exp(-6.0 * height)
 
 
 @lru_cache(maxsize=1)
 def _overcast_pattern() -> Float64Array:
     """Map of an overcast sky that gives level ground irradiance / π 1; its zenith is twice as bright as the horizon."""
-    pattern: Float64Array = (1.0 + np.sin(hemisphere_angles()[0])[..., None]) * 0.6
-    return pattern
+    return (1.0 + np.sin(hemisphere_angles()[0])[..., None]) * 0.6
 
 
 @lru_cache(maxsize=1)
@@ -203,14 +200,12 @@ def _level_weights() -> Float64Array:
     slope = np.gradient(up[SKY_SIZE_PX // 2, SKY_SIZE_PX // 2 :], center[SKY_SIZE_PX // 2 :])
     density = np.interp(radius, center[SKY_SIZE_PX // 2 :], -slope) / radius
     weights = np.where(radius <= 1.0, density * up, 0.0)
-    result: Float64Array = weights / weights.sum()
-    return result
+    return weights / weights.sum()
 
 
 def _level_irradiance(sky: Float64Array) -> Float64Array:
     """(3,) irradiance / π of a map of the sky on level ground."""
-    irradiance: Float64Array = np.einsum("yxc,yx->c", sky, _level_weights())
-    return irradiance
+    return np.einsum("yxc,yx->c", sky, _level_weights())
 
 
 def _air(

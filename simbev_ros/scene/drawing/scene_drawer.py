@@ -112,12 +112,11 @@ class SceneDrawer:
     def _free_positions(self, closed: frozenset[str] = frozenset()) -> BoolArray:
         """(N,) positions around the ego where vehicles can start, with routes that avoid ``closed`` edges."""
         positions = self.starts.vehicles
-        free: BoolArray = (
+        return (
             positions.within_radius(self.ego_m, self._traffic.spawn_radius_m)
             & np.any(list(self.starts.usable(self.duration_s, closed).values()), axis=0)
             & ~positions.on_lane_near(self.ego.start, _CLEARANCE_FACTOR * self._traffic.waypoint_spacing_m)
         )
-        return free
 
     def _vehicle_count(self, free_count: int) -> int:
         """Draw the number of vehicles for this number of free positions."""

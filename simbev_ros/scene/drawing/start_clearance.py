@@ -47,5 +47,4 @@ class StartClearance:
             back_m, _ = self._network.pose_on_lane(start.lane, start.s_m - length_m)
             yaw_rad = float(np.arctan2(*(front_m - back_m)[1::-1]))
         center_m = front_m[:2] - length_m / 2.0 * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-        body: AnyArray = footprints(np.array(blueprint.size_m), center_m[None], np.array([yaw_rad]))[0]
-        return body
+        return footprints(np.array(blueprint.size_m), center_m[None], np.array([yaw_rad]))[0]

@@ -60,8 +60,7 @@ class Tally:
         """(BINS,) fraction of the values in each of BINS equal bins between ``min`` and ``max``."""
         samples = np.concatenate(self._samples)
         counts, _ = np.histogram(samples, BINS, (self.min, self.max))
-        shares: Float64Array = counts / len(samples)
-        return shares
+        return counts / len(samples)
 
 
 @dataclass

@@ -58,10 +58,7 @@ class HazardArea:
     def width_at_m(self, along_m: Float64Array) -> Float64Array:
         """(N,) width of the area, measured from the outer border inwards."""
         start_m, end_m = self.body_m
-        width_at_m: Float64Array = np.interp(
-            along_m, [0.0, start_m, end_m, self.length_m], [0.0, self.width_m, self.width_m, 0.0]
-        )
-        return width_at_m
+        return np.interp(along_m, [0.0, start_m, end_m, self.length_m], [0.0, self.width_m, self.width_m, 0.0])
 
     def guard_positions(self, along_m: Float64Array) -> tuple[Float64Array, Float64Array]:
         """``positions`` of cones or barriers: on the border to the open lanes, or near the outer one in the tapers."""

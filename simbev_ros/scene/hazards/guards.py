@@ -101,8 +101,7 @@ def props_footprint(props: Iterable[PropSpec]) -> BaseGeometry:
 def _barrier_row_m(width_m: float) -> Float64Array:
     """(N,) center positions across a width of as many adjacent barriers as fit."""
     count = max(1, int(width_m // _size_m(_BARRIER)[1]))
-    centers_m: Float64Array = width_m * (np.arange(count) + 0.5) / count
-    return centers_m
+    return width_m * (np.arange(count) + 0.5) / count
 
 
 def _size_m(blueprint: str) -> tuple[float, float]:

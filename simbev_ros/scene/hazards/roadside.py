@@ -170,8 +170,7 @@ class Roadside:
         ]
         if not on_level:
             return np.ones(len(boxes), bool)
-        covered: BoolArray = shapely.covers(shapely.union_all(tree.geometries[on_level]).buffer(_CLEAR_M), boxes)
-        return covered
+        return shapely.covers(shapely.union_all(tree.geometries[on_level]).buffer(_CLEAR_M), boxes)
 
     def _hits(self, boxes: AnyArray, z_m: float, lanes: BoolArray) -> BoolArray:
         """(N,) whether boxes at a height touch any of the lanes in a mask."""
@@ -188,8 +187,7 @@ class Roadside:
 def start_heading(lane: Lane) -> Float64Array:
     """(2,) unit vector of a lane's direction at its start."""
     direction_m = lane.centerline_m[1, :2] - lane.centerline_m[0, :2]
-    heading: Float64Array = direction_m / max(float(np.linalg.norm(direction_m)), 1e-9)
-    return heading
+    return direction_m / max(float(np.linalg.norm(direction_m)), 1e-9)
 
 
 def side_of(other: Lane, lane: Lane) -> int:

@@ -33,14 +33,12 @@ class LanePositions:
 
     def within_radius(self, center_m: Float64Array, radius_m: float) -> BoolArray:
         """(N,) whether each position is at most a radius away from a (3,) point."""
-        is_near: BoolArray = np.linalg.norm(self.position_m - center_m, axis=1) <= radius_m
-        return is_near
+        return np.linalg.norm(self.position_m - center_m, axis=1) <= radius_m
 
     def on_lane_near(self, waypoint: WaypointSpec, distance_m: float) -> BoolArray:
         """(N,) whether each position is on a waypoint's lane and closer to it than a distance."""
         on_lane = np.array([lane.id == waypoint.lane for lane in self.lanes], bool)[self.row]
-        is_near: BoolArray = on_lane & (np.abs(self.s_m - waypoint.s_m) < distance_m)
-        return is_near
+        return on_lane & (np.abs(self.s_m - waypoint.s_m) < distance_m)
 
     def waypoint(self, index: int) -> WaypointSpec:
         """Waypoint of the position with this index."""

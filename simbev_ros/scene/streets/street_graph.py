@@ -195,8 +195,7 @@ class StreetGraph:
         """
         edge, may_start = self._streets.edge[row], self._starts[row]
         ahead_m = self._streets.edge_length_m[edge] - s_m + self._beyond_lane_m[row]
-        is_enough: BoolArray = may_start & (np.minimum(ahead_m, self._component_m[edge]) >= distance_m)
-        return is_enough
+        return may_start & (np.minimum(ahead_m, self._component_m[edge]) >= distance_m)
 
     def has_successor(self, start_lane: str) -> bool:
         """Whether a vehicle can drive on beyond a lane."""
@@ -258,8 +257,7 @@ def _without_columns(relation: csr_array, columns: BoolArray) -> csr_array:
 
 def _related(relation: csr_array, row: int) -> Int64Array:
     """The columns that one row is related to."""
-    columns: Int64Array = relation.indices[relation.indptr[row] : relation.indptr[row + 1]]
-    return columns
+    return relation.indices[relation.indptr[row] : relation.indptr[row + 1]]
 
 
 def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:

@@ -79,8 +79,7 @@ class PredictedTraffic:
     @property
     def radius_m(self) -> Float64Array:
         """(G,) radii of the circles around the boxes."""
-        radius_m: Float64Array = np.hypot(*self.half_m.T)
-        return radius_m
+        return np.hypot(*self.half_m.T)
 
     def find_conflicts(self, drivers: Int64Array) -> Conflicts:
         """Conflicts of (D,) drivers with all bodies that they would touch later than now."""
@@ -178,8 +177,7 @@ class PredictedTraffic:
             self.half_m[driver] + margin_m[close, None],
             self.half_m[other],
         )
-        touching: Int64Array = close[overlaps]
-        return touching
+        return close[overlaps]
 
 
 def _overlap(

@@ -43,20 +43,17 @@ class PredictedTrajectories:
     @property
     def middle_m(self) -> Float64Array:
         """(N, 2) midpoint of the first and the last position."""
-        middle_m: Float64Array = (self.center_m[:, 0] + self.center_m[:, -1]) / 2.0
-        return middle_m
+        return (self.center_m[:, 0] + self.center_m[:, -1]) / 2.0
 
     @property
     def span_m(self) -> Float64Array:
         """(N,) distance between the first and the last position."""
-        span_m: Float64Array = np.linalg.norm(self.center_m[:, -1] - self.center_m[:, 0], axis=1)
-        return span_m
+        return np.linalg.norm(self.center_m[:, -1] - self.center_m[:, 0], axis=1)
 
     @property
     def stays(self) -> BoolArray:
         """(N,) whether each body hardly moves."""
-        stays: BoolArray = self.span_m <= _MIN_SPAN_M
-        return stays
+        return self.span_m <= _MIN_SPAN_M
 
 
 class TrajectoryPredictor:
@@ -151,5 +148,4 @@ def _distances_m(speed_mps: Float64Array, acceleration_mps2: Float64Array) -> Fl
     changing_s = np.minimum(TIMES_S, change_end_s)
     moving_s = np.where(acceleration_mps2[:, None] < 0.0, changing_s, TIMES_S)
     speed_change_m = acceleration_mps2[:, None] * changing_s * (moving_s - changing_s / 2.0)
-    distance_m: Float64Array = speed_mps[:, None] * moving_s + speed_change_m
-    return distance_m
+    return speed_mps[:, None] * moving_s + speed_change_m

@@ -42,8 +42,7 @@ class BodyBoxes:
         is_near = (np.hypot(gap_m[:, 0], gap_m[:, 1]) < reach_m) & (min_gap_m < gap_m[:, 2]) & (gap_m[:, 2] < max_gap_m)
         pairs = pairs[is_near]
         pairs = pairs[self.overlap(pairs, position_m[pairs], yaw_rad[pairs])]
-        sorted_pairs: Int64Array = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-        return sorted_pairs
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def overlap(self, pairs: Int64Array, position_m: Float64Array, yaw_rad: Float64Array) -> BoolArray:
         """(K,) whether (K, 2) pairs overlap in plan at their (K, 2, 3) positions and (K, 2) headings."""

@@ -29,5 +29,4 @@ class MovingAverage:
     def average(self) -> Float64Array:
         """The average around the middle; exactly the middle value where nothing changed."""
         middle = self.middle
-        average: Float64Array = middle + np.tensordot(self._weights, np.stack(self._values) - middle, axes=1)
-        return average
+        return middle + np.tensordot(self._weights, np.stack(self._values) - middle, axes=1)

@@ -63,8 +63,7 @@ class CrossingSite:
     @property
     def start_m(self) -> Float64Array:
         """(3,) start of the path."""
-        start_m: Float64Array = self.ends_m[0]
-        return start_m
+        return self.ends_m[0]
 
     @property
     def length_m(self) -> float:

@@ -123,8 +123,7 @@ class Jaywalks:
         """Vehicles, ascending, that may be on a crossing path or cannot stop far from it."""
         start_m, end_m = site.ends_m[:, :2]
         gap_m = np.linalg.norm(self._front_m[:, :2] - (start_m + end_m) / 2.0, axis=1)
-        rows: list[int] = np.flatnonzero(gap_m < self._reach_m + site.length_m / 2.0).tolist()
-        return rows
+        return np.flatnonzero(gap_m < self._reach_m + site.length_m / 2.0).tolist()
 
     def _has_gap(self, site: CrossingSite) -> bool:
         """Whether no vehicle is on a crossing path, and every approaching one can stop before it in comfort."""

@@ -62,8 +62,7 @@ class PlazaVisit:
     @property
     def stop_position_m(self) -> Float64Array:
         """(3,) position of the stop."""
-        stop_position_m: Float64Array = self.corners_m[self.stop_corner : self.stop_corner + 2].mean(axis=0)
-        return stop_position_m
+        return self.corners_m[self.stop_corner : self.stop_corner + 2].mean(axis=0)
 
     def path_to_stop_m(self, start_m: Float64Array) -> Float64Array:
         """(N, 3) line from a (3,) position to the stop."""
@@ -96,8 +95,7 @@ class _Entrance:
     def path_in_m(self, offset_m: float) -> Float64Array:
         """(2, 2) path to the plaza, offset to the right of its center line."""
         ahead = (self.path_m[1] - self.path_m[0]) / np.linalg.norm(self.path_m[1] - self.path_m[0])
-        path_m: Float64Array = self.path_m + offset_m * np.array([ahead[1], -ahead[0]])
-        return path_m
+        return self.path_m + offset_m * np.array([ahead[1], -ahead[0]])
 
 
 class PlazaVisits:

@@ -166,8 +166,7 @@ def _held_ticks(shown: UInt8Array, ticks: Int64Array) -> Int64Array:
     start = ragged_starts(np.tile(ticks, 2))
     changed = np.vstack([np.ones((1, shown.shape[1]), bool), twice[1:] != twice[:-1]])
     since = np.maximum.accumulate(np.where(changed, start[:, None], 0))
-    held_ticks: Int64Array = (start[:, None] - since)[len(ticks) :]
-    return held_ticks
+    return (start[:, None] - since)[len(ticks) :]
 
 
 def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
@@ -176,8 +175,7 @@ def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
     end = np.cumsum(np.tile(ticks, 2))
     changes = np.vstack([twice[1:] != twice[:-1], np.zeros((1, shown.shape[1]), bool)])
     until: Float64Array = np.minimum.accumulate(np.where(changes, end[:, None], np.inf)[::-1])[::-1]
-    left: Float64Array = (until - (end - np.tile(ticks, 2))[:, None])[: len(ticks)]
-    return left
+    return (until - (end - np.tile(ticks, 2))[:, None])[: len(ticks)]
 
 
 def _heads(signals: Sequence[Signal], programs: Sequence[SignalProgram]) -> Table:

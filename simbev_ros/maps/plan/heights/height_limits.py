@@ -51,8 +51,7 @@ class Limits:
     def violation(self, x: Float64Array) -> Float64Array:
         """(C,) violation of each row."""
         values = self.rows @ x
-        distance: Float64Array = np.abs(values - np.clip(values, self.low, self.high))
-        return distance
+        return np.abs(values - np.clip(values, self.low, self.high))
 
 
 def limits_of(plan: Plan, vertices: Vertices, bends: csr_array, water: Sequence[Water]) -> list[Limits]:

@@ -64,7 +64,7 @@ def add_point_counts(
         (B,) ``BOX_DTYPE``, with ``lidar_points``, ``radar_points``, ``valid`` and ``difficulty`` filled. The count of a
         kind of sensor that was not received is -1, and treated as 0.
     """
-    result, lookup = boxes.copy(), _BoxLookup(boxes)
+    result, lookup = boxes.copy(), BoxLookup(boxes)
     for name, clouds_m in ("lidar_points", lidar_m), ("radar_points", radar_m):
         result[name] = -1 if clouds_m is None else sum((lookup.count(points_m) for points_m in clouds_m), np.int32(0))
     points = np.maximum(result["lidar_points"], 0) + np.maximum(result["radar_points"], 0)
@@ -94,17 +94,7 @@ def _limits() -> Float64Array:
     return np.array([[table[name]["hard"], table[name]["medium"]] for name in BOX_CLASSES], np.float64)
 
 
-def points_inside(boxes: Table, points_m: AnyArray) -> Int32Array:
-    """(B,) number of points in each of (B,) ``BOX_DTYPE`` boxes, faces included.
-
-    Args:
-        boxes: Boxes that may be tilted and overlap; a point counts for every box that contains it.
-        points_m: (N, 3) map frame; points that are not finite are in no box.
-    """
-    return _BoxLookup(boxes).count(points_m)
-
-
-class _BoxLookup:
+class BoxLookup:
     """Point lookup in boxes: a plan-view grid that knows which boxes reach into each cell, and their height range.
 
     Attributes:
@@ -123,7 +113,11 @@ class _BoxLookup:
             self._build_grid()
 
     def count(self, points_m: AnyArray) -> Int32Array:
-        """See ``points_inside``."""
+        """(B,) number of points in each box, faces included.
+
+        Args:
+            points_m: (N, 3) map frame; points that are not finite are in no box.
+        """
         count = np.zeros(len(self.half_m), np.int32)
         for start in range(0, len(points_m) if len(count) else 0, _BATCH):
             batch_m = np.asarray(points_m[start : start + _BATCH], np.float64)

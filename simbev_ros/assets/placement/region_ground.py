@@ -134,9 +134,9 @@ class RegionGround:
         origin_m = self._land.origin_m + np.array([i, j]) * spacing_m
         return Raster(origin_m, spacing_m, self._land.values[i:east, j:north] + LAND_HEIGHT_M)
 
-    def sidewalk_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
+    def sidewalk_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of sidewalks at (N, 2) points of the map frame."""
-        return self.road_m(xy_m, level) + CURB_HEIGHT_M
+        return self.road_m(xy_m) + CURB_HEIGHT_M
 
     def road_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
         """(N,) height of the carriageway's surface of a level at (N, 2) points of the map frame."""

@@ -11,6 +11,7 @@ VERTEX_SPACING_M = 5.0
 """Distance between vertices of curves."""
 
 _GUARD_VERTEX_M = 15.0
+_TOLERANCE_M = 0.01
 _MAX_BEND_RAD = np.radians(7.5)
 
 
@@ -77,7 +78,7 @@ def arc(center_m: Float64Array, radius_m: float, start_rad: float, turn_rad: flo
     return center_m + radius_m * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
 
 
-def simplify(line_m: Float64Array, tolerance_m: float = 0.01) -> Float64Array:
+def simplify(line_m: Float64Array) -> Float64Array:
     """Remove vertices of an (N, 3) line that change neither plan view nor height, except one near each end.
 
     netconvert cuts a road across the segment of its nearest vertex in plan view. Without a vertex near the end, that
@@ -88,6 +89,6 @@ def simplify(line_m: Float64Array, tolerance_m: float = 0.01) -> Float64Array:
     kept[[0, -1]] = True
     kept[np.abs(along_m[:, None] - [_GUARD_VERTEX_M, along_m[-1] - _GUARD_VERTEX_M]).argmin(axis=0)] = True
     for flat_m in (line_m[:, :2], np.column_stack([along_m, line_m[:, 2]])):
-        corners = shapely.get_coordinates(shapely.simplify(shapely.LineString(flat_m), tolerance_m))
+        corners = shapely.get_coordinates(shapely.simplify(shapely.LineString(flat_m), _TOLERANCE_M))
         kept[cKDTree(flat_m).query(corners)[1]] = True
     return line_m[kept]

@@ -77,19 +77,9 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
     return Surfaces(*(_polygons(part if area is None else shapely.intersection(part, area)) for part in parts))
 
 
-def road_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
-    """The road surface of one level, see ``Surfaces.road``."""
-    return surfaces_of(layout, level, area).road
-
-
 def sidewalk_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
     """The sidewalks of one level, see ``Surfaces.sidewalk``."""
     return surfaces_of(layout, level, area).sidewalk
-
-
-def drivable_area(layout: Layout) -> MultiPolygon:
-    """Union of the carriageways of all levels in plan view."""
-    return _polygons(shapely.union_all([road_surface(layout, level) for level in layout.levels]))
 
 
 def strip_polygons(strips: Sequence[Strip]) -> AnyArray:

@@ -8,7 +8,6 @@ from simbev_ros.assets.materials import Material, load_materials
 from simbev_ros.tables import load_table
 from simbev_ros.types import UInt8Array
 
-SKY_CLASS = 0
 _BLOCK_LENGTH = 64
 
 

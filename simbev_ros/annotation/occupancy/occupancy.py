@@ -19,7 +19,8 @@ import numpy as np
 
 from simbev_ros.annotation.occupancy.solids import Solids
 from simbev_ros.annotation.occupancy.triangle_soup import GridShape, Soup
-from simbev_ros.annotation.occupancy.voxels import voxelize
+from simbev_ros.annotation.occupancy.voxel_solids import fill_solids
+from simbev_ros.annotation.occupancy.voxel_surfaces import mark_surfaces
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -183,3 +184,11 @@ def _to_grid(grid_from_map: Float64Array, origin_m: Float64Array, points: Float3
     x, y, z = points.T
     # Written out: a matrix product's last bits may depend on how many points are in the batch.
     return np.stack([a * x + b * y + c * z + d for (a, b, c), d in zip(linear, offset.astype(np.float32), strict=True)])
+
+
+def voxelize(soup: Soup, shape: GridShape) -> UInt8Array:
+    """Highest rank of what is in each voxel, ``shape`` uint8; 0 where it is empty."""
+    ranks = np.zeros(int(np.prod(shape)), np.uint8)
+    fill_solids(ranks, soup, shape)
+    mark_surfaces(ranks, soup, shape)
+    return ranks.reshape(shape)

@@ -24,7 +24,7 @@ class Base(Enum):
 
 @dataclass(slots=True)
 class _Copies:
-    """Copies of one mesh on one base; rows are x, y, yaw, scale, red, green, blue, rise above the base."""
+    """Copies of one mesh on one base; rows are x, y, yaw, scale, red, green, blue."""
 
     mesh: Mesh | GradedMesh
     base: Base

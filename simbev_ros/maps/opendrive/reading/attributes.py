@@ -59,13 +59,13 @@ def number(element: Element, name: str, default: float | None = None) -> float:
     return value
 
 
-def identifier(element: Element, name: str = "id") -> str:
-    """The attribute as a non-empty string.
+def identifier(element: Element) -> str:
+    """The attribute ``id`` as a non-empty string.
 
     Raises:
         Malformed: It is missing or empty.
     """
-    return element.get(name) or _refuse(element, f"attribute {name!r} is missing")
+    return element.get("id") or _refuse(element, "attribute 'id' is missing")
 
 
 def integer_id(element: Element) -> int:

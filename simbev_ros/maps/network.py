@@ -172,7 +172,7 @@ class RoadNetwork:
         lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         count = np.maximum(np.ceil(lines.length_m / spacing_m - 0.5).astype(np.int64), 0)
         row, number = ragged_indices(count)
-        return self._waypoints(lanes, lines, row, spacing_m * (number + 0.5))
+        return self._waypoints(lanes, lines, row, spacing_m * (number.astype(np.float64) + 0.5))
 
     def nearest_lane(self, points_m: Float64Array, yaw_rad: Float64Array | None = None) -> Waypoints:
         """The nearest position on a driving lane, including lanes inside junctions, for each of N points.

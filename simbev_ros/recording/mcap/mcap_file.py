@@ -234,4 +234,4 @@ def _record(*records: McapRecord) -> bytes:
     builder = RecordBuilder()
     for each in records:
         each.write(builder)
-    return builder.end()  # type: ignore[no-any-return, no-untyped-call]
+    return builder.end()  # type: ignore[no-untyped-call]

@@ -1,13 +1,12 @@
 """Display colors of labels (semantic tags, BEV classes, boxes, traffic lights), read from palette.yaml."""
 
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simbev_ros.semantics import BEV_CLASSES, Tag
+from simbev_ros.tables import load_table
 from simbev_ros.types import UInt8Array, UInt16Array
 
 
@@ -62,5 +61,4 @@ def _rgb(code: int) -> UInt8Array:
 
 @lru_cache(maxsize=1)
 def _palette() -> dict[str, Any]:
-    palette: dict[str, Any] = yaml.safe_load(files("simbev_ros").joinpath("palette.yaml").read_text(encoding="utf-8"))
-    return palette
+    return load_table("simbev_ros", "palette.yaml")

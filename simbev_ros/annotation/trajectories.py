@@ -29,9 +29,9 @@ import numpy as np
 
 from simbev_ros.annotation.boxes.boxes import NO_CLASS, box_centers_m, class_of_blueprint
 from simbev_ros.errors import NPZ_DAMAGE, BagError, InputError
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array, Table, UInt8Array, UInt32Array
+from simbev_ros.units import NS_PER_S
 
 HORIZON_S = 6.0
 

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float32Array
 
 
@@ -77,7 +76,7 @@ _WITHOUT = {"lidar_retroreflection": 0.0, "lidar_retroreflection_fall": 0.0}
 @lru_cache(maxsize=1)
 def load_materials() -> MaterialTable:
     """Load materials.yaml."""
-    entries = yaml.safe_load(files("simbev_ros.assets").joinpath("materials.yaml").read_text(encoding="utf-8"))
+    entries = load_table("simbev_ros.assets", "materials.yaml")
 
     def column(name: str) -> Float32Array:
         rows = (_WITHOUT | entries[material.name] for material in Material)

@@ -1,11 +1,11 @@
 """Color palettes of the static world, read from palettes.yaml."""
 
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
+
+from simbev_ros.tables import load_table
 
 Color = tuple[int, int, int]
 
@@ -33,6 +33,4 @@ def shade_color(color: Color, factor: float) -> Color:
 
 @lru_cache(maxsize=1)
 def _palettes() -> dict[str, Any]:
-    text = files("simbev_ros.assets").joinpath("palettes.yaml").read_text(encoding="utf-8")
-    palettes: dict[str, Any] = yaml.safe_load(text)
-    return palettes
+    return load_table("simbev_ros.assets", "palettes.yaml")

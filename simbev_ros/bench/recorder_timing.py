@@ -25,13 +25,14 @@ from simbev_ros.graph.process import NodeProcess
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
-from simbev_ros.msgs.stamps import NS_PER_S, stamp_of
+from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.world import record_message
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.scene.ending import DURATION, SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.units import NS_PER_S
 
 _WINDOW_TICKS = 3
 _PATIENCE_S = 60.0

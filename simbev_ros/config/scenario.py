@@ -220,7 +220,7 @@ class GraphConfig(Model):
         60.0,
         ge=1,
         le=3600,
-        description="time without a sign of life from a node after which the scene ends; computing while loading is one",
+        description="time without a sign of life from a node that ends the scene; computing while loading is one",
     )
 
 

@@ -16,9 +16,10 @@ from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.whole_files import whole_file, write_errors
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.units import NS_PER_S
 
 INDEX_FILE = "index.parquet"
 _HASHED_BYTES = 1 << 22

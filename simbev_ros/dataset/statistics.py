@@ -15,9 +15,9 @@ from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.dataset.tallies import Tally
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import bytes_of
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.units import NS_PER_S
 
 MAX_FRAMES = 20_000
 """Approximate upper limit on the number of frames that are read."""

@@ -61,8 +61,7 @@ class PinholeCamera:
 
     def _plane(self, pixels: Float64Array) -> Float64Array:
         """(N, 2) points on the plane z = 1 of (N, 2) pixels."""
-        plane_xy: Float64Array = (np.asarray(pixels, np.float64) - [self.cx_px, self.cy_px]) / [self.fx_px, self.fy_px]
-        return plane_xy
+        return (np.asarray(pixels, np.float64) - [self.cx_px, self.cy_px]) / [self.fx_px, self.fy_px]
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,5 +32,4 @@ class VoxelGrid:
     def corners_ego(self) -> Float64Array:
         """(8, 3) corners of the whole grid, meters, ego frame."""
         steps = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-        corners: Float64Array = np.array(self.low_m) + steps * self.voxel_m * np.array(self.shape)
-        return corners
+        return np.array(self.low_m) + steps * self.voxel_m * np.array(self.shape)

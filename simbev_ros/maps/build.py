@@ -42,9 +42,9 @@ def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
     return _read(spec, cache_dir, read_datum)
 
 
-def load_source(spec: MapSpec, cache_dir: Path | None = None) -> bytes:
-    """Load the gzipped source file of a map, even if the original is gone. Arguments and errors as ``load_network``."""
-    return _read(spec, cache_dir, read_source)
+def load_source(spec: MapSpec) -> bytes:
+    """Load the gzipped source file of a map, even if the original is gone. Errors as of ``load_network``."""
+    return _read(spec, None, read_source)
 
 
 def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> _T:

@@ -6,16 +6,15 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import shapely
 
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_index import LineIndex
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import Layout
-from simbev_ros.maps.roads.level_members import REACH_M, LevelGraph, RoadsByLevel
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.vehicle_class import ALL_CLASSES
 from simbev_ros.types import Float64Array, Int64Array
@@ -172,9 +171,8 @@ class RoadNetwork:
         lanes = [lane for lane in self.lanes_of(LaneKind.DRIVING) if not lane.junction]
         lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
         count = np.maximum(np.ceil(lines.length_m / spacing_m - 0.5).astype(np.int64), 0)
-        row = np.repeat(np.arange(len(lanes)), count)
-        s_m = spacing_m * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 0.5)
-        return self._waypoints(lanes, lines, row, s_m)
+        row, number = ragged_indices(count)
+        return self._waypoints(lanes, lines, row, spacing_m * (number.astype(np.float64) + 0.5))
 
     def nearest_lane(self, points_m: Float64Array, yaw_rad: Float64Array | None = None) -> Waypoints:
         """The nearest position on a driving lane, including lanes inside junctions, for each of N points.
@@ -185,18 +183,6 @@ class RoadNetwork:
         """
         nearest = self._lane_index.nearest(points_m, yaw_rad)
         return self._waypoints(self.lanes_of(LaneKind.DRIVING), self._lane_index.lines, nearest.row, nearest.s_m)
-
-    def roads_by_level(self, xyz_m: Float64Array) -> RoadsByLevel:
-        """Ids of the strips within 150 m of a (3,) position: on its level, passing above, and passing below."""
-        members = self._level_graph.members(xyz_m)
-        if members is not None:
-            return members.roads
-        around = shapely.Point(xyz_m[:2]).buffer(REACH_M)
-        return RoadsByLevel(tuple(strip.id for strip in self.layout.near(around, 0.0).strips), (), ())
-
-    @cached_property
-    def _level_graph(self) -> LevelGraph:
-        return LevelGraph(self.layout)
 
     @cached_property
     def _lane_index(self) -> LineIndex:

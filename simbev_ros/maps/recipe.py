@@ -1,10 +1,8 @@
 """Recipes of the built-in towns: takes a town's name and returns a validated model of towns/<name>.yaml."""
 
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
-import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from simbev_ros.config.base import Model
@@ -14,6 +12,7 @@ from simbev_ros.maps.plan.land import WaterRecipe, ZoneRecipe
 from simbev_ros.maps.plan.patterns.pattern import Pattern
 from simbev_ros.maps.source import known_maps
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
+from simbev_ros.tables import load_table
 
 
 class DatumRecipe(Model):
@@ -67,8 +66,7 @@ def recipe_of(name: str) -> TownRecipe:
     """
     if name not in known_maps():
         raise InputError(f"map: no map is called {name!r}; known maps: {', '.join(known_maps())}")
-    text = files("simbev_ros.maps").joinpath("towns", f"{name}.yaml").read_text(encoding="utf-8")
     try:
-        return TownRecipe(name=name, **yaml.safe_load(text))
+        return TownRecipe(name=name, **load_table("simbev_ros.maps", f"towns/{name}.yaml"))
     except ValidationError as error:
         raise InputError(f"map {name}: {error}") from error

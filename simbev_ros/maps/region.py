@@ -42,8 +42,7 @@ class Reach:
     def touches(self, low_m: Float64Array, side_m: float) -> BoolArray:
         """(N,) whether the circle touches each square, given (N, 2) south-western corners and the side length."""
         gap_m = np.clip(self.center_m, low_m, np.asarray(low_m) + side_m) - self.center_m
-        touched: BoolArray = np.hypot(gap_m[:, 0], gap_m[:, 1]) <= self.radius_m
-        return touched
+        return np.hypot(gap_m[:, 0], gap_m[:, 1]) <= self.radius_m
 
 
 def regions_of(layout: Layout, reach: Reach | None = None) -> tuple[Region, ...]:

@@ -25,13 +25,12 @@ class LinedElement(Element):
     line: int
 
 
-def parse(path: Path, root_tag: str, max_bytes: int = _MAX_BYTES) -> Element:
+def parse(path: Path, root_tag: str) -> Element:
     """Parse an XML file and return its root.
 
     Args:
         path: A regular file.
         root_tag: Required tag of the root element.
-        max_bytes: Larger files are refused without being read.
 
     Returns:
         The root; it and all its descendants are ``LinedElement``s, see ``place_of``.
@@ -40,7 +39,7 @@ def parse(path: Path, root_tag: str, max_bytes: int = _MAX_BYTES) -> Element:
         InputError: The file cannot be read, is too large, is not well-formed, has a document type declaration, is too
             deeply nested, or has another root.
     """
-    check_readable(path, max_bytes)
+    check_readable(path, _MAX_BYTES)
     reader = _Reader(path, root_tag)
     try:
         with path.open("rb") as stream:

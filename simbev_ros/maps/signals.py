@@ -135,8 +135,7 @@ def _curb(lane: Lane, end: int, side: float) -> tuple[Float64Array, Float64Array
 def _heading(lane: Lane, end: int) -> Float64Array:
     """(3,) horizontal unit vector in driving direction, at a lane's start (``end`` 0) or end (-1)."""
     step_m = np.diff(lane.centerline_m, axis=0)[end] * [1.0, 1.0, 0.0]
-    heading: Float64Array = step_m / np.linalg.norm(step_m)
-    return heading
+    return step_m / np.linalg.norm(step_m)
 
 
 def _straight_exit(

@@ -97,8 +97,7 @@ def busiest_position(network: RoadNetwork) -> Float64Array:
     for each in np.unique(weight).tolist():
         tree = cKDTree(positions_m[weight == each])
         around += each * tree.query_ball_point(positions_m, _DENSITY_RADIUS_M, return_length=True)
-    busiest: Float64Array = positions_m[int(np.argmax(around))]
-    return busiest
+    return positions_m[int(np.argmax(around))]
 
 
 def _lane_km(layout: Layout) -> dict[str, float]:

@@ -93,8 +93,7 @@ def _damage_as_value_error(folder: Path) -> Iterator[None]:
 
 
 def _header(arrays: Mapping[str, AnyArray]) -> dict[str, Any]:
-    header: dict[str, Any] = json.loads(arrays[_HEADER].tobytes())
-    return header
+    return json.loads(arrays[_HEADER].tobytes())
 
 
 def _tables(network: RoadNetwork) -> dict[str, tuple[type, Any]]:

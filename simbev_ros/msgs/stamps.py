@@ -6,7 +6,7 @@ import struct
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
-NS_PER_S = 1_000_000_000
+from simbev_ros.units import NS_PER_S
 
 
 def time_message(stamp_ns: int) -> Time:

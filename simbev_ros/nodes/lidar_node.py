@@ -12,10 +12,11 @@ from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ray_view_radius_m
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import vector
+from simbev_ros.units import NS_PER_S
 
 
 class _RaySettings(NamedTuple):

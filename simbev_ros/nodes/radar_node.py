@@ -11,10 +11,11 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ray_view_radius_m
 from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import vector
 from simbev_ros.sensors.radar import RadarModel, scan_radars
+from simbev_ros.units import NS_PER_S
 
 
 class _Mounted(NamedTuple):

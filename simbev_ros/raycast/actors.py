@@ -12,6 +12,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
+from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.raycast.boxes import CORNERS, PartBoxes, Passages
 from simbev_ros.raycast.part_stack import PartStack
 from simbev_ros.scene.interpolation import ActorHistory
@@ -72,9 +73,8 @@ class ActorTriangles:
         """(N,) first instance of each of (N,) rows, and per instance, actor by actor, its row and part in the stack."""
         first, blueprint = self._stack.first, actors["blueprint"].astype(np.int64)
         count = first[blueprint + 1] - first[blueprint]
-        start = np.cumsum(count) - count
-        row = np.repeat(np.arange(len(actors)), count)
-        return start, row, np.arange(len(row)) + (first[blueprint] - start)[row]
+        row, offset = ragged_indices(count)
+        return ragged_starts(count), row, first[blueprint][row] + offset
 
     def _instance_poses(self, actors: Table) -> Float64Array:
         """(I, 4, 4) transforms of the instances of (N,) rows from the rest pose to the map axes about the origin."""
@@ -83,14 +83,12 @@ class ActorTriangles:
         posed = self._skeletons.poses(actors)[np.searchsorted(owner, row) + self._stack.part[part]]
         poses = map_from_actors(actors)
         poses[:, :3, 3] -= self._origin_m
-        instance_poses: Float64Array = poses[row] @ posed
-        return instance_poses
+        return poses[row] @ posed
 
     def _corners_now(self) -> Float64Array:
         """(I, 8, 3) corners of the boxes around the parts at the tick."""
         rest_m = self._stack.center_m[self._part, None] + CORNERS * self._stack.half_m[self._part, None]
-        corners_m: Float64Array = rest_m @ self._poses[:, :3, :3].swapaxes(1, 2) + self._poses[:, None, :3, 3]
-        return corners_m
+        return rest_m @ self._poses[:, :3, :3].swapaxes(1, 2) + self._poses[:, None, :3, 3]
 
     def _corners_of_course(self) -> Float64Array:
         """(I, 8, 3) corners of axis-aligned boxes that contain the parts' spheres throughout the course."""
@@ -102,8 +100,7 @@ class ActorTriangles:
         center_m = center_m.reshape(len(moments), -1, 3)
         low_m, high_m = center_m.min(axis=0), center_m.max(axis=0)
         half_m = (high_m - low_m) / 2.0 + self._stack.radius_m[self._part, None]
-        corners_m: Float64Array = (low_m + high_m)[:, None] / 2.0 + CORNERS * half_m[:, None]
-        return corners_m
+        return (low_m + high_m)[:, None] / 2.0 + CORNERS * half_m[:, None]
 
     def cast(
         self,
@@ -137,8 +134,7 @@ class ActorTriangles:
         actor, moment = np.divmod(moved, max(len(lags_s), 1))
         poses = self._instance_poses(self._course.at(actor, lags_s[moment]))
         first, _, _ = self._instances(self._course.now[actor])
-        chosen: Float64Array = poses[first[inverse] + passages.box - self._first[row]]
-        return chosen
+        return poses[first[inverse] + passages.box - self._first[row]]
 
     def _cast_parts(
         self,
@@ -181,5 +177,4 @@ class ActorTriangles:
 
 def _transform_points(poses: Float64Array, points: Float64Array) -> Float64Array:
     """(N, 3) points transformed by (N, 4, 4) transforms."""
-    moved: Float64Array = np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
-    return moved
+    return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]

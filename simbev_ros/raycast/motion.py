@@ -54,5 +54,4 @@ def part_velocities(
     map_from_body = map_from_actors(now)[moving_index]
     points_body = np.einsum("nji,nj->ni", map_from_body[:, :3, :3], points_m - map_from_body[:, :3, 3])
     velocity_body_mps = np.einsum("nij,nj->ni", rate[:, :3, :3], points_body) + rate[:, :3, 3]
-    velocity_mps: Float64Array = np.einsum("nij,nj->ni", map_from_body[:, :3, :3], velocity_body_mps)
-    return velocity_mps
+    return np.einsum("nij,nj->ni", map_from_body[:, :3, :3], velocity_body_mps)

@@ -17,8 +17,7 @@ from simbev_ros.raycast.static import StaticTriangles
 from simbev_ros.scene.interpolation import ActorHistory, earlier_rows
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
-
-_NS_PER_S = 1e9
+from simbev_ros.units import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +136,7 @@ class RayScene:
         velocity_mps[moving] = body_velocities(self.actors[row], position_m)
         if previous is not None and len(moving):
             before = earlier_rows(self.actors, previous.actors)
-            elapsed_s = (self._stamp_ns - previous.stamp_ns) / _NS_PER_S
+            elapsed_s = (self._stamp_ns - previous.stamp_ns) / NS_PER_S
             velocity_mps[moving] += part_velocities(
                 self._skeletons, before, self.actors, elapsed_s, row, part, position_m
             )
@@ -147,5 +146,4 @@ class RayScene:
 def _are_near(actors: Table, center_m: Float64Array, radius_m: float) -> BoolArray:
     """(N,) whether any part of an actor may be within a radius of a point in the ground plane."""
     reach_m = radius_m + np.hypot(actors["length"], actors["width"])
-    near: BoolArray = np.hypot(actors["x"] - center_m[0], actors["y"] - center_m[1]) < reach_m
-    return near
+    return np.hypot(actors["x"] - center_m[0], actors["y"] - center_m[1]) < reach_m

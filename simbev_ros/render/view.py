@@ -58,15 +58,13 @@ class View:
     def sees_spheres(self, centers_m: Float64Array, radii_m: Float64Array) -> BoolArray:
         """(N,) whether spheres around (N, 3) world points reach into the view."""
         planes = _planes(self.clip_from_world)
-        reaches: BoolArray = np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
-        return reaches
+        return np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
 
     def sees_shadows(self, centers_m: Float64Array, radii_m: Float64Array, light: Float64Array) -> BoolArray:
         """(N,) whether shadows of spheres around (N, 3) world points, lit from (3,) ``light``, reach into the view."""
         planes = _planes(self.clip_from_world)
         reaches = centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None]
-        reached: BoolArray = np.all(reaches | (planes[:, :3] @ light < 0.0), axis=1)
-        return reached
+        return np.all(reaches | (planes[:, :3] @ light < 0.0), axis=1)
 
     def sees_boxes(self, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
         """(N,) whether axis-aligned boxes, given by two (N, 3) world corners, reach into the view."""
@@ -82,8 +80,7 @@ class View:
         distance_m = np.maximum(np.linalg.norm(to_center, axis=1), 1e-6)
         ahead_m = to_center @ self.world_from_optical[:3, 2]
         nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px, 1000.0)
-        pixel_m: Float64Array = nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis, images are stretched
-        return pixel_m
+        return nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis, images are stretched
 
     def block(self) -> bytes:
         """Data of the uniform block ``View`` of shaders/include/view.glsl, std140."""
@@ -103,8 +100,7 @@ def boxes_in_clip_space(clip_from_world: Float64Array, low_m: Float64Array, high
     planes = _planes(clip_from_world)
     center, half = (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
     reach = half @ np.abs(planes[:, :3]).T
-    reaches: BoolArray = np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
-    return reaches
+    return np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
 
 
 def _planes(clip: Float64Array) -> Float64Array:

@@ -60,5 +60,4 @@ def optical_depth(
     varies = np.abs(log_ratio) > _MIN_LOG_RATIO
     mean = np.where(varies, (start - end) / np.where(varies, log_ratio, 1.0), (start + end) / 2.0)
     halvings = fog_halvings_per_m(weather) * in_fog_m * mean + rain_halvings_per_m(weather) * range_m
-    depth: Float64Array = halvings * np.log(2.0)
-    return depth
+    return halvings * np.log(2.0)

@@ -5,14 +5,13 @@ The package ``assets`` builds their meshes.
 
 import math
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any, Literal, NamedTuple
 
-import yaml
 from pydantic import field_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.semantics import Tag
+from simbev_ros.tables import load_table
 
 
 class VehicleFootprint(NamedTuple):
@@ -79,7 +78,7 @@ class Blueprint(Model):
 @lru_cache(maxsize=1)
 def load_blueprints() -> tuple[Blueprint, ...]:
     """Load all blueprints; the index in the tuple is the ``blueprint`` column of the actors table."""
-    data = yaml.safe_load(files("simbev_ros.scene").joinpath("blueprints.yaml").read_text())
+    data = load_table("simbev_ros.scene", "blueprints.yaml")
     blueprints = []
     for entry in data["blueprints"]:
         palette = entry.pop("palette")
@@ -92,3 +91,8 @@ def load_blueprints() -> tuple[Blueprint, ...]:
 def blueprint_index() -> dict[str, int]:
     """Index of each blueprint by name."""
     return {blueprint.name: index for index, blueprint in enumerate(load_blueprints())}
+
+
+def blueprint_named(name: str) -> Blueprint:
+    """The blueprint with this name."""
+    return load_blueprints()[blueprint_index()[name]]

@@ -5,8 +5,9 @@ import math
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
+from simbev_ros.units import NS_PER_S
 
 DURATION = "duration"
 _STANDING_MPS = 0.1

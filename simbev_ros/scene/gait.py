@@ -4,12 +4,11 @@ The world simulation advances the ``gait`` phase by the stride length; the actor
 """
 
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from simbev_ros.config.base import Model
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
 
 _G_MPS2 = 9.81
@@ -43,8 +42,7 @@ class Gait(Model):
 @lru_cache(maxsize=1)
 def load_gaits() -> tuple[Gait, ...]:
     """Load the rows of gait.yaml, ascending by speed."""
-    text = files("simbev_ros.scene").joinpath("gait.yaml").read_text()
-    return tuple(Gait.model_validate(row) for row in yaml.safe_load(text))
+    return tuple(Gait.model_validate(row) for row in load_table("simbev_ros.scene", "gait.yaml"))
 
 
 def interpolate_gaits(steps_per_row: int) -> tuple[Gait, ...]:

@@ -7,10 +7,10 @@ import numpy as np
 
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table
+from simbev_ros.units import NS_PER_S
 
 _LINEAR = ("x", "y", "z", "vx", "vy", "vz")
 _ANGULAR = ("roll", "pitch", "yaw", "steer", "gait")
-_NS_PER_S = 1e9
 
 
 def interpolate_actors(before: Table, after: Table, fraction: float | Float64Array) -> Table:
@@ -59,14 +59,13 @@ class ActorHistory:
         tables, lags_s = [state.actors], [0.0]
         for each in sorted(earlier, key=lambda each: -each.stamp_ns):
             tables.append(earlier_rows(state.actors, each.actors, otherwise=tables[-1]))
-            lags_s.append((state.stamp_ns - each.stamp_ns) / _NS_PER_S)
+            lags_s.append((state.stamp_ns - each.stamp_ns) / NS_PER_S)
         return cls(np.stack(tables), np.array(lags_s))
 
     @property
     def now(self) -> Table:
         """(A,) newest table."""
-        newest: Table = self.tables[0]
-        return newest
+        return self.tables[0]
 
     def only(self, chosen: BoolArray) -> "ActorHistory":
         """The history of the actors selected by an (A,) mask."""

@@ -7,8 +7,9 @@ import numpy as np
 
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.region import Reach, regions_of
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
+from simbev_ros.units import NS_PER_S
 
 VIEW_M = 500.0
 """Distance up to which cameras see detail beyond bare terrain."""

@@ -16,8 +16,8 @@ from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.hazards.hazard import HazardSpec
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.weather import Weather
+from simbev_ros.units import NS_PER_S
 
-NS_PER_S = 1_000_000_000
 _HOUR_NS = 3600 * NS_PER_S
 
 

@@ -135,8 +135,7 @@ class WorldState:
     @property
     def ego(self) -> Table:
         """The ego's row, shape ()."""
-        row: Table = self.actors[np.searchsorted(self.actors["id"], self.ego_id)]
-        return row
+        return self.actors[np.searchsorted(self.actors["id"], self.ego_id)]
 
     @property
     def ego_ids(self) -> frozenset[int]:

@@ -8,11 +8,11 @@ import numpy as np
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import map_from_sensor
 from simbev_ros.sensors.processes import Drift, Outages
 from simbev_ros.types import Float64Array
+from simbev_ros.units import NS_PER_S
 
 _SEMI_MAJOR_M = 6378137.0
 _FLATTENING = 1.0 / 298.257223563

@@ -10,11 +10,11 @@ import numpy as np
 from simbev_ros.config.positioning import Imu
 from simbev_ros.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.processes import Drift
 from simbev_ros.sensors.tick_motion import motion_within_tick
 from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.units import NS_PER_S
 
 GRAVITY_MPS2 = 9.81
 """Gravitational acceleration, as in CARLA."""

@@ -28,8 +28,7 @@ def echo_strength(material: UInt8Array, cos_angle: Float32Array) -> Float32Array
 def intensity(lidar: Lidar, strength: Float32Array, range_m: Float32Array) -> Float32Array:
     """(N,) intensities 0..1 of echoes; they decrease with the range in clear air as CARLA's do."""
     air = np.exp(np.float32(-lidar.attenuation_per_m) * range_m)
-    result: Float32Array = np.minimum(strength, np.float32(1.0)) * air
-    return result
+    return np.minimum(strength, np.float32(1.0)) * air
 
 
 def is_lost_at_low_intensity(lidar: Lidar, intensity: Float32Array, uniform: Float32Array) -> BoolArray:
@@ -39,5 +38,4 @@ def is_lost_at_low_intensity(lidar: Lidar, intensity: Float32Array, uniform: Flo
     from its value at intensity 0 to zero at the limit.
     """
     probability = lidar.drop_off_at_zero_intensity * (1.0 - intensity / lidar.drop_off_intensity_limit)
-    lost: BoolArray = uniform < probability
-    return lost
+    return uniform < probability

@@ -91,8 +91,7 @@ class LidarWeather:
             uniform: (N,) uniform random numbers.
         """
         threshold = self._detection_threshold(range_m)
-        detected: BoolArray = uniform * threshold < np.maximum(strength, threshold) * transmission
-        return detected
+        return uniform * threshold < np.maximum(strength, threshold) * transmission
 
     def air_echoes(self, count: int, rng: np.random.Generator) -> Echoes:
         """Draw the strongest detected echo of fog and drops along each of ``count`` rays."""

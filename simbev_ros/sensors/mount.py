@@ -9,8 +9,7 @@ from simbev_ros.types import Float64Array, Table
 
 def map_from_sensor(pose: Pose, state: WorldState) -> Float64Array:
     """(4, 4) transform, map from sensor, of a sensor mounted on the ego; sensor frame x forward, y left, z up."""
-    matrix: Float64Array = map_from_actors(state.ego) @ pose.ego_from_sensor
-    return matrix
+    return map_from_actors(state.ego) @ pose.ego_from_sensor
 
 
 def vector(row: Table, names: str) -> Float64Array:

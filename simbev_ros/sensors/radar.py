@@ -155,8 +155,7 @@ def _select_hits(hits: Hits, ray: Int64Array) -> Hits:
 def _own_velocity(map_from_radar: Float64Array, state: WorldState) -> Float64Array:
     """(3,) velocity of the radar, m/s, map axes, including the ego's rotation about its origin."""
     arm_m = map_from_radar[:3, 3] - vector(state.ego, "x y z")
-    velocity_mps: Float64Array = vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
-    return velocity_mps
+    return vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
 
 
 def _fill_xyz(table: Table) -> None:

@@ -5,16 +5,15 @@ Not modeled: the antenna pattern (the field of view ends sharply), multipath pro
 
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.scene.air import rain_halvings_per_m
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar_weather import drop_slope_per_m
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array, UInt8Array
 
 _RAIN_K, _RAIN_ALPHA = 1.13, 0.712
@@ -51,7 +50,7 @@ class CrossSections:
 @lru_cache(maxsize=1)
 def load_cross_sections() -> CrossSections:
     """Load the tables of radar_surfaces.yaml, in which each material is named once."""
-    data = yaml.safe_load(files("simbev_ros.sensors").joinpath("radar_surfaces.yaml").read_text(encoding="utf-8"))
+    data = load_table("simbev_ros.sensors", "radar_surfaces.yaml")
     surface_of = {material: surface for surface in data["surfaces"].values() for material in surface["materials"]}
 
     def column(name: str) -> Float64Array:
@@ -94,5 +93,4 @@ def rain_rate_mmph(weather: Weather) -> float:
 
 def from_db(value_db: Float64Array) -> Float64Array:
     """Power ratio of a value in dB."""
-    ratio: Float64Array = 10.0 ** (value_db / 10.0)
-    return ratio
+    return 10.0 ** (value_db / 10.0)

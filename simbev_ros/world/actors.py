@@ -10,9 +10,10 @@ import shapely
 
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.state import Event
 from simbev_ros.types import Int64Array, Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.cast import cast_of, first_prop_id
 from simbev_ros.world.doors import Doors
 from simbev_ros.world.kinematics.collisions import Impact
@@ -44,7 +45,7 @@ class Actors:
         self,
         spec: SceneSpec,
         network: RoadNetwork,
-        traffic: Population,
+        population: Population,
         obstacles: Table,
         excursions: Mapping[int, tuple[Leg, ...]],
     ) -> None:
@@ -53,7 +54,7 @@ class Actors:
         Args:
             spec: The scene.
             network: Its roads.
-            traffic: SUMO.
+            population: Vehicles and pedestrians.
             obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
             excursions: Legs of the pedestrians that leave SUMO's network, by their index in the specification.
 
@@ -62,21 +63,21 @@ class Actors:
         """
         self.events: tuple[Event, ...] = ()
         self._coming_events: tuple[Event, ...] = ()
-        self._traffic = traffic
+        self._population = population
         tick_s = spec.tick_ns / NS_PER_S
-        _report_missing(spec, traffic)
-        sample, directions, vehicles = traffic.sample(), traffic.directions(), len(traffic.vehicles)
-        self._excursions = Excursions(spec, excursions, traffic, sample.front_m)
+        _report_missing(spec, population)
+        sample, directions, vehicles = population.sample(), population.directions(), len(population.vehicles)
+        self._excursions = Excursions(spec, excursions, population, sample.front_m)
         pedestrian_m, directions[vehicles:] = self._excursions.start_poses(sample.pedestrian_m, directions[vehicles:])
         sample = replace(sample, pedestrian_m=pedestrian_m)
         self._ground = _ground(spec, network, sample)
         self._props = prop_rows(spec, first_prop_id(spec), self._ground)
         obstacles = np.concatenate([obstacles, prop_obstacles(self._props, network, self._ground)])
-        cast = cast_of(spec, traffic.vehicles, traffic.pedestrians)
+        cast = cast_of(spec, population.vehicles, population.pedestrians)
         self._ids: Int64Array = cast.rows["id"][cast.rows["parent"] == 0].astype(np.int64)
         self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
         self._leading = LeadingPoints(
-            spec, traffic, cast.bodies, self._excursions, self._ground, obstacles, sample, directions
+            spec, population, cast.bodies, self._excursions, self._ground, obstacles, sample, directions
         )
         self._motion = Motion(
             cast.bodies,
@@ -88,7 +89,7 @@ class Actors:
         )
         # The oldest entry belongs to the same tick as the kinematics.
         length = self.delay_ticks + 1
-        self._doors = Doors(spec, traffic, sample.front_m, self.delay_ticks)
+        self._doors = Doors(spec, population.vehicles, population.sumo, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
         self._jaywalking = deque([self._excursions.jaywalking.copy()] * length, maxlen=length)
         self._table = ActorTable(spec, cast, vehicles)
@@ -133,7 +134,7 @@ class Actors:
             yaw_rad = float(collisions.yaw_rad[body])
             ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
             front_m = collisions.rest_m[body] + self._half_length_m[body] * ahead
-            self._traffic.hold_crashed(body, front_m, yaw_rad)
+            self._population.hold_crashed(body, front_m, yaw_rad)
 
 
 def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> GroundSurface:
@@ -151,19 +152,16 @@ def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample
     max_speed_factor = max(1.0, *(vehicle.speed_factor for vehicle in spec.vehicles))
     max_speed_mps = max(lane.speed_mps for lane in network.lanes.values()) * max_speed_factor
     max_distance_m = max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    area: shapely.Polygon = shapely.box(
-        *(positions_m.min(axis=0) - max_distance_m), *(positions_m.max(axis=0) + max_distance_m)
-    )
-    return area
+    return shapely.box(*(positions_m.min(axis=0) - max_distance_m), *(positions_m.max(axis=0) + max_distance_m))
 
 
-def _report_missing(spec: SceneSpec, traffic: Population) -> None:
+def _report_missing(spec: SceneSpec, population: Population) -> None:
     """Log the actors that could not be placed; raise if the ego is one of them."""
-    if 0 not in traffic.vehicles:
+    if 0 not in population.vehicles:
         raise SimulationError(f"{spec.name}: the ego does not fit at its start, {_describe_start(spec.vehicles[0])}")
     for kind, requested, present in (
-        ("vehicle", spec.vehicles, traffic.vehicles),
-        ("pedestrian", spec.pedestrians, traffic.pedestrians),
+        ("vehicle", spec.vehicles, population.vehicles),
+        ("pedestrian", spec.pedestrians, population.pedestrians),
     ):
         for index in sorted(set(range(len(requested))) - set(present)):
             _LOGGER.warning(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_index, blueprint_named
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.types import BoolArray, Float64Array, Table
@@ -56,11 +56,6 @@ class _Member(NamedTuple):
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def blueprint_of(name: str) -> Blueprint:
-    """The blueprint with this name."""
-    return load_blueprints()[blueprint_index()[name]]
-
-
 def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]) -> Cast:
     """Assemble the cast of a scene.
 
@@ -97,7 +92,7 @@ def first_prop_id(spec: SceneSpec) -> int:
 def _vehicles(spec: SceneSpec, indices: Sequence[int]) -> Iterator[_Member]:
     for point, index in enumerate(indices):
         vehicle = spec.vehicles[index]
-        blueprint = blueprint_of(vehicle.blueprint)
+        blueprint = blueprint_named(vehicle.blueprint)
         behavior = Behavior.RECKLESS * vehicle.reckless | Behavior.DISTRACTED * vehicle.distracted
         yield _Member(EGO_ID + index, blueprint, vehicle.color, point, behavior=Behavior(behavior))
 
@@ -107,8 +102,8 @@ def _riders(spec: SceneSpec, vehicles: Sequence[int]) -> Iterator[_Member]:
     point_of = {index: point for point, index in enumerate(vehicles)}
     for number, index in enumerate(_mounted(spec)):
         if index in point_of:
-            vehicle_blueprint = blueprint_of(spec.vehicles[index].blueprint)
-            blueprint = blueprint_of(vehicle_blueprint.rider)
+            vehicle_blueprint = blueprint_named(spec.vehicles[index].blueprint)
+            blueprint = blueprint_named(vehicle_blueprint.rider)
             color = blueprint.colors[int(stream(spec.seed, f"vehicles.{index}.rider").integers(len(blueprint.colors)))]
             rider = EGO_ID + len(spec.vehicles) + number
             yield _Member(
@@ -120,12 +115,12 @@ def _pedestrians(spec: SceneSpec, vehicles: Sequence[int], indices: Sequence[int
     first = first_prop_id(spec) - len(spec.pedestrians)
     for number, index in enumerate(indices):
         pedestrian = spec.pedestrians[index]
-        yield _Member(first + index, blueprint_of(pedestrian.blueprint), pedestrian.color, len(vehicles) + number)
+        yield _Member(first + index, blueprint_named(pedestrian.blueprint), pedestrian.color, len(vehicles) + number)
 
 
 def _mounted(spec: SceneSpec) -> list[int]:
     """Indices of the vehicles that have a rider."""
-    return [index for index, vehicle in enumerate(spec.vehicles) if blueprint_of(vehicle.blueprint).rider]
+    return [index for index, vehicle in enumerate(spec.vehicles) if blueprint_named(vehicle.blueprint).rider]
 
 
 def _bodies(members: Sequence[_Member]) -> Bodies:

@@ -10,9 +10,10 @@ from xml.etree import ElementTree
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S, PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.streets.street_graph import streets_of
-from simbev_ros.world.cast import blueprint_of
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.driving.rain import RainEffect, rain_effect
 from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
 from simbev_ros.world.pedestrians.itineraries import Itineraries, ItineraryStreams, Leg
@@ -78,7 +79,7 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
     root = ElementTree.Element("routes")
     edges: set[str] = set()
     for index, vehicle in enumerate(spec.drivers):
-        blueprint = blueprint_of(vehicle.blueprint)
+        blueprint = blueprint_named(vehicle.blueprint)
         max_distance_m = duration_s * min(max_limit_mps * vehicle.speed_factor, blueprint.max_speed_mps)
         rng = stream(spec.seed, f"{vehicle_name(index)}.route")
         graph = streets.for_blueprint(blueprint, spec.closed_edges)
@@ -121,7 +122,7 @@ def _add_vehicle(
     start_m: float,
 ) -> ElementTree.Element:
     """Add one vehicle, at rest with its front bumper at its start, and its own type; returns the vehicle's element."""
-    blueprint = blueprint_of(vehicle.blueprint)
+    blueprint = blueprint_named(vehicle.blueprint)
     length_m, width_m, height_m = blueprint.size_m
     own = {
         "id": name,
@@ -162,7 +163,7 @@ def _add_pedestrian(
     side_m: float,
 ) -> None:
     """Add one pedestrian, ``start_m`` along the sidewalk and ``side_m`` to the left of its center line."""
-    length_m, width_m, height_m = blueprint_of(pedestrian.blueprint).size_m
+    length_m, width_m, height_m = blueprint_named(pedestrian.blueprint).size_m
     own = {
         "id": name,
         "vClass": "pedestrian",

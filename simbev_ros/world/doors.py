@@ -12,9 +12,10 @@ from typing import Protocol
 import numpy as np
 
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array, UInt8Array
-from simbev_ros.world.cast import blueprint_of
+from simbev_ros.units import NS_PER_S
 
 _MIN_STOOD_S = 1.0
 _WILL_STAND_S = 3.0
@@ -25,11 +26,7 @@ _ALL_DOORS_PROBABILITY = 0.5  # probability that all doors open; otherwise one d
 
 
 class StandingTraffic(Protocol):
-    """Traffic interface that the doors need; vehicles are given by their index in ``vehicles``."""
-
-    @property
-    def vehicles(self) -> Sequence[int]:
-        """Indices in the specification."""
+    """Traffic interface that the doors need; vehicles are given by their row among the scene's vehicles."""
 
     def will_stand(self, vehicle: int, for_s: float) -> bool:
         """Whether a vehicle at rest has a reason to stay there for this duration."""
@@ -59,16 +56,29 @@ class _Opening:
 class Doors:
     """The doors of a scene's vehicles over time."""
 
-    def __init__(self, spec: SceneSpec, traffic: StandingTraffic, front_m: Float64Array, delay_ticks: int) -> None:
-        """Start with all doors closed except in hazard areas, and vehicles at rest at the (V, 3) positions ``front_m``.
+    def __init__(
+        self,
+        spec: SceneSpec,
+        indices: Sequence[int],
+        traffic: StandingTraffic,
+        front_m: Float64Array,
+        delay_ticks: int,
+    ) -> None:
+        """Start with all doors closed except in hazard areas, and all vehicles at rest.
 
-        The published tables are ``delay_ticks`` behind the traffic.
+        Args:
+            spec: The scene.
+            indices: Index of each of the V vehicles in the specification.
+            traffic: SUMO's traffic.
+            front_m: (V, 3) fronts of the vehicles.
+            delay_ticks: Number of ticks by which the published tables are behind the traffic.
         """
+        self._indices = indices
         self._traffic = traffic
         self._seed = spec.seed
         self._tick_s = spec.tick_ns / NS_PER_S
-        vehicles = [spec.vehicles[index] for index in traffic.vehicles]
-        self._doors = np.array([blueprint_of(vehicle.blueprint).doors for vehicle in vehicles], np.int64)
+        vehicles = [spec.vehicles[index] for index in indices]
+        self._doors = np.array([blueprint_named(vehicle.blueprint).doors for vehicle in vehicles], np.int64)
         self._probability = np.where(self._doors > 0, [vehicle.door_probability for vehicle in vehicles], 0.0)
         self._delay_ticks = delay_ticks
         self._front_m = front_m
@@ -93,7 +103,7 @@ class Doors:
         return self._published[0]
 
     def _open_doors(self, vehicle: int, step: int) -> None:
-        rng = stream(self._seed, f"vehicles.{self._traffic.vehicles[vehicle]}.doors", step)
+        rng = stream(self._seed, f"vehicles.{self._indices[vehicle]}.doors", step)
         is_drawn = rng.random() < self._probability[vehicle]
         if is_drawn and vehicle not in self._openings and self._traffic.will_stand(vehicle, _WILL_STAND_S):
             doors = int(self._doors[vehicle])

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.driving.careful_drivers import CarefulDrivers
 from simbev_ros.world.kinematics.collisions import Collisions
 from simbev_ros.world.kinematics.followers import PursuingPoints, SteadyPoints, TowedPoints
@@ -38,7 +39,7 @@ class LeadingPoints:
     def __init__(
         self,
         spec: SceneSpec,
-        traffic: Population,
+        population: Population,
         bodies: Bodies,
         excursions: Excursions,
         ground: GroundSurface,
@@ -50,7 +51,7 @@ class LeadingPoints:
 
         Args:
             spec: The scene.
-            traffic: SUMO.
+            population: Vehicles and pedestrians.
             bodies: The bodies that follow the points.
             excursions: Pedestrians off SUMO's network.
             ground: The ground under all actors.
@@ -60,9 +61,9 @@ class LeadingPoints:
         """
         tick_s = spec.tick_ns / NS_PER_S
         vehicles = len(sample.front_m)
-        max_speed_mps = np.array([spec.pedestrians[index].max_speed_mps for index in traffic.pedestrians])
+        max_speed_mps = np.array([spec.pedestrians[index].max_speed_mps for index in population.pedestrians])
         self._tick_s = tick_s
-        self._sumo_vehicles = slice(traffic.sumo_vehicle_count)
+        self._sumo_vehicles = slice(population.sumo_vehicle_count)
         self._excursions, self._ground, self._furniture_avoidance = excursions, ground, FurnitureAvoidance(obstacles)
         self._steady_fronts = SteadyPoints(sample.front_m, _MAX_CHANGE_MPS2 * tick_s**2)
         behind_m = (bodies.boxes.size_m[:vehicles, 0] / 2.0 - bodies.lead_m[:vehicles])[:, None]
@@ -71,7 +72,7 @@ class LeadingPoints:
             bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles]
         )
         self._careful_drivers = CarefulDrivers(
-            bodies, _is_careful(spec, traffic), sample.front_m[self._sumo_vehicles], traffic, tick_s
+            bodies, _is_careful(spec, population), sample.front_m[self._sumo_vehicles], population.sumo, tick_s
         )
         start_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
         self._pursuing_points = PursuingPoints(
@@ -134,9 +135,9 @@ class LeadingPoints:
         return raised_m
 
 
-def _is_careful(spec: SceneSpec, traffic: Population) -> BoolArray:
+def _is_careful(spec: SceneSpec, population: Population) -> BoolArray:
     """(V,) whether each driver is careful; an ego driven from outside is not controlled here."""
     driven_from_outside = {0} if spec.ego_driver == "twist" else set()
     return np.array(
-        [not spec.vehicles[index].reckless and index not in driven_from_outside for index in traffic.vehicles]
+        [not spec.vehicles[index].reckless and index not in driven_from_outside for index in population.vehicles]
     )

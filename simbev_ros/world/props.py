@@ -4,18 +4,17 @@ import numpy as np
 
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.blueprints import blueprint_index
+from simbev_ros.scene.blueprints import blueprint_index, blueprint_named
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Table
-from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.kinematics.ground import GroundSurface
 
 
 def prop_rows(spec: SceneSpec, first_id: int, ground: GroundSurface) -> Table:
     """(K,) ``ACTOR_DTYPE`` rows of the props, upright on the ground; ids ascend from ``first_id``."""
     props = [prop for hazard in spec.hazards for prop in hazard.props]
-    blueprints = [blueprint_of(prop.blueprint) for prop in props]
+    blueprints = [blueprint_named(prop.blueprint) for prop in props]
     rows = np.zeros(len(props), ACTOR_DTYPE)
     position_m = np.array([(prop.x_m, prop.y_m, prop.z_m) for prop in props]).reshape(-1, 3)
     rows["x"], rows["y"] = position_m[:, :2].T

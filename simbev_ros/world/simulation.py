@@ -16,12 +16,13 @@ from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.ending import DURATION
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.types import Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.actors import Actors
-from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.demand import demand_of
 from simbev_ros.world.driving.ego_driver import EgoDriver
 from simbev_ros.world.driving.rain import rain_effect
@@ -32,6 +33,7 @@ from simbev_ros.world.sumo.net_crop import crop_net
 from simbev_ros.world.sumo.routes import Routes
 from simbev_ros.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
 from simbev_ros.world.sumo.tracks import LaneTracks
+from simbev_ros.world.sumo.traffic import SumoTraffic
 
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
@@ -77,9 +79,11 @@ class Simulation:
             files = [Path(folder, name) for name in inputs]
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
             speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
-            self._traffic = Population(spec, files, speeds_mps, LaneTracks(lanes), closed)
+            tracks = LaneTracks(lanes)
+            self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed)
         try:
-            self._actors = Actors(spec, network, self._traffic, obstacles, demand.excursions)
+            self._population = Population(spec, self._sumo)
+            self._actors = Actors(spec, network, self._population, obstacles, demand.excursions)
             self._driver = self._ego_driver(network) if spec.ego_driver == "twist" else None
         except BaseException:
             self.close()
@@ -93,12 +97,12 @@ class Simulation:
     def _ego_driver(self, network: RoadNetwork) -> EgoDriver:
         """Driver of an ego driven from outside; its speed limit is the fastest road's, times its own speed factor."""
         ego = self._spec.vehicles[0]
-        blueprint = blueprint_of(ego.blueprint)
+        blueprint = blueprint_named(ego.blueprint)
         fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * max(ego.speed_factor, 1.0)
         return EgoDriver(
             blueprint,
-            self._traffic.sample().front_m[0],
-            self._traffic.direction(0),
+            self._sumo.sample().front_m[0],
+            self._sumo.direction(0),
             min(blueprint.max_speed_mps, fastest_mps),
             self._spec.tick_ns / NS_PER_S,
             self._actors.ground.heights_m,
@@ -120,15 +124,15 @@ class Simulation:
         if self._steps:
             if self._driver is not None:
                 self._driver.advance_tick()
-                self._traffic.move_vehicle(0, self._driver.front_m, self._driver.yaw_rad)
-            self._traffic.step_sumo()
+                self._sumo.move_vehicle(0, self._driver.front_m, self._driver.yaw_rad)
+            self._sumo.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
         if self._steps % self._ticks_per_second == 0:
             self._extend_routes()
-            self._traffic.shorten_closures()
+            self._sumo.shorten_closures()
             if self._spec.final_weather is not None:
                 self._adapt_to_rain(tick)
-        actors = self._actors.advance_actors(self._traffic.sample(), self._steps)
+        actors = self._actors.advance_actors(self._population.sample(), self._steps)
         state = WorldState(
             stamp_ns=self._spec.stamp_ns(tick),
             tick=tick,
@@ -143,21 +147,21 @@ class Simulation:
 
     def _extend_routes(self) -> None:
         """Extend the routes that end soon, except that of an ego driven from outside."""
-        for row, edge in self._traffic.ending_routes():
+        for row, edge in self._sumo.ending_routes():
             if row == 0 and self._driver is not None:
                 continue
-            extension = self._routes.draw_extension(self._traffic.vehicles[row], edge, self._steps)
-            self._traffic.extend_route(row, extension.edges, extension.last_lane)
+            extension = self._routes.draw_extension(self._sumo.vehicles[row], edge, self._steps)
+            self._sumo.extend_route(row, extension.edges, extension.last_lane)
 
     def _adapt_to_rain(self, tick: int) -> None:
         effect = rain_effect(self._spec.weather_at(tick))
-        for row, index in enumerate(self._traffic.vehicles[: self._traffic.sumo_vehicle_count]):
+        for row, index in enumerate(self._sumo.vehicles):
             vehicle = self._spec.vehicles[index]
-            self._traffic.adapt_driver(row, vehicle.speed_factor * effect.speed, vehicle.headway_s * effect.headway)
+            self._sumo.adapt_driver(row, vehicle.speed_factor * effect.speed, vehicle.headway_s * effect.headway)
 
     def close(self) -> None:
         """Stop SUMO; further calls have no effect."""
-        self._traffic.close()
+        self._sumo.close()
 
     def __enter__(self) -> Self:
         return self

@@ -4,9 +4,10 @@ import numpy as np
 
 from simbev_ros.random import stream
 from simbev_ros.scene.gait import stride_lengths_m
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, Behavior
 from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.cast import Cast
 from simbev_ros.world.kinematics.motion import Kinematics
 from simbev_ros.world.lights import BEACON_HZ, BLINKER_HZ, is_bright, vehicle_lights

@@ -5,9 +5,8 @@ import pytest
 from exact_voxels import touches, winding_numbers
 from synthetic_world import EGO_ID, actor, box, box_model, mesh, sheet, static_scene, world
 
-from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense_tags, occupied_voxels
+from simbev_ros.annotation.occupancy.occupancy import OccupancyAnnotator, dense_tags, occupied_voxels, voxelize
 from simbev_ros.annotation.occupancy.triangle_soup import Soup
-from simbev_ros.annotation.occupancy.voxels import voxelize
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh

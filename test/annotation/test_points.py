@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from synthetic_world import actor, box_model, world
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
-from simbev_ros.annotation.boxes.points import add_point_counts, difficulty, map_points, points_inside
+from simbev_ros.annotation.boxes.points import BoxLookup, add_point_counts, difficulty, map_points
 from simbev_ros.config.sensor import Pose
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES, Tag
 from simbev_ros.sensors.lidar import POINT_DTYPE
@@ -56,7 +56,7 @@ def test_counts_agree_with_brute_force(around_m: tuple[float, float, float], spr
     points_m = np.concatenate([centers_m, near_m, RANDOM.uniform(-2e5, 2e5, (5_000, 3))])
     points_m[::50, RANDOM.integers(0, 3)] = np.nan
     points_m[25::50] = np.inf
-    counts = points_inside(boxes, points_m)
+    counts = BoxLookup(boxes).count(points_m)
     assert counts.dtype == np.int32
     assert counts.sum() > 1_000
     np.testing.assert_array_equal(counts, count_by_brute_force(boxes, points_m))
@@ -68,27 +68,27 @@ def test_faces_edges_and_corners_are_inside_and_points_next_to_them_are_not() ->
     surface = (np.abs(lattice) == 1.0).any(axis=1)
     beyond_m = lattice[surface] * [2.0, 1.0, 0.5] * (1.0 + 1e-8) + [1e5, -1e5, 64.0]
     one = box(x=1e5, y=-1e5, z=64.0)
-    assert points_inside(one, on_m) == [125]
-    assert points_inside(one, beyond_m) == [0]
+    assert BoxLookup(one).count(on_m) == [125]
+    assert BoxLookup(one).count(beyond_m) == [0]
 
 
 def test_a_point_in_two_boxes_counts_for_both() -> None:
     nested = np.concatenate([box(), box(1.0, 1.0, 1.0, yaw=0.3), box(z=3.0)])
-    assert points_inside(nested, np.array([[0.1, 0.1, 0.1], [1.9, 0.0, 0.0]])).tolist() == [2, 1, 0]
+    assert BoxLookup(nested).count(np.array([[0.1, 0.1, 0.1], [1.9, 0.0, 0.0]])).tolist() == [2, 1, 0]
 
 
 def test_a_flat_box_contains_the_points_in_its_plane() -> None:
-    assert points_inside(box(height=0.0), np.array([[1.0, 0.5, 0.0], [1.0, 0.5, 1e-9]])) == [1]
+    assert BoxLookup(box(height=0.0)).count(np.array([[1.0, 0.5, 0.0], [1.0, 0.5, 1e-9]])) == [1]
 
 
 def test_points_that_are_not_finite_are_in_no_box() -> None:
     points_m = np.full((3, 3), 0.0) + np.diag([np.nan, np.inf, -np.inf])
-    assert points_inside(box(roll=0.3), points_m) == [0]
+    assert BoxLookup(box(roll=0.3)).count(points_m) == [0]
 
 
 def test_no_boxes_and_no_points_give_empty_and_zero_counts() -> None:
-    assert points_inside(box(), np.empty((0, 3))).tolist() == [0]
-    assert points_inside(np.zeros(0, BOX_DTYPE), np.ones((5, 3))).shape == (0,)
+    assert BoxLookup(box()).count(np.empty((0, 3))).tolist() == [0]
+    assert BoxLookup(np.zeros(0, BOX_DTYPE)).count(np.ones((5, 3))).shape == (0,)
     assert len(add_point_counts(np.zeros(0, BOX_DTYPE), [np.ones((5, 3))], [])) == 0
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.skeletons import part_poses
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_index, blueprint_named, load_blueprints
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.types import Float64Array, Table
 
@@ -19,7 +19,7 @@ def model(name: str) -> ActorModel:
 
 
 def blueprint(name: str) -> Blueprint:
-    return load_blueprints()[blueprint_index()[name]]
+    return blueprint_named(name)
 
 
 def rows(count: int, **fields: object) -> Table:

@@ -5,7 +5,7 @@ import shapely
 from simbev_ros.assets.architecture.kinds import build, load_kinds
 from simbev_ros.assets.architecture.outlines import building_on_outline
 from simbev_ros.assets.architecture.plot import Plot
-from simbev_ros.assets.architecture.walls import STYLES, draw_wall
+from simbev_ros.assets.architecture.walls import draw_wall
 from simbev_ros.assets.materials import Material, load_materials
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -16,6 +16,8 @@ from simbev_ros.assets.street.poles import mast, street_light, utility_pole
 from simbev_ros.assets.street.signs import speed_sign, stop_sign, street_name_sign, yield_sign
 from simbev_ros.assets.street.yard_things import container, dumpster, hay_bale, pallets, trailer, wheelie_bin, wood_pile
 from simbev_ros.semantics import Tag
+
+STYLES = ("brick", "plaster", "timber", "concrete", "metal", "glass")
 
 FINISH = Finish(Material.PLAIN, Tag.STATIC, (10, 20, 30))
 

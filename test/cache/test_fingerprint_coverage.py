@@ -159,7 +159,10 @@ def test_packages_whose_data_covered_sources_read_are_covered(root: str) -> None
     calls = (node for name in modules for node in ast.walk(ast.parse(source_of(name).read_text())))
     for call in calls:
         match call:
-            case ast.Call(func=ast.Name(id="files") | ast.Attribute(attr="files"), args=[ast.Constant(value=package)]):
+            case ast.Call(
+                func=ast.Name(id="files" | "load_table") | ast.Attribute(attr="files"),
+                args=[ast.Constant(value=package), *_],
+            ):
                 assert package in modules
 
 

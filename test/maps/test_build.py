@@ -12,7 +12,7 @@ from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.maps.build import load_datum, load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.roads.surface import road_surface
+from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import known_maps
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.sumo import netconvert
@@ -104,7 +104,7 @@ def test_opendrive_has_the_same_roads_at_the_same_position_on_earth(blocks: Road
         [[float(start.attrib["x"]), float(start.attrib["y"])] for start in starts if start is not None]
     )
     assert len(points) > 2 * len(blocks.junctions)
-    assert shapely.distance(points, road_surface(blocks.layout)).max() < 0.1
+    assert shapely.distance(points, surfaces_of(blocks.layout).road).max() < 0.1
 
 
 def test_built_files_contain_no_time_stamps_or_paths(blocks: RoadNetwork) -> None:

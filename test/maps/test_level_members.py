@@ -27,10 +27,11 @@ _BESIDE = [0.0, 60.0, 0.0]
 
 
 def test_deck_above_does_not_belong_to_an_ego_on_the_ground(crossing: Layout) -> None:
-    members = LevelGraph(crossing).members(np.array(_UNDER))
+    graph = LevelGraph(crossing)
+    members = graph.members(np.array(_UNDER))
     assert members is not None
     assert members.holds(np.array([_UNDER, _BESIDE, _RAMP, _DECK])).tolist() == [True, True, True, False]
-    assert set(members.strip[~members.belongs]) == {strip.id for strip in crossing.strips if strip.level == 1}
+    assert members.belongs.tolist() == (graph.level[members.piece] == 0).tolist()
 
 
 def test_road_beneath_does_not_belong_to_an_ego_on_the_deck(crossing: Layout) -> None:

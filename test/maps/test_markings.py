@@ -10,7 +10,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, Paint, PaintColor, StopLine, Strip
 from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.roads.markings import Marking, MarkingKind, lane_markings
-from simbev_ros.maps.roads.surface import crosswalk_polygons, road_surface, strip_polygons
+from simbev_ros.maps.roads.surface import crosswalk_polygons, strip_polygons, surfaces_of
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def test_paint_lies_on_the_road_and_never_overlaps_other_paint(
 ) -> None:
     paint = np.array([marking.polygon for marking in markings])
     assert shapely.is_valid(paint).all()
-    assert shapely.area(shapely.difference(paint, road_surface(blocks.layout))).max() < 1e-3
+    assert shapely.area(shapely.difference(paint, surfaces_of(blocks.layout).road)).max() < 1e-3
     assert shapely.union_all(paint).area == pytest.approx(shapely.area(paint).sum(), rel=1e-6)
 
 

@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.level_members import LevelGraph
 
 
 def test_waypoints_lie_on_their_lanes_24_m_apart(blocks: RoadNetwork) -> None:
@@ -81,17 +82,7 @@ def test_height_selects_among_stacked_roads(three_roads: RoadNetwork, road: str)
 
 
 @pytest.mark.parametrize("road", POSITIONS_M)
-def test_roads_of_the_level_are_distinguished_from_those_above_and_below(three_roads: RoadNetwork, road: str) -> None:
-    found = three_roads.roads_by_level(np.array(POSITIONS_M[road]))
-    strips = {strip.id: strip for strip in three_roads.layout.strips}
-    through = {name for name, s in strips.items() if np.linalg.norm(s.center_m[:, :2] - 256.0, axis=1).min() < 8.0}
-    roads = [{name.split(".")[0] for name in through & set(names)} for names in found]
-    order = list(POSITIONS_M)
-    row = order.index(road)
-    assert roads == [{road}, set(order[:row]), set(order[row + 1 :])]
-    assert len(set().union(*found)) == sum(map(len, found)), "each is named once"
-
-
-def test_far_from_structures_all_roads_are_on_the_level(three_roads: RoadNetwork) -> None:
-    found = three_roads.roads_by_level(np.array([256.0, 900.0, 0.0]))
-    assert (found.above, found.below) == ((), ())
+def test_only_the_road_itself_is_on_its_level_where_roads_are_stacked(three_roads: RoadNetwork, road: str) -> None:
+    members = LevelGraph(three_roads.layout).members(np.array(POSITIONS_M[road]))
+    assert members is not None
+    assert members.holds(np.array([*POSITIONS_M.values()])).tolist() == [name == road for name in POSITIONS_M]

@@ -12,7 +12,7 @@ from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.layout import Paint, Strip
 from simbev_ros.maps.roads.levels import assign_levels
-from simbev_ros.maps.roads.surface import drivable_area
+from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.types import BoolArray, Float64Array
 
 carla: ModuleType = pytest.importorskip("carla")
@@ -85,7 +85,8 @@ def test_road_area_matches_carla(town: tuple[Any, MapParts]) -> None:
     low, high = positions_m.min(axis=0) - 5.0, positions_m.max(axis=0) + 5.0
     x_m, y_m = (np.arange(low[axis], high[axis], _CELL_M) for axis in (0, 1))
     theirs = near_waypoints(positions_m, np.array([w.lane_width for w in waypoints]) / 2.0, x_m, y_m)
-    area = drivable_area(assign_levels(parts.layout))
+    layout = assign_levels(parts.layout)
+    area = shapely.union_all([surfaces_of(layout, level).road for level in layout.levels])
     shapely.prepare(area)
     ours = shapely.contains_xy(area, *np.meshgrid(x_m, y_m))
     iou = np.sum(ours & theirs) / np.sum(ours | theirs)

@@ -12,8 +12,6 @@ from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.roads.surface import (
     Surfaces,
     crosswalk_polygons,
-    drivable_area,
-    road_surface,
     strip_polygons,
     surfaces_of,
 )
@@ -141,13 +139,13 @@ def test_levels_have_surfaces_of_their_own_that_meet_at_the_deck_ends() -> None:
     under = straight("under", (0, -100), (0, 100), level_ground)
     over = side_by_side(2, name="over", start_m=(-100, 0), end_m=(100, 0), height=lambda xy_m: np.full(len(xy_m), 6.0))
     layout = assign_levels(layout_of_strips(under, *over))
-    ground, deck = road_surface(layout, 0), road_surface(layout, 1)
+    ground, deck = (surfaces_of(layout, level).road for level in (0, 1))
     assert ground.contains(shapely.Point(0, 0))
     assert deck.contains(shapely.Point(0, 0))
     assert deck.area + ground.area == pytest.approx(200 * 3.5 + 2 * 200 * 3.5, abs=0.1)
     deck_ends = shapely.intersection(deck.boundary, ground.boundary)
     assert deck_ends.length == pytest.approx(2 * 7.0, abs=0.02)
-    assert drivable_area(layout).area == pytest.approx(200 * 3.5 + 2 * 200 * 3.5 - 3.5 * 7.0, abs=0.1)
+    assert shapely.union(ground, deck).area == pytest.approx(200 * 3.5 + 2 * 200 * 3.5 - 3.5 * 7.0, abs=0.1)
 
 
 def test_window_may_end_where_strips_end() -> None:

@@ -11,6 +11,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.spec import SceneSpec, VehicleSpec
 
@@ -42,12 +43,10 @@ def pose_at(network: RoadNetwork, number: int, offset_m: float = 0.0) -> SpawnPo
 
 @pytest.mark.parametrize("number", [0, 40, 77])
 def test_the_ego_stands_with_its_center_at_the_pose(network: RoadNetwork, number: int) -> None:
-    from simbev_ros.world.cast import blueprint_of
-
     spec = drawn(network, pose_at(network, number, offset_m=0.8))
     ego = spec.vehicles[0]
     assert ego.start.lane == network.waypoints(24.0).lane[number]
-    center_found_m = center_m(network, ego, blueprint_of(ego.blueprint).size_m[0])
+    center_found_m = center_m(network, ego, blueprint_named(ego.blueprint).size_m[0])
     assert center_found_m[:2] == pytest.approx(network.waypoints(24.0).position_m[number, :2], abs=0.01)
 
 

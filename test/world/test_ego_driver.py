@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from world_scenes import TICK_S, blocks, scene
 
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.state import EGO_ID
 from simbev_ros.types import Table
-from simbev_ros.world.cast import blueprint_of
 from simbev_ros.world.driving.ego_driver import EgoDriver
 from simbev_ros.world.simulation import Simulation
 
-SEDAN = blueprint_of("vehicle.sedan")
+SEDAN = blueprint_named("vehicle.sedan")
 
 
 def driver() -> EgoDriver:

@@ -9,14 +9,14 @@ from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.streets.off_tracking import TurnObstacles, bent_paths, too_tight
 from simbev_ros.scene.streets.street_graph import Streets
 
 
 def blueprint(name: str) -> Blueprint:
-    return load_blueprints()[blueprint_index()[f"vehicle.{name}"]]
+    return blueprint_named(f"vehicle.{name}")
 
 
 def ring(name: str, radius_m: float, height_m: float = 0.0, kind: LaneKind = LaneKind.DRIVING) -> Lane:

@@ -61,5 +61,5 @@ def test_a_scene_that_ends_with_a_collision_leaves_no_trace_in_the_next_one():
     first = run(spec)
     with Simulation(spec, blocks()) as simulation:
         simulation.step()
-        simulation._traffic.hold_crashed(0, np.array([5.0, 5.0, 0.0]), 0.0)
+        simulation._population.hold_crashed(0, np.array([5.0, 5.0, 0.0]), 0.0)
     assert [state.actors.tobytes() for state in run(spec)] == [state.actors.tobytes() for state in first]

@@ -14,7 +14,7 @@ from simbev_ros.assets.roads.ground import CURB_HEIGHT_M
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.sumo.crossfall import CROSSFALL
-from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import blueprint_index, blueprint_named, load_blueprints
 from simbev_ros.scene.gait import stride_lengths_m
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.population import Population
@@ -76,7 +76,7 @@ def test_no_actor_appears_vanishes_or_jumps():
     spec, actors = busy_run()
     assert np.all(actors["id"] == actors["id"][0])
     assert np.all(np.diff(actors["id"][0].astype(int)) > 0)
-    blueprints = [load_blueprints()[blueprint_index()[vehicle.blueprint]] for vehicle in spec.vehicles]
+    blueprints = [blueprint_named(vehicle.blueprint) for vehicle in spec.vehicles]
     riders = sum(bool(blueprint.rider) for blueprint in blueprints)
     assert len(actors[0]) == len(spec.vehicles) + riders + len(spec.pedestrians)
     distance_m = np.linalg.norm(np.diff(xyz(actors), axis=0), axis=-1)

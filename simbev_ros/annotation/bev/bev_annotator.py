@@ -88,8 +88,7 @@ class BevAnnotator:
     def _tiles_within(self, ego_m: Float64Array, radius_m: float) -> Int64Array:
         """Indices of tiles whose bounds touch the circle around the grid."""
         gap_m = np.maximum(self._bounds_m[:, 0] - ego_m, ego_m - self._bounds_m[:, 1]).clip(0.0)
-        near: Int64Array = np.flatnonzero(np.hypot(gap_m[:, 0], gap_m[:, 1]) <= radius_m)
-        return near
+        return np.flatnonzero(np.hypot(gap_m[:, 0], gap_m[:, 1]) <= radius_m)
 
     def _actors_within(self, state: WorldState, radius_m: float, ego_level: EgoLevel | None) -> Table:
         """Labeled actors that can touch the grid."""
@@ -97,8 +96,7 @@ class BevAnnotator:
         reach_m = radius_m + np.hypot(actors["length"], actors["width"])
         distance_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
         labeled = self._plane_of_blueprint[actors["blueprint"]] != _NO_PLANE
-        near: Table = actors[labeled & (distance_m < reach_m) & on_ego_level(state, ego_level)]
-        return near
+        return actors[labeled & (distance_m < reach_m) & on_ego_level(state, ego_level)]
 
 
 def _labels(corners_cells: Float64Array, planes: UInt8Array, grid: BevGrid) -> UInt16Array:

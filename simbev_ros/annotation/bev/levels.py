@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.annotation.bev.footprint import Footprint, merge_footprints
 from simbev_ros.assets.mesh.primitives import triangulate
+from simbev_ros.geometry.plan_view import indexed_polygon_parts
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.level_members import LevelGraph, LevelMembers
 from simbev_ros.scene.state import WorldState
@@ -139,18 +140,15 @@ def on_ego_level(state: WorldState, level: EgoLevel | None) -> BoolArray:
     carrier = np.where(actors["parent"] > 0, actors["parent"], actors["id"])
     row = np.searchsorted(actors["id"], carrier)
     stands = level.members.holds(np.stack([actors["x"], actors["y"], actors["z"]], axis=1))[row]
-    counts: BoolArray = stands | np.isin(actors["id"], list(state.ego_ids))
-    return counts
+    return stands | np.isin(actors["id"], list(state.ego_ids))
 
 
 def _subtract_area(ground: Footprint, area: BaseGeometry) -> Footprint:
     """A footprint minus an area."""
-    rest, of_triangle = shapely.get_parts(shapely.difference(ground.polygons, area), return_index=True)
-    # a difference may be a collection of mixed geometry types
-    rest, of_part = shapely.get_parts(rest, return_index=True)
-    planes = ground.planes[of_triangle][of_part]
-    kept = (shapely.get_type_id(rest) == shapely.GeometryType.POLYGON) & (shapely.area(rest) > _FLAT_M2)
-    parts = [(*triangulate(polygon), plane) for polygon, plane in zip(rest[kept], planes[kept].tolist(), strict=True)]
+    rest, of_triangle = indexed_polygon_parts(shapely.difference(ground.polygons, area))
+    kept = shapely.area(rest) > _FLAT_M2
+    planes = ground.planes[of_triangle[kept]].tolist()
+    parts = [(*triangulate(polygon), plane) for polygon, plane in zip(rest[kept], planes, strict=True)]
     return merge_footprints(
         [Footprint(points_m, faces, np.full(len(faces), plane, np.uint8)) for points_m, faces, plane in parts]
     )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 
 _FLAT_EDGE_ROWS = 1e-12
@@ -89,8 +90,7 @@ class _Spans:
 def _grid_steps(coordinates: Float32Array | Float64Array, count: int) -> Int32Array:
     """Steps of coordinates along a grid axis: odd at the centers 0..count-1, even between them."""
     clipped = np.clip(coordinates, -0.5, count - 0.5)
-    steps: Int32Array = (np.ceil(clipped) + np.floor(clipped)).astype(np.int32) + np.int32(1)
-    return steps
+    return (np.ceil(clipped) + np.floor(clipped)).astype(np.int32) + np.int32(1)
 
 
 def _integer_range(low: Float64Array, high: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:
@@ -114,15 +114,14 @@ def _edges(row: Float64Array, column: Float64Array) -> _Edges:
 
 def _slope(rise: Float64Array, run: Float64Array) -> Float64Array:
     flat = rise < _FLAT_EDGE_ROWS
-    slope: Float64Array = np.where(flat, 0.0, run) / np.where(flat, 1.0, rise)
-    return slope
+    return np.where(flat, 0.0, run) / np.where(flat, 1.0, rise)
 
 
 def _spans(edges: _Edges, first_row: Int64Array, last_row: Int64Array) -> _Spans:
     """Spans of each triangle and row; at the row of the middle corner, the upper short edge is used."""
     count = last_row - first_row + 1
-    triangle = np.repeat(np.arange(len(count)), count)
-    row = np.arange(len(triangle)) + np.repeat(first_row - np.cumsum(count) + count, count)
+    triangle, offset = ragged_indices(count)
+    row = first_row[triangle] + offset
     row_position = row.astype(np.float64)
     row0, column0, slope = edges.long
     long_column = column0[triangle] + slope[triangle] * (row_position - row0[triangle])
@@ -141,5 +140,4 @@ def _fill_spans(line: Int64Array, first: Int64Array, last: Int64Array, shape: tu
     np.add.at(steps, start + first[nonempty], np.int32(1))
     np.add.at(steps, start + last[nonempty] + 1, np.int32(-1))
     np.cumsum(steps, out=steps)  # every row ends at zero, so one running sum covers all of them
-    filled: BoolArray = steps.reshape(planes, rows, columns + 1)[:, :, :columns] > 0
-    return filled
+    return steps.reshape(planes, rows, columns + 1)[:, :, :columns] > 0

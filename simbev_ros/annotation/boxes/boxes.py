@@ -102,8 +102,7 @@ def class_of_blueprint() -> UInt8Array:
 def box_centers_m(actors: Table) -> Float64Array:
     """(N, 3) box centers of (N,) ``ACTOR_DTYPE`` rows, map frame."""
     pose = map_from_actors(actors)
-    center_m: Float64Array = pose[:, :3, 3] + pose[:, :3, 2] * (actors["height"] / 2.0)[:, None]
-    return center_m
+    return pose[:, :3, 3] + pose[:, :3, 2] * (actors["height"] / 2.0)[:, None]
 
 
 def boxes_around_ego(

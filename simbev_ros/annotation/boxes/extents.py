@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
+from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.types import AnyArray, BoolArray, Float32Array, Float64Array, Table
 
 
@@ -22,7 +23,7 @@ class Extents:
         self._skeletons = Skeletons(models)
         points = [part for model in models for part in _outermost_points(model)]
         self._count = np.array([len(part) for part in points])
-        self._first = np.cumsum(self._count) - self._count
+        self._first = ragged_starts(self._count)
         self._points_m = np.concatenate([np.empty((0, 3), np.float32), *points]).T.copy()
 
     def bounds(self, actors: Table) -> tuple[Float64Array, Float64Array]:
@@ -41,7 +42,7 @@ class Extents:
     def _part_bounds(self, part: AnyArray, poses: Float64Array) -> tuple[Float64Array, Float64Array]:
         """(R, 3) minimum and maximum coordinates of (R,) parts, given their (R, 4, 4) poses."""
         count = self._count[part]
-        start = np.cumsum(count) - count
+        start = ragged_starts(count)
         index = np.arange(int(count.sum())) + np.repeat(self._first[part] - start, count)
         points_m = self._points_m[:, index]
         turns = np.repeat(poses[:, :3, :3].reshape(-1, 9).T.astype(np.float32), count, axis=1).reshape(3, 3, -1)

@@ -5,14 +5,15 @@ Point clouds in the map frame and ``BOX_DTYPE`` rows enter; the rows leave with 
 
 from collections.abc import Sequence
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 
+from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES
 from simbev_ros.sensors.mount import vector
+from simbev_ros.tables import load_table
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, Table
 
 _CELL_M, _MAX_CELLS = 0.75, 256  # cell size of the lookup grid, and the maximum number of cells along its longer side
@@ -46,8 +47,7 @@ def _motion_compensated(points_m: Float64Array, time_s: Float64Array, carrier: T
     offset_m, angle_rad = points_m - position_m, rate_radps * time_s
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     rotated_m = offset_m * cosine + np.cross(axis, offset_m) * sine + axis * (offset_m @ axis)[:, None] * (1.0 - cosine)
-    moved_m: Float64Array = position_m + velocity_mps * time_s + rotated_m  # Rodrigues' formula
-    return moved_m
+    return position_m + velocity_mps * time_s + rotated_m  # Rodrigues' formula
 
 
 def add_point_counts(
@@ -64,7 +64,7 @@ def add_point_counts(
         (B,) ``BOX_DTYPE``, with ``lidar_points``, ``radar_points``, ``valid`` and ``difficulty`` filled. The count of a
         kind of sensor that was not received is -1, and treated as 0.
     """
-    result, lookup = boxes.copy(), _BoxLookup(boxes)
+    result, lookup = boxes.copy(), BoxLookup(boxes)
     for name, clouds_m in ("lidar_points", lidar_m), ("radar_points", radar_m):
         result[name] = -1 if clouds_m is None else sum((lookup.count(points_m) for points_m in clouds_m), np.int32(0))
     points = np.maximum(result["lidar_points"], 0) + np.maximum(result["radar_points"], 0)
@@ -81,8 +81,7 @@ def difficulty(box_class: AnyArray, distance_m: AnyArray, points: AnyArray) -> I
     """
     limits = _limits()[box_class]
     within = (distance_m[:, None] < limits[..., 0]) & (points[:, None] >= limits[..., 1])
-    rank: Int64Array = np.where(~within[:, 0], _HARD, np.where(~within[:, 1], _MEDIUM, _EASY))
-    return rank
+    return np.where(~within[:, 0], _HARD, np.where(~within[:, 1], _MEDIUM, _EASY))
 
 
 _EASY, _MEDIUM, _HARD = (DIFFICULTIES.index(name) for name in ("easy", "medium", "hard"))
@@ -91,21 +90,11 @@ _EASY, _MEDIUM, _HARD = (DIFFICULTIES.index(name) for name in ("easy", "medium",
 @lru_cache(maxsize=1)
 def _limits() -> Float64Array:
     """(classes, 2, 2) distance and number of points, for hard first, then for medium."""
-    table = yaml.safe_load(files("simbev_ros.annotation.boxes").joinpath("difficulty.yaml").read_text())
+    table = load_table("simbev_ros.annotation.boxes", "difficulty.yaml")
     return np.array([[table[name]["hard"], table[name]["medium"]] for name in BOX_CLASSES], np.float64)
 
 
-def points_inside(boxes: Table, points_m: AnyArray) -> Int32Array:
-    """(B,) number of points in each of (B,) ``BOX_DTYPE`` boxes, faces included.
-
-    Args:
-        boxes: Boxes that may be tilted and overlap; a point counts for every box that contains it.
-        points_m: (N, 3) map frame; points that are not finite are in no box.
-    """
-    return _BoxLookup(boxes).count(points_m)
-
-
-class _BoxLookup:
+class BoxLookup:
     """Point lookup in boxes: a plan-view grid that knows which boxes reach into each cell, and their height range.
 
     Attributes:
@@ -124,7 +113,11 @@ class _BoxLookup:
             self._build_grid()
 
     def count(self, points_m: AnyArray) -> Int32Array:
-        """See ``points_inside``."""
+        """(B,) number of points in each box, faces included.
+
+        Args:
+            points_m: (N, 3) map frame; points that are not finite are in no box.
+        """
         count = np.zeros(len(self.half_m), np.int32)
         for start in range(0, len(points_m) if len(count) else 0, _BATCH):
             batch_m = np.asarray(points_m[start : start + _BATCH], np.float64)
@@ -161,20 +154,18 @@ class _BoxLookup:
 
     def _cells(self, points_m: Float64Array) -> Int64Array:
         """(N, 2) column and row of points on the grid; the outermost cells stay empty."""
-        cells: Int64Array = ((points_m[:, :2] - self._origin_m) * self._per_m).astype(np.int64) + 1
-        return cells
+        return ((points_m[:, :2] - self._origin_m) * self._per_m).astype(np.int64) + 1
 
     def _touches(self, box: Int64Array, cell: Int64Array) -> BoolArray:
         """(K,) whether a box in plan view comes near a cell: they do not separate along or across its heading."""
         heading = self.rotation[:, :2, 0]
         level = np.hypot(heading[:, 0], heading[:, 1])
         heading = np.where(level[:, None] > 0.0, heading / np.maximum(level, 1e-12)[:, None], [1.0, 0.0])
-        axes = np.stack([heading, heading[:, ::-1] * [-1.0, 1.0]], axis=1)
+        axes = np.stack([heading, left_of(heading)], axis=1)
         reach_m = np.einsum("bik,bk->bi", np.abs(axes @ self.rotation[:, :2]), self.half_m)
         reach_m += np.abs(axes).sum(axis=2) * 0.5 / self._per_m + _SLACK_M
         offset_m = (cell - 0.5) / self._per_m + self._origin_m - self.center_m[box, :2]
-        touches: BoolArray = (np.abs(np.einsum("kij,kj->ki", axes[box], offset_m)) <= reach_m[box]).all(axis=1)
-        return touches
+        return (np.abs(np.einsum("kij,kj->ki", axes[box], offset_m)) <= reach_m[box]).all(axis=1)
 
     def _fill(self, box: Int64Array, cell: Int64Array, low_m: Float64Array, high_m: Float64Array) -> None:
         """Sort (box, cell) pairs by cell."""
@@ -182,7 +173,7 @@ class _BoxLookup:
         order = np.argsort(index, kind="stable")
         self._box, cells = box[order], int(self._shape.prod())
         self._count = np.bincount(index, minlength=cells)
-        self._first = np.cumsum(self._count) - self._count
+        self._first = ragged_starts(self._count)
         filled = np.flatnonzero(self._count)
         self._low_m, self._high_m = np.full(cells, np.inf), np.full(cells, -np.inf)
         self._low_m[filled] = np.minimum.reduceat(low_m[self._box], self._first[filled])
@@ -191,8 +182,8 @@ class _BoxLookup:
 
 def _ragged_ranges(keys: Int64Array, first: Int64Array, count: Int64Array) -> tuple[Int64Array, Int64Array]:
     """Keys repeated (K,) ``count`` times each, and for each repetition an index counting up from ``first``."""
-    index = np.arange(int(count.sum())) + np.repeat(first - (np.cumsum(count) - count), count)
-    return np.repeat(keys, count), index
+    segment, offset = ragged_indices(count)
+    return keys[segment], first[segment] + offset
 
 
 def _covered_cells(first: Int64Array, last: Int64Array) -> tuple[Int64Array, Int64Array]:

@@ -19,7 +19,8 @@ import numpy as np
 
 from simbev_ros.annotation.occupancy.solids import Solids
 from simbev_ros.annotation.occupancy.triangle_soup import GridShape, Soup
-from simbev_ros.annotation.occupancy.voxels import voxelize
+from simbev_ros.annotation.occupancy.voxel_solids import fill_solids
+from simbev_ros.annotation.occupancy.voxel_surfaces import mark_surfaces
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -118,10 +119,7 @@ class OccupancyAnnotator:
     def _tiles_near(self, corners_m: Float64Array) -> Int64Array:
         """Indices of the tiles whose bounds overlap those of the box, given its (8, 3) corners in the map frame."""
         low_m, high_m = corners_m.min(axis=0), corners_m.max(axis=0)
-        near: Int64Array = np.flatnonzero(
-            ((self._bounds_m[:, 0] <= high_m) & (self._bounds_m[:, 1] >= low_m)).all(axis=1)
-        )
-        return near
+        return np.flatnonzero(((self._bounds_m[:, 0] <= high_m) & (self._bounds_m[:, 1] >= low_m)).all(axis=1))
 
     def _tile_soup(self, index: int, grid_from_map: Float64Array) -> Soup:
         """Triangles of a tile in voxel coordinates."""
@@ -172,8 +170,7 @@ def _actors_near(actors: Table, grid_from_map: Float64Array, grid: VoxelGrid) ->
     center = apply(grid_from_map, np.stack([actors["x"], actors["y"], actors["z"]], axis=1))
     size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1)
     reach = (np.linalg.norm(size_m, axis=1)[:, None] + _ACTOR_MARGIN_M) / grid.voxel_m
-    near: Table = actors[((center > -reach) & (center < np.array(grid.shape) + reach)).all(axis=1)]
-    return near
+    return actors[((center > -reach) & (center < np.array(grid.shape) + reach)).all(axis=1)]
 
 
 def _corner_major(triangles: Int32Array) -> Int64Array:
@@ -187,3 +184,11 @@ def _to_grid(grid_from_map: Float64Array, origin_m: Float64Array, points: Float3
     x, y, z = points.T
     # Written out: a matrix product's last bits may depend on how many points are in the batch.
     return np.stack([a * x + b * y + c * z + d for (a, b, c), d in zip(linear, offset.astype(np.float32), strict=True)])
+
+
+def voxelize(soup: Soup, shape: GridShape) -> UInt8Array:
+    """Highest rank of what is in each voxel, ``shape`` uint8; 0 where it is empty."""
+    ranks = np.zeros(int(np.prod(shape)), np.uint8)
+    fill_solids(ranks, soup, shape)
+    mark_surfaces(ranks, soup, shape)
+    return ranks.reshape(shape)

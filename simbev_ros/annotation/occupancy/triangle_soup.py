@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, BoolArray, Float32Array, Int64Array, UInt8Array
+from simbev_ros.types import BoolArray, Float32Array, Int64Array, UInt8Array
 
 GridShape = tuple[int, int, int]
 """Number of voxels along x, y and z."""
@@ -47,16 +47,3 @@ def normals(corners: Float32Array) -> Float32Array:
     ax, ay, az = corners[:, 1] - corners[:, 0]
     bx, by, bz = corners[:, 2] - corners[:, 0]
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
-
-
-def ragged_indices(counts: AnyArray) -> tuple[Int64Array, Int64Array]:
-    """Segment and offset of each element of a ragged array whose N segments have the given lengths.
-
-    Args:
-        counts: (N,) length of each segment.
-
-    Returns:
-        (sum of counts,) index of the segment, and offset of the element within it, both int64.
-    """
-    segment = np.repeat(np.arange(len(counts)), counts)
-    return segment, np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)

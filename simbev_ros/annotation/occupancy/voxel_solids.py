@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.annotation.occupancy.triangle_soup import MIN_PLANE_AREA, GridShape, Soup, normals, ragged_indices
+from simbev_ros.annotation.occupancy.triangle_soup import MIN_PLANE_AREA, GridShape, Soup, normals
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import Float32Array, Int64Array, UInt8Array
 
 
@@ -96,8 +97,7 @@ class _Lines(NamedTuple):
 
     def y_at(self, line: Int64Array, x: Int64Array) -> Float32Array:
         """(N,) y of the selected lines at x."""
-        y_at: Float32Array = self.y[line] + (x.astype(np.float32) - self.x[line]) * self.slope[line]
-        return y_at
+        return self.y[line] + (x.astype(np.float32) - self.x[line]) * self.slope[line]
 
 
 def _heights(corners: Float32Array, triangle: Int64Array, x: Int64Array, y: Int64Array) -> Float32Array:
@@ -111,5 +111,4 @@ def _heights(corners: Float32Array, triangle: Int64Array, x: Int64Array, y: Int6
     x0, y0, z0 = (each[0][triangle] for each in corners)
     height = z0 + slope_x * (x.astype(np.float32) - x0) + slope_y * (y.astype(np.float32) - y0)
     low, high = corners[2].min(axis=0), corners[2].max(axis=0)
-    within: Float32Array = np.clip(height, low[triangle], high[triangle])
-    return within
+    return np.clip(height, low[triangle], high[triangle])

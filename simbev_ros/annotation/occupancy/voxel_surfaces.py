@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.annotation.occupancy.triangle_soup import MIN_PLANE_AREA, GridShape, Soup, normals, ragged_indices
+from simbev_ros.annotation.occupancy.triangle_soup import MIN_PLANE_AREA, GridShape, Soup, normals
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 
 _PAIRS_PER_BATCH = 200_000
@@ -52,8 +53,7 @@ def _may_need_marks(
     lowest = rank
     for x, y, z in product(*zip(low * strides, high * strides, strict=True)):
         lowest = np.minimum(lowest, ranks[x + y + z])
-    lacks: BoolArray = (lowest < rank) | ((high - low).max(axis=0, initial=0) > 1)
-    return lacks
+    return (lowest < rank) | ((high - low).max(axis=0, initial=0) > 1)
 
 
 def _strides(shape: GridShape) -> Int64Array:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float64Array
@@ -60,8 +61,7 @@ class Patch:
         """(N, 3) points in the patch frame of (N, 3) points in the map frame."""
         cosine, sine = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         map_from_patch = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        points: Float64Array = (points_m - self.origin_m) @ map_from_patch
-        return points
+        return (points_m - self.origin_m) @ map_from_patch
 
 
 class _Pieces(NamedTuple):
@@ -138,8 +138,7 @@ class PatchLines:
         """The parts of pieces that count, to within a meter."""
         ends_m = [self._lines.values(end)[:, :2] for end in pieces]
         count = np.maximum(np.ceil(np.linalg.norm(ends_m[1] - ends_m[0], axis=1) / _STEP_M), 1.0).astype(np.int64)
-        row = np.repeat(np.arange(len(count)), count)
-        index = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        row, index = ragged_indices(count)
         step = ((pieces.end - pieces.begin) / count)[row]
         begin = pieces.begin[row] + index * step
         end = np.where(index == count[row] - 1, pieces.end[row], pieces.begin[row] + (index + 1) * step)
@@ -178,5 +177,4 @@ class PatchLines:
 
 def plain_points(points_m: Float64Array) -> list[list[float]]:
     """Points as plain lists for JSON, rounded to the millimeter."""
-    rounded: list[list[float]] = (np.round(points_m, _DECIMALS) + 0.0).tolist()  # never -0.0
-    return rounded
+    return (np.round(points_m, _DECIMALS) + 0.0).tolist()  # never -0.0

@@ -47,6 +47,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.annotation.bev.levels import EgoLevel
 from simbev_ros.annotation.vector_map.patch import LevelFilter, Patch, PatchLines, plain_points
 from simbev_ros.annotation.vector_map.traffic_guides import TrafficGuides
+from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.lane_links import StripLinks, halting_strips, strip_links
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -195,9 +196,8 @@ class _Crosswalks:
 
 
 def _polygons(area: BaseGeometry) -> list[shapely.Polygon]:
-    """The polygons of an area; make_valid may nest them and leave lines."""
-    parts = shapely.get_parts(shapely.get_parts(area))
-    return [part for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
+    """The polygons of an area that are not empty."""
+    return [part for part in polygon_parts(area) if not part.is_empty]
 
 
 def _lane_facts(strip: Strip, links: StripLinks) -> _Record:

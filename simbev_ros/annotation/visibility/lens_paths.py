@@ -7,9 +7,9 @@ everything is scaled as at the last valid point. So every direction in front of 
 
 import numpy as np
 
-from simbev_ros.annotation.occupancy.triangle_soup import ragged_indices
 from simbev_ros.annotation.visibility.contours import Contours
 from simbev_ros.geometry.camera import LensCamera
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import Float64Array
 
 _MARGIN = 1.1
@@ -46,16 +46,14 @@ def _clamped_to_canvas(ends: Float64Array, reach: float) -> Float64Array:
 
 def _interpolate(start: Float64Array, end: Float64Array, share: Float64Array) -> Float64Array:
     """Points between ``start`` and ``end``; at share 0 and 1 bit-equal to them."""
-    points: Float64Array = start * (1.0 - share) + end * share
-    return points
+    return start * (1.0 - share) + end * share
 
 
 def _through_lens(points: Float64Array, camera: LensCamera) -> Float64Array:
     """(2, N) points on the plane z = 1 after distortion by the lens."""
     scale = np.maximum(np.hypot(*points) / (np.sqrt(camera.max_radius2) * _DOMAIN_SHARE), 1.0)
     pixels = camera.project(np.stack([*(points / scale), np.ones_like(scale)], axis=1)).T
-    distorted: Float64Array = (pixels - [[camera.cx_px], [camera.cy_px]]) / [[camera.fx_px], [camera.fy_px]] * scale
-    return distorted
+    return (pixels - [[camera.cx_px], [camera.cy_px]]) / [[camera.fx_px], [camera.fy_px]] * scale
 
 
 def _canvas_radius(camera: LensCamera) -> float:

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.annotation.occupancy.triangle_soup import ragged_indices
 from simbev_ros.annotation.visibility.contours import Contours
 from simbev_ros.annotation.visibility.lens_paths import bend_contours
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _GRID_PX = 1.0 / 256.0

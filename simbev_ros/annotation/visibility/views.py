@@ -132,8 +132,7 @@ def visibility(ids: AnyArray, views: Iterable[Table]) -> Float32Array:
     visible_px, alone_px = (
         np.bincount(index[len(ids) :], rows[name], len(known))[index[: len(ids)]] for name in ("visible_px", "alone_px")
     )
-    share: Float32Array = np.where(alone_px > 0, visible_px / np.maximum(alone_px, 1), np.nan).astype(np.float32)
-    return share
+    return np.where(alone_px > 0, visible_px / np.maximum(alone_px, 1), np.nan).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +159,7 @@ class _PosedObjects:
         """(K, P, 4, 4) poses of the parts of (K,) objects that share a model."""
         first = self.first_row[rows]
         parts = self.first_row[rows[0] + 1] - first[0]
-        poses: Float64Array = self.world_from_rest[first[:, None] + np.arange(parts)]
-        return poses
+        return self.world_from_rest[first[:, None] + np.arange(parts)]
 
 
 def _table(ids: AnyArray, classes: AnyArray, visible: VisiblePixels, alone: Silhouettes) -> Table:

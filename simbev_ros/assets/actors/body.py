@@ -1,12 +1,10 @@
 """Body proportions that all human figures share, read from body.yaml."""
 
 from functools import lru_cache
-from importlib.resources import files
-
-import yaml
 
 from simbev_ros.assets.actors.solids import Vector
 from simbev_ros.config.base import Model
+from simbev_ros.tables import load_table
 
 Ring = tuple[float, float, float, float]
 """Horizontal ring of a body part: height, x, half depth, half width."""
@@ -42,5 +40,4 @@ class Body(Model):
 @lru_cache(maxsize=1)
 def load_body() -> Body:
     """Load body.yaml."""
-    text = files("simbev_ros.assets.actors").joinpath("body.yaml").read_text()
-    return Body.model_validate(yaml.safe_load(text))
+    return Body.model_validate(load_table("simbev_ros.assets.actors", "body.yaml"))

@@ -80,5 +80,4 @@ def _worst_lines(points_m: Float64Array, kept: BoolArray, error_m: float) -> Int
     off_m = np.linalg.norm(points_m - start - share[..., None] * chord, axis=2).max(axis=1)
     order = np.lexsort((off_m, before))
     worst = order[np.append(np.diff(before[order]) > 0, True)]
-    exceeding: Int64Array = worst[off_m[worst] > error_m]
-    return exceeding
+    return worst[off_m[worst] > error_m]

@@ -1,18 +1,16 @@
 """Looks up the finishes that shapes refer to by name, in finishes.yaml."""
 
 from functools import lru_cache
-from importlib.resources import files
-
-import yaml
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.semantics import Tag
+from simbev_ros.tables import load_table
 
 
 @lru_cache(maxsize=1)
 def _finishes() -> dict[str, tuple[Material, tuple[int, int, int]]]:
-    data = yaml.safe_load(files("simbev_ros.assets.actors").joinpath("finishes.yaml").read_text())
+    data = load_table("simbev_ros.assets.actors", "finishes.yaml")
     return {name: (Material[entry["material"]], tuple(entry["color"])) for name, entry in data.items()}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import part_poses
+from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.scene.state import map_from_actors
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
 
@@ -40,8 +41,7 @@ def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Ar
     meshes = [model.mesh for model in models]
     vertex_counts = np.array([len(mesh.vertices) for mesh in meshes], np.int64)[actors["blueprint"]]
     triangle_counts = np.array([len(mesh.triangles) for mesh in meshes], np.int64)[actors["blueprint"]]
-    first_vertex = np.cumsum(vertex_counts) - vertex_counts
-    first_triangle = np.cumsum(triangle_counts) - triangle_counts
+    first_vertex, first_triangle = ragged_starts(vertex_counts), ragged_starts(triangle_counts)
     vertices = np.empty((int(vertex_counts.sum()), 3), np.float32)
     triangles = np.empty((int(triangle_counts.sum()), 3), np.int32)
     vertex_model = np.empty(len(vertices), np.int32)

@@ -3,11 +3,9 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh, Part
 from simbev_ros.assets.actors.detail import COARSER, EXACT, Detail
@@ -24,9 +22,9 @@ from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.gait import load_gaits, transition_mps, unit_mps
 from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.semantics import Tag
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
 
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _MAX_STRETCH = 0.03
 _PHASES = 48  # steps of a stride at which its extent is evaluated
 _VERTEX_COLUMNS = ("vertices", "normals", "uv", "color", "material", "tag", "part")
@@ -74,8 +72,7 @@ def load_shape(blueprint: str) -> Shape:
 
 def _read(blueprint: str) -> dict[str, Any]:
     """Content of a shape's file, merged with the files that it extends."""
-    text = files("simbev_ros.assets.actors").joinpath("shapes", f"{blueprint}.yaml").read_text()
-    data: dict[str, Any] = yaml.load(text, Loader=_LOADER)
+    data: dict[str, Any] = load_table("simbev_ros.assets.actors", f"shapes/{blueprint}.yaml")
     if "extends" not in data:
         return data
     base = _read(data.pop("extends"))

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel, Part
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import Float64Array, Int64Array, Table
 
 
@@ -34,8 +35,8 @@ class Skeletons:
         """(R,) actor and (R,) part, numbered through all models, of each row, for (N,) ``ACTOR_DTYPE`` actors."""
         blueprint = actors["blueprint"].astype(np.int64)
         first, counts = self._first[blueprint], self._end[blueprint] - self._first[blueprint]
-        actor = np.repeat(np.arange(len(actors)), counts)
-        return actor, np.arange(len(actor)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+        actor, number = ragged_indices(counts)
+        return actor, first[actor] + number
 
     def poses(self, actors: Table) -> Float64Array:
         """(R, 4, 4) transforms that move each part's vertices from the rest pose to the actors' pose, actor frame."""

@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 from pydantic import Field
 
 from simbev_ros.assets.architecture.farms import barn, shed, silo
@@ -17,6 +15,7 @@ from simbev_ros.assets.architecture.walls import Wall, draw_wall
 from simbev_ros.assets.architecture.works import hall, tanks, warehouse
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
+from simbev_ros.tables import load_table
 
 _BUILDERS: Mapping[str, Callable[[Plot, Wall, np.random.Generator], Mesh]] = {
     "town_house": town_house,
@@ -67,5 +66,4 @@ def build(kind: str, plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
 @lru_cache(maxsize=1)
 def load_kinds() -> Mapping[str, Kind]:
     """Load kinds.yaml: all building kinds by name."""
-    text = files("simbev_ros.assets.architecture").joinpath("kinds.yaml").read_text(encoding="utf-8")
-    return {name: Kind(**entry) for name, entry in yaml.safe_load(text).items()}
+    return {name: Kind(**entry) for name, entry in load_table("simbev_ros.assets.architecture", "kinds.yaml").items()}

@@ -68,8 +68,7 @@ def _hipped_over(frame: shapely.Polygon, eaves_m: float, roof: tuple[int, int, i
 def _sides_m(frame: shapely.Polygon) -> Float64Array:
     """(2,) lengths of the first two sides of a counter-clockwise rectangle."""
     corners = np.asarray(shapely.orient_polygons(frame).exterior.coords)[:3, :2]
-    sides_m: Float64Array = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    return sides_m
+    return np.linalg.norm(np.diff(corners, axis=0), axis=1)
 
 
 def _entrance(plan: shapely.Polygon, foundation_m: float, rng: np.random.Generator) -> Mesh:

@@ -19,6 +19,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import box, boxes, extrusion, solid
 from simbev_ros.assets.palette import Color, shade_color
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import Float64Array
 
 OVERHANG_M = 0.45
@@ -129,7 +130,7 @@ def with_tile_uv(roof: Mesh) -> Mesh:
     """Copy of a roof with ``uv`` along its eaves and up its slopes, so that courses of tiles run level."""
     normals = roof.normals.astype(np.float64)
     run = np.hypot(normals[:, 0], normals[:, 1])
-    along = np.column_stack([-normals[:, 1], normals[:, 0]]) / np.maximum(run, 1e-6)[:, None]
+    along = left_of(normals) / np.maximum(run, 1e-6)[:, None]
     slope = np.column_stack(
         [np.einsum("ij,ij->i", along, roof.vertices[:, :2]), roof.vertices[:, 2] / np.maximum(run, 0.05)]
     )
@@ -155,5 +156,5 @@ def _folded_roof(
 def _upright(gable: Mesh) -> Mesh:
     """Copy of a gable with ``uv`` along the wall and up, as walls have it."""
     normals = gable.normals
-    along = np.einsum("ij,ij->i", np.column_stack([-normals[:, 1], normals[:, 0]]), gable.vertices[:, :2])
+    along = np.einsum("ij,ij->i", left_of(normals), gable.vertices[:, :2])
     return replace(gable, uv=np.column_stack([along, gable.vertices[:, 2]]).astype(np.float32))

@@ -15,8 +15,6 @@ _MATERIALS = {
     "metal": Material.METAL_FACADE,
     "glass": Material.OFFICE_GLASS,
 }
-STYLES = tuple(_MATERIALS)
-"""Names of all styles except ``mixed``."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ ROOT_M = -0.4
 _THREE_SIDED = 1.21
 """Factor of the radius by which a triangular cross-section is on average as wide as a circular one."""
 _ENVELOPE_COSINES = 0.85, 0.93
+_INSIDE_ENVELOPE = 0.85  # share of a crown's vertices that lie inside of its coarse stand-in
 _SPRIG_SHAPE = np.array([[-0.42, -0.42], [-0.42, 0.42], [0.6, 0.0]])  # along and across the sprig, over its length
 _SPRIG_AREA = 0.43
 
@@ -153,13 +154,12 @@ def ball(
     return GradedMesh(exact, envelope(exact, center_m, detail=coarse_detail))
 
 
-def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85, detail: int = 1) -> Mesh:
+def envelope(leafage: Mesh, middle_m: Float64Array, detail: int) -> Mesh:
     """Build the coarse stand-in of leaves: a closed, star-shaped surface around them in their mean color.
 
     Args:
         leafage: Mesh of the leaves.
         middle_m: (3,) center of the surface, among the leaves.
-        reach_quantile: Share of the vertices that lie inside of the surface.
         detail: Subdivisions of the surface: 0 gives 20 triangles, 1 gives 80.
     """
     sphere, faces = _icosphere(detail)
@@ -169,7 +169,7 @@ def envelope(leafage: Mesh, middle_m: Float64Array, reach_quantile: float = 0.85
     reach = np.linalg.norm(position, axis=1)
     near = (position / np.maximum(reach, 1e-9)[:, None]) @ sphere.T > _ENVELOPE_COSINES[detail]
     rank = np.sort(np.where(near, reach[:, None], -1.0), axis=0)
-    last = len(rank) - 1 - np.round((1.0 - reach_quantile) * near.sum(axis=0)).astype(int)
+    last = len(rank) - 1 - np.round((1.0 - _INSIDE_ENVELOPE) * near.sum(axis=0)).astype(int)
     vertices = middle_m + sphere * np.maximum(rank[last, np.arange(len(sphere))], 0.3)[:, None] * half_m
     red, green, blue = leafage.color[leafage.triangles[:, 0]].mean(axis=0).round().astype(int).tolist()
     return solid(leaves((red, green, blue)), vertices, faces, crease_deg=180.0, uv=_box_projected(vertices[faces]))
@@ -258,11 +258,10 @@ def clump(
     radii_m: float | Float64Array,
     crown_center_m: Float64Array,
     color: Color,
-    detail: int = 0,
     irregularity: float = 0.22,
 ) -> Mesh:
     """Build an irregular ball of leaves; normals lean away from the crown's center, so that it is shaded as a whole."""
-    sphere, faces = _icosphere(detail)
+    sphere, faces = _icosphere(0)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     turn = turn * np.sign(np.linalg.det(turn))
     shape = sphere @ turn.T * rng.uniform(1.0 - irregularity, 1.0 + irregularity, (len(sphere), 1)) * radii_m

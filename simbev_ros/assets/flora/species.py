@@ -2,17 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simbev_ros.assets.flora import bushes, trees
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
 from simbev_ros.random import stream
+from simbev_ros.tables import load_table
 
 VARIANTS = 4
 """Number of different plants in the stock of a species."""
@@ -78,6 +77,4 @@ def reach_m(species: str) -> float:
 
 @lru_cache(maxsize=1)
 def _tables() -> Mapping[str, Any]:
-    text = files("simbev_ros.assets.flora").joinpath("species.yaml").read_text(encoding="utf-8")
-    tables: Mapping[str, Any] = yaml.safe_load(text)
-    return tables
+    return load_table("simbev_ros.assets.flora", "species.yaml")

@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.placement.region_ground import MARGIN_M, RegionGround
+from simbev_ros.geometry.plan_view import multi_polygon
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
@@ -91,12 +92,6 @@ class Block:
         return f"block.{x_m:.1f}.{y_m:.1f}"
 
 
-def left_of(direction: Float64Array) -> Float64Array:
-    """(…, 2) vectors rotated by 90° to the left."""
-    turned: Float64Array = direction[..., ::-1] * np.array([-1.0, 1.0])
-    return turned
-
-
 def zones_of(ground: RegionGround) -> Zones:
     """Intersect the map's zones with a region; where zones overlap, the last one applies."""
     rest: BaseGeometry = ground.region.area
@@ -104,15 +99,9 @@ def zones_of(ground: RegionGround) -> Zones:
     for zone in reversed(ground.network.features.zones):
         if rest.is_empty or not zone.area.intersects(rest):
             continue
-        found.append((zone.surroundings, _polygons(shapely.intersection(rest, zone.area))))
-        rest = _polygons(shapely.difference(rest, zone.area))
+        found.append((zone.surroundings, multi_polygon(shapely.intersection(rest, zone.area))))
+        rest = multi_polygon(shapely.difference(rest, zone.area))
     return [*found, (ground.network.features.surroundings, rest)]
-
-
-def _polygons(area: BaseGeometry) -> shapely.MultiPolygon:
-    """Polygons of an area, without the lines in which areas meet that share a border."""
-    parts = shapely.get_parts(area)
-    return shapely.MultiPolygon(list(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]))
 
 
 def fast_roads(ground: RegionGround) -> BaseGeometry:

@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from simbev_ros.assets.land.blocks import Block, left_of
+from simbev_ros.assets.land.blocks import Block
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.parking import MODULE_M, parking_lot
@@ -13,6 +13,7 @@ from simbev_ros.assets.land.rows import Site, build_rows, erect, site_at
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.street.furniture import bench, bicycle_rack
 from simbev_ros.config.draw import sample
+from simbev_ros.geometry.plan_view import left_of
 
 _PATH_M, _PLAZA_M, _ON_PLAZA_M = 3.0, 9.0, 1.5
 _M2_PER_PLANT = 85.0

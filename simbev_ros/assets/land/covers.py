@@ -3,16 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.semantics import Tag
+from simbev_ros.tables import load_table
 
 PATH_RISE_M, PAINT_RISE_M = 0.012, 0.02
 """Height of paths and of paint on yards above the cover below."""
@@ -54,6 +53,4 @@ def draw_crop(landscape: str, rng: np.random.Generator) -> Finish:
 
 @lru_cache(maxsize=1)
 def _tables() -> Mapping[str, Any]:
-    text = files("simbev_ros.assets.land").joinpath("covers.yaml").read_text(encoding="utf-8")
-    tables: Mapping[str, Any] = yaml.safe_load(text)
-    return tables
+    return load_table("simbev_ros.assets.land", "covers.yaml")

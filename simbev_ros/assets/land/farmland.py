@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.land.blocks import Block, Frontage, left_of
+from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.covers import PATH_RISE_M, draw_crop
 from simbev_ros.assets.land.fencing import fence_along
 from simbev_ros.assets.land.planting import plant_mixed, random_positions, scatter
@@ -12,6 +12,7 @@ from simbev_ros.assets.land.rows import Site, erect, site_at
 from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.street.furniture import mailbox
 from simbev_ros.assets.street.yard_things import hay_bale, pallets, wood_pile
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
 

@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.land.blocks import Block, Frontage, left_of
+from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.parking import MODULE_M, parking_lot
@@ -14,6 +14,7 @@ from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import container, dumpster, pallets, trailer
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.random import stream
 
 _VERGE_M, _YARD_M = 2.6, 46.0

@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from simbev_ros.assets.land.blocks import Block, left_of
+from simbev_ros.assets.land.blocks import Block
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_along
 from simbev_ros.assets.land.planting import scatter
@@ -14,6 +14,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, extrusion, plate
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.furniture import bench
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.semantics import Tag
 
 _PATH_M, _PLAZA_RADIUS_M, _ON_PLAZA_M = 2.6, 7.0, 1.5

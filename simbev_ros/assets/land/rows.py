@@ -12,10 +12,11 @@ from simbev_ros.assets.architecture.facades import BAY_M
 from simbev_ros.assets.architecture.houses import GARAGE_M
 from simbev_ros.assets.architecture.kinds import Kind, build, load_kinds
 from simbev_ros.assets.architecture.plot import Plot
-from simbev_ros.assets.land.blocks import Block, Frontage, left_of
+from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.config.draw import sample
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 

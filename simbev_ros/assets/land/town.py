@@ -15,6 +15,7 @@ from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import dumpster
+from simbev_ros.geometry.plan_view import left_of
 
 _MAX_HOUSE_HEIGHT_M, _MAX_APARTMENTS_HEIGHT_M = 7.5, 24.0
 _YARD_DEPTH_M = 27.0
@@ -115,7 +116,7 @@ def _court_parking(yard: Yard, block: Block, rng: np.random.Generator) -> None:
     longest = max(block.frontage, key=lambda line: line.length_m)
     _, along = longest.chord(0.0, longest.length_m)
     middle = np.array(court.centroid.coords[0])
-    across = np.array([-along[1], along[0]])
+    across = left_of(along)
     for width_m in (52.0, 40.0, 29.0, 19.0):
         depth_m = MODULE_M + 1.6
         origin_m = middle - along * width_m / 2.0 - across * depth_m / 2.0

@@ -96,8 +96,7 @@ def quad(
     origin: Float64Array, along: Float64Array, x_m: tuple[float, float], y_m: tuple[float, float]
 ) -> shapely.Polygon:
     """Rectangle from ranges of x and y in a frame with a (2,) origin and the (2,) unit direction of its x axis."""
-    rectangle: shapely.Polygon = quads(origin[None], along[None], x_m, y_m)[0]
-    return rectangle
+    return quads(origin[None], along[None], x_m, y_m)[0]
 
 
 def quads(

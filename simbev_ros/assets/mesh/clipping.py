@@ -11,6 +11,8 @@ from typing import Self
 import numpy as np
 import shapely
 
+from simbev_ros.geometry.plan_view import indexed_polygon_parts, left_of
+from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _ON_LINE_TOLERANCE_M = 1e-9
@@ -57,8 +59,7 @@ class Rings:
     @cached_property
     def first(self) -> Int64Array:
         """(P,) index of each polygon's first vertex."""
-        first: Int64Array = np.cumsum(self.count) - self.count
-        return first
+        return ragged_starts(self.count)
 
     @cached_property
     def following(self) -> Int64Array:
@@ -72,8 +73,7 @@ class Rings:
         """(P,) areas in m²."""
         from_first_m = self.xy_m - self.xy_m[self.first[self.owner]]
         twice_m2 = cross(from_first_m, from_first_m[self.following])
-        area_m2: Float64Array = np.bincount(self.owner, twice_m2, len(self.count)) / 2.0
-        return area_m2
+        return np.bincount(self.owner, twice_m2, len(self.count)) / 2.0
 
     @property
     def polygons(self) -> AnyArray:
@@ -156,8 +156,7 @@ def _shorter_chord(polygons: AnyArray, hole_m: Float64Array) -> Float64Array:
 
 def cross(a: Float64Array, b: Float64Array) -> Float64Array:
     """(N,) cross products of (N, 2) vectors: twice the area of their triangle, positive for a turn to the left."""
-    product: Float64Array = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return product
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _split_once(rings: Rings, offset_m: Float64Array) -> tuple[Rings, Rings]:
@@ -189,12 +188,9 @@ def _parts_beyond(polygons: AnyArray, line: Float64Array) -> tuple[AnyArray, Int
     line = line / np.linalg.norm(line[:, :2], axis=1, keepdims=True)
     near_m, reach_m = shapely.bounds(polygons)[:, :2], 2.0 * shapely.length(polygons)[:, None]
     foot_m = near_m - (np.sum(line[:, :2] * near_m, axis=1) - line[:, 2])[:, None] * line[:, :2]
-    across_m, along_m = reach_m * line[:, :2], reach_m * line[:, 1::-1] * np.array([-1.0, 1.0])
+    across_m, along_m = reach_m * line[:, :2], reach_m * left_of(line)
     corners_m = [foot_m - along_m, foot_m + along_m, foot_m + along_m + across_m, foot_m - along_m + across_m]
-    beyond = shapely.intersection(polygons, shapely.polygons(np.stack(corners_m, axis=1)))
-    parts, of_polygon = shapely.get_parts(beyond, return_index=True)
-    flat = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    return parts[flat], of_polygon[flat]
+    return indexed_polygon_parts(shapely.intersection(polygons, shapely.polygons(np.stack(corners_m, axis=1))))
 
 
 def _any_vertex(of_vertex: BoolArray, rings: Rings) -> BoolArray:

@@ -137,8 +137,7 @@ def _triangulate(pieces: Rings) -> Int64Array:
     a, b, c = (pieces.xy_m[found[:, k]] for k in range(3))
     area_m2 = cross(b - a, c - a)
     found[area_m2 < 0.0] = found[area_m2 < 0.0][:, ::-1]
-    non_degenerate: Int64Array = found[np.abs(area_m2) > _MIN_TRIANGLE_M2]
-    return non_degenerate
+    return found[np.abs(area_m2) > _MIN_TRIANGLE_M2]
 
 
 def _are_convex(pieces: Rings) -> BoolArray:
@@ -146,13 +145,11 @@ def _are_convex(pieces: Rings) -> BoolArray:
     step_m = pieces.xy_m[pieces.following] - pieces.xy_m
     turns_right = cross(step_m, step_m[pieces.following]) < -1e-9
     right_turns = np.bincount(pieces.owner[turns_right], minlength=len(pieces.count))
-    convex: BoolArray = right_turns == 0
-    return convex
+    return right_turns == 0
 
 
 def _vertex_keys(xy_m: Float64Array, tile: Int64Array) -> Int64Array:
     """(N,) keys, ascending by (N, 2) tile, equal for points of a tile with equal positions to 0.1 mm."""
     column, row = (tile - tile.min(axis=0)).T
     x, y = np.round((xy_m - (tile - 0.5) * TILE_M) * 1e4).astype(np.int64).T
-    key: Int64Array = ((column * (1 + row.max()) + row << _KEY_BITS) + x << _KEY_BITS) + y
-    return key
+    return ((column * (1 + row.max()) + row << _KEY_BITS) + x << _KEY_BITS) + y

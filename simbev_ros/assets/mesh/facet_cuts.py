@@ -8,6 +8,8 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.clipping import Rings, split_along_lines, without_holes
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
+from simbev_ros.geometry.plan_view import indexed_polygon_parts
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import AnyArray, Float64Array, Int64Array
 
 _MIN_PIECE_M2 = 1e-6
@@ -43,8 +45,8 @@ def _cut_along(parts: AnyArray, axis: int) -> tuple[AnyArray, Int64Array, Int64A
     bounds_m = shapely.bounds(parts).reshape(-1, 4)
     low = np.floor(bounds_m[:, axis] / TILE_M).astype(np.int64)
     count = np.maximum(np.ceil(bounds_m[:, axis + 2] / TILE_M).astype(np.int64) - low, 1)
-    part_index = np.repeat(np.arange(len(parts)), count)
-    number = low[part_index] + np.arange(len(part_index)) - np.repeat(np.cumsum(count) - count, count)
+    part_index, offset = ragged_indices(count)
+    number = low[part_index] + offset
     between_m = bounds_m[part_index]
     between_m[:, axis], between_m[:, axis + 2] = number * TILE_M, (number + 1) * TILE_M
     pieces, crossing = parts[part_index], count[part_index] > 1
@@ -56,10 +58,9 @@ def _cut_along(parts: AnyArray, axis: int) -> tuple[AnyArray, Int64Array, Int64A
 def _polygons(areas: AnyArray) -> tuple[AnyArray, Int64Array]:
     """The polygons of areas, without points and lines, and the index of each one's area."""
     plain = shapely.get_type_id(areas) == shapely.GeometryType.POLYGON
-    parts, origin = shapely.get_parts(areas[~plain], return_index=True)
-    kept = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    numbers = np.flatnonzero(plain), np.flatnonzero(~plain)[origin[kept]]
-    return np.concatenate([areas[plain], parts[kept]]), np.concatenate(numbers)
+    parts, origin = indexed_polygon_parts(areas[~plain])
+    numbers = np.flatnonzero(plain), np.flatnonzero(~plain)[origin]
+    return np.concatenate([areas[plain], parts]), np.concatenate(numbers)
 
 
 def _cut_to_leaves(pieces: Rings, tile: Int64Array, facets: Facets) -> tuple[Rings, Int64Array]:

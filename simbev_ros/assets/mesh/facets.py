@@ -75,15 +75,13 @@ class Facets:
 
     def heights_and_slopes(self, facet: Int64Array, xy_m: Float64Array) -> Float64Array:
         """(N, 3) height and slopes (east, north) at (N, 2) points of the map frame on (N,) facets."""
-        values: Float64Array = np.einsum("nij,nj->ni", self.planes[facet], np.column_stack([xy_m, np.ones(len(xy_m))]))
-        return values
+        return np.einsum("nij,nj->ni", self.planes[facet], np.column_stack([xy_m, np.ones(len(xy_m))]))
 
 
 def _planes(xy_m: Float64Array, values: Float64Array) -> Float64Array:
     """(T, K, 3) weights of x, y, 1 that give (T, 3, K) values at the (T, 3, 2) corners of triangles."""
     matrix = np.concatenate([xy_m, np.ones((*xy_m.shape[:2], 1))], axis=2)
-    weights: Float64Array = np.swapaxes(np.linalg.solve(matrix, values), 1, 2)
-    return weights
+    return np.swapaxes(np.linalg.solve(matrix, values), 1, 2)
 
 
 def _leaves(
@@ -126,8 +124,7 @@ def _leaf_triangles(
     """
 
     def node(east: int, north: int) -> Int64Array:
-        index: Int64Array = np.ravel_multi_index((i + east, j + north), shape)
-        return index
+        return np.ravel_multi_index((i + east, j + north), shape)
 
     half = size // 2
     corners = np.stack([node(0, 0), node(size, 0), node(size, size), node(0, size)], axis=1)
@@ -160,8 +157,7 @@ def _misfit_in_tolerances(node_m: Float64Array, tolerance_m: Float64Array, size:
     rows = np.concatenate([_interpolate_rows(corners, share), corners[-1:]])
     bent = np.abs(node_m - np.concatenate([_interpolate_rows(rows.T, share), rows.T[-1:]]).T)
     twist = np.abs(corners[1:, 1:] + corners[:-1, :-1] - corners[1:, :-1] - corners[:-1, 1:]) / 4.0
-    misfit: Float64Array = _block_maximum(bent / tolerance_m, size) + twist * _block_maximum(1.0 / tolerance_m, size)
-    return misfit
+    return _block_maximum(bent / tolerance_m, size) + twist * _block_maximum(1.0 / tolerance_m, size)
 
 
 def _block_maximum(values: Float64Array, size: int) -> Float64Array:

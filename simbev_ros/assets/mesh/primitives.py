@@ -9,6 +9,7 @@ import shapely
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array, Int32Array, Int64Array
 
@@ -313,8 +314,7 @@ def _has_area(corners: Float64Array) -> BoolArray:
     """(T,) whether (T, 3, 3) triangles keep an area in float32."""
     area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     longest = _length(corners - corners[:, [2, 0, 1]]).max(axis=1)
-    kept: BoolArray = _length(area_normals) > _MIN_HEIGHT_M * longest
-    return kept
+    return _length(area_normals) > _MIN_HEIGHT_M * longest
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
@@ -327,8 +327,7 @@ def _cross(a: Float64Array, b: Float64Array) -> Float64Array:
 
 def _length(vectors: Float64Array) -> Float64Array:
     """Norm along the last axis."""
-    length: Float64Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
-    return length
+    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
 
 
 def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cosine: float) -> Float64Array:
@@ -344,11 +343,8 @@ def _corner_normals(corner_vertex: Int32Array, corners: Float64Array, crease_cos
     weighted = np.repeat(unit, 3, axis=0) * angle
     order = np.argsort(corner_vertex, kind="stable")
     counts = np.bincount(corner_vertex)
-    starts = np.cumsum(counts) - counts
-    repeats = counts[corner_vertex]
-    corner = np.repeat(np.arange(len(corner_vertex)), repeats)
-    within = np.arange(len(corner)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
-    other = order[starts[corner_vertex[corner]] + within]
+    corner, within = ragged_indices(counts[corner_vertex])
+    other = order[ragged_starts(counts)[corner_vertex[corner]] + within]
     alike = np.einsum("ij,ij->i", unit[corner // 3], unit[other // 3]) >= crease_cosine - 1e-9
     smooth = alike | (corner // 3 == other // 3)
     normals = np.stack(

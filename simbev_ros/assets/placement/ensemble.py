@@ -24,7 +24,7 @@ class Base(Enum):
 
 @dataclass(slots=True)
 class _Copies:
-    """Copies of one mesh on one base; rows are x, y, yaw, scale, red, green, blue, rise above the base."""
+    """Copies of one mesh on one base; rows are x, y, yaw, scale, red, green, blue."""
 
     mesh: Mesh | GradedMesh
     base: Base
@@ -46,7 +46,6 @@ class Ensemble:
         base: Base = Base.LAND,
         scale: float | Float64Array = 1.0,
         tint: Float64Array | None = None,
-        rise_m: float | Float64Array = 0.0,
     ) -> None:
         """Add an object, or (N,) copies of it.
 
@@ -57,11 +56,10 @@ class Ensemble:
             base: Surface that it stands on.
             scale: Factor of its size.
             tint: (3,) or (N, 3) factors of its colors.
-            rise_m: Height above the base.
         """
         xy_m = np.asarray(xy_m, np.float64).reshape(-1, 2)
-        rows = np.empty((len(xy_m), 8))
-        rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 7] = xy_m, yaw_rad, scale, rise_m
+        rows = np.empty((len(xy_m), 7))
+        rows[:, :2], rows[:, 2], rows[:, 3] = xy_m, yaw_rad, scale
         rows[:, 4:7] = 1.0 if tint is None else tint
         if len(rows):
             self._copies.setdefault((id(mesh), base), _Copies(mesh, base)).rows.append(rows)
@@ -75,7 +73,7 @@ class Ensemble:
         ends = np.cumsum([len(part) for part in parts])
         rows = np.concatenate(parts)
         base = np.repeat([list(Base).index(entry.base) for entry in entries], [len(part) for part in parts])
-        z_m = rows[:, 7].copy()
+        z_m = np.zeros(len(rows))
         for number, height_m in ((0, ground.land_m), (1, ground.sidewalk_m)):
             chosen = base == number
             z_m[chosen] += height_m(rows[chosen, :2])

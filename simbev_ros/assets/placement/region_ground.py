@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
+from simbev_ros.geometry.plan_view import multi_polygon
 from simbev_ros.maps.land.membrane import Raster, node_positions_m
 from simbev_ros.maps.land.terrain import NODE_M, Terrain
 from simbev_ros.maps.land_features import Water
@@ -85,11 +86,11 @@ class RegionGround:
     def land(self) -> BaseGeometry:
         """Land of the region in plan: everything but streets on the ground and water."""
         taken = [self.streets[0].area, *(water.area for water in self.water)]
-        return _polygons(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
+        return multi_polygon(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
 
     def within(self, area: BaseGeometry) -> shapely.MultiPolygon:
         """Part of an area that lies in the region."""
-        return _polygons(shapely.intersection(area, self.region.area))
+        return multi_polygon(shapely.intersection(area, self.region.area))
 
     @property
     def land_facets(self) -> Facets:
@@ -119,8 +120,7 @@ class RegionGround:
 
     def owns(self, xy_m: Float64Array) -> BoolArray:
         """(N,) whether (N, 2) points belong to this region; every point belongs to exactly one."""
-        is_owned: BoolArray = (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
-        return is_owned
+        return (np.floor(np.asarray(xy_m) / REGION_M) == self.region).all(axis=-1)
 
     def land_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of lawns and yards at (N, 2) points of the map frame, in or near the region."""
@@ -134,9 +134,9 @@ class RegionGround:
         origin_m = self._land.origin_m + np.array([i, j]) * spacing_m
         return Raster(origin_m, spacing_m, self._land.values[i:east, j:north] + LAND_HEIGHT_M)
 
-    def sidewalk_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
+    def sidewalk_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of sidewalks at (N, 2) points of the map frame."""
-        return self.road_m(xy_m, level) + CURB_HEIGHT_M
+        return self.road_m(xy_m) + CURB_HEIGHT_M
 
     def road_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
         """(N,) height of the carriageway's surface of a level at (N, 2) points of the map frame."""
@@ -155,9 +155,3 @@ def _deck_facets(terrain: Terrain, like: Raster, level: int) -> Facets:
     xy_m = node_positions_m(like.origin_m, NODE_M, like.values.shape)
     height_m = terrain.elevation.height_m(xy_m.reshape(-1, 2), level).reshape(like.values.shape)
     return Facets.from_raster(Raster(like.origin_m, NODE_M, height_m), np.full(like.values.shape, _STREET_TOLERANCE_M))
-
-
-def _polygons(area: BaseGeometry) -> shapely.MultiPolygon:
-    """Polygons of an area, without the points and lines in which areas touch that do not overlap."""
-    parts = shapely.get_parts(area)
-    return shapely.MultiPolygon(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON].tolist())

@@ -88,8 +88,7 @@ def _beside_drops(ground: RegionGround, position_m: Float64Array) -> BoolArray:
     right = np.column_stack([along[:, 1], -along[:, 0]]) / np.maximum(
         np.linalg.norm(along, axis=1, keepdims=True), 1e-9
     )
-    drop: BoolArray = ground.land_m(position_m) - ground.land_m(position_m + _DROP_WITHIN_M * right) > _DROP_M
-    return drop
+    return ground.land_m(position_m) - ground.land_m(position_m + _DROP_WITHIN_M * right) > _DROP_M
 
 
 def _rail(ground: RegionGround, line: shapely.LineString) -> Mesh:

@@ -11,6 +11,7 @@ from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
@@ -70,7 +71,7 @@ def _random_positions(
     ahead_m = shapely.get_coordinates(shapely.line_interpolate_point(lines, s_m - 0.1)).reshape(-1, 2)
     direction = position_m - ahead_m
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
-    return position_m + rng.uniform(-0.9, 0.9, (len(s_m), 1)) * direction[:, ::-1] * [-1.0, 1.0], direction
+    return position_m + rng.uniform(-0.9, 0.9, (len(s_m), 1)) * left_of(direction), direction
 
 
 def _rectangles(
@@ -78,7 +79,7 @@ def _rectangles(
 ) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
     """Patches of random size along the lanes."""
     along = direction * rng.uniform(*_PATCH_LENGTH_M, (len(position_m), 1)) / 2.0
-    across = direction[:, ::-1] * [-1.0, 1.0] * rng.uniform(*_PATCH_WIDTH_M, (len(position_m), 1)) / 2.0
+    across = left_of(direction) * rng.uniform(*_PATCH_WIDTH_M, (len(position_m), 1)) / 2.0
     corners_m = [
         position_m - along - across,
         position_m + along - across,

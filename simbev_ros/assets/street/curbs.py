@@ -7,8 +7,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.land.blocks import Zones, left_of
+from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
 

@@ -63,8 +63,7 @@ def obstacle_corners_m(mesh: Mesh, above_m: float = 0.0) -> Float64Array:
     """(N, 3) corners of triangles that pedestrians run into, mesh frame, of an upright mesh ``above_m`` the ground."""
     corner_m = mesh.vertices[mesh.triangles].astype(np.float64)
     low_m, high_m = corner_m[..., 2].min(axis=1), corner_m[..., 2].max(axis=1)
-    hit_corners_m: Float64Array = corner_m[(low_m < _KNEE_M - above_m) & (high_m > _ANKLE_M - above_m)].reshape(-1, 3)
-    return hit_corners_m
+    return corner_m[(low_m < _KNEE_M - above_m) & (high_m > _ANKLE_M - above_m)].reshape(-1, 3)
 
 
 def _discs(mesh: Mesh) -> Float64Array:

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.flora.species import draw_species, reach_m
-from simbev_ros.assets.land.blocks import Block, Zones, left_of
+from simbev_ros.assets.land.blocks import Block, Zones
 from simbev_ros.assets.land.planting import has_room, plant
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.materials import Material
@@ -21,6 +21,7 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import cables, utility_pole
 from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.random import stream
 from simbev_ros.semantics import Tag

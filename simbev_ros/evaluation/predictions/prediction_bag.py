@@ -32,9 +32,10 @@ from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.mcap.mcap_index import read_mcap_index
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec, scene_number_of
+from simbev_ros.scene.spec import SceneSpec, scene_number_of
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import Float32Array, Int64Array
+from simbev_ros.units import NS_PER_S
 
 _SCENE_TOPIC = "/world/scene"
 _CDR_HEAD_BYTES = 4

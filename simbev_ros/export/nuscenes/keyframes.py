@@ -5,8 +5,8 @@ import numpy as np
 from simbev_ros.dataset import Scene
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.channels import Channel, channels_of
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Int64Array
+from simbev_ros.units import NS_PER_S
 
 _REQUIRED_KEYS = ("boxes", "odom", "world/actors")
 _TOLERANCE_HZ = 1e-6

@@ -24,9 +24,9 @@ from simbev_ros.export.nuscenes.sensor_files import encode_file
 from simbev_ros.export.nuscenes.taxonomy import Record, token
 from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
 from simbev_ros.recording.layout import bytes_of, mcap_files
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Int64Array
+from simbev_ros.units import NS_PER_S
 
 _RAIN_PERCENT = 10.0
 

@@ -37,8 +37,7 @@ class Raster:
         u, v = node[:, 0] - i, node[:, 1] - j
         east, north = np.minimum(i + 1, last[0]), np.minimum(j + 1, last[1])
         a, b, c, d = (self.values[k] for k in ((i, j), (east, j), (east, north), (i, north)))
-        height: Float64Array = a + np.where(u >= v, u * (b - a) + v * (c - b), v * (d - a) + u * (c - d))
-        return height
+        return a + np.where(u >= v, u * (b - a) + v * (c - b), v * (d - a) + u * (c - d))
 
     def smooth(self, xy_m: Float64Array) -> Float64Array:
         """(N,) values at (N, 2) positions of the cubic B-spline that has the raster's values as its coefficients.
@@ -47,10 +46,7 @@ class Raster:
         """
         from scipy.ndimage import map_coordinates  # takes long to load; most processes read ready-made land
 
-        value: Float64Array = map_coordinates(
-            self.values, self._node_coordinates(xy_m).T, order=3, mode="nearest", prefilter=False
-        )
-        return value
+        return map_coordinates(self.values, self._node_coordinates(xy_m).T, order=3, mode="nearest", prefilter=False)
 
     def refine(self, low_m: Float64Array, spacing_m: float, shape: Sequence[int]) -> Float64Array:
         """Evaluate ``smooth`` at ``shape`` nodes of a finer lattice, whose first node is at (2,) ``low_m``.
@@ -125,5 +121,4 @@ def _spline(share: Float64Array) -> tuple[Float64Array, ...]:
 def _block_sums(values: Float64Array) -> Float64Array:
     """Sums of 2 × 2 blocks."""
     rows = values[0::2] + values[1::2]
-    sums: Float64Array = rows[:, 0::2] + rows[:, 1::2]
-    return sums
+    return rows[:, 0::2] + rows[:, 1::2]

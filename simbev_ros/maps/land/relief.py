@@ -42,8 +42,7 @@ class Relief:
 
     def height_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) heights at (N, 2) points of the map frame."""
-        height_m: Float64Array = np.sin(np.asarray(xy_m) @ self.wave_number + self.phase_rad) @ self.amplitude_m
-        return height_m
+        return np.sin(np.asarray(xy_m) @ self.wave_number + self.phase_rad) @ self.amplitude_m
 
     def grid_m(self, x_m: Float64Array, y_m: Float64Array) -> Float64Array:
         """(X, Y) heights at all pairs of (X,) and (Y,) coordinates, by sin(a + b) = sin a cos b + cos a sin b."""

@@ -58,9 +58,9 @@ class Patch:
 class Terrain:
     """Terrain of one map, without the objects on it and the structures above it."""
 
-    def __init__(self, network: RoadNetwork, elevation: Elevation | None = None) -> None:
-        """Prepare the terrain; takes seconds on the largest maps. Pass ``elevation`` to avoid recomputing it."""
-        self.elevation = Elevation(network.layout) if elevation is None else elevation
+    def __init__(self, network: RoadNetwork) -> None:
+        """Prepare the terrain; takes seconds on the largest maps."""
+        self.elevation = Elevation(network.layout)
         self._features = network.features
         self._relief = Relief.of(self._features.relief, network.seed)
         strips = network.layout.strips_of(*LaneKind, level=0)

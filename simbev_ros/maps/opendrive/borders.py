@@ -32,8 +32,7 @@ def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> tu
 def point_m(road: Road, s_m: float, t_m: float) -> Float64Array:
     """(3,) map frame position of the point ``t_m`` to the left of the reference line, on the road's banked surface."""
     s = np.array([s_m])
-    point: Float64Array = _in_space(road, s, s, np.array([[t_m]]), np.array([False]))[0, 0]
-    return point
+    return _in_space(road, s, s, np.array([[t_m]]), np.array([False]))[0, 0]
 
 
 def lane_edges_m(section: Section, s_m: Float64Array) -> Float64Array:

@@ -5,6 +5,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.opendrive.borders import point_m
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
 from simbev_ros.maps.opendrive.reading.document import Document, Road
@@ -52,8 +53,7 @@ def stop_lines_of(document: Document, notes: Notes) -> tuple[StopLine, ...]:
 def left_of_traffic(road: Road, s_m: float, t_m: float) -> Float64Array:
     """(2,) unit vector to the left of the driving direction at a position (s, t) on a road."""
     normal = road.plan(np.array([s_m]))[1][0]
-    left: Float64Array = normal if drives_forward_at(road, s_m, t_m) else -normal
-    return left
+    return normal if drives_forward_at(road, s_m, t_m) else -normal
 
 
 def _iter_objects(document: Document) -> Iterator[tuple[Road, Element]]:
@@ -90,8 +90,7 @@ def _from_local(road: Road, element: Element, local_m: Float64Array) -> Float64A
     yaw_rad = road.plan(np.array([number(element, "s")]))[2][0] + number(element, "hdg", 0.0)
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     map_from_local = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    points_m: Float64Array = _position_m(road, element, "zOffset") + local_m @ map_from_local.T
-    return points_m
+    return _position_m(road, element, "zOffset") + local_m @ map_from_local.T
 
 
 def _position_m(road: Road, element: Element, height: str) -> Float64Array:
@@ -106,7 +105,7 @@ def _walking_axis(outline_m: Float64Array, across: Float64Array) -> Float64Array
     edges_m = np.roll(outline_m, -1, axis=0)[:, :2] - outline_m[:, :2]
     axis: Float64Array = edges_m[np.argmax(np.linalg.norm(edges_m, axis=1))]
     axis = axis / np.linalg.norm(axis)
-    normal = np.array([-axis[1], axis[0]])
+    normal = left_of(axis)
     length_m, width_m = (np.ptp(outline_m[:, :2] @ direction) for direction in (axis, normal))
     if length_m < _MIN_ASPECT * width_m and abs(normal @ across) > abs(axis @ across):
         axis = normal
@@ -117,7 +116,4 @@ def _bar_ends_m(corners_m: Float64Array, left: Float64Array) -> Float64Array:
     """(2, 3) midpoints of the ends of a bar, from right to left."""
     reach_m = corners_m[:, :2] @ left
     middle_m = (reach_m.min() + reach_m.max()) / 2.0
-    ends_m: Float64Array = np.stack(
-        [corners_m[reach_m < middle_m].mean(axis=0), corners_m[reach_m >= middle_m].mean(axis=0)]
-    )
-    return ends_m
+    return np.stack([corners_m[reach_m < middle_m].mean(axis=0), corners_m[reach_m >= middle_m].mean(axis=0)])

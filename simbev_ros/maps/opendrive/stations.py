@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.opendrive.borders import borders_m
 from simbev_ros.maps.opendrive.reading.document import Road, Section
 from simbev_ros.types import Float64Array, Int64Array
@@ -54,8 +55,7 @@ def _breaks_m(road: Road) -> Float64Array:
         [road.plan.starts_m, *(cubic.starts_m for cubic in cubics), *section_starts_m, cuts, shape_m]
     )
     breaks_m = np.unique(all_m)
-    kept: Float64Array = breaks_m[np.concatenate([[True], np.diff(breaks_m) > 1e-3])]
-    return kept
+    return breaks_m[np.concatenate([[True], np.diff(breaks_m) > 1e-3])]
 
 
 def _refine_m(road: Road, active: list[tuple[Section, bool]], nodes_m: Float64Array) -> Float64Array:
@@ -85,14 +85,12 @@ def _deviation_m(ends: Float64Array, probes: Float64Array) -> Float64Array:
     lengths_m = np.maximum(np.linalg.norm(chords[..., :2], axis=2), 1e-9)[..., None]
     plan_m = np.abs(chords[..., None, 0] * arms[..., 1] - chords[..., None, 1] * arms[..., 0]) / lengths_m
     height_m = np.abs(arms[..., 2] - chords[..., None, 2] * _PROBE_FRACTIONS)
-    deviation_m: Float64Array = np.maximum(plan_m, height_m).max(axis=(0, 2))
-    return deviation_m
+    return np.maximum(plan_m, height_m).max(axis=(0, 2))
 
 
 def _subdivide(nodes_m: Float64Array, parts: Int64Array) -> Float64Array:
     """Divide each interval between nodes into its number of equal parts."""
     parts = np.maximum(parts, 1)
-    interval = np.repeat(np.arange(len(parts)), parts)
-    within = np.arange(len(interval)) - np.repeat(np.cumsum(parts) - parts, parts)
+    interval, within = ragged_indices(parts)
     inner_m = nodes_m[interval] + within / parts[interval] * np.diff(nodes_m)[interval]
     return np.append(inner_m, nodes_m[-1])

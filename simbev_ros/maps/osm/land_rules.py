@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from importlib.resources import files
 
-import yaml
 from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.maps.surroundings import SurroundingsRecipe
+from simbev_ros.tables import load_table
 
 
 class WaterRule(Model):
@@ -40,5 +39,4 @@ class LandRules(Model):
 @lru_cache(maxsize=1)
 def land_rules() -> LandRules:
     """Load the rule table."""
-    text = files("simbev_ros.maps.osm").joinpath("land_rules.yaml").read_text(encoding="utf-8")
-    return LandRules.model_validate(yaml.safe_load(text))
+    return LandRules.model_validate(load_table("simbev_ros.maps.osm", "land_rules.yaml"))

@@ -3,14 +3,13 @@
 import re
 from collections.abc import Mapping
 from functools import lru_cache
-from importlib.resources import files
 from typing import Literal, NamedTuple, Self
 
-import yaml
 from pydantic import Field, TypeAdapter
 
 from simbev_ros.config.base import Model
 from simbev_ros.maps.osm.data import Tags
+from simbev_ros.tables import load_table
 
 _COPIED_KEYS = (
     "turn:lanes",
@@ -69,8 +68,7 @@ class RoadTags(NamedTuple):
 @lru_cache(maxsize=1)
 def road_rules() -> Mapping[str, RoadRule]:
     """Road rules by value of OpenStreetMap's key ``highway``."""
-    text = files("simbev_ros.maps.osm").joinpath("road_rules.yaml").read_text(encoding="utf-8")
-    return TypeAdapter(dict[str, RoadRule]).validate_python(yaml.safe_load(text))
+    return TypeAdapter(dict[str, RoadRule]).validate_python(load_table("simbev_ros.maps.osm", "road_rules.yaml"))
 
 
 def road_tags(tags: Tags, left_hand: bool = False) -> RoadTags | None:

@@ -69,5 +69,4 @@ def _crossing(
 def _direction(line: shapely.LineString, station_m: float) -> Float64Array:
     ends = [line.interpolate(np.clip(station_m + step_m, 0.0, line.length)).coords[0] for step_m in (-1.0, 1.0)]
     step = np.subtract(ends[1], ends[0])
-    unit: Float64Array = step / np.linalg.norm(step)
-    return unit
+    return step / np.linalg.norm(step)

@@ -35,8 +35,7 @@ def offset_to_right(line_m: Float64Array, offset_m: float | Float64Array, closed
     if closed:
         ahead[[0, -1]] = line_m[1] - line_m[-2]
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    moved: Float64Array = line_m + np.column_stack([ahead[:, 1], -ahead[:, 0]]) * np.reshape(offset_m, (-1, 1))
-    return moved
+    return line_m + np.column_stack([ahead[:, 1], -ahead[:, 0]]) * np.reshape(offset_m, (-1, 1))
 
 
 def round_corners(points_m: Float64Array, radius_m: float, closed: bool = False) -> Float64Array:

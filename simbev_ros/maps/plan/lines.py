@@ -4,12 +4,14 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import Float64Array
 
 VERTEX_SPACING_M = 5.0
 """Distance between vertices of curves."""
 
 _GUARD_VERTEX_M = 15.0
+_TOLERANCE_M = 0.01
 _MAX_BEND_RAD = np.radians(7.5)
 
 
@@ -53,15 +55,14 @@ def shift_ends(line_m: Float64Array, start_shift_m: Float64Array, end_shift_m: F
     fade_m = min(30.0, along_m[-1] / 2.0)
     weight_start = np.clip(1.0 - along_m / fade_m, 0.0, 1.0)[:, None]
     weight_end = np.clip(1.0 - (along_m[-1] - along_m) / fade_m, 0.0, 1.0)[:, None]
-    moved: Float64Array = line_m + weight_start * start_shift_m + weight_end * end_shift_m
-    return moved
+    return line_m + weight_start * start_shift_m + weight_end * end_shift_m
 
 
 def offset_to_left(line_m: Float64Array, left_m: float) -> Float64Array:
     """Offset an (N, D) line to the left (negative: right), with mitered corners and unchanged heights."""
     heading = np.diff(line_m[:, :2], axis=0)
     heading /= np.linalg.norm(heading, axis=1, keepdims=True)
-    normal = np.column_stack([-heading[:, 1], heading[:, 0]])
+    normal = left_of(heading)
     before, after = np.concatenate([normal[:1], normal]), np.concatenate([normal, normal[-1:]])
     miter = before + after
     miter /= np.maximum(np.sum(miter * before, axis=1, keepdims=True), 0.2)
@@ -74,11 +75,10 @@ def arc(center_m: Float64Array, radius_m: float, start_rad: float, turn_rad: flo
     """An arc around a center, starting in a direction; counter-clockwise if the turn is positive."""
     count = int(np.ceil(abs(turn_rad) / min(VERTEX_SPACING_M / radius_m, _MAX_BEND_RAD)))
     angle_rad = start_rad + np.linspace(0.0, turn_rad, count + 1)
-    points_m: Float64Array = center_m + radius_m * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
-    return points_m
+    return center_m + radius_m * np.column_stack([np.cos(angle_rad), np.sin(angle_rad)])
 
 
-def simplify(line_m: Float64Array, tolerance_m: float = 0.01) -> Float64Array:
+def simplify(line_m: Float64Array) -> Float64Array:
     """Remove vertices of an (N, 3) line that change neither plan view nor height, except one near each end.
 
     netconvert cuts a road across the segment of its nearest vertex in plan view. Without a vertex near the end, that
@@ -89,6 +89,6 @@ def simplify(line_m: Float64Array, tolerance_m: float = 0.01) -> Float64Array:
     kept[[0, -1]] = True
     kept[np.abs(along_m[:, None] - [_GUARD_VERTEX_M, along_m[-1] - _GUARD_VERTEX_M]).argmin(axis=0)] = True
     for flat_m in (line_m[:, :2], np.column_stack([along_m, line_m[:, 2]])):
-        corners = shapely.get_coordinates(shapely.simplify(shapely.LineString(flat_m), tolerance_m))
+        corners = shapely.get_coordinates(shapely.simplify(shapely.LineString(flat_m), _TOLERANCE_M))
         kept[cKDTree(flat_m).query(corners)[1]] = True
     return line_m[kept]

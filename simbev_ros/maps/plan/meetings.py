@@ -110,8 +110,7 @@ def nodes_of(marks: Marks) -> Int64Array:
     close = close[road[close[:, 0]] == road[close[:, 1]]]
     pairs = np.concatenate([np.array(marks.same_position, np.int64).reshape(-1, 2), close])
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(positions_m), len(positions_m)))
-    node_of: Int64Array = connected_components(graph, directed=False)[1].astype(np.int64)
-    return node_of
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _ends(road: DraftRoad, line: shapely.LineString) -> Iterator[tuple[float, Float64Array]]:

@@ -7,6 +7,8 @@ import numpy as np
 from simbev_ros.maps.plan.draft import DraftRoad, RoadClass
 from simbev_ros.types import Float64Array
 
+_HEADING_REACH_M = 15.0  # a link's heading at a node is measured over this length
+
 
 @dataclass(frozen=True, slots=True)
 class Link:
@@ -60,11 +62,10 @@ def half_width_m(kind: RoadClass) -> float:
     return side_m if kind.line_at == "left" else side_m - kind.lanes * kind.lane_width_m / 2.0
 
 
-def heading_from(link: Link, node: int, reach_m: float = 15.0) -> Float64Array:
+def heading_from(link: Link, node: int) -> Float64Array:
     """(2,) unit vector in which a link leaves a node, measured over its first meters."""
     line_m = link.line_m[:, :2] if link.start == node else link.line_m[::-1, :2]
     away_m = np.linalg.norm(line_m - line_m[0], axis=1)
-    reached = int(np.argmax(away_m >= reach_m)) if np.any(away_m >= reach_m) else len(line_m) - 1
+    reached = int(np.argmax(away_m >= _HEADING_REACH_M)) if np.any(away_m >= _HEADING_REACH_M) else len(line_m) - 1
     step_m = line_m[reached] - line_m[0]
-    unit: Float64Array = step_m / np.linalg.norm(step_m)
-    return unit
+    return step_m / np.linalg.norm(step_m)

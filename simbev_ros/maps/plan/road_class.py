@@ -1,20 +1,18 @@
 """Road cross-sections by name: a recipe gives a class of the table, a class with changes, or all fields."""
 
 from functools import lru_cache
-from importlib.resources import files
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BeforeValidator
 
 from simbev_ros.maps.plan.draft import RoadClass
+from simbev_ros.tables import load_table
 
 
 @lru_cache(maxsize=1)
 def road_classes() -> dict[str, RoadClass]:
     """Load the table of road classes."""
-    text = files("simbev_ros.maps.plan").joinpath("road_classes.yaml").read_text(encoding="utf-8")
-    return {name: RoadClass(**entry) for name, entry in yaml.safe_load(text).items()}
+    return {name: RoadClass(**entry) for name, entry in load_table("simbev_ros.maps.plan", "road_classes.yaml").items()}
 
 
 def _resolve_name(value: Any) -> Any:

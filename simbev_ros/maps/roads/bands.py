@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.roads.layout import Paint
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
@@ -157,6 +158,6 @@ def _spread_pieces(
     """(K,) lines and (K,) starts of pieces: as many as fit between the clearances at both ends, symmetrically."""
     length_m, period_m = lines.length_m[chosen], piece_m + gap_m
     count = np.maximum((length_m - 2.0 * _CLEARANCE_M + gap_m) // period_m, 0.0).astype(np.int64)
-    index = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    line, index = ragged_indices(count)
     first_m = (length_m - count * period_m + gap_m) / 2.0
-    return np.repeat(chosen, count), np.repeat(first_m, count) + period_m * index
+    return chosen[line], first_m[line] + period_m * index

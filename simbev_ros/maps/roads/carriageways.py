@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.strip_pieces import StripPieces
@@ -54,7 +55,7 @@ def _sections(
     leader = order[np.searchsorted(group[order], np.arange(group.max() + 1))]
     count = np.maximum(np.ceil(lines.length_m[leader] / length_m).astype(np.int64), 1)
     count[[strips[row].outline_m is not None for row in leader.tolist()]] = 1
-    first_block = np.cumsum(count) - count
+    first_block = ragged_starts(count)
     cuts_m = {
         row: lines.length_m[row] * np.arange(1, number) / number
         for row, number in zip(leader.tolist(), count.tolist(), strict=True)

@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.strip_pieces import StripPieces
 from simbev_ros.types import Float64Array, Int64Array
 
@@ -162,7 +163,7 @@ def _groups(ends: _Ends) -> tuple[int, Int64Array]:
 
 def _cuts(pieces: StripPieces, sections: _Sections) -> tuple[Int64Array, Float64Array]:
     """(K,) pieces that cross-sections intersect, and (K,) stations of the intersections along their strips."""
-    left = np.column_stack([-sections.outward[:, 1], sections.outward[:, 0]])
+    left = left_of(sections.outward)
     tips_m = sections.position_m[:, None, :2] + sections.across_m[:, :, None] * left[:, None]
     section, piece = pieces.tree.query(shapely.linestrings(tips_m), predicate="intersects")
     outward, position_m = sections.outward[section], sections.position_m[section]
@@ -184,7 +185,7 @@ def _cuts(pieces: StripPieces, sections: _Sections) -> tuple[Int64Array, Float64
 
 def _raise_levels(pieces: StripPieces, level: Int64Array, sections: _Sections) -> Int64Array:
     """(N,) levels, raised to the structure's between a lane's own end and its cross-section."""
-    left = np.column_stack([-sections.outward[:, 1], sections.outward[:, 0]])
+    left = left_of(sections.outward)
     corners_m = [
         sections.position_m[:, :2] - inward_m * sections.outward + sections.across_m[:, [side]] * left
         for inward_m, side in ((0.0, 0), (0.0, 1), (sections.depth_m[:, None], 1), (sections.depth_m[:, None], 0))

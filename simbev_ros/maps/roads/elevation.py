@@ -13,6 +13,7 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 _SAMPLED = tuple(kind for kind in LaneKind if kind not in (LaneKind.WALKING_AREA, LaneKind.CROSSING))
 _SPACING_M = 3.0  # dense enough to preserve the crown between two lanes
 _NUM_NEIGHBORS = 6
+_NEAR_M = 30.0
 _SOFTENING_M = 0.5  # keeps weights finite on the samples themselves
 _PRODUCTS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))  # pairs of axes
 _MIN_PARALLEL_POINTS = 20_000  # number of points from which queries use all cores
@@ -58,14 +59,13 @@ class Elevation:
         """(N,) distance in plan view to the nearest sample of a level's center lines, at most 3 m apart along them."""
         return self._levels[level].distance_m(xy_m)
 
-    def level_at(self, xyz_m: Float64Array, near_m: float = 30.0) -> Int64Array:
-        """(N,) level whose surface is nearest in height to (N, 3) points, of those within ``near_m`` in plan view."""
+    def level_at(self, xyz_m: Float64Array) -> Int64Array:
+        """(N,) level whose surface is nearest in height to (N, 3) points, of those within 30 m in plan view."""
         gaps_m = np.full((len(self._levels), len(xyz_m)), np.inf)
         for level, gap_m in enumerate(gaps_m):
-            near = self.distance_m(xyz_m[:, :2], level) <= near_m
+            near = self.distance_m(xyz_m[:, :2], level) <= _NEAR_M
             gap_m[near] = np.abs(self.height_m(xyz_m[near, :2], level) - xyz_m[near, 2])
-        nearest: Int64Array = np.argmin(gaps_m, axis=0)
-        return nearest
+        return np.argmin(gaps_m, axis=0)
 
 
 class _Samples:
@@ -100,8 +100,7 @@ class _Samples:
         plane_m = self._plane[index, 0]
         for axis in range(2):
             plane_m += (np.asarray(xy_m)[:, None, axis] - self._xyz_m[index, axis]) * self._plane[index, 1 + axis]
-        height_m: Float64Array = np.sum(weight * plane_m, axis=1) / np.sum(weight, axis=1)
-        return height_m
+        return np.sum(weight * plane_m, axis=1) / np.sum(weight, axis=1)
 
     def _fit_planes(self, rows: Int64Array) -> None:
         """Fit the planes of samples in junctions to the surrounding samples, near junctions partly; keep all others."""
@@ -138,8 +137,7 @@ class _Samples:
         """Distances, see ``Elevation.distance_m``."""
         if len(self._xyz_m) == 0:
             return np.full(len(xy_m), np.inf)
-        distance_m: Float64Array = self._tree.query(xy_m, workers=_workers(xy_m))[0]
-        return distance_m
+        return self._tree.query(xy_m, workers=_workers(xy_m))[0]
 
 
 def _workers(points: AnyArray) -> int:

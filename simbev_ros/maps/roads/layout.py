@@ -108,8 +108,7 @@ class Strip:
     @property
     def center_m(self) -> Float64Array:
         """(N, 3) center line."""
-        center_m: Float64Array = (self.left_m + self.right_m) / 2.0
-        return center_m
+        return (self.left_m + self.right_m) / 2.0
 
 
 @dataclass(frozen=True, slots=True)

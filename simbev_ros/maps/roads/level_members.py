@@ -14,7 +14,6 @@ Paths are measured between blocks, which are stretches of whole carriageways, so
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -30,7 +29,7 @@ from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _MAX_DETOUR_FACTOR = 1.5
 _DETOUR_ALLOWANCE_M = 25.0
-REACH_M = 150.0
+_REACH_M = 150.0
 """Radius around a position within which its level is determined."""
 
 _PIECE_M = 6.0
@@ -39,38 +38,22 @@ _SURFACE_MARGIN_M = 5.0  # extent of a road's surfaces, such as the corners of j
 _HEIGHT_WEIGHT = 3.0  # plan-view meters per meter of height in searches for the nearest road
 
 
-class RoadsByLevel(NamedTuple):
-    """Ids of the strips around a position that are on, above and below its level.
-
-    A strip with pieces in several groups is listed in the first of them.
-    """
-
-    own: tuple[str, ...]
-    above: tuple[str, ...]
-    below: tuple[str, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class LevelMembers:
     """Members of the level of one position within 150 m; whatever is farther away is not a member, or is on the ground.
 
     Attributes:
         piece: (N,) pieces of strips, at most about 6 m long, as indices into those of ``LevelGraph``.
-        strip: (N,) id of the strip of each piece.
         level: (N,) level of each piece.
         belongs: (N,) whether the piece is on the level of the position.
-        above: (N,) whether it does not belong because it passes above; pieces that neither belong nor are above are
-            below.
         hidden: (H,) rows of pieces that belong, except for the part above or below which another piece lies ...
         hiding: (H,) ... which is the piece in this row, and belongs too.
         areas: (H,) that part in plan view, shapely, including what lies beside the piece.
     """
 
     piece: Int64Array
-    strip: AnyArray
     level: Int64Array
     belongs: BoolArray
-    above: BoolArray
     hidden: Int64Array
     hiding: Int64Array
     areas: AnyArray
@@ -84,17 +67,6 @@ class LevelMembers:
             point, area = shapely.STRtree(self.areas).query(shapely.points(xyz_m[:, :2]), "intersects")
             is_member[point[self.hidden[area] == nearest[point]]] = False
         return is_member
-
-    @property
-    def roads(self) -> RoadsByLevel:
-        """The strips of the pieces, in order, by group."""
-        own, above = (set(self.strip[chosen].tolist()) for chosen in (self.belongs, self.above))
-        names = dict.fromkeys(self.strip.tolist())
-        return RoadsByLevel(
-            tuple(name for name in names if name in own),
-            tuple(name for name in names if name in above - own),
-            tuple(name for name in names if name not in above | own),
-        )
 
 
 class LevelGraph:
@@ -112,7 +84,6 @@ class LevelGraph:
         self.polygons = self._pieces.polygons
         self.reaches = self._pieces.widen(_SURFACE_MARGIN_M).polygons
         self.level: Int64Array = np.array([strip.level for strip in strips], np.int64)[self._pieces.row]
-        self._strip = np.array([strip.id for strip in strips], object)[self._pieces.row]
         self._overpass_pairs = self._pieces.overpass_pairs(CLEARANCE_M)
         count = self._block.max(initial=-1) + 1
         self._center_m = np.zeros((count, 3))
@@ -131,7 +102,7 @@ class LevelGraph:
         The result is the same for all positions in a block, and the same object as long as queries stay in one block.
         """
         distance, piece = self._centers.query(_stretch_height(xyz_m))
-        if distance > REACH_M:
+        if distance > _REACH_M:
             return None
         block = int(self._block[piece])
         if self._latest is None or self._latest[0] != block:
@@ -141,7 +112,7 @@ class LevelGraph:
     def _members(self, block: int) -> LevelMembers | None:
         """Members for the center of a block, see ``members``."""
         center_m = self._center_m[block]
-        around = np.array(sorted(self._blocks.query_ball_point(center_m[:2], REACH_M)), np.int64)
+        around = np.array(sorted(self._blocks.query_ball_point(center_m[:2], _REACH_M)), np.int64)
         local_index = np.full(len(self._center_m), -1)
         local_index[around] = np.arange(len(around))
         piece = np.flatnonzero(local_index[self._block] >= 0)
@@ -149,7 +120,7 @@ class LevelGraph:
         if not level.any():
             return None
         path_graph = self._block_graph[around][:, around]
-        limit_m = _MAX_DETOUR_FACTOR * REACH_M + _DETOUR_ALLOWANCE_M
+        limit_m = _MAX_DETOUR_FACTOR * _REACH_M + _DETOUR_ALLOWANCE_M
         path_m = dijkstra(path_graph, directed=False, indices=int(local_index[block]), limit=limit_m)
         straight_m = np.linalg.norm(self._center_m[around] - center_m, axis=1)
         block_of_piece = local_index[self._block[piece]]
@@ -157,12 +128,10 @@ class LevelGraph:
         ego_level = self.level[self._block == block].max()
         if ego_level == 0:
             belongs |= level == 0
-        higher = self._pieces.center_m[piece, 2] > center_m[2]
-        above = ~belongs & ((level > ego_level) | ((level == ego_level) & higher))
         hidden, hiding = self._hidden_pairs(piece, belongs, path_m[block_of_piece])
         areas = shapely.intersection(self.reaches[piece[hidden]], self.polygons[piece[hiding]])
         centers = cKDTree(_stretch_height(self._pieces.center_m[piece]))
-        return LevelMembers(piece, self._strip[piece], level, belongs, above, hidden, hiding, areas, centers)
+        return LevelMembers(piece, level, belongs, hidden, hiding, areas, centers)
 
     def _hidden_pairs(
         self, piece: Int64Array, belongs: BoolArray, path_m: Float64Array
@@ -198,7 +167,7 @@ def _strips_near_structures(strips: Sequence[Strip]) -> list[Strip]:
     if not elevated.any():
         return []
     pieces = StripPieces.cut(strips, 4.0 * _PIECE_M)
-    near = pieces.within(2.0 * REACH_M, np.flatnonzero(elevated[pieces.row]))
+    near = pieces.within(2.0 * _REACH_M, np.flatnonzero(elevated[pieces.row]))
     return [strips[row] for row in np.unique(pieces.row[near]).tolist()]
 
 

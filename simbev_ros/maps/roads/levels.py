@@ -70,8 +70,7 @@ def _rows_near_structures(strips: Sequence[Strip], water: Sequence[Water]) -> li
     rise_m = np.concatenate([[0.0], high_m[upper] - low_m[lower], above_water_m])
     on_structure = np.concatenate([upper, lower, over_water, np.flatnonzero(_is_declared(pieces))])
     reach_m = float(_abutment_m(rise_m).max()) + _COARSE_M
-    rows: list[int] = np.unique(pieces.row[pieces.within(reach_m, on_structure)]).tolist()
-    return rows
+    return np.unique(pieces.row[pieces.within(reach_m, on_structure)]).tolist()
 
 
 def _is_declared(pieces: StripPieces) -> BoolArray:

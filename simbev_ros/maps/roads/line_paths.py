@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.bands import painted_lines
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Paint, PaintColor, Strip
@@ -68,7 +69,7 @@ def _between_lanes(strips: Sequence[Strip], lines_m: Sequence[Float64Array]) -> 
     row = np.arange(len(lines))
     parameter = lines.parameter(row, lines.length_m / 2.0)
     heading = lines.headings(parameter)
-    offset_m = _PROBE_OFFSET_M * np.column_stack([-heading[:, 1], heading[:, 0]])
+    offset_m = _PROBE_OFFSET_M * left_of(heading)
     centers = Polylines.from_lines([strip.center_m for strip in strips])
     shapes = np.array([shapely.LineString(strip.center_m[:, :2]) for strip in strips], object)
     tree = shapely.STRtree(strip_polygons(strips))

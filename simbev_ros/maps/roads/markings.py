@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.bands import Border, painted_bands
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Paint, PaintColor, Strip
@@ -168,7 +169,7 @@ def _stop_markings(layout: Layout, level: int) -> Iterator[Marking]:
 def _stripes(crosswalks: Sequence[Crosswalk]) -> Iterator[Marking]:
     """Stripes of crosswalks: bars in the direction of traffic, across the whole road."""
     for crosswalk, outline in zip(crosswalks, crosswalk_polygons(crosswalks), strict=True):
-        axes = np.stack([crosswalk.axis, [-crosswalk.axis[1], crosswalk.axis[0]]])
+        axes = np.stack([crosswalk.axis, left_of(crosswalk.axis)])
         low_m, high_m = (end(crosswalk.outline_m[:, :2] @ axes.T, axis=0) for end in (np.min, np.max))
         for start_m in low_m[0] + _piece_starts_m(high_m[0] - low_m[0], _STRIPE_M, _STRIPE_GAP_M):
             bar = shapely.box(start_m, low_m[1] + _STRIPE_MARGIN_M, start_m + _STRIPE_M, high_m[1] - _STRIPE_MARGIN_M)

@@ -7,6 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import AnyArray, Float64Array, Int64Array
 
 
@@ -43,8 +45,7 @@ class Polylines:
         steps_m = np.linalg.norm(np.diff(self.points_m[:, :2], axis=0, prepend=self.points_m[:1, :2]), axis=1)
         steps_m[self.first[:-1]] = 0.0
         cumulative_m = np.cumsum(steps_m)
-        station_m: Float64Array = cumulative_m - cumulative_m[self.first[:-1]][self.row]
-        return station_m
+        return cumulative_m - cumulative_m[self.first[:-1]][self.row]
 
     @cached_property
     def length_m(self) -> Float64Array:
@@ -58,8 +59,7 @@ class Polylines:
             (N,) lines and (N,) distances from their starts, line after line.
         """
         counts = np.maximum(np.ceil(self.length_m / spacing_m).astype(np.int64), 1) + 1
-        row = np.repeat(np.arange(len(self)), counts)
-        number = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+        row, number = ragged_indices(counts)
         return row, self.length_m[row] * number / (counts[row] - 1)
 
     def parameter(self, row: Int64Array, s_m: Float64Array) -> Float64Array:
@@ -72,30 +72,27 @@ class Polylines:
         after = np.clip(after, self.first[row] + 1, self.first[row + 1] - 1)
         start_m, stop_m = self.station_m[after - 1], self.station_m[after]
         fraction = (np.clip(s_m, 0.0, end_m) - start_m) / np.maximum(stop_m - start_m, 1e-9)
-        parameter: Float64Array = after - 1 + np.clip(fraction, 0.0, 1.0)
-        return parameter
+        return after - 1 + np.clip(fraction, 0.0, 1.0)
 
     def values(self, parameter: Float64Array, per_point: Float64Array | None = None) -> Float64Array:
         """(N, D) positions given by ``parameter``, or other (P, ...) per-point values interpolated there."""
         values = self.points_m if per_point is None else per_point
         before = np.minimum(np.floor(parameter).astype(np.int64), len(values) - 2)
         fraction = (parameter - before).reshape(-1, *[1] * (values.ndim - 1))
-        between: Float64Array = values[before] * (1.0 - fraction) + values[before + 1] * fraction
-        return between
+        return values[before] * (1.0 - fraction) + values[before + 1] * fraction
 
     def headings(self, parameter: Float64Array) -> Float64Array:
         """(N, 2) unit vectors of the segments at positions given by ``parameter``."""
         row = self.row[np.minimum(np.floor(parameter + 1e-9).astype(np.int64), len(self.row) - 1)]
         before = np.clip(np.floor(parameter).astype(np.int64), self.first[row], self.first[row + 1] - 2)
         step_m = self.points_m[before + 1, :2] - self.points_m[before, :2]
-        heading: Float64Array = step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
-        return heading
+        return step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
 
     def offset_to_left(self, left_m: Float64Array) -> Float64Array:
         """(P, D) the points offset to the left by (P,) distances, with mitered corners, so that lines stay parallel."""
         step_m = np.diff(self.points_m[:, :2], axis=0)
         heading = step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
-        normal = np.column_stack([-heading[:, 1], heading[:, 0]])
+        normal = left_of(heading)
         before, after = np.concatenate([normal[:1], normal]), np.concatenate([normal, normal[-1:]])
         starts, ends = self.first[:-1], self.first[1:] - 1
         before[starts], after[ends] = after[starts], before[ends]

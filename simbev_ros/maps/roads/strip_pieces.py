@@ -158,8 +158,7 @@ class StripPieces:
 
     def parallel(self, piece: Int64Array, direction: Float64Array) -> BoolArray:
         """(K,) whether pieces run along (K, 2) unit vectors or (2,) one, in either direction, within 20°."""
-        along: BoolArray = np.abs(np.sum(self.heading[piece] * direction, axis=1)) > np.cos(np.radians(20.0))
-        return along
+        return np.abs(np.sum(self.heading[piece] * direction, axis=1)) > np.cos(np.radians(20.0))
 
     def path_lengths_m(self, first: Int64Array, second: Int64Array) -> Float64Array:
         """(K,) path lengths along the road between touching pieces; 0 to a piece beside, or across in a junction."""
@@ -176,5 +175,4 @@ class StripPieces:
 
 def _overlap_m2(polygons_a: AnyArray, polygons_b: AnyArray) -> Float64Array:
     """(K,) common area of pairs of polygons."""
-    common_m2: Float64Array = shapely.area(shapely.intersection(polygons_a, polygons_b))
-    return common_m2
+    return shapely.area(shapely.intersection(polygons_a, polygons_b))

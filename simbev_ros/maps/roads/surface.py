@@ -14,6 +14,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Strip
 from simbev_ros.types import AnyArray
@@ -76,19 +77,9 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
     return Surfaces(*(_polygons(part if area is None else shapely.intersection(part, area)) for part in parts))
 
 
-def road_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
-    """The road surface of one level, see ``Surfaces.road``."""
-    return surfaces_of(layout, level, area).road
-
-
 def sidewalk_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
     """The sidewalks of one level, see ``Surfaces.sidewalk``."""
     return surfaces_of(layout, level, area).sidewalk
-
-
-def drivable_area(layout: Layout) -> MultiPolygon:
-    """Union of the carriageways of all levels in plan view."""
-    return _polygons(shapely.union_all([road_surface(layout, level) for level in layout.levels]))
 
 
 def strip_polygons(strips: Sequence[Strip]) -> AnyArray:
@@ -212,6 +203,5 @@ def _make_valid(polygons: Sequence[shapely.Polygon] | AnyArray) -> AnyArray:
 
 def _polygons(area: BaseGeometry) -> MultiPolygon:
     """The two-dimensional parts of a geometry, without specks."""
-    parts = shapely.get_parts(shapely.get_parts(area))
-    parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+    parts = polygon_parts(area)
     return MultiPolygon(list(parts[shapely.area(parts) > _SPECK_M2]))

@@ -235,4 +235,4 @@ def _to_bytes(*records: McapRecord) -> bytes:
     builder = RecordBuilder()
     for each in records:
         each.write(builder)
-    return builder.end()  # type: ignore[no-any-return, no-untyped-call]
+    return builder.end()  # type: ignore[no-untyped-call]

@@ -41,8 +41,7 @@ class LevelsOfDetail:
         """
         fits = self._errors_m[actors["blueprint"]] <= _ERROR_PX * pixel_m[:, None]
         fits[actors["doors"] != 0, 1:] = False
-        level: Int64Array = fits.sum(axis=1) - 1
-        return level
+        return fits.sum(axis=1) - 1
 
 
 def bounding_spheres(actors: Table, origin_m: Float64Array) -> tuple[Float64Array, Float64Array]:

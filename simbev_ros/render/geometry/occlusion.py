@@ -61,8 +61,7 @@ class Occluders:
         )
         level = np.frexp(last - first + 1)[1] - 1  # exponent of the largest powers of two that fit
         (i, j), (x0, y0), (x1, y1) = level.T, first.T, (last + 1 - (1 << level)).T
-        farthest: Float32Array = np.maximum.reduce([self._farthest[j, i, y, x] for y in (y0, y1) for x in (x0, x1)])
-        return farthest
+        return np.maximum.reduce([self._farthest[j, i, y, x] for y in (y0, y1) for x in (x0, x1)])
 
 
 ReadOccluders = Callable[[], Occluders]

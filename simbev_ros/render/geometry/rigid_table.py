@@ -113,8 +113,7 @@ def _world_from_rest(skeletons: Skeletons, actors: Table, origin_m: Float64Array
     """(R - 1, 4, 4) poses of all parts."""
     world_from_actor = map_from_actors(actors)
     world_from_actor[:, :3, 3] -= origin_m
-    poses: Float64Array = world_from_actor[skeletons.rows(actors)[0]] @ skeletons.poses(actors)
-    return poses
+    return world_from_actor[skeletons.rows(actors)[0]] @ skeletons.poses(actors)
 
 
 def _appearance(actors: Table) -> UInt32Array:

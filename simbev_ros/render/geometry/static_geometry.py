@@ -133,5 +133,4 @@ def _pieces(tile: Tile, mesh: Mesh) -> _Pieces:
 
 def _distance_m(position_m: Float64Array, bounds_m: Float64Array) -> Float64Array:
     """(N,) distance of a position from (N, 2, D) boxes."""
-    distance_m: Float64Array = np.linalg.norm(np.clip(position_m, bounds_m[:, 0], bounds_m[:, 1]) - position_m, axis=1)
-    return distance_m
+    return np.linalg.norm(np.clip(position_m, bounds_m[:, 0], bounds_m[:, 1]) - position_m, axis=1)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.render.geometry.vertices import VERTEX_DTYPE, pack_vertices
 from simbev_ros.types import Int64Array, Table, UInt32Array
 
@@ -66,7 +67,7 @@ class TriangleStore:
             instances["in_first"] = np.repeat(first, counts)
         commands = np.zeros((len(first), 5), np.uint32)  # indices, instances, first index, base vertex, base instance
         commands[:, 0], commands[:, 1], commands[:, 2] = 3 * (end - first), counts, 3 * first
-        commands[:, 4] = np.cumsum(counts) - counts
+        commands[:, 4] = ragged_starts(counts)
         for buffer, content in ((self._instances, instances), (self._commands, commands)):
             buffer.orphan()
             buffer.write(content.tobytes())

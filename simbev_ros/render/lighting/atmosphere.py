@@ -38,8 +38,7 @@ def sun_transmittance(altitude_deg: float) -> Float64Array:
     """(3,) share of sunlight that reaches the ground; it fades while the sun's disk sinks below the horizon."""
     risen = np.clip((altitude_deg + 0.8) / 1.2, 0.0, 1.0)
     cosine = np.sin(np.radians(max(altitude_deg, -0.5)))
-    share: Float64Array = _transmittance(np.array(GROUND_KM + _EYE_KM), np.array(max(cosine, -0.002))) * risen
-    return share
+    return _transmittance(np.array(GROUND_KM + _EYE_KM), np.array(max(cosine, -0.002))) * risen
 
 
 def clear_sky(altitude_deg: float, elevation_deg: Float64Array, azimuth_deg: Float64Array) -> Float64Array:
@@ -82,8 +81,7 @@ def _scattered_light(up: Float64Array, sun_cosine: Float64Array, sun_up: float, 
     source = from_sun * (rayleigh * phase_rayleigh + mie * phase_mie)
     source += (rayleigh + mie) * _lookup(_multiple_lut(), sample_radius_km, sample_sun_cosine)
     share: Float64Array = (1.0 - np.exp(-optical)) / np.maximum(extinction, 1e-12)
-    radiance: Float64Array = np.sum(transmittance * source * share, axis=-2)
-    return radiance
+    return np.sum(transmittance * source * share, axis=-2)
 
 
 def _phases(cosine: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -106,8 +104,7 @@ def _medium(height_km: Float64Array) -> tuple[Float64Array, Float64Array, Float6
 def _length_to_top(radius_km: Float64Array | float, cosine: Float64Array) -> Float64Array:
     """Length of rays from a radius to the top of the atmosphere."""
     root = np.sqrt(np.maximum((radius_km * cosine) ** 2 + TOP_KM**2 - np.square(radius_km), 0.0))
-    length: Float64Array = root - radius_km * cosine
-    return length
+    return root - radius_km * cosine
 
 
 def _transmittance(radius_km: Float64Array, cosine: Float64Array) -> Float64Array:
@@ -122,8 +119,7 @@ def _transmittance(radius_km: Float64Array, cosine: Float64Array) -> Float64Arra
     depth = np.sum(_medium(sample_radius_km - GROUND_KM)[2] * (length_km * width)[..., None], axis=-2)
     horizon = -np.sqrt(np.maximum(1.0 - (GROUND_KM / radius_km) ** 2, 0.0))
     above = np.clip((cosine - horizon) / 0.008 + 0.5, 0.0, 1.0)  # the sun's disk is half a degree wide
-    result: Float64Array = np.exp(-depth) * above[..., None]
-    return result
+    return np.exp(-depth) * above[..., None]
 
 
 @lru_cache(maxsize=1)
@@ -199,5 +195,4 @@ def _interpolate(table: Float64Array, row: Float64Array, column: Float64Array) -
     down, right = (row - top)[..., None], (column - left)[..., None]
     upper = table[top, left] * (1.0 - right) + table[top, left + 1] * right
     lower = table[top + 1, left] * (1.0 - right) + table[top + 1, left + 1] * right
-    result: Float64Array = upper * (1.0 - down) + lower * down
-    return result
+    return upper * (1.0 - down) + lower * down

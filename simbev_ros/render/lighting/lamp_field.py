@@ -20,6 +20,7 @@ from simbev_ros.render.lighting.shop_fronts import find_shop_fronts
 from simbev_ros.scene.lights import DEFAULT_FLUX_LM, LightSpec, street_lights
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Table
+from simbev_ros.units import NS_PER_S
 
 _SIZE_PX = 512
 _HALF_M = 160.0
@@ -150,8 +151,7 @@ class LampField:
 
 def _near(position_m: Float64Array, reach_m: float) -> BoolArray:
     """(N,) whether positions are on a map, or within ``reach_m`` of it."""
-    near: BoolArray = np.all(np.abs(position_m[:, :2]) < _HALF_M + reach_m, axis=1)
-    return near
+    return np.all(np.abs(position_m[:, :2]) < _HALF_M + reach_m, axis=1)
 
 
 def _street_rows(lights_m: Float64Array, strengths: Float64Array) -> Float32Array:
@@ -177,7 +177,7 @@ def _beam_rows(beams: Table) -> Float32Array:
 def _glow_rows(lamps: Table, stamp_ns: int) -> Float32Array:
     """(N, 14) rows of glowing lamps. Beacons shine all around and rotate; adjacent ones are half a turn apart."""
     rows = np.zeros((len(lamps), _ROW_FLOATS), np.float32)
-    period_ns = round(1e9 / _BEACON_HZ)
+    period_ns = round(NS_PER_S / _BEACON_HZ)
     beacons = lamps["forward"] == 0.0
     _, first, vehicle = np.unique(lamps["row"][beacons], return_index=True, return_inverse=True)
     phase = np.zeros(len(lamps))

@@ -56,5 +56,4 @@ def _entry(start_m: Float64Array, direction: Float64Array, half_m: Float64Array)
     sides = [(side * half_m - start_m)[:, :, None] / nonzero for side in (-1.0, 1.0)]
     enters = np.minimum(*sides).max(axis=1)
     leaves = np.maximum(*sides).min(axis=1)
-    distance_m: Float64Array = np.where(leaves > np.maximum(enters, 0.0), np.maximum(enters, 0.0), FREE_M)
-    return distance_m
+    return np.where(leaves > np.maximum(enters, 0.0), np.maximum(enters, 0.0), FREE_M)

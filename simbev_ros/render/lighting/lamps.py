@@ -7,15 +7,14 @@ are drawn.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.materials import Material
 from simbev_ros.scene.state import Light, SignalState, map_from_actors
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array, Table
 
 LAMP_DTYPE = np.dtype(
@@ -42,9 +41,7 @@ _STREET_HEIGHT_M = 7.8
 @lru_cache(maxsize=1)
 def lamp_kinds() -> dict[str, dict[str, Any]]:
     """The content of lamps.yaml."""
-    text = files("simbev_ros.render.lighting").joinpath("lamps.yaml").read_text(encoding="utf-8")
-    kinds: dict[str, dict[str, Any]] = yaml.safe_load(text)
-    return kinds
+    return load_table("simbev_ros.render.lighting", "lamps.yaml")
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,16 +5,16 @@ A ``Weather`` enters ``SkyLight.from_weather``; ``SkyLight.block_head`` fills th
 
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simbev_ros.render.lighting.atmosphere import MIE_EXTINCTION_PER_KM, RAYLEIGH_PER_KM, clear_sky, sun_transmittance
 from simbev_ros.scene.air import fog_falloff_per_m, fog_halvings_per_m, rain_halvings_per_m
 from simbev_ros.scene.weather import Weather
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
+from simbev_ros.units import NS_PER_S
 
 LAMPS_ON_BELOW_DEG = 3.0
 """Street lamps and lit windows are on while the sun is below this altitude."""
@@ -31,7 +31,7 @@ _DIP_AT_CLOUDS_DEG = 1.6  # dip of the horizon at cloud height, where the sun se
 _MOONLIT_BELOW_DEG = (-5.0, -11.0)
 _CLOUD_DRIFT_PER_S = 4e-4
 _CLOUD_STEP_NS = 250_000_000  # clouds move so slowly that they need not be redrawn in every frame
-_HOUR_NS = 3600 * 10**9
+_HOUR_NS = 3600 * NS_PER_S
 _CLOUD_PHASE_PER_HOUR = 0.618  # phase of the clouds' period between consecutive scenes
 _NOISE_PERIOD_M = 64.0
 _GROUND_ALBEDO = np.array([0.16, 0.15, 0.13])
@@ -173,8 +173,7 @@ def _natural_light(
 def _clear_sky_map(altitude_deg: float, azimuth_deg: float) -> Float64Array:
     """Map of the clear sky lit by a sun (or moon) of irradiance / π 1 outside the atmosphere."""
     elevation, azimuth = np.degrees(hemisphere_angles())
-    radiance: Float64Array = np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
-    return radiance
+    return np.pi * clear_sky(altitude_deg, elevation, azimuth - azimuth_deg)
 
 
 @lru_cache(maxsize=1)
@@ -182,15 +181,13 @@ def _night_sky() -> Float64Array:
     """Map of the night sky's own light."""
     zenith, horizon = (np.array(_constants()[name]) for name in ("night_zenith", "night_horizon"))
     height = np.sin(hemisphere_angles()[0])[..., None]
-    radiance: Float64Array = zenith + (horizon - zenith) * np.exp(-6.0 * height)
-    return radiance
+    return zenith + (horizon - zenith) * np.exp(-6.0 * height)
 
 
 @lru_cache(maxsize=1)
 def _overcast_pattern() -> Float64Array:
     """Map of an overcast sky that gives level ground irradiance / π 1; its zenith is twice as bright as the horizon."""
-    pattern: Float64Array = (1.0 + np.sin(hemisphere_angles()[0])[..., None]) * 0.6
-    return pattern
+    return (1.0 + np.sin(hemisphere_angles()[0])[..., None]) * 0.6
 
 
 @lru_cache(maxsize=1)
@@ -203,14 +200,12 @@ def _level_weights() -> Float64Array:
     slope = np.gradient(up[SKY_SIZE_PX // 2, SKY_SIZE_PX // 2 :], center[SKY_SIZE_PX // 2 :])
     density = np.interp(radius, center[SKY_SIZE_PX // 2 :], -slope) / radius
     weights = np.where(radius <= 1.0, density * up, 0.0)
-    result: Float64Array = weights / weights.sum()
-    return result
+    return weights / weights.sum()
 
 
 def _level_irradiance(sky: Float64Array) -> Float64Array:
     """(3,) irradiance / π of a map of the sky on level ground."""
-    irradiance: Float64Array = np.einsum("yxc,yx->c", sky, _level_weights())
-    return irradiance
+    return np.einsum("yxc,yx->c", sky, _level_weights())
 
 
 def _air(
@@ -252,6 +247,4 @@ def _direction(azimuth_deg: float, altitude_deg: float) -> Float64Array:
 
 @lru_cache(maxsize=1)
 def _constants() -> dict[str, Any]:
-    text = files("simbev_ros.render.lighting").joinpath("sky.yaml").read_text(encoding="utf-8")
-    constants: dict[str, Any] = yaml.safe_load(text)
-    return constants
+    return load_table("simbev_ros.render.lighting", "sky.yaml")

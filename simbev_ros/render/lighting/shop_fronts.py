@@ -43,5 +43,4 @@ def _tile_fronts(tile: Tile) -> Table:
     normal = mesh.normals[triangles[:, 0], :2]
     length = np.linalg.norm(normal, axis=1)
     fronts["facing"] = normal / np.maximum(length, 1e-6)[:, None]
-    wide: Table = fronts[(fronts["half_m"] > _MIN_WIDTH_M / 2.0) & (length > 0.5)]
-    return wide
+    return fronts[(fronts["half_m"] > _MIN_WIDTH_M / 2.0) & (length > 0.5)]

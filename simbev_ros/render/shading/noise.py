@@ -51,8 +51,7 @@ def _fractal(slope: float, index: int) -> Float64Array:
     white = stream(index, "render.noise").standard_normal((SIZE_PX, SIZE_PX))
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(SIZE_PX), np.fft.fftfreq(SIZE_PX)))
     frequency[0, 0] = np.inf
-    shaped: Float64Array = np.fft.ifft2(np.fft.fft2(white) * frequency**-slope).real
-    return shaped
+    return np.fft.ifft2(np.fft.fft2(white) * frequency**-slope).real
 
 
 def _pebbles(index: int) -> Float64Array:
@@ -62,8 +61,7 @@ def _pebbles(index: int) -> Float64Array:
     pixels_px = np.indices((SIZE_PX, SIZE_PX)).reshape(2, -1).T + 0.5
     distance_px, nearest = cKDTree(centers_px, boxsize=SIZE_PX).query(pixels_px, k=2)
     inside = np.minimum(distance_px[:, 1] - distance_px[:, 0], 1.5)
-    stones: Float64Array = (tone[nearest[:, 0]] + _PEBBLE_ROUNDNESS * inside).reshape(SIZE_PX, SIZE_PX)
-    return stones
+    return (tone[nearest[:, 0]] + _PEBBLE_ROUNDNESS * inside).reshape(SIZE_PX, SIZE_PX)
 
 
 def _equalize(values: Float64Array) -> Float64Array:

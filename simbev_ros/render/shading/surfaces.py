@@ -1,15 +1,13 @@
 """Material properties for the shaders: shading class and optical properties of each material."""
 
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from simbev_ros.assets.materials import Material, load_materials
+from simbev_ros.tables import load_table
 from simbev_ros.types import UInt8Array
 
-SKY_CLASS = 0
 _BLOCK_LENGTH = 64
 
 
@@ -37,6 +35,4 @@ def material_block() -> bytes:
 
 @lru_cache(maxsize=1)
 def _classes() -> dict[str, list[str]]:
-    text = files("simbev_ros.render.shading").joinpath("shading.yaml").read_text(encoding="utf-8")
-    classes: dict[str, list[str]] = yaml.safe_load(text)["classes"]
-    return classes
+    return load_table("simbev_ros.render.shading", "shading.yaml")["classes"]

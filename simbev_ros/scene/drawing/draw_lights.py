@@ -58,8 +58,7 @@ def white_balanced_srgb(temperature_k: float) -> Float64Array:
     """(3,) sRGB color, 0..1 at full brightness, of a black body seen by a camera balanced for night."""
     linear = np.clip(_black_body(temperature_k) / _black_body(_NIGHT_WHITE_K), 0.0, None)
     linear /= linear.max()
-    srgb: Float64Array = np.where(linear < 0.0031308, linear * 12.92, 1.055 * linear ** (1.0 / 2.4) - 0.055)
-    return srgb
+    return np.where(linear < 0.0031308, linear * 12.92, 1.055 * linear ** (1.0 / 2.4) - 0.055)
 
 
 def _black_body(temperature_k: float) -> Float64Array:
@@ -68,5 +67,4 @@ def _black_body(temperature_k: float) -> Float64Array:
     u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1.0 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
     v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1.0 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)
     x, y = np.array([3.0 * u, 2.0 * v]) / (2.0 * u - 8.0 * v + 4.0)
-    linear: Float64Array = np.maximum(_SRGB_FROM_XYZ @ [x / y, 1.0, (1.0 - x - y) / y], 1e-3)
-    return linear
+    return np.maximum(_SRGB_FROM_XYZ @ [x / y, 1.0, (1.0 - x - y) / y], 1e-3)

@@ -1,11 +1,14 @@
-"""Draw the driver of one vehicle: every value comes from a random stream of its own."""
+"""Draw one vehicle and its driver; every value of the driver comes from a random stream of its own."""
 
 from typing import TypedDict
+
+import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import Traffic
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint
+from simbev_ros.scene.spec import VehicleSpec, WaypointSpec
 
 
 class DriverFields(TypedDict):
@@ -30,4 +33,24 @@ def draw_driver(traffic: Traffic, blueprint: Blueprint, seed: int, name: str) ->
         distracted=draw_flag("distraction", traffic.distracted_probability),
         emergency_lights=blueprint.emergency and draw_flag("emergency_lights", traffic.emergency_lights_probability),
         door_probability=0.0 if name == "ego" else traffic.door_probability,
+    )
+
+
+def draw_vehicle(
+    traffic: Traffic,
+    blueprint: Blueprint,
+    start: WaypointSpec,
+    rng: np.random.Generator,
+    reckless_probability: float,
+    driver: DriverFields,
+) -> VehicleSpec:
+    """Draw the remaining fields of a vehicle with this blueprint, start and driver from one random stream."""
+    return VehicleSpec(
+        blueprint=blueprint.name,
+        color=blueprint.colors[int(rng.integers(len(blueprint.colors)))],
+        start=start,
+        speed_factor=sample(traffic.speed_factor, rng),
+        min_gap_m=sample(traffic.min_gap_m, rng),
+        reckless=bool(rng.random() < reckless_probability),
+        **driver,
     )

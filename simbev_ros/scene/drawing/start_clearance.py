@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.spec import VehicleSpec, WaypointSpec
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
@@ -24,7 +24,7 @@ class StartClearance:
 
     def occupy(self, vehicle: VehicleSpec) -> None:
         """Occupy the ground of a vehicle at its start."""
-        self._bodies.append(self._body(load_blueprints()[blueprint_index()[vehicle.blueprint]], vehicle.start))
+        self._bodies.append(self._body(blueprint_named(vehicle.blueprint), vehicle.start))
 
     def is_free(self, blueprint: Blueprint, start: WaypointSpec) -> bool:
         """Whether a vehicle of this blueprint has room at a start."""
@@ -47,5 +47,4 @@ class StartClearance:
             back_m, _ = self._network.pose_on_lane(start.lane, start.s_m - length_m)
             yaw_rad = float(np.arctan2(*(front_m - back_m)[1::-1]))
         center_m = front_m[:2] - length_m / 2.0 * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-        body: AnyArray = footprints(np.array(blueprint.size_m), center_m[None], np.array([yaw_rad]))[0]
-        return body
+        return footprints(np.array(blueprint.size_m), center_m[None], np.array([yaw_rad]))[0]

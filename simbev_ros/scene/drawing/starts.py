@@ -1,11 +1,12 @@
 """Start positions of vehicles and pedestrians on a map, computed once per map and shared by all of its scenes."""
 
-from functools import cache, cached_property, lru_cache, partial
+from functools import cache, cached_property
 
 import numpy as np
 
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
+from simbev_ros.scene.cached_method import cached_method
 from simbev_ros.scene.hazards.sites import HazardSites
 from simbev_ros.scene.streets.lane_positions import LanePositions, positions_along
 from simbev_ros.scene.streets.off_tracking import is_long
@@ -34,8 +35,6 @@ class StartPositions:
         self._component_length_m = np.array([component_length_m[lane.edge] for lane in walks.sidewalks])
         self.pedestrians: LanePositions = positions_along(walks.sidewalks, 1.0, 1.0, end_margin_m=0.5)
         self._network = network
-        self.usable = lru_cache(maxsize=8)(self._usable)
-        self.hazard_sites = lru_cache(maxsize=8)(partial(HazardSites, network))
 
     @cached_property
     def is_hilly(self) -> bool:
@@ -47,13 +46,19 @@ class StartPositions:
         """Ids of the map's traffic-light programs, sorted."""
         return tuple(sorted({signal.programme for signal in self._network.signals}))
 
-    def _usable(self, duration_s: float, closed: frozenset[str] = frozenset()) -> dict[str, BoolArray]:
+    @cached_method(maxsize=8)
+    def usable(self, duration_s: float, closed: frozenset[str] = frozenset()) -> dict[str, BoolArray]:
         """For each vehicle blueprint, (N,) positions from which it has enough road for this duration.
 
         No vehicle drives onto ``closed`` edges.
         """
         vehicles = [each for each in load_blueprints() if each.kind == "vehicle"]
         return {each.name: self._usable_for(each, duration_s, closed) for each in vehicles}
+
+    @cached_method(maxsize=8)
+    def hazard_sites(self, taper_factor: float) -> HazardSites:
+        """The map's sites for hazards with tapers scaled by this factor."""
+        return HazardSites(self._network, taper_factor)
 
     def usable_on_tight_turns(
         self, blueprint: Blueprint, duration_s: float, closed: frozenset[str] = frozenset()

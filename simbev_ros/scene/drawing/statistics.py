@@ -4,17 +4,17 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 from pydantic import BaseModel
 
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
+from simbev_ros.units import NS_PER_S
 
 BINS = 20
 _MAX_SAMPLES = 1 << 17  # number of values in a parameter's histogram; up to twice as many are held
@@ -60,8 +60,7 @@ class Tally:
         """(BINS,) fraction of the values in each of BINS equal bins between ``min`` and ``max``."""
         samples = np.concatenate(self._samples)
         counts, _ = np.histogram(samples, BINS, (self.min, self.max))
-        shares: Float64Array = counts / len(samples)
-        return shares
+        return counts / len(samples)
 
 
 @dataclass
@@ -156,7 +155,4 @@ def _candidate_fields(name: str, fields: dict[str, str]) -> Iterator[str]:
 
 @lru_cache(maxsize=1)
 def _facts() -> dict[str, Any]:
-    facts: dict[str, Any] = yaml.safe_load(
-        files("simbev_ros.scene.drawing").joinpath("parameters.yaml").read_text(encoding="utf-8")
-    )
-    return facts
+    return load_table("simbev_ros.scene.drawing", "parameters.yaml")

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
@@ -51,16 +52,13 @@ class HazardArea:
         parameter = self._line.parameter(np.zeros(len(along_m), np.int64), self.from_s_m + along_m)
         position_m, heading = self._line.values(parameter), self._line.headings(parameter)
         left_m = self.side * (across_m - self.closed[0].width_m / 2.0)
-        position_m[:, :2] += left_m[:, None] * np.column_stack([-heading[:, 1], heading[:, 0]])
+        position_m[:, :2] += left_m[:, None] * left_of(heading)
         return position_m, np.arctan2(heading[:, 1], heading[:, 0])
 
     def width_at_m(self, along_m: Float64Array) -> Float64Array:
         """(N,) width of the area, measured from the outer border inwards."""
         start_m, end_m = self.body_m
-        width_at_m: Float64Array = np.interp(
-            along_m, [0.0, start_m, end_m, self.length_m], [0.0, self.width_m, self.width_m, 0.0]
-        )
-        return width_at_m
+        return np.interp(along_m, [0.0, start_m, end_m, self.length_m], [0.0, self.width_m, self.width_m, 0.0])
 
     def guard_positions(self, along_m: Float64Array) -> tuple[Float64Array, Float64Array]:
         """``positions`` of cones or barriers: on the border to the open lanes, or near the outer one in the tapers."""

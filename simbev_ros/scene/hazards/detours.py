@@ -3,7 +3,7 @@
 import numpy as np
 
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.streets.lane_positions import LanePositions
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.types import BoolArray
@@ -27,7 +27,7 @@ class Detours:
 
     def closure_for(self, closed: frozenset[str]) -> frozenset[str] | None:
         """All edges to close if ``closed`` are closed; None: too much is lost, or the ego is among it."""
-        reference = self._streets.for_blueprint(load_blueprints()[blueprint_index()[_REFERENCE_VEHICLE]])
+        reference = self._streets.for_blueprint(blueprint_named(_REFERENCE_VEHICLE))
         cut_off = reference.cut_off_edges(closed)
         ego_graph = self._streets.for_blueprint(self._ego)
         if self._ego_edge in cut_off | ego_graph.cut_off_edges(closed) or not closed <= cut_off:

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.hazard import HazardKind, PropSpec
@@ -101,12 +101,11 @@ def props_footprint(props: Iterable[PropSpec]) -> BaseGeometry:
 def _barrier_row_m(width_m: float) -> Float64Array:
     """(N,) center positions across a width of as many adjacent barriers as fit."""
     count = max(1, int(width_m // _size_m(_BARRIER)[1]))
-    centers_m: Float64Array = width_m * (np.arange(count) + 0.5) / count
-    return centers_m
+    return width_m * (np.arange(count) + 0.5) / count
 
 
 def _size_m(blueprint: str) -> tuple[float, float]:
-    length_m, width_m, _ = load_blueprints()[blueprint_index()[blueprint]].size_m
+    length_m, width_m, _ = blueprint_named(blueprint).size_m
     return length_m, width_m
 
 

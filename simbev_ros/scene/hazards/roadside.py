@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Set
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -12,6 +12,7 @@ from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.surface import strip_polygons
+from simbev_ros.scene.cached_method import cached_method
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
@@ -47,7 +48,6 @@ class Roadside:
         for lane in network.lanes_of(LaneKind.SIDEWALK):
             if lane.edge in self.edges:
                 hand += side_of(self.edges[lane.edge][-1], lane)
-        self._lane_mask = cache(self._mask_of_kinds)
         self.hand = 1 if hand >= 0 else -1
         """1 if traffic keeps to the right, -1 if to the left."""
 
@@ -150,7 +150,8 @@ class Roadside:
             np.array([lane.centerline_m[:, 2].mean() for lane in lanes]),
         )
 
-    def _mask_of_kinds(self, *kinds: LaneKind) -> BoolArray:
+    @cached_method()
+    def _lane_mask(self, *kinds: LaneKind) -> BoolArray:
         """(L,) whether each lane is of one of these kinds."""
         return np.array([lane.kind in kinds for lane in self._network.lanes.values()], bool)
 
@@ -169,8 +170,7 @@ class Roadside:
         ]
         if not on_level:
             return np.ones(len(boxes), bool)
-        covered: BoolArray = shapely.covers(shapely.union_all(tree.geometries[on_level]).buffer(_CLEAR_M), boxes)
-        return covered
+        return shapely.covers(shapely.union_all(tree.geometries[on_level]).buffer(_CLEAR_M), boxes)
 
     def _hits(self, boxes: AnyArray, z_m: float, lanes: BoolArray) -> BoolArray:
         """(N,) whether boxes at a height touch any of the lanes in a mask."""
@@ -187,8 +187,7 @@ class Roadside:
 def start_heading(lane: Lane) -> Float64Array:
     """(2,) unit vector of a lane's direction at its start."""
     direction_m = lane.centerline_m[1, :2] - lane.centerline_m[0, :2]
-    heading: Float64Array = direction_m / max(float(np.linalg.norm(direction_m)), 1e-9)
-    return heading
+    return direction_m / max(float(np.linalg.norm(direction_m)), 1e-9)
 
 
 def side_of(other: Lane, lane: Lane) -> int:

@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import Blueprint, blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.guards import BARRIER_ROW_M
@@ -56,7 +56,7 @@ def place_work_vehicles(area: HazardArea, guards: BaseGeometry, seed: int, name:
         area, guards, area.body_m[0] + BARRIER_ROW_M + _END_MARGIN_M, area.body_m[1] - BARRIER_ROW_M - _END_MARGIN_M
     )
     for preferred in _WORK_VEHICLES[int(rng.integers(len(_WORK_VEHICLES)))]:
-        candidates = [load_blueprints()[blueprint_index()[each]] for each in (preferred, *_NARROW_WORK_VEHICLES)]
+        candidates = [blueprint_named(each) for each in (preferred, *_NARROW_WORK_VEHICLES)]
         blueprint = next((each for each in candidates if row.has_width_for(each)), candidates[-1])
         row.place(blueprint, rng.uniform(*_WORK_GAP_M), 0.0, rng)
     return tuple(row.vehicles)

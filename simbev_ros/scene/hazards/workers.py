@@ -8,7 +8,7 @@ import shapely
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.random import stream
-from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.guards import BARRIER_ROW_M
@@ -27,7 +27,7 @@ def place_workers(
     rng = stream(seed, f"{name}.workers")
     start_m, end_m = area.body_m
     stands = [vehicle.stands_at for vehicle in vehicles if vehicle.stands_at is not None]
-    sizes_m = [load_blueprints()[blueprint_index()[vehicle.blueprint]].size_m[:2] for vehicle in vehicles]
+    sizes_m = [blueprint_named(vehicle.blueprint).size_m[:2] for vehicle in vehicles]
     center_m = np.array([(stand.x_m, stand.y_m) for stand in stands]).reshape(-1, 2)
     boxes = footprints(np.array(sizes_m).reshape(-1, 2), center_m, np.array([stand.yaw_rad for stand in stands]))
     occupied = [shapely.union_all(boxes)]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.spec import WaypointSpec
@@ -32,14 +33,12 @@ class LanePositions:
 
     def within_radius(self, center_m: Float64Array, radius_m: float) -> BoolArray:
         """(N,) whether each position is at most a radius away from a (3,) point."""
-        is_near: BoolArray = np.linalg.norm(self.position_m - center_m, axis=1) <= radius_m
-        return is_near
+        return np.linalg.norm(self.position_m - center_m, axis=1) <= radius_m
 
     def on_lane_near(self, waypoint: WaypointSpec, distance_m: float) -> BoolArray:
         """(N,) whether each position is on a waypoint's lane and closer to it than a distance."""
         on_lane = np.array([lane.id == waypoint.lane for lane in self.lanes], bool)[self.row]
-        is_near: BoolArray = on_lane & (np.abs(self.s_m - waypoint.s_m) < distance_m)
-        return is_near
+        return on_lane & (np.abs(self.s_m - waypoint.s_m) < distance_m)
 
     def waypoint(self, index: int) -> WaypointSpec:
         """Waypoint of the position with this index."""
@@ -52,7 +51,6 @@ def positions_along(
     """Sample lanes: first position ``first_m`` from each lane's start, then every ``spacing_m``, clear of its end."""
     lines = Polylines.from_lines([lane.centerline_m for lane in lanes])
     counts = np.ceil((lines.length_m - end_margin_m - first_m) / spacing_m).clip(0.0).astype(np.int64)
-    row = np.repeat(np.arange(len(lanes)), counts)
-    number = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, number = ragged_indices(counts)
     s_m: Float64Array = first_m + spacing_m * number.astype(np.float64)
     return LanePositions(tuple(lanes), row, s_m, lines.values(lines.parameter(row, s_m)))

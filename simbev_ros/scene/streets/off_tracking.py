@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import Blueprint, VehicleFootprint
@@ -151,7 +152,7 @@ def too_tight(bodies: Sequence[VehicleFootprint], paths: TurningPaths, obstacles
         pull_m = paths.point_m[here, :2] - rear_m[body, path]
         forward = pull_m / np.linalg.norm(pull_m, axis=1, keepdims=True)
         rear_m[body, path] = paths.point_m[here, :2] - trail_m[body] * forward
-        left = np.column_stack([-forward[:, 1], forward[:, 0]])
+        left = left_of(forward)
         is_askew = np.abs(np.sum(left * paths.heading[here], axis=1)) > _ASKEW_RAD
         body, path, here, axes = (
             body[is_askew],

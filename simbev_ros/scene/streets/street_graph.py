@@ -6,7 +6,7 @@ removed or inserted during a scene.
 
 from collections.abc import Mapping, Set
 from copy import copy
-from functools import cache, cached_property, lru_cache
+from functools import cached_property
 from itertools import compress
 
 import numpy as np
@@ -18,6 +18,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import Blueprint, VehicleFootprint
+from simbev_ros.scene.cached_method import cached_method
 from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.scene.streets.tight_turns import tight_lanes
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
@@ -63,9 +64,6 @@ class Streets:
         self.edge_length_m = np.zeros(len(numbers))
         self.edge_length_m[self.edge] = Polylines.from_lines([lane.centerline_m for lane in self.lanes]).length_m
         self._network = network
-        self.for_class = cache(self._for_class)
-        self._for_body = cache(self._for_long)
-        self._without_edges = lru_cache(maxsize=64)(StreetGraph.without_edges)
 
     def usable_lanes(self, sumo_class: str) -> BoolArray:
         """(L,) whether a vehicle class may use each lane."""
@@ -78,17 +76,24 @@ class Streets:
         if tight or not is_long(blueprint):
             graph = self.for_class(blueprint.sumo_class)
         else:
-            graph = self._for_body(blueprint.sumo_class, blueprint.footprint)
+            graph = self._for_long(blueprint.sumo_class, blueprint.footprint)
         return self._without_edges(graph, closed) if closed else graph
 
-    def _for_class(self, sumo_class: str) -> "StreetGraph":
+    @cached_method()
+    def for_class(self, sumo_class: str) -> "StreetGraph":
         """The graph for one of SUMO's vehicle classes."""
         return StreetGraph(self, sumo_class, self.usable_lanes(sumo_class))
 
+    @cached_method()
     def _for_long(self, sumo_class: str, body: VehicleFootprint) -> "StreetGraph":
         """The graph for long vehicles of a class with this footprint."""
         tight = streets_of(self._network).tight[body][self._kept]
         return StreetGraph(self, sumo_class, self.usable_lanes(sumo_class) & ~tight)
+
+    @cached_method(maxsize=64)
+    def _without_edges(self, graph: "StreetGraph", closed: frozenset[str]) -> "StreetGraph":
+        """A graph of these streets without ``closed`` edges and the edges that they cut off."""
+        return graph.without_edges(closed)
 
     @cached_property
     def tight(self) -> Mapping[VehicleFootprint, BoolArray]:
@@ -190,8 +195,7 @@ class StreetGraph:
         """
         edge, may_start = self._streets.edge[row], self._starts[row]
         ahead_m = self._streets.edge_length_m[edge] - s_m + self._beyond_lane_m[row]
-        is_enough: BoolArray = may_start & (np.minimum(ahead_m, self._component_m[edge]) >= distance_m)
-        return is_enough
+        return may_start & (np.minimum(ahead_m, self._component_m[edge]) >= distance_m)
 
     def has_successor(self, start_lane: str) -> bool:
         """Whether a vehicle can drive on beyond a lane."""
@@ -253,8 +257,7 @@ def _without_columns(relation: csr_array, columns: BoolArray) -> csr_array:
 
 def _related(relation: csr_array, row: int) -> Int64Array:
     """The columns that one row is related to."""
-    columns: Int64Array = relation.indices[relation.indptr[row] : relation.indptr[row + 1]]
-    return columns
+    return relation.indices[relation.indptr[row] : relation.indptr[row + 1]]
 
 
 def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:

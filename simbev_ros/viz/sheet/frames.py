@@ -11,8 +11,8 @@ import numpy as np
 from simbev_ros.dataset.content import sources_by_topic
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.recording.indexed_bag import IndexedBag
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import AnyArray
+from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.sheet.truth import Sample, Truth, truth_at
 from simbev_ros.viz.sheet.views import Views
 

@@ -15,8 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
-from simbev_ros.world.driving.conflicts import Conflicts, PredictedTraffic
-from simbev_ros.world.driving.passing import PassingOffsets
+from simbev_ros.world.driving.conflicts import MARGINS_M, Conflicts, PredictedTraffic
 from simbev_ros.world.driving.trajectory_prediction import (
     TIMES_S,
     PredictedTrajectories,
@@ -26,13 +25,17 @@ from simbev_ros.world.driving.trajectory_prediction import (
 )
 from simbev_ros.world.kinematics.motion import Bodies
 
-_REASON = "lookout"
+_REASON = "conflict"
 _STOP_GAP_M = 0.4
 _MIN_BRAKING_MPS2 = 2.0  # SUMO's own driver handles anything below
 _MAX_BRAKING_MPS2 = 8.0
 _LOOK_PERIOD_S = 0.2
 _STANDING_MPS = 0.02
 _FRONT_DEPTH_M = 0.5
+_MIN_ALIGNMENT = 0.8  # cosine of the angle up to which vehicles pass each other and do not cross
+_MAX_OFFSET_M, _MAX_LACKING_M = 0.6, 1.2
+_OFFSET_STEP_M = 0.1  # correction of the offset at each look
+_RETURN_MPS = 0.15
 
 
 class DriverControl(RouteGeometry, Protocol):
@@ -201,3 +204,33 @@ class CarefulDrivers:
             del self.braking_mps2[vehicle]
         for vehicle in np.unique(yielding).tolist():
             self.braking_mps2[vehicle] = min(float(needed_mps2[yielding == vehicle].max()), _MAX_BRAKING_MPS2)
+
+
+class PassingOffsets:
+    """Lateral offsets of drivers from SUMO's positions.
+
+    Attributes:
+        offset_m: (V,) desired offset of each vehicle to the left.
+    """
+
+    def __init__(self, vehicles: int, look_period_s: float) -> None:
+        """Start without offsets; drivers look every ``look_period_s``."""
+        self.offset_m: Float64Array = np.zeros(vehicles)
+        self._look_period_s = look_period_s
+        self._undisturbed_s = np.zeros(vehicles)  # time since each driver last had to make room
+
+    def update_offsets(self, drivers: Int64Array, conflicts: Conflicts, predicted: PredictedTraffic) -> None:
+        """Move those of (D,) drivers aside who meet other vehicles too closely, and let the undisturbed ones return."""
+        first_contacts = predicted.first_contacts(conflicts)
+        gap_m = first_contacts.gap_m[:, 1]
+        lacking_m = first_contacts.reach_m[:, 1] + MARGINS_M[0] - np.abs(gap_m)
+        is_passing = predicted.as_seen.stays[conflicts.other] | (first_contacts.alignment > _MIN_ALIGNMENT)
+        is_passing &= (lacking_m > 0.0) & (lacking_m < _MAX_LACKING_M)
+        self._undisturbed_s[drivers] += self._look_period_s
+        self._undisturbed_s[conflicts.driver[is_passing]] = 0.0
+        undisturbed = drivers[self._undisturbed_s[drivers] > TIMES_S[-1]]
+        return_m = np.minimum(np.abs(self.offset_m[undisturbed]), _RETURN_MPS * self._look_period_s)
+        self.offset_m[undisturbed] -= np.sign(self.offset_m[undisturbed]) * return_m
+        step_m = np.minimum(lacking_m[is_passing], _OFFSET_STEP_M)
+        np.add.at(self.offset_m, conflicts.driver[is_passing], -np.sign(gap_m[is_passing]) * step_m)
+        np.clip(self.offset_m, -_MAX_OFFSET_M, _MAX_OFFSET_M, out=self.offset_m)

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.driving.trajectory_prediction import TIMES_S, PredictedTrajectories
 
@@ -78,8 +79,7 @@ class PredictedTraffic:
     @property
     def radius_m(self) -> Float64Array:
         """(G,) radii of the circles around the boxes."""
-        radius_m: Float64Array = np.hypot(*self.half_m.T)
-        return radius_m
+        return np.hypot(*self.half_m.T)
 
     def find_conflicts(self, drivers: Int64Array) -> Conflicts:
         """Conflicts of (D,) drivers with all bodies that they would touch later than now."""
@@ -104,7 +104,7 @@ class PredictedTraffic:
             self.own.forward[conflicts.driver, conflicts.first_time],
             self.as_seen.forward[conflicts.other, conflicts.first_time],
         )
-        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        left = left_of(ahead)
         between_m = (
             self.as_seen.center_m[conflicts.other, conflicts.first_time]
             - self.own.center_m[conflicts.driver, conflicts.first_time]
@@ -177,8 +177,7 @@ class PredictedTraffic:
             self.half_m[driver] + margin_m[close, None],
             self.half_m[other],
         )
-        touching: Int64Array = close[overlaps]
-        return touching
+        return close[overlaps]
 
 
 def _overlap(

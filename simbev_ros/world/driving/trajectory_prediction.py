@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.kinematics.motion import Bodies
 
@@ -42,20 +43,17 @@ class PredictedTrajectories:
     @property
     def middle_m(self) -> Float64Array:
         """(N, 2) midpoint of the first and the last position."""
-        middle_m: Float64Array = (self.center_m[:, 0] + self.center_m[:, -1]) / 2.0
-        return middle_m
+        return (self.center_m[:, 0] + self.center_m[:, -1]) / 2.0
 
     @property
     def span_m(self) -> Float64Array:
         """(N,) distance between the first and the last position."""
-        span_m: Float64Array = np.linalg.norm(self.center_m[:, -1] - self.center_m[:, 0], axis=1)
-        return span_m
+        return np.linalg.norm(self.center_m[:, -1] - self.center_m[:, 0], axis=1)
 
     @property
     def stays(self) -> BoolArray:
         """(N,) whether each body hardly moves."""
-        stays: BoolArray = self.span_m <= _MIN_SPAN_M
-        return stays
+        return self.span_m <= _MIN_SPAN_M
 
 
 class TrajectoryPredictor:
@@ -98,7 +96,7 @@ class TrajectoryPredictor:
         ends_m = self._traffic.ahead_m(vehicle, distance_m, np.zeros_like(distance_m))
         along_m = (ends_m[:, 1] - ends_m[:, 0])[:, :2]
         along = along_m / np.maximum(np.linalg.norm(along_m, axis=1, keepdims=True), 1e-9)
-        self.left[vehicle] = np.column_stack([-along[:, 1], along[:, 0]])
+        self.left[vehicle] = left_of(along)
         max_m = np.minimum(_MAX_SWERVE_SLOPE * speed_mps, _MAX_SWERVE_MPS) * self._tick_s
         swerve_m = np.clip(self.target_offset_m - self.offset_m, -max_m, max_m)
         self.offset_m = self.offset_m + swerve_m
@@ -150,5 +148,4 @@ def _distances_m(speed_mps: Float64Array, acceleration_mps2: Float64Array) -> Fl
     changing_s = np.minimum(TIMES_S, change_end_s)
     moving_s = np.where(acceleration_mps2[:, None] < 0.0, changing_s, TIMES_S)
     speed_change_m = acceleration_mps2[:, None] * changing_s * (moving_s - changing_s / 2.0)
-    distance_m: Float64Array = speed_mps[:, None] * moving_s + speed_change_m
-    return distance_m
+    return speed_mps[:, None] * moving_s + speed_change_m

@@ -61,16 +61,12 @@ class Collisions:
     def rest_m(self) -> Float64Array:
         """(G, 3) positions where sliding bodies will come to rest if nothing else happens."""
         speed_mps = np.linalg.norm(self._velocity_mps, axis=1, keepdims=True)
-        rest_m: Float64Array = self._position_m + self.crashed[:, None] * self._velocity_mps * speed_mps / (
-            2.0 * _SKID_MPS2
-        )
-        return rest_m
+        return self._position_m + self.crashed[:, None] * self._velocity_mps * speed_mps / (2.0 * _SKID_MPS2)
 
     @property
     def yaw_rad(self) -> Float64Array:
         """(G,) headings."""
-        yaw_rad: Float64Array = self._rpy_rad[:, 2]
-        return yaw_rad
+        return self._rpy_rad[:, 2]
 
     def resolve(self, desired_m: Float64Array, desired_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Turn desired (G, 3) positions and (G, 3) roll, pitch, yaw into the poses to publish."""
@@ -108,13 +104,11 @@ class Collisions:
         """(G, 3) steps of this tick with locked wheels."""
         speed_mps = np.linalg.norm(self._velocity_mps, axis=1, keepdims=True)
         slower_mps = np.maximum(speed_mps - _SKID_MPS2 * self._tick_s, 0.0)
-        step_m: Float64Array = self._velocity_mps * (slower_mps / np.maximum(speed_mps, 1e-9)) * self._tick_s
-        return step_m
+        return self._velocity_mps * (slower_mps / np.maximum(speed_mps, 1e-9)) * self._tick_s
 
     def _new_pairs(self, pairs: Int64Array) -> Int64Array:
         """The (K, 2) pairs without those that have touched from the beginning."""
-        new_pairs: Int64Array = pairs[[key not in self._initial_pairs for key in map(tuple, pairs.tolist())]]
-        return new_pairs
+        return pairs[[key not in self._initial_pairs for key in map(tuple, pairs.tolist())]]
 
     def _collide(self, pairs: Int64Array, position_m: Float64Array) -> None:
         """Give both bodies of each of (K, 2) pairs the velocity that conserves their momentum; report impacts."""

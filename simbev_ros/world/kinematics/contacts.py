@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 
@@ -41,14 +42,13 @@ class BodyBoxes:
         is_near = (np.hypot(gap_m[:, 0], gap_m[:, 1]) < reach_m) & (min_gap_m < gap_m[:, 2]) & (gap_m[:, 2] < max_gap_m)
         pairs = pairs[is_near]
         pairs = pairs[self.overlap(pairs, position_m[pairs], yaw_rad[pairs])]
-        sorted_pairs: Int64Array = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-        return sorted_pairs
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def overlap(self, pairs: Int64Array, position_m: Float64Array, yaw_rad: Float64Array) -> BoolArray:
         """(K,) whether (K, 2) pairs overlap in plan at their (K, 2, 3) positions and (K, 2) headings."""
         half_m = self.size_m[pairs][..., :2] / 2.0
         ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-        axes = np.stack([ahead, np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1)], axis=2)  # pair, body, side, xy
+        axes = np.stack([ahead, left_of(ahead)], axis=2)  # pair, body, side, xy
         normals = axes.reshape(len(pairs), 4, 2)
         gap_m = np.abs(np.einsum("kax,kx->ka", normals, position_m[:, 1, :2] - position_m[:, 0, :2]))
         projection = np.abs(np.einsum("kax,kbsx->kabs", normals, axes))

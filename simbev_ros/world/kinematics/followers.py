@@ -95,5 +95,4 @@ class TowedPoints:
         row = np.arange(len(lead_m))
         end = np.argmax(path_m >= self._behind_m[:, None] - 1e-9, axis=1)
         fraction = 1.0 - (path_m[row, end] - self._behind_m) / np.maximum(length_m[row, end], 1e-9)
-        point_m: Float64Array = trail_m[row, end] + fraction[:, None] * (trail_m[row, end + 1] - trail_m[row, end])
-        return point_m
+        return trail_m[row, end] + fraction[:, None] * (trail_m[row, end + 1] - trail_m[row, end])

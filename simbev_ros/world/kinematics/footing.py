@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.kinematics.ground import GroundSurface
 
@@ -49,7 +50,7 @@ class GroundPlanes:
         forward_at_contact = forward[contacts.body]
         heading = forward_at_contact[:, :2] / np.linalg.norm(forward_at_contact[:, :2], axis=1, keepdims=True)
         point_m = origin_m[contacts.body] + contacts.ahead_m[:, None] * forward_at_contact
-        point_m[:, :2] += contacts.left_m[:, None] * np.column_stack([-heading[:, 1], heading[:, 0]])
+        point_m[:, :2] += contacts.left_m[:, None] * left_of(heading)
         height_m = self._ground.heights_m(point_m)
         plan_length = np.linalg.norm(forward[:, :2], axis=1)  # factor by which the wheelbase is shorter in plan
         rise_ahead = self._sums(self._ahead_per_m * height_m) / plan_length

@@ -60,8 +60,7 @@ class GroundSurface:
         """(N,) whether (N, 3) points lie in patches with structures; a fast test that excludes most points."""
         patch = np.floor((point_m[:, :2] - self._first_m) / _PATCH_M).astype(np.int64) + 1
         column, row = np.clip(patch, 0, np.array(self._patches.shape) - 1).T
-        near: BoolArray = self._patches[column, row]
-        return near
+        return self._patches[column, row]
 
     def heights_m(self, point_m: Float64Array) -> Float64Array:
         """(N,) heights of the carriageway's plane at (N, 3) points, on their levels."""

@@ -8,6 +8,7 @@ Velocities and accelerations are central differences of the poses, so that they 
 the map frame.
 """
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,6 @@ from simbev_ros.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.world.kinematics.collisions import Collisions
 from simbev_ros.world.kinematics.contacts import BodyBoxes
 from simbev_ros.world.kinematics.footing import ContactPoints, GroundPlanes
-from simbev_ros.world.kinematics.moving_average import MovingAverage
 
 _GRAVITY_MPS2 = 9.81
 _SETTLING_FRACTION = 0.4  # window for heights divided by the points' window: long enough to act like springs
@@ -71,6 +71,31 @@ class Kinematics:
     forward_acceleration_mps2: Float64Array
 
 
+class _MovingAverage:
+    """Average of the latest values around the middle one, with weights that vanish at both ends."""
+
+    def __init__(self, half_ticks: int) -> None:
+        """For ``half_ticks`` values on each side of the middle one."""
+        self.half_ticks = half_ticks
+        weights = np.hanning(2 * half_ticks + 3)[1:-1]
+        self._weights = weights / weights.sum()
+        self._values: deque[Float64Array] = deque(maxlen=len(weights))
+
+    def add(self, values: Float64Array) -> None:
+        """Add the newest values; before the first call, values are taken as constant."""
+        self._values.extend([values] * (1 if self._values else len(self._weights)))
+
+    @property
+    def middle(self) -> Float64Array:
+        """The values ``half_ticks`` before the newest ones."""
+        return self._values[self.half_ticks]
+
+    def average(self) -> Float64Array:
+        """The average around the middle; exactly the middle value where nothing changed."""
+        middle = self.middle
+        return middle + np.tensordot(self._weights, np.stack(self._values) - middle, axes=1)
+
+
 class Motion:
     """The motion of all bodies of a scene. Call ``advance_motion`` once per tick.
 
@@ -100,9 +125,9 @@ class Motion:
         self._bodies = bodies
         self._tick_s = tick_s
         self._ground_planes = ground_planes
-        self._point_window = MovingAverage(half_window_ticks)
+        self._point_window = _MovingAverage(half_window_ticks)
         half_settling_ticks = 0 if ground_planes is None else max(1, round(half_window_ticks * _SETTLING_FRACTION))
-        self._plan_window, self._plane_window = MovingAverage(half_settling_ticks), MovingAverage(half_settling_ticks)
+        self._plan_window, self._plane_window = _MovingAverage(half_settling_ticks), _MovingAverage(half_settling_ticks)
         self._point_window.add(point_m)
         self._lead_m = point_m[:, :3].copy()
         self._rear_m = self._lead_m - bodies.trail_m[:, None] * direction

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
@@ -62,8 +63,7 @@ class CrossingSite:
     @property
     def start_m(self) -> Float64Array:
         """(3,) start of the path."""
-        start_m: Float64Array = self.ends_m[0]
-        return start_m
+        return self.ends_m[0]
 
     @property
     def length_m(self) -> float:
@@ -98,7 +98,7 @@ class CrossingSites:
         start_m, yaw_rad = self._network.pose_on_lane(lane.id, s_m)
         along = np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
         for left in (1.0, -1.0):
-            across = left * np.array([-along[1], along[0]])
+            across = left * left_of(along)
             site = self._site_across(lane, s_m, start_m, along, across)
             if site is not None:
                 return site

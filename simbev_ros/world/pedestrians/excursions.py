@@ -9,14 +9,16 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
-from simbev_ros.world.cast import blueprint_of
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.pedestrians.free_walk import FreeWalker
 from simbev_ros.world.pedestrians.itineraries import Leg
 from simbev_ros.world.pedestrians.jaywalks import Jaywalks
 from simbev_ros.world.pedestrians.plaza_visits import PlazaVisit
-from simbev_ros.world.sumo.traffic import SumoTraffic, TrafficSample
+from simbev_ros.world.population import Population
+from simbev_ros.world.sumo.traffic import TrafficSample
 
 _START_TOLERANCE_M = 0.5
 _MAX_LATERAL_M = 3.0
@@ -26,25 +28,31 @@ class Excursions:
     """All excursions of pedestrians in a scene."""
 
     def __init__(
-        self, spec: SceneSpec, legs_by_index: Mapping[int, tuple[Leg, ...]], traffic: SumoTraffic, front_m: Float64Array
+        self,
+        spec: SceneSpec,
+        legs_by_index: Mapping[int, tuple[Leg, ...]],
+        population: Population,
+        front_m: Float64Array,
     ) -> None:
         """Start with all pedestrians on the network, except those whose scene starts on a plaza.
 
         Args:
             spec: The scene.
             legs_by_index: Legs of the pedestrians that leave the network, by index in the specification.
-            traffic: SUMO's traffic.
-            front_m: (V, 3) fronts of its vehicles.
+            population: Vehicles and pedestrians.
+            front_m: (V, 3) fronts of the vehicles.
         """
-        self._traffic = traffic
+        self._sumo = population.sumo
         self._tick_s = spec.tick_ns / NS_PER_S
-        pedestrians = [spec.pedestrians[index] for index in traffic.pedestrians]
+        pedestrians = [spec.pedestrians[index] for index in population.pedestrians]
         self._speed_mps = [pedestrian.max_speed_mps for pedestrian in pedestrians]
-        self._half_length_m = [blueprint_of(pedestrian.blueprint).size_m[0] / 2.0 for pedestrian in pedestrians]
+        self._half_length_m = [blueprint_named(pedestrian.blueprint).size_m[0] / 2.0 for pedestrian in pedestrians]
         self._legs = {
-            row: deque(legs_by_index[index]) for row, index in enumerate(traffic.pedestrians) if index in legs_by_index
+            row: deque(legs_by_index[index])
+            for row, index in enumerate(population.pedestrians)
+            if index in legs_by_index
         }
-        self._jaywalks = Jaywalks(spec, traffic, front_m)
+        self._jaywalks = Jaywalks(spec, population, front_m)
         self._pedestrian_m: Float64Array = np.zeros((len(pedestrians), 3))
         self._walkers: dict[int, tuple[FreeWalker, Iterator[None]]] = {}
         self._visits: dict[int, PlazaVisit] = {}
@@ -124,17 +132,17 @@ class Excursions:
         else:
             steps = self._jaywalks.cross(row, walker, leg.excursion)
         self._walkers[row] = walker, self._walk_excursion(row, walker, steps, leg.excursion.end_position_m)
-        self._traffic.remove_pedestrian(row)
+        self._sumo.remove_pedestrian(row)
 
     def _walk_excursion(self, row: int, walker: FreeWalker, steps: Iterator[None], position_m: float) -> Iterator[None]:
         """All steps from leaving the network to walking on it again, at SUMO's position on the next leg."""
         yield from steps
         leg = self._legs[row][0]
-        self._traffic.reinsert_pedestrian(row, leg.edges, position_m, leg.arrival_m)
+        self._sumo.reinsert_pedestrian(row, leg.edges, position_m, leg.arrival_m)
         yield
-        self._traffic.limit_walking_speed(row, 0.0)
+        self._sumo.limit_walking_speed(row, 0.0)
         yield from walker.walk_to(self._pedestrian_m[row])
-        self._traffic.limit_walking_speed(row, self._speed_mps[row])
+        self._sumo.limit_walking_speed(row, self._speed_mps[row])
         self._jaywalks.end_crossing(row)
         self._visits.pop(row, None)
         del self._walkers[row]

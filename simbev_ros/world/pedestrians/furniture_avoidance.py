@@ -58,5 +58,4 @@ class FurnitureAvoidance:
 def _smoothstep(fraction: Float64Array) -> Float64Array:
     """Map 0..1 to 0..1 without kinks at the ends."""
     fraction = np.clip(fraction, 0.0, 1.0)
-    smooth: Float64Array = fraction * fraction * (3.0 - 2.0 * fraction)
-    return smooth
+    return fraction * fraction * (3.0 - 2.0 * fraction)

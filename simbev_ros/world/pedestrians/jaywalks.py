@@ -6,12 +6,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array
-from simbev_ros.world.cast import blueprint_of
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
 from simbev_ros.world.pedestrians.free_walk import FreeWalker
-from simbev_ros.world.sumo.traffic import SumoTraffic, TrafficSample
+from simbev_ros.world.population import Population
+from simbev_ros.world.sumo.traffic import TrafficSample
 
 _COMFORTABLE_MPS2 = 2.5  # comfortable braking for a pedestrian on the road
 _REACTION_S = 0.8
@@ -56,20 +58,20 @@ class Jaywalks:
         is_crossing: (P,) bool; whether each pedestrian is on the way across.
     """
 
-    def __init__(self, spec: SceneSpec, traffic: SumoTraffic, front_m: Float64Array) -> None:
+    def __init__(self, spec: SceneSpec, population: Population, front_m: Float64Array) -> None:
         """Start without crossings.
 
         Args:
             spec: The scene.
-            traffic: SUMO's traffic.
-            front_m: (V, 3) fronts of its vehicles.
+            population: Vehicles and pedestrians.
+            front_m: (V, 3) fronts of the vehicles.
         """
-        self.is_crossing: BoolArray = np.zeros(len(traffic.pedestrians), bool)
-        self._traffic = traffic
+        self.is_crossing: BoolArray = np.zeros(len(population.pedestrians), bool)
+        self._population, self._sumo = population, population.sumo
         self._tick_s = spec.tick_ns / NS_PER_S
-        vehicles = [spec.vehicles[index] for index in traffic.vehicles]
+        vehicles = [spec.vehicles[index] for index in population.vehicles]
         self._reckless = [vehicle.reckless for vehicle in vehicles]
-        self._size_m = np.array([blueprint_of(vehicle.blueprint).size_m for vehicle in vehicles])
+        self._size_m = np.array([blueprint_named(vehicle.blueprint).size_m for vehicle in vehicles])
         self._look_ticks = max(1, round(_LOOK_PERIOD_S / self._tick_s))
         self._steps = 0
         self._front_m = front_m
@@ -121,8 +123,7 @@ class Jaywalks:
         """Vehicles, ascending, that may be on a crossing path or cannot stop far from it."""
         start_m, end_m = site.ends_m[:, :2]
         gap_m = np.linalg.norm(self._front_m[:, :2] - (start_m + end_m) / 2.0, axis=1)
-        rows: list[int] = np.flatnonzero(gap_m < self._reach_m + site.length_m / 2.0).tolist()
-        return rows
+        return np.flatnonzero(gap_m < self._reach_m + site.length_m / 2.0).tolist()
 
     def _has_gap(self, site: CrossingSite) -> bool:
         """Whether no vehicle is on a crossing path, and every approaching one can stop before it in comfort."""
@@ -130,8 +131,8 @@ class Jaywalks:
         for vehicle in self._vehicles_near(site):
             front_m = self._front_m[vehicle, :2]
             length_m, width_m, _ = self._size_m[vehicle].tolist()
-            body = shapely.LineString([front_m, front_m - length_m * self._traffic.direction(vehicle)])
-            needed_m = float(_stopping_distance_m(self._traffic.speed_mps(vehicle))) + _MIN_GAP_M
+            body = shapely.LineString([front_m, front_m - length_m * self._population.direction(vehicle)])
+            needed_m = float(_stopping_distance_m(self._population.speed_mps(vehicle))) + _MIN_GAP_M
             if path.distance(body) < width_m / 2.0 + _MIN_LATERAL_M or self._distance_m(vehicle, site, 0.0) < needed_m:
                 return False
         return True
@@ -144,20 +145,20 @@ class Jaywalks:
             distance_m = self._distance_m(vehicle, crossing.site, crossing.cleared_m) - _STOP_GAP_M
             if self._reckless[vehicle] or not np.isfinite(distance_m):
                 continue
-            speed_mps = self._traffic.speed_mps(vehicle)
+            speed_mps = self._population.speed_mps(vehicle)
             needed_mps2 = speed_mps**2 / (2.0 * max(distance_m, 1e-3))
             if vehicle in crossing.braking or needed_mps2 > _COMFORTABLE_MPS2 or distance_m < _STOP_GAP_M:
                 braking.add(vehicle)
-                self._traffic.limit_speed(vehicle, f"jaywalker {row}", max(speed_mps - needed_mps2 * self._tick_s, 0.0))
+                self._sumo.limit_speed(vehicle, f"jaywalker {row}", max(speed_mps - needed_mps2 * self._tick_s, 0.0))
         for vehicle in sorted(crossing.braking - braking):
-            self._traffic.limit_speed(vehicle, f"jaywalker {row}", None)
+            self._sumo.limit_speed(vehicle, f"jaywalker {row}", None)
         crossing.braking = braking
 
     def _distance_m(self, vehicle: int, site: CrossingSite, cleared_m: float) -> float:
         """Driving distance of a vehicle to the crossed carriageways not yet cleared; infinite if it reaches none."""
         return min(
             (
-                self._traffic.distance_m(vehicle, carriageway.edge, carriageway.position_m)
+                self._population.distance_m(vehicle, carriageway.edge, carriageway.position_m)
                 for carriageway in site.carriageways
                 if carriageway.cleared_m > cleared_m
             ),

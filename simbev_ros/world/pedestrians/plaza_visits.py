@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.land.plazas import Plaza
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -61,8 +62,7 @@ class PlazaVisit:
     @property
     def stop_position_m(self) -> Float64Array:
         """(3,) position of the stop."""
-        stop_position_m: Float64Array = self.corners_m[self.stop_corner : self.stop_corner + 2].mean(axis=0)
-        return stop_position_m
+        return self.corners_m[self.stop_corner : self.stop_corner + 2].mean(axis=0)
 
     def path_to_stop_m(self, start_m: Float64Array) -> Float64Array:
         """(N, 3) line from a (3,) position to the stop."""
@@ -95,8 +95,7 @@ class _Entrance:
     def path_in_m(self, offset_m: float) -> Float64Array:
         """(2, 2) path to the plaza, offset to the right of its center line."""
         ahead = (self.path_m[1] - self.path_m[0]) / np.linalg.norm(self.path_m[1] - self.path_m[0])
-        path_m: Float64Array = self.path_m + offset_m * np.array([ahead[1], -ahead[0]])
-        return path_m
+        return self.path_m + offset_m * np.array([ahead[1], -ahead[0]])
 
 
 class PlazaVisits:
@@ -172,7 +171,7 @@ def _propose_rounds(
     side = rng.choice([-1.0, 1.0], _TRIES)
     offset_m = side[:, None] * rng.uniform(*_ROUND_ASIDE_M, (_TRIES, 3))
     ahead_m = rng.uniform(*_ROUND_AHEAD_M, (_TRIES, 3))
-    spots_m = path_in_m[1] + ahead_m[..., None] * ahead + offset_m[..., None] * np.array([-ahead[1], ahead[0]])
+    spots_m = path_in_m[1] + ahead_m[..., None] * ahead + offset_m[..., None] * left_of(ahead)
     ends_m = [np.repeat(path_m[None], _TRIES, axis=0) for path_m in (path_in_m, path_out_m[::-1])]
     side_m = np.diff(np.concatenate([ends_m[0], spots_m, ends_m[1]], axis=1), axis=1)
     length_m = np.linalg.norm(side_m, axis=2)

@@ -7,6 +7,7 @@ keeps walking.
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.world.kinematics.motion import Bodies
 
@@ -57,7 +58,7 @@ class VehicleAvoidance:
         vehicle = np.repeat(np.arange(len(near)), [len(each) for each in near])
         pedestrian = np.array([each for some in near for each in some], np.int64)
         ahead = self.ahead[vehicle]
-        axes = np.stack([ahead, np.column_stack([-ahead[:, 1], ahead[:, 0]])], axis=1)
+        axes = np.stack([ahead, left_of(ahead)], axis=1)
         gap_m = pedestrian_m[pedestrian] - self.center_m[vehicle]
         local_m = np.einsum("nai,ni->na", axes, gap_m[:, :2])
         depth_m = self._half_m[vehicle] + self._reach_m[pedestrian, None] - np.abs(local_m)
@@ -102,7 +103,7 @@ class VehicleAvoidance:
         vehicle = np.repeat(driving, [len(each) for each in near])
         pedestrian: Int64Array = np.concatenate(near).astype(np.int64)
         ahead = self.ahead[vehicle]
-        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        left = left_of(ahead)
         gap_m = (desired_m[pedestrian] - center_m[vehicle])[:, :2]
         along_m = np.sum(gap_m * ahead, axis=1)
         path_offset_m = curvature_per_m[vehicle] * np.maximum(along_m, 0.0) ** 2 / 2.0

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.streets.street_graph import Streets
-from simbev_ros.world.cast import blueprint_of
 
 _EXTENSION_M = 2000.0
 
@@ -30,7 +30,7 @@ class Routes:
     def draw_extension(self, vehicle: int, edge: str, step: int) -> RouteExtension:
         """Extend the route of a vehicle (its index in the specification) that ends with ``edge`` by random edges."""
         rng = stream(self._spec.seed, f"v{vehicle}.onward", step)
-        blueprint = blueprint_of(self._spec.vehicles[vehicle].blueprint)
+        blueprint = blueprint_named(self._spec.vehicles[vehicle].blueprint)
         graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges)
         if graph.is_dead_end(edge):
             graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges, tight=True)

@@ -10,11 +10,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.maps.network import Signal
 from simbev_ros.random import stream
-from simbev_ros.scene.spec import NS_PER_S, SceneSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState
 from simbev_ros.types import Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.units import NS_PER_S
 
 YELLOW_S = 3.0
 ALL_RED_S = 2.0
@@ -161,11 +163,10 @@ def _held_ticks(shown: UInt8Array, ticks: Int64Array) -> Int64Array:
     A head that never changes has shown it for one cycle.
     """
     twice = np.concatenate([shown, shown])
-    start = np.cumsum(np.tile(ticks, 2)) - np.tile(ticks, 2)
+    start = ragged_starts(np.tile(ticks, 2))
     changed = np.vstack([np.ones((1, shown.shape[1]), bool), twice[1:] != twice[:-1]])
     since = np.maximum.accumulate(np.where(changed, start[:, None], 0))
-    held_ticks: Int64Array = (start[:, None] - since)[len(ticks) :]
-    return held_ticks
+    return (start[:, None] - since)[len(ticks) :]
 
 
 def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
@@ -174,8 +175,7 @@ def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
     end = np.cumsum(np.tile(ticks, 2))
     changes = np.vstack([twice[1:] != twice[:-1], np.zeros((1, shown.shape[1]), bool)])
     until: Float64Array = np.minimum.accumulate(np.where(changes, end[:, None], np.inf)[::-1])[::-1]
-    left: Float64Array = (until - (end - np.tile(ticks, 2))[:, None])[: len(ticks)]
-    return left
+    return (until - (end - np.tile(ticks, 2))[:, None])[: len(ticks)]
 
 
 def _heads(signals: Sequence[Signal], programs: Sequence[SignalProgram]) -> Table:

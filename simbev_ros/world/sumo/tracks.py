@@ -56,8 +56,7 @@ class LaneTracks:
 
     def sumo_length_m(self, row: Int64Array) -> Float64Array:
         """(N,) SUMO's lengths of (N,) lanes."""
-        length_m: Float64Array = self._sumo_length_m[row]
-        return length_m
+        return self._sumo_length_m[row]
 
     def positions_m(self, lanes: Sequence[str], position_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, 3) map positions of SUMO's (N,) positions on N lanes, (N,) distances to the left of their center lines.
@@ -98,10 +97,7 @@ def _abreast_stations(lines: Polylines, row: Int64Array, middle: Int64Array, fra
     station_m[ends] = uniform_m[ends]
     # A running maximum keeps distances monotonic; the offset between lanes keeps each one's maximum out of the next.
     lane_offset_m = row * (1.0 + lines.length_m.max(initial=0.0))
-    monotonic_m: Float64Array = np.minimum(
-        np.maximum.accumulate(station_m + lane_offset_m) - lane_offset_m, lines.length_m[row]
-    )
-    return monotonic_m
+    return np.minimum(np.maximum.accumulate(station_m + lane_offset_m) - lane_offset_m, lines.length_m[row])
 
 
 def _limit_stretch(lines: Polylines, row: Int64Array, fraction: Float64Array, abreast_m: Float64Array) -> Float64Array:
@@ -117,5 +113,4 @@ def _limit_stretch(lines: Polylines, row: Int64Array, fraction: Float64Array, ab
     max_stretch = np.zeros(len(lines.length_m))
     np.maximum.at(max_stretch, row[:-1][inside], stretch)
     weight = np.minimum(1.0, _MAX_STRETCH / np.maximum(max_stretch, 1e-9))[row]
-    stretched_m: Float64Array = uniform_m + weight * (abreast_m - uniform_m)
-    return stretched_m
+    return uniform_m + weight * (abreast_m - uniform_m)

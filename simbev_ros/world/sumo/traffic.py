@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.errors import SimulationError
-from simbev_ros.scene.spec import NS_PER_S
 from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.sumo.closures import CLOSURE
 from simbev_ros.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.world.sumo.libsumo_import import libsumo

@@ -59,36 +59,26 @@ def number(element: Element, name: str, default: float | None = None) -> float:
     return value
 
 
-def positive(element: Element, name: str) -> float:
-    """The attribute as a number above zero.
-
-    Raises:
-        Malformed: It is missing or not a number above zero.
-    """
-    value = number(element, name)
-    return value if value > 0.0 else _refuse(element, f"{name}={value:g} must be above 0")
-
-
-def identifier(element: Element, name: str = "id") -> str:
-    """The attribute as a non-empty string.
+def identifier(element: Element) -> str:
+    """The attribute ``id`` as a non-empty string.
 
     Raises:
         Malformed: It is missing or empty.
     """
-    return element.get(name) or _refuse(element, f"attribute {name!r} is missing")
+    return element.get("id") or _refuse(element, "attribute 'id' is missing")
 
 
-def integer(element: Element, name: str = "id") -> int:
-    """The attribute as a whole number.
+def integer_id(element: Element) -> int:
+    """The attribute ``id`` as a whole number.
 
     Raises:
         Malformed: It is missing or not a whole number.
     """
-    text = identifier(element, name)
+    text = identifier(element)
     try:
         return int(text)
     except ValueError:
-        _refuse(element, f"{name}={text[:40]!r} is not a whole number")
+        _refuse(element, f"id={text[:40]!r} is not a whole number")
 
 
 def _refuse(element: Element, problem: str) -> NoReturn:

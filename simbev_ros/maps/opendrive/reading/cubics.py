@@ -46,5 +46,4 @@ class Cubics:
         index = np.maximum(np.searchsorted(self.starts_m, s_m, side="right") - 1, 0) if len(self.starts_m) > 1 else 0
         ds_m = np.maximum(s_m - self.starts_m[index], 0.0)
         a, b, c, d = self.coefficients[index].T
-        value: Float64Array = a + ds_m * (b + ds_m * (c + ds_m * d))
-        return value
+        return a + ds_m * (b + ds_m * (c + ds_m * d))

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, integer, number
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, integer_id, number
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.document import LaneRecord, Section
 from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, PAINT_COLORS, PAINT_WIDTHS_M, PAINTS, SPEED_UNITS_MPS
@@ -48,7 +48,7 @@ def _read_side(
         if len({lane.id for lane in lanes}) < len(lanes):
             raise Malformed(element, f"two lanes on the {side} have the same id")
         mark_elements = [*element.findall("center/lane"), *element.findall(f"{side}/lane")]
-        marks = {integer(lane): _read_marks(lane, notes) for lane in mark_elements}
+        marks = {integer_id(lane): _read_marks(lane, notes) for lane in mark_elements}
         sections.append(Section(index, start_m, end_m, tuple(sorted(lanes, key=lambda lane: abs(lane.id))), marks))
     return tuple(sections)
 
@@ -59,7 +59,7 @@ def _read_lane(element: Element, notes: Notes) -> LaneRecord:
     if not width and not border:
         notes.add("a lane without width is left out", element)
     return LaneRecord(
-        id=integer(element),
+        id=integer_id(element),
         type=element.get("type", "none"),
         kind=LANE_KINDS.get(element.get("type", "none")),
         on_level=element.get("level") in ("true", "1"),
@@ -80,7 +80,7 @@ def _read_lane(element: Element, notes: Notes) -> LaneRecord:
 
 
 def _linked_ids(element: Element, name: str) -> tuple[int, ...]:
-    return tuple(integer(link) for link in element.findall(f"link/{name}"))
+    return tuple(integer_id(link) for link in element.findall(f"link/{name}"))
 
 
 def read_speed(element: Element, notes: Notes) -> float | None:

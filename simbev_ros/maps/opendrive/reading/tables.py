@@ -1,15 +1,13 @@
 """The tables of tables.yaml: meanings of the names and codes in OpenDRIVE files."""
 
 import re
-from importlib.resources import files
 from typing import Any, Final
-
-import yaml
 
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Paint, PaintColor
+from simbev_ros.tables import load_table
 
-_TABLES: Final[dict[str, Any]] = yaml.safe_load((files(__package__) / "tables.yaml").read_text(encoding="utf-8"))
+_TABLES: Final[dict[str, Any]] = load_table("simbev_ros.maps.opendrive.reading", "tables.yaml")
 
 LANE_KINDS: Final = {name: LaneKind(kind) for name, kind in _TABLES["lane_kinds"].items()}
 """Lane type → its use; lanes of other types are left out."""

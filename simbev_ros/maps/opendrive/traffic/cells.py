@@ -110,8 +110,7 @@ def _usable(shape: LaneShape) -> BoolArray:
     assert shape.lane.kind is not None
     enough_m = min(_MIN_WIDTH_M[shape.lane.kind], _MIN_WIDTH_FRACTION * float(shape.width_m.max()))
     wide = shape.width_m >= max(enough_m, 0.1)
-    usable: BoolArray = wide[:-1] & wide[1:]
-    return usable
+    return wide[:-1] & wide[1:]
 
 
 def _continues(before: Cell, after: Cell, links: LaneLinks) -> bool:

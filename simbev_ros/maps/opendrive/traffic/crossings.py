@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import shapely
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.opendrive.traffic.sumo_xml import PlannedCrossing
 from simbev_ros.maps.opendrive.traffic.traffic import Traffic, TrafficEdge
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -77,7 +78,7 @@ def middle_line(crosswalk: Crosswalk) -> tuple[Float64Array, float]:
     center_m = crosswalk.outline_m.mean(axis=0)
     offsets_m = (crosswalk.outline_m - center_m)[:, :2]
     along_m = offsets_m @ crosswalk.axis
-    across_m = offsets_m @ np.array([-crosswalk.axis[1], crosswalk.axis[0]])
+    across_m = offsets_m @ left_of(crosswalk.axis)
     ends_m = [center_m + np.array([*(reach_m * crosswalk.axis), 0.0]) for reach_m in (along_m.min(), along_m.max())]
     return np.stack(ends_m), float(np.ptp(across_m))
 

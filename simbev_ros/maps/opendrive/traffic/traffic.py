@@ -206,8 +206,7 @@ def _reachable_lanes(
 
 def _center_m(shape: LaneShape) -> Float64Array:
     """(N, 3) center line of a lane."""
-    center_m: Float64Array = (shape.inner_m + shape.outer_m) / 2.0
-    return center_m
+    return (shape.inner_m + shape.outer_m) / 2.0
 
 
 def _driven_line_m(shape: LaneShape) -> Float64Array:

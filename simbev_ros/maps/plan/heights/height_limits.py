@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 
+from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.plan.crossings import crossings_of
 from simbev_ros.maps.plan.heights.node_planes import NODE_UNKNOWNS, Planes
@@ -50,8 +51,7 @@ class Limits:
     def violation(self, x: Float64Array) -> Float64Array:
         """(C,) violation of each row."""
         values = self.rows @ x
-        distance: Float64Array = np.abs(values - np.clip(values, self.low, self.high))
-        return distance
+        return np.abs(values - np.clip(values, self.low, self.high))
 
 
 def limits_of(plan: Plan, vertices: Vertices, bends: csr_array, water: Sequence[Water]) -> list[Limits]:
@@ -80,7 +80,7 @@ def bends_of(vertices: Vertices) -> tuple[csr_array, Float64Array]:
 def gradient_limits(planes: Planes, unknowns: int) -> Limits:
     """Limits on the gradients of the node planes, over unknowns."""
     count = len(planes.reach_m)
-    side = np.column_stack([-planes.axis[:, 1], planes.axis[:, 0]])
+    side = left_of(planes.axis)
     value = np.concatenate([planes.axis / planes.along[:, None], side / planes.across[:, None]])
     column = np.tile(NODE_UNKNOWNS * np.arange(count)[:, None] + [1, 2], (2, 1))
     row = np.repeat(np.arange(2 * count), 2)

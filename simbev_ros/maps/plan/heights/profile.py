@@ -63,8 +63,7 @@ def add_heights(plan: Plan, land: Land, water: Sequence[Water]) -> Plan:
 def _weight(vertices: Vertices) -> Float64Array:
     """(M,) weight of the deviation of each vertex from its target height."""
     on_ground = np.where(vertices.layer == 0, 1.0, _LAYER_WEIGHT)
-    weight: Float64Array = np.where(vertices.elevated_m > 0.0, _ELEVATED_WEIGHT, on_ground)
-    return weight
+    return np.where(vertices.elevated_m > 0.0, _ELEVATED_WEIGHT, on_ground)
 
 
 def _target_height_above_land_m(plan: Plan, vertices: Vertices) -> Float64Array:
@@ -72,8 +71,7 @@ def _target_height_above_land_m(plan: Plan, vertices: Vertices) -> Float64Array:
     ground_m = _distance_to_ground_m(plan)
     ends = np.array([(link.start, link.end) for link in plan.links])[vertices.link]
     distance_m = np.minimum(ground_m[ends[:, 0]] + vertices.station_m, ground_m[ends[:, 1]] + vertices.to_end_m)
-    lift_m: Float64Array = np.minimum(vertices.elevated_m, _APPROACH_GRADE * distance_m)
-    return lift_m
+    return np.minimum(vertices.elevated_m, _APPROACH_GRADE * distance_m)
 
 
 def _distance_to_ground_m(plan: Plan) -> Float64Array:
@@ -86,8 +84,7 @@ def _distance_to_ground_m(plan: Plan) -> Float64Array:
     ends = np.array([(link.start, link.end) for link in elevated])
     lengths_m = [length_m(link.line_m) for link in elevated]
     graph = csr_array(coo_array((lengths_m, (ends[:, 0], ends[:, 1])), shape=(count, count)))
-    distance_m: Float64Array = dijkstra(graph, directed=False, indices=ground, min_only=True)
-    return distance_m
+    return dijkstra(graph, directed=False, indices=ground, min_only=True)
 
 
 def _notes(plan: Plan, vertices: Vertices, limits: Sequence[Limits], height_m: Float64Array) -> Iterator[str]:

@@ -56,8 +56,7 @@ class Vertices:
     def share_m(self) -> Float64Array:
         """(M,) length of road that each vertex represents."""
         step_m = np.where(np.diff(self.link) == 0, np.diff(self.station_m), 0.0)
-        shares: Float64Array = np.concatenate([[0.0], step_m / 2.0]) + np.concatenate([step_m / 2.0, [0.0]])
-        return shares
+        return np.concatenate([[0.0], step_m / 2.0]) + np.concatenate([step_m / 2.0, [0.0]])
 
 
 def vertices_of(links: Sequence[Link]) -> Vertices:

@@ -1,0 +1,198 @@
+"""Draw the actors around the ego of a scene: hazard areas, vehicles and pedestrians."""
+
+import logging
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from simbev_ros.config.draw import sample
+from simbev_ros.config.scenario import Scenario, Traffic
+from simbev_ros.errors import InputError
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.random import stream
+from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
+from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
+from simbev_ros.scene.drawing.start_clearance import StartClearance
+from simbev_ros.scene.drawing.starts import StartPositions
+from simbev_ros.scene.gait import transition_mps
+from simbev_ros.scene.hazards.detours import Detours
+from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
+from simbev_ros.scene.spec import PedestrianSpec, VehicleSpec, WaypointSpec
+from simbev_ros.scene.streets.off_tracking import is_long
+from simbev_ros.types import BoolArray, Float64Array, Int64Array
+
+_LOGGER = logging.getLogger(__name__)
+_CLEARANCE_FACTOR = 0.99  # of the waypoint spacing: no other vehicle starts closer to the ego on its lane
+
+
+@dataclass(frozen=True, slots=True)
+class SceneDrawer:
+    """What all actors of one scene are drawn from; draw the hazards first, then the vehicles, then the pedestrians.
+
+    Attributes:
+        scenario: The configuration.
+        seed: Seed of the scene.
+        network: Roads of the scene's map.
+        starts: Positions on them where actors can start.
+        duration_s: Duration of the scene with its warm-up.
+        ego: The ego, already drawn.
+        ego_m: (3,) its start, map frame.
+    """
+
+    scenario: Scenario
+    seed: int
+    network: RoadNetwork
+    starts: StartPositions
+    duration_s: float
+    ego: VehicleSpec
+    ego_m: Float64Array
+
+    @property
+    def _traffic(self) -> Traffic:
+        return self.scenario.traffic
+
+    def draw_hazards(self) -> DrawnHazards:
+        """Draw hazard areas at some of the free positions."""
+        free = self._free_positions()
+        sites = self.starts.hazard_sites(self.scenario.hazards.taper_factor)
+        blueprint = blueprint_named(self.ego.blueprint)
+        detours = Detours(self.network, blueprint, self.ego.start.lane, self.starts.vehicles, free)
+        return draw_hazards(self.scenario.hazards, self.seed, sites, self.starts.vehicles, free, self.ego_m, detours)
+
+    def draw_vehicles(self, hazards: DrawnHazards, clearance: StartClearance) -> Iterator[VehicleSpec]:
+        """Draw vehicles at free positions outside hazard areas, each of a kind that may drive there.
+
+        They occupy their starts in ``clearance``.
+
+        Raises:
+            InputError: More vehicles are requested than there are free positions.
+        """
+        positions, closed = self.starts.vehicles, hazards.closed_edges
+        usable = self.starts.usable(self.duration_s, closed)
+        free: Int64Array = np.flatnonzero(self._free_positions(closed) & hazards.free_positions(positions))
+        count = self._vehicle_count(len(free))
+        drawn_count = 0
+        for position_index in stream(self.seed, "vehicles.places").permutation(free).tolist():
+            if drawn_count == count:
+                return
+            start, rng = positions.waypoint(position_index), stream(self.seed, f"vehicles.{drawn_count}")
+            blueprint = _draw_blueprint_with_room(
+                tuple(name for name in usable if usable[name][position_index]), start, clearance, rng
+            )
+            if blueprint is not None:
+                driver = draw_driver(self._traffic, blueprint, self.seed, f"vehicles.{drawn_count}")
+                vehicle = draw_vehicle(self._traffic, blueprint, start, rng, self._traffic.reckless_probability, driver)
+                clearance.occupy(vehicle)
+                yield vehicle
+                drawn_count += 1
+        if drawn_count < count:
+            _LOGGER.warning("room for %d of %d vehicles around the ego", drawn_count, count)
+
+    def draw_pedestrians(self, clearance: StartClearance) -> Iterator[PedestrianSpec]:
+        """Draw pedestrians on sidewalks around the ego; fewer than requested, with a warning, if there is no room."""
+        requested = self._requested_pedestrians()
+        candidates = self._pedestrian_positions(clearance)
+        if requested > len(candidates):
+            _LOGGER.warning(
+                "%s: room for %d of %d pedestrians on sidewalks within spawn_radius_m %g of the ego",
+                *(self.network.name, len(candidates), requested, self._traffic.spawn_radius_m),
+            )
+        order = stream(self.seed, "pedestrians.places").permutation(candidates)
+        cross_factor = self.draw_cross_factor()
+        for index, position_index in enumerate(order[:requested].tolist()):
+            yield self._draw_pedestrian(index, self.starts.pedestrians.waypoint(position_index), cross_factor)
+
+    def draw_cross_factor(self) -> float:
+        """Draw the share of the scene's pedestrians that may jaywalk."""
+        return sample(self._traffic.walker_cross_factor, stream(self.seed, "pedestrians.cross_factor"))
+
+    def _free_positions(self, closed: frozenset[str] = frozenset()) -> BoolArray:
+        """(N,) positions around the ego where vehicles can start, with routes that avoid ``closed`` edges."""
+        positions = self.starts.vehicles
+        return (
+            positions.within_radius(self.ego_m, self._traffic.spawn_radius_m)
+            & np.any(list(self.starts.usable(self.duration_s, closed).values()), axis=0)
+            & ~positions.on_lane_near(self.ego.start, _CLEARANCE_FACTOR * self._traffic.waypoint_spacing_m)
+        )
+
+    def _vehicle_count(self, free_count: int) -> int:
+        """Draw the number of vehicles for this number of free positions."""
+        traffic, rng = self._traffic, stream(self.seed, "vehicles.count")
+        if traffic.vehicles == "paper":
+            count = int(rng.integers(0, max(free_count - 3, 0), endpoint=True))
+        else:
+            count = round(sample(traffic.vehicles, rng))
+        if count > free_count:
+            raise InputError(
+                f"traffic.vehicles: {count} requested, but only {free_count} positions are free within "
+                f"spawn_radius_m {traffic.spawn_radius_m:g} at waypoint_spacing_m {traffic.waypoint_spacing_m:g}"
+            )
+        return count
+
+    def _requested_pedestrians(self) -> int:
+        """Draw the number of pedestrians."""
+        pedestrians, rng = self._traffic.pedestrians, stream(self.seed, "pedestrians.count")
+        if pedestrians == "paper":
+            return int(rng.integers(0, 640, endpoint=True))
+        return round(sample(pedestrians, rng))
+
+    def _pedestrian_positions(self, clearance: StartClearance) -> Int64Array:
+        """Indices of the positions around the ego where pedestrians can start."""
+        positions = self.starts.pedestrians
+        near = self.starts.walkable_near(self.duration_s, self.ego_m, self._traffic.spawn_radius_m)
+        candidates = np.flatnonzero(near)
+        half_width_m = np.array([lane.width_m for lane in positions.lanes])[positions.row[candidates]] / 2.0
+        return candidates[clearance.is_free_at(positions.position_m[candidates], half_width_m)]
+
+    def _draw_pedestrian(self, index: int, start: WaypointSpec, cross_factor: float) -> PedestrianSpec:
+        """Draw the pedestrian with this index."""
+
+        def draw_flag(purpose: str, probability: float) -> bool:
+            return bool(stream(self.seed, f"pedestrians.{index}.{purpose}").random() < probability)
+
+        rng = stream(self.seed, f"pedestrians.{index}")
+        blueprint = _draw_blueprint("pedestrian", None, rng)
+        color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
+        max_speed_mps = sample(self._traffic.pedestrian_max_speed_mps, rng)
+        if blueprint.runs_as and max_speed_mps > transition_mps(blueprint.size_m[2]):
+            blueprint = blueprint_named(blueprint.runs_as)
+            rng = stream(self.seed, f"pedestrians.{index}.sports")
+            color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
+        return PedestrianSpec(
+            blueprint=blueprint.name,
+            color=color,
+            start=start,
+            max_speed_mps=min(max_speed_mps, blueprint.max_speed_mps or math.inf),
+            # Wheelchair users do not cross curbs.
+            jaywalks=not blueprint.wheelchair and draw_flag("jaywalks", cross_factor),
+            visits_plazas=max_speed_mps <= transition_mps(blueprint.size_m[2])
+            and draw_flag("plazas", self._traffic.plaza_probability),
+        )
+
+
+def _draw_blueprint_with_room(
+    names: tuple[str, ...], start: WaypointSpec, clearance: StartClearance, rng: np.random.Generator
+) -> Blueprint | None:
+    """Draw one of these blueprints; if it does not fit, a short one; None if that does not fit either."""
+    short = tuple(name for name in names if not is_long(blueprint_named(name)))
+    for allowed in (names, short):
+        if allowed and clearance.is_free(blueprint := _draw_blueprint("vehicle", allowed, rng), start):
+            return blueprint
+    return None
+
+
+def _draw_blueprint(kind: str, names: tuple[str, ...] | None, rng: np.random.Generator) -> Blueprint:
+    """Draw a blueprint of a kind, among these names (None: all), weighted by frequency."""
+    blueprints, shares = _frequencies(kind, names)
+    return blueprints[int(np.searchsorted(shares, rng.random(), side="right"))]
+
+
+@cache
+def _frequencies(kind: str, names: tuple[str, ...] | None) -> tuple[list[Blueprint], Float64Array]:
+    """The blueprints to choose from, and their (B,) cumulative share of all draws."""
+    blueprints = [each for each in load_blueprints() if each.kind == kind and (names is None or each.name in names)]
+    cumulative = np.cumsum([blueprint.frequency for blueprint in blueprints])
+    return blueprints, cumulative / cumulative[-1]

@@ -1,0 +1,3 @@
+"""Conversion factors between units."""
+
+NS_PER_S = 1_000_000_000

@@ -38,8 +38,7 @@ _MAX_LENGTH = 300
 def load_verb(name: str) -> Callable[..., None] | typer.Typer:
     """Import a verb's module and return the verb: a function, or a group of commands."""
     module, _, attribute = VERBS[name].partition(":")
-    verb: Callable[..., None] | typer.Typer = getattr(import_module(f"simbev_ros.cli.{module}"), attribute)
-    return verb
+    return getattr(import_module(f"simbev_ros.cli.{module}"), attribute)
 
 
 class _LazyVerbs(Mapping[str, Any]):

@@ -149,8 +149,7 @@ class Lidar(Sensor):
 def load_lidar_presets() -> dict[str, dict[str, Any]]:
     """Load lidar_presets.yaml: properties by model name."""
     text = files("simbev_ros.config").joinpath("lidar_presets.yaml").read_text(encoding="utf-8")
-    presets: dict[str, dict[str, Any]] = yaml.safe_load(text)
-    return presets
+    return yaml.safe_load(text)
 
 
 def _is_elevation(given: Any) -> bool:

@@ -38,8 +38,7 @@ class Calibration:
     def ego_from_optical(self) -> Float64Array:
         """(4, 4) pose of a camera's optical frame, to which images and pixels refer: x right, y down, z forward."""
         self._camera()
-        ego_from_optical: Float64Array = self.ego_from_sensor @ SENSOR_FROM_OPTICAL
-        return ego_from_optical
+        return self.ego_from_sensor @ SENSOR_FROM_OPTICAL
 
     @property
     def intrinsics(self) -> Float64Array:

@@ -45,8 +45,7 @@ def read_index(dataset: Path) -> list[Row]:
         raise InputError(
             f"{path}: it is not an index of this version, which has a column {missing[0]}; {_REBUILD_HINT}"
         )
-    rows: list[Row] = table.to_pylist()
-    return rows
+    return table.to_pylist()
 
 
 def write_index(dataset: Path, rows: Iterable[Row]) -> None:

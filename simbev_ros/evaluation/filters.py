@@ -49,13 +49,12 @@ class BoxFilter:
         """(N,) mask of the ``annotation.boxes.BOX_DTYPE`` boxes that count."""
         points = np.maximum(boxes["lidar_points"], 0) + np.maximum(boxes["radar_points"], 0)
         difficulties = [DIFFICULTIES.index(name) for name in self.difficulties]
-        chosen: BoolArray = (
+        return (
             self.range_mask(boxes["distance"].astype(np.float64))
             & _within(np.nan_to_num(boxes["visibility"]), self.visibility)
             & np.isin(boxes["difficulty"], difficulties)
             & _within(points, self.points)
         )
-        return chosen
 
     def range_mask(self, distance_m: Float64Array) -> BoolArray:
         """(M,) mask of the predictions, at (M,) distances from the ego, that count as wrong if they match no box."""
@@ -63,5 +62,4 @@ class BoxFilter:
 
 
 def _within(values: Float64Array, span: _Span) -> BoolArray:
-    within: BoolArray = (values >= span[0]) & (values < span[1])
-    return within
+    return (values >= span[0]) & (values < span[1])

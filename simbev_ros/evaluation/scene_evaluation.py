@@ -109,8 +109,7 @@ def _ticks_with_truth(scene: Scene, *, grids: bool) -> list[int]:
     missing = [key for key in keys if key not in scene.sources]
     if missing:
         raise InputError(f"{scene.path}: cannot be evaluated, because the bag lacks {', '.join(missing)}")
-    ticks: list[int] = np.flatnonzero(scene.has(keys)).tolist()
-    return ticks
+    return np.flatnonzero(scene.has(keys)).tolist()
 
 
 def outcomes_of(scene: Scene, predicted: PredictedScene, tick: int, options: EvaluationOptions) -> Outcomes:

@@ -41,8 +41,7 @@ class SystemLibrary(NamedTuple):
 def load_packages() -> dict[str, dict[str, str]]:
     """Load the table of packages: ``linked`` and ``opened``, each library → Debian package."""
     text = resources.files(__package__).joinpath("system_libraries.yaml").read_text(encoding="utf-8")
-    tables: dict[str, dict[str, str]] = yaml.safe_load(text)
-    return tables
+    return yaml.safe_load(text)
 
 
 def find_missing_libraries() -> list[SystemLibrary]:

@@ -78,8 +78,7 @@ def node_class(kind: str) -> type[GraphNode]:
     """
     module = importlib.import_module(f"simbev_ros.nodes.{kind}_node")
     name = "".join(part.capitalize() for part in kind.split("_"))
-    found: type[GraphNode] = getattr(module, f"{name}Node")
-    return found
+    return getattr(module, f"{name}Node")
 
 
 def _make_executor(*, takes_message_info: bool) -> Executor:

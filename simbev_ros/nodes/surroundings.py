@@ -79,5 +79,4 @@ def ray_view_radius_m(ranges_m: Iterable[float]) -> float:
 
 def predicted_position_m(state: WorldState) -> Float64Array:
     """(3,) position of the ego ``_LOOKAHEAD_S`` later, map frame, for which ray casting can prepare ahead of time."""
-    position_m: Float64Array = vector(state.ego, "x y z") + _LOOKAHEAD_S * vector(state.ego, "vx vy vz")
-    return position_m
+    return vector(state.ego, "x y z") + _LOOKAHEAD_S * vector(state.ego, "vx vy vz")

@@ -66,5 +66,4 @@ def point_array(message: Any) -> Table:
             f"point cloud of {message.width}x{message.height}: row step {message.row_step}, {data.size} bytes"
         )
     rows = data.reshape(message.height, message.row_step)[:, :row_bytes]
-    table: Table = np.ascontiguousarray(rows).reshape(-1).view(dtype)
-    return table
+    return np.ascontiguousarray(rows).reshape(-1).view(dtype)

@@ -34,16 +34,14 @@ _FLOW_ZERO = 32768
 
 def encode_rgb(image: UInt8Array, quality: int = _JPEG_QUALITY) -> bytes:
     """JPEG of an (H, W, 3) uint8 RGB image; quality from 1 to 100."""
-    data: bytes = simplejpeg.encode_jpeg(
+    return simplejpeg.encode_jpeg(
         np.ascontiguousarray(image), quality=quality, colorspace="RGB", colorsubsampling="420"
     )
-    return data
 
 
 def decode_rgb(data: bytes) -> UInt8Array:
     """(H, W, 3) uint8 RGB image decoded from a JPEG."""
-    image: UInt8Array = simplejpeg.decode_jpeg(data, colorspace="RGB")
-    return image
+    return simplejpeg.decode_jpeg(data, colorspace="RGB")
 
 
 def encode_labels(image: AnyArray) -> bytes:

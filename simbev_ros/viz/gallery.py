@@ -49,8 +49,7 @@ class Section(NamedTuple):
 def weathers() -> Mapping[str, Mapping[str, Any]]:
     """The gallery's weathers by name: title, bearing of the sun, and the fields of a ``Weather``."""
     text = files("simbev_ros.viz").joinpath("gallery.yaml").read_text(encoding="utf-8")
-    entries: Mapping[str, Mapping[str, Any]] = yaml.safe_load(text)
-    return entries
+    return yaml.safe_load(text)
 
 
 def fair_weather_picture(view: StreetView, name: str, size_px: tuple[int, int]) -> Picture:

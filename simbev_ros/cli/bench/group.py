@@ -23,8 +23,7 @@ class _DefaultGroup(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Insert the name of the default command if there is none."""
         named = bool(args) and (args[0] in self.commands or args[0] in ctx.help_option_names)
-        rest: list[str] = super().parse_args(ctx, args if named else [_DEFAULT, *args])
-        return rest
+        return super().parse_args(ctx, args if named else [_DEFAULT, *args])
 
 
 bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")

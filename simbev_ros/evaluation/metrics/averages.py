@@ -10,5 +10,4 @@ def mean_ignoring_nan(values: Float64Array, axis: int | None = None) -> AnyArray
     known = ~np.isnan(values)
     count = known.sum(axis=axis)
     total = np.where(known, values, 0.0).sum(axis=axis)
-    mean: AnyArray = np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0)
-    return mean
+    return np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0)

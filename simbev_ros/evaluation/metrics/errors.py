@@ -30,12 +30,10 @@ def errors_of(truth: Boxes, predicted: Boxes, planar: bool) -> Float64Array:
 def distance(values: Float64Array, others: Float64Array, planar: bool) -> Float64Array:
     """(K,) Euclidean distance between (K, 3) vectors, in x and y only if ``planar``."""
     difference = (others - values)[:, : 2 if planar else 3]
-    result: Float64Array = np.sqrt(np.einsum("ki,ki->k", difference, difference))
-    return result
+    return np.sqrt(np.einsum("ki,ki->k", difference, difference))
 
 
 def angle_between_rad(yaw_rad: Float64Array, other_rad: Float64Array, period_rad: float = 2.0 * np.pi) -> Float64Array:
     """(K,) smallest difference between yaws, from 0 to half the period."""
     half_rad = period_rad / 2.0
-    result: Float64Array = np.abs((yaw_rad - other_rad + half_rad) % period_rad - half_rad)
-    return result
+    return np.abs((yaw_rad - other_rad + half_rad) % period_rad - half_rad)

@@ -174,8 +174,7 @@ def _mean_errors(score: Float64Array, hit: BoolArray, errors: Float64Array, trut
     if last < _FIRST_BIN:
         return np.ones(len(ERRORS))
     curves = [np.interp(confidence[::-1], score[hit][::-1], each[::-1])[::-1] for each in _cumulative_means(errors).T]
-    means: Float64Array = np.array(curves)[:, _FIRST_BIN : last + 1].mean(axis=1)
-    return means
+    return np.array(curves)[:, _FIRST_BIN : last + 1].mean(axis=1)
 
 
 def _cumulative_means(errors: Float64Array) -> Float64Array:

@@ -86,8 +86,7 @@ def _numbers(categories: list[str], attributes: list[list[str]]) -> tuple[UInt8A
 def _is_hit(table: Table) -> BoolArray:
     """(N,) whether sensors have points in each box, or no sensor was received that could have."""
     num_points = np.maximum(table["lidar_points"], table["radar_points"])
-    hit: BoolArray = num_points != 0  # -1: not received
-    return hit
+    return num_points != 0  # -1: not received
 
 
 def _is_near(boxes: Boxes, ticks: Int64Array, ego_m: Float64Array) -> BoolArray:
@@ -96,8 +95,7 @@ def _is_near(boxes: Boxes, ticks: Int64Array, ego_m: Float64Array) -> BoolArray:
     keyframe = np.minimum(np.searchsorted(ticks, boxes.frame), len(ticks) - 1)
     offset_m = boxes.center_m[:, :2] - ego_m[keyframe]
     max_range_m = np.array([ranges_m.get(name, 0.0) for name in BOX_CLASSES])[boxes.label]
-    near: BoolArray = (np.sqrt((offset_m**2).sum(axis=1)) < max_range_m) & (ticks[keyframe] == boxes.frame)
-    return near
+    return (np.sqrt((offset_m**2).sum(axis=1)) < max_range_m) & (ticks[keyframe] == boxes.frame)
 
 
 def _lidar_ticks(scene: Scene, ticks: Int64Array) -> Int64Array:

@@ -88,8 +88,7 @@ def _common_area_m2(
     top_m = np.minimum(along_at_m + along_m, across_at_m + across_m) + center_m[:, 1:]
     bottom_m = np.maximum(along_at_m - along_m, across_at_m - across_m) + center_m[:, 1:]
     length_m = np.minimum(top_m, side_m) - np.maximum(bottom_m, -side_m)
-    area_m2: Float64Array = (np.maximum(length_m, 0.0) * np.diff(breaks_m, axis=1)).sum(axis=1)
-    return area_m2
+    return (np.maximum(length_m, 0.0) * np.diff(breaks_m, axis=1)).sum(axis=1)
 
 
 def _crossings_m(x_m: Float64Array, y_m: Float64Array, side_m: Float64Array) -> Float64Array:

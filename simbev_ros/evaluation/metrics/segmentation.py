@@ -45,8 +45,7 @@ class SegmentationTally:
     def iou(self) -> Float64Array:
         """(C, T) cells in both over cells in either; NaN: the class is in neither."""
         either = self.truth[:, None] + self.predicted - self.both
-        iou: Float64Array = np.divide(self.both, either, out=np.full(either.shape, np.nan), where=either > 0)
-        return iou
+        return np.divide(self.both, either, out=np.full(either.shape, np.nan), where=either > 0)
 
 
 def empty_tally(classes: int = len(BEV_CLASSES), thresholds: int = len(THRESHOLDS)) -> SegmentationTally:

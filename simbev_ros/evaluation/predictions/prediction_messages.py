@@ -104,8 +104,7 @@ def image_scores(message: Any, source: str) -> AnyArray:
     rows = np.ascontiguousarray(data.reshape(message.height, message.step)[:, :row_bytes])
     cells = rows.view(dtype.newbyteorder(">" if message.is_bigendian else "<"))
     layers = np.moveaxis(cells.reshape(message.height, message.width, len(BEV_CLASSES)), -1, 0)
-    scores: AnyArray = np.ascontiguousarray(layers, dtype)
-    return scores
+    return np.ascontiguousarray(layers, dtype)
 
 
 def occupancy_scores(message: Any, source: str) -> Float32Array:
@@ -124,8 +123,7 @@ def occupancy_scores(message: Any, source: str) -> Float32Array:
         index = int(np.argmax(bad))
         raise InputError(f"{source}: data: cell {index} is {cells[index]}; allowed: 0 to {_FULL_PERCENT}, and -1")
     percent = cells.reshape(info.height, info.width).T[::-1, ::-1].clip(0)
-    scores: Float32Array = np.ascontiguousarray(percent, np.float32) / np.float32(_FULL_PERCENT)
-    return scores
+    return np.ascontiguousarray(percent, np.float32) / np.float32(_FULL_PERCENT)
 
 
 def _require_centered(info: Any, source: str) -> None:
@@ -212,8 +210,7 @@ def _yaws_rad(xyzw: Float64Array, rows: Rows) -> Float64Array:
     rows.require("orientation", np.isfinite(length) & (length > 0), xyzw, "a quaternion x y z w other than 0")
     x, y, z, w = (xyzw / length[:, None]).T
     rows.require("orientation", 1 - 2 * (x * x + y * y) >= UPRIGHT, xyzw, "upright: x y z w of a turn about z")
-    yaw_rad: Float64Array = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return yaw_rad
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def _is_box(marker: Any) -> bool:

@@ -52,13 +52,11 @@ class ScenePart(Part):
 
     def summary(self) -> Json:
         """Facts about the scene of the finished part."""
-        summary: Json = self.finished_record()["summary"]
-        return summary
+        return self.finished_record()["summary"]
 
     def rows(self) -> dict[str, list[Record]]:
         """The rows of the tables of the finished part, by name of the table."""
-        rows: dict[str, list[Record]] = json.loads((self.out / self.rows_file).read_bytes())
-        return rows
+        return json.loads((self.out / self.rows_file).read_bytes())
 
 
 def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: bool) -> list[ScenePart]:

@@ -117,5 +117,4 @@ def _named(table: str, name: str, description: str) -> Record:
 @lru_cache(maxsize=1)
 def _taxonomy() -> dict[str, Any]:
     text = files("simbev_ros.export.nuscenes").joinpath("taxonomy.yaml").read_text(encoding="utf-8")
-    tables: dict[str, Any] = yaml.safe_load(text)
-    return tables
+    return yaml.safe_load(text)

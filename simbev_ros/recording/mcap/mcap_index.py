@@ -132,8 +132,7 @@ def chunk_data(stream: BinaryIO, offset: int) -> bytes:
     """Read the decompressed bytes of the chunk at an offset and check their CRC. Raises one of ``DAMAGE``."""
     stream.seek(offset + RECORD_HEAD.size)
     data, length = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    content: bytes = data.read(length)
-    return content
+    return data.read(length)
 
 
 def read_summary(stream: BinaryIO) -> Summary | None:

@@ -138,5 +138,4 @@ def _position_figure(positions: Int64Array, names: Sequence[str], title: str) ->
 
 def _merge_bins(counts: Int64Array, by: int) -> Int64Array:
     """Counts of bins that are ``by`` times as wide."""
-    counts_wide: Int64Array = np.add.reduceat(counts, np.arange(0, len(counts), by))
-    return counts_wide
+    return np.add.reduceat(counts, np.arange(0, len(counts), by))

@@ -140,8 +140,7 @@ def _outlines_on_sheet(table: Table, grid_from_map: Float64Array, scale: float) 
     drawn = table.copy()
     for name in ("length", "width"):
         drawn[name] = np.maximum(drawn[name], _MIN_BOX_SIDE / scale)
-    points: Float64Array = _SIDE / 2.0 - box_outlines(drawn, grid_from_map)[..., ::-1] * scale
-    return points
+    return _SIDE / 2.0 - box_outlines(drawn, grid_from_map)[..., ::-1] * scale
 
 
 def _path(points: Float64Array) -> str:

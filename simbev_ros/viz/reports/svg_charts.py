@@ -171,8 +171,7 @@ def legend(series: Mapping[str, Color]) -> str:
 
 def _total(series: Sequence[Series]) -> Float64Array:
     """(N,) sums of all series."""
-    total: Float64Array = np.add.reduce([np.asarray(each.values, np.float64) for each in series])
-    return total
+    return np.add.reduce([np.asarray(each.values, np.float64) for each in series])
 
 
 def _decades(low: float, high: float) -> list[float]:

@@ -87,8 +87,7 @@ def tint_ground(picture: UInt8Array, labels: UInt16Array) -> UInt8Array:
         (H, W, 3) uint8 RGB.
     """
     mixed = cv2.addWeighted(picture, 1 - _STRENGTH, bev_color(labels), _STRENGTH, 0)
-    result: UInt8Array = np.where((labels > 0)[..., None], mixed, picture)
-    return result
+    return np.where((labels > 0)[..., None], mixed, picture)
 
 
 def _flat_depth_m(ego_from_optical: Float64Array, rays: Float32Array) -> Float32Array:

@@ -156,8 +156,7 @@ def _strengths(boxes: Table) -> Float64Array:
     visibility = np.asarray(_column(boxes, "visibility", np.nan), np.float64)
     visibility = np.where(np.isfinite(visibility), visibility, 1.0)
     near = 1.0 - (1.0 - _FAR_STRENGTH) * np.minimum(_column(boxes, "distance", 0.0) / _FADE_DISTANCE_M, 1.0)
-    strength: Float64Array = near * np.clip(2.0 * visibility, 0.5, 1.0) * (visibility >= MIN_VISIBILITY)
-    return strength
+    return near * np.clip(2.0 * visibility, 0.5, 1.0) * (visibility >= MIN_VISIBILITY)
 
 
 def _hidden(lines: Lines, depth_m: Float32Array | None) -> BoolArray:
@@ -168,8 +167,7 @@ def _hidden(lines: Lines, depth_m: Float32Array | None) -> BoolArray:
     middle = np.rint(lines.pixels.mean(axis=1)).astype(np.intp)
     outside = ((middle < 0) | (middle >= size_px)).any(axis=1)
     column, row = np.clip(middle, 0, size_px - 1).T
-    hidden: BoolArray = outside | (lines.depth_m > depth_m[row, column] * (1 + _HIDDEN_SHARE) + _HIDDEN_M)
-    return hidden
+    return outside | (lines.depth_m > depth_m[row, column] * (1 + _HIDDEN_SHARE) + _HIDDEN_M)
 
 
 def _draw_lines(picture: UInt8Array, pixels: Int32Array, classes: AnyArray, strength: float, line_px: float) -> None:
